@@ -1,0 +1,1 @@
+"""Quasi-conformal registration of cortical surfaces: exact geometry first, networks second."""
