@@ -1,0 +1,319 @@
+"""Triangulated surfaces: validated once, immutable afterwards, with the topology that everything else asks for."""
+
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components
+
+
+class SurfaceError(ValueError):
+    """A surface, or a file of one, that cannot be used: says what was found, where (indices) and what to do."""
+
+
+class Surface:
+    """An oriented, connected, manifold triangle mesh in space, open or closed; raises SurfaceError if it is not one.
+
+    vertices (V, 3) float64 in any length unit; faces (F, 3) int64, orientation kept as given (outward = positive
+    `volume`); curves: dict name -> (k,) int64 vertex path. The arrays are read-only, so what was checked stays true.
+    """
+
+    def __init__(self, vertices, faces, curves=None):
+        self.vertices = _frozen(_vertex_array(vertices))
+        self.faces = _frozen(_face_array(faces))
+        _check_faces(self.vertices, self.faces)
+        self.edges, self._boundary_halfedges = _check_topology(len(self.vertices), self.faces)
+        self.curves = {name: _frozen(_curve(name, path, len(self.vertices))) for name, path in (curves or {}).items()}
+
+    def __repr__(self):
+        curves = f", curves {', '.join(self.curves)}" if self.curves else ""
+        return f"Surface({len(self.vertices)} vertices, {len(self.faces)} faces{curves})"
+
+    @cached_property
+    def boundary_loops(self):
+        """List of (k,) int arrays: each loop runs along its faces' own edges (the surface on its left seen from
+        outside), starts at its smallest vertex index; loops in the order of their first vertices."""
+        following = dict(self._boundary_halfedges.tolist())
+        loops = []
+        for start in sorted(following):
+            if start in following:
+                loop = [start]
+                while (vertex := following.pop(loop[-1])) != start:
+                    loop.append(vertex)
+                loops.append(_frozen(np.array(loop, dtype=np.int64)))
+        return loops
+
+    @cached_property
+    def boundary(self):
+        """The boundary loop (k,) int, from its smallest vertex index; SurfaceError unless there is exactly one."""
+        if len(self.boundary_loops) != 1:
+            raise SurfaceError(_loops_message(self))
+        return self.boundary_loops[0]
+
+    @property
+    def euler_characteristic(self):
+        """V - E + F: 2 for a sphere, 1 for a disk, less by 1 for each further hole and by 2 for each handle."""
+        return len(self.vertices) - len(self.edges) + len(self.faces)
+
+    @cached_property
+    def face_areas(self):
+        """Areas of the faces (F,), in squared units of the vertices."""
+        return _frozen(0.5 * np.linalg.norm(_face_normals(self.vertices, self.faces), axis=1))
+
+    @cached_property
+    def vertex_areas(self):
+        """One third of the areas of the faces around each vertex (V,)."""
+        total = np.bincount(self.faces.ravel(), weights=np.repeat(self.face_areas, 3), minlength=len(self.vertices))
+        return _frozen(total / 3)
+
+    @property
+    def area(self):
+        """Total area."""
+        return float(self.face_areas.sum())
+
+    @cached_property
+    def volume(self):
+        """Signed enclosed volume, each loop capped by a fan from its centroid; positive = the faces look outward."""
+        centred = self.vertices - self.vertices.mean(axis=0)
+        six_volumes = np.linalg.det(centred[self.faces]).sum()
+        for loop in self.boundary_loops:
+            rim = centred[loop]
+            centre = np.broadcast_to(rim.mean(axis=0), rim.shape)
+            # the cap runs against the loop, as every neighbouring face does
+            six_volumes += np.linalg.det(np.stack([centre, np.roll(rim, -1, axis=0), rim], axis=1)).sum()
+        return float(six_volumes / 6)
+
+
+def require_disk(surface):
+    """Raise SurfaceError unless the surface is a topological disk: one boundary loop and Euler characteristic 1."""
+    if len(surface.boundary_loops) != 1:
+        raise SurfaceError(_loops_message(surface))
+    if surface.euler_characteristic != 1:
+        handles = (1 - surface.euler_characteristic) // 2
+        raise SurfaceError(
+            f"the surface has {handles} handle{'s' * (handles > 1)} (Euler characteristic "
+            f"{surface.euler_characteristic}, a disk has 1); loops through them cross the edges "
+            f"{_some(_handle_edges(surface).tolist())}. Repair the topology where the surface was made "
+            f"(FreeSurfer: mris_fix_topology) or cut the handles out with open_surface(surface, mask)."
+        )
+
+
+def require_outward(surface):
+    """Raise SurfaceError unless the faces look outward: positive `volume`, beyond rounding."""
+    if abs(surface.volume) <= 1e-12 * surface.area**1.5:
+        raise SurfaceError(
+            "the surface encloses no volume (it lies in a plane), so its orientation cannot be told; "
+            "use the surface in space (pial, white or midthickness) instead of a flat patch."
+        )
+    if surface.volume < 0:
+        raise SurfaceError(
+            f"the surface looks inward (signed volume {surface.volume:.6g}). Reverse all faces: "
+            f"Surface(vertices, faces[:, ::-1], curves), or `qclearn open --reverse`."
+        )
+
+
+def mirror(surface):
+    """The surface with x negated and every face reversed, so that outward stays outward; vertices and curves keep
+    their indices."""
+    return Surface(surface.vertices * [-1.0, 1.0, 1.0], surface.faces[:, ::-1], surface.curves)
+
+
+def _frozen(array):
+    array.flags.writeable = False
+    return array
+
+
+def _some(items):
+    """The first five of a list, and how many more: for error messages."""
+    shown = ", ".join(str(item) for item in items[:5])
+    return shown + (f" and {len(items) - 5} more" if len(items) > 5 else "")
+
+
+def _vertex_array(vertices):
+    try:
+        vertices = np.array(vertices, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise SurfaceError(f"vertices must be a (V, 3) array of real numbers: {error}") from None
+    if vertices.ndim != 2 or vertices.shape[1] != 3:
+        raise SurfaceError(f"vertices must have the shape (V, 3), not {vertices.shape}; pad planar points with z = 0.")
+    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
+    if bad.size:
+        raise SurfaceError(
+            f"{len(bad)} vertices are NaN or infinite: {_some(bad.tolist())}. Remove them with their faces, "
+            f"or export the surface again."
+        )
+    return vertices
+
+
+def _face_array(faces):
+    faces = np.asarray(faces)
+    if faces.ndim != 2 or faces.shape[1] != 3:
+        raise SurfaceError(f"faces must have the shape (F, 3), not {faces.shape}; split polygons into triangles.")
+    if faces.dtype.kind not in "iu":
+        raise SurfaceError(f"faces must be integers, not {faces.dtype}; convert them with faces.astype(int).")
+    if not len(faces):
+        raise SurfaceError("the surface has no faces; give at least one triangle.")
+    return faces.astype(np.int64)
+
+
+def _curve(name, path, n_vertices):
+    path = np.array(path)
+    if path.ndim != 1 or path.size == 0 or path.dtype.kind not in "iu":
+        raise SurfaceError(f"curve '{name}' must be a non-empty list of vertex indices (integers).")
+    bad = path[(path < 0) | (path >= n_vertices)]
+    if bad.size:
+        raise SurfaceError(
+            f"curve '{name}' names vertices that do not exist: {_some(bad.tolist())}; "
+            f"indices run from 0 to {n_vertices - 1}: take the curve from this very surface."
+        )
+    return path.astype(np.int64)
+
+
+def _face_normals(vertices, faces):
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    return np.cross(b - a, c - a)
+
+
+def _check_faces(vertices, faces):
+    """Index range, unused vertices, degenerate and duplicate faces."""
+    out = np.flatnonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))
+    if out.size:
+        raise SurfaceError(
+            f"{len(out)} faces name vertices outside 0 ... {len(vertices) - 1}: faces {_some(out.tolist())}. "
+            f"Indices count from 0 (subtract 1 if the source counts from 1)."
+        )
+    unused = np.flatnonzero(np.bincount(faces.ravel(), minlength=len(vertices)) == 0)
+    if unused.size:
+        raise SurfaceError(
+            f"{len(unused)} vertices belong to no face: {_some(unused.tolist())}. Drop them: "
+            f"used, faces = numpy.unique(faces, return_inverse=True); vertices = vertices[used]."
+        )
+    degenerate = np.flatnonzero(_degenerate(vertices, faces))
+    if degenerate.size:
+        raise SurfaceError(
+            f"{len(degenerate)} faces are degenerate (a repeated vertex or zero area): faces "
+            f"{_some(degenerate.tolist())}. Merge coincident vertices and collapse these faces "
+            f"(pyvista.PolyData.clean does both)."
+        )
+    ordered = np.sort(faces, axis=1)
+    order = np.lexsort(ordered.T)
+    same = (ordered[order[1:]] == ordered[order[:-1]]).all(axis=1)
+    if same.any():
+        pairs = np.sort(np.stack([order[:-1][same], order[1:][same]], axis=1), axis=1)
+        raise SurfaceError(
+            f"{len(pairs)} faces are there twice: pairs of faces {_some(pairs.tolist())}. Keep one of each pair."
+        )
+
+
+def _degenerate(vertices, faces):
+    """Faces with a repeated vertex, or whose height over their longest side is below the coordinates' rounding."""
+    repeated = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
+    corners = vertices[faces]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    double_area = np.linalg.norm(_face_normals(vertices, faces), axis=1)
+    rounding = 8 * np.finfo(float).eps * np.abs(vertices).max()
+    return repeated | (double_area <= rounding * longest)
+
+
+def _check_topology(n_vertices, faces):
+    """Edges (E, 2) and boundary half-edges (B, 2) of a mesh found manifold, consistently oriented and connected."""
+    tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()  # half-edge 3 f + k leaves corner k of face f
+    key = np.minimum(tails, heads) * n_vertices + np.maximum(tails, heads)
+    order = np.argsort(key, kind="stable")
+    first = np.flatnonzero(np.diff(key[order], prepend=-1))
+    count = np.diff(first, append=len(key))
+    edges = np.stack(np.divmod(key[order[first]], n_vertices), axis=1)
+    if count.max() > 2:
+        bad = count > 2
+        raise SurfaceError(
+            f"{bad.sum()} edges have more than two faces: edges (vertex pairs) {_some(edges[bad].tolist())}. "
+            f"Delete the extra faces or duplicate the vertices along these edges."
+        )
+    one, two = order[first[count == 2]], order[first[count == 2] + 1]
+    wrong = tails[one] == tails[two]
+    if wrong.any():
+        pairs = np.stack([one[wrong] // 3, two[wrong] // 3], axis=1)
+        raise SurfaceError(
+            f"the orientation is not consistent across {wrong.sum()} edges: pairs of faces {_some(pairs.tolist())} "
+            f"run along their common edge in the same direction. Reverse one face of each pair "
+            f"(pyvista.PolyData.compute_normals(consistent_normals=True) does it for all of an orientable surface)."
+        )
+    _check_connected(n_vertices, edges)
+    _check_fans(n_vertices, faces, one, two)
+    single = order[first[count == 1]]
+    return _frozen(edges), np.stack([tails[single], heads[single]], axis=1)
+
+
+def _check_connected(n_vertices, edges):
+    n_components, label = _components(n_vertices, edges[:, 0], edges[:, 1])
+    if n_components > 1:
+        sizes = np.bincount(label)
+        firsts = np.unique(label, return_index=True)[1]
+        listed = [f"{sizes[k]} vertices around vertex {firsts[k]}" for k in np.argsort(-sizes)]
+        raise SurfaceError(
+            f"the surface has {n_components} components: {_some(listed)}. Keep one of them "
+            f"(pyvista.PolyData.extract_largest) and drop the rest."
+        )
+
+
+def _check_fans(n_vertices, faces, one, two):
+    """The faces around a vertex must form one fan; one, two = the half-edges on the two sides of inner edges."""
+    corner = np.arange(3 * len(faces))
+    after = (corner // 3) * 3 + (corner + 1) % 3  # the corner at the head of half-edge `corner`
+    n_fans, label = _components(len(corner), np.r_[one, after[one]], np.r_[after[two], two])
+    if n_fans > n_vertices:
+        vertex_of_fan = np.empty(n_fans, dtype=np.int64)
+        vertex_of_fan[label] = faces.ravel()
+        bad = np.flatnonzero(np.bincount(vertex_of_fan, minlength=n_vertices) > 1)
+        raise SurfaceError(
+            f"{len(bad)} vertices are not manifold (several fans of faces meet in a point): vertices "
+            f"{_some(bad.tolist())}. Duplicate the vertex for each fan, or delete all fans but one."
+        )
+
+
+def _components(size, start, end):
+    graph = csr_array((np.ones(len(start), dtype=np.int8), (start, end)), shape=(size, size))
+    return connected_components(graph, directed=False)
+
+
+def _loops_message(surface):
+    loops = surface.boundary_loops
+    if not loops:
+        return (
+            "the surface is closed (no boundary), where a disk is needed; cut it open along the medial wall: "
+            "open_surface(surface, mask), or `qclearn open SURFACE --label FILE --out FILE`."
+        )
+    listed = [f"{len(loop)} vertices from vertex {loop[0]}" for loop in sorted(loops, key=len, reverse=True)]
+    return (
+        f"the surface has {len(loops)} boundary loops, where a disk has one: {_some(listed)}. Fill the inner holes "
+        f"with faces, or cut a new opening that takes them in: open_surface(surface, mask)."
+    )
+
+
+def _handle_edges(surface):
+    """Edges (2 x handles, 2) in neither a spanning tree nor a cotree of the faces (Eppstein 2003): each closes a loop
+    that no disk has. The boundary loop counts as one more face."""
+    n_vertices, n_faces, edges = len(surface.vertices), len(surface.faces), surface.edges
+    key = edges[:, 0] * n_vertices + edges[:, 1]
+    graph = csr_array((np.ones(2 * len(edges)), (edges.T.ravel(), edges[:, ::-1].T.ravel())), shape=(n_vertices,) * 2)
+    in_tree = np.zeros(len(edges), dtype=bool)
+    in_tree[_tree_edges(graph, key, n_vertices)] = True
+
+    halfedges = np.stack([surface.faces.ravel(), np.roll(surface.faces, -1, axis=1).ravel()], axis=1)
+    edge_of_halfedge = np.searchsorted(key, halfedges.min(axis=1) * n_vertices + halfedges.max(axis=1))
+    order = np.argsort(np.r_[edge_of_halfedge, np.flatnonzero(np.bincount(edge_of_halfedge) == 1)], kind="stable")
+    sides = np.r_[np.repeat(np.arange(n_faces), 3), np.full(len(order) - 3 * n_faces, n_faces)][order].reshape(-1, 2)
+    crossing = np.flatnonzero(~in_tree)
+    n_cells = n_faces + 1
+    pairs = np.sort(sides[crossing], axis=1)
+    dual = csr_array((np.ones(2 * len(pairs)), (pairs.T.ravel(), pairs[:, ::-1].T.ravel())), shape=(n_cells,) * 2)
+    dual_key, first = np.unique(pairs[:, 0] * n_cells + pairs[:, 1], return_index=True)
+    cotree = crossing[first[_tree_edges(dual, dual_key, n_cells)]]
+    return edges[np.setdiff1d(crossing, cotree)]
+
+
+def _tree_edges(graph, key, size):
+    """Positions in the sorted key (low * size + high) of the edges of a breadth-first tree."""
+    nodes, parent = breadth_first_order(graph, 0, directed=False)
+    child = nodes[1:]
+    return np.searchsorted(key, np.minimum(child, parent[child]) * size + np.maximum(child, parent[child]))
