@@ -1,0 +1,204 @@
+"""Piecewise linear quasi-conformal geometry in complex arithmetic, and the Linear Beltrami Solver.
+
+A point, a map and the gradient of a real function are complex numbers; on a triangle a map is affine, so that its
+Wirtinger derivatives and its Beltrami coefficient are constants of the triangle.
+"""
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+
+class BeltramiError(ValueError):
+    """A Beltrami coefficient, a planar mesh or a constraint that admits no quasi-conformal solution."""
+
+
+def signed_areas(z, faces):
+    """Signed area of each triangle, positive when counter-clockwise: Im(conj(b - a)(c - a)) / 2, shape (F,)."""
+    a, b, c = (np.asarray(z)[np.asarray(faces)[:, k]] for k in range(3))
+    return 0.5 * ((b - a).conj() * (c - a)).imag
+
+
+def hat_gradients(z, faces):
+    """Gradients of the three hat functions of each triangle as complex numbers, shape (F, 3), 1/length.
+
+    `grad phi_i = i (z_k - z_j) / (2 |T|)` for a counter-clockwise triangle (i, j, k): the pair (A_i, B_i) of the
+    paper's section on the LBS with its factor mended (divided by twice the area). Raises BeltramiError where a
+    triangle of the source mesh is clockwise or has no area.
+    """
+    z, faces = np.asarray(z, complex), np.asarray(faces)
+    area = signed_areas(z, faces)
+    bad = np.flatnonzero(~(area > 0))
+    if len(bad):
+        raise BeltramiError(f"{len(bad)} source triangles are not counter-clockwise (first: {bad[:5].tolist()}); "
+                            "use a planar mesh without folds, or reverse every face if all of them are clockwise")
+    corners = z[faces]
+    opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
+    return 0.5j * opposite / area[:, None]
+
+
+def wirtinger(z, faces, f):
+    """The derivatives `f_z = (f_x - i f_y)/2` and `f_zbar = (f_x + i f_y)/2` of a piecewise linear map, each (F,).
+
+    `f` is complex (V,); a real target (V, 3) gives complex arrays (F, 3), one column a coordinate.
+    """
+    gradients, corners = hat_gradients(z, faces), np.asarray(f)[np.asarray(faces)]
+    f_z = 0.5 * np.einsum("fk,fk...->f...", gradients.conj(), corners)
+    f_zbar = 0.5 * np.einsum("fk,fk...->f...", gradients, corners)
+    return f_z, f_zbar
+
+
+def jacobian(z, faces, f):
+    """Jacobian determinant of a planar map on each triangle, `|f_z|^2 - |f_zbar|^2`, (F,); negative where it folds."""
+    f_z, f_zbar = wirtinger(z, faces, f)
+    return abs(f_z) ** 2 - abs(f_zbar) ** 2
+
+
+def beltrami_coefficient(z, faces, f):
+    """The Beltrami coefficient `mu = f_zbar / f_z` of a map on each triangle, complex (F,).
+
+    `f` complex (V,): a planar map; |mu| > 1 where it reverses orientation, infinite where it is anti-conformal.
+    `f` real (V, 3): a surface; then `mu = (E - G + 2iF) / (E + G + 2 sqrt(EG - F^2))` of the induced metric, which
+    never exceeds 1 and so cannot show a fold. Source: paper, section 'Quasi-Conformal Theory'.
+    """
+    f = np.asarray(f)
+    f_z, f_zbar = wirtinger(z, faces, f)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if f.ndim == 1:
+            return f_zbar / f_z
+        # Summed over the three coordinates: f_zbar^2 is (E - G + 2iF)/4 and |f_z|^2 is (E + G)/4.
+        difference, total = (f_zbar ** 2).sum(1), (abs(f_z) ** 2).sum(1)
+        area_element = np.sqrt(np.maximum(total ** 2 - abs(difference) ** 2, 0.0))
+        return difference / (total + area_element)
+
+
+def check_coefficient(mu, n_faces):
+    """`mu` as a complex array (F,), or BeltramiError if its shape is wrong or |mu| < 1 fails anywhere."""
+    mu = np.asarray(mu, complex)
+    if mu.shape != (n_faces,):
+        raise BeltramiError(f"mu has shape {mu.shape}, but the mesh has {n_faces} faces: give one value a face")
+    bad = np.flatnonzero(~(abs(mu) < 1))
+    if len(bad):
+        raise BeltramiError(f"|mu| < 1 fails on {len(bad)} faces (first: {bad[:5].tolist()}, mu = {mu[bad[0]]:.3g}); "
+                            "no orientation-preserving map has such a coefficient: truncate or mend mu there")
+    return mu
+
+
+def compose_coefficients(mu_f, f_z, mu_g):
+    """Coefficient of g after f: `(mu_f + t mu_g) / (1 + conj(mu_f) t mu_g)`, `t = conj(f_z)/f_z`, (F,).
+
+    `mu_g` holds the coefficient of g at the image points f(z).
+    """
+    turned = np.conj(f_z) / f_z * mu_g
+    return (mu_f + turned) / (1 + np.conj(mu_f) * turned)
+
+
+def inverse_coefficient(mu, f_z):
+    """Coefficient of the inverse of f at the image points f(z): `-mu f_z / conj(f_z)`, (F,)."""
+    return -np.asarray(mu) * f_z / np.conj(f_z)
+
+
+def diffuse(mu, gradient):
+    """A(mu) applied to gradients: `((1 + |mu|^2) g - 2 mu conj(g)) / (1 - |mu|^2)`; A is SPD with determinant 1."""
+    m = abs(mu) ** 2
+    return ((1 + m) * gradient - 2 * mu * np.conj(gradient)) / (1 - m)
+
+
+def stiffness_blocks(gradients, areas, mu):
+    """Element matrices `|T| grad phi_i . A(mu) grad phi_j`, real (F, 3, 3)."""
+    turned = diffuse(mu[:, None], gradients)
+    return areas[:, None, None] * (gradients.conj()[:, :, None] * turned[:, None, :]).real
+
+
+def assemble(faces, blocks, n_vertices):
+    """Sum of element matrices (F, 3, 3) as a sparse matrix (V, V) in CSC form."""
+    rows, columns = np.repeat(faces, 3, axis=1).ravel(), np.tile(faces, (1, 3)).ravel()
+    return sparse.coo_array((blocks.ravel(), (rows, columns)), shape=(n_vertices, n_vertices)).tocsc()
+
+
+def stiffness(z, faces, mu):
+    """The matrix `K(mu)_ij = sum_T |T| grad phi_i . A(mu_T) grad phi_j`, sparse (V, V), positive semi-definite.
+
+    `(K u)_i = 0` is the mended form of the paper's eqs. linear_system_x and linear_system_y (with the area weight).
+    """
+    faces = np.asarray(faces)
+    mu = check_coefficient(mu, len(faces))
+    return assemble(faces, stiffness_blocks(hat_gradients(z, faces), signed_areas(z, faces), mu), len(z))
+
+
+def cotangent_stiffness(vertices, faces):
+    """The surface's own stiffness matrix, sparse (V, V): off-diagonal entries `-(cot a + cot b)/2`.
+
+    It equals K(mu) of any embedding of the surface with Beltrami coefficient mu: no embedding is needed.
+    """
+    corners = np.asarray(vertices, float)[faces]
+    edges = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)  # edge k lies opposite corner k
+    area = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    blocks = np.einsum("fia,fja->fij", edges, edges) / (4 * area[:, None, None])
+    return assemble(np.asarray(faces), blocks, len(vertices))
+
+
+def factorise(matrix, pivot=0.0):
+    """SuperLU factors of a matrix with symmetric pattern; `pivot` > 0 for one whose values are not symmetric."""
+    return splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=pivot, options={"SymmetricMode": True})
+
+
+class Dirichlet:
+    """A stiffness matrix with values prescribed at some vertices, factored once for any values and loads."""
+
+    def __init__(self, matrix, pinned, pivot=0.0):
+        self.pinned, self.size = np.asarray(pinned), matrix.shape[0]
+        self.free = np.setdiff1d(np.arange(self.size), self.pinned)
+        rows = matrix.tocsr()[self.free]
+        self.coupling = rows[:, self.pinned]
+        self.factors = factorise(rows[:, self.free], pivot) if len(self.free) else None
+
+    def solve_free(self, load):
+        """Free values (len(free), ...) for a real or complex load there and zero at the pins."""
+        if self.factors is None:
+            return np.zeros(load.shape, load.dtype)
+        if np.iscomplexobj(load):  # casting the real matrix to complex would cost many times as much
+            return self.solve_free(load.real) + 1j * self.solve_free(load.imag)
+        nonzero = load.reshape(len(load), -1).any(0)
+        solution = np.zeros((len(load), len(nonzero)))
+        if nonzero.any():
+            solution[:, nonzero] = self.factors.solve(np.ascontiguousarray(load.reshape(len(load), -1)[:, nonzero]))
+        return solution.reshape(load.shape)
+
+    def solve(self, values):
+        """The complex x (V,) with x = values at the pins and (matrix x)_i = 0 at every free vertex."""
+        x = np.empty(self.size, complex)
+        x[self.pinned] = values
+        x[self.free] = self.solve_free(-(self.coupling @ x[self.pinned]))
+        return x
+
+
+def solve_beltrami(z, faces, mu, pinned, values):
+    """The Linear Beltrami Solver: the piecewise linear map with coefficient mu and given values, complex (V,).
+
+    Solves `div(A(mu) grad u) = 0` for both coordinates with `f = values` (K,) at the vertices `pinned` (K,).
+    Not certified: with pins on the whole boundary the result's own coefficient differs from mu, and pins inside
+    can fold it; ask `check_bijective`. Raises BeltramiError for |mu| >= 1, a folded source or unusable pins.
+    Source: paper, section 'Linear Beltrami Solver', with the errata of the chapter on it.
+    """
+    pinned, values = check_pins(pinned, values, len(z))
+    return Dirichlet(stiffness(z, faces, mu), pinned).solve(values)
+
+
+def check_pins(pinned, values, n_vertices):
+    """`pinned` as integers and `values` as complex numbers, or BeltramiError."""
+    pinned, values = np.atleast_1d(np.asarray(pinned)), np.atleast_1d(np.asarray(values, complex))
+    if pinned.ndim != 1 or pinned.shape != values.shape or len(pinned) == 0:
+        raise BeltramiError(f"{pinned.shape} pinned vertices with {values.shape} values: give one value a vertex, "
+                            "and pin at least one vertex")
+    if not np.issubdtype(pinned.dtype, np.integer):
+        raise BeltramiError(f"pinned vertices have type {pinned.dtype}: give integer vertex indices")
+    outside = pinned[(pinned < 0) | (pinned >= n_vertices)]
+    if len(outside):
+        raise BeltramiError(f"pinned vertices out of range 0..{n_vertices - 1}: {outside[:5].tolist()}")
+    unique, count = np.unique(pinned, return_counts=True)
+    if (count > 1).any():
+        raise BeltramiError(f"vertices pinned more than once: {unique[count > 1][:5].tolist()}; keep one value each")
+    if not np.isfinite(values).all():
+        raise BeltramiError(f"values not finite at pins {np.flatnonzero(~np.isfinite(values))[:5].tolist()}")
+    return pinned, values

@@ -1,0 +1,116 @@
+"""The certificate of a piecewise linear map, and the repair of one that folds."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from scipy import sparse
+
+from .beltrami import Dirichlet, assemble, signed_areas
+from .diskmesh import boundary_loop
+
+
+class BijectivityError(ValueError):
+    """A map that must be a bijection folds, and the repair could not mend it."""
+
+
+class RepairWarning(UserWarning):
+    """The result is certified, but only after steps that depart from the plain method; the message says which."""
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Outcome of `check_bijective`: `bijective`, the `flipped` faces (k,), and whether the `boundary` is simple."""
+
+    bijective: bool
+    flipped: np.ndarray
+    boundary: bool
+
+
+def flipped_faces(faces, f):
+    """Indices of the triangles that are not counter-clockwise under f beyond doubt of rounding, (k,)."""
+    a, b, c = np.asarray(f)[np.asarray(faces)].T
+    left, right = (b - a).real * (c - a).imag, (b - a).imag * (c - a).real
+    # A determinant of rounded differences is safe in sign once it exceeds this part of its terms.
+    return np.flatnonzero(~(left - right > 1e-15 * (abs(left) + abs(right))))
+
+
+def check_bijective(z, faces, f):
+    """Decide whether the piecewise linear map z -> f of a triangulated disk is a bijection onto its image.
+
+    It is one when every triangle keeps its positive orientation and the image of the boundary is a simple polygon
+    run once counter-clockwise. Faces whose image is degenerate to rounding count as flipped. Raises ValueError
+    where the source mesh itself is folded or is not a disk. Complex z and f (V,), faces (F, 3).
+    """
+    if (signed_areas(z, faces) <= 0).any():
+        raise ValueError("the source mesh has folded triangles: a map of it cannot be certified")
+    return check_embedding(faces, f)
+
+
+def check_embedding(faces, f):
+    """The certificate of a planar picture f (V,) of a triangulated disk, whatever its source (a surface, say)."""
+    f, flipped = np.asarray(f), flipped_faces(faces, f)
+    loop = f[boundary_loop(faces)]
+    simple = bool(np.isfinite(loop).all()) and _simple_and_positive(loop)
+    return Certificate(simple and len(flipped) == 0, flipped, simple)
+
+
+def _simple_and_positive(loop):
+    ring = shapely.linearrings(np.stack([loop.real, loop.imag], axis=1))
+    return bool(ring.is_simple and ring.is_ccw)
+
+
+def mean_value_matrix(faces, lengths, n_vertices):
+    """Floater's mean-value matrix, rows normalised: u_i minus an average of its neighbours, sparse (V, V).
+
+    Weights `(tan(a/2) + tan(b/2)) / |e_ij|` from the edge lengths (F, 3), edge k opposite corner k; all positive, so
+    that a map whose rows are all of this kind and whose boundary is convex is a bijection (Tutte, Floater).
+    """
+    opposite, left, right = lengths, np.roll(lengths, -1, axis=1), np.roll(lengths, -2, axis=1)
+    # tan(a/2) from the three sides, a sliver's angle included: sqrt((o^2 - (l - r)^2) / ((l + r)^2 - o^2)).
+    half = np.sqrt(np.maximum(opposite ** 2 - (left - right) ** 2, 0) / ((left + right) ** 2 - opposite ** 2))
+    half = np.maximum(half, 1e-12)
+    blocks = np.zeros((len(faces), 3, 3))
+    for corner in range(3):
+        following, last = (corner + 1) % 3, (corner + 2) % 3
+        blocks[:, corner, following] = -half[:, corner] / lengths[:, last]
+        blocks[:, corner, last] = -half[:, corner] / lengths[:, following]
+    matrix = assemble(faces, blocks, n_vertices).tocsr()
+    total = -np.asarray(matrix.sum(1)).ravel()
+    matrix.setdiag(total)
+    matrix.data /= np.repeat(total, np.diff(matrix.indptr))
+    return matrix
+
+
+def repair(matrix, faces, lengths, f, switched=(), most_rounds=30):
+    """Unfold a Dirichlet solution by row switching: (f, switched (k,) vertices, the Dirichlet problem solved last).
+
+    The rows of the interior vertices of flipped faces are replaced by mean-value rows and the problem is solved
+    again with the same boundary values; where a flip survives on switched rows one more ring is switched. With all
+    rows switched and a convex boundary this is Floater's theorem. Not certified: the caller checks the result.
+    `switched` holds rows switched before. Without a flipped face nothing is solved and the problem is None.
+    """
+    boundary, average, problem = boundary_loop(faces), None, None
+    already, switched = switched, np.zeros(len(f), bool)
+    switched[np.asarray(already, int)] = True
+    for _ in range(most_rounds):
+        flipped = flipped_faces(faces, f)
+        wanted = _interior_of(faces[flipped], boundary, len(f))
+        if not wanted.any() or not (~switched).sum() > len(boundary):
+            break
+        while not (wanted & ~switched).any():
+            wanted = _interior_of(faces[wanted[faces].any(1)], boundary, len(f))
+        switched |= wanted
+        average = mean_value_matrix(faces, lengths, len(f)) if average is None else average
+        keep = sparse.diags_array(np.where(switched, 0.0, 1 / matrix.diagonal()))
+        mixed = keep @ matrix + sparse.diags_array(switched.astype(float)) @ average
+        problem = Dirichlet(mixed, boundary, pivot=0.1)
+        f = problem.solve(f[boundary])
+    return f, np.flatnonzero(switched), problem
+
+
+def _interior_of(faces, boundary, n_vertices):
+    marked = np.zeros(n_vertices, bool)
+    marked[faces] = True
+    marked[boundary] = False
+    return marked

@@ -1,0 +1,238 @@
+"""Maps of a triangulated disk onto the unit disk with a free boundary: the exact solver and the conformal map.
+
+With 0 and 1 held the boundary may slide along the circle, and the map with a given Beltrami coefficient is still the
+solution of linear problems: the boundary moves by the harmonic measure of A(mu) seen from 0 (the flux form).
+"""
+
+import warnings
+
+import numpy as np
+
+from .beltrami import (Dirichlet, assemble, check_coefficient, cotangent_stiffness, hat_gradients, signed_areas,
+                       stiffness_blocks)
+from .bijectivity import BijectivityError, RepairWarning, check_embedding, repair
+from .diskmesh import boundary_loop, locate
+from .mobius import centring_mobius, mobius
+from .surface import SurfaceError, require_disk
+
+SMALLEST_STEP = 1e-3  # of the mean boundary step, where a negative weight makes the boundary run backwards
+
+
+class FreeBoundary:
+    """The flux form for one stiffness matrix K, before normalisation: the map `f` sends the pole near 0.
+
+    1. `K_ii U_i = -2 pi e_o`, U = 0 on the boundary; 2. the fluxes `F = (K U)_b` sum to 2 pi, their densities
+    `q_k = F_k / (l_{k-1/2} + l_{k+1/2})` give the angle over each boundary edge, `l_{k+1/2} (q_k + q_{k+1})`;
+    3. `K_ii f_i = -K_ib f_b` with `f_b = exp(i theta_b)` and the same factorisation.
+    """
+
+    def __init__(self, problem, lengths, pole):
+        self.problem, self.loop = problem, problem.pinned
+        self.lengths, self.spans = lengths, lengths + np.roll(lengths, 1)
+        load = np.where(self.problem.free == pole, -2 * np.pi, 0.0)
+        self.U = np.zeros(problem.size)
+        self.U[self.problem.free] = self.problem.solve_free(load)
+        density = self.problem.coupling.T @ self.U[self.problem.free] / self.spans
+        steps = lengths * (density + np.roll(density, -1))
+        # Negative weights can make a step negative: then the smallest steps are raised, and the caller is told.
+        self.floored = np.zeros(len(lengths), bool)
+        if steps.min() <= 0:
+            smallest = SMALLEST_STEP * 2 * np.pi / len(lengths)
+            self.floored, steps = steps < smallest, np.maximum(steps, smallest)
+        self.scale = 2 * np.pi / steps.sum()
+        self.steps = self.scale * steps
+        self.f = self.problem.solve(np.exp(1j * np.concatenate([[0.0], np.cumsum(self.steps[:-1])])))
+
+    def pullback(self, grad_f):
+        """Pairs (lam, x) with `dL = sum_pairs lam . dK x`, each (V, B), for gradients grad_f (V, B) with respect to f."""
+        free, loop, f = self.problem.free, self.loop, self.f
+        adjoint = np.zeros(grad_f.shape, complex)
+        adjoint[free] = -self.problem.solve_free(grad_f[free])
+        grad_boundary = grad_f[loop] + self.problem.coupling.T @ adjoint[free]
+        grad_theta = (grad_boundary * f[loop, None].conj()).imag
+        grad_step = np.cumsum(grad_theta[::-1], axis=0)[::-1] - grad_theta  # a step moves every later angle
+        grad_step = self.scale * (grad_step - (self.steps @ grad_step) / (2 * np.pi))
+        grad_step[self.floored] = 0
+        spread = self.lengths[:, None] * grad_step
+        measure = np.zeros(grad_f.shape)
+        measure[loop] = (spread + np.roll(spread, 1, axis=0)) / self.spans[:, None]
+        measure[free] = -self.problem.solve_free(self.problem.coupling @ measure[loop])
+        return [(adjoint.real, f.real), (adjoint.imag, f.imag), (measure, self.U)]
+
+
+class BeltramiDiskSolver:
+    """The disk self-map with coefficient mu and a free boundary, normalised f(0) = 0 and f(1) = 1, and its adjoint.
+
+    `solve(mu)` keeps its factorisation; `pullback(grad_f)` then carries gradients from f to mu by adjoint solves.
+    `floored` counts the boundary steps that had to be raised to stay positive. Results are not certified.
+    f(0) is the piecewise linear value in the face that contains 0; f(1) the boundary angle, linear along the edge.
+    """
+
+    def __init__(self, z, faces):
+        self.z, self.faces = np.asarray(z, complex), np.asarray(faces)
+        self.areas, self.gradients = signed_areas(z, faces), hat_gradients(z, faces)
+        loop = boundary_loop(faces)
+        off = abs(abs(self.z[loop]) - 1)
+        if off.max() > 1e-6:
+            raise SurfaceError(f"boundary vertex {loop[off.argmax()]} is {off.max():.1e} off the unit circle; "
+                               "map the mesh onto the disk first (disk_conformal_map)")
+        angle = np.angle(self.z[loop]) % (2 * np.pi)
+        first = int(np.argmax(np.where(angle > np.pi, angle, -1)))  # the edge loop[0], loop[1] now holds 1 inside
+        self.loop = np.roll(loop, -(first + 1) if angle.min() == 0 else -first)
+        before, after = np.angle(self.z[self.loop[:2]])
+        self.share = -before / (after - before)  # 1 lies at this share of the edge
+        self.lengths = abs(np.roll(self.z[self.loop], -1) - self.z[self.loop])
+        face, weights = locate(self.z, self.faces, [0j])
+        self.origin, self.weights = self.faces[face[0]], weights[0]
+        self.pole = self._choose_pole()
+
+    def _choose_pole(self):
+        interior = np.setdiff1d(np.arange(len(self.z)), self.loop)
+        if not len(interior):
+            raise SurfaceError("the disk mesh has no interior vertex; refine it")
+        return interior[abs(self.z[interior]).argmin()]
+
+    def solve(self, mu):
+        """The map f (V,) with Beltrami coefficient mu (F,); BeltramiError unless |mu| < 1 everywhere."""
+        self.mu = check_coefficient(mu, len(self.faces))
+        blocks = stiffness_blocks(self.gradients, self.areas, self.mu)
+        problem = Dirichlet(assemble(self.faces, blocks, len(self.z)), self.loop)
+        self.free_boundary = FreeBoundary(problem, self.lengths, self.pole)
+        self.floored = int(self.free_boundary.floored.sum())
+        raw = self.free_boundary.f
+        self.a = 0j
+        for _ in range(50):  # the vertex values move by a Möbius map, the value at 0 between them not quite
+            centre = self.weights @ mobius(raw[self.origin], self.a)
+            if abs(centre) < 1e-15:
+                break
+            self.a = (centre + self.a) / (1 + np.conj(self.a) * centre)
+        w = mobius(raw, self.a)
+        edge = w[self.loop[:2]]
+        self.turn = np.angle(edge[0]) + self.share * np.angle(edge[1] / edge[0])
+        self.f = w * np.exp(-1j * self.turn)
+        self.f[self.loop] /= abs(self.f[self.loop])
+        return self.f
+
+    def pullback(self, grad_f):
+        """Gradient with respect to mu, (F,) or (B, F), from gradients with respect to the last f, (V,) or (B, V).
+
+        Both gradients are `dL/dRe + i dL/dIm` of a real L. Two rounds of solves with the kept factorisation.
+        """
+        grad_f = np.asarray(grad_f, complex)
+        grad_raw = self._unnormalise(np.atleast_2d(grad_f).T)
+        grad_mu = sum(self._block_pullback(lam, x) for lam, x in self.free_boundary.pullback(grad_raw))
+        return grad_mu.T.reshape(*grad_f.shape[:-1], len(self.faces))
+
+    def _unnormalise(self, grad_f):
+        raw, edge = self.free_boundary.f, self.loop[:2]
+        rotation = np.exp(1j * self.turn)
+        grad_w = grad_f * rotation
+        w = self.f * rotation
+        grad_turn = (grad_f.conj() * self.f[:, None]).imag.sum(0)
+        grad_w[edge] += np.array([1 - self.share, self.share])[:, None] * 1j * w[edge, None] * grad_turn
+        # w = (raw - a) s with s = 1 / (1 - conj(a) raw), and a solves: weighted mean of w at the origin's face = 0.
+        s = 1 / (1 - np.conj(self.a) * raw)
+        slope, by_conj_a = (1 - abs(self.a) ** 2) * s ** 2, w * raw * s
+        grad_a = (-s.conj()[:, None] * grad_w + by_conj_a[:, None] * grad_w.conj()).sum(0)
+        P = -(self.weights * s[self.origin]).sum()
+        Q = (self.weights * by_conj_a[self.origin]).sum()
+        grad_centre = -(grad_a * P - grad_a.conj() * Q) / (abs(P) ** 2 - abs(Q) ** 2)
+        grad_raw = grad_w * slope.conj()[:, None]
+        grad_raw[self.origin] += (self.weights * slope[self.origin].conj())[:, None] * grad_centre
+        return grad_raw
+
+    def _block_pullback(self, lam, x):
+        """Gradient of `lam . K(mu) x` with respect to mu: per face the derivative of `|T| grad lam . A(mu) grad x`."""
+        p = np.einsum("fk,fkb->fb", self.gradients, lam[self.faces])
+        q = np.einsum("fk,fk->f", self.gradients, x[self.faces])[:, None]
+        mu, scale = self.mu[:, None], 1 / (1 - abs(self.mu[:, None]) ** 2)
+        energy = (p.conj() * ((2 - 1 / scale) * q - 2 * mu * q.conj())).real * scale
+        return self.areas[:, None] * 2 * scale * (mu * (p.conj() * q).real - p * q + mu * energy)
+
+
+def solve_beltrami_disk(z, faces, mu):
+    """The disk self-map with Beltrami coefficient mu (F,) and a free boundary, f(0) = 0 and f(1) = 1: complex (V,).
+
+    z (V,) complex with its boundary on the unit circle. Exact up to discretisation, one factorisation (flux form).
+    Not certified: a discrete map can fold where mu varies within few triangles; ask `check_bijective`. A
+    RepairWarning says if boundary steps had to be raised. Errors: BeltramiError, SurfaceError.
+    Source: paper, theorem 1 (existence and uniqueness).
+    """
+    solver = BeltramiDiskSolver(z, faces)
+    f = solver.solve(mu)
+    if solver.floored:
+        warnings.warn(f"{solver.floored} boundary steps ran backwards and were raised", RepairWarning, stacklevel=2)
+    return f
+
+
+def disk_conformal_map(surface):
+    """The conformal map of a disk-like surface onto the unit disk, complex (V,), boundary exactly on the circle.
+
+    Gauge: the surface's area centroid at 0, the first vertex of `surface.boundary` at 1. The flux form with the
+    surface's cotangent matrix: no iteration. Certified: no triangle is flipped; a RepairWarning says if boundary
+    steps or rows of the system had to be changed for that. SurfaceError if the surface is not a disk;
+    BijectivityError if the repair fails.
+    """
+    require_disk(surface)
+    faces, loop = surface.faces, surface.boundary
+    matrix = cotangent_stiffness(surface.vertices, faces)
+    problem = Dirichlet(matrix, loop)
+    rim = np.linalg.norm(np.roll(surface.vertices[loop], -1, axis=0) - surface.vertices[loop], axis=1)
+    free = FreeBoundary(problem, rim, _central_vertex(surface, problem, rim))
+    f, switched = _centre_and_unfold(surface, matrix, free.f)
+    values = f[loop] / f[loop[0]]
+    f = f / f[loop[0]]
+    f[loop] = values / abs(values)
+    if not check_embedding(faces, f).bijective:
+        raise BijectivityError("the disk conformal map folds and row switching did not mend it; "
+                               "remesh the surface (its triangles may be degenerate to rounding)")
+    if len(switched) or free.floored.any():
+        warnings.warn(f"conformal map: {int(free.floored.sum())} boundary steps raised, {len(switched)} rows switched "
+                      "to mean-value weights to keep every triangle positive", RepairWarning, stacklevel=2)
+    return f
+
+
+def _central_vertex(surface, problem, rim):
+    """The interior vertex nearest the area centroid of the harmonic embedding with boundary by arc length."""
+    arc = np.concatenate([[0.0], np.cumsum(rim[:-1])]) / rim.sum()
+    f = problem.solve(np.exp(2j * np.pi * arc))
+    if not len(problem.free):
+        raise SurfaceError("the surface has no interior vertex; refine it")
+    return problem.free[abs(f[problem.free] - surface.vertex_areas @ f / surface.area).argmin()]
+
+
+def _centre_and_unfold(surface, matrix, f):
+    """Bring the area centroid to 0 and switch rows until no face is flipped: (f, switched vertices)."""
+    share = surface.vertex_areas / surface.area
+    f = mobius(f, centring_mobius(f, share))
+    lengths, switched = edge_lengths(surface.vertices, surface.faces), np.zeros(0, int)
+    for _ in range(5):
+        f, switched, problem = repair(matrix, surface.faces, lengths, f, switched)
+        if problem is None:
+            break
+        for _ in range(50):  # a Möbius map of the boundary values, the interior solved anew
+            centre = share @ f
+            if abs(centre) < 1e-14:
+                break
+            f = problem.solve(mobius(f[surface.boundary], centre))
+    return f, switched
+
+
+def edge_lengths(points, faces):
+    """Length of the edge opposite each corner, (F, 3), of a planar (V,) complex or spatial (V, 3) mesh."""
+    side = points[np.roll(faces, -1, axis=1)] - points[np.roll(faces, -2, axis=1)]
+    return abs(side) if np.iscomplexobj(side) else np.linalg.norm(side, axis=2)
+
+
+def corner_angles(lengths):
+    """Interior angles (F, 3) in radians from edge lengths opposite the corners (F, 3)."""
+    opposite, left, right = lengths, np.roll(lengths, -1, axis=1), np.roll(lengths, -2, axis=1)
+    # Half-angle form: accurate for slivers, where the law of cosines cancels.
+    upper, lower = opposite ** 2 - (left - right) ** 2, (left + right) ** 2 - opposite ** 2
+    return 2 * np.arctan2(np.sqrt(np.maximum(upper, 0)), np.sqrt(np.maximum(lower, 0)))
+
+
+def angle_distortion(surface, z):
+    """Angles in the disk minus angles on the surface, in degrees, (F, 3): column k at vertex `faces[:, k]`."""
+    disk, original = (corner_angles(edge_lengths(points, surface.faces)) for points in (z, surface.vertices))
+    return np.degrees(disk - original)

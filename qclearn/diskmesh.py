@@ -1,0 +1,118 @@
+"""Meshes of the unit disk, the square beside it, and where a point lies in a disk mesh."""
+
+import numpy as np
+import shapely
+
+
+def square_to_disk(w):
+    """Radial map of the square [-1, 1]^2 onto the unit disk, `w max(|cos t|, |sin t|)`, t = arg w; 0 to 0."""
+    w = np.asarray(w, complex)
+    return w * _radius_ratio(w)
+
+
+def disk_to_square(z):
+    """Inverse of `square_to_disk`: `z / max(|cos t|, |sin t|)` (the paper's formula with its absolute values)."""
+    z = np.asarray(z, complex)
+    return z / _radius_ratio(z)
+
+
+def _radius_ratio(w):
+    size = abs(w)
+    largest = np.maximum(abs(w.real), abs(w.imag))
+    return np.divide(largest, size, out=np.ones_like(size), where=size > 0)
+
+
+def square_disk(n):
+    """Disk mesh with the topology of an n x n square grid, n even: (z (V,), faces (F, 3)).
+
+    Every cell is split by the diagonal that runs into the square's corner of its quadrant; the other choice puts a
+    triangle with three boundary vertices at each corner, which carries no boundary flux.
+    """
+    if n < 2 or n % 2:
+        raise ValueError(f"square_disk needs an even number of cells a side, at least 2; got {n}")
+    x, y = np.meshgrid(np.linspace(-1, 1, n + 1), np.linspace(-1, 1, n + 1))
+    corner = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    a, b, c, d = corner, corner + 1, corner + n + 2, corner + n + 1  # counter-clockwise from the lower left
+    row, column = np.divmod(np.arange(n * n), n)
+    rising = ((row >= n // 2) == (column >= n // 2))[:, None]
+    first = np.where(rising, np.stack([a, b, c], 1), np.stack([a, b, d], 1))
+    second = np.where(rising, np.stack([a, c, d], 1), np.stack([b, c, d], 1))
+    return square_to_disk((x + 1j * y).ravel()), np.concatenate([first, second])
+
+
+def polar_disk(nr, nt, power=1.0):
+    """Graded polar disk mesh: vertex 0 at the centre, then nr rings of nt vertices at radius (j / nr)^power.
+
+    Returns (z (1 + nr nt,), faces); all quads are split along the same diagonal, so that the mesh is invariant under
+    rotation by 2 pi / nt. Vertex `1 + (nr - 1) nt` lies at 1.
+    """
+    if nr < 1 or nt < 3:
+        raise ValueError(f"polar_disk needs at least 1 ring and 3 angles; got {nr} and {nt}")
+    radius = (np.arange(1, nr + 1) / nr) ** power
+    spokes = np.exp(2j * np.pi * np.arange(nt) / nt)
+    z = np.concatenate([[0], (radius[:, None] * spokes).ravel()])
+    k, following = np.arange(nt), (np.arange(nt) + 1) % nt
+    faces = [np.stack([np.zeros(nt, int), 1 + k, 1 + following], 1)]
+    for j in range(nr - 1):
+        inner, outer = 1 + j * nt, 1 + (j + 1) * nt
+        faces += [np.stack([inner + k, outer + k, outer + following], 1),
+                  np.stack([inner + k, outer + following, inner + following], 1)]
+    return z, np.concatenate(faces)
+
+
+def boundary_loop(faces):
+    """Vertices of the boundary of a triangulated disk, counter-clockwise, from the smallest index: (B,)."""
+    faces = np.asarray(faces)
+    tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    n = int(faces.max()) + 1
+    alone = ~np.isin(tails * n + heads, heads * n + tails)
+    following = dict(zip(tails[alone].tolist(), heads[alone].tolist()))
+    loop = [min(following, default=None)]
+    while len(loop) <= len(following) and following.get(loop[-1]) != loop[0]:
+        loop.append(following.get(loop[-1]))
+    if len(following) != alone.sum() or len(loop) != len(following):
+        raise ValueError("the faces do not form a disk with one simple boundary loop")
+    return np.array(loop)
+
+
+def locate(z, faces, points):
+    """Where points lie in a disk mesh: (face (P,), barycentric coordinates (P, 3), non-negative, sum 1).
+
+    A point beyond the boundary polygon (between a chord and its arc, say) is first moved radially onto the polygon.
+    """
+    z, faces, points = np.asarray(z, complex), np.asarray(faces), np.atleast_1d(np.asarray(points, complex))
+    tree = shapely.STRtree(shapely.polygons(_pairs(z[faces])))
+    hit, face = tree.query(shapely.points(_pairs(points)), predicate="intersects")
+    inside = np.full(len(points), -1)
+    inside[hit] = face
+    outside = np.flatnonzero(inside < 0)
+    if len(outside):
+        points = points.copy()
+        inside[outside], points[outside] = _project_radially(z, faces, points[outside])
+    return inside, _barycentric(z[faces[inside]], points)
+
+
+def _pairs(z):
+    return np.stack([z.real, z.imag], axis=-1)
+
+
+def _barycentric(corners, points):
+    a, b, c = corners.T
+    area = ((b - a).conj() * (c - a)).imag
+    weights = np.stack([((b - points).conj() * (c - points)).imag, ((c - points).conj() * (a - points)).imag,
+                        ((a - points).conj() * (b - points)).imag], axis=1) / area[:, None]
+    weights = np.maximum(weights, 0)  # rounding, at an edge
+    return weights / weights.sum(1, keepdims=True)
+
+
+def _project_radially(z, faces, points):
+    loop = boundary_loop(faces)
+    order = np.argsort(np.angle(z[loop]))
+    loop = loop[order]
+    k = (np.searchsorted(np.angle(z[loop]), np.angle(points), side="right") - 1) % len(loop)
+    a, b = z[loop[k]], z[loop[(k + 1) % len(loop)]]
+    # The ray s p meets the chord a + t (b - a) where Im(conj(b - a)(s p - a)) = 0.
+    s = ((b - a).conj() * a).imag / ((b - a).conj() * points).imag
+    edge = {pair: f for f, triple in enumerate(faces.tolist()) for pair in zip(triple, triple[1:] + triple[:1])}
+    face = np.array([edge[int(loop[i]), int(loop[(i + 1) % len(loop)])] for i in k])
+    return face, s * points

@@ -1,0 +1,53 @@
+"""Möbius maps of the unit disk: the conformal freedom that a Beltrami coefficient does not see."""
+
+import numpy as np
+from scipy.optimize import least_squares
+
+
+def mobius(z, a=0.0, theta=0.0):
+    """The disk Möbius map `exp(i theta) (z - a) / (1 - conj(a) z)`, which sends a to 0; theta in radians."""
+    return np.exp(1j * theta) * (z - a) / (1 - np.conj(a) * z)
+
+
+def mobius_inverse(w, a=0.0, theta=0.0):
+    """Inverse of `mobius(., a, theta)`."""
+    w = np.exp(-1j * theta) * w
+    return (w + a) / (1 + np.conj(a) * w)
+
+
+def best_mobius(p, q, weights=None):
+    """The disk Möbius map, as (a, theta), that minimises `mean |M(p) - q|^2` over points of the unit disk.
+
+    Least squares over `s` in the plane with `a = s / sqrt(1 + |s|^2)`, which keeps |a| < 1, from eight rotations,
+    so that a large turn between the point sets does not end in a local minimum.
+    """
+    p, q = np.asarray(p, complex), np.asarray(q, complex)
+    scale = np.ones(len(p)) if weights is None else np.sqrt(np.asarray(weights) / np.mean(weights))
+
+    def unpack(x):
+        s = x[0] + 1j * x[1]
+        return s / np.sqrt(1 + abs(s) ** 2), x[2]
+
+    def residual(x):
+        r = scale * (mobius(p, *unpack(x)) - q)
+        return np.concatenate([r.real, r.imag])
+
+    starts = [np.array([0.0, 0.0, turn]) for turn in np.arange(8) * np.pi / 4]
+    best = min((least_squares(residual, x, xtol=1e-14, ftol=1e-14, gtol=1e-14) for x in starts), key=lambda s: s.cost)
+    a, theta = unpack(best.x)
+    return complex(a), float(np.angle(np.exp(1j * theta)))
+
+
+def centring_mobius(z, weights):
+    """The point a for which `sum_k weights_k M_a(z_k) = 0`: a Möbius map to the weighted centroid's gauge.
+
+    Each step moves the centroid of the present picture to 0 and composes; it is the descent of a convex function
+    on the hyperbolic plane (Douady and Earle's conformal barycentre for weights on the circle).
+    """
+    weights, a = np.asarray(weights, float) / np.sum(weights), 0j
+    for _ in range(200):
+        step = weights @ mobius(z, a)
+        a = mobius_inverse(step, a)
+        if abs(step) < 1e-15:
+            break
+    return a
