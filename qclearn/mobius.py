@@ -51,3 +51,10 @@ def centring_mobius(z, weights):
         if abs(step) < 1e-15:
             break
     return a
+
+
+def compose_mobius(first, second):
+    """Parameters (a, theta) of `second` after `first`, each given as (a, theta)."""
+    a = mobius_inverse(second[0], *first)  # what the composition sends to 0
+    at_one = mobius(mobius(1.0, *first), *second)
+    return complex(a), float(np.angle(at_one * (1 - np.conj(a)) / (1 - a)))

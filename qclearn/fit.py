@@ -1,0 +1,320 @@
+"""The best quasi-conformal map for given landmarks, without a network: Gauss-Newton on nodal coefficients.
+
+Unknowns: a complex field nu at the vertices of a graded polar mesh, `mu = T(nu) = tanh(|nu|) nu / |nu|` on faces, and
+a disk Möbius map M after the solver's f. Objective, to second order the paper's `L_CP`:
+    `nu^* W nu + gamma mean |M(f(p)) - q|^2`,   `W = (alpha mass + beta Laplace) / pi`.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from .beltrami import (assemble, beltrami_coefficient, check_coefficient, factorise, signed_areas, stiffness)
+from .bijectivity import check_bijective, flipped_faces, repair
+from .disk import BeltramiDiskSolver
+from .diskmesh import locate, polar_disk
+from .mobius import best_mobius, compose_mobius, mobius, mobius_inverse
+
+FIRST_GAMMA = 1e2  # continuation: one step at each power of ten from here to gamma
+STEPS_AT_GAMMA = 5
+STEPS_ON_MESH = 6
+TANGENTIAL_WEIGHT = 0.1  # of a sliding landmark's residual along its target curve
+MOBIUS_PRIOR = 1e-6  # weak, keeps the step of the three Möbius parameters bounded
+
+
+class LandmarkError(ValueError):
+    """Landmarks that cannot be fitted: says which, where and what to do."""
+
+
+@dataclass(frozen=True)
+class LandmarkFit:
+    """Result of `fit_landmarks`.
+
+    f (V,): the map, Möbius part included; mu (F,): its measured coefficient; mobius: (a, theta); landmark_error: mean
+    |f(p) - q|; bijective, flipped: its certificate; steps: Gauss-Newton steps on the polar mesh and on the given one;
+    losses: L_mu, L_grad_mu, L_Landmark, L_CP of the coefficient field; fallbacks: words, empty if none was needed.
+    """
+
+    f: np.ndarray
+    mu: np.ndarray
+    mobius: tuple
+    landmark_error: float
+    bijective: bool
+    flipped: np.ndarray
+    steps: tuple
+    losses: dict
+    fallbacks: tuple
+
+
+def bounded(nu):
+    """The paper's activation `T(nu) = tanh(|nu|) nu / |nu|`: any complex field becomes one with |mu| < 1."""
+    size = abs(nu)
+    return np.divide(np.tanh(size), size, out=np.ones_like(size), where=size > 0) * nu
+
+
+def unbounded(mu):
+    """Inverse of `bounded`: `artanh(|mu|) mu / |mu|`."""
+    size = abs(mu)
+    return np.divide(np.arctanh(size), size, out=np.ones_like(size), where=size > 0) * mu
+
+
+def bounded_pullback(nu, grad_mu):
+    """Gradient with respect to nu of a loss whose gradient with respect to mu = T(nu) is grad_mu."""
+    size = abs(nu)
+    across = np.divide(np.tanh(size), size, out=np.ones_like(size), where=size > 0)
+    along = 1 / np.cosh(size) ** 2
+    direction = np.divide(nu, size, out=np.ones_like(nu), where=size > 0)
+    return 0.5 * ((along + across) * grad_mu + (along - across) * direction ** 2 * np.conj(grad_mu))
+
+
+def sampling_matrix(z, faces, points):
+    """The sparse real matrix (P, V) that evaluates a piecewise linear function of the disk mesh at points (P,)."""
+    face, weights = locate(z, faces, points)
+    rows = np.repeat(np.arange(len(weights)), 3)
+    return sparse.csr_array((weights.ravel(), (rows, np.asarray(faces)[face].ravel())), shape=(len(weights), len(z)))
+
+
+class Landmarks:
+    """The scaled residual of mapped landmarks, as points or sliding along their target curves.
+
+    Residual of one landmark: `sqrt(gamma / M) conj(t) (w - q)`, real part along the target's tangent t (weighted down
+    where it slides), imaginary part across it.
+    """
+
+    def __init__(self, target, curve, sliding):
+        self.target, self.tangent = target, np.ones(len(target), complex)
+        self.weights = np.ones((2, len(target)))
+        if sliding:
+            for label in np.unique(curve):
+                on = np.flatnonzero(curve == label)
+                inner = on[1:-1]
+                along = target[on[2:]] - target[on[:-2]]
+                self.tangent[inner] = along / abs(along)
+                self.weights[0, inner] = TANGENTIAL_WEIGHT
+
+    def components(self, change, gamma):
+        """Complex changes of the points (M, ...) as scaled residual components (2 M, ...)."""
+        shape = (-1,) + (1,) * (change.ndim - 1)
+        turned = self.tangent.conj().reshape(shape) * change
+        along, across = (self.weights[k].reshape(shape) for k in (0, 1))
+        return np.sqrt(gamma / len(self.target)) * np.concatenate([along * turned.real, across * turned.imag])
+
+    def jacobian(self, slope, grad_re, grad_im, gamma):
+        """Gradients of the components (2 M, n) from those of Re f(p) and Im f(p), (M, n), where dw = slope df."""
+        turn = (self.tangent.conj() * slope)[:, None]
+        along, across = self.weights[0][:, None], self.weights[1][:, None]
+        return np.sqrt(gamma / len(self.target)) * np.concatenate(
+            [along * (turn.real * grad_re - turn.imag * grad_im), across * (turn.imag * grad_re + turn.real * grad_im)])
+
+
+class Forward:
+    """Landmarks seen through one disk mesh: nodal nu on the polar mesh -> mapped points, with the adjoint."""
+
+    def __init__(self, z, faces, points, to_faces):
+        self.z, self.faces, self.to_faces = z, faces, to_faces
+        self.solver = BeltramiDiskSolver(z, faces)
+        self.evaluate = sampling_matrix(z, faces, points)
+
+    def map(self, nu, parameters):
+        """M after f at every vertex, (V,)."""
+        return mobius(self.solver.solve(bounded(self.to_faces @ nu)), *parameters)
+
+    def gradients(self, nu):
+        """Gradients of Re f(p) and Im f(p) with respect to nu at the last map, complex (M, n) each."""
+        points = self.evaluate.toarray().astype(complex)
+        grad_mu = self.solver.pullback(np.concatenate([points, 1j * points]))
+        grad_nu = self.to_faces.T @ bounded_pullback(self.to_faces @ nu, grad_mu).T
+        return np.split(grad_nu.T, 2)
+
+
+class MeshForward(Forward):
+    """The same on the caller's mesh, finished: where a face is flipped, rows are switched and the map solved again."""
+
+    switched = 0
+
+    def map(self, nu, parameters):
+        w = super().map(nu, parameters)
+        self.switched = 0
+        if len(flipped_faces(self.faces, w)):
+            mu = self.solver.mu
+            corners = self.z[self.faces]
+            sides = np.roll(corners, -1, axis=1) - np.roll(corners, -2, axis=1)
+            lengths = abs(sides + mu[:, None] * sides.conj())  # of the triangles in the metric of mu
+            w, rows, _ = repair(stiffness(self.z, self.faces, mu), self.faces, lengths, w)
+            self.switched = len(rows)
+        return w
+
+
+class GaussNewton:
+    """State of the fit (nu, Möbius parameters) and one dual Gauss-Newton step; W is factored once."""
+
+    def __init__(self, z, faces, landmarks, alpha, beta):
+        self.landmarks = landmarks
+        self.mass, self.laplace = mass_matrix(z, faces) / np.pi, stiffness(z, faces, np.zeros(len(faces))) / np.pi
+        self.W = alpha * self.mass + beta * self.laplace
+        self.factors = factorise(self.W)
+
+    def prior(self, nu):
+        return (nu.conj() @ (self.W @ nu)).real
+
+    def objective(self, nu, w, gamma):
+        return self.prior(nu) + (self.landmarks.components(w - self.landmarks.target, gamma) ** 2).sum()
+
+    def prepare(self, nu, gradients, w, parameters, gamma):
+        """The linearisation at nu: returns `step(nu, w)`, which may be called again with later residuals."""
+        f = mobius_inverse(w, *parameters)
+        a = parameters[0]
+        slope = np.exp(1j * parameters[1]) * (1 - abs(a) ** 2) / (1 - np.conj(a) * f) ** 2
+        J = self.landmarks.jacobian(slope, *gradients, gamma)
+        # A Möbius increment as a composition: dw = i w dtheta - da + conj(da) w^2.
+        columns = np.stack([1j * w, w ** 2 - 1, -1j * (1 + w ** 2)], axis=1)
+        Jm = self.landmarks.components(columns, gamma)
+        lifted = self.factors.solve(np.ascontiguousarray(J.real.T)) + 1j * self.factors.solve(
+            np.ascontiguousarray(J.imag.T))
+        S = np.eye(len(J)) + (J.conj() @ lifted).real + Jm @ Jm.T / MOBIUS_PRIOR
+
+        def step(nu, w):
+            residual = self.landmarks.components(w - self.landmarks.target, gamma)
+            y = np.linalg.solve(S, residual - (J.conj() @ nu).real)
+            turn, real, imaginary = -Jm.T @ y / MOBIUS_PRIOR
+            return -lifted @ y - nu, complex(real, imaginary), turn
+
+        return step
+
+
+def mass_matrix(z, faces):
+    """Consistent mass matrix of piecewise linear functions on a planar mesh, sparse (V, V)."""
+    blocks = signed_areas(z, faces)[:, None, None] * (np.ones((3, 3)) + np.eye(3)) / 12
+    return assemble(faces, blocks, len(z))
+
+
+def descend(newton, forward, step, nu, parameters, w, gamma):
+    """One damped step: (nu, parameters, f, w) with the objective lowered, or None where no half of it lowers it."""
+    change, da, dtheta = step(nu, w)
+    before, share = newton.objective(nu, w, gamma), 1.0
+    while share > 0.1:
+        candidate = nu + share * change
+        moved = compose_mobius(parameters, (share * da, share * dtheta))
+        f = forward.map(candidate, moved)
+        mapped = forward.evaluate @ f
+        if newton.objective(candidate, mapped, gamma) < before:
+            return candidate, moved, f, mapped
+        share /= 2
+    return None
+
+
+def fit_landmarks(z, faces, moving, target, alpha=1.0, beta=1e-2, gamma=1e5, curve=None, sliding=False, start=None,
+                  rings=None, watch=None):
+    """The quasi-conformal disk map that takes landmarks `moving` to `target`: a LandmarkFit, certified or reported.
+
+    Minimises `alpha mean|nu|^2 + beta mean|grad nu|^2 + gamma mean|M(f(p)) - q|^2` (means over the unit disk and over
+    the M landmarks), to second order in nu the paper's L_CP. z (V,) complex with its boundary on the unit circle;
+    moving, target (M,) complex in the closed disk; curve (M,) int labels, points of a curve in order; sliding lets
+    inner points of a curve move along the target curve. start: mu (F,) on the faces to begin from; rings of the polar
+    mesh that carries nu (default: from the mesh's size); watch() is called before each step and may raise to stop it.
+    Errors: LandmarkError, BeltramiError, SurfaceError. Source: paper, eq. RegLoss; Gauss-Newton in its dual form.
+    """
+    z, faces = np.asarray(z, complex), np.asarray(faces)
+    moving, target, curve = check_landmarks(moving, target, curve, sliding)
+    check_weights(alpha, beta, gamma)
+    rings = rings or int(np.clip(np.sqrt(len(z) / 3), 8, 32))
+    grid, triangles = polar_disk(rings, 3 * rings, power=1.4)
+    newton = GaussNewton(grid, triangles, Landmarks(target, curve, sliding), alpha, beta)
+    to_grid_faces = sampling_matrix(grid, triangles, grid[triangles].mean(1))
+    coarse = Forward(grid, triangles, moving, to_grid_faces)
+    fine = MeshForward(z, faces, moving, sampling_matrix(grid, triangles, z[faces].mean(1)))
+    nu = np.zeros(len(grid), complex) if start is None else start_field(z, faces, start, grid)
+    state, steps = fit_on_grid(newton, coarse, nu, best_mobius(moving, target), gamma, watch)
+    f, nu, parameters, polished = fit_on_mesh(newton, coarse, fine, *state, gamma, watch)
+    return report_fit(newton, fine, z, faces, f, nu, parameters, (steps, polished), (alpha, beta, gamma))
+
+
+def fit_on_grid(newton, forward, nu, parameters, gamma, watch):
+    """Continuation in gamma on the polar mesh: ((nu, parameters, w), number of steps)."""
+    low = FIRST_GAMMA if not nu.any() else gamma
+    levels = [g for g in 10.0 ** np.arange(np.log10(low), np.log10(gamma) - 1e-9)] + [gamma] * STEPS_AT_GAMMA
+    w, steps = forward.evaluate @ forward.map(nu, parameters), 0
+    for level in levels:
+        if watch:
+            watch()
+        before = newton.objective(nu, w, level)
+        step = newton.prepare(nu, forward.gradients(nu), w, parameters, level)
+        result, steps = descend(newton, forward, step, nu, parameters, w, level), steps + 1
+        if result is None:
+            forward.map(nu, parameters)
+            continue
+        nu, parameters, _, w = result
+        if level == gamma and newton.objective(nu, w, gamma) > 0.98 * before:
+            break
+    return (nu, parameters, w), steps
+
+
+def fit_on_mesh(newton, coarse, fine, nu, parameters, w, gamma, watch):
+    """Last steps with the residual of the caller's own mesh and the polar mesh's derivative: (f, nu, parameters, steps)."""
+    step = newton.prepare(nu, coarse.gradients(nu), w, parameters, gamma)
+    f = fine.map(nu, parameters)
+    w, steps = fine.evaluate @ f, 0
+    for _ in range(STEPS_ON_MESH):
+        if watch:
+            watch()
+        before = newton.objective(nu, w, gamma)
+        result = descend(newton, fine, step, nu, parameters, w, gamma)
+        if result is None:
+            f = fine.map(nu, parameters)
+            break
+        nu, parameters, f, w = result
+        steps += 1
+        if newton.objective(nu, w, gamma) > 0.98 * before:
+            break
+    return f, nu, parameters, steps
+
+
+def start_field(z, faces, mu, grid):
+    """nu at the polar mesh's vertices from a coefficient mu (F,) on the faces of another disk mesh."""
+    face, _ = locate(z, faces, grid)
+    return unbounded(check_coefficient(mu, len(faces))[face])
+
+
+def report_fit(newton, fine, z, faces, f, nu, parameters, steps, weights):
+    """Certify the map and gather what `fit_landmarks` returns."""
+    certificate = check_bijective(z, faces, f)
+    mu, mapped = bounded(nu), fine.evaluate @ f
+    terms = [float((mu.conj() @ (matrix @ mu)).real) for matrix in (newton.mass, newton.laplace)]
+    terms.append(float((abs(mapped - newton.landmarks.target) ** 2).mean()))
+    losses = dict(zip(("L_mu", "L_grad_mu", "L_Landmark"), terms), L_CP=float(np.dot(weights, terms)))
+    fallbacks = [f"{fine.switched} rows switched"] * bool(fine.switched)
+    fallbacks += [f"{fine.solver.floored} boundary steps raised"] * bool(fine.solver.floored)
+    return LandmarkFit(f, beltrami_coefficient(z, faces, f), parameters, float(abs(mapped - newton.landmarks.target).mean()),
+                       certificate.bijective, certificate.flipped, steps, losses, tuple(fallbacks))
+
+
+def check_weights(alpha, beta, gamma):
+    """LandmarkError unless alpha > 0, beta >= 0 and gamma > 0 are finite."""
+    for name, value, allowed in (("alpha", alpha, alpha > 0), ("beta", beta, beta >= 0), ("gamma", gamma, gamma > 0)):
+        if not (np.isfinite(value) and allowed):
+            raise LandmarkError(f"{name} = {value}: alpha and gamma must be positive and finite, beta not negative")
+
+
+def check_landmarks(moving, target, curve, sliding):
+    """Landmarks as complex arrays and curve labels, or LandmarkError."""
+    moving, target = np.atleast_1d(np.asarray(moving, complex)), np.atleast_1d(np.asarray(target, complex))
+    if moving.ndim != 1 or moving.shape != target.shape or len(moving) == 0:
+        raise LandmarkError(f"{moving.shape} moving and {target.shape} target landmarks: give one target a landmark")
+    for name, points in (("moving", moving), ("target", target)):
+        outside = np.flatnonzero(~(abs(points) <= 1 + 1e-9))
+        if len(outside):
+            raise LandmarkError(f"{name} landmarks {outside[:5].tolist()} are not in the closed unit disk "
+                                f"({points[outside[0]]:.4g}); map them with the surface's disk map first")
+        order = np.lexsort((points.imag, points.real))
+        twice = np.flatnonzero(abs(np.diff(points[order])) < 1e-12)
+        if len(twice):
+            pair = sorted(order[twice[0]:twice[0] + 2].tolist())
+            raise LandmarkError(f"{name} landmarks {pair[0]} and {pair[1]} coincide at {points[pair[0]]:.4g}; "
+                                "drop one of them (a bijection cannot part or merge points)")
+    if curve is None and sliding:
+        raise LandmarkError("sliding landmarks need the curve each belongs to: give curve (M,) of integer labels")
+    curve = np.zeros(len(moving), int) if curve is None else np.asarray(curve)
+    if curve.shape != moving.shape:
+        raise LandmarkError(f"{curve.shape} curve labels for {len(moving)} landmarks: give one label a landmark")
+    return moving, target, curve
