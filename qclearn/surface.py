@@ -58,7 +58,8 @@ class Surface:
     @cached_property
     def face_areas(self):
         """Areas of the faces (F,), in squared units of the vertices."""
-        return _frozen(0.5 * np.linalg.norm(_face_normals(self.vertices, self.faces), axis=1))
+        a, b, c = (self.vertices[corner] for corner in self.faces.T)
+        return _frozen(0.5 * _norm(np.cross(b - a, c - a)))
 
     @cached_property
     def vertex_areas(self):
@@ -93,7 +94,7 @@ def require_disk(surface):
         raise SurfaceError(
             f"the surface has {handles} handle{'s' * (handles > 1)} (Euler characteristic "
             f"{surface.euler_characteristic}, a disk has 1); loops through them cross the edges "
-            f"{_some(_handle_edges(surface).tolist())}. Repair the topology where the surface was made "
+            f"{_some(_handle_edges(surface))}. Repair the topology where the surface was made "
             f"(FreeSurfer: mris_fix_topology) or cut the handles out with open_surface(surface, mask)."
         )
 
@@ -123,24 +124,31 @@ def _frozen(array):
     return array
 
 
+def _count(items, one, many=None):
+    return f"{len(items)} {one if len(items) == 1 else many or one + 's'}"
+
+
 def _some(items):
-    """The first five of a list, and how many more: for error messages."""
+    """The first five of a list or an array, and how many more: for error messages."""
+    items = items if isinstance(items, list) else items.tolist()
     shown = ", ".join(str(item) for item in items[:5])
     return shown + (f" and {len(items) - 5} more" if len(items) > 5 else "")
 
 
 def _vertex_array(vertices):
+    if np.iscomplexobj(vertices):
+        raise SurfaceError("vertices are complex; give a planar mesh as numpy.stack([z.real, z.imag, 0 * z.real], 1).")
     try:
-        vertices = np.array(vertices, dtype=np.float64)
+        vertices = np.array(vertices, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
-        raise SurfaceError(f"vertices must be a (V, 3) array of real numbers: {error}") from None
+        raise SurfaceError(f"vertices must be a (V, 3) array of real numbers, but {error}.") from None
     if vertices.ndim != 2 or vertices.shape[1] != 3:
         raise SurfaceError(f"vertices must have the shape (V, 3), not {vertices.shape}; pad planar points with z = 0.")
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if bad.size:
         raise SurfaceError(
-            f"{len(bad)} vertices are NaN or infinite: {_some(bad.tolist())}. Remove them with their faces, "
-            f"or export the surface again."
+            f"{_count(bad, 'vertex', 'vertices')} with NaN or infinite coordinates: {_some(bad)}. "
+            f"Remove them with their faces, or export the surface again."
         )
     return vertices
 
@@ -153,7 +161,7 @@ def _face_array(faces):
         raise SurfaceError(f"faces must be integers, not {faces.dtype}; convert them with faces.astype(int).")
     if not len(faces):
         raise SurfaceError("the surface has no faces; give at least one triangle.")
-    return faces.astype(np.int64)
+    return np.array(faces, dtype=np.int64, order="C")
 
 
 def _curve(name, path, n_vertices):
@@ -163,56 +171,57 @@ def _curve(name, path, n_vertices):
     bad = path[(path < 0) | (path >= n_vertices)]
     if bad.size:
         raise SurfaceError(
-            f"curve '{name}' names vertices that do not exist: {_some(bad.tolist())}; "
+            f"curve '{name}' names vertices that do not exist: {_some(bad)}; "
             f"indices run from 0 to {n_vertices - 1}: take the curve from this very surface."
         )
     return path.astype(np.int64)
 
 
-def _face_normals(vertices, faces):
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    return np.cross(b - a, c - a)
-
-
 def _check_faces(vertices, faces):
-    """Index range, unused vertices, degenerate and duplicate faces."""
-    out = np.flatnonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))
-    if out.size:
+    """Index range, unused vertices, degenerate faces."""
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        out = np.flatnonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))
         raise SurfaceError(
-            f"{len(out)} faces name vertices outside 0 ... {len(vertices) - 1}: faces {_some(out.tolist())}. "
+            f"{_count(out, 'face')} name vertices outside 0 ... {len(vertices) - 1}: {_some(out)}. "
             f"Indices count from 0 (subtract 1 if the source counts from 1)."
         )
     unused = np.flatnonzero(np.bincount(faces.ravel(), minlength=len(vertices)) == 0)
     if unused.size:
         raise SurfaceError(
-            f"{len(unused)} vertices belong to no face: {_some(unused.tolist())}. Drop them: "
-            f"used, faces = numpy.unique(faces, return_inverse=True); vertices = vertices[used]."
+            f"{_count(unused, 'vertex', 'vertices')} in no face: {_some(unused)}. Drop them: "
+            f"used, corners = numpy.unique(faces, return_inverse=True); Surface(vertices[used], corners.reshape(-1, 3))."
         )
     degenerate = np.flatnonzero(_degenerate(vertices, faces))
     if degenerate.size:
         raise SurfaceError(
-            f"{len(degenerate)} faces are degenerate (a repeated vertex or zero area): faces "
-            f"{_some(degenerate.tolist())}. Merge coincident vertices and collapse these faces "
-            f"(pyvista.PolyData.clean does both)."
+            f"{_count(degenerate, 'degenerate face')} (a repeated vertex or zero area): {_some(degenerate)}. "
+            f"Merge coincident vertices and collapse these faces (pyvista.PolyData.clean does both)."
         )
+
+
+def _degenerate(vertices, faces):
+    """Faces with a repeated vertex, or whose height over their longest side is below the coordinates' rounding."""
+    i, j, k = faces.T
+    a, b, c = vertices[i], vertices[j], vertices[k]
+    sides = np.stack([_norm(b - a), _norm(c - b), _norm(a - c)])
+    double_area = _norm(np.cross(b - a, c - a))
+    rounding = 8 * np.finfo(float).eps * np.abs(vertices).max()
+    return (i == j) | (j == k) | (k == i) | (double_area <= rounding * sides.max(axis=0))
+
+
+def _norm(vectors):
+    return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+
+
+def _check_duplicates(faces):
     ordered = np.sort(faces, axis=1)
     order = np.lexsort(ordered.T)
     same = (ordered[order[1:]] == ordered[order[:-1]]).all(axis=1)
     if same.any():
         pairs = np.sort(np.stack([order[:-1][same], order[1:][same]], axis=1), axis=1)
         raise SurfaceError(
-            f"{len(pairs)} faces are there twice: pairs of faces {_some(pairs.tolist())}. Keep one of each pair."
+            f"duplicate faces: {_count(pairs, 'pair')} with the same vertices: {_some(pairs)}. Keep one of each pair."
         )
-
-
-def _degenerate(vertices, faces):
-    """Faces with a repeated vertex, or whose height over their longest side is below the coordinates' rounding."""
-    repeated = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
-    corners = vertices[faces]
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    double_area = np.linalg.norm(_face_normals(vertices, faces), axis=1)
-    rounding = 8 * np.finfo(float).eps * np.abs(vertices).max()
-    return repeated | (double_area <= rounding * longest)
 
 
 def _check_topology(n_vertices, faces):
@@ -223,20 +232,21 @@ def _check_topology(n_vertices, faces):
     first = np.flatnonzero(np.diff(key[order], prepend=-1))
     count = np.diff(first, append=len(key))
     edges = np.stack(np.divmod(key[order[first]], n_vertices), axis=1)
-    if count.max() > 2:
-        bad = count > 2
+    one, two = order[first[count == 2]], order[first[count == 2] + 1]
+    crowded, wrong = edges[count > 2], tails[one] == tails[two]
+    if len(crowded) or wrong.any() or len(faces) == 2:  # where there are twins, one of these holds: a cheap test first
+        _check_duplicates(faces)
+    if len(crowded):
         raise SurfaceError(
-            f"{bad.sum()} edges have more than two faces: edges (vertex pairs) {_some(edges[bad].tolist())}. "
+            f"not manifold: {_count(crowded, 'edge')} (vertex pairs) with more than two faces: {_some(crowded)}. "
             f"Delete the extra faces or duplicate the vertices along these edges."
         )
-    one, two = order[first[count == 2]], order[first[count == 2] + 1]
-    wrong = tails[one] == tails[two]
     if wrong.any():
         pairs = np.stack([one[wrong] // 3, two[wrong] // 3], axis=1)
         raise SurfaceError(
-            f"the orientation is not consistent across {wrong.sum()} edges: pairs of faces {_some(pairs.tolist())} "
-            f"run along their common edge in the same direction. Reverse one face of each pair "
-            f"(pyvista.PolyData.compute_normals(consistent_normals=True) does it for all of an orientable surface)."
+            f"inconsistent orientation: {_count(pairs, 'pair')} of faces that run along their common edge in the same "
+            f"direction: {_some(pairs)}. Reverse one face of each pair (pyvista.PolyData.compute_normals("
+            f"consistent_normals=True) does it for a whole orientable surface)."
         )
     _check_connected(n_vertices, edges)
     _check_fans(n_vertices, faces, one, two)
@@ -266,8 +276,8 @@ def _check_fans(n_vertices, faces, one, two):
         vertex_of_fan[label] = faces.ravel()
         bad = np.flatnonzero(np.bincount(vertex_of_fan, minlength=n_vertices) > 1)
         raise SurfaceError(
-            f"{len(bad)} vertices are not manifold (several fans of faces meet in a point): vertices "
-            f"{_some(bad.tolist())}. Duplicate the vertex for each fan, or delete all fans but one."
+            f"not manifold: {_count(bad, 'vertex', 'vertices')} where several fans of faces meet in a point: "
+            f"{_some(bad)}. Duplicate the vertex for each fan, or delete all fans but one."
         )
 
 
