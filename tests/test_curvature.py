@@ -1,0 +1,173 @@
+"""Mean curvature, sulcal depth and curvature images against closed forms."""
+
+import numpy as np
+import pytest
+import pyvista
+
+from qclearn.curvature import (AreaRadius, area_radius, area_under_pixels, curvature_image, grey_levels, mean_curvature,
+                               pixel_centres, resolved_share, sulcal_depth)
+from qclearn.diskmesh import polar_disk
+from qclearn.surface import Surface, SurfaceError
+
+
+def icosphere(level):
+    mesh = pyvista.Icosphere(nsub=level)
+    vertices = np.asarray(mesh.points, float)  # single precision in the mesh
+    return vertices / np.linalg.norm(vertices, axis=1, keepdims=True), mesh.regular_faces
+
+
+def graph_surface(height, n=41):
+    """The graph of height(x, y) over [-1, 1]^2, faces looking up."""
+    x, y = np.meshgrid(np.linspace(-1, 1, n), np.linspace(-1, 1, n))
+    a = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
+    faces = np.concatenate([np.stack([a, a + 1, a + n + 1], 1), np.stack([a, a + n + 1, a + n], 1)])
+    return Surface(np.stack([x, y, height(x, y)], -1).reshape(-1, 3), faces)
+
+
+def revolution(angle, radius, nt=96):
+    """A dome around the z axis, open below: ring j at polar angle[j], distance radius[j]; ring 0 is the pole."""
+    _, faces = polar_disk(len(angle) - 1, nt)
+    turn = np.exp(2j * np.pi * np.arange(nt) / nt)
+    ring = (radius * np.sin(angle))[1:, None] * turn
+    height = np.broadcast_to((radius * np.cos(angle))[1:, None], ring.shape)
+    points = np.stack([ring.real, ring.imag, height], -1).reshape(-1, 3)
+    return Surface(np.concatenate([[[0, 0, radius[0] * np.cos(angle[0])]], points]), faces)
+
+
+def test_sphere_is_exact():
+    vertices, faces = icosphere(3)
+    for r in (0.01, 70.0):
+        np.testing.assert_allclose(mean_curvature(Surface(r * vertices + 5, faces)), 1 / r, rtol=1e-9)
+    np.testing.assert_allclose(mean_curvature(Surface(2 * vertices, faces[:, ::-1])), -0.5, rtol=1e-9)
+
+
+def test_ellipsoid_converges_on_average():
+    # at vertices of valence other than 6 the error need not vanish (Xu 2004), so the mean error has the rate
+    axes = np.array([1.0, 1.3, 0.8])
+    errors = []
+    for level in (2, 3, 4):
+        directions, faces = icosphere(level)
+        surface = Surface(directions * axes, faces)
+        x = surface.vertices
+        normal_length = np.sqrt((x**2 / axes**4).sum(1))
+        exact = ((axes**2).sum() - (x**2).sum(1)) / (2 * axes.prod() ** 2 * normal_length**3)
+        error = mean_curvature(surface) - exact
+        errors.append((surface.vertex_areas * abs(error)).sum() / surface.area)
+    assert np.log2(errors[0] / errors[1]) > 1.7 and np.log2(errors[1] / errors[2]) > 1.8
+    assert errors[-1] < 1e-3
+
+
+@pytest.mark.parametrize("a, b", [(1.0, 0.3), (0.3, 1.0), (-0.5, 0.5)])
+def test_saddle_has_the_sign_of_its_stronger_bend(a, b):
+    surface = graph_surface(lambda x, y: (a * x**2 - b * y**2) / 2)  # k1 = -a and k2 = b seen from above
+    centre = np.linalg.norm(surface.vertices, axis=1).argmin()
+    assert mean_curvature(surface)[centre] == pytest.approx((b - a) / 2, rel=0.01)
+    turned = Surface(surface.vertices, surface.faces[:, ::-1])
+    np.testing.assert_allclose(mean_curvature(turned), -mean_curvature(surface))
+
+
+def test_curvature_survives_the_rim_and_slivers():
+    vertices, faces = icosphere(3)
+    patch = faces[(vertices[faces, 2] > 0.2).all(1)]
+    used, patch = np.unique(patch, return_inverse=True)
+    patch = patch.reshape(-1, 3)
+    vertices = vertices[used]
+    np.testing.assert_allclose(mean_curvature(Surface(vertices, patch)), 1, rtol=1e-9)
+    # split every tenth face from a point that almost lies on one of its edges
+    split = patch[::10]
+    new = len(vertices) + np.arange(len(split))
+    a, b, c = split.T
+    points = np.concatenate([vertices, np.tensordot([0.5 - 1e-6, 0.5 - 1e-6, 2e-6], vertices[split], (0, 1))])
+    parts = [np.stack(corners, 1) for corners in ((a, b, new), (b, c, new), (c, a, new))]
+    curvature = mean_curvature(Surface(points, np.concatenate([np.delete(patch, np.s_[::10], 0), *parts])))
+    assert np.abs(curvature).max() < 40  # the edges are 0.14 long; unbounded, the slivers give 1e5
+    assert np.median(curvature) == pytest.approx(1, abs=0.05)
+
+
+def test_curvature_without_inner_vertex_is_refused():
+    with pytest.raises(SurfaceError, match="boundary"):
+        mean_curvature(Surface(np.eye(3), [[0, 1, 2]]))
+
+
+def test_depth_of_a_dent_in_a_sphere():
+    mouth, depth, opening = 0.12, 0.3, 2.9
+    angle = np.concatenate([np.linspace(0, mouth, 13), np.linspace(mouth, opening, 90)[1:]])
+    radius = np.where(angle < mouth, 1 - depth * np.clip(2 - 2 * angle / mouth, 0, 1), 1.0)
+    surface = revolution(angle, radius)
+    # the convex hull is a spherical zone with a flat lid; the closing ball rests on the rim of the dent
+    scale = np.sqrt(2 * np.pi * (1 - np.cos(opening)) + np.pi * np.sin(opening) ** 2)
+    ball, voxel = 0.05 * scale, scale / 130
+    ball_centre = np.cos(mouth) + np.sqrt(ball**2 - np.sin(mouth) ** 2)
+    floor = np.flatnonzero(np.repeat(angle, np.r_[1, np.full(len(angle) - 1, 96)]) < mouth / 2 + 1e-9)
+    exact = np.linalg.norm(surface.vertices[floor] - [0, 0, ball_centre], axis=1) - ball
+    measured = sulcal_depth(surface)
+    np.testing.assert_allclose(measured[floor], exact, atol=voxel)
+    outside = np.linalg.norm(surface.vertices, axis=1) > 1 - 1e-9
+    assert measured.min() >= 0 and measured[outside].max() < 0.5 * voxel
+    turned = Surface(10 * surface.vertices, surface.faces[:, ::-1])
+    np.testing.assert_allclose(sulcal_depth(turned), 10 * measured, atol=1e-6)
+
+
+def test_depth_of_a_flat_surface_is_refused():
+    with pytest.raises(SurfaceError, match="plane"):
+        sulcal_depth(graph_surface(lambda x, y: 0 * x))
+
+
+@pytest.fixture(scope="module")
+def crowded():
+    """A flat disk w and a disk map z = w |w| that crowds its area to the centre: the equal-area radius is sqrt(|z|)."""
+    w, faces = polar_disk(48, 128)
+    return Surface(np.stack([w.real, w.imag, 0 * w.real], 1), faces), w, w * abs(w)
+
+
+def test_equal_area_radius_undoes_the_crowding(crowded):
+    surface, w, z = crowded
+    radius = area_radius(surface, z)
+    np.testing.assert_allclose(radius.to_image(z), w, atol=0.01)
+    np.testing.assert_allclose(radius.from_image(radius.to_image(z)), z, atol=1e-14)
+    assert radius.to_image(0) == 0 and abs(radius.to_image(1j) - 1j) < 1e-15
+    assert (np.diff(radius.disk) > 0).all() and (np.diff(radius.image) > 0).all()
+
+
+def test_image_has_its_axes_right(crowded):
+    surface, w, z = crowded
+    centres = pixel_centres(32)
+    assert centres[0, 0] == (-1 - 1j) * 31 / 32 and centres[0, 1].real > centres[0, 0].real
+    for part in (np.real, np.imag):
+        image, radius = curvature_image(surface, z, 32, values=part(w))
+        assert (np.isnan(image) == (abs(centres) > 1)).all()
+        inside = ~np.isnan(image)
+        np.testing.assert_allclose(image[inside], part(centres)[inside], atol=0.015)
+
+
+def test_area_under_pixels(crowded):
+    surface, w, z = crowded
+    areas = area_under_pixels(surface, z, area_radius(surface, z), 16)
+    assert areas.sum() == pytest.approx(surface.area, rel=1e-12)
+    inside = abs(pixel_centres(16)) < 1 - 2 / 16
+    np.testing.assert_allclose(areas[inside], (2 / 16) ** 2, rtol=0.1)
+    plain = AreaRadius(np.array([0.0, 1.0]), np.array([0.0, 1.0]))
+    crowd = area_under_pixels(surface, z, plain, 16)
+    # density of area in z is 1/(2|z|): a pixel of side 1/8 carries less than 1/64 where |z| > 1/2, half of the area
+    assert resolved_share(areas, 1.2 / 64) > 0.99
+    assert resolved_share(crowd, 1 / 64) == pytest.approx(0.5, abs=0.05)
+
+
+def test_grey_levels_clip_two_per_cent_of_the_area():
+    values = np.linspace(-3, 7, 1001)
+    grey = grey_levels(values, np.ones(1001))
+    assert grey.min() == 0 and grey.max() == 255
+    assert [np.mean(grey == 0), np.mean(grey == 255)] == pytest.approx([0.02, 0.02], abs=0.002)
+    assert grey[500] == pytest.approx(127.5)
+    areas = np.where(values < 2, 3.0, 1.0)  # tails are shares of area, not of vertices
+    assert np.mean(grey_levels(values, areas) == 255) == pytest.approx(0.04, abs=0.003)
+    assert (grey_levels(np.ones(5), np.ones(5)) == 127.5).all()
+
+
+def test_sulci_are_dark_and_gyri_bright():
+    z, faces = polar_disk(40, 96)
+    waves = Surface(np.stack([z.real, z.imag, 0.1 * np.cos(3 * np.pi * abs(z))], 1), faces)
+    image, radius = curvature_image(waves, z, 64)
+    r = abs(radius.from_image(pixel_centres(64)))
+    crown, fundus = r < 0.08, abs(r - 1 / 3) < 0.03
+    assert image[crown].min() > 200 and image[fundus].max() < 60
