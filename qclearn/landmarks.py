@@ -1,0 +1,74 @@
+"""Landmark curves on a surface: sampling by arc length, and a sulcus found between two endpoints without a network."""
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import dijkstra
+
+from .curvature import mean_curvature, sulcal_depth
+from .fit import LandmarkError
+
+CURVATURE_WEIGHT, DEPTH_WEIGHT = 0.5, 2.0  # exponents of the fundus metric
+
+
+def sample_curve(surface, path, count=10):
+    """Sparse matrix (count, V) that evaluates per-vertex data at equally spaced points of a vertex path.
+
+    The points are equally spaced by arc length in space, ends included: `sample_curve(s, p) @ s.vertices` are the
+    points, `sample_curve(s, p) @ z` their images in the disk (linear along each segment). LandmarkError for a path
+    with fewer than two distinct points or vertices out of range.
+    """
+    path = check_path(surface, path)
+    lengths = np.linalg.norm(np.diff(surface.vertices[path], axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(lengths)])
+    wanted = np.linspace(0, along[-1], count)
+    segment = np.clip(np.searchsorted(along, wanted, side="right") - 1, 0, len(path) - 2)
+    share = (wanted - along[segment]) / lengths[segment]
+    rows = np.concatenate([np.arange(count)] * 2)
+    columns = np.concatenate([path[segment], path[segment + 1]])
+    return sparse.csr_array((np.concatenate([1 - share, share]), (rows, columns)), shape=(count, len(surface.vertices)))
+
+
+def check_path(surface, path):
+    """A vertex path as integers, or LandmarkError."""
+    path = np.asarray(path)
+    if path.ndim != 1 or len(path) < 2 or not np.issubdtype(path.dtype, np.integer):
+        raise LandmarkError(f"a curve must be a list of at least two vertex indices; got {np.shape(path)} {path.dtype}")
+    outside = path[(path < 0) | (path >= len(surface.vertices))]
+    if len(outside):
+        raise LandmarkError(f"curve vertices out of range 0..{len(surface.vertices) - 1}: {outside[:5].tolist()}; "
+                            "were the indices taken from another mesh (before it was cut open, say)?")
+    repeated = np.flatnonzero(path[1:] == path[:-1])
+    if len(repeated):
+        raise LandmarkError(f"a curve repeats vertex {path[repeated[0]]} at position {repeated[0]}; drop the repeat")
+    return path
+
+
+def fundus_metric(surface):
+    """Length of every edge of `surface.edges` in a metric that is short along the floor of sulci, (E,).
+
+    An edge's length in space times the mean over its ends of `exp(H/(2 s) - 2 d/m)`, with H the mean curvature (limited
+    to two of its standard deviations s) and d the sulcal depth (m its 95th percentile).
+    """
+    H, depth = mean_curvature(surface), sulcal_depth(surface)
+    H = np.clip(H / H.std(), -2, 2)
+    cost = np.exp(CURVATURE_WEIGHT * H - DEPTH_WEIGHT * np.minimum(depth / np.percentile(depth, 95), 1.5))
+    first, second = surface.edges.T
+    length = np.linalg.norm(surface.vertices[first] - surface.vertices[second], axis=1)
+    return length * (cost[first] + cost[second]) / 2
+
+
+def fundus_path(surface, start, end, metric=None):
+    """Vertex path (k,) of a sulcus between two endpoints: the shortest one in `fundus_metric` (computed if not given).
+
+    LandmarkError if the endpoints coincide or are out of range.
+    """
+    check_path(surface, np.array([start, end]))
+    metric = fundus_metric(surface) if metric is None else metric
+    n = len(surface.vertices)
+    first, second = surface.edges.T
+    graph = sparse.csr_array((metric, (first, second)), shape=(n, n))
+    previous = dijkstra(graph, directed=False, indices=int(start), return_predecessors=True)[1]
+    path = [int(end)]
+    while path[-1] != start:
+        path.append(int(previous[path[-1]]))
+    return np.array(path[::-1])
