@@ -1,0 +1,94 @@
+"""Fourier compression of Beltrami coefficients: two routes, exact cases, the way to a square and back."""
+
+import numpy as np
+import pytest
+
+from qclearn.beltrami import BeltramiError
+from qclearn.curvature import pixel_centres
+from qclearn.diskmesh import polar_disk, square_disk
+from qclearn.fourier import (coefficient_count, compress, compression_effect, fourier_coefficients, fourier_matrix,
+                             frequencies, from_coefficients, from_square, to_square)
+
+
+@pytest.fixture(params=[16, 17])
+def image(request):
+    rng = np.random.default_rng(request.param)
+    return rng.normal(size=(request.param,) * 2) + 1j * rng.normal(size=(request.param,) * 2)
+
+
+def test_all_frequencies_give_the_image_back(image):
+    for k in (8, 100):
+        np.testing.assert_allclose(compress(image, k), image, atol=1e-13)
+        assert coefficient_count(len(image), k) == image.size
+    assert coefficient_count(128, 5) == 121
+
+
+def test_parseval(image):
+    assert (abs(fourier_coefficients(image, 8)) ** 2).sum() == pytest.approx((abs(image) ** 2).mean(), rel=1e-12)
+
+
+def test_matrix_products_are_the_truncated_transform(image):
+    m = fourier_matrix(len(image), 3)
+    np.testing.assert_allclose(m @ image @ m.T, fourier_coefficients(image, 3), atol=1e-14)
+    # straight from the paper's double sum
+    n = len(image)
+    p, q = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
+    term = (image * np.exp(-2j * np.pi * (p * 2 - q) / n)).sum() / n**2
+    row, column = np.flatnonzero(frequencies(n, 3) == 2)[0], np.flatnonzero(frequencies(n, 3) == -1)[0]
+    assert fourier_coefficients(image, 3)[row, column] == pytest.approx(term)
+
+
+def test_channels_are_compressed_separately(image):
+    np.testing.assert_allclose(compress(image.real, 4).imag, 0, atol=1e-14)
+    np.testing.assert_allclose(compress(image, 4).imag, compress(image.imag, 4).real, atol=1e-14)
+
+
+def test_band_limited_field_is_kept():
+    n, (p, q) = 32, np.meshgrid(np.arange(32), np.arange(32), indexing="ij")
+    field = 0.1 + 0.3 * np.cos(2 * np.pi * (3 * p + q) / n) + 0.2j * np.sin(2 * np.pi * 2 * q / n)
+    np.testing.assert_allclose(compress(field, 3), field, atol=1e-14)
+    lost = compress(field, 2)  # only the cosine goes
+    np.testing.assert_allclose(lost, field - 0.3 * np.cos(2 * np.pi * (3 * p + q) / n), atol=1e-14)
+    np.testing.assert_allclose(from_coefficients(fourier_coefficients(field, 3), n), field, atol=1e-14)
+
+
+def test_error_falls_with_each_frequency(image):
+    errors = [np.linalg.norm(compress(image, k) - image) for k in range(9)]
+    assert (np.diff(errors) < 0).all() and errors[-1] < 1e-12 < errors[-2]
+    np.testing.assert_allclose(compress(compress(image, 2), 2), compress(image, 2), atol=1e-14)
+
+
+@pytest.mark.parametrize("mesh", [polar_disk(24, 72), square_disk(40)])
+def test_to_the_square_and_back(mesh):
+    z, faces = mesh
+    centroid = z[faces].mean(1)
+    mu = 0.4 * centroid.real - 0.3j * centroid.imag
+    image = to_square(z, faces, mu, 64)
+    w = pixel_centres(64)
+    shrink = np.maximum(abs(w.real), abs(w.imag)) / abs(w)  # the inverse of the paper's disk-to-square formula
+    np.testing.assert_allclose(image, 0.4 * (w * shrink).real - 0.3j * (w * shrink).imag, atol=0.02)
+    np.testing.assert_allclose(from_square(image, z, faces), mu, atol=0.02)
+    constant = from_square(to_square(z, faces, np.full(len(faces), 0.2 - 0.1j), 16), z, faces)
+    np.testing.assert_allclose(constant, 0.2 - 0.1j, rtol=1e-12)
+
+
+def test_effect_on_the_map():
+    z, faces = square_disk(32)
+    centroid = z[faces].mean(1)
+    mu = 0.4 * np.exp(-4 * abs(centroid - 0.2) ** 2) * np.exp(1j * centroid.real)
+    rows = compression_effect(z, faces, mu, (0, 2, 5, 16), size=64)
+    assert [row["coefficients"] for row in rows] == [1, 25, 121, 1089]
+    for key in ("image_error", "mu_error", "map_error"):
+        assert (np.diff([row[key] for row in rows]) < 0).all(), key
+    assert rows[0]["map_error"] > 0.02 and rows[2]["map_error"] < 4e-3
+
+
+def test_bad_input():
+    with pytest.raises(ValueError, match="square"):
+        compress(np.zeros((4, 5)), 1)
+    with pytest.raises(ValueError, match="frequency"):
+        compress(np.zeros((4, 4)), -1)
+    z, faces = square_disk(16)
+    jump = np.where(abs(z[faces].mean(1)) < 0.5, 0.95, 0)
+    with pytest.raises(BeltramiError, match="mu"):
+        compression_effect(z, faces, jump, [6], 32)
