@@ -1,0 +1,29 @@
+"""Meshes that the tests of the geometric core share, beside those of `qclearn.diskmesh`."""
+
+import numpy as np
+from scipy.spatial import Delaunay
+
+from qclearn.beltrami import signed_areas
+
+
+def random_disk(seed, n_boundary=48):
+    """Delaunay mesh of a jittered grid in the unit disk: (z, faces); neither 0 nor 1 is a vertex."""
+    rng = np.random.default_rng(seed)
+    step = 2 * np.pi / n_boundary
+    rim = np.exp(1j * step * (np.arange(n_boundary) + 0.5 + 0.3 * rng.uniform(-1, 1, n_boundary)))
+    line = np.arange(-1, 1 + step, step)
+    grid = (line[:, None] + 1j * line[None, :]).ravel()
+    grid = grid + 0.3 * step * (rng.uniform(-1, 1, len(grid)) + 1j * rng.uniform(-1, 1, len(grid)))
+    z = np.concatenate([grid[abs(grid) < 1 - 0.6 * step], rim])
+    faces = Delaunay(np.stack([z.real, z.imag], 1)).simplices.astype(int)
+    clockwise = signed_areas(z, faces) < 0
+    faces[clockwise] = faces[clockwise][:, ::-1]
+    return z, faces
+
+
+def random_mu(rng, z, faces, largest):
+    """Smooth random coefficient on the faces with max|mu| = largest, complex (F,)."""
+    centre = z[faces].mean(1)
+    powers = np.stack([centre ** j * centre.conj() ** k for j in range(4) for k in range(4)])
+    mu = (rng.normal(size=16) + 1j * rng.normal(size=16)) @ powers
+    return largest * mu / abs(mu).max()

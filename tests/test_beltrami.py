@@ -1,0 +1,373 @@
+"""The Beltrami core against closed forms, against LaPy and libigl, and against itself by a second route."""
+
+import igl
+import lapy
+import lapy.conformal
+import numpy as np
+import pytest
+from exact_maps import DISK_MAPS, RADIAL, SLIDING, affine, after, moebius, radial_stretch, sliding_three, twist
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from meshes import random_disk, random_mu
+from scipy import sparse
+
+from qclearn.beltrami import (BeltramiError, Dirichlet, assemble, beltrami_coefficient, compose_coefficients,
+                              cotangent_stiffness, diffuse, hat_gradients, inverse_coefficient, jacobian,
+                              signed_areas, solve_beltrami, stiffness, wirtinger)
+from qclearn.diskmesh import boundary_loop, polar_disk, square_disk
+
+DISK = random_disk(seed=1)
+below_one = st.builds(lambda r, t: r * np.exp(1j * t), st.floats(0, 0.95), st.floats(0, 2 * np.pi))
+
+
+def space(z):
+    return np.stack([z.real, z.imag, np.zeros(len(z))], axis=1)
+
+
+# The catalogue itself: derivatives against central differences, largest |mu| against a fine sampling.
+
+CATALOGUE = DISK_MAPS + [affine(2 + 1j, 0.7 - 0.4j, 3), moebius(0.3 - 0.4j, 1.1), after(moebius(0.5j, 0.3), SLIDING),
+                         after(RADIAL, twist(-0.4)), after(sliding_three(0.2), SLIDING)]
+
+
+@pytest.mark.parametrize("exact", CATALOGUE, ids=lambda exact: exact.name)
+def test_catalogue_derivatives(exact):
+    rng = np.random.default_rng(0)
+    z, h = np.sqrt(rng.uniform(0.02, 0.98, 200)) * np.exp(2j * np.pi * rng.uniform(size=200)), 1e-5
+    f_x = (exact(z + h) - exact(z - h)) / (2 * h)
+    f_y = (exact(z + 1j * h) - exact(z - 1j * h)) / (2 * h)
+    np.testing.assert_allclose(exact.f_z(z), (f_x - 1j * f_y) / 2, atol=2e-8)
+    np.testing.assert_allclose(exact.f_zbar(z), (f_x + 1j * f_y) / 2, atol=2e-8)
+
+
+@pytest.mark.parametrize("exact", CATALOGUE, ids=lambda exact: exact.name)
+def test_catalogue_largest_coefficient(exact):
+    z = (np.linspace(1e-3, 1, 60)[:, None] * np.exp(2j * np.pi * np.arange(720) / 720)).ravel()
+    largest = abs(exact.mu(z)).max()
+    assert largest <= exact.largest + 1e-9
+    if "after" not in exact.name:
+        assert largest == pytest.approx(exact.largest, abs=1e-4)
+
+
+@pytest.mark.parametrize("exact", DISK_MAPS, ids=lambda exact: exact.name)
+def test_catalogue_disk_maps_hold_0_1_and_the_circle(exact):
+    assert exact(np.array([1 + 0j]))[0] == pytest.approx(1, abs=1e-15)
+    assert abs(exact(np.array([1e-9 + 0j]))[0]) < 2e-9
+    np.testing.assert_allclose(abs(exact(np.exp(2j * np.pi * np.arange(99) / 99))), 1, rtol=1e-14)
+
+
+# Derivatives.
+
+def test_signed_areas():
+    z, faces = np.array([0, 2, 3j]), np.array([[0, 1, 2], [0, 2, 1]])
+    assert signed_areas(z, faces).tolist() == [3.0, -3.0]
+
+
+def test_hat_gradients_equal_libigl():
+    z, faces = DISK
+    gradient = igl.grad(space(z), faces.astype(np.int64)).toarray().reshape(3, len(faces), len(z))
+    ours = hat_gradients(z, faces)
+    for corner in range(3):
+        theirs = gradient[:, np.arange(len(faces)), faces[:, corner]]
+        np.testing.assert_allclose(ours[:, corner], theirs[0] + 1j * theirs[1], rtol=1e-11)
+
+
+def test_hat_gradients_are_the_papers_mended_formula():
+    z, faces = DISK
+    g, h = z.real[faces], z.imag[faces]
+    area = signed_areas(z, faces)[:, None]
+    A = (np.roll(h, -1, 1) - np.roll(h, -2, 1)) / (2 * area)
+    B = (np.roll(g, -2, 1) - np.roll(g, -1, 1)) / (2 * area)
+    np.testing.assert_allclose(hat_gradients(z, faces), A + 1j * B, rtol=1e-12)
+
+
+def test_affine_map_is_recovered():
+    z, faces = DISK
+    exact = affine(1.2 - 0.5j, 0.3 + 0.6j, 2j)
+    f_z, f_zbar = wirtinger(z, faces, exact(z))
+    np.testing.assert_allclose(f_z, 1.2 - 0.5j, atol=1e-12)
+    np.testing.assert_allclose(f_zbar, 0.3 + 0.6j, atol=1e-12)
+    np.testing.assert_allclose(beltrami_coefficient(z, faces, exact(z)), exact.mu(z[:1])[0], atol=1e-12)
+
+
+@pytest.mark.parametrize("exact", DISK_MAPS, ids=lambda exact: exact.name)
+def test_coefficient_of_the_interpolant_converges(exact):
+    errors = []
+    for n in (16, 32):
+        z, faces = square_disk(n)
+        error = abs(beltrami_coefficient(z, faces, exact(z)) - exact.on_faces(z, faces))
+        errors.append(np.sqrt(np.average(error ** 2, weights=signed_areas(z, faces))))
+    assert errors[1] < 0.025 and np.log2(errors[0] / errors[1]) > 0.85
+
+
+def test_jacobian_is_the_ratio_of_areas_with_its_sign():
+    z, faces = DISK
+    f = SLIDING(z)
+    f[faces[7, 0]] += 0.5  # folds something
+    ratio = signed_areas(f, faces) / signed_areas(z, faces)
+    assert (ratio < 0).any()
+    np.testing.assert_allclose(jacobian(z, faces, f), ratio, atol=1e-12)
+    assert ((abs(beltrami_coefficient(z, faces, f)) > 1) == (ratio < 0)).all()
+
+
+def test_coefficient_of_an_anticonformal_map_is_infinite():
+    z, faces = polar_disk(1, 4)
+    assert np.isinf(abs(beltrami_coefficient(z, faces, np.conj(z)))).all()
+
+
+# Surface targets.
+
+def turned_in_space():
+    return np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+
+
+def test_surface_target_of_a_lifted_plane_has_the_planar_coefficient():
+    z, faces = DISK
+    f = SLIDING(z)
+    lifted = 3.0 * space(f) @ turned_in_space().T + [1.0, -2.0, 5.0]
+    np.testing.assert_allclose(beltrami_coefficient(z, faces, lifted), beltrami_coefficient(z, faces, f), atol=1e-12)
+
+
+def test_surface_target_of_a_linear_map_into_space():
+    """The triangular factor of the 3 x 2 matrix is a planar map with the same metric."""
+    z, faces = DISK
+    matrix = np.array([[1.0, 0.4], [-0.3, 0.8], [0.6, 0.5]])
+    lower_right = np.linalg.qr(matrix)[1]
+    lower_right *= np.sign(np.diag(lower_right))[:, None]
+    f_x, f_y = (lower_right[:, k] @ [1, 1j] for k in range(2))
+    expected = (f_x + 1j * f_y) / (f_x - 1j * f_y)
+    assert abs(expected) > 0.1
+    mu = beltrami_coefficient(z, faces, np.stack([z.real, z.imag], 1) @ matrix.T)
+    np.testing.assert_allclose(mu, expected, atol=1e-12)
+
+
+def test_surface_target_is_the_papers_formula_and_hides_folds():
+    z, faces = DISK
+    points = np.stack([z.real, z.imag + z.real ** 2, np.sin(3 * z.imag)], 1)
+    gradients = hat_gradients(z, faces)
+    x, y = (np.einsum("fk,fkc->fc", part, points[faces]) for part in (gradients.real, gradients.imag))
+    E, F, G = (x * x).sum(1), (x * y).sum(1), (y * y).sum(1)
+    expected = (E - G + 2j * F) / (E + G + 2 * np.sqrt(E * G - F ** 2))
+    np.testing.assert_allclose(beltrami_coefficient(z, faces, points), expected, atol=1e-12)
+    assert abs(beltrami_coefficient(z, faces, space(np.conj(SLIDING(z))))).max() < 1
+
+
+# Composition and inverse.
+
+@pytest.mark.parametrize("f, g", [(RADIAL, SLIDING), (SLIDING, RADIAL), (twist(0.6), sliding_three(0.2)),
+                                  (SLIDING, moebius(0.3 + 0.4j, 2.0)), (moebius(0.3 + 0.4j, 2.0), SLIDING)],
+                         ids=lambda exact: exact.name)
+def test_composition_against_the_chain_rule(f, g):
+    z = DISK[0][abs(DISK[0]) > 0.05]
+    composed = compose_coefficients(f.mu(z), f.f_z(z), g.mu(f(z)))
+    np.testing.assert_allclose(composed, after(g, f).mu(z), atol=1e-12)
+
+
+@pytest.mark.parametrize("f, inverse", [(RADIAL, radial_stretch(1 / 1.5)), (twist(0.6), twist(-0.6)),
+                                        (affine(1, 0.3j), affine(1 / (1 - 0.09), -0.3j / (1 - 0.09)))],
+                         ids=lambda exact: exact.name)
+def test_inverse_against_closed_forms(f, inverse):
+    z = DISK[0][abs(DISK[0]) > 0.05]
+    np.testing.assert_allclose(inverse(f(z)), z, atol=1e-12)
+    np.testing.assert_allclose(inverse_coefficient(f.mu(z), f.f_z(z)), inverse.mu(f(z)), atol=1e-12)
+
+
+@settings(max_examples=50, deadline=None)
+@given(below_one, below_one, st.floats(0, 2 * np.pi))
+def test_composition_stays_below_one_and_undoes_itself(mu_f, mu_g, angle):
+    f_z = 0.7 * np.exp(1j * angle)
+    composed = compose_coefficients(mu_f, f_z, mu_g)
+    assert abs(composed) < 1
+    assert abs(compose_coefficients(mu_f, f_z, inverse_coefficient(mu_f, f_z))) < 1e-12
+    assert compose_coefficients(mu_f, f_z, 0) == mu_f
+
+
+def test_moebius_after_the_map_leaves_the_coefficient():
+    z = DISK[0][abs(DISK[0]) > 0.05]
+    np.testing.assert_allclose(after(moebius(0.6 - 0.2j, 0.7), SLIDING).mu(z), SLIDING.mu(z), atol=1e-13)
+
+
+# The matrix.
+
+@settings(max_examples=50, deadline=None)
+@given(below_one, st.complex_numbers(max_magnitude=10))
+def test_diffusion_is_the_papers_matrix_with_determinant_one(mu, gradient):
+    x, y = mu.real, mu.imag
+    matrix = np.array([[(x - 1) ** 2 + y ** 2, -2 * y], [-2 * y, (x + 1) ** 2 + y ** 2]]) / (1 - x * x - y * y)
+    columns = np.array([[diffuse(mu, 1).real, diffuse(mu, 1j).real], [diffuse(mu, 1).imag, diffuse(mu, 1j).imag]])
+    np.testing.assert_allclose(columns, matrix, rtol=1e-11, atol=1e-11)
+    assert np.linalg.det(columns) == pytest.approx(1, rel=1e-9)
+    assert np.linalg.eigvalsh(columns).min() > 0
+    product = matrix @ [gradient.real, gradient.imag]
+    assert diffuse(mu, gradient) == pytest.approx(complex(*product), rel=1e-9, abs=1e-9)
+
+
+def test_diffused_gradient_of_u_is_the_turned_gradient_of_v():
+    """`v_y = a1 u_x + a2 u_y`, `-v_x = a2 u_x + a3 u_y`: the paper's eqn3 with its signs mended."""
+    exact = affine(1.3 + 0.2j, 0.5 - 0.4j)
+    z, faces = DISK
+    f, mu = exact(z), exact.mu(z[:1])[0]
+    gradients = hat_gradients(z, faces)
+    u, v = (np.einsum("fk,fk->f", gradients, part[faces]) for part in (f.real, f.imag))
+    np.testing.assert_allclose(diffuse(mu, u), -1j * v, atol=1e-12)
+
+
+def test_stiffness_equals_the_cotangent_matrix_of_the_metric():
+    """K(mu) is the Laplacian of triangles with edges `e + mu conj(e)`: each laid out alone, then glued."""
+    z, faces = DISK
+    mu = random_mu(np.random.default_rng(0), z, faces, 0.8)
+    corners = z[faces] + mu[:, None] * np.conj(z[faces])
+    apart = cotangent_stiffness(space(corners.ravel()), np.arange(corners.size).reshape(-1, 3))
+    glue = sparse.csr_array((np.ones(faces.size), (np.arange(faces.size), faces.ravel())))
+    difference = stiffness(z, faces, mu) - glue.T @ apart @ glue
+    assert abs(difference).max() < 1e-11 * abs(apart).max()
+
+
+def test_cotangent_stiffness_equals_libigl():
+    z, faces = DISK
+    points = np.stack([z.real, z.imag, np.sin(3 * z.real) * z.imag], 1)
+    theirs = -igl.cotmatrix(points, faces.astype(np.int64))
+    assert abs(cotangent_stiffness(points, faces) - theirs).max() < 1e-12
+
+
+def test_cotangent_stiffness_equals_the_matrix_of_any_embedding():
+    z, faces = DISK
+    points = np.stack([z.real, z.imag, np.sin(3 * z.real) * z.imag], 1)
+    difference = cotangent_stiffness(points, faces) - stiffness(z, faces, beltrami_coefficient(z, faces, points))
+    assert abs(difference).max() < 1e-12
+
+
+def test_stiffness_is_symmetric_semidefinite_with_constants_in_its_kernel():
+    z, faces = DISK
+    matrix = stiffness(z, faces, random_mu(np.random.default_rng(0), z, faces, 0.9)).toarray()
+    assert abs(matrix - matrix.T).max() < 1e-12
+    assert abs(matrix.sum(1)).max() < 1e-11
+    assert np.sort(np.linalg.eigvalsh(matrix))[1] > 1e-4
+
+
+def test_energy_minus_area_vanishes_for_the_map_itself():
+    """On every row, boundary included: `K f + (i/2)(f_next - f_prev) = 0` (erratum on L_LBS)."""
+    exact = affine(1, 0.4 - 0.3j)
+    z, faces = DISK
+    f = exact(z)
+    residual = stiffness(z, faces, exact.mu(z[faces[:, 0]])) @ f
+    loop = boundary_loop(faces)
+    residual[loop] += 0.5j * (np.roll(f[loop], -1) - np.roll(f[loop], 1))
+    assert abs(residual).max() < 1e-12
+
+
+def test_assemble_sums_element_matrices():
+    blocks = np.arange(18.0).reshape(2, 3, 3)
+    matrix = assemble(np.array([[0, 1, 2], [2, 1, 3]]), blocks, 4).toarray()
+    assert matrix[0].tolist() == [0, 1, 2, 0]
+    assert matrix[1, 2] == blocks[0, 1, 2] + blocks[1, 1, 0] and matrix[2, 1] == blocks[0, 2, 1] + blocks[1, 0, 1]
+
+
+# The Linear Beltrami Solver.
+
+def interior_share(z, faces, share, seed=0):
+    """The boundary and a few pins inside."""
+    inside = np.setdiff1d(np.arange(len(z)), boundary_loop(faces))
+    chosen = np.random.default_rng(seed).choice(inside, int(share * len(inside)), replace=False)
+    return np.concatenate([boundary_loop(faces), chosen])
+
+
+@pytest.mark.parametrize("pins", [0.0, 0.1])
+def test_solver_recovers_affine_maps(pins):
+    exact = affine(0.8 + 0.3j, -0.2 + 0.5j, 1 - 1j)
+    z, faces = DISK
+    pinned = interior_share(z, faces, pins)
+    f = solve_beltrami(z, faces, exact.on_faces(z, faces), pinned, exact(z[pinned]))
+    np.testing.assert_allclose(f, exact(z), atol=1e-12)
+
+
+def test_solver_keeps_values_at_the_pins():
+    z, faces = DISK
+    pinned = np.array([5, 17, 3])
+    values = np.array([1j, 2.0, -0.5])
+    assert (solve_beltrami(z, faces, np.zeros(len(faces)), pinned, values)[pinned] == values).all()
+
+
+def test_solver_with_every_vertex_pinned():
+    z, faces = polar_disk(1, 5)
+    values = np.arange(6) + 1j
+    assert (solve_beltrami(z, faces, np.zeros(5), np.arange(6), values) == values).all()
+
+
+def test_l2_rate_on_the_radial_stretch():
+    errors = []
+    for n in (16, 32, 64):
+        z, faces = square_disk(n)
+        loop = boundary_loop(faces)
+        f = solve_beltrami(z, faces, RADIAL.on_faces(z, faces), loop, RADIAL(z[loop]))
+        square = (abs(f - RADIAL(z)) ** 2)[faces].mean(1)
+        errors.append(np.sqrt((square * signed_areas(z, faces)).sum()))
+    rates = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert errors[-1] < 1e-4 and (rates >= 1.8).all(), (errors, rates)
+
+
+def test_solver_equals_lapy():
+    z, faces = DISK
+    mu = random_mu(np.random.default_rng(4), z, faces, 0.7)
+    pinned = interior_share(z, faces, 0.05)
+    values = z[pinned] + 0.1 * np.sin(3 * z[pinned].imag)
+    theirs = lapy.conformal.linear_beltrami_solver(lapy.TriaMesh(space(z), faces), mu, pinned,
+                                                   np.stack([values.real, values.imag], 1))
+    ours = solve_beltrami(z, faces, mu, pinned, values)
+    np.testing.assert_allclose(ours, theirs[:, 0] + 1j * theirs[:, 1], atol=1e-10)
+
+
+def test_factored_problem_takes_real_complex_and_many_loads():
+    z, faces = DISK
+    matrix = stiffness(z, faces, random_mu(np.random.default_rng(4), z, faces, 0.5))
+    problem = Dirichlet(matrix, boundary_loop(faces))
+    inner = matrix.toarray()[np.ix_(problem.free, problem.free)]
+    rng = np.random.default_rng(0)
+    load = rng.normal(size=(len(problem.free), 3)) + 1j * rng.normal(size=(len(problem.free), 3))
+    load[:, 1] = 0
+    np.testing.assert_allclose(problem.solve_free(load), np.linalg.solve(inner, load), atol=1e-10)
+    np.testing.assert_allclose(problem.solve_free(load[:, 0]), np.linalg.solve(inner, load[:, 0]), atol=1e-10)
+    np.testing.assert_allclose(problem.solve_free(load.real), np.linalg.solve(inner, load.real), atol=1e-10)
+
+
+# Bad input.
+
+def spoiled(position, value):
+    mu = np.zeros(len(DISK[1]), complex)
+    mu[position] = value
+    return mu
+
+
+@pytest.mark.parametrize("mu, message", [
+    (spoiled(4, 1.0), r"1 faces \(first: \[4\]"), (spoiled(9, -1.2j), r"\[9\]"), (spoiled(0, np.nan), r"\[0\]"),
+    (spoiled(2, complex(0, np.inf)), r"\[2\]"), (spoiled([3, 5], 2), r"2 faces \(first: \[3, 5\]"),
+    (np.zeros(3), r"shape \(3,\)"), (np.zeros((len(DISK[1]), 2)), "one value a face"),
+])
+def test_unusable_coefficients(mu, message):
+    with pytest.raises(BeltramiError, match=message):
+        stiffness(*DISK, mu)
+    with pytest.raises(BeltramiError, match=message):
+        solve_beltrami(*DISK, mu, [0], [0])
+
+
+@pytest.mark.parametrize("pinned, values, message", [
+    ([len(DISK[0])], [1], "out of range"), ([-1], [1], r"out of range .*: \[-1\]"), ([3, 3], [1, 1], r"once: \[3\]"),
+    ([1, 2], [1], "one value a vertex"), ([], [], "at least one"), ([1], [np.nan], r"not finite at pins \[0\]"),
+    ([1.5], [1], "integer"), ([True, False], [1, 1], "integer"), ([[1, 2]], [[1, 1]], "one value a vertex"),
+])
+def test_unusable_pins(pinned, values, message):
+    z, faces = DISK
+    with pytest.raises(BeltramiError, match=message):
+        solve_beltrami(z, faces, np.zeros(len(faces)), pinned, values)
+
+
+@pytest.mark.parametrize("spoil", [lambda z, faces: (np.conj(z), faces), lambda z, faces: (z, faces[:, ::-1]),
+                                   lambda z, faces: (np.where(np.arange(len(z)) == faces[0, 0], np.nan, z), faces),
+                                   lambda z, faces: (np.where(np.arange(len(z)) == faces[0, 0], 9, z), faces)],
+                         ids=["mirrored", "reversed", "NaN", "folded"])
+def test_unusable_source_meshes(spoil):
+    z, faces = spoil(*DISK)
+    with pytest.raises(BeltramiError, match="not counter-clockwise"):
+        hat_gradients(z, faces)
+    with pytest.raises(BeltramiError, match="not counter-clockwise"):
+        solve_beltrami(z, faces, np.zeros(len(faces)), [0], [0])

@@ -1,0 +1,77 @@
+"""Möbius maps of the disk: group laws, the best map between point sets, and the centring gauge."""
+
+import numpy as np
+import pytest
+from exact_maps import moebius
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from meshes import random_disk
+
+from qclearn.mobius import best_mobius, centring_mobius, compose_mobius, mobius, mobius_inverse
+
+in_disk = st.builds(lambda r, t: r * np.exp(1j * t), st.floats(0, 0.9), st.floats(0, 2 * np.pi))
+angles = st.floats(-np.pi, np.pi)
+POINTS = random_disk(seed=2)[0]
+
+
+@settings(max_examples=50, deadline=None)
+@given(in_disk, angles)
+def test_moves_a_to_zero_keeps_the_circle_and_has_an_inverse(a, theta):
+    assert abs(mobius(a, a, theta)) < 1e-15
+    np.testing.assert_allclose(abs(mobius(np.exp(1j * np.arange(7)), a, theta)), 1, rtol=1e-13)
+    np.testing.assert_allclose(mobius_inverse(mobius(POINTS, a, theta), a, theta), POINTS, atol=1e-12)
+    np.testing.assert_allclose(mobius(POINTS, a, theta), moebius(a, theta)(POINTS), atol=1e-13)
+
+
+def test_turns_counter_clockwise():
+    assert mobius(0.5, 0, np.pi / 2) == pytest.approx(0.5j)
+    assert mobius(1.0, 0.3) == pytest.approx(1.0)
+
+
+@settings(max_examples=50, deadline=None)
+@given(in_disk, angles, in_disk, angles)
+def test_composition_is_a_mobius_map(a, theta, b, phi):
+    first, second = (a, theta), (b, phi)
+    expected = mobius(mobius(POINTS, *first), *second)
+    np.testing.assert_allclose(mobius(POINTS, *compose_mobius(first, second)), expected, atol=1e-11)
+
+
+@settings(max_examples=10, deadline=None)
+@given(in_disk, angles)
+def test_best_map_finds_the_exact_one(a, theta):
+    p = POINTS[::20]
+    found = best_mobius(p, mobius(p, a, theta))
+    np.testing.assert_allclose(mobius(p, *found), mobius(p, a, theta), atol=1e-7)
+
+
+def test_best_map_is_stationary_and_beats_its_neighbours():
+    rng = np.random.default_rng(0)
+    p = POINTS[::10]
+    q = mobius(p, 0.4j, 2.5) + 0.05 * (rng.normal(size=len(p)) + 1j * rng.normal(size=len(p)))
+    a, theta = best_mobius(p, q)
+
+    def cost(a, theta):
+        return np.mean(abs(mobius(p, a, theta) - q) ** 2)
+
+    best, step = cost(a, theta), 1e-3
+    assert best < 0.01
+    for change in [(step, 0), (-step, 0), (1j * step, 0), (-1j * step, 0), (0, step), (0, -step)]:
+        assert cost(a + change[0], theta + change[1]) > best
+
+
+def test_best_map_heeds_weights():
+    p = np.array([0.5, -0.2 + 0.3j, 0.1 - 0.4j, 0.6j])
+    q = mobius(p, 0.2 + 0.1j, 1.0)
+    q[3] = -q[3]
+    a, theta = best_mobius(p, q, weights=[1, 1, 1, 1e-12])
+    np.testing.assert_allclose(mobius(p[:3], a, theta), q[:3], atol=1e-5)
+
+
+@pytest.mark.parametrize("spread", [1.0, 0.3, 1e-2])
+def test_centring_brings_the_weighted_centroid_to_zero(spread):
+    """Also for points crowded together near the circle, as the poles of a badly placed conformal map are."""
+    points = mobius_inverse(spread * POINTS, 0.9 * np.exp(2j), 0)
+    weights = np.linspace(1, 3, len(points))
+    a = centring_mobius(points, weights)
+    assert abs(a) < 1
+    assert abs(weights @ mobius(points, a)) < 1e-13 * weights.sum()
