@@ -18,14 +18,20 @@ def sample_curve(surface, path, count=10):
     with fewer than two distinct points or vertices out of range.
     """
     path = check_path(surface, path)
-    lengths = np.linalg.norm(np.diff(surface.vertices[path], axis=0), axis=1)
+    corners = sparse.csr_array((np.ones(len(path)), (np.arange(len(path)), path)), shape=(len(path), len(surface.vertices)))
+    return resample(surface, corners, count)
+
+
+def resample(surface, corners, count=10):
+    """Equally spaced points by arc length in space on the polyline through `corners @ vertices`: sparse (count, V)."""
+    lengths = np.linalg.norm(np.diff(corners @ surface.vertices, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(lengths)])
+    if not along[-1] > 0:
+        raise LandmarkError("a curve has no length: its points coincide; give its endpoints apart")
     wanted = np.linspace(0, along[-1], count)
-    segment = np.clip(np.searchsorted(along, wanted, side="right") - 1, 0, len(path) - 2)
-    share = (wanted - along[segment]) / lengths[segment]
-    rows = np.concatenate([np.arange(count)] * 2)
-    columns = np.concatenate([path[segment], path[segment + 1]])
-    return sparse.csr_array((np.concatenate([1 - share, share]), (rows, columns)), shape=(count, len(surface.vertices)))
+    segment = np.clip(np.searchsorted(along, wanted, side="right") - 1, 0, len(lengths) - 1)
+    share = sparse.diags_array((wanted - along[segment]) / lengths[segment])
+    return (corners[segment] + share @ (corners[segment + 1] - corners[segment])).tocsr()
 
 
 def check_path(surface, path):
@@ -72,3 +78,12 @@ def fundus_path(surface, start, end, metric=None):
     while path[-1] != start:
         path.append(int(previous[path[-1]]))
     return np.array(path[::-1])
+
+
+def detect_curves(surface, z, endpoints):
+    """The sulci between pairs of endpoints (K, 2) as curves in the disk map z: list of (k,) complex.
+
+    The shortest paths in `fundus_metric`: the classical twin of LD-Net, behind the same call.
+    """
+    metric = fundus_metric(surface)
+    return [z[fundus_path(surface, start, end, metric)] for start, end in np.asarray(endpoints)]
