@@ -99,7 +99,10 @@ class BeltramiDiskSolver:
         problem = Dirichlet(assemble(self.faces, blocks, len(self.z)), self.loop)
         self.free_boundary = FreeBoundary(problem, self.lengths, self.pole)
         self.floored = int(self.free_boundary.floored.sum())
-        raw = self.free_boundary.f
+        return self.normalise(self.free_boundary.f)
+
+    def normalise(self, raw):
+        """The disk map (V,) that follows `raw` (V,), which keeps the circle, by the Möbius map to f(0) = 0, f(1) = 1."""
         self.a = 0j
         for _ in range(50):  # the vertex values move by a Möbius map, the value at 0 between them not quite
             centre = self.weights @ mobius(raw[self.origin], self.a)
@@ -120,7 +123,10 @@ class BeltramiDiskSolver:
         """
         grad_f = np.asarray(grad_f, complex)
         grad_raw = self._unnormalise(np.atleast_2d(grad_f).T)
-        grad_mu = sum(self._block_pullback(lam, x) for lam, x in self.free_boundary.pullback(grad_raw))
+        grad_mu = np.zeros((len(self.faces), grad_raw.shape[1]), complex)
+        for lam, x in self.free_boundary.pullback(grad_raw):
+            some = lam.any(0)  # gradients of Re f(p) alone have no part in Im f, and the other way round
+            grad_mu[:, some] += self._block_pullback(lam[:, some], x)
         return grad_mu.T.reshape(*grad_f.shape[:-1], len(self.faces))
 
     def _unnormalise(self, grad_f):

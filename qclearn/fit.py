@@ -19,6 +19,7 @@ from .mobius import best_mobius, compose_mobius, mobius, mobius_inverse
 FIRST_GAMMA = 1e2  # continuation: one step at each power of ten from here to gamma
 STEPS_AT_GAMMA = 5
 STEPS_ON_MESH = 6
+SETTLED = 0.98  # a step that keeps more than this share of the objective is the last one
 TANGENTIAL_WEIGHT = 0.1  # of a sliding landmark's residual along its target curve
 MOBIUS_PRIOR = 1e-6  # weak, keeps the step of the three Möbius parameters bounded
 
@@ -117,8 +118,13 @@ class Forward:
         self.evaluate = sampling_matrix(z, faces, points)
 
     def map(self, nu, parameters):
-        """M after f at every vertex, (V,)."""
-        return mobius(self.solver.solve(bounded(self.to_faces @ nu)), *parameters)
+        """M after f at every vertex, (V,); the mapped landmarks stay in `points`."""
+        f = self.finish(mobius(self.solver.solve(bounded(self.to_faces @ nu)), *parameters))
+        self.points = self.evaluate @ f
+        return f
+
+    def finish(self, f):
+        return f
 
     def gradients(self, nu):
         """Gradients of Re f(p) and Im f(p) with respect to nu at the last map, complex (M, n) each."""
@@ -133,17 +139,15 @@ class MeshForward(Forward):
 
     switched = 0
 
-    def map(self, nu, parameters):
-        w = super().map(nu, parameters)
+    def finish(self, f):
         self.switched = 0
-        if len(flipped_faces(self.faces, w)):
-            mu = self.solver.mu
-            corners = self.z[self.faces]
+        if len(flipped_faces(self.faces, f)):
+            mu, corners = self.solver.mu, self.z[self.faces]
             sides = np.roll(corners, -1, axis=1) - np.roll(corners, -2, axis=1)
             lengths = abs(sides + mu[:, None] * sides.conj())  # of the triangles in the metric of mu
-            w, rows, _ = repair(stiffness(self.z, self.faces, mu), self.faces, lengths, w)
+            f, rows, _ = repair(stiffness(self.z, self.faces, mu), self.faces, lengths, f)
             self.switched = len(rows)
-        return w
+        return f
 
 
 class GaussNewton:
@@ -161,10 +165,11 @@ class GaussNewton:
     def objective(self, nu, w, gamma):
         return self.prior(nu) + (self.landmarks.components(w - self.landmarks.target, gamma) ** 2).sum()
 
-    def prepare(self, nu, gradients, w, parameters, gamma):
-        """The linearisation at nu: returns `step(nu, w)`, which may be called again with later residuals."""
+    def prepare(self, nu, forward, parameters, gamma):
+        """The linearisation at nu: returns `step(nu, w)`, which may be called again with later mapped points w."""
+        forward.map(nu, parameters)
+        gradients, w, a = forward.gradients(nu), forward.points, parameters[0]
         f = mobius_inverse(w, *parameters)
-        a = parameters[0]
         slope = np.exp(1j * parameters[1]) * (1 - abs(a) ** 2) / (1 - np.conj(a) * f) ** 2
         J = self.landmarks.jacobian(slope, *gradients, gamma)
         # A Möbius increment as a composition: dw = i w dtheta - da + conj(da) w^2.
@@ -189,18 +194,18 @@ def mass_matrix(z, faces):
     return assemble(faces, blocks, len(z))
 
 
-def descend(newton, forward, step, nu, parameters, w, gamma):
-    """One damped step: (nu, parameters, f, w) with the objective lowered, or None where no half of it lowers it."""
-    change, da, dtheta = step(nu, w)
-    before, share = newton.objective(nu, w, gamma), 1.0
+def descend(newton, forward, step, nu, parameters, gamma):
+    """One damped step: (nu, parameters, f) with the objective lowered, or None where no share of it lowers it."""
+    mapped = forward.points
+    before, share = newton.objective(nu, mapped, gamma), 1.0
+    change, da, dtheta = step(nu, mapped)
     while share > 0.1:
-        candidate = nu + share * change
-        moved = compose_mobius(parameters, (share * da, share * dtheta))
+        candidate, moved = nu + share * change, compose_mobius(parameters, (share * da, share * dtheta))
         f = forward.map(candidate, moved)
-        mapped = forward.evaluate @ f
-        if newton.objective(candidate, mapped, gamma) < before:
-            return candidate, moved, f, mapped
+        if newton.objective(candidate, forward.points, gamma) < before:
+            return candidate, moved, f
         share /= 2
+    forward.points = mapped
     return None
 
 
@@ -219,55 +224,56 @@ def fit_landmarks(z, faces, moving, target, alpha=1.0, beta=1e-2, gamma=1e5, cur
     moving, target, curve = check_landmarks(moving, target, curve, sliding)
     check_weights(alpha, beta, gamma)
     rings = rings or int(np.clip(np.sqrt(len(z) / 3), 8, 32))
-    grid, triangles = polar_disk(rings, 3 * rings, power=1.4)
-    newton = GaussNewton(grid, triangles, Landmarks(target, curve, sliding), alpha, beta)
-    to_grid_faces = sampling_matrix(grid, triangles, grid[triangles].mean(1))
-    coarse = Forward(grid, triangles, moving, to_grid_faces)
-    fine = MeshForward(z, faces, moving, sampling_matrix(grid, triangles, z[faces].mean(1)))
-    nu = np.zeros(len(grid), complex) if start is None else start_field(z, faces, start, grid)
-    state, steps = fit_on_grid(newton, coarse, nu, best_mobius(moving, target), gamma, watch)
-    f, nu, parameters, polished = fit_on_mesh(newton, coarse, fine, *state, gamma, watch)
-    return report_fit(newton, fine, z, faces, f, nu, parameters, (steps, polished), (alpha, beta, gamma))
+    landmarks, weights = Landmarks(target, curve, sliding), (alpha, beta, gamma)
+    newton, coarse = polar_model(rings // 2, landmarks, moving, alpha, beta)
+    nu = np.zeros(len(coarse.z), complex) if start is None else start_field(z, faces, start, coarse.z)
+    nu, parameters, steps = fit_on_grid(newton, coarse, nu, best_mobius(moving, target), gamma, watch)
+    newton, finer = polar_model(rings, landmarks, moving, alpha, beta)
+    nu = sampling_matrix(coarse.z, coarse.faces, finer.z) @ nu
+    step = newton.prepare(nu, finer, parameters, gamma)
+    fine = MeshForward(z, faces, moving, sampling_matrix(finer.z, finer.faces, z[faces].mean(1)))
+    f, nu, parameters, polished = fit_on_mesh(newton, fine, step, nu, parameters, gamma, watch)
+    return report_fit(newton, fine, z, faces, f, nu, parameters, (steps, polished), weights)
+
+
+def polar_model(rings, landmarks, points, alpha, beta):
+    """The prior and the forward model on a graded polar mesh of that many rings: (GaussNewton, Forward)."""
+    z, faces = polar_disk(rings, 3 * rings, power=1.4)
+    to_faces = sampling_matrix(z, faces, z[faces].mean(1))
+    return GaussNewton(z, faces, landmarks, alpha, beta), Forward(z, faces, points, to_faces)
 
 
 def fit_on_grid(newton, forward, nu, parameters, gamma, watch):
-    """Continuation in gamma on the polar mesh: ((nu, parameters, w), number of steps)."""
-    low = FIRST_GAMMA if not nu.any() else gamma
-    levels = [g for g in 10.0 ** np.arange(np.log10(low), np.log10(gamma) - 1e-9)] + [gamma] * STEPS_AT_GAMMA
-    w, steps = forward.evaluate @ forward.map(nu, parameters), 0
-    for level in levels:
+    """Steps on a polar mesh, from nu = 0 with continuation in gamma: (nu, parameters, steps)."""
+    low = gamma if nu.any() else min(FIRST_GAMMA, gamma)
+    levels = [*10.0 ** np.arange(np.log10(low), np.log10(gamma) - 1e-9), *[gamma] * STEPS_AT_GAMMA]
+    for taken, level in enumerate(levels, 1):
         if watch:
             watch()
-        before = newton.objective(nu, w, level)
-        step = newton.prepare(nu, forward.gradients(nu), w, parameters, level)
-        result, steps = descend(newton, forward, step, nu, parameters, w, level), steps + 1
-        if result is None:
-            forward.map(nu, parameters)
-            continue
-        nu, parameters, _, w = result
-        if level == gamma and newton.objective(nu, w, gamma) > 0.98 * before:
+        step = newton.prepare(nu, forward, parameters, level)
+        before = newton.objective(nu, forward.points, level)
+        result = descend(newton, forward, step, nu, parameters, level)
+        if result:
+            nu, parameters, _ = result
+        if level == gamma and (result is None or newton.objective(nu, forward.points, gamma) > SETTLED * before):
             break
-    return (nu, parameters, w), steps
+    return nu, parameters, taken
 
 
-def fit_on_mesh(newton, coarse, fine, nu, parameters, w, gamma, watch):
-    """Last steps with the residual of the caller's own mesh and the polar mesh's derivative: (f, nu, parameters, steps)."""
-    step = newton.prepare(nu, coarse.gradients(nu), w, parameters, gamma)
+def fit_on_mesh(newton, fine, step, nu, parameters, gamma, watch):
+    """Last steps: the residual of the caller's own mesh, the polar mesh's derivative: (f, nu, parameters, steps)."""
     f = fine.map(nu, parameters)
-    w, steps = fine.evaluate @ f, 0
-    for _ in range(STEPS_ON_MESH):
+    for taken in range(STEPS_ON_MESH):
         if watch:
             watch()
-        before = newton.objective(nu, w, gamma)
-        result = descend(newton, fine, step, nu, parameters, w, gamma)
+        before = newton.objective(nu, fine.points, gamma)
+        result = descend(newton, fine, step, nu, parameters, gamma)
         if result is None:
-            f = fine.map(nu, parameters)
+            return fine.map(nu, parameters), nu, parameters, taken
+        nu, parameters, f = result
+        if newton.objective(nu, fine.points, gamma) > SETTLED * before:
             break
-        nu, parameters, f, w = result
-        steps += 1
-        if newton.objective(nu, w, gamma) > 0.98 * before:
-            break
-    return f, nu, parameters, steps
+    return f, nu, parameters, taken + 1
 
 
 def start_field(z, faces, mu, grid):
