@@ -81,7 +81,12 @@ class BeltramiDiskSolver:
         self.loop = np.roll(loop, -(first + 1) if angle.min() == 0 else -first)
         before, after = np.angle(self.z[self.loop[:2]])
         self.share = -before / (after - before)  # 1 lies at this share of the edge
-        self.lengths = abs(np.roll(self.z[self.loop], -1) - self.z[self.loop])
+        following = np.roll(self.z[self.loop], -1)
+        self.lengths = abs(following - self.z[self.loop])
+        steps = np.angle(following / self.z[self.loop])
+        if steps.min() <= 0:  # a chord spans half of the circle or more
+            raise SurfaceError(f"the mesh does not cover 0: boundary vertex {self.loop[steps.argmin()]} and the next "
+                               "are half a turn apart or more; refine the boundary, or centre the mesh by `mobius`")
         face, weights = locate(self.z, self.faces, [0j])
         self.origin, self.weights = self.faces[face[0]], weights[0]
         self.pole = self._choose_pole()

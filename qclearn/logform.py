@@ -1,0 +1,53 @@
+"""The log form: a second, independent route to the disk map with a free boundary, for tests and for teaching."""
+
+import numpy as np
+
+from .beltrami import Dirichlet, check_coefficient, diffuse, signed_areas, stiffness
+from .disk import BeltramiDiskSolver
+
+
+def solve_beltrami_disk_log(z, faces, mu):
+    """The disk self-map with Beltrami coefficient mu (F,), free boundary, f(0) = 0 and f(1) = 1, complex (V,).
+
+    Away from the pole `F = log f` solves `F_zbar = mu F_z`. With `L = z + mu0 conj(z)`, mu0 the mean of mu around the
+    pole, `F = log L + u + iv` with bounded u (Dirichlet, `u = -log|L|` on the circle) and v (natural condition):
+    `int A grad u . grad phi = -int A grad log|L| . grad phi - 2 pi phi(0)`, the same with arg L and without the pole
+    for v; then `f = L exp(u + iv)`. Not certified: a second route beside `solve_beltrami_disk`, twice its work, and
+    its boundary can run backwards on ragged meshes. Errors: BeltramiError, SurfaceError.
+    """
+    mesh = BeltramiDiskSolver(z, faces)
+    z, faces, loop, pole = mesh.z, mesh.faces, mesh.loop, mesh.pole
+    mu = check_coefficient(mu, len(faces))
+    around = (faces == pole).any(1)
+    mu0 = np.average(mu[around], weights=mesh.areas[around])
+    L = z - z[pole] + mu0 * np.conj(z - z[pole])
+    # d(log L) = ((1 + mu0) dx + i (1 - mu0) dy) / L: real part for log|L|, imaginary part for arg L.
+    x, y = np.array([1 + mu0, 1j * (1 - mu0)])[:, None] * mean_reciprocal(L, faces)
+
+    def load(gradient):
+        flux = diffuse(mu, gradient)[:, None]
+        per_corner = mesh.areas[:, None] * (mesh.gradients.conj() * flux).real
+        return -np.bincount(faces.ravel(), per_corner.ravel(), len(z))
+
+    matrix, u, v = stiffness(z, faces, mu), np.zeros(len(z)), np.zeros(len(z))
+    u[loop] = -np.log(abs(L[loop]))
+    source = load(x.real + 1j * y.real)
+    source[pole] -= 2 * np.pi
+    problem = Dirichlet(matrix, loop)
+    u[problem.free] = problem.solve_free(source[problem.free] - problem.coupling @ u[loop])
+    problem = Dirichlet(matrix, loop[:1])  # a constant in v is a rotation, which the normalisation removes
+    v[problem.free] = problem.solve_free(load(x.imag + 1j * y.imag)[problem.free])
+    return mesh.normalise(L * np.exp(u + 1j * v))
+
+
+def mean_reciprocal(L, faces):
+    """Exact mean of 1/L over each triangle, complex (F,), L affine there with at most a corner at 0.
+
+    Stokes: `int dA / L = (1/2i) sum over edges of (conj(a) - a conj(b - a)/(b - a)) log(b / a)`, a, b = L at its ends.
+    """
+    a = L[faces]
+    b = np.roll(a, -1, axis=1)
+    touching = (a == 0) | (b == 0)  # such an edge contributes 0, the limit of the formula
+    ratio = np.where(touching, 1, b) / np.where(touching, 1, a)
+    terms = (a.conj() - a * (b - a).conj() / (b - a)) * np.log(ratio)
+    return terms.sum(1) / (2j * signed_areas(L, faces))
