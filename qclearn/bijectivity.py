@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from scipy import sparse
 
-from .beltrami import Dirichlet, assemble, signed_areas
+from .beltrami import BeltramiError, Dirichlet, assemble, signed_areas
 from .diskmesh import boundary_loop
 
 
@@ -39,11 +39,15 @@ def check_bijective(z, faces, f):
     """Decide whether the piecewise linear map z -> f of a triangulated disk is a bijection onto its image.
 
     It is one when every triangle keeps its positive orientation and the image of the boundary is a simple polygon
-    run once counter-clockwise. Faces whose image is degenerate to rounding count as flipped. Raises ValueError
+    run once counter-clockwise. Faces whose image is degenerate to rounding count as flipped. Raises BeltramiError
     where the source mesh itself is folded or is not a disk. Complex z and f (V,), faces (F, 3).
     """
-    if (signed_areas(z, faces) <= 0).any():
-        raise ValueError("the source mesh has folded triangles: a map of it cannot be certified")
+    if np.shape(f) != np.shape(z):
+        raise BeltramiError(f"f has shape {np.shape(f)}, but the mesh has {len(z)} vertices: give one value a vertex")
+    bad = np.flatnonzero(~(signed_areas(z, faces) > 0))
+    if len(bad):
+        raise BeltramiError(f"{len(bad)} triangles of the source mesh are folded or without area (first: "
+                            f"{bad[:5].tolist()}): a map of it cannot be certified")
     return check_embedding(faces, f)
 
 
@@ -67,9 +71,10 @@ def mean_value_matrix(faces, lengths, n_vertices):
     that a map whose rows are all of this kind and whose boundary is convex is a bijection (Tutte, Floater).
     """
     opposite, left, right = lengths, np.roll(lengths, -1, axis=1), np.roll(lengths, -2, axis=1)
-    # tan(a/2) from the three sides, a sliver's angle included: sqrt((o^2 - (l - r)^2) / ((l + r)^2 - o^2)).
-    half = np.sqrt(np.maximum(opposite ** 2 - (left - right) ** 2, 0) / ((left + right) ** 2 - opposite ** 2))
-    half = np.maximum(half, 1e-12)
+    # tan(a/2) = sqrt((o^2 - (l - r)^2) / ((l + r)^2 - o^2)); in a sliver rounding can make either part negative.
+    smallest = 1e-24 * (left + right) ** 2
+    half = np.sqrt(np.maximum(opposite ** 2 - (left - right) ** 2, smallest)
+                   / np.maximum((left + right) ** 2 - opposite ** 2, smallest))
     blocks = np.zeros((len(faces), 3, 3))
     for corner in range(3):
         following, last = (corner + 1) % 3, (corner + 2) % 3
@@ -95,11 +100,11 @@ def repair(matrix, faces, lengths, f, switched=(), most_rounds=30):
     switched[np.asarray(already, int)] = True
     for _ in range(most_rounds):
         flipped = flipped_faces(faces, f)
-        wanted = _interior_of(faces[flipped], boundary, len(f))
-        if not wanted.any() or not (~switched).sum() > len(boundary):
+        wanted, reached = _interior_of(faces[flipped], boundary, len(f)), 0
+        while wanted.sum() > reached and not (wanted & ~switched).any():  # one ring more, as long as there is one
+            wanted, reached = _interior_of(faces[wanted[faces].any(1)], boundary, len(f)), wanted.sum()
+        if not (wanted & ~switched).any():
             break
-        while not (wanted & ~switched).any():
-            wanted = _interior_of(faces[wanted[faces].any(1)], boundary, len(f))
         switched |= wanted
         average = mean_value_matrix(faces, lengths, len(f)) if average is None else average
         keep = sparse.diags_array(np.where(switched, 0.0, 1 / matrix.diagonal()))

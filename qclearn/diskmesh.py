@@ -3,6 +3,8 @@
 import numpy as np
 import shapely
 
+from .beltrami import BeltramiError
+
 
 def square_to_disk(w):
     """Radial map of the square [-1, 1]^2 onto the unit disk, `w max(|cos t|, |sin t|)`, t = arg w; 0 to 0."""
@@ -61,7 +63,10 @@ def polar_disk(nr, nt, power=1.0):
 
 
 def boundary_loop(faces):
-    """Vertices of the boundary of a triangulated disk, counter-clockwise, from the smallest index: (B,)."""
+    """Vertices of the boundary of a triangulated disk, counter-clockwise, from the smallest index: (B,).
+
+    BeltramiError if the faces have no boundary or several, or touch in a vertex.
+    """
     faces = np.asarray(faces)
     tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     n = int(faces.max()) + 1
@@ -71,7 +76,7 @@ def boundary_loop(faces):
     while len(loop) <= len(following) and following.get(loop[-1]) != loop[0]:
         loop.append(following.get(loop[-1]))
     if len(following) != alone.sum() or len(loop) != len(following):
-        raise ValueError("the faces do not form a disk with one simple boundary loop")
+        raise BeltramiError("the faces do not form a disk with one simple boundary loop")
     return np.array(loop)
 
 

@@ -1,0 +1,255 @@
+"""The certificate, its rounding, and the repair by row switching."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from exact_maps import DISK_MAPS, SLIDING
+from meshes import random_disk
+
+from qclearn.beltrami import BeltramiError, signed_areas, stiffness
+from qclearn.bijectivity import check_bijective, check_embedding, flipped_faces, mean_value_matrix, repair
+from qclearn.disk import BeltramiDiskSolver, edge_lengths
+from qclearn.diskmesh import boundary_loop, polar_disk
+
+DISK = random_disk(seed=1)
+
+
+def strip(n_long=60, n_wide=3):
+    """A triangulated rectangle [0, 1] x [0, 1] as complex numbers, counter-clockwise faces."""
+    x, y = np.meshgrid(np.linspace(0, 1, n_long + 1), np.linspace(0, 1, n_wide + 1))
+    a = (np.arange(n_wide)[:, None] * (n_long + 1) + np.arange(n_long)).ravel()
+    b, c, d = a + 1, a + n_long + 2, a + n_long + 1
+    return (x + 1j * y).ravel(), np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+
+
+def bent(w, turns):
+    """The rectangle bent along a circle, its first side at angle 0, its lower side outside."""
+    return (1 - 0.4 * w.imag) * np.exp(2j * np.pi * turns * w.real)
+
+
+# The certificate.
+
+@pytest.mark.parametrize("exact", DISK_MAPS, ids=lambda exact: exact.name)
+def test_bijections_are_certified(exact):
+    z, faces = DISK
+    certificate = check_bijective(z, faces, exact(z))
+    assert certificate.bijective and certificate.boundary and certificate.flipped.tolist() == []
+
+
+def test_flipped_faces_are_named():
+    z, faces = DISK
+    f = SLIDING(z)
+    inner = abs(z).argmin()
+    f[inner] += 0.4
+    certificate = check_bijective(z, faces, f)
+    assert not certificate.bijective and certificate.boundary
+    assert certificate.flipped.tolist() == np.flatnonzero(signed_areas(f, faces) < 0).tolist()
+    assert 0 < len(certificate.flipped) < 10 and (faces[certificate.flipped] == inner).any(1).all()
+
+
+def test_reflection_flips_every_face():
+    z, faces = DISK
+    certificate = check_bijective(z, faces, z.conj())
+    assert len(certificate.flipped) == len(faces) and not certificate.boundary and not certificate.bijective
+
+
+def test_boundary_wound_twice_is_found_though_every_triangle_is_positive():
+    z, faces = polar_disk(4, 25)
+    doubled = np.divide(z ** 2, abs(z), out=np.zeros_like(z), where=z != 0)
+    assert (signed_areas(doubled, faces) > 0).all()
+    certificate = check_bijective(z, faces, doubled)
+    assert len(certificate.flipped) == 0 and not certificate.boundary and not certificate.bijective
+
+
+def test_boundary_that_crosses_itself_is_found_though_every_triangle_is_positive():
+    w, faces = strip()
+    spiral = bent(w, 1.2) * (1 - 0.1 * w.real)
+    assert (signed_areas(spiral, faces) > 0).all()
+    certificate = check_bijective(w, faces, spiral)
+    assert len(certificate.flipped) == 0 and not certificate.boundary and not certificate.bijective
+
+
+def test_image_need_not_be_convex():
+    w, faces = strip()
+    assert check_bijective(w, faces, bent(w, 0.95)).bijective
+    assert check_bijective(w, faces, bent(w, 1.4) * (1 - 0.7 * w.real)).bijective  # a spiral without overlap
+
+
+def test_boundary_that_touches_itself_is_found():
+    w, faces = strip()
+    f = bent(w, 0.95)
+    first, last = np.flatnonzero(w == 0)[0], np.flatnonzero(w == 1)[0]
+    f[last] = f[first]
+    assert (signed_areas(f, faces) > 0).all()
+    assert not check_bijective(w, faces, f).bijective
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, complex(0, np.nan)])
+@pytest.mark.parametrize("vertex", ["inner", "boundary"])
+def test_not_finite_is_not_bijective(value, vertex):
+    z, faces = DISK
+    f = z.copy()
+    index = boundary_loop(faces)[3] if vertex == "boundary" else abs(z).argmin()
+    f[index] = value
+    with np.errstate(invalid="ignore"):
+        certificate = check_bijective(z, faces, f)
+    assert not certificate.bijective
+    assert set(np.flatnonzero((faces == index).any(1))) <= set(certificate.flipped.tolist())
+
+
+def test_collapsed_face_counts_as_flipped():
+    z, faces = polar_disk(2, 8)
+    f = z.copy()
+    f[1] = 0  # an inner vertex moved onto the centre, which its first two faces share; a third becomes collinear
+    flat = np.flatnonzero(abs(signed_areas(f, faces)) < 1e-16)
+    assert len(flat) == 3 and check_bijective(z, faces, f).flipped.tolist() == flat.tolist()
+
+
+@pytest.mark.parametrize("spoil", ["folded", "NaN", "no area"])
+def test_source_must_not_be_folded(spoil):
+    z, faces = polar_disk(2, 8)
+    source = z.copy()
+    source[1] = {"folded": 5, "NaN": np.nan, "no area": 0}[spoil]
+    with pytest.raises(BeltramiError, match="cannot be certified"):
+        check_bijective(source, faces, z)
+
+
+def test_map_of_another_mesh():
+    z, faces = polar_disk(2, 8)
+    with pytest.raises(BeltramiError, match=r"shape \(18,\), but the mesh has 17 vertices"):
+        check_bijective(z, faces, np.append(z, 0))
+
+
+def test_embedding_needs_a_disk():
+    z, faces = polar_disk(3, 8)
+    with pytest.raises(BeltramiError, match="one simple boundary loop"):
+        check_embedding(faces[(faces != 0).all(1)], z)
+
+
+# Rounding: the sign of a nearly flat triangle, decided in rational numbers.
+
+def exact_double_area(a, b, c):
+    (ax, ay), (bx, by), (cx, cy) = ((Fraction(float(p.real)), Fraction(float(p.imag))) for p in (a, b, c))
+    return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+
+
+def nearly_flat_triangles():
+    """Kettner et al., Classroom examples of robustness problems: floating point gets many of these signs wrong."""
+    ulp = 2.0 ** -53
+    i, j = (k.ravel() for k in np.meshgrid(np.arange(48), np.arange(48)))
+    corners = np.stack([0.5 + i * ulp + 1j * (0.5 + j * ulp), np.full(i.size, 12 + 12j), np.full(i.size, 24 + 24j)], 1)
+    return corners.ravel(), np.arange(corners.size).reshape(-1, 3)
+
+
+def test_rounding_never_hides_a_flip():
+    f, faces = nearly_flat_triangles()
+    exact = np.array([exact_double_area(*f[face]) for face in faces])
+    rounded = signed_areas(f, faces)
+    assert ((rounded > 0) & (exact <= 0)).any()  # the case is a real one
+    flipped = flipped_faces(faces, f)
+    assert set(np.flatnonzero(exact <= 0)) <= set(flipped.tolist())
+
+
+@pytest.mark.parametrize("scale, shift", [(1, 0), (1e-8, 0), (1e8, 0), (1e-6, 0.7 - 0.2j)])
+def test_thin_triangles_beyond_doubt_are_not_flipped(scale, shift):
+    """A triangle of height 1e-7 of its length, wherever it lies as long as its coordinates resolve that."""
+    f = shift + scale * np.exp(0.4j) * np.array([0, 1, 0.4 + 1e-7j, 0.4 - 1e-7j])
+    assert flipped_faces(np.array([[0, 1, 2], [0, 1, 3]]), f).tolist() == [1]
+
+
+# The mean-value matrix.
+
+def test_mean_value_rows_are_averages():
+    z, faces = DISK
+    matrix = mean_value_matrix(faces, edge_lengths(z, faces), len(z)).toarray()
+    np.testing.assert_allclose(np.diag(matrix), 1, rtol=1e-14)
+    np.testing.assert_allclose(matrix.sum(1), 0, atol=1e-13)
+    off = matrix - np.diag(np.diag(matrix))
+    edges = np.zeros(off.shape, bool)
+    edges[faces, np.roll(faces, 1, axis=1)] = edges[faces, np.roll(faces, -1, axis=1)] = True
+    assert ((off < 0) == edges).all()
+
+
+def test_mean_value_rows_reproduce_linear_functions():
+    """Floater's property at every interior vertex, in the plane of the mesh and in the metric of a constant mu."""
+    z, faces = DISK
+    inner = np.setdiff1d(np.arange(len(z)), boundary_loop(faces))
+    for picture in (z, z + (0.5 - 0.3j) * z.conj()):
+        matrix = mean_value_matrix(faces, edge_lengths(picture, faces), len(z))
+        assert abs(matrix @ picture)[inner].max() < 1e-13
+
+
+@pytest.mark.parametrize("height", [1e-5, 1e-9, 1e-12, 0.0])
+def test_mean_value_rows_of_slivers_stay_positive(height):
+    z = np.array([0, 1, 0.5 + 1j * height, 0.5 + 1j, 0.5 - 1j])
+    faces = np.array([[0, 1, 2], [1, 3, 2], [3, 0, 2], [0, 4, 1]])
+    matrix = mean_value_matrix(faces, edge_lengths(z, faces), len(z)).toarray()
+    assert np.isfinite(matrix).all()
+    assert (matrix[2, [0, 1, 3]] < 0).all() and matrix[2].sum() == pytest.approx(0, abs=1e-12)
+
+
+def test_edge_lengths_lie_opposite_their_corners():
+    z, faces = np.array([0, 3, 4j]), np.array([[0, 1, 2], [2, 0, 1]])
+    assert edge_lengths(z, faces).tolist() == [[5, 4, 3], [3, 5, 4]]
+    assert edge_lengths(np.stack([z.real, z.imag, 0 * z.real], 1), faces).tolist() == [[5, 4, 3], [3, 5, 4]]
+
+
+# The repair.
+
+def folding_problem(seed):
+    """A coefficient that jumps from face to face and folds the disk map: (z, faces, mu, f, metric edge lengths)."""
+    z, faces = DISK
+    rng = np.random.default_rng(seed)
+    mu = 0.93 * np.sqrt(rng.uniform(size=len(faces))) * np.exp(2j * np.pi * rng.uniform(size=len(faces)))
+    f = BeltramiDiskSolver(z, faces).solve(mu)
+    edges = np.roll(z[faces], -1, axis=1) - np.roll(z[faces], -2, axis=1)
+    return z, faces, mu, f, abs(edges + mu[:, None] * edges.conj())
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_repair_unfolds(seed):
+    z, faces, mu, f, lengths = folding_problem(seed)
+    before = check_bijective(z, faces, f)
+    assert len(before.flipped) and before.boundary
+    matrix = stiffness(z, faces, mu)
+    mended, switched, problem = repair(matrix, faces, lengths, f)
+    assert check_bijective(z, faces, mended).bijective
+    loop = boundary_loop(faces)
+    assert (mended[loop] == f[loop]).all()
+    # Every interior row is either the Beltrami equation or an average, and the faces that were flipped are switched.
+    kept = np.setdiff1d(np.arange(len(z)), np.concatenate([loop, switched]))
+    assert len(kept) > 0.2 * len(z) and len(np.intersect1d(switched, loop)) == 0
+    assert abs(matrix @ mended)[kept].max() < 1e-11 * matrix.diagonal().max()
+    assert abs(mean_value_matrix(faces, lengths, len(z)) @ mended)[switched].max() < 1e-12
+    assert np.isin(np.setdiff1d(faces[before.flipped], loop), switched).all()
+    np.testing.assert_allclose(problem.solve(f[loop]), mended, atol=1e-12)
+
+
+def test_repair_keeps_rows_switched_before():
+    _, faces, mu, f, lengths = folding_problem(0)
+    matrix = stiffness(*DISK, mu)
+    inner = np.setdiff1d(np.arange(len(f)), boundary_loop(faces))
+    assert set(inner[:5]) <= set(repair(matrix, faces, lengths, f, inner[:5])[1].tolist())
+
+
+def test_nothing_to_repair():
+    z, faces = DISK
+    f = SLIDING(z)
+    mended, switched, problem = repair(stiffness(z, faces, np.zeros(len(faces))), faces, edge_lengths(z, faces), f)
+    assert mended is f and len(switched) == 0 and problem is None
+
+
+@pytest.mark.parametrize("chord", [False, True])
+def test_repair_ends_where_it_cannot_help(chord):
+    """A folded boundary survives every row; with a chord across the mesh the rows beyond it are out of reach."""
+    z, faces = polar_disk(3, 9)
+    first, second = boundary_loop(faces)[:2]
+    if chord:
+        faces = np.concatenate([faces, [[first, 28, 29], [28, second, 29], [second, first, 29]]])
+        z = np.append(z, np.array([1.5, 1.1]) * np.exp(1j * np.pi / 9))
+    f = z.copy()
+    f[first + 5], f[1] = 0.9, 2  # a boundary vertex drawn across the disk
+    mended, switched, _ = repair(stiffness(z, faces, np.zeros(len(faces))), faces, edge_lengths(z, faces), f)
+    assert not check_embedding(faces, mended).bijective
+    assert 0 < len(switched) <= 19
