@@ -1,0 +1,101 @@
+"""Synthetic cortical hemispheres with named sulci and a known dense correspondence."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from qclearn.surface import Surface
+
+from .fundus import trace
+from .growth import depth_below, grow, hull_distance, neighbour_table
+from .individual import Individual, smooth_field
+from .tessellation import even_points, triangulate
+
+
+class CortexError(ValueError):
+    """A synthetic hemisphere that cannot be made, read or matched: says what was asked and what is possible."""
+
+
+@dataclass(frozen=True)
+class Mechanics:
+    """The growing shell. Unit of length: half the hemisphere; of stiffness: an edge spring, at 10,000 vertices."""
+
+    growth: float = 1.72  # final stretch of the rest lengths
+    modulation: float = 0.03  # its smooth relative variation
+    bending: float = 1.2  # umbrella bi-Laplacian
+    foundation: float = 0.01  # spring to the unfolded surface ...
+    saturation: float = 0.25  # ... whose force stays constant beyond this displacement
+    outer: float = 0.005  # limit outside the hull (skull)
+    depth: float = 0.26  # floor inside the hull
+    touch: float = 1.3  # contact distance in grown edge lengths
+    stiffness: float = 3.0  # of contact
+    pull: float = 0.015  # inward force on furrows, released after mid-growth
+    noise: float = 0.01  # random initial relief
+    steps: int = 2000
+    time_step: float = 0.2
+    damping: float = 0.25
+    refresh: int = 10  # steps between contact searches
+    settle: float = 2.0  # factor that the bending reaches after growth, which rounds the creases
+
+
+@dataclass(frozen=True)
+class Cortex:
+    """A synthetic hemisphere: the surface in mm with its curves, and each vertex' point on the template sphere (V, 3).
+
+    The template's frame is lateral, anterior, superior for both sides, so homologous points of left and right agree.
+    """
+
+    surface: Surface
+    template: np.ndarray
+    seed: int
+    hemisphere: str
+
+    @property
+    def curves(self):
+        """Named fundus paths, dict name -> (k,) vertices: the surface's own."""
+        return self.surface.curves
+
+
+def vertex_normals(x, faces):
+    """Unit normals (V, 3), area weighted."""
+    n = np.cross(x[faces[:, 1]] - x[faces[:, 0]], x[faces[:, 2]] - x[faces[:, 0]])
+    total = np.stack([np.bincount(faces.ravel(), np.repeat(n[:, k], 3), len(x)) for k in range(3)], axis=1)
+    return total / np.linalg.norm(total, axis=1, keepdims=True)
+
+
+def make_cortex(seed, n_vertices=10_000, hemisphere="left", mechanics=Mechanics()):
+    """A folded hemisphere without its medial wall: a disk of n_vertices, outward oriented, in millimetres."""
+    person = Individual(seed, hemisphere)
+    directions, rim = even_points(person.position, n_vertices, person.rng)
+    rest, template = person.position(directions), person.template(directions)
+    faces = triangulate(directions, rim, rest, template)
+    x, depth = _fold(person, directions, rim, rest, faces, mechanics)
+    normal = vertex_normals(x, faces)
+    start, index = neighbour_table(faces, len(x))
+    curves = {name: trace(x, rest, normal, start, index, depth, person.position(course))
+              for name, course in person.courses.items()}
+    vertices = person.size * x
+    if hemisphere == "left":
+        vertices, faces = vertices * [-1, 1, 1], faces[:, ::-1]
+    return Cortex(Surface(vertices, faces, curves), template, seed, hemisphere)
+
+
+def _fold(person, directions, rim, rest, faces, mechanics):
+    """Folded positions (V, 3) and their depth (V,) below the hull, in units of half the hemisphere."""
+    m, count, rng = mechanics, len(rest), person.rng
+    ratio = count / 10_000
+    normal = vertex_normals(rest, faces)
+    start, index = neighbour_table(faces, count)
+    owner = np.repeat(np.arange(count), np.diff(start))
+    rest_length = np.linalg.norm(rest[owner] - rest[index], axis=1)
+    held = np.arange(count) < rim
+    growth = m.growth * (1 + m.modulation * smooth_field(rng, directions, 0.5, 80))
+    relief = np.where(held, 0, m.noise * smooth_field(rng, directions, 0.1, 600))
+    pull = m.pull / ratio * person.furrows(rest)
+    settings = (m.steps, m.time_step, m.damping, m.bending * ratio, m.saturation, m.outer, m.depth,
+                m.touch * rest_length.mean(), m.stiffness, m.refresh, m.settle)
+    hull = hull_distance(person.hull)
+    x = grow(rest + relief[:, None] * normal, rest, normal, start, index, rest_length, held, growth,
+             np.full(count, m.foundation / ratio), pull, *hull, np.array(settings, dtype=float))
+    return x, depth_below(x, *hull)

@@ -1,0 +1,216 @@
+"""The folding of a growing elastic shell: explicit dynamics of springs, bending, foundation, limits and self-contact."""
+
+import numpy as np
+from numba import njit
+from scipy.spatial import cKDTree
+
+from .template import CENTRE, area_vectors, unit
+from .tessellation import fibonacci_sphere
+
+# Unit of length = half the hemisphere, of stiffness = an edge spring. Bending and foundation at 10,000 vertices; they
+# scale with n and 1/n, which keeps the modulus and with it the wavelength (bending / foundation)^(1/4) edge lengths.
+REFERENCE_COUNT = 10_000
+
+
+def neighbour_table(faces, count):
+    """Neighbours in compressed rows: start (V + 1,), index (2E,)."""
+    edge = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    edge = np.unique(edge, axis=0)
+    both = np.concatenate([edge, edge[:, ::-1]])
+    both = both[np.lexsort((both[:, 1], both[:, 0]))]
+    start = np.concatenate([[0], np.cumsum(np.bincount(both[:, 0], minlength=count))])
+    return start.astype(np.int64), np.ascontiguousarray(both[:, 1])
+
+
+def hull_distance(radius, spacing=0.03, samples=40_000):
+    """Signed distance to the hull, positive inside, on a grid around it: field (a, b, c), low corner (3,), spacing.
+
+    radius(u) is the hull's distance from CENTRE; it decides the sign far from the hull.
+    """
+    directions = fibonacci_sphere(samples)
+
+    def position(u):
+        return CENTRE + u * radius(u)[:, None]
+
+    points, normals = position(directions), unit(area_vectors(position, directions))
+    low = points.min(0) - 3 * spacing
+    shape = np.ceil((points.max(0) + 3 * spacing - low) / spacing).astype(int) + 1
+    grid = low + spacing * np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 3)
+    far, nearest = cKDTree(points).query(grid)
+    offset = grid - CENTRE
+    reach = np.linalg.norm(offset, axis=1) + 1e-12
+    sign = np.where(reach < radius(offset / reach[:, None]), 1.0, -1.0)
+    level = -np.einsum("ij,ij->i", grid - points[nearest], normals[nearest])
+    return np.where(far < 0.05, level, sign * far).reshape(shape), low, spacing
+
+
+@njit(cache=True)
+def _cells(x, size):
+    """Vertices sorted by grid cell: keys' grid origin, grid shape, sorted order, start of each cell in it."""
+    low = np.array([x[:, 0].min(), x[:, 1].min(), x[:, 2].min()])
+    high = np.array([x[:, 0].max(), x[:, 1].max(), x[:, 2].max()])
+    shape = ((high - low) / size).astype(np.int64) + 1
+    cell = np.empty(len(x), np.int64)
+    start = np.zeros(shape[0] * shape[1] * shape[2] + 1, np.int64)
+    for i in range(len(x)):
+        a, b, c = int((x[i, 0] - low[0]) / size), int((x[i, 1] - low[1]) / size), int((x[i, 2] - low[2]) / size)
+        cell[i] = (a * shape[1] + b) * shape[2] + c
+        start[cell[i] + 1] += 1
+    for k in range(len(start) - 1):
+        start[k + 1] += start[k]
+    fill, order = start.copy(), np.empty(len(x), np.int64)
+    for i in range(len(x)):
+        order[fill[cell[i]]] = i
+        fill[cell[i]] += 1
+    return low, shape, order, start
+
+
+@njit(cache=True)
+def _close_pairs(x, rest, reach, apart):
+    """Pairs (P, 2) closer than `reach` now that lay farther apart than `apart` in the rest surface."""
+    low, shape, order, start = _cells(x, reach)
+    pairs = np.empty((64 * len(x), 2), np.int64)
+    count = 0
+    for i in range(len(x)):
+        a, b, c = int((x[i, 0] - low[0]) / reach), int((x[i, 1] - low[1]) / reach), int((x[i, 2] - low[2]) / reach)
+        for p in range(max(a - 1, 0), min(a + 2, shape[0])):
+            for q in range(max(b - 1, 0), min(b + 2, shape[1])):
+                row = (p * shape[1] + q) * shape[2]
+                for k in range(start[row + max(c - 1, 0)], start[row + min(c + 2, shape[2])]):
+                    j = order[k]
+                    if j <= i:
+                        continue
+                    d = (x[i, 0] - x[j, 0])**2 + (x[i, 1] - x[j, 1])**2 + (x[i, 2] - x[j, 2])**2
+                    if d >= reach * reach or count >= len(pairs):
+                        continue
+                    d = (rest[i, 0] - rest[j, 0])**2 + (rest[i, 1] - rest[j, 1])**2 + (rest[i, 2] - rest[j, 2])**2
+                    if d > apart * apart:
+                        pairs[count, 0], pairs[count, 1] = i, j
+                        count += 1
+    return pairs[:count]
+
+
+@njit(cache=True)
+def _depth_at(point, field, low, spacing, out):
+    """Trilinear value of the signed-distance field at a point and its gradient, written to out (4,)."""
+    cell, part = np.empty(3, np.int64), np.empty(3)
+    for k in range(3):
+        scaled = (point[k] - low[k]) / spacing
+        cell[k] = min(max(int(scaled), 0), field.shape[k] - 2)
+        part[k] = min(max(scaled - cell[k], 0.0), 1.0)
+    out[:] = 0
+    for a in range(2):
+        wa, da = (part[0], 1.0) if a else (1 - part[0], -1.0)
+        for b in range(2):
+            wb, db = (part[1], 1.0) if b else (1 - part[1], -1.0)
+            for c in range(2):
+                wc, dc = (part[2], 1.0) if c else (1 - part[2], -1.0)
+                value = field[cell[0] + a, cell[1] + b, cell[2] + c]
+                out[0] += wa * wb * wc * value
+                out[1] += da * wb * wc * value / spacing
+                out[2] += wa * db * wc * value / spacing
+                out[3] += wa * wb * dc * value / spacing
+
+
+@njit(cache=True)
+def _elastic(x, start, index, rest_length, stretch, bending, laplacian, force):
+    """Adds edge springs and the umbrella bi-Laplacian to `force`; `laplacian` is work space."""
+    for i in range(len(x)):
+        sx = sy = sz = 0.0
+        for k in range(start[i], start[i + 1]):
+            j = index[k]
+            dx, dy, dz = x[j, 0] - x[i, 0], x[j, 1] - x[i, 1], x[j, 2] - x[i, 2]
+            sx += dx
+            sy += dy
+            sz += dz
+            length = np.sqrt(dx * dx + dy * dy + dz * dz) + 1e-12
+            pull = 1 - rest_length[k] * 0.5 * (stretch[i] + stretch[j]) / length
+            force[i, 0] += pull * dx
+            force[i, 1] += pull * dy
+            force[i, 2] += pull * dz
+        degree = start[i + 1] - start[i]
+        laplacian[i, 0], laplacian[i, 1], laplacian[i, 2] = sx / degree, sy / degree, sz / degree
+    for i in range(len(x)):
+        sx = sy = sz = 0.0
+        for k in range(start[i], start[i + 1]):
+            j = index[k]
+            sx += laplacian[j, 0]
+            sy += laplacian[j, 1]
+            sz += laplacian[j, 2]
+        degree = start[i + 1] - start[i]
+        force[i, 0] -= bending * (sx / degree - laplacian[i, 0])
+        force[i, 1] -= bending * (sy / degree - laplacian[i, 1])
+        force[i, 2] -= bending * (sz / degree - laplacian[i, 2])
+
+
+@njit(cache=True)
+def _contact(x, pairs, distance, stiffness, force):
+    for k in range(len(pairs)):
+        i, j = pairs[k, 0], pairs[k, 1]
+        dx, dy, dz = x[i, 0] - x[j, 0], x[i, 1] - x[j, 1], x[i, 2] - x[j, 2]
+        length = np.sqrt(dx * dx + dy * dy + dz * dz) + 1e-12
+        if length < distance:
+            push = stiffness * (distance - length) / length
+            force[i, 0] += push * dx
+            force[i, 1] += push * dy
+            force[i, 2] += push * dz
+            force[j, 0] -= push * dx
+            force[j, 1] -= push * dy
+            force[j, 2] -= push * dz
+
+
+@njit(cache=True)
+def depth_below(x, field, low, spacing):
+    """Distance (V,) of points below the hull, from the field of `hull_distance`."""
+    depth, value = np.empty(len(x)), np.empty(4)
+    for i in range(len(x)):
+        _depth_at(x[i], field, low, spacing, value)
+        depth[i] = value[0]
+    return depth
+
+
+@njit(cache=True)
+def grow(x, rest, normal, start, index, rest_length, held, growth, anchor, pull, field, low, spacing, settings):
+    """Positions (V, 3) of the folded shell, from `x` near the rest surface `rest`.
+
+    settings: steps, time step, damping, bending, saturation, outer, depth, contact distance, contact stiffness,
+    refresh interval, final factor of the bending. growth (V,) final stretch, anchor (V,) foundation stiffness, pull (V,) inward force;
+    field: signed distance to the hull (positive inside) on a grid from corner `low` with `spacing`.
+    """
+    steps, dt, damping, bending, saturation, outer, depth, touch, stiffness, refresh, settle = settings
+    steps, refresh = int(steps), int(refresh)
+    velocity, force, laplacian = np.zeros_like(x), np.zeros_like(x), np.zeros_like(x)
+    stretch, hull, where = np.ones(len(x)), np.zeros((len(x), 4)), x.copy()
+    pairs = np.empty((0, 2), np.int64)
+    for step in range(steps):
+        progress = min(1.0, step / (0.85 * steps))
+        mean_stretch = 0.0
+        for i in range(len(x)):
+            stretch[i] = 1 + (growth[i] - 1) * progress
+            mean_stretch += stretch[i] / len(x)
+        distance = touch * mean_stretch
+        if step % refresh == 0:
+            pairs = _close_pairs(x, rest, 1.25 * distance, 1.25 * touch)
+            where[:] = x
+            for i in range(len(x)):
+                _depth_at(x[i], field, low, spacing, hull[i])
+        pulling = min(1.0, progress / 0.3) * max(0.0, min(1.0, (0.85 - progress) / 0.35))
+        stiff = bending * (1 + (settle - 1) * max(0.0, step / steps - 0.85) / 0.15)
+        force[:] = 0
+        _elastic(x, start, index, rest_length, stretch, stiff, laplacian, force)
+        _contact(x, pairs, distance, stiffness, force)
+        for i in range(len(x)):
+            if held[i]:
+                continue
+            d = rest[i] - x[i]
+            length = np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) + 1e-12
+            spring = anchor[i] * min(1.0, saturation / length)
+            inside = hull[i, 0]
+            for k in range(3):
+                inside += hull[i, 1 + k] * (x[i, k] - where[i, k])
+            limit = max(0.0, -outer - inside) - max(0.0, inside - depth)
+            for k in range(3):
+                total = force[i, k] + spring * d[k] - pulling * pull[i] * normal[i, k] + 0.5 * limit * hull[i, 1 + k]
+                velocity[i, k] = (1 - damping) * (velocity[i, k] + dt * total)
+                x[i, k] += dt * velocity[i, k]
+    return x

@@ -1,0 +1,94 @@
+"""One individual: the deformed template, its size, its growth and its sulci with gaps, branches and neighbours."""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from .template import (CENTRE, COMPANIONS, LOBES, SULCI, Diffeomorphism, hull_radius, sulcus_course, unit, wall_level)
+
+VARIABILITY = 0.07  # root mean square displacement of the template, radians
+MILLIMETRES = 84.0  # half the length of an average hemisphere
+FOSSA_DEPTH, FOSSA_WIDTH = 0.22, 0.15
+FURROW_WIDTH = 0.05
+
+
+def smooth_field(rng, directions, width, count):
+    """A random field (k,) of unit variance on the sphere, smooth over `width` radians."""
+    centres, weights = unit(rng.normal(size=(count, 3))), rng.normal(size=count)
+    field = np.exp((directions @ centres.T - 1) / width**2) @ weights
+    return field / field.std()
+
+
+class Individual:
+    """The random traits of one hemisphere; the two sides of a seed share two thirds of the deformation's variance."""
+
+    def __init__(self, seed, hemisphere):
+        shared = np.random.default_rng([seed, 0])
+        self.rng = np.random.default_rng([seed, 1 + ("left", "right").index(hemisphere)])
+        self._shared = Diffeomorphism(shared, VARIABILITY * np.sqrt(2 / 3))
+        self._own = Diffeomorphism(self.rng, VARIABILITY * np.sqrt(1 / 3))
+        self._lobe_scale = 1 + 0.02 * np.clip(shared.normal(size=len(LOBES)), -2, 2)
+        self.size = MILLIMETRES * np.exp(0.035 * np.clip(shared.normal(), -1.5, 1.5))
+        self.courses = {name: self.deform(sulcus_course(points)) for name, points in SULCI.items()}
+        fossa = self.courses["sylvian fissure"]
+        self._fossa = cKDTree(CENTRE + fossa * self.hull(fossa)[:, None])
+        self._fossa_width = FOSSA_WIDTH * np.interp(np.linspace(0, 1, len(fossa)), [0, 0.15, 0.5, 1], [0.7, 1, 1, 0.3])
+
+    def deform(self, template):
+        """Directions (k, 3) on this individual's hull of template points (k, 3)."""
+        return self._own(self._shared(template))
+
+    def template(self, directions):
+        """Template points (k, 3) of directions on this individual's hull: the inverse of `deform`."""
+        return self._shared(self._own(directions, inverse=True), inverse=True)
+
+    def hull(self, directions):
+        """Hull radius (k,) in the directions (k, 3)."""
+        return hull_radius(directions, self._lobe_scale)
+
+    def position(self, directions):
+        """The surface before folding (k, 3): the hull with the open Sylvian fossa, whose floor becomes the insula."""
+        radius = self.hull(directions)
+        distance, nearest = self._fossa.query(CENTRE + directions * radius[:, None])
+        width = self._fossa_width[nearest]
+        slope = np.clip((width - distance) / (0.6 * width), 0, 1)
+        sunk = FOSSA_DEPTH * np.minimum(1, width / FOSSA_WIDTH + 0.3) * slope**2 * (3 - 2 * slope)
+        return CENTRE + directions * (radius - sunk)[:, None]
+
+    def furrows(self, rest):
+        """Strength (V,) in 0..1 with which points of the unfolded surface are drawn in early."""
+        lines = []
+        for course in self.courses.values():
+            lines.append((course, self._interrupted(len(course))))
+            lines += [(branch, np.full(len(branch), 0.7)) for branch in self._branches(course)]
+        for points in COMPANIONS.values():
+            course = self.deform(sulcus_course(points))
+            lines.append((course, self.rng.uniform(0.3, 0.9) * self._interrupted(len(course))))
+        pull = np.zeros(len(rest))
+        for course, strength in lines:
+            distance, nearest = cKDTree(self.position(course)).query(rest)
+            pull = np.maximum(pull, strength[nearest] * np.exp(-0.5 * (distance / FURROW_WIDTH) ** 2))
+        return pull
+
+    def _interrupted(self, count):
+        """Strength (count,) along a course: one, but for a gap where a gyrus bridges about every third sulcus."""
+        strength = np.ones(count)
+        if self.rng.random() < 0.35:
+            place = self.rng.uniform(0.25, 0.75)
+            strength -= 0.9 * np.exp(-0.5 * ((np.linspace(0, 1, count) - place) / 0.05) ** 2)
+        return strength
+
+    def _branches(self, course):
+        """Side branches of a course, each (k, 3) directions, which leave it at 45 to 80 degrees."""
+        branches = []
+        for _ in range(self.rng.poisson(0.8)):
+            k = self.rng.integers(len(course) // 6, len(course) - len(course) // 6)
+            start, along = course[k], unit(course[k + 1] - course[k - 1])
+            across = np.cross(start, along) * self.rng.choice([-1, 1])
+            angle, length = self.rng.uniform(0.8, 1.4), self.rng.uniform(0.2, 0.4)
+            step = np.linspace(0, length, 30)[:, None]
+            bend = self.rng.normal(scale=1.0) * step**2
+            heading = np.cos(angle) * along + np.sin(angle) * across
+            branch = unit(start + step * heading + bend * np.cross(start, heading))
+            if (wall_level(branch) > 1.2).all():
+                branches.append(branch)
+        return branches

@@ -1,0 +1,121 @@
+"""Even triangle meshes of a star-shaped initial surface with the medial wall left out."""
+
+import numpy as np
+from numba import njit
+from scipy.spatial import ConvexHull, cKDTree
+
+from .template import CENTRE, area_vectors, unit, wall_curve, wall_level
+
+
+def fibonacci_sphere(count):
+    """Nearly even unit vectors (count, 3)."""
+    k = np.arange(count) + 0.5
+    z, angle = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
+    r = np.sqrt(1 - z * z)
+    return np.column_stack([r * np.cos(angle), r * np.sin(angle), z])
+
+
+def even_points(position, count, rng, iterations=14, samples_per_point=9):
+    """Directions (count, 3) outside the wall, the rim's first, that spread evenly over the surface position(u).
+
+    Centroidal Voronoi points by Lloyd's iteration over weighted samples; rim points stay on the wall's curve.
+    Returns (directions, number of rim points).
+    """
+    rim = wall_curve(2000)
+    rim_length = np.linalg.norm(np.diff(position(rim), axis=0), axis=1).sum()
+    samples, area = _even_samples(position, samples_per_point * count, rng)
+    rim = wall_curve(int(round(rim_length / np.sqrt(area / count * 2 / np.sqrt(3)))))
+    where, rim_position = position(samples), position(rim)
+    inner = count - len(rim)
+    points = where[((np.arange(inner) + rng.random(inner)) / inner * len(where)).astype(int)]
+    for _ in range(iterations):
+        _, nearest = cKDTree(np.vstack([rim_position, points])).query(where)
+        nearest = nearest[nearest >= len(rim)] - len(rim), nearest >= len(rim)
+        weight = np.bincount(nearest[0], minlength=inner)
+        sums = [np.bincount(nearest[0], where[nearest[1], k], inner) for k in range(3)]
+        points = np.where(weight[:, None] > 0, np.column_stack(sums) / np.maximum(weight, 1)[:, None], points)
+        points = position(unit(points - CENTRE))
+    return np.vstack([rim, unit(points - CENTRE)]), len(rim)
+
+
+def _even_samples(position, count, rng):
+    """Random directions (about count, 3) outside the wall, even on the surface, and the surface's area."""
+    u = fibonacci_sphere(2 * count)
+    u = u[wall_level(u) > 1]
+    area = np.cumsum(np.linalg.norm(area_vectors(position, u), axis=1))
+    picks = u[np.searchsorted(area, (np.arange(count) + rng.random(count)) / count * area[-1])]
+    picks = unit(picks + rng.normal(scale=np.sqrt(4 * np.pi / (2 * count)), size=picks.shape))
+    return picks[wall_level(picks) > 1], area[-1] * 2 * np.pi / count
+
+
+def triangulate(directions, rim_count, vertices, template):
+    """Faces (F, 3), outward oriented, of a nearly Delaunay mesh of `vertices` without the faces that span the wall.
+
+    Starts from the spherical Delaunay mesh of `directions`; an edge is flipped where the angles opposite it sum to more
+    than pi, unless a triangle would turn over on the template.
+    """
+    faces = ConvexHull(directions).simplices.astype(np.int64)
+    corner = directions[faces]
+    turned = np.einsum("ij,ij->i", corner[:, 0], np.cross(corner[:, 1], corner[:, 2])) < 0
+    faces[turned] = faces[turned][:, ::-1]
+    spans = (faces < rim_count).all(1) & (wall_level(unit(directions[faces].mean(1))) < 1)
+    faces = np.ascontiguousarray(faces[~spans])
+    for _ in range(40):
+        if _flip_pass(faces, vertices, template, *interior_edges(faces)) == 0:
+            break
+    return faces
+
+
+def interior_edges(faces):
+    """Pairs of faces and of corners: face a's corner i and face b's corner j lie opposite a shared edge."""
+    edge = np.sort(np.concatenate([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]]), axis=1)
+    key = edge[:, 0] * (faces.max() + 1) + edge[:, 1]
+    order = np.argsort(key, kind="stable")
+    same = np.flatnonzero(key[order][1:] == key[order][:-1])
+    first, second, count = order[same], order[same + 1], len(faces)
+    return first % count, first // count, second % count, second // count
+
+
+@njit(cache=True)
+def _cosine(p, q, r):
+    a, b = q - p, r - p
+    return (a @ b) / np.sqrt((a @ a) * (b @ b))
+
+
+@njit(cache=True)
+def _volume(p, q, r):
+    return (p[0] * (q[1] * r[2] - q[2] * r[1]) + p[1] * (q[2] * r[0] - q[0] * r[2])
+            + p[2] * (q[0] * r[1] - q[1] * r[0]))
+
+
+@njit(cache=True)
+def _flip_pass(faces, x, u, face_a, corner_a, face_b, corner_b):
+    """One pass of Lawson flips over edges whose two faces were not touched in this pass; returns how many flipped."""
+    touched = np.zeros(len(faces), np.bool_)
+    degree = np.zeros(len(x), np.int64)
+    for f in range(len(faces)):
+        for k in range(3):
+            degree[faces[f, k]] += 1
+    flips = 0
+    for e in range(len(face_a)):
+        f, g = face_a[e], face_b[e]
+        if touched[f] or touched[g]:
+            continue
+        p, q = faces[f, corner_a[e]], faces[g, corner_b[e]]
+        a, b = faces[f, (corner_a[e] + 1) % 3], faces[f, (corner_a[e] + 2) % 3]
+        if degree[a] <= 4 or degree[b] <= 4:
+            continue
+        alpha, beta = _cosine(x[p], x[a], x[b]), _cosine(x[q], x[a], x[b])
+        if np.arccos(alpha) + np.arccos(beta) <= np.pi + 1e-6:
+            continue
+        if _volume(u[p], u[a], u[q]) <= 0 or _volume(u[p], u[q], u[b]) <= 0:
+            continue
+        faces[f, 0], faces[f, 1], faces[f, 2] = p, a, q
+        faces[g, 0], faces[g, 1], faces[g, 2] = p, q, b
+        degree[a] -= 1
+        degree[b] -= 1
+        degree[p] += 1
+        degree[q] += 1
+        touched[f] = touched[g] = True
+        flips += 1
+    return flips
