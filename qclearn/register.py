@@ -213,3 +213,21 @@ def _check_entry(number, entry, moving, control):
             raise LandmarkError(f"curve {entry['name']!r}, {side} side: {error}") from None
         checked["detect"][side] = len(checked[side]) == 2 and entry.get("detect", True)
     return checked
+
+
+def transfer(values, z_from, faces_from, z_to, nearest=False):
+    """Per-vertex values (V,) or (V, k) of one disk mesh carried to the points z_to of the same disk.
+
+    From control to moving: `transfer(values, disk_control, faces_control, disk_map)`; back:
+    `transfer(values, disk_map, faces_moving, disk_control)`. Linear in each triangle, or with `nearest` the value of
+    the corner with the largest weight (for labels). ValueError if the count of values is not that of the vertices.
+    """
+    values = np.asarray(values)
+    if len(values) != len(z_from):
+        raise ValueError(f"{len(values)} values for {len(z_from)} vertices: give one a vertex of the surface they "
+                         "come from (the cut-open one, if it was cut)")
+    face, weights = locate(z_from, faces_from, z_to)
+    corners = np.asarray(faces_from)[face]
+    if nearest:
+        return values[corners[np.arange(len(face)), weights.argmax(1)]]
+    return np.einsum("pk,pk...->p...", weights, values[corners])

@@ -1,0 +1,131 @@
+"""The command line: `qclearn register`, `open`, `transfer`, `demo`, ... One line on stderr and exit code 2 for bad input."""
+
+import json
+import os
+import sys
+import tempfile
+from contextlib import contextmanager
+from importlib.metadata import version
+from pathlib import Path
+
+import click
+import numpy as np
+
+import qclearn as qc
+
+from .register import register as run_registration
+from .register import transfer as transfer_map
+
+USER_ERRORS = (ValueError, OSError)  # SurfaceError, LandmarkError, BeltramiError and BijectivityError are ValueErrors
+
+
+def main(arguments=None):
+    """Entry point: runs a command; bad input becomes one line on stderr and exit code 2."""
+    try:
+        cli.main(arguments, prog_name="qclearn", standalone_mode=False)
+    except click.exceptions.Exit as stop:
+        sys.exit(stop.exit_code)
+    except click.Abort:
+        fail("interrupted", 130)
+    except click.ClickException as error:
+        fail(f"{error.format_message()} (qclearn --help lists the commands)")
+    except USER_ERRORS as error:
+        fail(str(error))
+
+
+def fail(message, code=2):
+    """Print one line on stderr and leave."""
+    print("qclearn: " + " ".join(message.split()), file=sys.stderr)
+    sys.exit(code)
+
+
+@click.group()
+@click.version_option(version("qclearn"))
+def cli():
+    """Quasi-conformal registration of cortical surfaces."""
+
+
+@contextmanager
+def output_folder(path):
+    """A temporary folder whose files move to `path` together once the block has ended without an error."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.exists() and not (path.is_dir() and os.access(path, os.W_OK)):
+        raise OSError(f"{path}: not a folder that can be written to; give another --out")
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".qclearn-") as folder:
+        yield Path(folder)
+        path.mkdir(exist_ok=True)
+        for file in Path(folder).iterdir():
+            os.replace(file, path / file.name)
+
+
+@cli.command()
+@click.argument("moving")
+@click.argument("control")
+@click.option("--landmarks", help="JSON file of curves; without it, the curves that both npz surfaces carry.")
+@click.option("--out", required=True, help="Folder for registration.npz, report.json, registered.surf.gii, figure.png.")
+@click.option("--method", type=click.Choice(["exact"]), default="exact", show_default=True)
+@click.option("--alpha", type=float, default=1.0, show_default=True, help="Weight of |mu|^2.")
+@click.option("--beta", type=float, default=1e-2, show_default=True, help="Weight of |grad mu|^2.")
+@click.option("--gamma", type=float, default=1e5, show_default=True, help="Weight of the landmark mismatch.")
+@click.option("--sliding", is_flag=True, help="Let inner points slide along their target curves.")
+@click.option("--mirror", is_flag=True, help="Mirror the moving surface first (right onto left).")
+def register(moving, control, landmarks, out, method, alpha, beta, gamma, sliding, mirror):
+    """Register MOVING to CONTROL along landmark curves; writes a certified point-to-point map."""
+    moving, control = qc.read_surface(moving), qc.read_surface(control)
+    curves = read_landmarks(landmarks) if landmarks else shared_curves(moving, control)
+    moving = qc.mirror(moving) if mirror else moving
+    register_into(out, moving, control, curves, method=method, alpha=alpha, beta=beta, gamma=gamma, sliding=sliding)
+
+
+@cli.command()
+@click.option("--out", default="qclearn-demo", show_default=True, help="Folder to write to.")
+def demo(out):
+    """Register real cortex: fsaverage5's right hemisphere, mirrored, onto its left one along named sulci."""
+    moving = qc.mirror(qc.fsaverage5("right"))
+    register_into(out, moving, qc.fsaverage5("left"), qc.demo_landmarks())
+
+
+def register_into(out, moving, control, curves, **options):
+    """Run the pipeline, write its four files together, print the report."""
+    from .plot import registration_figure  # here, so that the other commands do not wait for the plotting libraries
+
+    with output_folder(out) as folder:
+        result = run_registration(moving, control, curves, progress=True, **options)
+        figure = registration_figure(result, moving, control)
+        figure.savefig(folder / "figure.png", dpi=150)
+        np.savez_compressed(folder / "registration.npz", points=result.points, disk_moving=result.disk_moving,
+                            disk_control=result.disk_control, disk_map=result.disk_map, mu=result.mu,
+                            faces_moving=result.faces_moving, faces_control=result.faces_control)
+        (folder / "report.json").write_text(json.dumps(result.report, indent=2) + "\n")
+        qc.write_mesh(folder / "registered.surf.gii", result.points, result.faces_moving)
+    print_report(result.report, out)
+
+
+def print_report(report, out):
+    """The figures a user asks first, as a few lines."""
+    click.echo(f"landmark error  {report['landmark_error']:.2e} in the disk "
+               f"({report['landmark_error_before']:.2e} after the best Möbius map), {report['landmark_error_mm']:.2f} mm")
+    click.echo(f"|mu|            mean {report['mean_abs_mu']:.3f}, SD {report['sd_abs_mu']:.3f}, "
+               f"maximum {report['max_abs_mu']:.3f}")
+    click.echo(f"bijective       {'yes' if report['bijective'] else 'no'}, {report['flipped']} faces flipped")
+    click.echo(f"fallbacks       {'; '.join(report['fallbacks']) or 'none'}")
+    click.echo(f"seconds         {report['seconds']['total']:.1f}")
+    click.echo(f"written to      {out}")
+
+
+def read_landmarks(path):
+    """The contents of a landmarks file; LandmarkError if it is not JSON."""
+    try:
+        return json.loads(Path(path).read_text())
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise qc.LandmarkError(f"{path}: not a JSON file ({error}); see the README for the format") from None
+
+
+def shared_curves(moving, control):
+    """Landmarks from the curves that both surfaces carry under the same name."""
+    names = [name for name in moving.curves if name in control.curves]
+    if not names:
+        raise qc.LandmarkError("the surfaces share no curve names (curve_<name> in their npz files); give --landmarks")
+    return {"curves": [{"name": name, "moving": moving.curves[name].tolist(), "control": control.curves[name].tolist(),
+                        "detect": False} for name in names]}
