@@ -18,8 +18,8 @@ from .mobius import best_mobius, compose_mobius, mobius, mobius_inverse
 
 FIRST_GAMMA = 1e2  # continuation: one step at each power of ten from here to gamma
 STEPS_AT_GAMMA = 5
-STEPS_ON_MESH = 6
-SETTLED = 0.98  # a step that keeps more than this share of the objective is the last one
+STEPS_A_LINEARISATION = 2, 3  # on the caller's mesh
+SETTLED_ON_GRID, SETTLED = 0.8, 0.95  # a step that keeps more than this share of the objective is the last one
 TANGENTIAL_WEIGHT = 0.1  # of a sliding landmark's residual along its target curve
 MOBIUS_PRIOR = 1e-6  # weak, keeps the step of the three Möbius parameters bounded
 
@@ -205,7 +205,7 @@ def descend(newton, forward, step, nu, parameters, gamma):
         if newton.objective(candidate, forward.points, gamma) < before:
             return candidate, moved, f
         share /= 2
-    forward.points = mapped
+    forward.map(nu, parameters)
     return None
 
 
@@ -230,9 +230,8 @@ def fit_landmarks(z, faces, moving, target, alpha=1.0, beta=1e-2, gamma=1e5, cur
     nu, parameters, steps = fit_on_grid(newton, coarse, nu, best_mobius(moving, target), gamma, watch)
     newton, finer = polar_model(rings, landmarks, moving, alpha, beta)
     nu = sampling_matrix(coarse.z, coarse.faces, finer.z) @ nu
-    step = newton.prepare(nu, finer, parameters, gamma)
     fine = MeshForward(z, faces, moving, sampling_matrix(finer.z, finer.faces, z[faces].mean(1)))
-    f, nu, parameters, polished = fit_on_mesh(newton, fine, step, nu, parameters, gamma, watch)
+    f, nu, parameters, polished = fit_on_mesh(newton, finer, fine, nu, parameters, gamma, watch)
     return report_fit(newton, fine, z, faces, f, nu, parameters, (steps, polished), weights)
 
 
@@ -255,25 +254,27 @@ def fit_on_grid(newton, forward, nu, parameters, gamma, watch):
         result = descend(newton, forward, step, nu, parameters, level)
         if result:
             nu, parameters, _ = result
-        if level == gamma and (result is None or newton.objective(nu, forward.points, gamma) > SETTLED * before):
+        if level == gamma and (result is None or newton.objective(nu, forward.points, gamma) > SETTLED_ON_GRID * before):
             break
     return nu, parameters, taken
 
 
-def fit_on_mesh(newton, fine, step, nu, parameters, gamma, watch):
+def fit_on_mesh(newton, grid, fine, nu, parameters, gamma, watch):
     """Last steps: the residual of the caller's own mesh, the polar mesh's derivative: (f, nu, parameters, steps)."""
-    f = fine.map(nu, parameters)
-    for taken in range(STEPS_ON_MESH):
-        if watch:
-            watch()
-        before = newton.objective(nu, fine.points, gamma)
-        result = descend(newton, fine, step, nu, parameters, gamma)
-        if result is None:
-            return fine.map(nu, parameters), nu, parameters, taken
-        nu, parameters, f = result
-        if newton.objective(nu, fine.points, gamma) > SETTLED * before:
-            break
-    return f, nu, parameters, taken + 1
+    f, steps = fine.map(nu, parameters), 0
+    for several in STEPS_A_LINEARISATION:
+        step = newton.prepare(nu, grid, parameters, gamma)
+        for _ in range(several):
+            if watch:
+                watch()
+            before = newton.objective(nu, fine.points, gamma)
+            result = descend(newton, fine, step, nu, parameters, gamma)
+            if result is None:
+                break
+            (nu, parameters, f), steps = result, steps + 1
+            if newton.objective(nu, fine.points, gamma) > SETTLED * before:
+                break
+    return f, nu, parameters, steps
 
 
 def start_field(z, faces, mu, grid):
