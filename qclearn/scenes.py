@@ -1,0 +1,114 @@
+"""Three-dimensional scenes that need no server and no network: a self-contained page inside an iframe.
+
+PyVista's own notebook backends leave links to a server on the author's machine in the built book. A `Scene` is the
+scene itself: geometry, viewer and all, 1 to 2 MB of HTML for a surface of 10,000 vertices.
+"""
+
+import base64
+import ctypes
+import html
+import io
+import os
+import sys
+import warnings
+
+import numpy as np
+import pyvista as pv
+
+
+class RendererError(RuntimeError):
+    """No way to draw without a screen: VTK would crash the process."""
+
+
+def _loads(*libraries):
+    for library in libraries:
+        try:
+            return ctypes.CDLL(library)
+        except OSError:
+            continue
+    return None
+
+
+def _egl_finds_a_device():
+    """Whether EGL can draw: the library alone is not enough, it needs a driver (Mesa's, or a graphics card's)."""
+    egl = _loads("libEGL.so.1")
+    if egl is None:
+        return False
+    egl.eglGetProcAddress.restype = ctypes.c_void_p
+    address = egl.eglGetProcAddress(b"eglQueryDevicesEXT")
+    if not address:
+        return False
+    query = ctypes.CFUNCTYPE(ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.POINTER(ctypes.c_int))(address)
+    count = ctypes.c_int(0)
+    return bool(query(0, None, ctypes.byref(count))) and count.value > 0
+
+
+def require_renderer():
+    """Choose how VTK draws without a screen; RendererError instead of VTK's segmentation fault where nothing can draw.
+
+    Does nothing where there is a screen, outside Linux, or where VTK_DEFAULT_OPENGL_WINDOW is set already.
+    """
+    if not sys.platform.startswith("linux") or os.environ.get("DISPLAY") or "VTK_DEFAULT_OPENGL_WINDOW" in os.environ:
+        return
+    if _egl_finds_a_device():
+        os.environ["VTK_DEFAULT_OPENGL_WINDOW"] = "vtkEGLRenderWindow"
+    elif _loads("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so"):
+        os.environ["VTK_DEFAULT_OPENGL_WINDOW"] = "vtkOSOpenGLRenderWindow"
+    else:
+        raise RendererError("no screen, and neither EGL nor OSMesa to draw without one; "
+                            "on Debian: apt-get install libegl1 libegl-mesa0 (or libosmesa6)")
+
+
+class Scene:
+    """A 3-D view to turn with the mouse, as the result of a notebook cell.
+
+    `description` says in words what is to be seen (alternative text). With `poster` the page shows a picture, and the
+    scene is loaded by a click: browsers keep only 8 to 16 scenes alive on one page.
+    """
+
+    def __init__(self, plotter, description, poster=False, height=480):
+        require_renderer()
+        self.description = description
+        self.height = height
+        _keep_what_is_shown(plotter)
+        plotter.render()
+        self.picture = _png(plotter) if poster else None
+        with warnings.catch_warnings():
+            # trame-vtk 2.8 calls what VTK 9.6 deprecates.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            self.page = plotter.export_html(None).getvalue()
+        plotter.close()
+
+    def _repr_html_(self):
+        title, page = html.escape(self.description), html.escape(self.page)
+        if self.picture is None:
+            return f'<iframe class="scene" title="{title}" height="{self.height}" srcdoc="{page}"></iframe>'
+        load = "const f=this.nextElementSibling;f.srcdoc=f.dataset.page;f.hidden=false;this.remove()"
+        return (f'<button class="scene-poster" type="button" onclick="{load}">'
+                f'<img alt="{title}" src="data:image/png;base64,{self.picture}"><span>turn it in 3-D</span></button>'
+                f'<iframe class="scene" title="{title}" height="{self.height}" data-page="{page}" hidden></iframe>')
+
+
+def _png(plotter):
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(plotter.screenshot(return_img=True)).save(buffer, "PNG")
+    return base64.b64encode(buffer.getvalue()).decode()
+
+
+def _keep_what_is_shown(plotter):
+    """Single precision, and only the array that colours the surface: half the bytes and less on the page."""
+    for actor in plotter.actors.values():
+        mapper = getattr(actor, "mapper", None)
+        if not isinstance(getattr(mapper, "dataset", None), pv.PolyData):
+            continue
+        shown = mapper.dataset.copy()
+        shown.points = shown.points.astype(np.float32)
+        for arrays in (shown.point_data, shown.cell_data):
+            for name in list(arrays):
+                if name not in (mapper.array_name, "Normals"):
+                    del arrays[name]
+                elif arrays[name].dtype == np.float64:
+                    arrays[name] = arrays[name].astype(np.float32)
+        mapper.dataset = shown
