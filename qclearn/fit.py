@@ -18,7 +18,7 @@ from .mobius import best_mobius, compose_mobius, mobius, mobius_inverse
 
 FIRST_GAMMA = 1e2  # continuation: one step at each power of ten from here to gamma
 STEPS_AT_GAMMA = 5
-STEPS_A_LINEARISATION = 2, 3  # on the caller's mesh
+STEPS_A_LINEARISATION = 2, 3, 3  # on the caller's mesh
 SETTLED_ON_GRID, SETTLED = 0.8, 0.95  # a step that keeps more than this share of the objective is the last one
 TANGENTIAL_WEIGHT = 0.1  # of a sliding landmark's residual along its target curve
 MOBIUS_PRIOR = 1e-6  # weak, keeps the step of the three Möbius parameters bounded
@@ -263,7 +263,7 @@ def fit_on_mesh(newton, grid, fine, nu, parameters, gamma, watch):
     """Last steps: the residual of the caller's own mesh, the polar mesh's derivative: (f, nu, parameters, steps)."""
     f, steps = fine.map(nu, parameters), 0
     for several in STEPS_A_LINEARISATION:
-        step = newton.prepare(nu, grid, parameters, gamma)
+        step, start = newton.prepare(nu, grid, parameters, gamma), newton.objective(nu, fine.points, gamma)
         for _ in range(several):
             if watch:
                 watch()
@@ -274,6 +274,8 @@ def fit_on_mesh(newton, grid, fine, nu, parameters, gamma, watch):
             (nu, parameters, f), steps = result, steps + 1
             if newton.objective(nu, fine.points, gamma) > SETTLED * before:
                 break
+        if newton.objective(nu, fine.points, gamma) > SETTLED_ON_GRID * start:
+            break
     return f, nu, parameters, steps
 
 
