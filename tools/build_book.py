@@ -1,4 +1,4 @@
-"""Execute every notebook of book/ once and build the site from the result: _build/source -> _build/html.
+"""Execute every notebook of book/ once and build the site from the result: build/book -> _build/html.
 
 The notebooks in book/ stay without outputs; nbmake executes copies, which makes the execution a test of each page, and
 Sphinx builds the site from the executed copies with warnings as errors.
@@ -14,8 +14,10 @@ from pathlib import Path
 import nbformat
 
 ROOT = Path(__file__).resolve().parent.parent
-BUILD = ROOT / "_build"
-SOURCE = BUILD / "source"
+# Not below _build: nbmake passes over everything there.
+BUILD = ROOT / "build"
+SOURCE = BUILD / "book"
+SITE = ROOT / "_build"
 
 
 def copy_book():
@@ -51,8 +53,8 @@ def require_clean_outputs():
 
 
 def build_site():
-    shutil.rmtree(BUILD / "html", ignore_errors=True)
-    shutil.rmtree(BUILD / ".doctrees", ignore_errors=True)
+    shutil.rmtree(SITE / "html", ignore_errors=True)
+    shutil.rmtree(SITE / ".doctrees", ignore_errors=True)
     command = [Path(sys.executable).with_name("jupyter-book"), "build", SOURCE, "--config", ROOT / "_config.yml",
                "--path-output", ROOT, "-W", "-n", "--keep-going", "--quiet"]
     if subprocess.run(command).returncode:
