@@ -1,0 +1,196 @@
+"""Figures: what is shown on the disk (matplotlib, no global state) and on the surface (PyVista)."""
+
+import numpy as np
+from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle
+
+from .curvature import area_radius, grey_levels, mean_curvature
+from .fit import sampling_matrix
+
+# The paper's colours, in shades that colour-blind readers tell apart; a dashed line is the second cue for a target.
+CURVE_STYLES = {
+    "detected": {"color": "#009E73", "linestyle": "-", "marker": "o"},
+    "registered": {"color": "#F0E442", "linestyle": "-", "marker": "o"},
+    "target": {"color": "#D62728", "linestyle": (0, (2.5, 1.5)), "marker": "s"},
+}
+FLIPPED_COLOUR = "#CC79A7"
+
+
+def disk_axes(ax):
+    """Prepare an Axes for the unit disk: equal scales, the circle, no ticks; returns it."""
+    ax.set(aspect="equal", xlim=(-1.03, 1.03), ylim=(-1.03, 1.03))
+    ax.axis("off")
+    ax.add_patch(Circle((0, 0), 1, fill=False, edgecolor="0.4", linewidth=0.8, zorder=3))
+    return ax
+
+
+def disk_plot(ax, z, faces, values, cmap="viridis", vmin=None, vmax=None):
+    """Colour a planar mesh z (V,) by values per vertex (V,), blended, or per face (F,), flat; returns the artist."""
+    shading = "gouraud" if len(values) == len(z) else "flat"
+    disk_axes(ax)
+    return ax.tripcolor(z.real, z.imag, faces, values, shading=shading, cmap=cmap, vmin=vmin, vmax=vmax,
+                        rasterized=True)
+
+
+def polar_lines(rings=10, spokes=24, samples=181):
+    """Rings and spokes of the unit disk: list of complex curves."""
+    turn = np.exp(2j * np.pi * np.linspace(0, 1, samples))
+    along = np.linspace(0, 1, samples)
+    return [r * turn for r in np.arange(1, rings + 1) / rings] + [
+        along * np.exp(2j * np.pi * k / spokes) for k in range(spokes)]
+
+
+def square_lines(lines=17, samples=181):
+    """Horizontal and vertical chords of the unit disk, `lines` each: list of complex curves."""
+    offsets = np.linspace(-1, 1, lines + 2)[1:-1]
+    chords = [np.linspace(-1, 1, samples) * np.sqrt(1 - c**2) + 1j * c for c in offsets]
+    return chords + [chord.imag + 1j * chord.real for chord in chords]
+
+
+def map_curves(z, faces, f, curves):
+    """Curves (list of complex arrays) of the disk mesh z carried by the piecewise linear map f (V,): a list again."""
+    ends = np.cumsum([len(curve) for curve in curves])[:-1]
+    return np.split(sampling_matrix(z, faces, np.concatenate(curves)) @ f, ends)
+
+
+def grid_plot(ax, z, faces, f, lines=None, color="#1F4E79"):
+    """Draw grid lines of the disk (`polar_lines` by default) as the map f (V,) of the mesh deforms them."""
+    return lines_plot(disk_axes(ax), map_curves(z, faces, f, lines or polar_lines()), color)
+
+
+def lines_plot(ax, curves, color):
+    """Draw complex curves as thin lines; returns the LineCollection."""
+    segments = LineCollection([_pairs(curve) for curve in curves], colors=color, linewidths=0.6)
+    return ax.add_collection(segments)
+
+
+def curves_plot(ax, curves, style):
+    """Draw complex curves in one of the `CURVE_STYLES`, with a dark edge so that they show on any ground."""
+    look = CURVE_STYLES[style]
+    for curve in curves:
+        ax.plot(curve.real, curve.imag, color="black", linewidth=2.6, zorder=4, solid_capstyle="round",
+                linestyle=look["linestyle"])
+        ax.plot(curve.real, curve.imag, color=look["color"], linewidth=1.7, zorder=5, linestyle=look["linestyle"])
+        ends = curve[[0, -1]]
+        ax.plot(ends.real, ends.imag, look["marker"], color=look["color"], markersize=3.5, markeredgecolor="black",
+                markeredgewidth=0.6, zorder=6)
+
+
+def curve_legend(ax, *styles):
+    """A legend below the Axes for curve styles drawn in it."""
+    handles = [Line2D([], [], **CURVE_STYLES[style], markeredgecolor="black", label=style) for style in styles]
+    ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.02), ncols=len(styles), frameon=False,
+              fontsize=8, handlelength=3)
+
+
+def ellipse_field(ax, z, mu, size=0.08, color="#0072B2"):
+    """Draw what small circles at z (K,) become under a map with coefficient mu (K,), up to turn and scale by f_z.
+
+    `dz + mu conj(dz)`: long axis at the angle `arg(mu) / 2`, axes in the ratio `(1 + |mu|) / (1 - |mu|)`; the long
+    axis has the length `size`.
+    """
+    z, mu = np.asarray(z, complex), np.asarray(mu, complex)
+    short = size * (1 - abs(mu)) / (1 + abs(mu))
+    ellipses = EllipseCollection(np.full(len(z), size), short, np.degrees(np.angle(mu) / 2), units="xy",
+                                 offsets=_pairs(z), offset_transform=ax.transData, facecolors=color, alpha=0.75)
+    return ax.add_collection(ellipses)
+
+
+def mu_histogram(ax, mu, weights=None, bins=40):
+    """Histogram of |mu| (F,) from 0 to 1 as shares, by face or by `weights` (F,), with the mean marked."""
+    size = abs(np.asarray(mu))
+    share = np.ones(len(size)) if weights is None else np.asarray(weights)
+    share = share / share.sum()
+    ax.hist(size, np.linspace(0, max(1, size.max()), bins + 1), weights=share, color="#0072B2")
+    mean = size @ share
+    ax.axvline(mean, color="black", linestyle="--", linewidth=1, label=f"mean {mean:.3f}")
+    ax.set(xlabel=r"$|\mu|$", ylabel="share of faces" if weights is None else "share of area", xlim=(0, None))
+    ax.legend(frameon=False, fontsize=8)
+
+
+def registration_figure(registration, moving, control):
+    """The paper's figure of one `Registration`, its rows as columns: a Figure, ready for `savefig`.
+
+    Curvature disk of the moving surface with detected and target curves; the mapped disk with the curves after; the
+    deformed grid; |mu| of the map on the disk; its histogram. First row in the unit disk; second row with the radius
+    that gives equal parts of the picture equal moving area (a conformal disk crowds the cortex around its centre),
+    and the histogram by area.
+    """
+    r, radius = registration, area_radius(moving, registration.disk_moving)
+    figure = Figure(figsize=(16, 6.8), dpi=110)
+    rows = figure.subplots(2, 5, gridspec_kw={"left": 0.02, "right": 0.955, "bottom": 0.11, "top": 0.88,
+                                              "wspace": 0.08, "hspace": 0.1, "width_ratios": (1, 1, 1, 1, 0.8)})
+    curves = [list(side) for side in zip(*r.curves.values())]
+    curvature = grey_levels(mean_curvature(moving), moving.vertex_areas)
+    for axes, scale, unscale in zip(rows, (np.asarray, radius.to_image), (np.asarray, radius.from_image)):
+        lines = [unscale(line) for line in polar_lines()]
+        mapped = map_curves(r.disk_moving, moving.faces, scale(r.disk_map), curves[0] + lines)
+        targets = [scale(curve) for curve in curves[1]]
+        before = (scale(r.disk_moving), [scale(curve) for curve in curves[0]], "detected")
+        after = (scale(r.disk_map), mapped[:len(targets)], "registered")
+        for ax, (z, drawn, style) in zip(axes, (before, after)):
+            disk_plot(ax, z, moving.faces, curvature, cmap="gray", vmin=-80, vmax=335)
+            curves_plot(ax, drawn, style)
+            curves_plot(ax, targets, "target")
+        lines_plot(disk_axes(axes[2]), mapped[len(targets):], "#1F4E79")
+        colours = disk_plot(axes[3], scale(r.disk_moving), moving.faces, abs(r.mu), vmin=0, vmax=1)
+    mu_histogram(rows[0, 4], r.mu)
+    mu_histogram(rows[1, 4], r.mu, moving.face_areas)
+    _label_registration(figure, rows, colours, r.report)
+    return figure
+
+
+def _label_registration(figure, rows, colours, report):
+    titles = ("mean curvature, detected curves", "after the map", "polar grid after the map",
+              r"$|\mu|$ on the moving disk", r"histogram of $|\mu|$")
+    for ax, title in zip(rows[0], titles):
+        ax.set_title(title, fontsize=11)
+    for ax, text in zip(rows[:, 0], ("unit disk", "radius by cortical area")):
+        ax.text(-0.03, 0.5, text, rotation="vertical", va="center", ha="right", transform=ax.transAxes, fontsize=11)
+    for ax, style in zip(rows[1], ("detected", "registered")):
+        curve_legend(ax, style, "target")
+    place = rows[1, 3].get_position()
+    bar = figure.add_axes((place.x0 + 0.2 * place.width, 0.07, 0.6 * place.width, 0.018))
+    figure.colorbar(colours, cax=bar, orientation="horizontal", ticks=(0, 0.5, 1))
+    rows[0, 4].set_xlabel("")
+    for ax in rows[:, 4]:
+        ax.yaxis.tick_right()
+        ax.yaxis.set_label_position("right")
+    state = "certified bijective" if report["bijective"] else f"{report['flipped']} faces flipped"
+    figure.suptitle(f"landmark error {report['landmark_error_before']:.2g} before, {report['landmark_error']:.2g} after "
+                    rf"({report['landmark_error_mm']:.2g} mm); mean $|\mu|$ {report['mean_abs_mu']:.3f}; {state}",
+                    fontsize=12)
+
+
+def surface_scene(surface, values=None, curves=(), cmap="gray", clim=None, title=None):
+    """A PyVista Plotter with the surface in 3-D, coloured by values (V,), and curves upon it; show it with `.show()`.
+
+    curves: pairs (points (k, 3) or vertex path (k,), style of `CURVE_STYLES`), drawn as tubes. Only float32 arrays
+    that are seen go in, so that a page which carries the scene stays small.
+    """
+    import pyvista  # slow to import, and the disk figures do not need it
+
+    mesh = pyvista.PolyData.from_regular_faces(surface.vertices.astype(np.float32), surface.faces)
+    plotter = pyvista.Plotter(window_size=(700, 500))
+    colour = {"color": "lightgray"}
+    if values is not None:
+        mesh.point_data["values"] = np.asarray(values, np.float32)
+        colour = {"scalars": "values", "cmap": cmap, "clim": clim, "show_scalar_bar": title is not None,
+                  "scalar_bar_args": {"title": title or ""}}
+    plotter.add_mesh(mesh, smooth_shading=True, specular=0.1, **colour)
+    radius = 0.006 * np.linalg.norm(np.ptp(surface.vertices, axis=0))
+    for curve, style in curves:
+        curve = np.asarray(curve)
+        points = surface.vertices[curve] if curve.ndim == 1 else curve
+        line = pyvista.lines_from_points(points.astype(np.float32))
+        tube = line.tube(radius=radius, n_sides=8)
+        tube.clear_data()
+        plotter.add_mesh(tube, color=CURVE_STYLES[style]["color"])
+    plotter.set_background("white")
+    return plotter
+
+
+def _pairs(z):
+    return np.stack([z.real, z.imag], axis=-1)
