@@ -1,0 +1,310 @@
+"""Reading and writing surfaces and per-vertex masks; every fault of a file becomes a SurfaceError that names it."""
+
+import gzip
+import os
+import uuid
+import warnings
+from contextlib import contextmanager
+from pathlib import Path
+
+import nibabel
+import numpy as np
+
+from . import meshformats
+from .surface import Surface, SurfaceError
+
+_FREESURFER_TRIANGLES = b"\xff\xff\xfe"
+_FREESURFER_QUADS = (b"\xff\xff\xff", b"\xff\xff\xfd")
+_FREESURFER_SUFFIXES = (
+    "", ".pial", ".white", ".inflated", ".sphere", ".reg", ".orig", ".nofix", ".smoothwm", ".midthickness", ".graymid",
+)  # fmt: skip
+
+
+def read_surface(path):
+    """Surface from a file: .npz (vertices, faces, curve_<name>), .gii (also gzipped), .ply, .obj, .off, .stl,
+    .vtk, .vtp, or FreeSurfer's binary triangles, known by their content under any other name (lh.pial, rh.white).
+
+    Coordinates come as stored: FreeSurfer's volume geometry and GIFTI's coordinate systems are not applied. Faces must
+    be triangles; STL points with equal coordinates are merged. Raises SurfaceError, naming the file and the remedy.
+    """
+    path = Path(path)
+    data = _read_bytes(path)
+    suffix = _suffix(path)
+    if suffix in _READERS:
+        kind, reader = _READERS[suffix]
+    elif data.startswith((_FREESURFER_TRIANGLES, *_FREESURFER_QUADS)):
+        kind, reader = "FreeSurfer surface", _read_freesurfer
+    else:
+        raise SurfaceError(f"{path}: {_unknown_format('nor is the content a FreeSurfer surface')}")
+    with _explain(path, kind):
+        vertices, faces, curves = reader(path, data)
+    try:
+        return Surface(vertices, faces, curves)
+    except SurfaceError as error:
+        raise SurfaceError(f"{path}: {error}") from None
+
+
+def write_surface(path, surface):
+    """Write a surface in the format of the path's suffix (see read_surface; a FreeSurfer name such as lh.pial, or no
+    suffix, gives FreeSurfer's binary); the file appears whole or not at all.
+
+    Coordinates keep float64 exactly, but FreeSurfer, GIFTI and STL store float32. Only npz keeps the curves, and STL
+    has no vertex numbers. Raises SurfaceError where the format is unknown or the folder cannot be written.
+    """
+    path = Path(path)
+    suffix = _suffix(path)
+    if suffix in _WRITERS:
+        writer = _WRITERS[suffix]
+    elif path.suffix.lower() in _FREESURFER_SUFFIXES or path.name.startswith(("lh.", "rh.")):
+        writer = _write_freesurfer
+    else:
+        raise SurfaceError(f"{path}: {_unknown_format('nor is the name one of FreeSurfer, such as lh.pial')}")
+    temporary = path.with_name(f".{uuid.uuid4().hex}-{path.name}")  # the same folder, so that the last step is atomic
+    try:
+        temporary.touch(exist_ok=False)
+        try:
+            writer(temporary, surface)
+            os.replace(temporary, path)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise SurfaceError(
+            f"{path}: cannot be written ({error.strerror or error}); choose a file in a folder that exists and is "
+            f"writable."
+        ) from None
+
+
+def read_mask(path, surface, keep=False):
+    """Mask (V,) bool of the vertices to cut away: those a file names or gives a nonzero value; for open_surface.
+
+    Files: a FreeSurfer .label (vertex numbers), or one number a vertex as .npy, .txt, .gii (also gzipped) or FreeSurfer
+    morphometry (lh.thickness, by any other name). keep=True: the file says what to keep (lh.cortex.label, thickness),
+    so all else is cut. Raises SurfaceError, also where more than half would be cut although keep was not asked for.
+    """
+    path = Path(path)
+    data = _read_bytes(path)
+    kind, reader = _MASK_READERS.get(_suffix(path), ("FreeSurfer morphometry file", _read_morphometry))
+    with _explain(path, kind):
+        values = np.asarray(reader(path, data))
+    n_vertices = len(surface.vertices)
+    if reader is _read_label:
+        bad = values[(values < 0) | (values >= n_vertices)]
+        if bad.size:
+            raise SurfaceError(f"{path}: names vertices that do not exist, the first {bad[0]}; {_other(n_vertices)}")
+        mask = np.bincount(values, minlength=n_vertices) > 0
+    else:
+        if values.shape != (n_vertices,):
+            raise SurfaceError(f"{path}: holds values of the shape {values.shape}; {_other(n_vertices)}")
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            raise SurfaceError(f"{path}: is NaN or infinite at {len(bad)} vertices, the first {bad[0]}; use 0 and 1.")
+        mask = values != 0
+    if keep:
+        return ~mask
+    if mask.sum() > n_vertices / 2:
+        raise SurfaceError(
+            f"{path}: would cut {mask.sum()} of {n_vertices} vertices, so it seems to say what to keep (as "
+            f"lh.cortex.label and thickness do); read it with keep=True (`qclearn open --keep`), or give the smaller part."
+        )
+    return mask
+
+
+def _other(n_vertices):
+    return f"the surface has {n_vertices} vertices: take the file that belongs to this surface."
+
+
+def _suffix(path):
+    suffixes = [suffix.lower() for suffix in path.suffixes]
+    return ".gii" if suffixes[-2:] == [".gii", ".gz"] else suffixes[-1] if suffixes else ""
+
+
+def _unknown_format(content):
+    return (
+        f"the suffix is none of {', '.join(_READERS)}, {content}; rename the file or convert it, "
+        f"for example with mris_convert."
+    )
+
+
+def _read_bytes(path):
+    try:
+        data = path.read_bytes()
+        if path.suffix.lower() == ".gz":
+            data = gzip.decompress(data)
+    except (OSError, EOFError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise SurfaceError(f"{path}: cannot be read ({reason}); check the name and copy the file again.") from None
+    if not data:
+        raise SurfaceError(f"{path}: the file is empty; copy or export it again.")
+    return data
+
+
+@contextmanager
+def _explain(path, kind):
+    """Turn whatever a parser raises on bad bytes into one SurfaceError; no warning of it reaches the reader."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except SurfaceError as error:
+        raise SurfaceError(f"{path}: {error}") from None
+    except meshformats.FormatError as error:
+        raise SurfaceError(f"{path}: not a readable {kind}: {error}; {_AGAIN}") from None
+    except Exception as error:  # the libraries raise all sorts, from EOFError to MemoryError
+        reason = " ".join(str(error).split())[:120] or type(error).__name__
+        raise SurfaceError(f"{path}: not a readable {kind} ({reason}); {_AGAIN}") from error
+
+
+_AGAIN = "it may be cut short or of another format: copy or export it again."
+
+
+def _read_npz(path, _):
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+        missing = {"vertices", "faces"} - set(arrays.files)
+        if missing:
+            raise SurfaceError(f"lacks the array {' and '.join(sorted(missing))}; save vertices (V, 3), faces (F, 3).")
+        curves = {key.removeprefix("curve_"): arrays[key] for key in arrays.files if key.startswith("curve_")}
+        return arrays["vertices"], arrays["faces"], curves
+
+
+def _write_npz(path, surface):
+    curves = {f"curve_{name}": curve for name, curve in surface.curves.items()}
+    with path.open("wb") as file:
+        np.savez_compressed(file, vertices=surface.vertices, faces=surface.faces, **curves)
+
+
+def _read_freesurfer(path, data):
+    if data.startswith(_FREESURFER_QUADS):
+        raise SurfaceError("holds quadrangles (FreeSurfer's old format); convert it with mris_convert to triangles.")
+    return *nibabel.freesurfer.read_geometry(path), {}
+
+
+def _write_freesurfer(path, surface):
+    nibabel.freesurfer.write_geometry(path, surface.vertices, surface.faces, create_stamp="created by qclearn")
+
+
+def _gifti(data):
+    return nibabel.GiftiImage.from_bytes(data)
+
+
+def _read_gifti(_, data):
+    image = _gifti(data)
+    points = image.get_arrays_from_intent("NIFTI_INTENT_POINTSET")
+    triangles = image.get_arrays_from_intent("NIFTI_INTENT_TRIANGLE")
+    if len(points) != 1 or len(triangles) != 1:
+        raise SurfaceError("is GIFTI, but not one surface; give a .surf.gii with one point set and its triangles.")
+    return points[0].data, triangles[0].data, {}
+
+
+def _write_gifti(path, surface):
+    image = nibabel.GiftiImage()
+    for values, intent in ((surface.vertices.astype(np.float32), "POINTSET"), (surface.faces.astype(np.int32), "TRIANGLE")):
+        image.add_gifti_data_array(nibabel.gifti.GiftiDataArray(values, intent=f"NIFTI_INTENT_{intent}"))
+    data = image.to_bytes()
+    path.write_bytes(gzip.compress(data, mtime=0) if path.suffix.lower() == ".gz" else data)
+
+
+def _read_vtk(path, _):
+    # straight from VTK: pyvista prints and accepts what VTK reports as an error
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkIOLegacy import vtkPolyDataReader
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
+
+    with _vtk_complaints() as complaints:
+        reader = vtkXMLPolyDataReader() if path.suffix.lower() == ".vtp" else vtkPolyDataReader()
+        reader.SetFileName(str(path))
+        reader.Update()
+    if complaints.GetOutput():
+        raise meshformats.FormatError("VTK finds it damaged, or it holds no polygonal data")
+    mesh = reader.GetOutput()
+    if not mesh.GetNumberOfPolys() or mesh.GetNumberOfStrips():
+        raise meshformats.FormatError("it holds no triangles, or triangle strips (triangulate it: pyvista's triangulate)")
+    meshformats.require_triangles(np.diff(vtk_to_numpy(mesh.GetPolys().GetOffsetsArray())))
+    faces = vtk_to_numpy(mesh.GetPolys().GetConnectivityArray()).reshape(-1, 3)
+    return vtk_to_numpy(mesh.GetPoints().GetData()), faces, {}
+
+
+def _write_vtk(path, surface):
+    import pyvista  # half a second: only where it is used
+
+    with _vtk_complaints() as complaints:
+        pyvista.PolyData.from_regular_faces(surface.vertices, surface.faces).save(path)
+    if complaints.GetOutput():
+        raise OSError("VTK could not write the whole file")
+
+
+@contextmanager
+def _vtk_complaints():
+    """Collect what VTK would print on stderr."""
+    from vtkmodules.vtkCommonCore import vtkLogger, vtkOutputWindow, vtkStringOutputWindow
+
+    window, previous = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
+    verbosity = vtkLogger.GetCurrentVerbosityCutoff()
+    vtkOutputWindow.SetInstance(window)
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # generic warnings go past the window
+    try:
+        yield window
+    finally:
+        vtkOutputWindow.SetInstance(previous)
+        vtkLogger.SetStderrVerbosity(vtkLogger.ConvertToVerbosity(verbosity))
+
+
+def _read_plain(read):
+    return lambda _, data: (*read(data), {})
+
+
+def _write_plain(write):
+    return lambda path, surface: path.write_bytes(write(surface))
+
+
+def _read_label(path, data):
+    announced = int(data.splitlines()[1])
+    indices = np.atleast_1d(nibabel.freesurfer.read_label(path)) if announced else np.empty(0, dtype=int)
+    meshformats.require_all("vertex", len(indices), announced)
+    return indices
+
+
+def _read_morphometry(path, _):
+    return nibabel.freesurfer.read_morph_data(path)
+
+
+def _read_gifti_values(_, data):
+    arrays = _gifti(data).darrays
+    if len(arrays) != 1:
+        raise SurfaceError(f"holds {len(arrays)} data arrays; give a GIFTI file with one value a vertex.")
+    return arrays[0].data
+
+
+def _read_npy(path, _):
+    return np.load(path, allow_pickle=False)
+
+
+def _read_txt(path, _):
+    return np.loadtxt(path, ndmin=1)
+
+
+_READERS = {
+    ".npz": ("npz file", _read_npz),
+    ".gii": ("GIFTI surface", _read_gifti),
+    ".ply": ("PLY file", _read_plain(meshformats.read_ply)),
+    ".obj": ("OBJ file", _read_plain(meshformats.read_obj)),
+    ".off": ("OFF file", _read_plain(meshformats.read_off)),
+    ".stl": ("STL file", _read_plain(meshformats.read_stl)),
+    ".vtk": ("VTK file", _read_vtk),
+    ".vtp": ("VTP file", _read_vtk),
+}
+_WRITERS = {
+    ".npz": _write_npz,
+    ".gii": _write_gifti,
+    ".ply": _write_plain(meshformats.write_ply),
+    ".obj": _write_plain(meshformats.write_obj),
+    ".off": _write_plain(meshformats.write_off),
+    ".stl": _write_plain(meshformats.write_stl),
+    ".vtk": _write_vtk,
+    ".vtp": _write_vtk,
+}
+_MASK_READERS = {
+    ".label": ("FreeSurfer label", _read_label),
+    ".npy": ("NumPy array", _read_npy),
+    ".txt": ("text file of one number a vertex", _read_txt),
+    ".gii": ("GIFTI data file", _read_gifti_values),
+}

@@ -1,0 +1,208 @@
+"""PLY, OBJ, OFF and STL, read and written here: the libraries at hand crash, hang or accept half a mesh where such a
+file is cut short (VTK's PLY reader ends the process), and write fewer digits than float64 has.
+
+Readers take the file's bytes and return (vertices, faces); they raise FormatError with what is wrong and where.
+Writers return bytes. All but STL (float32 by definition) keep float64 exactly.
+"""
+
+import re
+
+import numpy as np
+
+
+class FormatError(ValueError):
+    """What is wrong in the bytes of a file; `read_surface` adds the path and the remedy."""
+
+
+_PLY_TYPES = {
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4", "double": "f8",
+    "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "float32": "f4",
+    "float64": "f8",
+}  # fmt: skip
+
+
+def read_ply(data):
+    """Vertices and faces of a PLY file, ASCII or binary; further scalar properties are skipped."""
+    header, end, body = data.partition(b"end_header")
+    if not data.startswith(b"ply") or not end:
+        raise FormatError("the PLY header is incomplete")
+    body = body.partition(b"\n")[2]
+    encoding, elements = _ply_header(header.decode("ascii", errors="replace"))
+    if encoding == "ascii":
+        rows = [line.split() for line in body.splitlines() if line.strip()]
+    tables = {}
+    for name, count, properties in elements:
+        if encoding == "ascii":
+            tables[name], rows = _ply_ascii_table(name, count, properties, rows)
+        else:
+            tables[name], body = _ply_binary_table(name, count, properties, body, encoding)
+        if name == "face":  # what follows the faces is not needed
+            break
+    if not {"vertex", "face"} <= tables.keys():
+        raise FormatError("the PLY file has no vertices or no faces")
+    if not {"x", "y", "z"} <= set(tables["vertex"].dtype.names or ()):
+        raise FormatError("the PLY vertices lack x, y or z")
+    vertex, face = tables["vertex"], tables["face"]
+    return np.stack([vertex["x"], vertex["y"], vertex["z"]], axis=1).astype(np.float64), face["corners"].astype(np.int64)
+
+
+def _ply_header(header):
+    """The encoding and a list of (element, count, [(property, dtype)]); a face's index list becomes two fields."""
+    encoding, elements = None, []
+    for line in header.splitlines():
+        words = line.split()
+        if words[:1] == ["format"]:
+            encoding = {"ascii": "ascii", "binary_little_endian": "<", "binary_big_endian": ">"}.get(words[1])
+        elif words[:1] == ["element"] and len(words) == 3:
+            elements.append((words[1], int(words[2]), []))
+        elif words[:1] == ["property"]:
+            name, kinds = words[-1], [_PLY_TYPES[word] for word in words[1:-1] if word != "list"]
+            if words[1] != "list":
+                elements[-1][2].append((name, kinds[0]))
+            elif name in ("vertex_indices", "vertex_index"):
+                elements[-1][2].extend([("sides", kinds[0]), ("corners", kinds[1], (3,))])
+            else:
+                raise FormatError(f"the PLY file has a list '{name}', which is not read here")
+    if encoding is None:
+        raise FormatError("the PLY header names no known encoding")
+    return encoding, elements
+
+
+def _ply_binary_table(name, count, properties, body, order):
+    dtype = np.dtype([(field, order + kind, *shape) for field, kind, *shape in properties])
+    table = np.frombuffer(body, dtype=dtype, count=min(count, len(body) // dtype.itemsize))
+    if "sides" in dtype.names:  # before the length: records of polygons have another one
+        require_triangles(table["sides"])
+    require_all(name, len(table), count)
+    return table, body[count * dtype.itemsize :]
+
+
+def _ply_ascii_table(name, count, properties, rows):
+    dtype = np.dtype([(field, kind, *shape) for field, kind, *shape in properties])
+    if "sides" in dtype.names:
+        column = next(k for k, (field, *_) in enumerate(properties) if field == "sides")
+        require_triangles(np.array([int(row[column]) for row in rows[:count]]))
+    require_all(name, len(rows[:count]), count)
+    values = np.array(rows[:count], dtype=np.float64)
+    table, column = np.empty(count, dtype=dtype), 0
+    for field, _, *shape in properties:
+        width = 3 if shape else 1
+        table[field] = values[:, column : column + width] if shape else values[:, column]
+        column += width
+    if values.shape[1] != column:
+        raise FormatError(f"the PLY {name} rows have {values.shape[1]} numbers where the header says {column}")
+    return table, rows[count:]
+
+
+def write_ply(surface):
+    """Binary PLY with double coordinates."""
+    header = (
+        "ply\nformat binary_little_endian 1.0\ncomment qclearn\n"
+        f"element vertex {len(surface.vertices)}\nproperty double x\nproperty double y\nproperty double z\n"
+        f"element face {len(surface.faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    faces = np.empty(len(surface.faces), dtype=[("sides", "u1"), ("corners", "<i4", (3,))])
+    faces["sides"], faces["corners"] = 3, surface.faces
+    return header.encode() + surface.vertices.astype("<f8").tobytes() + faces.tobytes()
+
+
+def read_off(data):
+    """Vertices and faces of an OFF file; colours and normals that follow the numbers of a row are skipped."""
+    lines = [line.partition(b"#")[0].split() for line in data.splitlines()]
+    rows = [words for words in lines if words]
+    if not rows or rows[0][0] not in (b"OFF", b"COFF"):
+        raise FormatError("the first word is not OFF")
+    rows[0] = rows[0][1:]  # the counts may stand on the first line
+    rows = rows if rows[0] else rows[1:]
+    if not rows:
+        raise FormatError("the OFF header is incomplete")
+    n_vertices, n_faces = int(rows[0][0]), int(rows[0][1])
+    vertex_rows, face_rows = rows[1 : 1 + n_vertices], rows[1 + n_vertices : 1 + n_vertices + n_faces]
+    require_all("vertex", len(vertex_rows), n_vertices)
+    require_all("face", len(face_rows), n_faces)
+    require_triangles(np.array([int(words[0]) for words in face_rows]))
+    vertices = np.array([words[:3] for words in vertex_rows], dtype=np.float64)
+    return vertices, np.array([words[1:4] for words in face_rows], dtype=np.int64)
+
+
+def write_off(surface):
+    """OFF with as many digits as float64 needs."""
+    vertices = "".join(f"{x!r} {y!r} {z!r}\n" for x, y, z in surface.vertices.tolist())
+    faces = "".join(f"3 {i} {j} {k}\n" for i, j, k in surface.faces.tolist())
+    return f"OFF\n{len(surface.vertices)} {len(surface.faces)} 0\n{vertices}{faces}".encode()
+
+
+# OBJ has no counts, so a file cut between two lines looks whole: ours carry them in a comment.
+_OBJ_COUNTS = "# qclearn: {} vertices, {} faces"
+
+
+def read_obj(data):
+    """Vertices and faces of an OBJ file; texture and normal indices are skipped, negative indices count backwards."""
+    vertices, corners, sides = [], [], []
+    for line in data.splitlines():
+        words = line.split()
+        if words[:1] == [b"v"]:
+            vertices.append([float(word) for word in words[1:4]])
+        elif words[:1] == [b"f"]:
+            face = [int(word.partition(b"/")[0]) for word in words[1:]]
+            sides.append(len(face))
+            corners.append([index - 1 if index > 0 else index + len(vertices) for index in face])
+    counts = re.match(re.escape(_OBJ_COUNTS).replace(r"\{\}", r"(\d+)").encode(), data)
+    if counts:
+        require_all("vertex", len(vertices), int(counts[1]))
+        require_all("face", len(corners), int(counts[2]))
+    require_triangles(np.array(sides, dtype=int))
+    return np.array(vertices, dtype=np.float64).reshape(-1, 3), np.array(corners, dtype=np.int64).reshape(-1, 3)
+
+
+def write_obj(surface):
+    """OBJ with as many digits as float64 needs."""
+    counts = _OBJ_COUNTS.format(len(surface.vertices), len(surface.faces))
+    vertices = "".join(f"v {x!r} {y!r} {z!r}\n" for x, y, z in surface.vertices.tolist())
+    faces = "".join(f"f {i} {j} {k}\n" for i, j, k in (surface.faces + 1).tolist())
+    return f"{counts}\n{vertices}{faces}".encode()
+
+
+_STL_RECORD = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+
+
+def read_stl(data):
+    """Vertices and faces of an STL file, ASCII or binary; points with equal coordinates become one vertex."""
+    count = int.from_bytes(data[80:84], "little")
+    if data.lstrip().startswith(b"solid") and len(data) != 84 + count * _STL_RECORD.itemsize:
+        numbers = re.findall(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)\s", data)
+        if not re.search(rb"endsolid[^\n]*\s*$", data) or len(numbers) != 3 * len(re.findall(rb"\sendfacet\s", data)):
+            raise FormatError("the ASCII STL file is incomplete")
+        points = np.array(numbers, dtype=np.float64).reshape(-1, 3)
+    else:
+        if len(data) < 84:
+            raise FormatError("the STL header is incomplete")
+        require_all("face", (len(data) - 84) // _STL_RECORD.itemsize, count)
+        points = np.frombuffer(data, _STL_RECORD, count, 84)["corners"].reshape(-1, 3).astype(np.float64)
+    points = points + 0.0  # -0 and 0 are the same place
+    unique, first, corner = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first)  # vertices in the order in which the file names them
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    return unique[order], rank[corner.ravel()].reshape(-1, 3)
+
+
+def write_stl(surface):
+    """Binary STL: float32 coordinates, no vertex numbers (a reader numbers them anew)."""
+    records = np.zeros(len(surface.faces), dtype=_STL_RECORD)
+    corners = surface.vertices[surface.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    records["normal"] = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    records["corners"] = corners
+    return b"qclearn".ljust(80) + len(records).to_bytes(4, "little") + records.tobytes()
+
+
+def require_all(name, found, expected):
+    if found < expected:
+        raise FormatError(f"{expected} {name} records are announced, {found} are there")
+
+
+def require_triangles(sides):
+    bad = np.flatnonzero(sides != 3)
+    if bad.size:
+        raise FormatError(f"face {bad[0]} has {sides[bad[0]]} corners, only triangles are read (triangulate the mesh)")
