@@ -165,30 +165,34 @@ def _label_registration(figure, rows, colours, report):
 
 
 def surface_scene(surface, values=None, curves=(), cmap="gray", clim=None, title=None):
-    """A PyVista Plotter with the surface in 3-D, coloured by values (V,), and curves upon it; show it with `.show()`.
+    """A PyVista Plotter with the surface in 3-D, coloured by values (V,), and curves upon it; show it with `Scene`.
 
-    curves: pairs (points (k, 3) or vertex path (k,), style of `CURVE_STYLES`), drawn as tubes. Only float32 arrays
-    that are seen go in, so that a page which carries the scene stays small.
+    curves: pairs (points (k, 3) or vertex path (k,), style of `CURVE_STYLES`), drawn as tubes. An open surface is seen
+    from the side away from its opening. Only float32 arrays that are seen go in: a page carries the whole scene.
     """
     import pyvista  # slow to import, and the disk figures do not need it
 
     mesh = pyvista.PolyData.from_regular_faces(surface.vertices.astype(np.float32), surface.faces)
-    plotter = pyvista.Plotter(window_size=(700, 500))
+    # The plotter would compute normals only while it draws, too late for whoever looks at its meshes before.
+    mesh = mesh.compute_normals(cell_normals=False, split_vertices=False, consistent_normals=False)
     colour = {"color": "lightgray"}
     if values is not None:
         mesh.point_data["values"] = np.asarray(values, np.float32)
         colour = {"scalars": "values", "cmap": cmap, "clim": clim, "show_scalar_bar": title is not None,
-                  "scalar_bar_args": {"title": title or ""}}
-    plotter.add_mesh(mesh, smooth_shading=True, specular=0.1, **colour)
+                  "scalar_bar_args": {"title": title or "", "color": "black"}}
+    plotter = pyvista.Plotter(window_size=(700, 500))
+    plotter.set_background("white")
+    plotter.add_mesh(mesh, smooth_shading=True, **colour)
     radius = 0.006 * np.linalg.norm(np.ptp(surface.vertices, axis=0))
     for curve, style in curves:
         curve = np.asarray(curve)
         points = surface.vertices[curve] if curve.ndim == 1 else curve
-        line = pyvista.lines_from_points(points.astype(np.float32))
-        tube = line.tube(radius=radius, n_sides=8)
+        tube = pyvista.lines_from_points(points.astype(np.float32)).tube(radius=radius, n_sides=8)
         tube.clear_data()
         plotter.add_mesh(tube, color=CURVE_STYLES[style]["color"])
-    plotter.set_background("white")
+    if surface.boundary_loops:
+        away = surface.vertices.mean(0) - surface.vertices[np.concatenate(surface.boundary_loops)].mean(0)
+        plotter.view_vector(away, viewup=(0, 1, 0) if abs(away[2]) > 0.9 * np.linalg.norm(away) else (0, 0, 1))
     return plotter
 
 
