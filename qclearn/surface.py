@@ -15,14 +15,15 @@ class Surface:
     """An oriented, connected, manifold triangle mesh in space, open or closed; raises SurfaceError if it is not one.
 
     vertices (V, 3) float64 in any length unit; faces (F, 3) int64, orientation kept as given (outward = positive
-    `volume`); curves: dict name -> (k,) int64 vertex path. The arrays are read-only, so what was checked stays true.
+    `volume`); curves: dict name -> (k,) int64 vertex path; edges (E, 2) int64, sorted; edge_faces (E, 2), the faces on
+    the two sides of each edge, -1 beyond the boundary. The arrays are read-only, so what was checked stays true.
     """
 
     def __init__(self, vertices, faces, curves=None):
         self.vertices = _frozen(_vertex_array(vertices))
         self.faces = _frozen(_face_array(faces))
         _check_faces(self.vertices, self.faces)
-        self.edges, self._boundary_halfedges = _check_topology(len(self.vertices), self.faces)
+        self.edges, self.edge_faces, self._boundary_halfedges = _check_topology(len(self.vertices), self.faces)
         self.curves = {name: _frozen(_curve(name, path, len(self.vertices))) for name, path in (curves or {}).items()}
 
     def __repr__(self):
@@ -225,7 +226,8 @@ def _check_duplicates(faces):
 
 
 def _check_topology(n_vertices, faces):
-    """Edges (E, 2) and boundary half-edges (B, 2) of a mesh found manifold, consistently oriented and connected."""
+    """Edges (E, 2), their faces (E, 2) and the boundary half-edges (B, 2) of a mesh that is found manifold,
+    consistently oriented and connected."""
     tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()  # half-edge 3 f + k leaves corner k of face f
     key = np.minimum(tails, heads) * n_vertices + np.maximum(tails, heads)
     order = np.argsort(key, kind="stable")
@@ -250,8 +252,10 @@ def _check_topology(n_vertices, faces):
         )
     _check_connected(n_vertices, edges)
     _check_fans(n_vertices, faces, one, two)
+    edge_faces = np.stack([order[first] // 3, np.full(len(edges), -1)], axis=1)
+    edge_faces[count == 2, 1] = two // 3
     single = order[first[count == 1]]
-    return _frozen(edges), np.stack([tails[single], heads[single]], axis=1)
+    return _frozen(edges), _frozen(edge_faces), np.stack([tails[single], heads[single]], axis=1)
 
 
 def _check_connected(n_vertices, edges):
@@ -303,27 +307,21 @@ def _loops_message(surface):
 def _handle_edges(surface):
     """Edges (2 x handles, 2) in neither a spanning tree nor a cotree of the faces (Eppstein 2003): each closes a loop
     that no disk has. The boundary loop counts as one more face."""
-    n_vertices, n_faces, edges = len(surface.vertices), len(surface.faces), surface.edges
-    key = edges[:, 0] * n_vertices + edges[:, 1]
-    graph = csr_array((np.ones(2 * len(edges)), (edges.T.ravel(), edges[:, ::-1].T.ravel())), shape=(n_vertices,) * 2)
-    in_tree = np.zeros(len(edges), dtype=bool)
-    in_tree[_tree_edges(graph, key, n_vertices)] = True
-
-    halfedges = np.stack([surface.faces.ravel(), np.roll(surface.faces, -1, axis=1).ravel()], axis=1)
-    edge_of_halfedge = np.searchsorted(key, halfedges.min(axis=1) * n_vertices + halfedges.max(axis=1))
-    order = np.argsort(np.r_[edge_of_halfedge, np.flatnonzero(np.bincount(edge_of_halfedge) == 1)], kind="stable")
-    sides = np.r_[np.repeat(np.arange(n_faces), 3), np.full(len(order) - 3 * n_faces, n_faces)][order].reshape(-1, 2)
+    n_vertices, n_cells = len(surface.vertices), len(surface.faces) + 1
+    in_tree = _tree_edges(surface.edges, n_vertices)
     crossing = np.flatnonzero(~in_tree)
-    n_cells = n_faces + 1
-    pairs = np.sort(sides[crossing], axis=1)
-    dual = csr_array((np.ones(2 * len(pairs)), (pairs.T.ravel(), pairs[:, ::-1].T.ravel())), shape=(n_cells,) * 2)
-    dual_key, first = np.unique(pairs[:, 0] * n_cells + pairs[:, 1], return_index=True)
-    cotree = crossing[first[_tree_edges(dual, dual_key, n_cells)]]
-    return edges[np.setdiff1d(crossing, cotree)]
+    cells = surface.edge_faces[crossing] % n_cells  # -1, beyond the boundary, is the last cell
+    return surface.edges[crossing[~_tree_edges(cells, n_cells)]]
 
 
-def _tree_edges(graph, key, size):
-    """Positions in the sorted key (low * size + high) of the edges of a breadth-first tree."""
+def _tree_edges(pairs, size):
+    """Which of the pairs (E, 2) belong to a breadth-first tree of their graph: (E,) bool, one of equal pairs."""
+    low, high = np.sort(pairs, axis=1).T
+    graph = csr_array((np.ones(len(pairs)), (low, high)), shape=(size, size))
     nodes, parent = breadth_first_order(graph, 0, directed=False)
     child = nodes[1:]
-    return np.searchsorted(key, np.minimum(child, parent[child]) * size + np.maximum(child, parent[child]))
+    tree = np.minimum(child, parent[child]) * size + np.maximum(child, parent[child])
+    key, first = np.unique(low * size + high, return_index=True)
+    chosen = np.zeros(len(pairs), dtype=bool)
+    chosen[first[np.searchsorted(key, tree)]] = True
+    return chosen

@@ -1,0 +1,129 @@
+"""Cutting a closed hemisphere open along a mask (the medial wall), so that a disk is left."""
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from .surface import Surface, SurfaceError, require_disk
+
+
+def open_surface(surface, mask):
+    """The disk left when the vertices of mask are cut away, and their indices in the input: (Surface, (V',) int).
+
+    mask: (V,) bool, True = cut. A face stays if none of its corners is cut; of what stays the piece of largest area
+    is kept; of the gaps in it the largest (by area; an input's own boundary counts as largest) becomes the opening and
+    the others are filled with their own vertices; where the opening touches itself in a vertex, all fans but the
+    largest go; inner edges that join two vertices of the rim are cut and the smaller side goes (ears and teeth that
+    hang by one edge). Vertices keep their places and their order. Raises SurfaceError for a mask of the wrong shape, one
+    that cuts all or nothing, a curve that would lose vertices, and where no disk is left (handles, further openings).
+    """
+    mask = _checked_mask(surface, mask)
+    cut = mask[surface.faces].any(axis=1)
+    kept = _opened(surface, ~cut)
+    if kept[cut].all():
+        raise SurfaceError(
+            f"the mask only makes holes inside a surface that is open already ({surface.boundary_loops[0].size} boundary "
+            f"vertices from vertex {surface.boundary_loops[0][0]}); let the mask reach its boundary, or use it as it is."
+        )
+    vertices, corners = np.unique(surface.faces[kept], return_inverse=True)
+    new_index = np.full(len(surface.vertices), -1)
+    new_index[vertices] = np.arange(len(vertices))
+    curves = {name: _renumbered(name, path, new_index) for name, path in surface.curves.items()}
+    opened = Surface(surface.vertices[vertices], corners.reshape(-1, 3), curves)
+    require_disk(opened)
+    return opened, vertices
+
+
+def _checked_mask(surface, mask):
+    mask, n_vertices = np.asarray(mask), len(surface.vertices)
+    if mask.dtype != bool or mask.shape != (n_vertices,):
+        raise SurfaceError(
+            f"the mask must be {n_vertices} booleans, one a vertex (True = cut), not {mask.dtype} of shape {mask.shape}; "
+            f"for vertex indices: mask = numpy.zeros({n_vertices}, bool); mask[indices] = True."
+        )
+    if not mask.any():
+        raise SurfaceError("the mask cuts nothing; mark the vertices of the medial wall.")
+    if mask[surface.faces].any(axis=1).all():
+        raise SurfaceError(
+            f"the mask cuts everything ({mask.sum()} of {n_vertices} vertices, no face is left); if it marks what to "
+            f"keep, give its opposite (~mask, `qclearn open --keep`)."
+        )
+    return mask
+
+
+def _opened(surface, kept):
+    """Faces (F,) bool of the disk: the steps of open_surface, repeated until none changes anything."""
+    while True:
+        before = kept
+        kept = _largest(surface, kept, cut=np.zeros(len(surface.edges), dtype=bool))
+        kept = _with_holes_filled(surface, kept)
+        kept = _without_touching_fans(surface, kept)
+        kept = _largest(surface, kept, cut=_chords(surface, kept))
+        if (kept == before).all():
+            return kept
+
+
+def _largest(surface, kept, cut):
+    """The piece of largest area among the kept faces, joined through edges that are not cut."""
+    joined = surface.edge_faces[_sides(surface, kept).all(axis=1) & ~cut]
+    _, label = _components(len(surface.faces), joined)
+    area = np.bincount(label[kept], weights=surface.face_areas[kept])
+    return kept & (label == area.argmax())
+
+
+def _with_holes_filled(surface, kept):
+    """The kept faces and all gaps between them but the largest and those on the surface's own boundary.
+
+    A gap is what hangs together through vertices, so two that touch in a vertex are one.
+    """
+    faces, cut = surface.faces, ~kept
+    if not cut.any():
+        return kept
+    outside = surface.edges[surface.edge_faces[:, 1] < 0]
+    _, label = _components(len(surface.vertices), np.concatenate([faces[cut][:, :2], faces[cut][:, 1:], outside]))
+    gap = label[faces[:, 0]]
+    if len(outside):
+        stays = np.unique(label[outside])
+    else:
+        stays = np.bincount(gap[cut], weights=surface.face_areas[cut]).argmax()
+    return kept | ~np.isin(gap, stays)
+
+
+def _without_touching_fans(surface, kept):
+    """The kept faces with one fan, the largest, at every vertex."""
+    rim = _rim(surface, kept)
+    for vertex in np.flatnonzero(np.bincount(surface.edges[rim].ravel()) > 2):
+        around = kept & (surface.faces == vertex).any(axis=1)
+        kept = kept & ~around | _largest(surface, around, cut=~(surface.edges == vertex).any(axis=1))
+    return kept
+
+
+def _chords(surface, kept):
+    """Inner edges (E,) bool that join two vertices of the rim."""
+    on_rim = np.zeros(len(surface.vertices), dtype=bool)
+    on_rim[surface.edges[_rim(surface, kept)]] = True
+    return _sides(surface, kept).all(axis=1) & on_rim[surface.edges].all(axis=1)
+
+
+def _rim(surface, kept):
+    return _sides(surface, kept).sum(axis=1) == 1
+
+
+def _sides(surface, kept):
+    """Which of its two faces is kept, for every edge: (E, 2) bool."""
+    return kept[surface.edge_faces] & (surface.edge_faces >= 0)
+
+
+def _components(size, pairs):
+    graph = csr_array((np.ones(len(pairs), dtype=np.int8), pairs.T), shape=(size, size))
+    return connected_components(graph, directed=False)
+
+
+def _renumbered(name, path, new_index):
+    lost = path[new_index[path] < 0]
+    if lost.size:
+        raise SurfaceError(
+            f"curve '{name}' would lose {lost.size} of its {path.size} vertices, the first {lost[0]}; shorten the curve, "
+            f"leave it out (Surface(vertices, faces)), or cut less."
+        )
+    return new_index[path]
