@@ -18,9 +18,11 @@ from .mobius import best_mobius, compose_mobius, mobius, mobius_inverse
 
 FIRST_GAMMA = 1e2  # continuation: one step at each power of ten from here to gamma
 STEPS_AT_GAMMA = 5
-STEPS_A_LINEARISATION = 2, 3, 3  # on the caller's mesh
-SETTLED_ON_GRID, SETTLED = 0.8, 0.95  # a step that keeps more than this share of the objective is the last one
+STEPS_A_LINEARISATION = 2, 2, 2, 2, 2, 2  # on the caller's mesh
+SHARES, FAIR = (1.0, 0.5, 0.25, 0.125), 0.3  # of a damped step
+SETTLED_ON_GRID, SETTLED = 0.8, 0.92  # a step that keeps more than this share of the objective is the last one
 TANGENTIAL_WEIGHT = 0.1  # of a sliding landmark's residual along its target curve
+LANDMARKS_AT_ONCE = 16  # bounds the memory of the adjoint solves
 MOBIUS_PRIOR = 1e-6  # weak, keeps the step of the three Möbius parameters bounded
 
 
@@ -128,10 +130,13 @@ class Forward:
 
     def gradients(self, nu):
         """Gradients of Re f(p) and Im f(p) with respect to nu at the last map, complex (M, n) each."""
-        points = self.evaluate.toarray().astype(complex)
-        grad_mu = self.solver.pullback(np.concatenate([points, 1j * points]))
-        grad_nu = self.to_faces.T @ bounded_pullback(self.to_faces @ nu, grad_mu).T
-        return np.split(grad_nu.T, 2)
+        nu_faces, parts = self.to_faces @ nu, []
+        for rows in range(0, self.evaluate.shape[0], LANDMARKS_AT_ONCE):
+            points = self.evaluate[rows:rows + LANDMARKS_AT_ONCE].toarray().astype(complex)
+            grad_mu = self.solver.pullback(np.concatenate([points, 1j * points]))
+            grad_nu = self.to_faces.T @ bounded_pullback(nu_faces[:, None], grad_mu.T)
+            parts.append(grad_nu.T.reshape(2, len(points), -1))
+        return np.concatenate(parts, axis=1)
 
 
 class MeshForward(Forward):
@@ -181,9 +186,10 @@ class GaussNewton:
 
         def step(nu, w):
             residual = self.landmarks.components(w - self.landmarks.target, gamma)
-            y = np.linalg.solve(S, residual - (J.conj() @ nu).real)
+            constant = residual - (J.conj() @ nu).real
+            y = np.linalg.solve(S, constant)  # the model's least objective is constant . y
             turn, real, imaginary = -Jm.T @ y / MOBIUS_PRIOR
-            return -lifted @ y - nu, complex(real, imaginary), turn
+            return -lifted @ y - nu, complex(real, imaginary), turn, constant @ y
 
         return step
 
@@ -195,16 +201,21 @@ def mass_matrix(z, faces):
 
 
 def descend(newton, forward, step, nu, parameters, gamma):
-    """One damped step: (nu, parameters, f) with the objective lowered, or None where no share of it lowers it."""
-    mapped = forward.points
-    before, share = newton.objective(nu, mapped, gamma), 1.0
-    change, da, dtheta = step(nu, mapped)
-    while share > 0.1:
+    """One damped step: (nu, parameters, f) with the objective lowered, or None where no share of it lowers it.
+
+    A share s of the step is taken once it brings a fair part of what the quadratic model promises, `(2s - s^2)` of
+    the full step's gain; the promise fails where the map is far from linear in nu.
+    """
+    before = newton.objective(nu, forward.points, gamma)
+    change, da, dtheta, promised = step(nu, forward.points)
+    for share in SHARES:
         candidate, moved = nu + share * change, compose_mobius(parameters, (share * da, share * dtheta))
         f = forward.map(candidate, moved)
-        if newton.objective(candidate, forward.points, gamma) < before:
+        gain = before - newton.objective(candidate, forward.points, gamma)
+        if gain > FAIR * (2 * share - share ** 2) * (before - promised):
             return candidate, moved, f
-        share /= 2
+    if gain > 0:
+        return candidate, moved, f
     forward.map(nu, parameters)
     return None
 
@@ -225,21 +236,17 @@ def fit_landmarks(z, faces, moving, target, alpha=1.0, beta=1e-2, gamma=1e5, cur
     check_weights(alpha, beta, gamma)
     rings = rings or int(np.clip(np.sqrt(len(z) / 3), 8, 32))
     landmarks, weights = Landmarks(target, curve, sliding), (alpha, beta, gamma)
-    newton, coarse = polar_model(rings // 2, landmarks, moving, alpha, beta)
+    grid, triangles = polar_disk(rings // 2, 3 * (rings // 2), power=1.4)
+    newton = GaussNewton(grid, triangles, landmarks, alpha, beta)
+    coarse = Forward(grid, triangles, moving, sampling_matrix(grid, triangles, grid[triangles].mean(1)))
     nu = np.zeros(len(coarse.z), complex) if start is None else start_field(z, faces, start, coarse.z)
-    nu, parameters, steps = fit_on_grid(newton, coarse, nu, best_mobius(moving, target), gamma, watch)
-    newton, finer = polar_model(rings, landmarks, moving, alpha, beta)
-    nu = sampling_matrix(coarse.z, coarse.faces, finer.z) @ nu
-    fine = MeshForward(z, faces, moving, sampling_matrix(finer.z, finer.faces, z[faces].mean(1)))
-    f, nu, parameters, polished = fit_on_mesh(newton, finer, fine, nu, parameters, gamma, watch)
+    nu, parameters, steps = fit_on_grid(newton, coarse, nu, best_mobius(moving, target), gamma / 10, watch)
+    grid, triangles = polar_disk(rings, 3 * rings, power=1.4)
+    newton = GaussNewton(grid, triangles, landmarks, alpha, beta)
+    nu = sampling_matrix(coarse.z, coarse.faces, grid) @ nu
+    fine = MeshForward(z, faces, moving, sampling_matrix(grid, triangles, z[faces].mean(1)))
+    f, nu, parameters, polished = fit_on_mesh(newton, fine, nu, parameters, gamma, watch)
     return report_fit(newton, fine, z, faces, f, nu, parameters, (steps, polished), weights)
-
-
-def polar_model(rings, landmarks, points, alpha, beta):
-    """The prior and the forward model on a graded polar mesh of that many rings: (GaussNewton, Forward)."""
-    z, faces = polar_disk(rings, 3 * rings, power=1.4)
-    to_faces = sampling_matrix(z, faces, z[faces].mean(1))
-    return GaussNewton(z, faces, landmarks, alpha, beta), Forward(z, faces, points, to_faces)
 
 
 def fit_on_grid(newton, forward, nu, parameters, gamma, watch):
@@ -259,11 +266,11 @@ def fit_on_grid(newton, forward, nu, parameters, gamma, watch):
     return nu, parameters, taken
 
 
-def fit_on_mesh(newton, grid, fine, nu, parameters, gamma, watch):
-    """Last steps: the residual of the caller's own mesh, the polar mesh's derivative: (f, nu, parameters, steps)."""
+def fit_on_mesh(newton, fine, nu, parameters, gamma, watch):
+    """Last steps, on the caller's mesh, several with each linearisation: (f, nu, parameters, steps)."""
     f, steps = fine.map(nu, parameters), 0
     for several in STEPS_A_LINEARISATION:
-        step, start = newton.prepare(nu, grid, parameters, gamma), newton.objective(nu, fine.points, gamma)
+        step, start = newton.prepare(nu, fine, parameters, gamma), newton.objective(nu, fine.points, gamma)
         for _ in range(several):
             if watch:
                 watch()
@@ -274,7 +281,7 @@ def fit_on_mesh(newton, grid, fine, nu, parameters, gamma, watch):
             (nu, parameters, f), steps = result, steps + 1
             if newton.objective(nu, fine.points, gamma) > SETTLED * before:
                 break
-        if newton.objective(nu, fine.points, gamma) > SETTLED_ON_GRID * start:
+        if newton.objective(nu, fine.points, gamma) > SETTLED * start:
             break
     return f, nu, parameters, steps
 
