@@ -11,14 +11,15 @@ import numpy as np
 import pytest
 from nilearn.datasets import fetch_surf_fsaverage
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.csgraph import dijkstra
 
 from qclearn.bijectivity import RepairWarning
 from qclearn.disk import disk_conformal_map
-from qclearn.fsaverage import named_sulci
+from qclearn.fsaverage import demo_landmarks, fsaverage5, named_sulci
 from qclearn.landmarks import fundus_metric, fundus_path, sample_curve
 from qclearn.mobius import best_mobius, mobius
-from qclearn.surface import Surface, SurfaceError, mirror, require_disk
+from qclearn.opening import open_surface
+from qclearn.surface import Surface, SurfaceError, mirror
 
 SIDES = ("left", "right")
 REQUIRED = {"central sulcus", "superior temporal sulcus", "calcarine sulcus", "parieto-occipital sulcus",
@@ -30,23 +31,11 @@ def array(kind, side, number=0):
     return np.asarray(nibabel.load(fetch_surf_fsaverage("fsaverage5")[f"{kind}_{side}"]).darrays[number].data)
 
 
-def largest_piece(faces):
-    """Which vertices lie in the largest connected piece of these faces, (V,) bool."""
-    graph = coo_array((np.ones(faces.size), (faces.ravel(), np.roll(faces, 1, axis=1).ravel())), (10242,) * 2)
-    label = connected_components(graph, directed=False)[1]
-    return label == np.bincount(label[faces[:, 0]]).argmax()
-
-
 @cache
 def opened(side):
-    """The pial surface without its medial wall (the largest patch of curvature 0) and its vertices' old indices."""
-    faces = array("pial", side, 1).astype(int)
-    wall = largest_piece(faces[(array("curv", side)[faces] == 0).all(axis=1)])
-    faces = faces[~wall[faces].any(axis=1)]
-    kept, corners = np.unique(faces[largest_piece(faces)[faces].all(axis=1)], return_inverse=True)
-    surface = Surface(array("pial", side).astype(float)[kept], corners.reshape(-1, 3))
-    require_disk(surface)
-    return surface, kept
+    """The pial surface without its medial wall, where FreeSurfer's curvature is 0, and its vertices' old indices."""
+    closed = Surface(array("pial", side), array("pial", side, 1))
+    return open_surface(closed, array("curv", side) == 0)
 
 
 @cache
@@ -61,7 +50,7 @@ def samples(side):
     """Ten points a curve in the conformal disk, the right side mirrored: dict name -> (10,) complex."""
     surface = opened(side)[0] if side == "left" else mirror(opened(side)[0])
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RepairWarning)  # the rim of this plain cut is ragged
+        warnings.simplefilter("ignore", RepairWarning)  # the rim of the right side needs raised boundary steps
         z = disk_conformal_map(surface)
     return {name: sample_curve(surface, path) @ z for name, path in paths(side).items()}
 
@@ -133,6 +122,16 @@ def test_indices_are_those_of_the_opened_surface():
         assert kept[list(ends)].tolist() == RECORD["sulci"][name]["right"]["vertices"]
     closed = named_sulci("left", np.arange(10242))
     assert closed["central sulcus"] == tuple(RECORD["sulci"]["central sulcus"]["left"]["vertices"])
+
+
+def test_the_demo_names_the_same_places_on_the_surfaces_it_registers():
+    moving, control = fsaverage5("right"), fsaverage5("left")
+    curves = demo_landmarks()["curves"]
+    assert [curve["name"] for curve in curves] == list(RECORD["sulci"])
+    for curve in curves:
+        entry = RECORD["sulci"][curve["name"]]
+        for surface, ends, side in ((moving, curve["moving"], "right"), (control, curve["control"], "left")):
+            np.testing.assert_array_equal(surface.vertices[ends], array("pial", side)[entry[side]["vertices"]])
 
 
 def test_refusals():
