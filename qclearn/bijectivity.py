@@ -109,7 +109,7 @@ def repair(matrix, faces, lengths, f, switched=(), most_rounds=30):
         average = mean_value_matrix(faces, lengths, len(f)) if average is None else average
         keep = sparse.diags_array(np.where(switched, 0.0, 1 / matrix.diagonal()))
         mixed = keep @ matrix + sparse.diags_array(switched.astype(float)) @ average
-        problem = Dirichlet(mixed, boundary, pivot=0.1)
+        problem = Dirichlet(mixed, boundary)
         f = problem.solve(f[boundary])
     return f, np.flatnonzero(switched), problem
 
