@@ -13,12 +13,14 @@ from matplotlib.figure import Figure
 from scipy.spatial import Delaunay
 
 from .beltrami import signed_areas
+from .disk import disk_conformal_map
 from .diskmesh import square_disk
 from .fit import LandmarkFit, fit_landmarks, sampling_matrix
+from .landmarks import fundus_metric, fundus_path, sample_curve
 from .plot import CURVE_STYLES, FLIPPED_COLOUR, disk_axes, disk_plot, lines_plot, square_lines
-from .register import align, check_curves, resample, sample_side
+from .register import align, check_curves
 
-RINGS = 16  # of the polar mesh that carries the unknowns: a compromise between accuracy and the speed of a slider
+RINGS = 12  # of the polar mesh that carries the unknowns: enough for 1,000 vertices, and quick
 BINS = np.linspace(0, 1, 41)
 
 
@@ -54,21 +56,21 @@ def _problem(name, z, faces, moving, target):
     return Problem(name, z, faces, np.concatenate(moving), np.concatenate(target), labels)
 
 
-def cortex_problem(name, moving, control, curves, vertices=1000, points=6):
+def cortex_problem(name, moving, control, curves, vertices=1000, points=5):
     """The landmarks of two cortical surfaces on about 1,000 vertices of the moving one: a `Problem`.
 
-    curves as in `register`. The landmarks, `points` a curve, come from the full surfaces; the mesh joins vertices
-    spread evenly over the moving surface, at their places in its disk (Delaunay).
+    curves as in `register`, sulci between endpoints by `fundus_path`. The landmarks, `points` a curve, come from the
+    full surfaces; the mesh joins vertices spread evenly over the moving surface, at their places in its disk (Delaunay).
     """
-    from .disk import disk_conformal_map
-
     entries = check_curves(curves, moving, control)
     z_moving, z_control = disk_conformal_map(moving), disk_conformal_map(control)
     z_moving = align(moving, z_moving, control, z_control, entries)
     landmarks = []
     for surface, z, side in ((moving, z_moving, "moving"), (control, z_control, "control")):
-        lines = sample_side(surface, z, entries, side)[1]
-        landmarks.append([resample(surface, sampling_matrix(z, surface.faces, line), points) @ z for line in lines])
+        metric = fundus_metric(surface)
+        paths = [fundus_path(surface, *entry[side], metric) if entry["detect"][side] else entry[side]
+                 for entry in entries]
+        landmarks.append([sample_curve(surface, path, points) @ z for path in paths])
     z = z_moving[spread_vertices(moving, vertices)]
     faces = Delaunay(np.stack([z.real, z.imag], axis=1)).simplices.astype(np.int64)
     faces = np.where((signed_areas(z, faces) < 0)[:, None], faces[:, ::-1], faces)
