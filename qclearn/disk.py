@@ -5,6 +5,7 @@ solution of linear problems: the boundary moves by the harmonic measure of A(mu)
 """
 
 import warnings
+from functools import cached_property
 
 import numpy as np
 from scipy import sparse
@@ -96,9 +97,9 @@ class BeltramiDiskSolver:
         face, weights = locate(self.z, self.faces, [0j])
         self.origin, self.weights = self.faces[face[0]], weights[0]
         self.pole = self._choose_pole()
-        self.calibration = self._calibrate()
 
-    def _calibrate(self):
+    @cached_property
+    def calibration(self):
         """Sparse (B, B): scales the angle steps so that mu = 0 gives back the mesh itself; None where they do anyway.
 
         An ear (a triangle with three boundary vertices) carries no flux and a sliver a wrong one; the error is much

@@ -57,6 +57,29 @@ def test_rate_on_meshes_without_structure(exact):
     assert errors[1] < 6e-4 and np.log2(errors[0] / errors[1]) / 3 > 1.6, errors
 
 
+def square_with_ears(n):
+    """A square grid split the other way: a triangle with three boundary vertices at each corner, without any flux."""
+    z, faces = square_disk(n)
+    row, column = np.divmod(np.arange(n * n), n)
+    a = row * (n + 1) + column
+    b, c, d = a + 1, a + n + 2, a + n + 1
+    rising = ((row < n // 2) == (column >= n // 2))[:, None]
+    return z, np.concatenate([np.where(rising, np.stack([a, b, c], 1), np.stack([a, b, d], 1)),
+                              np.where(rising, np.stack([a, c, d], 1), np.stack([b, c, d], 1))])
+
+
+@pytest.mark.parametrize("exact", DISK_MAPS, ids=lambda exact: exact.name)
+def test_ears_do_not_cost_the_rate(exact):
+    """Uncalibrated steps leave an error of first order here, 4e-3 to 6e-3 at 64."""
+    errors = []
+    for n in (32, 64):
+        z, faces = square_with_ears(n)
+        assert np.isin(faces, boundary_loop(faces)).all(1).sum() == 4
+        errors.append(abs(solve_beltrami_disk(z, faces, exact.on_faces(z, faces)) - exact(z)).max())
+    least = 1.4 if exact.name == "radial stretch" else 1.7
+    assert errors[1] < 6e-4 and np.log2(errors[0] / errors[1]) >= least, errors
+
+
 def test_rate_with_a_coefficient_seen_through_a_mobius_map():
     """g = N after f after M, with N back to g(0) = 0, g(1) = 1: another pole for the same coefficient."""
     a = 0.3 + 0.2j
@@ -117,7 +140,7 @@ def test_zero_and_one_as_vertices():
 
 def test_no_coefficient_gives_the_identity(mesh):
     z, faces = mesh
-    assert abs(solve_beltrami_disk(z, faces, np.zeros(len(faces))) - z).max() < 0.03
+    assert abs(solve_beltrami_disk(z, faces, np.zeros(len(faces))) - z).max() < 6e-4
 
 
 def test_identity_is_exact_on_the_boundary_of_a_polar_mesh():
