@@ -4,7 +4,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import breadth_first_order, connected_components
+from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spanning_tree
 
 
 class SurfaceError(ValueError):
@@ -305,23 +305,17 @@ def _loops_message(surface):
 
 
 def _handle_edges(surface):
-    """Edges (2 x handles, 2) in neither a spanning tree nor a cotree of the faces (Eppstein 2003): each closes a loop
-    that no disk has. The boundary loop counts as one more face."""
+    """Edges (2 x handles, 2): each closes a loop through a handle, one of the shortest from vertex 0 (Erickson and
+    Whittlesey 2005: a shortest-path tree, and among the other edges a spanning tree of the faces across the longest
+    loops, the outside counting as a face; the edges in neither are the ones)."""
     n_vertices, n_cells = len(surface.vertices), len(surface.faces) + 1
-    in_tree = _tree_edges(surface.edges, n_vertices)
-    crossing = np.flatnonzero(~in_tree)
-    cells = surface.edge_faces[crossing] % n_cells  # -1, beyond the boundary, is the last cell
-    return surface.edges[crossing[~_tree_edges(cells, n_cells)]]
-
-
-def _tree_edges(pairs, size):
-    """Which of the pairs (E, 2) belong to a breadth-first tree of their graph: (E,) bool, one of equal pairs."""
-    low, high = np.sort(pairs, axis=1).T
-    graph = csr_array((np.ones(len(pairs)), (low, high)), shape=(size, size))
-    nodes, parent = breadth_first_order(graph, 0, directed=False)
-    child = nodes[1:]
-    tree = np.minimum(child, parent[child]) * size + np.maximum(child, parent[child])
-    key, first = np.unique(low * size + high, return_index=True)
-    chosen = np.zeros(len(pairs), dtype=bool)
-    chosen[first[np.searchsorted(key, tree)]] = True
-    return chosen
+    one, two = surface.edges.T
+    graph = csr_array((np.ones(len(one)), (one, two)), shape=(n_vertices, n_vertices))
+    depth, parent = dijkstra(graph, directed=False, indices=0, unweighted=True, return_predecessors=True)
+    crossing = np.flatnonzero((parent[one] != two) & (parent[two] != one))
+    crossing = crossing[np.argsort(-(depth[one] + depth[two])[crossing], kind="stable")]
+    low, high = np.sort(surface.edge_faces[crossing] % n_cells, axis=1).T  # -1, the outside, is the last cell
+    first = np.unique(low * n_cells + high, return_index=True)[1]
+    dual = csr_array((first + 1.0, (low[first], high[first])), shape=(n_cells, n_cells))
+    cotree = minimum_spanning_tree(dual).data.astype(np.int64) - 1
+    return surface.edges[np.sort(np.delete(crossing, cotree))]

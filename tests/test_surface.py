@@ -1,0 +1,268 @@
+import re
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from qclearn.surface import Surface, SurfaceError, mirror, require_disk, require_outward
+
+TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
+OUTWARD = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+
+
+def grid(n, m, hole=()):
+    """An n x m grid of unit cells in the plane, counterclockwise; cells named in hole are left out."""
+    x, y = np.meshgrid(np.arange(n + 1), np.arange(m + 1), indexing="ij")
+    vertices = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3).astype(float)
+    cells = [(i, j) for i in range(n) for j in range(m) if (i, j) not in hole]
+    corner = np.array([i * (m + 1) + j for i, j in cells])
+    right, up = m + 1, 1
+    faces = np.concatenate([
+        np.stack([corner, corner + right, corner + right + up], axis=1),
+        np.stack([corner, corner + right + up, corner + up], axis=1),
+    ])
+    return vertices, faces
+
+
+def torus(n=12, m=9):
+    a, b = np.meshgrid(np.arange(n) * 2 * np.pi / n, np.arange(m) * 2 * np.pi / m, indexing="ij")
+    vertices = np.stack([(3 + np.cos(b)) * np.cos(a), (3 + np.cos(b)) * np.sin(a), np.sin(b)], axis=-1).reshape(-1, 3)
+    faces = grid(n, m)[1]
+    i, j = np.divmod(faces, m + 1)
+    return vertices, (i % n) * m + j % m
+
+
+def refused(*expected, vertices=TETRAHEDRON, faces=OUTWARD, curves=None):
+    with pytest.raises(SurfaceError) as caught:
+        Surface(vertices, faces, curves)
+    for text in expected:
+        assert text in str(caught.value)
+
+
+def test_arrays_are_stored_as_promised_and_cannot_be_changed():
+    vertices = TETRAHEDRON.astype(np.float32)
+    surface = Surface(vertices, OUTWARD.astype(np.uint16), {"ridge": [0, 3]})
+    assert surface.vertices.dtype == np.float64 and surface.faces.dtype == surface.curves["ridge"].dtype == np.int64
+    vertices[0] = 7
+    np.testing.assert_array_equal(surface.vertices, TETRAHEDRON)
+    for array in (surface.vertices, surface.faces, surface.edges, surface.edge_faces, surface.curves["ridge"]):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+
+
+def test_edges_and_their_faces():
+    surface = Surface(TETRAHEDRON, OUTWARD[:3])
+    assert surface.edges.tolist() == [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]
+    assert surface.edge_faces.tolist() == [[0, 1], [0, -1], [1, -1], [0, 2], [1, 2], [2, -1]]
+
+
+def test_areas_and_volume_of_a_tetrahedron():
+    surface = Surface(TETRAHEDRON, OUTWARD)
+    np.testing.assert_allclose(surface.face_areas, [0.5, 0.5, np.sqrt(3) / 2, 0.5])
+    np.testing.assert_allclose(surface.vertex_areas, np.array([1.5, 1 + np.sqrt(3) / 2] + [1 + np.sqrt(3) / 2] * 2) / 3)
+    assert surface.area == pytest.approx(1.5 + np.sqrt(3) / 2)
+    assert surface.volume == pytest.approx(1 / 6)
+    assert Surface(TETRAHEDRON, OUTWARD[:, ::-1]).volume == pytest.approx(-1 / 6)
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(1e-6, 1e6), st.integers(0, 4))
+def test_volume_is_capped_and_moves_with_the_surface(seed, scale, opening):
+    """A missing face is capped by itself, wherever the surface lies and however it is turned."""
+    random = np.random.default_rng(seed)
+    moved = scale * (Rotation.random(rng=random).apply(TETRAHEDRON) + random.normal(size=3, scale=10))
+    surface = Surface(moved, np.delete(OUTWARD, opening, axis=0) if opening < 4 else OUTWARD)
+    assert surface.volume == pytest.approx(scale**3 / 6, rel=1e-9)
+
+
+def test_boundary_runs_counterclockwise_from_its_smallest_vertex():
+    surface = Surface(*grid(3, 2))
+    loop = surface.boundary
+    assert loop.tolist() == [0, 3, 6, 9, 10, 11, 8, 5, 2, 1]
+    reverse = Surface(surface.vertices, surface.faces[:, ::-1]).boundary
+    assert reverse.tolist() == [0, *loop[:0:-1].tolist()]
+
+
+def test_boundary_loops_keep_the_surface_on_their_left():
+    surface = Surface(*grid(3, 3, hole=[(1, 1)]))
+    outer, inner = surface.boundary_loops
+    z = surface.vertices[:, 0] + 1j * surface.vertices[:, 1]
+    areas = [0.5 * (np.conj(z[loop]) * np.roll(z[loop], -1)).imag.sum() for loop in (outer, inner)]
+    assert (outer[0], inner[0], areas) == (0, 5, [9, -1])
+    with pytest.raises(SurfaceError, match="2 boundary loops"):
+        _ = surface.boundary
+
+
+def test_closed_surface_has_no_loop_and_euler_characteristic_2():
+    surface = Surface(TETRAHEDRON, OUTWARD)
+    assert surface.boundary_loops == [] and surface.euler_characteristic == 2
+    assert Surface(*torus()).euler_characteristic == 0
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=20)
+def test_topology_does_not_depend_on_the_numbering(seed):
+    random = np.random.default_rng(seed)
+    vertices, faces = grid(4, 3, hole=[(1, 1), (3, 1)])
+    order = random.permutation(len(vertices))
+    faces = np.roll(np.argsort(order)[faces], random.integers(3), axis=1)[random.permutation(len(faces))]
+    surface = Surface(vertices[order], faces)
+    assert surface.euler_characteristic == 0
+    assert sorted(len(loop) for loop in surface.boundary_loops) == [4, 16]
+    for loop in surface.boundary_loops:
+        assert loop[0] == loop.min() and len(set(loop.tolist())) == len(loop)
+
+
+def test_mirror_keeps_outward_indices_and_curves():
+    surface = Surface(TETRAHEDRON + 5, OUTWARD[1:], {"ridge": [0, 3]})
+    image = mirror(surface)
+    np.testing.assert_array_equal(image.vertices, surface.vertices * [-1, 1, 1])
+    assert image.volume == pytest.approx(surface.volume) and surface.volume > 0
+    assert image.curves["ridge"].tolist() == [0, 3]
+    np.testing.assert_array_equal(mirror(image).vertices, surface.vertices)
+    np.testing.assert_array_equal(mirror(image).faces, surface.faces)
+
+
+def test_wrong_arrays():
+    refused("(4, 2)", "z = 0", vertices=TETRAHEDRON[:, :2])
+    refused("real numbers", vertices=[["a", "b", "c"]] * 4)
+    refused("complex", "z.real", vertices=TETRAHEDRON * 1j)
+    refused("(4, 4)", "triangles", faces=np.zeros((4, 4), dtype=int))
+    refused("float64", "astype(int)", faces=OUTWARD.astype(float))
+    refused("no faces", "triangle", faces=np.empty((0, 3), dtype=int))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_coordinates_that_are_not_finite(value):
+    vertices = TETRAHEDRON.copy()
+    vertices[2, 1] = value
+    refused("1 vertex with NaN or infinite coordinates: 2.", "export", vertices=vertices)
+
+
+@pytest.mark.parametrize("index", [4, -1])
+def test_index_out_of_range(index):
+    faces = OUTWARD.copy()
+    faces[3, 1] = index
+    refused("1 face", "outside 0 ... 3: 3.", "subtract 1", faces=faces)
+
+
+def test_unused_vertices_and_their_remedy():
+    vertices = np.insert(TETRAHEDRON, 1, [9, 9, 9], axis=0)
+    faces = OUTWARD + (OUTWARD > 0)
+    refused("1 vertex in no face: 1.", "numpy.unique", vertices=vertices, faces=faces)
+    used, corners = np.unique(faces, return_inverse=True)
+    np.testing.assert_array_equal(Surface(vertices[used], corners.reshape(-1, 3)).vertices, TETRAHEDRON)
+
+
+def test_long_lists_of_indices_are_cut():
+    refused("7 vertices in no face: 4, 5, 6, 7, 8 and 2 more.", vertices=np.pad(TETRAHEDRON, ((0, 7), (0, 0))))
+
+
+def test_degenerate_faces():
+    refused("1 degenerate face", "repeated vertex", ": 4.", "clean", faces=np.vstack([OUTWARD, [1, 1, 2]]))
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+def test_zero_area_is_judged_at_the_scale_of_the_surface(scale):
+    vertices, faces = grid(2, 1)
+    vertices = scale * Rotation.from_rotvec([1, 2, 3]).apply(vertices)
+    flat = vertices.copy()
+    flat[0] = (vertices[2] + vertices[5]) / 2  # onto the line of a face's other two corners, up to rounding
+    refused("degenerate", ": 0.", vertices=flat[[0, 2, 5, 4]], faces=[[0, 1, 2], [1, 3, 2]])
+    thin = vertices.copy()
+    thin[0] = vertices[3] + 1e-9 * (vertices[0] - vertices[3])
+    assert Surface(thin, faces).area > 0
+
+
+@pytest.mark.parametrize("twin", [[1, 0, 3], [3, 1, 0]])
+def test_duplicate_faces(twin):
+    refused("duplicate faces: 1 pair", "[1, 4]", "one of each", faces=np.vstack([OUTWARD, [twin]]))
+
+
+def test_a_pillow_of_two_faces_is_a_duplicate():
+    refused("duplicate faces", "[0, 1]", vertices=TETRAHEDRON[:3], faces=[[0, 1, 2], [0, 2, 1]])
+
+
+def test_inconsistent_orientation():
+    faces = OUTWARD[:3].copy()
+    faces[2] = faces[2, ::-1]
+    refused("inconsistent orientation: 2 pairs", "[0, 2], [1, 2]", "Reverse", faces=faces)
+
+
+def test_edge_with_three_faces():
+    vertices = np.vstack([TETRAHEDRON, [0, -1, -1]])
+    refused("not manifold: 1 edge", "[0, 1]", "Delete", vertices=vertices, faces=np.vstack([OUTWARD, [0, 1, 4]]))
+
+
+def test_vertex_where_two_fans_meet():
+    """Two tetrahedra that touch in vertex 3; an edge joins them elsewhere only through it."""
+    vertices = np.vstack([TETRAHEDRON, TETRAHEDRON[:3] + [0, 0, 2]])
+    second = np.array([4, 5, 6, 3])[OUTWARD[:, ::-1]]
+    refused("not manifold: 1 vertex", ": 3.", "Duplicate the vertex", vertices=vertices, faces=[*OUTWARD, *second])
+    vertices, faces = grid(2, 2, hole=[(0, 1), (1, 0)])
+    used, corners = np.unique(faces, return_inverse=True)
+    refused("not manifold: 1 vertex", ": 3.", vertices=vertices[used], faces=corners.reshape(-1, 3))
+
+
+def test_several_components():
+    vertices, faces = grid(2, 2)
+    vertices, faces = np.vstack([TETRAHEDRON, vertices]), np.vstack([OUTWARD, faces + 4])
+    message = "2 components: 9 vertices around vertex 4, 4 vertices around vertex 0"
+    refused(message, "extract_largest", vertices=vertices, faces=faces)
+
+
+def test_curves_that_do_not_fit():
+    refused("curve 'ridge'", "4, -1;", "0 to 3", curves={"ridge": [0, 4, -1]})
+    for path in ([], [0.5], [[0, 1]]):
+        refused("curve 'ridge'", "vertex indices", curves={"ridge": path})
+
+
+def test_require_disk():
+    require_disk(Surface(*grid(2, 2)))
+    with pytest.raises(SurfaceError, match="closed.*open_surface.*qclearn open"):
+        require_disk(Surface(TETRAHEDRON, OUTWARD))
+    message = "2 boundary loops.*: 12 vertices from vertex 0, 4 vertices from vertex 5.*open_surface"
+    with pytest.raises(SurfaceError, match=message):
+        require_disk(Surface(*grid(3, 3, hole=[(1, 1)])))
+
+
+@pytest.mark.parametrize("corner", [0, 440, 17])
+def test_a_handle_is_refused_and_located(corner):
+    """A tube between two holes of a grid: the named edges lie on it or next to it, whichever vertex is the first."""
+    vertices, faces = grid(20, 20, hole=[(9, 9), (12, 9)])
+    one, two = (np.array([i * 21 + 9, i * 21 + 10, (i + 1) * 21 + 10, (i + 1) * 21 + 9]) for i in (9, 12))
+    two = two[[0, 3, 2, 1]]  # the tube joins the holes against each other
+    following = np.roll(np.arange(4), -1)
+    tube = [*np.stack([one[following], one, two], 1), *np.stack([one[following], two, two[following]], 1)]
+    order = np.roll(np.arange(len(vertices)), -corner)
+    surface = Surface(vertices[order], np.argsort(order)[np.vstack([faces, tube])])
+    with pytest.raises(SurfaceError, match="1 handle .*Euler characteristic -1.*mris_fix_topology") as caught:
+        require_disk(surface)
+    edges = np.array(re.findall(r"\[(\d+), (\d+)\]", str(caught.value)), dtype=int)
+    assert edges.shape == (2, 2)
+    assert (np.abs(surface.vertices[edges] - [11, 9.5, 0]) <= [3, 2, 0]).all()
+
+
+def test_require_outward():
+    require_outward(Surface(TETRAHEDRON, OUTWARD[1:]))
+    inward = Surface(TETRAHEDRON, OUTWARD[1:, ::-1])
+    with pytest.raises(SurfaceError, match=r"inward.*faces\[:, ::-1\].*qclearn open --reverse"):
+        require_outward(inward)
+    require_outward(Surface(inward.vertices, inward.faces[:, ::-1]))
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=20)
+def test_a_flat_surface_is_valid_but_has_no_outside(seed):
+    vertices = Rotation.random(rng=seed).apply(grid(3, 2)[0] + 0.3) + [1, 2, 3]
+    with pytest.raises(SurfaceError, match="plane.*pial"):
+        require_outward(Surface(vertices, grid(3, 2)[1]))
+
+
+def test_checks_are_fast():
+    vertices, faces = grid(399, 399)
+    start = time.process_time()
+    Surface(vertices, faces)
+    assert time.process_time() - start < 2  # a quarter of a second on a quiet machine; loops would take ten
