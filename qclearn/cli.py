@@ -4,6 +4,7 @@ import json
 import os
 import sys
 import tempfile
+import zipfile
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
@@ -98,7 +99,7 @@ def register_into(out, moving, control, curves, **options):
                             disk_control=result.disk_control, disk_map=result.disk_map, mu=result.mu,
                             faces_moving=result.faces_moving, faces_control=result.faces_control)
         (folder / "report.json").write_text(json.dumps(result.report, indent=2) + "\n")
-        qc.write_mesh(folder / "registered.surf.gii", result.points, result.faces_moving)
+        qc.write_surface(folder / "registered.surf.gii", qc.Surface(result.points, result.faces_moving))
     print_report(result.report, out)
 
 
@@ -129,3 +130,40 @@ def shared_curves(moving, control):
         raise qc.LandmarkError("the surfaces share no curve names (curve_<name> in their npz files); give --landmarks")
     return {"curves": [{"name": name, "moving": moving.curves[name].tolist(), "control": control.curves[name].tolist(),
                         "detect": False} for name in names]}
+
+
+@cli.command("open")
+@click.argument("surface")
+@click.option("--mask", help="Per-vertex file (.npy, .txt, .gii, morphometry): non-zero vertices are cut away.")
+@click.option("--label", help="FreeSurfer .label file: its vertices are cut away.")
+@click.option("--keep", is_flag=True, help="The file names what to keep (lh.cortex.label, thickness), not what to cut.")
+@click.option("--reverse", is_flag=True, help="Reverse every face first (for a surface that is inside out).")
+@click.option("--out", required=True, help="File to write; an npz also keeps the original vertex numbers.")
+def open_command(surface, mask, label, keep, reverse, out):
+    """Cut a closed hemisphere open at its medial wall, so that it becomes a disk."""
+    if (mask is None) == (label is None):
+        raise click.UsageError("open needs one of --mask FILE and --label FILE")
+    closed = qc.read_surface(surface)
+    closed = qc.Surface(closed.vertices, closed.faces[:, ::-1], closed.curves) if reverse else closed
+    qc.require_outward(closed)
+    opened, original = qc.open_surface(closed, qc.read_mask(mask or label, closed, keep))
+    qc.write_surface(out, opened, original_vertices=original)
+    click.echo(f"{out}: {len(opened.vertices)} of {len(closed.vertices)} vertices, boundary of {len(opened.boundary)}")
+
+
+@cli.command()
+@click.argument("registration")
+@click.argument("values")
+@click.option("--to", type=click.Choice(["moving", "control"]), required=True, help="Where the values are carried.")
+@click.option("--nearest", is_flag=True, help="Take the nearest corner's value (labels) instead of interpolating.")
+@click.option("--out", required=True, help="File to write: .npy, .txt, .gii or a FreeSurfer morphometry name.")
+def transfer(registration, values, to, nearest, out):
+    """Carry a per-vertex map (VALUES) over to the other surface of a REGISTRATION (registration.npz)."""
+    try:
+        maps = np.load(registration)
+        disks = {"moving": (maps["disk_map"], maps["faces_moving"]), "control": (maps["disk_control"], maps["faces_control"])}
+    except (ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise ValueError(f"{registration}: not a registration.npz of this program ({error})") from None
+    (z_from, faces_from), (z_to, _) = (disks["control"], disks["moving"])[:: 1 if to == "moving" else -1]
+    qc.write_values(out, transfer_map(qc.read_values(values), z_from, faces_from, z_to, nearest))
+    click.echo(f"{out}: {len(z_to)} values on the {to} surface")

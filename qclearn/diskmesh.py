@@ -5,6 +5,8 @@ import shapely
 
 from .beltrami import BeltramiError
 
+INSET = 1e-4  # share of the radius that points moved onto the boundary polygon stay inside it
+
 
 def square_to_disk(w):
     """Radial map of the square [-1, 1]^2 onto the unit disk, `w max(|cos t|, |sin t|)`, t = arg w; 0 to 0."""
@@ -83,7 +85,8 @@ def boundary_loop(faces):
 def locate(z, faces, points):
     """Where points lie in a disk mesh: (face (P,), barycentric coordinates (P, 3), non-negative, sum 1).
 
-    A point beyond the boundary polygon (between a chord and its arc, say) is first moved radially onto the polygon.
+    A point beyond the boundary polygon (between a chord and its arc, say) is first moved radially onto the polygon;
+    one inside the circle stays short of it by up to INSET of its radius, so that triangles there keep an area.
     """
     z, faces, points = np.asarray(z, complex), np.asarray(faces), np.atleast_1d(np.asarray(points, complex))
     tree = shapely.STRtree(shapely.polygons(_pairs(z[faces])))
@@ -118,6 +121,8 @@ def _project_radially(z, faces, points):
     a, b = z[loop[k]], z[loop[(k + 1) % len(loop)]]
     # The ray s p meets the chord a + t (b - a) where Im(conj(b - a)(s p - a)) = 0.
     s = ((b - a).conj() * a).imag / ((b - a).conj() * points).imag
+    radius = abs(points)
+    s = s * (1 - INSET * np.clip((1 - radius) / (1 - s * radius), 0, 1))
     edge = {pair: f for f, triple in enumerate(faces.tolist()) for pair in zip(triple, triple[1:] + triple[:1])}
     face = np.array([edge[int(loop[i]), int(loop[(i + 1) % len(loop)])] for i in k])
     return face, s * points

@@ -53,7 +53,7 @@ class Stages:
 
     @contextmanager
     def __call__(self, name):
-        self.bar.set_description(name)
+        self.bar.set_description(name, refresh=False)
         start = time.perf_counter()
         yield
         self.seconds[name] = round(time.perf_counter() - start, 4)

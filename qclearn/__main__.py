@@ -1,0 +1,5 @@
+"""`python -m qclearn` is the `qclearn` command."""
+
+from .cli import main
+
+main()
