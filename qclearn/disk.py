@@ -10,8 +10,15 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
-from .beltrami import (Dirichlet, assemble, check_coefficient, cotangent_stiffness, hat_gradients, signed_areas,
-                       stiffness_blocks)
+from .beltrami import (
+    Dirichlet,
+    assemble,
+    check_coefficient,
+    cotangent_stiffness,
+    hat_gradients,
+    signed_areas,
+    stiffness_blocks,
+)
 from .bijectivity import BijectivityError, RepairWarning, check_embedding, repair
 from .diskmesh import boundary_loop, locate
 from .mobius import centring_mobius, mobius

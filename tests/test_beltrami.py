@@ -11,9 +11,22 @@ from hypothesis import strategies as st
 from meshes import random_disk, random_mu
 from scipy import sparse
 
-from qclearn.beltrami import (BeltramiError, Dirichlet, assemble, beltrami_coefficient, compose_coefficients,
-                              cotangent_stiffness, diffuse, hat_gradients, inverse_coefficient, jacobian,
-                              signed_areas, solve_beltrami, stiffness, wirtinger)
+from qclearn.beltrami import (
+    BeltramiError,
+    Dirichlet,
+    assemble,
+    beltrami_coefficient,
+    compose_coefficients,
+    cotangent_stiffness,
+    diffuse,
+    hat_gradients,
+    inverse_coefficient,
+    jacobian,
+    signed_areas,
+    solve_beltrami,
+    stiffness,
+    wirtinger,
+)
 from qclearn.diskmesh import boundary_loop, polar_disk, square_disk
 
 DISK = random_disk(seed=1)
@@ -235,6 +248,19 @@ def test_cotangent_stiffness_equals_the_matrix_of_any_embedding():
     points = np.stack([z.real, z.imag, np.sin(3 * z.real) * z.imag], 1)
     difference = cotangent_stiffness(points, faces) - stiffness(z, faces, beltrami_coefficient(z, faces, points))
     assert abs(difference).max() < 1e-12
+
+
+def test_stiffness_of_a_composition_and_of_an_inverse_on_the_image_mesh():
+    """The energy of w(f(z)) may be taken in z or in f(z): the same matrix, coefficient by the composition formula."""
+    z, faces = DISK
+    f = SLIDING(z)
+    f_z, mu_f = wirtinger(z, faces, f)[0], beltrami_coefficient(z, faces, f)
+    mu_g = random_mu(np.random.default_rng(0), f, faces, 0.6)
+    composed = compose_coefficients(mu_f, f_z, mu_g)
+    assert abs(stiffness(f, faces, mu_g) - stiffness(z, faces, composed)).max() < 1e-12
+    undone = inverse_coefficient(mu_f, f_z)
+    np.testing.assert_allclose(beltrami_coefficient(f, faces, z), undone, atol=1e-13)
+    assert abs(stiffness(f, faces, undone) - stiffness(z, faces, 0 * mu_f)).max() < 1e-12
 
 
 def test_stiffness_is_symmetric_semidefinite_with_constants_in_its_kernel():

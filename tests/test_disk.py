@@ -8,8 +8,8 @@ from meshes import random_disk, random_mu
 
 from qclearn.beltrami import BeltramiError, beltrami_coefficient, signed_areas
 from qclearn.bijectivity import RepairWarning, check_bijective
-from qclearn.diskmesh import boundary_loop, polar_disk, square_disk
 from qclearn.disk import BeltramiDiskSolver, angle_distortion, solve_beltrami_disk
+from qclearn.diskmesh import boundary_loop, polar_disk, square_disk
 from qclearn.mobius import mobius
 from qclearn.surface import Surface, SurfaceError
 
@@ -59,7 +59,7 @@ def test_rate_on_meshes_without_structure(exact):
 
 def square_with_ears(n):
     """A square grid split the other way: a triangle with three boundary vertices at each corner, without any flux."""
-    z, faces = square_disk(n)
+    z, _ = square_disk(n)
     row, column = np.divmod(np.arange(n * n), n)
     a = row * (n + 1) + column
     b, c, d = a + 1, a + n + 2, a + n + 1
