@@ -11,8 +11,10 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from scipy.spatial import Delaunay
+from threadpoolctl import threadpool_limits
 
 from .beltrami import signed_areas
+from .curvature import AreaRadius, area_radius
 from .disk import disk_conformal_map
 from .diskmesh import square_disk
 from .fit import LandmarkFit, fit_landmarks, sampling_matrix
@@ -26,7 +28,10 @@ BINS = np.linspace(0, 1, 41)
 
 @dataclass(frozen=True)
 class Problem:
-    """Landmarks to fit on a small disk mesh: name, z (V,), faces, moving and target (M,) complex, curve (M,) labels."""
+    """Landmarks to fit on a small disk mesh: name, z (V,), faces, moving and target (M,) complex, curve (M,) labels.
+
+    radius: the `AreaRadius` to draw it with, if the unit disk would crowd it.
+    """
 
     name: str
     z: np.ndarray
@@ -34,6 +39,7 @@ class Problem:
     moving: np.ndarray
     target: np.ndarray
     curve: np.ndarray
+    radius: AreaRadius | None = None
 
 
 def example_problems():
@@ -51,9 +57,9 @@ def example_problems():
     ]
 
 
-def _problem(name, z, faces, moving, target):
+def _problem(name, z, faces, moving, target, radius=None):
     labels = np.repeat(np.arange(len(moving)), [len(curve) for curve in moving])
-    return Problem(name, z, faces, np.concatenate(moving), np.concatenate(target), labels)
+    return Problem(name, z, faces, np.concatenate(moving), np.concatenate(target), labels, radius)
 
 
 def cortex_problem(name, moving, control, curves, vertices=1000, points=5):
@@ -74,7 +80,7 @@ def cortex_problem(name, moving, control, curves, vertices=1000, points=5):
     z = z_moving[spread_vertices(moving, vertices)]
     faces = Delaunay(np.stack([z.real, z.imag], axis=1)).simplices.astype(np.int64)
     faces = np.where((signed_areas(z, faces) < 0)[:, None], faces[:, ::-1], faces)
-    return _problem(name, z, faces, *landmarks)
+    return _problem(name, z, faces, *landmarks, area_radius(moving, z_moving))
 
 
 def spread_vertices(surface, count):
@@ -100,8 +106,9 @@ class FitState:
 
 def exact_fit(problem, alpha, beta, gamma, sliding=False, watch=None):
     """`fit_landmarks` on a Problem."""
-    return fit_landmarks(problem.z, problem.faces, problem.moving, problem.target, alpha, beta, gamma, problem.curve,
-                         sliding, rings=RINGS, watch=watch)
+    with threadpool_limits(1):  # on small matrices more BLAS threads only wait for each other: five times slower here
+        return fit_landmarks(problem.z, problem.faces, problem.moving, problem.target, alpha, beta, gamma, problem.curve,
+                             sliding, rings=RINGS, watch=watch)
 
 
 SOLVERS = {"exact fit": exact_fit}  # name -> callable like `exact_fit`; a network's answer goes beside it here
@@ -154,11 +161,12 @@ class Canvas:
 
     def __init__(self, problem, solvers):
         self.problem = problem
+        self.scale = problem.radius.to_image if problem.radius else np.asarray
         self.figure = Figure(figsize=(11.2, 3.2 * len(solvers)), dpi=90)
         axes = self.figure.subplots(len(solvers), 4, squeeze=False, gridspec_kw={
             "left": 0.005, "right": 0.99, "bottom": 0.16 / len(solvers), "top": 1 - 0.09 / len(solvers),
             "wspace": 0.03, "width_ratios": (1, 1, 1, 0.8)})
-        lines = square_lines(15, 61)
+        lines = [problem.radius.from_image(line) if problem.radius else line for line in square_lines(15, 61)]
         self.ends = np.cumsum([len(line) for line in lines])[:-1]
         self.to_lines = sampling_matrix(problem.z, problem.faces, np.concatenate(lines))
         self.to_landmarks = sampling_matrix(problem.z, problem.faces, problem.moving)
@@ -172,10 +180,11 @@ class Canvas:
             ax.set_title(title, fontsize=10, y=1.0)  # a fixed height spares a search for free room at every draw
         starts = np.flatnonzero(np.diff(problem.curve)) + 1
         for points, style in ((problem.moving, "detected"), (problem.target, "target")):
-            for curve in np.split(points, starts):
+            for curve in np.split(self.scale(points), starts):
                 row[0].plot(curve.real, curve.imag, color=CURVE_STYLES[style]["color"], linewidth=1,
                             linestyle=CURVE_STYLES[style]["linestyle"])
-        row[0].plot(problem.target.real, problem.target.imag, "s", color=CURVE_STYLES["target"]["color"], fillstyle="none",
+        target = self.scale(problem.target)
+        row[0].plot(target.real, target.imag, "s", color=CURVE_STYLES["target"]["color"], fillstyle="none",
                     markersize=7, label="target", zorder=6)
         points, = row[0].plot([], [], "o", color=CURVE_STYLES["registered"]["color"], markeredgecolor="black",
                               markersize=4.5, zorder=5, label="registered")
@@ -183,7 +192,7 @@ class Canvas:
         flipped = PolyCollection([], facecolor=FLIPPED_COLOUR, hatch="//", edgecolor="black", zorder=8)
         row[0].add_collection(flipped)
         grid = lines_plot(row[1], [problem.z[:2]], "#1F4E79")
-        colours = disk_plot(row[2], problem.z, problem.faces, np.zeros(len(problem.faces)), vmin=0, vmax=1)
+        colours = disk_plot(row[2], self.scale(problem.z), problem.faces, np.zeros(len(problem.faces)), vmin=0, vmax=1)
         bar = row[2].inset_axes((0.2, -0.04, 0.6, 0.03))
         self.figure.colorbar(colours, cax=bar, orientation="horizontal", ticks=(0, 0.5, 1))
         bars = row[3].stairs(np.zeros(len(BINS) - 1), BINS, fill=True, color="#0072B2")
@@ -203,11 +212,11 @@ class Canvas:
         return buffer.getvalue()
 
     def _update(self, points, flipped, grid, colours, bars, fit):
-        mapped, lines = self.to_landmarks @ fit.f, np.split(self.to_lines @ fit.f, self.ends)
+        mapped, lines = (self.scale(points @ fit.f) for points in (self.to_landmarks, self.to_lines))
         points.set_data(mapped.real, mapped.imag)
-        corners = fit.f[self.problem.faces[fit.flipped]]
+        corners = self.scale(fit.f)[self.problem.faces[fit.flipped]]
         flipped.set_verts(np.stack([corners.real, corners.imag], axis=-1))
-        grid.set_segments([np.stack([line.real, line.imag], axis=-1) for line in lines])
+        grid.set_segments([np.stack([line.real, line.imag], axis=-1) for line in np.split(lines, self.ends)])
         colours.set_array(abs(fit.mu))
         counts = np.histogram(np.minimum(abs(fit.mu), 1), BINS)[0]
         bars.set_data(counts)
@@ -298,7 +307,7 @@ class Tuner(ipywidgets.VBox):
                 self.landmarks.value == "sliding")
 
     def answer(self, name, alpha, beta, gamma, sliding, watch=None):
-        """(PNG bytes or None, HTML, sentence) for one setting; an error becomes text, never a traceback."""
+        """(PNG bytes, HTML, sentence) for one setting; an error becomes text without a picture, never a traceback."""
         try:
             problem = self.problems[name]
             states = {solver: fit_state(problem, alpha, beta, gamma, sliding, solve, watch)
@@ -308,12 +317,9 @@ class Tuner(ipywidgets.VBox):
             return self.canvas.draw(states), table(states), "; ".join(map(describe, states.values()))
         except Superseded:
             raise
-        except Exception as error:  # whatever a solver raises must reach the reader, and the next move must work
+        except Exception as error:  # noqa: BLE001 - whatever is raised must reach the reader, who then moves on
             message = f"{type(error).__name__}: {error}"
-            return None, f"<p><b>Error</b>: {html.escape(message)}</p>", message
+            return b"", f"<p><b>Error</b>: {html.escape(message)}</p>", message
 
     def show(self, answer):
-        png, text, sentence = answer
-        if png is not None:
-            self.image.value = png
-        self.text.value, self.image.tooltip = text, sentence
+        self.image.value, self.text.value, self.image.tooltip = answer

@@ -116,7 +116,7 @@ def test_registration_figure_draws_before_and_after(registered, tmp_path):
                 if line.get_color() == colour and line.get_linestyle() != "None"]
 
     first, second = figure.axes[0], figure.axes[1]
-    (spoke, ring), (spoke_after, _) = drawn(first, "detected"), drawn(second, "registered")
+    (spoke, _), (spoke_after, _) = drawn(first, "detected"), drawn(second, "registered")
     np.testing.assert_array_equal(spoke, registration.curves["spoke"][0])
     path = [1 + 24 * k for k in range(6)]  # on vertices the map is known exactly
     np.testing.assert_allclose(spoke_after, registration.disk_map[path], atol=1e-9)

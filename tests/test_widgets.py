@@ -1,0 +1,220 @@
+"""The live page's callback, its figure, its worker thread and its shell, without a browser."""
+
+import dataclasses
+import threading
+
+import numpy as np
+import pytest
+
+from qclearn.bijectivity import check_bijective
+from qclearn.diskmesh import polar_disk, square_disk
+from qclearn.surface import Surface
+from qclearn.widgets import (Canvas, NewestOnly, Problem, Superseded, Tuner, cortex_problem, describe, exact_fit,
+                             example_problems, fit_state, spread_vertices, table)
+
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+@pytest.fixture(scope="module")
+def problem():
+    """Two short curves on a small mesh, turned by a twist that leaves the circle where it is."""
+    z, faces = square_disk(12)
+    moving = np.concatenate([0.4 + 0.1j * np.arange(-1, 2), -0.3 + 0.15 * np.arange(3)])
+    target = moving * np.exp(0.6j * (1 - abs(moving) ** 2))
+    return Problem("twist", z, faces, moving, target, np.repeat([0, 1], 3))
+
+
+@pytest.fixture(scope="module")
+def state(problem):
+    return fit_state(problem, 1.0, 1e-2, 1e4)
+
+
+def bowl(height, rings=9):
+    z, faces = polar_disk(rings, 3 * rings)
+    return Surface(np.stack([z.real, z.imag, height * (1 - abs(z) ** 2)], axis=1), faces)
+
+
+def test_gamma_buys_landmarks_with_distortion(problem):
+    loose, tight = fit_state(problem, 1.0, 1e-2, 1e1), fit_state(problem, 1.0, 1e-2, 1e4)
+    assert tight.fit.landmark_error < 0.1 * loose.fit.landmark_error
+    assert tight.terms["L_mu"][0] > loose.terms["L_mu"][0]
+
+
+def test_alpha_and_beta_press_on_their_own_terms(problem):
+    reference = fit_state(problem, 1.0, 1e-2, 1e2)
+    assert fit_state(problem, 100.0, 1e-2, 1e2).terms["L_mu"][0] < 0.5 * reference.terms["L_mu"][0]
+    assert fit_state(problem, 1.0, 1.0, 1e2).terms["L_grad_mu"][0] < 0.5 * reference.terms["L_grad_mu"][0]
+
+
+def test_terms_are_value_weight_and_product(state):
+    for (value, weight, product), expected in zip(state.terms.values(), (1.0, 1e-2, 1e4), strict=True):
+        assert weight == expected
+        assert product == pytest.approx(value * weight)
+    assert sum(row[2] for row in state.terms.values()) == pytest.approx(state.fit.losses["L_CP"])
+
+
+def test_state_tells_certificate_and_error_in_words(state):
+    assert "certified bijective" in describe(state)
+    assert f"{state.fit.landmark_error:.2e}" in describe(state)
+
+
+def test_flipped_triangles_are_reported_and_drawn(problem, state):
+    folded = state.fit.f.copy()
+    inner = np.flatnonzero(abs(problem.z) < 0.1)[0]
+    folded[inner] += 0.5
+    flipped = check_bijective(problem.z, problem.faces, folded).flipped
+    assert len(flipped) > 0
+    bad = dataclasses.replace(state.fit, f=folded, bijective=False, flipped=flipped)
+    answer = fit_state(problem, 1.0, 1e-2, 1e4, solver=lambda *_: bad)
+    assert f"not bijective: {len(flipped)} of {len(problem.faces)} triangles" in answer.message
+    canvas = Canvas(problem, ["exact fit"])
+    canvas.draw({"exact fit": answer})
+    assert len(canvas.rows["exact fit"][1].get_paths()) == len(flipped)
+
+
+@pytest.mark.parametrize("weights, word", [((0.0, 1e-2, 1e4), "alpha"), ((1.0, 1e-2, np.nan), "gamma")])
+def test_weights_out_of_range_become_a_message(problem, weights, word):
+    answer = fit_state(problem, *weights)
+    assert answer.fit is None and word in answer.message
+
+
+def test_bad_landmarks_become_a_message(problem):
+    twice = problem.moving.copy()
+    twice[1] = twice[0]
+    answer = fit_state(dataclasses.replace(problem, moving=twice), 1.0, 1e-2, 1e4)
+    assert "coincide" in describe(answer)
+    assert "coincide" in table({"exact fit": answer})
+
+
+def test_table_escapes_messages(state):
+    text = table({"<b>": dataclasses.replace(state, fit=None, message="a < b")})
+    assert "a &lt; b" in text and "<b>&lt;b&gt;</b>" in text
+
+
+def test_canvas_draws_the_map(problem, state):
+    canvas = Canvas(problem, ["exact fit"])
+    assert canvas.draw({"exact fit": state}).startswith(PNG)
+    points, _, grid, colours, bars = canvas.rows["exact fit"]
+    np.testing.assert_allclose(points.get_xydata() @ [1, 1j], problem.target, atol=10 * state.fit.landmark_error)
+    np.testing.assert_array_equal(colours.get_array(), abs(state.fit.mu))
+    assert bars.get_data().values.sum() == len(problem.faces)
+    assert abs(np.concatenate(grid.get_segments()) @ [1, 1j]).max() <= 1 + 1e-12
+
+
+def test_canvas_shows_no_stale_map_beside_an_error(problem, state):
+    canvas = Canvas(problem, ["exact fit"])
+    good = canvas.draw({"exact fit": state})
+    bad = canvas.draw({"exact fit": fit_state(problem, -1.0, 1e-2, 1e4)})
+    assert not any(artist.get_visible() for artist in canvas.rows["exact fit"])
+    assert bad != good
+    assert canvas.draw({"exact fit": state}) == good
+
+
+def test_newest_request_wins_and_older_work_stops():
+    started, release, finished, shown = threading.Event(), threading.Event(), [], []
+
+    def work(number, watch):
+        started.set()
+        release.wait(10)
+        watch()
+        finished.append(number)
+        return number
+
+    worker = NewestOnly(work, shown.append, pause=0)
+    worker.submit(0)
+    assert started.wait(10)
+    for number in range(1, 6):
+        worker.submit(number)
+    release.set()
+    worker.wait()
+    assert finished == shown == [5]
+    worker.submit(6)
+    worker.wait()
+    assert shown == [5, 6]
+
+
+def test_watch_stops_a_fit(problem):
+    def watch():
+        raise Superseded
+
+    with pytest.raises(Superseded):
+        fit_state(problem, 1.0, 1e-2, 1e4, watch=watch)
+
+
+def test_moving_a_slider_changes_picture_and_text(problem):
+    tuner = Tuner([problem])
+    image, text = bytes(tuner.image.value), tuner.text.value
+    assert image.startswith(PNG) and "certified" in text
+    tuner.gamma.value = 10.0
+    tuner.worker.wait()
+    assert bytes(tuner.image.value).startswith(PNG) and tuner.image.value != image
+    assert tuner.text.value != text
+    expected = fit_state(problem, 1.0, 1e-2, 10.0)
+    assert f"{expected.fit.landmark_error:.2e}" in tuner.image.tooltip
+
+
+def test_every_control_reaches_the_solver(problem):
+    other = dataclasses.replace(problem, name="other")
+    tuner = Tuner([problem, other])
+    for control, value in ((tuner.alpha, 2.0), (tuner.beta, 0.1), (tuner.gamma, 1e3), (tuner.landmarks, "sliding"),
+                           (tuner.problem, "other")):
+        control.value = value
+        tuner.worker.wait()
+    assert tuner.setting() == ("other", 2.0, 0.1, 1e3, True)
+    expected = fit_state(other, 2.0, 0.1, 1e3, sliding=True)
+    assert f"{expected.fit.landmark_error:.2e}" in tuner.text.value
+    assert tuner.canvas.problem is other
+
+
+def test_an_unexpected_error_is_shown_and_the_next_move_works(problem):
+    def fails_above(problem, alpha, beta, gamma, sliding, watch):
+        if gamma > 1e4:
+            raise RuntimeError("no <answer> here")
+        return exact_fit(problem, alpha, beta, gamma, sliding, watch)
+
+    tuner = Tuner([problem], {"fragile": fails_above})
+    assert "no &lt;answer&gt; here" in tuner.text.value
+    tuner.gamma.value = 1e3
+    tuner.worker.wait()
+    assert "certified" in tuner.text.value and bytes(tuner.image.value).startswith(PNG)
+    tuner.gamma.value = 1e6
+    tuner.worker.wait()
+    assert "RuntimeError" in tuner.text.value and not tuner.image.value  # no stale picture beside an error
+
+
+def test_answers_of_several_solvers_stand_below_each_other(problem):
+    tuner = Tuner([problem], {"exact fit": exact_fit, "half gamma": lambda p, a, b, g, *rest: exact_fit(p, a, b, g / 2, *rest)})
+    assert set(tuner.canvas.rows) == {"exact fit", "half gamma"}
+    assert "<b>exact fit</b>" in tuner.text.value and "<b>half gamma</b>" in tuner.text.value
+    first, second = (row[0].get_xydata() for row in tuner.canvas.rows.values())
+    assert abs(first - second).max() > 0
+
+
+@pytest.mark.parametrize("example", example_problems(), ids=lambda example: example.name)
+def test_examples_are_certified(example):
+    for sliding in (False, True):
+        assert exact_fit(example, 1.0, 1e-2, 1e4, sliding).bijective
+
+
+def test_vertices_are_spread_evenly():
+    surface = bowl(0.5)
+    chosen = spread_vertices(surface, 80)
+    assert len(np.unique(chosen)) == 80 and set(surface.boundary[::2]) <= set(chosen)
+    distance = np.linalg.norm(surface.vertices[:, None] - surface.vertices[chosen], axis=2)
+    added = distance[chosen[len(surface.boundary[::2]):]] + np.where(distance[chosen[len(surface.boundary[::2]):]] == 0, 9, 0)
+    assert distance.min(axis=1).max() <= added.min() + 1e-12  # no vertex is farther off than two chosen ones are apart
+
+
+def test_cortex_problem_keeps_landmarks_of_the_full_surfaces():
+    moving, control = bowl(0.5, 12), bowl(0.8, 12)
+    spoke = [1 + 36 * ring for ring in range(8)]
+    arc = list(range(151, 160))
+    curves = [{"name": "spoke", "moving": spoke, "control": [vertex + 2 for vertex in spoke]},
+              {"name": "arc", "moving": arc, "control": [vertex + 3 for vertex in arc]}]
+    small = cortex_problem("bowls", moving, control, curves, vertices=150, points=4)
+    assert len(small.z) == 150 and small.curve.tolist() == [0] * 4 + [1] * 4
+    on_arc = small.target[4:]  # the control is a surface of revolution: the arc stays one, equally divided
+    np.testing.assert_allclose(abs(on_arc), abs(on_arc[0]), rtol=0.01)
+    np.testing.assert_allclose(np.angle(on_arc[1:] / on_arc[:-1]), np.radians(80 / 3), rtol=0.02)
+    fit = exact_fit(small, 1.0, 1e-2, 1e4)
+    assert fit.bijective and fit.landmark_error < 0.1 * abs(small.moving - small.target).mean()
