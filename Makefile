@@ -26,7 +26,7 @@ book: $(INSTALLED)
 test: $(INSTALLED)
 	$(BIN)/python -m pytest -q -n $(JOBS) --ignore=tests/site tests
 	$(BIN)/python tools/build_book.py --jobs $(JOBS)
-	$(BIN)/python -m pytest -q -n $(JOBS) -rs tests/site
+	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadgroup -rs tests/site
 
 lab: $(INSTALLED)
 	$(BIN)/jupyter lab book
