@@ -134,6 +134,11 @@ def spectral_peak(wavelengths, power):
     return float(wavelengths[top] * (wavelengths[1] / wavelengths[0]) ** shift)
 
 
+def spectral_centroid(wavelengths, power):
+    """Mean wavelength by power, in log wavelength."""
+    return float(np.exp(np.average(np.log(wavelengths), weights=power)))
+
+
 def pits_and_fundi(surface, depth, deep, persistence):
     """Number of sulcal pits and total length of the fundus lines of a depth map (V,).
 

@@ -14,9 +14,10 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from data_synth.folding_measures import (facing_distance, fold_spectrum, pits_and_fundi, principal_curvatures, smooth,
-                                         spectral_peak)
+                                         spectral_centroid, spectral_peak)
 from data_synth.intersections import self_intersections
 from qclearn.curvature import mean_curvature, sulcal_depth
+from qclearn.files import read_surface
 from qclearn.surface import Surface, SurfaceError, require_outward
 
 CANONICAL_VERTICES = 10_000  # folding is measured at this resolution, so that meshes of 10,000 to 160,000 compare
@@ -87,7 +88,7 @@ def realism(surface):
     metrics["curvature_depth_correlation"] = _correlation(curvature[inside], depth[inside])
     wavelengths, power = fold_spectrum(patch, curvature)
     metrics["peak_wavelength"] = spectral_peak(wavelengths, power)
-    metrics["centroid_wavelength"] = np.exp(np.log(wavelengths) @ power)
+    metrics["centroid_wavelength"] = spectral_centroid(wavelengths, power)
     metrics["long_wave_power"] = power[wavelengths > 0.5].sum()
     return {name: float(metrics[name]) for name in TARGETS}
 
@@ -204,15 +205,13 @@ def table(rows):
 
 def main(arguments=None):
     """Command line: print the table of each file; bad input is one line on stderr and exit code 2."""
-    from qclearn.surface import read_surface
-
     parser = argparse.ArgumentParser(prog="python -m data_synth.realism", description="How much like cortex is a mesh?")
     parser.add_argument("paths", nargs="+", metavar="mesh", help="a surface file, lengths in any unit")
     for path in parser.parse_args(arguments).paths:
         try:
             rows = score(realism(read_surface(path)))
         except (SurfaceError, OSError) as error:
-            parser.exit(2, f"{path}: {error}\n")
+            parser.exit(2, f"{error}\n")
         print(path, table(rows), sep="\n")
 
 

@@ -7,9 +7,9 @@ from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.spatial import ConvexHull, QhullError
 
-from qclearn.beltrami import cotangent_stiffness
-from qclearn.diskmesh import locate
-from qclearn.surface import SurfaceError
+from .beltrami import cotangent_stiffness
+from .diskmesh import locate
+from .surface import SurfaceError
 
 CLOSING_RADIUS = 0.05  # radius of the ball that closes the sulci, in units of sqrt(area of the convex hull)
 CLOSING_CELL = 1 / 130  # side of a voxel, same unit
@@ -20,17 +20,15 @@ def mean_curvature(surface):
 
     `H = n . (K x) / (2 A)` with the cotangent stiffness K, the mixed Voronoi area A of Meyer et al. (2003) and the
     vertex normal n of Max (1999). It is exact, 1/r, where the neighbours lie on a sphere of radius r and no triangle
-    around is obtuse. Robustness: A is positive for any triangle; |H| is held below that of the sphere whose whole area
-    is the vertex's one-ring, which only slivers exceed; a boundary vertex, where K x contains the pull of the rim,
-    takes the mean of its neighbours inside. The mean error falls like h^2, single vertices of odd valence keep theirs
-    (Xu 2004). SurfaceError if no vertex lies inside.
+    around is obtuse; otherwise the mean error falls like h^2, but single vertices of odd valence may keep theirs
+    (Xu 2004). Slivers do little harm: a triangle adds at most half of its opposite edge to K x, and A is positive
+    for any triangle. A boundary vertex, where K x contains the pull of the rim, takes the mean of its neighbours
+    inside. SurfaceError if no vertex lies inside.
     """
     vertices, faces = surface.vertices, surface.faces
     area, normal = _mixed_areas(vertices, faces), _max_normals(vertices, faces)
     pull = cotangent_stiffness(vertices, faces) @ vertices
-    curvature = np.einsum("vk,vk->v", pull, normal) / (2 * area)
-    largest = np.sqrt(4 * np.pi / (3 * surface.vertex_areas))
-    return _fill_boundary(surface, np.clip(curvature, -largest, largest))
+    return _fill_boundary(surface, np.einsum("vk,vk->v", pull, normal) / (2 * area))
 
 
 def _corner_vectors(vertices, faces):

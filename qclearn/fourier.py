@@ -8,10 +8,10 @@ channels is keeping them here.
 import numpy as np
 from scipy import ndimage
 
-from qclearn.beltrami import signed_areas
-from qclearn.curvature import pixel_centres
-from qclearn.disk import solve_beltrami_disk
-from qclearn.diskmesh import disk_to_square, locate, square_to_disk
+from .beltrami import signed_areas
+from .curvature import pixel_centres
+from .disk import solve_beltrami_disk
+from .diskmesh import disk_to_square, locate, square_to_disk
 
 
 def frequencies(size, k):

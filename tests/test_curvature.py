@@ -1,41 +1,23 @@
 """Mean curvature, sulcal depth and curvature images against closed forms."""
 
+import warnings
+
 import numpy as np
 import pytest
-import pyvista
 
+from qclearn.bijectivity import RepairWarning
 from qclearn.curvature import (AreaRadius, area_radius, area_under_pixels, curvature_image, grey_levels, mean_curvature,
                                pixel_centres, resolved_share, sulcal_depth)
 from qclearn.diskmesh import polar_disk
+from qclearn.disk import disk_conformal_map
+from qclearn.fsaverage import fsaverage5
 from qclearn.surface import Surface, SurfaceError
-
-
-def icosphere(level):
-    mesh = pyvista.Icosphere(nsub=level)
-    vertices = np.asarray(mesh.points, float)  # single precision in the mesh
-    return vertices / np.linalg.norm(vertices, axis=1, keepdims=True), mesh.regular_faces
-
-
-def graph_surface(height, n=41):
-    """The graph of height(x, y) over [-1, 1]^2, faces looking up."""
-    x, y = np.meshgrid(np.linspace(-1, 1, n), np.linspace(-1, 1, n))
-    a = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
-    faces = np.concatenate([np.stack([a, a + 1, a + n + 1], 1), np.stack([a, a + n + 1, a + n], 1)])
-    return Surface(np.stack([x, y, height(x, y)], -1).reshape(-1, 3), faces)
-
-
-def revolution(angle, radius, nt=96):
-    """A dome around the z axis, open below: ring j at polar angle[j], distance radius[j]; ring 0 is the pole."""
-    _, faces = polar_disk(len(angle) - 1, nt)
-    turn = np.exp(2j * np.pi * np.arange(nt) / nt)
-    ring = (radius * np.sin(angle))[1:, None] * turn
-    height = np.broadcast_to((radius * np.cos(angle))[1:, None], ring.shape)
-    points = np.stack([ring.real, ring.imag, height], -1).reshape(-1, 3)
-    return Surface(np.concatenate([[[0, 0, radius[0] * np.cos(angle[0])]], points]), faces)
+from known_surfaces import icosphere, revolution, sheet
 
 
 def test_sphere_is_exact():
-    vertices, faces = icosphere(3)
+    ball = icosphere(3)
+    vertices, faces = ball.vertices, ball.faces
     for r in (0.01, 70.0):
         np.testing.assert_allclose(mean_curvature(Surface(r * vertices + 5, faces)), 1 / r, rtol=1e-9)
     np.testing.assert_allclose(mean_curvature(Surface(2 * vertices, faces[:, ::-1])), -0.5, rtol=1e-9)
@@ -46,8 +28,8 @@ def test_ellipsoid_converges_on_average():
     axes = np.array([1.0, 1.3, 0.8])
     errors = []
     for level in (2, 3, 4):
-        directions, faces = icosphere(level)
-        surface = Surface(directions * axes, faces)
+        ball = icosphere(level)
+        surface = Surface(ball.vertices * axes, ball.faces)
         x = surface.vertices
         normal_length = np.sqrt((x**2 / axes**4).sum(1))
         exact = ((axes**2).sum() - (x**2).sum(1)) / (2 * axes.prod() ** 2 * normal_length**3)
@@ -59,29 +41,25 @@ def test_ellipsoid_converges_on_average():
 
 @pytest.mark.parametrize("a, b", [(1.0, 0.3), (0.3, 1.0), (-0.5, 0.5)])
 def test_saddle_has_the_sign_of_its_stronger_bend(a, b):
-    surface = graph_surface(lambda x, y: (a * x**2 - b * y**2) / 2)  # k1 = -a and k2 = b seen from above
-    centre = np.linalg.norm(surface.vertices, axis=1).argmin()
+    surface, x, y = sheet(41, 2.0, lambda x, y: (a * (x - 1) ** 2 - b * (y - 1) ** 2) / 2)  # k = -a and b from above
+    centre = np.hypot(x - 1, y - 1).argmin()
     assert mean_curvature(surface)[centre] == pytest.approx((b - a) / 2, rel=0.01)
     turned = Surface(surface.vertices, surface.faces[:, ::-1])
     np.testing.assert_allclose(mean_curvature(turned), -mean_curvature(surface))
 
 
 def test_curvature_survives_the_rim_and_slivers():
-    vertices, faces = icosphere(3)
-    patch = faces[(vertices[faces, 2] > 0.2).all(1)]
-    used, patch = np.unique(patch, return_inverse=True)
-    patch = patch.reshape(-1, 3)
-    vertices = vertices[used]
-    np.testing.assert_allclose(mean_curvature(Surface(vertices, patch)), 1, rtol=1e-9)
+    cap = icosphere(3, 0.2)
+    vertices, faces = cap.vertices, cap.faces
+    np.testing.assert_allclose(mean_curvature(cap), 1, rtol=1e-9)
     # split every tenth face from a point that almost lies on one of its edges
-    split = patch[::10]
-    new = len(vertices) + np.arange(len(split))
+    split = faces[::10]
     a, b, c = split.T
-    points = np.concatenate([vertices, np.tensordot([0.5 - 1e-6, 0.5 - 1e-6, 2e-6], vertices[split], (0, 1))])
+    new = len(vertices) + np.arange(len(split))
+    points = np.concatenate([vertices, np.tensordot([0.5 - 1e-9, 0.5 - 1e-9, 2e-9], vertices[split], (0, 1))])
     parts = [np.stack(corners, 1) for corners in ((a, b, new), (b, c, new), (c, a, new))]
-    curvature = mean_curvature(Surface(points, np.concatenate([np.delete(patch, np.s_[::10], 0), *parts])))
-    assert np.abs(curvature).max() < 40  # the edges are 0.14 long; unbounded, the slivers give 1e5
-    assert np.median(curvature) == pytest.approx(1, abs=0.05)
+    curvature = mean_curvature(Surface(points, np.concatenate([np.delete(faces, np.s_[::10], 0), *parts])))
+    assert -1e-3 < curvature.min() and curvature.max() < 4 and np.median(curvature) == pytest.approx(1, abs=0.05)
 
 
 def test_curvature_without_inner_vertex_is_refused():
@@ -89,11 +67,17 @@ def test_curvature_without_inner_vertex_is_refused():
         mean_curvature(Surface(np.eye(3), [[0, 1, 2]]))
 
 
+def arc(radius, start, end, count):
+    """Points of a profile for `revolution`, by polar angle from the top."""
+    angle = np.linspace(start, end, count)
+    return radius * (np.sin(angle) + 1j * np.cos(angle))
+
+
 def test_depth_of_a_dent_in_a_sphere():
     mouth, depth, opening = 0.12, 0.3, 2.9
     angle = np.concatenate([np.linspace(0, mouth, 13), np.linspace(mouth, opening, 90)[1:]])
     radius = np.where(angle < mouth, 1 - depth * np.clip(2 - 2 * angle / mouth, 0, 1), 1.0)
-    surface = revolution(angle, radius)
+    surface = revolution(radius * (np.sin(angle) + 1j * np.cos(angle)))
     # the convex hull is a spherical zone with a flat lid; the closing ball rests on the rim of the dent
     scale = np.sqrt(2 * np.pi * (1 - np.cos(opening)) + np.pi * np.sin(opening) ** 2)
     ball, voxel = 0.05 * scale, scale / 130
@@ -108,9 +92,19 @@ def test_depth_of_a_dent_in_a_sphere():
     np.testing.assert_allclose(sulcal_depth(turned), 10 * measured, atol=1e-6)
 
 
+def test_a_chamber_behind_a_closed_mouth_is_deep():
+    chamber, neck = 0.5, 0.08  # wider than the ball: without filling, its middle would count as outside
+    inner, outer = np.arcsin(neck / chamber), np.arcsin(neck)
+    tube = neck + 1j * np.linspace(chamber * np.cos(inner), np.cos(outer), 12)
+    surface = revolution(np.concatenate([arc(chamber, np.pi, inner, 40), tube[1:-1], arc(1, outer, 2.9, 80)]))
+    wall = abs(np.linalg.norm(surface.vertices, axis=1) - chamber) < 1e-9
+    wall &= abs(surface.vertices[:, 2]) < 0.3  # away from the neck and the flat lid
+    np.testing.assert_allclose(sulcal_depth(surface)[wall], 1 - chamber, atol=0.03)
+
+
 def test_depth_of_a_flat_surface_is_refused():
     with pytest.raises(SurfaceError, match="plane"):
-        sulcal_depth(graph_surface(lambda x, y: 0 * x))
+        sulcal_depth(sheet(5)[0])
 
 
 @pytest.fixture(scope="module")
@@ -151,6 +145,30 @@ def test_area_under_pixels(crowded):
     # density of area in z is 1/(2|z|): a pixel of side 1/8 carries less than 1/64 where |z| > 1/2, half of the area
     assert resolved_share(areas, 1.2 / 64) > 0.99
     assert resolved_share(crowd, 1 / 64) == pytest.approx(0.5, abs=0.05)
+
+
+def test_pixels_count_where_they_lie(crowded):
+    surface, w, _ = crowded
+    plain = AreaRadius(np.array([0.0, 1.0]), np.array([0.0, 1.0]))
+    areas = area_under_pixels(surface, 0.3 * w + 0.5j, plain, 32)  # a disk in the upper half, y from 0.2 to 0.8
+    row, column = np.nonzero(areas)
+    assert (2 * row.min() / 32 - 1, 2 * (row.max() + 1) / 32 - 1) == pytest.approx((0.2, 0.8), abs=0.07)
+    assert row.mean() > 20 and column.mean() == pytest.approx(15.5, abs=0.01)
+
+
+@pytest.mark.parametrize("hemisphere", ["left", "right"])
+def test_equal_area_radius_resolves_real_cortex(hemisphere):
+    surface = fsaverage5(hemisphere)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RepairWarning)  # the map is another test's matter
+        z = disk_conformal_map(surface)
+    radius = area_radius(surface, z)
+    assert resolved_share(area_under_pixels(surface, z, radius, 128)) > 0.95
+    assert resolved_share(area_under_pixels(surface, z, radius, 256)) > 0.99
+    plain = AreaRadius(np.array([0.0, 1.0]), np.array([0.0, 1.0]))
+    assert resolved_share(area_under_pixels(surface, z, plain, 128)) < 0.6
+    curvature, depth = mean_curvature(surface), sulcal_depth(surface)
+    assert np.corrcoef(curvature, depth)[0, 1] < -0.4 and 0.1 < (depth == 0).mean() < 0.5
 
 
 def test_grey_levels_clip_two_per_cent_of_the_area():

@@ -2,43 +2,25 @@
 
 import numpy as np
 import pytest
-import pyvista
 
 from data_synth.folding_measures import (facing_distance, fold_spectrum, pits_and_fundi, principal_curvatures, smooth,
-                                         spectral_peak)
+                                         spectral_centroid, spectral_peak)
 from data_synth.intersections import self_intersections
-from data_synth.realism import TARGETS, mesh_metrics, realism, score, table, weighted_percentiles
+from data_synth.realism import TARGETS, main, mesh_metrics, realism, score, table, weighted_percentiles
+from qclearn.files import write_surface
 from qclearn.surface import Surface, SurfaceError
+from known_surfaces import grid_faces, icosphere, revolution, sheet, torus
 
 
-def sphere(level=4, keep_above=-1.1):
-    """Unit sphere, open below the height `keep_above`."""
-    mesh = pyvista.Icosphere(nsub=level)
-    vertices = np.asarray(mesh.points, float)
-    vertices /= np.linalg.norm(vertices, axis=1, keepdims=True)
-    faces = mesh.regular_faces[(vertices[mesh.regular_faces, 2] > keep_above).all(1)]
-    used, faces = np.unique(faces, return_inverse=True)
-    return Surface(vertices[used], faces.reshape(-1, 3))
-
-
-def sheet(n=61, width=1.0, height=None):
-    """Square [0, width]^2 in n x n vertices, lifted by height(x, y), faces looking up; also x and y (V,)."""
-    x, y = (axis.ravel() for axis in np.meshgrid(*[np.linspace(0, width, n)] * 2))
-    a = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
-    faces = np.concatenate([np.stack([a, a + 1, a + n + 1], 1), np.stack([a, a + n + 1, a + n], 1)])
-    z = 0 * x if height is None else height(x, y)
-    return Surface(np.stack([x, y, z], 1), faces), x, y
-
-
-def folded(level=4):
+def folded():
     """An open ellipsoid with waves across it: cheap, and with sulci enough to move every metric."""
-    ball = sphere(level, -0.93)
+    ball = icosphere(3, -0.93)
     wave = np.sin(9 * ball.vertices).sum(1)
     return Surface(ball.vertices * [1, 1.5, 1.1] * (1 + 0.2 * wave[:, None]), ball.faces)
 
 
 def test_sphere_cap_in_closed_form():
-    cap = sphere(4, -0.8)
+    cap = icosphere(4, -0.8)
     metrics = realism(cap)
     assert list(metrics) == list(TARGETS) and len(TARGETS) == 29
     length = np.sqrt(cap.area)
@@ -56,6 +38,7 @@ def test_metrics_have_no_unit_and_no_direction():
     surface = folded()
     metrics = realism(surface)
     assert metrics["concave_area"] > 0.2 and metrics["buried_area"] > 0.1 and metrics["pits"] > 5
+    assert metrics["curvature_depth_correlation"] < -0.3
     scaled = realism(Surface(64 * surface.vertices, surface.faces))
     for name in TARGETS:
         assert scaled[name] == pytest.approx(metrics[name], rel=1e-6), name
@@ -69,7 +52,7 @@ def test_metrics_have_no_unit_and_no_direction():
 
 
 def test_inward_surface_is_refused():
-    surface = folded(3)
+    surface = folded()
     with pytest.raises(SurfaceError, match="inward"):
         realism(Surface(surface.vertices, surface.faces[:, ::-1]))
 
@@ -88,13 +71,15 @@ def test_mesh_metrics_see_what_is_wrong():
     tent, x, y = sheet(21, height=lambda x, y: 6 * abs(x - 0.5))  # one crease of 21 edges, bent by 161 degrees
     inner_edges = len(tent.edges) - 80
     assert mesh_metrics(tent)["dihedral_flips"] == pytest.approx(20 / inner_edges)
-    closed = mesh_metrics(sphere(2))
+    roof, *_ = sheet(21, height=lambda x, y: 1.3 * abs(x - 0.5))  # bent by 105 degrees
+    assert mesh_metrics(roof)["dihedral_flips"] == 0
+    closed = mesh_metrics(icosphere(2))
     assert (closed["euler_characteristic"], closed["boundary_loops"]) == (2, 0)
 
 
 def test_self_intersection_agrees_with_exact_arithmetic():
     cgal = pytest.importorskip("igl.copyleft.cgal")
-    ball = sphere(3)
+    ball = icosphere(3)
     assert len(self_intersections(ball.vertices, ball.faces)) == 0
     for noise in (0.02, 0.08):
         vertices = ball.vertices + noise * np.random.default_rng(2).normal(size=ball.vertices.shape)
@@ -113,29 +98,57 @@ def test_one_edge_through_one_face():
 
 
 def test_principal_curvatures_of_a_torus():
-    u, v = (axis.ravel() for axis in np.meshgrid(*[np.linspace(0, 2 * np.pi, n, endpoint=False) for n in (120, 60)]))
-    i, j = np.divmod(np.arange(7200), 120)
-    a, b, c, d = (((i + di) % 60) * 120 + (j + dj) % 120 for di, dj in ((0, 0), (0, 1), (1, 1), (1, 0)))
-    distance = 3 + np.cos(v)
-    torus = Surface(np.stack([distance * np.cos(u), distance * np.sin(u), np.sin(v)], 1),
-                    np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]))
-    assert torus.volume > 0
-    k1, k2 = principal_curvatures(torus)
+    surface, exact = torus(3)
+    assert surface.volume > 0
+    k1, k2 = principal_curvatures(surface)
     np.testing.assert_allclose(k1, 1, atol=0.045)
-    np.testing.assert_allclose(k2, np.cos(v) / distance, atol=0.01)
-    inward = Surface(torus.vertices, torus.faces[:, ::-1])
+    np.testing.assert_allclose(k2, exact, atol=0.01)
+    inward = Surface(surface.vertices, surface.faces[:, ::-1])
     np.testing.assert_allclose(principal_curvatures(inward)[1], -k1, atol=1e-6)
 
 
+def test_bending_leaves_out_what_looks_the_other_way():
+    curvatures = []
+    for step in (0.5, 0.25):  # a crown of 45 degrees an edge over two undercut banks, coarse or fine
+        bank = 1 + np.arange(1, 8) * step * (-0.1 - 1j)
+        right = np.concatenate([np.exp(1j * np.linspace(np.pi / 2, 0, 3)), bank])
+        profile = np.concatenate([-right[:0:-1].conj(), right])
+        points = np.stack([np.tile(profile.real, 9), np.repeat(np.arange(9) / 2, 19), np.tile(profile.imag, 9)], 1)
+        curvatures.append([k[4 * 19 + 9] for k in principal_curvatures(Surface(points, grid_faces(9, 19)))])
+    assert curvatures[0] == pytest.approx(curvatures[1], rel=1e-9) and curvatures[0][0] > 1
+
+
+def test_shape_index_of_a_fat_torus():
+    surface, k = torus(1.5)
+    index = 2 / np.pi * np.arctan2(1 + k, 1 - k)
+    share = surface.vertex_areas / surface.area
+    metrics = realism(surface)
+    for name, low in (("saddle_area", -1 / 9), ("saddle_ridge_area", 1 / 9)):
+        exact = share[(index > low) & (index < low + 2 / 9)].sum()
+        assert exact > 0.05 and metrics[name] == pytest.approx(exact, abs=0.02), name
+
+
+def test_sulcal_width_of_a_shaft():
+    half = 0.08
+    rim = np.arcsin(half)
+    angle = np.linspace(rim, 2.9, 60)
+    wall = half + 1j * np.linspace(0.4, np.cos(rim), 40)
+    surface = revolution(np.concatenate([[0.4j, half / 2 + 0.4j], wall, (np.sin(angle) + 1j * np.cos(angle))[1:]]), 48)
+    metrics = realism(surface)
+    assert metrics["sulcal_width"] == pytest.approx(2 * half / np.sqrt(surface.area), rel=0.02)
+    wall_area = 2 * np.pi * half * (np.cos(rim) - 0.4)  # the floor looks out of the shaft
+    assert metrics["occluded_area"] == pytest.approx(wall_area / surface.area, rel=0.1)
+
+
 def test_heat_damps_a_mode_by_its_eigenvalue():
-    ball = sphere(4)
+    ball = icosphere(4)
     mode, length = ball.vertices[:, 2] + 1, 0.3
     exact = 1 + ball.vertices[:, 2] / (1 + 2 * length**2 / 3) ** 3  # eigenvalue 2, three implicit steps; mean kept
     np.testing.assert_allclose(smooth(ball, mode, length), exact, atol=2e-3)
 
 
 def test_facing_distance():
-    ball = sphere(3)
+    ball = icosphere(3)
     assert np.isinf(facing_distance(ball, 1e-3)).all()
     inward = Surface(ball.vertices, ball.faces[:, ::-1])
     np.testing.assert_allclose(facing_distance(inward, 1e-3), 2, rtol=0.01)
@@ -148,6 +161,11 @@ def test_spectrum_finds_the_wavelength(waves):
     wavelengths, power = fold_spectrum(surface, values)
     assert power.sum() == pytest.approx(1)
     assert spectral_peak(wavelengths, power) == pytest.approx(1 / waves, rel=0.03)
+
+
+def test_centroid_of_a_spectrum():
+    wavelengths = np.geomspace(0.01, 1, 5)
+    assert spectral_centroid(wavelengths, np.array([1, 2, 3, 2, 1]) / 9) == pytest.approx(0.1)
 
 
 def test_pits_and_fundus_of_a_trough():
@@ -167,3 +185,17 @@ def test_weighted_percentiles_count_by_weight():
         assert abs(weighted_percentiles(values, weights, percent) - np.percentile(repeated, percent)) < 0.8
     assert weighted_percentiles(np.arange(11.0), np.ones(11), 50) == 5
     assert weighted_percentiles(values, weights, 50) == pytest.approx(2 + 0.5 / 1.5)
+
+
+def test_command_line(tmp_path, capsys):
+    surface = folded()
+    write_surface(tmp_path / "mesh.npz", surface)
+    main([str(tmp_path / "mesh.npz")])
+    printed = capsys.readouterr().out
+    assert table(score(realism(surface))) in printed and "of 29 inside" in printed
+    write_surface(tmp_path / "inward.npz", Surface(surface.vertices, surface.faces[:, ::-1]))
+    for name, reason in (("inward.npz", "inward"), ("absent.npz", "absent.npz")):
+        with pytest.raises(SystemExit) as stop:
+            main([str(tmp_path / name)])
+        error = capsys.readouterr().err
+        assert stop.value.code == 2 and reason in error and error.count("\n") == 1

@@ -1,0 +1,51 @@
+"""Surfaces with known curvature and depth that the tests of the measurements share."""
+
+import numpy as np
+import pyvista
+
+from qclearn.diskmesh import polar_disk
+from qclearn.surface import Surface
+
+
+def icosphere(level, keep_above=-1.1):
+    """Unit sphere of 10 * 4^level + 2 vertices, open below the height `keep_above`."""
+    mesh = pyvista.Icosphere(nsub=level)
+    vertices = np.asarray(mesh.points, float)  # single precision in the mesh
+    vertices /= np.linalg.norm(vertices, axis=1, keepdims=True)
+    faces = mesh.regular_faces[(vertices[mesh.regular_faces, 2] > keep_above).all(1)]
+    used, faces = np.unique(faces, return_inverse=True)
+    return Surface(vertices[used], faces.reshape(-1, 3))
+
+
+def sheet(n=61, width=1.0, height=None):
+    """The graph of height(x, y), or 0, over [0, width]^2 in n x n vertices, faces looking up; and x, y (V,)."""
+    x, y = (axis.ravel() for axis in np.meshgrid(*[np.linspace(0, width, n)] * 2))
+    z = 0 * x if height is None else height(x, y)
+    return Surface(np.stack([x, y, z], 1), grid_faces(n, n)), x, y
+
+
+def grid_faces(rows, columns):
+    """Faces of a grid numbered row by row, counter-clockwise where x grows with the column and y with the row."""
+    a = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    above = a + columns
+    return np.concatenate([np.stack([a, a + 1, above + 1], 1), np.stack([a, above + 1, above], 1)])
+
+
+def revolution(profile, nt=96):
+    """A body around the z axis, open at its last ring: profile (K,) complex, distance from the axis + i height,
+    from a pole on the axis downward outside."""
+    _, faces = polar_disk(len(profile) - 1, nt)
+    ring = profile.real[1:, None] * np.exp(2j * np.pi * np.arange(nt) / nt)
+    height = np.broadcast_to(profile.imag[1:, None], ring.shape)
+    points = np.stack([ring.real, ring.imag, height], -1).reshape(-1, 3)
+    return Surface(np.concatenate([[[0, 0, profile[0].imag]], points]), faces)
+
+
+def torus(large, n=120, m=60):
+    """Torus of radii `large` and 1, outward; its principal curvatures are 1 and the second result (V,)."""
+    u, v = (np.linspace(0, 2 * np.pi, k, endpoint=False) for k in (n, m))
+    u, v = (axis.ravel() for axis in np.meshgrid(u, v))
+    distance = large + np.cos(v)
+    index = np.pad(np.arange(n * m).reshape(m, n), (0, 1), mode="wrap").ravel()
+    points = np.stack([distance * np.cos(u), distance * np.sin(u), np.sin(v)], 1)
+    return Surface(points, index[grid_faces(m + 1, n + 1)]), np.cos(v) / distance
