@@ -15,7 +15,7 @@ def open_surface(surface, mask):
     the others are filled with their own vertices; where the opening touches itself in a vertex, all fans but the
     largest go; inner edges that join two vertices of the rim are cut and the smaller side goes (ears and teeth that
     hang by one edge). Vertices keep their places and their order. Raises SurfaceError for a mask of the wrong shape, one
-    that cuts all or nothing, a curve that would lose vertices, and where no disk is left (handles, further openings).
+    that cuts all or nothing, a curve that would lose vertices, and where no disk with an inner vertex is left.
     """
     mask = _checked_mask(surface, mask)
     cut = mask[surface.faces].any(axis=1)
@@ -31,6 +31,11 @@ def open_surface(surface, mask):
     curves = {name: _renumbered(name, path, new_index) for name, path in surface.curves.items()}
     opened = Surface(surface.vertices[vertices], corners.reshape(-1, 3), curves)
     require_disk(opened)
+    if len(opened.boundary) == len(vertices):
+        raise SurfaceError(
+            f"the mask shreds the surface: the largest piece has {len(opened.faces)} faces and no inner vertex, at "
+            f"vertices {vertices[:5].tolist()}; smooth the mask, or give one that cuts less."
+        )
     return opened, vertices
 
 

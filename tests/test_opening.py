@@ -1,0 +1,188 @@
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from qclearn.fsaverage import fsaverage5
+from qclearn.opening import open_surface
+from qclearn.surface import Surface, SurfaceError, mirror, require_disk, require_outward
+from surfaces import grid, sphere, torus
+
+
+def height(surface):
+    return surface.vertices[:, 2]
+
+
+def chords(surface):
+    on_rim = np.isin(surface.edges, surface.boundary).all(axis=1)
+    return surface.edges[on_rim & (surface.edge_faces[:, 1] >= 0)]
+
+
+def block(*cells, n=8):
+    """Mask on grid(n, n): True at the vertices (i, j) named."""
+    mask = np.zeros((n + 1, n + 1), dtype=bool)
+    for i, j in cells:
+        mask[i, j] = True
+    return mask.ravel()
+
+
+def closed_grid(n=8):
+    """grid(n, n) made a closed surface by a cone over its boundary, its tip the last vertex."""
+    vertices, faces = grid(n, n)
+    loop = Surface(vertices, faces).boundary
+    cone = np.stack([np.roll(loop, -1), loop, np.full(len(loop), len(vertices))], axis=1)
+    return Surface(np.vstack([vertices, [n / 2, n / 2, -n]]), np.vstack([faces, cone]))
+
+
+def test_a_cap_is_cut_off_and_indices_come_back():
+    cap = height(sphere()) > 0.8
+    opened, index = open_surface(sphere(), cap)
+    np.testing.assert_array_equal(index, np.flatnonzero(~cap))
+    np.testing.assert_array_equal(opened.vertices, sphere().vertices[index])
+    kept = ~cap[sphere().faces].any(axis=1)
+    np.testing.assert_array_equal(index[opened.faces], sphere().faces[kept])
+    require_outward(opened)
+
+
+def test_curves_follow_their_vertices_or_are_refused():
+    cap = height(sphere()) > 0.8
+    low, high = np.argsort(height(sphere()))[:4], np.argmax(height(sphere()))
+    carrying = Surface(sphere().vertices, sphere().faces, {"south": low})
+    opened, index = open_surface(carrying, cap)
+    np.testing.assert_array_equal(index[opened.curves["south"]], low)
+    crossing = Surface(sphere().vertices, sphere().faces, {"meridian": [*low, high]})
+    with pytest.raises(SurfaceError, match=f"'meridian' would lose 1 of its 5 vertices, the first {high}.*shorten"):
+        open_surface(crossing, cap)
+
+
+def test_the_largest_gap_is_the_opening_and_the_others_are_filled():
+    surface = sphere()
+    large, small = height(surface) > 0.8, height(surface) < -0.95
+    assert small.sum() > 1
+    opened, index = open_surface(surface, large | small)
+    np.testing.assert_array_equal(index, np.flatnonzero(~large))
+
+
+def test_the_largest_piece_is_kept():
+    surface = sphere()
+    belt = np.abs(height(surface) - 0.5) < 0.1
+    _, index = open_surface(surface, belt)
+    np.testing.assert_array_equal(index, np.flatnonzero(height(surface) <= 0.4))
+
+
+def test_a_hole_that_touches_the_opening_in_a_vertex_joins_it():
+    """Beside (3, 4) a hole at (4, 4) is filled; where the wall reaches (2, 4), two fans are left at (3, 4)."""
+    surface = closed_grid()
+    wall = np.append(block(*[(i, j) for i in (0, 1) for j in range(9)]), True)
+    hole, bump = np.append(block((4, 4)), False), np.append(block((2, 4)), False)
+    _, apart = open_surface(surface, wall | hole)
+    opened, touching = open_surface(surface, wall | bump | hole)
+    for vertex in (2 * 9 + 4, 3 * 9 + 4, 4 * 9 + 4):
+        assert vertex in apart and vertex not in touching
+    assert len(chords(opened)) == 0
+
+
+def test_teeth_that_hang_by_one_edge_are_cut_off():
+    """A peninsula joined by one edge goes as a whole; a broad one stays, and no inner edge joins rim vertices."""
+    surface = closed_grid(12)
+    wall = block(*[(i, j) for i in range(6) for j in range(13)], n=12)
+    broad = [(i, j) for i in (3, 4, 5) for j in range(4, 8)]
+    hanging = [(5, 4), (5, 5), (4, 4), (4, 5), (4, 6), (3, 5), (3, 4), (3, 6)]
+    for cells, stays in ((broad, True), (hanging, False)):
+        mask = np.append(wall & ~block(*cells, n=12), True)
+        opened, index = open_surface(surface, mask)
+        assert (3 * 13 + 5 in index) == stays
+        assert len(chords(opened)) == 0
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.02, 0.4))
+@settings(max_examples=60)
+def test_any_ragged_mask_leaves_a_disk_without_chords(seed, share):
+    surface = sphere()
+    mask = np.random.default_rng(seed).random(len(surface.vertices)) < share
+    mask |= height(surface) > 0.8
+    opened, index = open_surface(surface, mask)
+    require_disk(opened)
+    assert len(chords(opened)) == 0 and opened.volume > 0
+    np.testing.assert_array_equal(opened.vertices, surface.vertices[index])
+    assert (np.diff(index) > 0).all()
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=20)
+def test_opening_commutes_with_mirroring_and_renumbering(seed):
+    random = np.random.default_rng(seed)
+    surface = sphere()
+    mask = (random.random(len(surface.vertices)) < 0.1) | (height(surface) > 0.7)
+    _, index = open_surface(surface, mask)
+    order = random.permutation(len(mask))
+    renumbered = mirror(Surface(surface.vertices[order], np.argsort(order)[surface.faces]))
+    _, other = open_surface(renumbered, mask[order])
+    np.testing.assert_array_equal(np.sort(order[other]), index)
+
+
+def test_a_second_cut_of_the_rim_of_an_open_surface():
+    surface = Surface(*grid(8, 8))
+    edge = block(*[(0, j) for j in range(9)], (1, 4))
+    opened, index = open_surface(surface, edge)
+    assert not edge[index].any() and opened.area == pytest.approx(56 - 1.5 - 2 * 0.5)  # three faces at (1, 4), two ears
+    opened, index = open_surface(surface, edge | block((5, 5)))  # the hole is filled again
+    assert 5 * 9 + 5 in index
+
+
+def test_a_mask_that_leaves_only_shreds_is_refused():
+    mask = np.ones(len(sphere().vertices), dtype=bool)
+    mask[sphere().faces[[3, 600]]] = False
+    with pytest.raises(SurfaceError, match="shreds.*1 faces and no inner vertex.*smooth the mask"):
+        open_surface(sphere(), mask)
+
+
+@pytest.mark.parametrize("mask, message", [
+    (np.zeros(642, dtype=bool), "cuts nothing.*medial wall"),
+    (np.ones(642, dtype=bool), "cuts everything.*642 of 642.*--keep"),
+    (np.zeros(641, dtype=bool), r"642 booleans.*\(641,\)"),
+    (np.zeros(642, dtype=int), r"642 booleans.*int64.*numpy.zeros\(642, bool\)"),
+    (np.array([3, 4, 5]), "642 booleans"),
+])  # fmt: skip
+def test_masks_that_cannot_be_used(mask, message):
+    with pytest.raises(SurfaceError, match=message):
+        open_surface(sphere(), mask)
+
+
+def test_a_hole_inside_an_open_surface_is_refused():
+    with pytest.raises(SurfaceError, match="holes inside.*open already.*32 boundary vertices from vertex 0"):
+        open_surface(Surface(*grid(8, 8)), block((4, 4)))
+
+
+def test_what_is_no_disk_after_the_cut_is_refused():
+    vertices, faces = torus()
+    with pytest.raises(SurfaceError, match="1 handle"):
+        open_surface(Surface(vertices, faces), np.arange(len(vertices)) == 40)
+    with pytest.raises(SurfaceError, match="2 boundary loops"):
+        open_surface(Surface(*grid(8, 8, hole=[(5, 5)])), block((0, 0), (0, 1), (1, 0)))
+
+
+@pytest.mark.parametrize("hemisphere, n_vertices, n_rim", [("left", 9970, 108), ("right", 9933, 110)])
+def test_fsaverage5_opens_to_corresponding_disks(hemisphere, n_vertices, n_rim):
+    kinds = {kind: fsaverage5(hemisphere, kind) for kind in ("pial", "white", "inflated", "sphere")}
+    for surface in kinds.values():
+        require_disk(surface)
+        require_outward(surface)
+        assert (len(surface.vertices), len(surface.boundary)) == (n_vertices, n_rim)
+        assert len(chords(surface)) == 0
+        np.testing.assert_array_equal(surface.faces, kinds["pial"].faces)
+    thickness = np.linalg.norm(kinds["pial"].vertices - kinds["white"].vertices, axis=1)
+    assert 2 < thickness.mean() < 4  # mm
+    medial = {"left": 1, "right": -1}[hemisphere] * kinds["sphere"].vertices[:, 0]
+    assert medial[kinds["sphere"].boundary].mean() > medial.mean() + 50
+
+
+def test_fsaverage5_names_what_it_has(monkeypatch):
+    for wrong in (("Left", "pial"), ("left", "flat")):
+        with pytest.raises(SurfaceError, match="left and right.*pial, white, inflated, sphere"):
+            fsaverage5(*wrong)
+    monkeypatch.setattr(sys.modules["qclearn.fsaverage"], "find_spec", lambda name: None)
+    with pytest.raises(SurfaceError, match="pip install nilearn"):
+        fsaverage5("left", "white")
