@@ -1,5 +1,6 @@
 """Live tuning of the landmark fit: problems, the callback as a plain function, and a thin ipywidgets shell."""
 
+import base64
 import html
 import io
 import threading
@@ -287,10 +288,10 @@ class Tuner(ipywidgets.VBox):
         self.alpha = self._slider("α", 1.0, -2, 2, "weight of |μ|²")
         self.beta = self._slider("β", 1e-2, -4, 1, "weight of |∇μ|²")
         self.gamma = self._slider("γ", 1e5, 0, 7, "weight of the landmark mismatch")
-        self.image = ipywidgets.Image(format="png", layout={"max_width": "100%"})
+        self.picture = ipywidgets.HTML()  # an Image widget could not carry the words for those who do not see it
         self.text = ipywidgets.HTML(layout={"max_width": "32em", "margin": "0 0 0 2em"})
         controls = [self.problem, self.landmarks, self.alpha, self.beta, self.gamma]
-        super().__init__([ipywidgets.HBox([ipywidgets.VBox(controls), self.text]), self.image])
+        super().__init__([ipywidgets.HBox([ipywidgets.VBox(controls), self.text]), self.picture])
         self.worker = NewestOnly(self.answer, self.show)
         self.show(self.answer(*self.setting()))
         for control in controls:
@@ -307,19 +308,22 @@ class Tuner(ipywidgets.VBox):
                 self.landmarks.value == "sliding")
 
     def answer(self, name, alpha, beta, gamma, sliding, watch=None):
-        """(PNG bytes, HTML, sentence) for one setting; an error becomes text without a picture, never a traceback."""
+        """(picture, text) as HTML for one setting; an error becomes text without a picture, never a traceback."""
         try:
             problem = self.problems[name]
             states = {solver: fit_state(problem, alpha, beta, gamma, sliding, solve, watch)
                       for solver, solve in self.solvers.items()}
             if self.canvas is None or self.canvas.problem is not problem:
                 self.canvas = Canvas(problem, list(self.solvers))
-            return self.canvas.draw(states), table(states), "; ".join(map(describe, states.values()))
+            words = "; ".join(f"{solver}: {describe(state)}" for solver, state in states.items())
+            alternative = html.escape(f"Landmarks, deformed grid, |μ| and its histogram for {name}. {words}")
+            data = base64.b64encode(self.canvas.draw(states)).decode()
+            return f'<img alt="{alternative}" src="data:image/png;base64,{data}">', table(states)
         except Superseded:
             raise
         except Exception as error:  # noqa: BLE001 - whatever is raised must reach the reader, who then moves on
-            message = f"{type(error).__name__}: {error}"
-            return b"", f"<p><b>Error</b>: {html.escape(message)}</p>", message
+            return "", f"<p><b>Error</b>: {html.escape(f'{type(error).__name__}: {error}')}</p>"
 
     def show(self, answer):
-        self.image.value, self.text.value, self.image.tooltip = answer
+        """Put an answer on the page; the text is announced to those who listen to it."""
+        self.picture.value, self.text.value = answer[0], f'<div role="status">{answer[1]}</div>'
