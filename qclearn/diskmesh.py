@@ -122,7 +122,8 @@ def _project_radially(z, faces, points):
     # The ray s p meets the chord a + t (b - a) where Im(conj(b - a)(s p - a)) = 0.
     s = ((b - a).conj() * a).imag / ((b - a).conj() * points).imag
     radius = abs(points)
-    s = s * (1 - INSET * np.clip((1 - radius) / (1 - s * radius), 0, 1))
+    gap = 1 - s * radius  # between the chord and the arc: none at a boundary vertex
+    s = s * (1 - INSET * np.clip(np.divide(1 - radius, gap, out=np.zeros_like(gap), where=gap > 0), 0, 1))
     edge = {pair: f for f, triple in enumerate(faces.tolist()) for pair in zip(triple, triple[1:] + triple[:1])}
     face = np.array([edge[int(loop[i]), int(loop[(i + 1) % len(loop)])] for i in k])
     return face, s * points
