@@ -7,8 +7,19 @@ from matplotlib.figure import Figure
 
 from qclearn.diskmesh import polar_disk, square_disk
 from qclearn.mobius import mobius
-from qclearn.plot import (CURVE_STYLES, curves_plot, disk_plot, ellipse_field, grid_plot, map_curves, mu_histogram,
-                          polar_lines, registration_figure, square_lines, surface_scene)
+from qclearn.plot import (
+    CURVE_STYLES,
+    curves_plot,
+    disk_plot,
+    ellipse_field,
+    grid_plot,
+    map_curves,
+    mu_histogram,
+    polar_lines,
+    registration_figure,
+    square_lines,
+    surface_scene,
+)
 from qclearn.register import register
 from qclearn.surface import Surface
 

@@ -11,8 +11,20 @@ import pytest
 from qclearn.bijectivity import check_bijective
 from qclearn.diskmesh import polar_disk, square_disk
 from qclearn.surface import Surface
-from qclearn.widgets import (Canvas, NewestOnly, Problem, Superseded, Tuner, cortex_problem, describe, exact_fit,
-                             example_problems, fit_state, spread_vertices, table)
+from qclearn.widgets import (
+    Canvas,
+    NewestOnly,
+    Problem,
+    Superseded,
+    Tuner,
+    cortex_problem,
+    describe,
+    exact_fit,
+    example_problems,
+    fit_state,
+    spread_vertices,
+    table,
+)
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
