@@ -103,14 +103,14 @@ def read_mask(path, surface, keep=False):
         return ~mask
     if mask.sum() > n_vertices / 2:
         raise SurfaceError(
-            f"{path}: would cut {mask.sum()} of {n_vertices} vertices, so it seems to say what to keep (as "
-            f"lh.cortex.label and thickness do); read it with keep=True (`qclearn open --keep`), or give the smaller part."
+            f"{path}: would cut {mask.sum()} of {n_vertices} vertices, so it seems to say what to keep, as "
+            f"lh.cortex.label and thickness do; read it with keep=True (`qclearn open --keep`), or give the other part."
         )
     return mask
 
 
 def _other(n_vertices):
-    return f"the surface has {n_vertices} vertices: take the file that belongs to this surface."
+    return f"the surface has {n_vertices} vertices: take the file that belongs to this surface, or copy it again."
 
 
 def _suffix(path):
@@ -131,7 +131,7 @@ def _read_bytes(path):
         if path.suffix.lower() == ".gz":
             data = gzip.decompress(data)
     except (OSError, EOFError) as error:
-        reason = getattr(error, "strerror", None) or error
+        reason = getattr(error, "strerror", None) or error  # damaged gzip has none
         raise SurfaceError(f"{path}: cannot be read ({reason}); check the name and copy the file again.") from None
     if not data:
         raise SurfaceError(f"{path}: the file is empty; copy or export it again.")
@@ -182,12 +182,8 @@ def _write_freesurfer(path, surface):
     nibabel.freesurfer.write_geometry(path, surface.vertices, surface.faces, create_stamp="created by qclearn")
 
 
-def _gifti(data):
-    return nibabel.GiftiImage.from_bytes(data)
-
-
 def _read_gifti(_, data):
-    image = _gifti(data)
+    image = nibabel.GiftiImage.from_bytes(data)
     points = image.get_arrays_from_intent("NIFTI_INTENT_POINTSET")
     triangles = image.get_arrays_from_intent("NIFTI_INTENT_TRIANGLE")
     if len(points) != 1 or len(triangles) != 1:
@@ -196,10 +192,12 @@ def _read_gifti(_, data):
 
 
 def _write_gifti(path, surface):
-    image = nibabel.GiftiImage()
-    for values, intent in ((surface.vertices.astype(np.float32), "POINTSET"), (surface.faces.astype(np.int32), "TRIANGLE")):
-        image.add_gifti_data_array(nibabel.gifti.GiftiDataArray(values, intent=f"NIFTI_INTENT_{intent}"))
-    data = image.to_bytes()
+    points, triangles = surface.vertices.astype(np.float32), surface.faces.astype(np.int32)
+    arrays = [
+        nibabel.gifti.GiftiDataArray(points, intent="NIFTI_INTENT_POINTSET"),
+        nibabel.gifti.GiftiDataArray(triangles, intent="NIFTI_INTENT_TRIANGLE"),
+    ]
+    data = nibabel.GiftiImage(darrays=arrays).to_bytes()
     path.write_bytes(gzip.compress(data, mtime=0) if path.suffix.lower() == ".gz" else data)
 
 
@@ -217,7 +215,7 @@ def _read_vtk(path, _):
         raise meshformats.FormatError("VTK finds it damaged, or it holds no polygonal data")
     mesh = reader.GetOutput()
     if not mesh.GetNumberOfPolys() or mesh.GetNumberOfStrips():
-        raise meshformats.FormatError("it holds no triangles, or triangle strips (triangulate it: pyvista's triangulate)")
+        raise meshformats.FormatError("it holds no faces, or triangle strips (split them: pyvista's triangulate)")
     meshformats.require_triangles(np.diff(vtk_to_numpy(mesh.GetPolys().GetOffsetsArray())))
     faces = vtk_to_numpy(mesh.GetPolys().GetConnectivityArray()).reshape(-1, 3)
     return vtk_to_numpy(mesh.GetPoints().GetData()), faces, {}
@@ -268,7 +266,7 @@ def _read_morphometry(path, _):
 
 
 def _read_gifti_values(_, data):
-    arrays = _gifti(data).darrays
+    arrays = nibabel.GiftiImage.from_bytes(data).darrays
     if len(arrays) != 1:
         raise SurfaceError(f"holds {len(arrays)} data arrays; give a GIFTI file with one value a vertex.")
     return arrays[0].data

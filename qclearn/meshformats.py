@@ -15,9 +15,9 @@ class FormatError(ValueError):
 
 
 _PLY_TYPES = {
-    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4", "double": "f8",
-    "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "float32": "f4",
-    "float64": "f8",
+    "char": "i1", "short": "i2", "int": "i4", "uchar": "u1", "ushort": "u2", "uint": "u4", "float": "f4",
+    "int8": "i1", "int16": "i2", "int32": "i4", "uint8": "u1", "uint16": "u2", "uint32": "u4", "float32": "f4",
+    "double": "f8", "float64": "f8",
 }  # fmt: skip
 
 
@@ -28,6 +28,9 @@ def read_ply(data):
         raise FormatError("the PLY header is incomplete")
     body = body.partition(b"\n")[2]
     encoding, elements = _ply_header(header.decode("ascii", errors="replace"))
+    fields = {name: {field for field, *_ in properties} for name, _, properties in elements}
+    if not fields.get("vertex", set()) >= set("xyz") or "corners" not in fields.get("face", ()):
+        raise FormatError("the PLY file lacks vertices with x, y, z, or faces with a list vertex_indices")
     if encoding == "ascii":
         rows = [line.split() for line in body.splitlines() if line.strip()]
     tables = {}
@@ -36,18 +39,14 @@ def read_ply(data):
             tables[name], rows = _ply_ascii_table(name, count, properties, rows)
         else:
             tables[name], body = _ply_binary_table(name, count, properties, body, encoding)
-        if name == "face":  # what follows the faces is not needed
+        if {"vertex", "face"} <= tables.keys():  # what follows is not needed
             break
-    if not {"vertex", "face"} <= tables.keys():
-        raise FormatError("the PLY file has no vertices or no faces")
-    if not {"x", "y", "z"} <= set(tables["vertex"].dtype.names or ()):
-        raise FormatError("the PLY vertices lack x, y or z")
-    vertex, face = tables["vertex"], tables["face"]
-    return np.stack([vertex["x"], vertex["y"], vertex["z"]], axis=1).astype(np.float64), face["corners"].astype(np.int64)
+    vertices = np.stack([tables["vertex"][axis] for axis in "xyz"], axis=1)
+    return vertices.astype(np.float64), tables["face"]["corners"].astype(np.int64)
 
 
 def _ply_header(header):
-    """The encoding and a list of (element, count, [(property, dtype)]); a face's index list becomes two fields."""
+    """The encoding and [(element, count, [(property, type[, shape])])]; a face's index list becomes two fields."""
     encoding, elements = None, []
     for line in header.splitlines():
         words = line.split()
@@ -63,8 +62,8 @@ def _ply_header(header):
                 elements[-1][2].extend([("sides", kinds[0]), ("corners", kinds[1], (3,))])
             else:
                 raise FormatError(f"the PLY file has a list '{name}', which is not read here")
-    if encoding is None:
-        raise FormatError("the PLY header names no known encoding")
+    if encoding is None or not all(properties for _, _, properties in elements):
+        raise FormatError("the PLY header names no known encoding, or an element without properties")
     return encoding, elements
 
 

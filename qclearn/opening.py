@@ -14,7 +14,7 @@ def open_surface(surface, mask):
     is kept; of the gaps in it the largest (by area; an input's own boundary counts as largest) becomes the opening and
     the others are filled with their own vertices; where the opening touches itself in a vertex, all fans but the
     largest go; inner edges that join two vertices of the rim are cut and the smaller side goes (ears and teeth that
-    hang by one edge). Vertices keep their places and their order. Raises SurfaceError for a mask of the wrong shape, one
+    hang by one edge). Vertices keep their places and order. Raises SurfaceError for a mask of the wrong shape, one
     that cuts all or nothing, a curve that would lose vertices, and where no disk with an inner vertex is left.
     """
     mask = _checked_mask(surface, mask)
@@ -22,8 +22,9 @@ def open_surface(surface, mask):
     kept = _opened(surface, ~cut)
     if kept[cut].all():
         raise SurfaceError(
-            f"the mask only makes holes inside a surface that is open already ({surface.boundary_loops[0].size} boundary "
-            f"vertices from vertex {surface.boundary_loops[0][0]}); let the mask reach its boundary, or use it as it is."
+            f"the mask only makes holes inside a surface that is open already ({surface.boundary_loops[0].size} "
+            f"boundary vertices from vertex {surface.boundary_loops[0][0]}); let the mask reach that boundary, or "
+            f"use the surface as it is."
         )
     vertices, corners = np.unique(surface.faces[kept], return_inverse=True)
     new_index = np.full(len(surface.vertices), -1)
@@ -33,8 +34,8 @@ def open_surface(surface, mask):
     require_disk(opened)
     if len(opened.boundary) == len(vertices):
         raise SurfaceError(
-            f"the mask shreds the surface: the largest piece has {len(opened.faces)} faces and no inner vertex, at "
-            f"vertices {vertices[:5].tolist()}; smooth the mask, or give one that cuts less."
+            f"the mask shreds the surface: the largest piece (faces left: {len(opened.faces)}) has no inner vertex, "
+            f"only vertices {vertices[:5].tolist()} on its rim; smooth the mask, or give one that cuts less."
         )
     return opened, vertices
 
@@ -43,8 +44,8 @@ def _checked_mask(surface, mask):
     mask, n_vertices = np.asarray(mask), len(surface.vertices)
     if mask.dtype != bool or mask.shape != (n_vertices,):
         raise SurfaceError(
-            f"the mask must be {n_vertices} booleans, one a vertex (True = cut), not {mask.dtype} of shape {mask.shape}; "
-            f"for vertex indices: mask = numpy.zeros({n_vertices}, bool); mask[indices] = True."
+            f"the mask must be {n_vertices} booleans, one a vertex (True = cut), not {mask.dtype} of shape "
+            f"{mask.shape}. From vertex indices: mask = numpy.zeros({n_vertices}, bool); mask[indices] = True."
         )
     if not mask.any():
         raise SurfaceError("the mask cuts nothing; mark the vertices of the medial wall.")
@@ -128,7 +129,7 @@ def _renumbered(name, path, new_index):
     lost = path[new_index[path] < 0]
     if lost.size:
         raise SurfaceError(
-            f"curve '{name}' would lose {lost.size} of its {path.size} vertices, the first {lost[0]}; shorten the curve, "
-            f"leave it out (Surface(vertices, faces)), or cut less."
+            f"curve '{name}' would lose {lost.size} of its {path.size} vertices, the first {lost[0]}; shorten the "
+            f"curve, leave it out (Surface(vertices, faces)), or cut less."
         )
     return new_index[path]

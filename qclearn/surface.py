@@ -189,8 +189,8 @@ def _check_faces(vertices, faces):
     unused = np.flatnonzero(np.bincount(faces.ravel(), minlength=len(vertices)) == 0)
     if unused.size:
         raise SurfaceError(
-            f"{_count(unused, 'vertex', 'vertices')} in no face: {_some(unused)}. Drop them: "
-            f"used, corners = numpy.unique(faces, return_inverse=True); Surface(vertices[used], corners.reshape(-1, 3))."
+            f"{_count(unused, 'vertex', 'vertices')} in no face: {_some(unused)}. Drop them: used, corners = "
+            f"numpy.unique(faces, return_inverse=True); Surface(vertices[used], corners.reshape(-1, 3))."
         )
     degenerate = np.flatnonzero(_degenerate(vertices, faces))
     if degenerate.size:
