@@ -119,7 +119,7 @@ def test_bending_leaves_out_what_looks_the_other_way():
 
 
 def test_shape_index_of_a_fat_torus():
-    surface, k = torus(1.5)
+    surface, k = torus(2)
     index = 2 / np.pi * np.arctan2(1 + k, 1 - k)
     share = surface.vertex_areas / surface.area
     metrics = realism(surface)
@@ -129,14 +129,15 @@ def test_shape_index_of_a_fat_torus():
 
 
 def test_sulcal_width_of_a_shaft():
-    half = 0.08
-    rim = np.arcsin(half)
+    half, mouth = 0.08, 0.11  # wider where it is not yet buried
+    rim = np.arcsin(mouth)
     angle = np.linspace(rim, 2.9, 60)
-    wall = half + 1j * np.linspace(0.4, np.cos(rim), 40)
-    surface = revolution(np.concatenate([[0.4j, half / 2 + 0.4j], wall, (np.sin(angle) + 1j * np.cos(angle))[1:]]), 48)
+    wall = np.concatenate([half + 1j * np.linspace(0.4, 0.87, 40), mouth + 1j * np.linspace(0.88, np.cos(rim), 10)])
+    floor = [0.4j, half / 2 + 0.4j]
+    surface = revolution(np.concatenate([floor, wall, (np.sin(angle) + 1j * np.cos(angle))[1:]]), 48)
     metrics = realism(surface)
     assert metrics["sulcal_width"] == pytest.approx(2 * half / np.sqrt(surface.area), rel=0.02)
-    wall_area = 2 * np.pi * half * (np.cos(rim) - 0.4)  # the floor looks out of the shaft
+    wall_area = 2 * np.pi * (half * 0.47 + mouth * (np.cos(rim) - 0.88))  # the floor looks out of the shaft
     assert metrics["occluded_area"] == pytest.approx(wall_area / surface.area, rel=0.1)
 
 
