@@ -113,7 +113,7 @@ def _depth_at(point, field, low, spacing, out):
 
 
 @njit(cache=True)
-def _elastic(x, start, index, rest_length, stretch, bending, laplacian, force):
+def _elastic(x, start, index, rest_length, growth, progress, bending, laplacian, force):
     """Adds edge springs and the umbrella bi-Laplacian to `force`; `laplacian` is work space."""
     for i in range(len(x)):
         sx = sy = sz = 0.0
@@ -124,7 +124,7 @@ def _elastic(x, start, index, rest_length, stretch, bending, laplacian, force):
             sy += dy
             sz += dz
             length = np.sqrt(dx * dx + dy * dy + dz * dz) + 1e-12
-            pull = 1 - rest_length[k] * 0.5 * (stretch[i] + stretch[j]) / length
+            pull = 1 - rest_length[k] * (1 + (growth[k] - 1) * progress) / length
             force[i, 0] += pull * dx
             force[i, 1] += pull * dy
             force[i, 2] += pull * dz
@@ -169,35 +169,32 @@ def depth_below(x, field, low, spacing):
     return depth
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def grow(x, rest, normal, start, index, rest_length, held, growth, anchor, pull, field, low, spacing, settings):
     """Positions (V, 3) of the folded shell, from `x` near the rest surface `rest`.
 
     settings: steps, time step, damping, bending, saturation, outer, depth, contact distance, contact stiffness,
-    refresh interval, final factor of the bending. growth (V,) final stretch, anchor (V,) foundation stiffness, pull (V,) inward force;
+    refresh interval, final factor of the bending,
+    stiffness of hull and floor, share of the pull that stays. growth (2E,) final stretch of each edge, anchor (V,) foundation stiffness, pull (V,) inward force;
     field: signed distance to the hull (positive inside) on a grid from corner `low` with `spacing`.
     """
-    steps, dt, damping, bending, saturation, outer, depth, touch, stiffness, refresh, settle = settings
+    steps, dt, damping, bending, saturation, outer, depth, touch, stiffness, refresh, settle, wall, keep = settings
     steps, refresh = int(steps), int(refresh)
     velocity, force, laplacian = np.zeros_like(x), np.zeros_like(x), np.zeros_like(x)
-    stretch, hull, where = np.ones(len(x)), np.zeros((len(x), 4)), x.copy()
+    hull, where = np.zeros((len(x), 4)), x.copy()
     pairs = np.empty((0, 2), np.int64)
     for step in range(steps):
         progress = min(1.0, step / (0.85 * steps))
-        mean_stretch = 0.0
-        for i in range(len(x)):
-            stretch[i] = 1 + (growth[i] - 1) * progress
-            mean_stretch += stretch[i] / len(x)
-        distance = touch * mean_stretch
+        distance = touch * (1 + (growth.mean() - 1) * progress)
         if step % refresh == 0:
             pairs = _close_pairs(x, rest, 1.25 * distance, 1.25 * touch)
             where[:] = x
             for i in range(len(x)):
                 _depth_at(x[i], field, low, spacing, hull[i])
-        pulling = min(1.0, progress / 0.3) * max(0.0, min(1.0, (0.85 - progress) / 0.35))
+        pulling = min(1.0, progress / 0.3) * max(keep, min(1.0, (0.85 - progress) / 0.35))
         stiff = bending * (1 + (settle - 1) * max(0.0, step / steps - 0.85) / 0.15)
         force[:] = 0
-        _elastic(x, start, index, rest_length, stretch, stiff, laplacian, force)
+        _elastic(x, start, index, rest_length, growth, progress, stiff, laplacian, force)
         _contact(x, pairs, distance, stiffness, force)
         for i in range(len(x)):
             if held[i]:
@@ -210,7 +207,7 @@ def grow(x, rest, normal, start, index, rest_length, held, growth, anchor, pull,
                 inside += hull[i, 1 + k] * (x[i, k] - where[i, k])
             limit = max(0.0, -outer - inside) - max(0.0, inside - depth)
             for k in range(3):
-                total = force[i, k] + spring * d[k] - pulling * pull[i] * normal[i, k] + 0.5 * limit * hull[i, 1 + k]
+                total = force[i, k] + spring * d[k] - pulling * pull[i] * normal[i, k] + wall * limit * hull[i, 1 + k]
                 velocity[i, k] = (1 - damping) * (velocity[i, k] + dt * total)
                 x[i, k] += dt * velocity[i, k]
     return x

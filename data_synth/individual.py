@@ -6,9 +6,10 @@ from scipy.spatial import cKDTree
 from .template import (CENTRE, COMPANIONS, LOBES, SULCI, Diffeomorphism, hull_radius, sulcus_course, unit, wall_level)
 
 VARIABILITY = 0.07  # root mean square displacement of the template, radians
-MILLIMETRES = 84.0  # half the length of an average hemisphere
-FOSSA_DEPTH, FOSSA_WIDTH = 0.22, 0.15
+MILLIMETRES = 81.0  # half the length of an average hemisphere
+FOSSA_DEPTH, FOSSA_WIDTH = 0.24, 0.17
 FURROW_WIDTH = 0.05
+SPACING = 0.2  # least distance of tertiary furrows from others
 
 
 def smooth_field(rng, directions, width, count):
@@ -31,7 +32,7 @@ class Individual:
         self.courses = {name: self.deform(sulcus_course(points)) for name, points in SULCI.items()}
         fossa = self.courses["sylvian fissure"]
         self._fossa = cKDTree(CENTRE + fossa * self.hull(fossa)[:, None])
-        self._fossa_width = FOSSA_WIDTH * np.interp(np.linspace(0, 1, len(fossa)), [0, 0.15, 0.5, 1], [0.7, 1, 1, 0.3])
+        self._fossa_width = FOSSA_WIDTH * np.interp(np.linspace(0, 1, len(fossa)), [0, 0.15, 0.5, 1], [0.7, 1, 1, 0.4])
 
     def deform(self, template):
         """Directions (k, 3) on this individual's hull of template points (k, 3)."""
@@ -55,7 +56,7 @@ class Individual:
         return CENTRE + directions * (radius - sunk)[:, None]
 
     def furrows(self, rest):
-        """Strength (V,) in 0..1 with which points of the unfolded surface are drawn in early."""
+        """Early furrows at points of the unfolded surface: strength (V,) in 0..1 and unit direction along them (V, 3)."""
         lines = []
         for course in self.courses.values():
             lines.append((course, self._interrupted(len(course))))
@@ -63,11 +64,17 @@ class Individual:
         for points in COMPANIONS.values():
             course = self.deform(sulcus_course(points))
             lines.append((course, self.rng.uniform(0.3, 0.9) * self._interrupted(len(course))))
-        pull = np.zeros(len(rest))
-        for course, strength in lines:
-            distance, nearest = cKDTree(self.position(course)).query(rest)
-            pull = np.maximum(pull, strength[nearest] * np.exp(-0.5 * (distance / FURROW_WIDTH) ** 2))
-        return pull
+        straight = len(lines)
+        lines += [(course, np.full(len(course), self.rng.uniform(0.3, 0.7))) for course in self._dimples(lines)]
+        pull, along = np.zeros(len(rest)), np.zeros((len(rest), 3))
+        for k, (course, strength) in enumerate(lines):
+            path = self.position(course)
+            distance, nearest = cKDTree(path).query(rest)
+            value = strength[nearest] * np.exp(-0.5 * (distance / FURROW_WIDTH) ** 2)
+            stronger = value > pull
+            pull[stronger] = value[stronger]
+            along[stronger] = unit(np.gradient(path, axis=0))[nearest[stronger]] if k < straight else 0
+        return pull, along
 
     def _interrupted(self, count):
         """Strength (count,) along a course: one, but for a gap where a gyrus bridges about every third sulcus."""
@@ -82,13 +89,27 @@ class Individual:
         branches = []
         for _ in range(self.rng.poisson(0.8)):
             k = self.rng.integers(len(course) // 6, len(course) - len(course) // 6)
-            start, along = course[k], unit(course[k + 1] - course[k - 1])
-            across = np.cross(start, along) * self.rng.choice([-1, 1])
-            angle, length = self.rng.uniform(0.8, 1.4), self.rng.uniform(0.2, 0.4)
-            step = np.linspace(0, length, 30)[:, None]
-            bend = self.rng.normal(scale=1.0) * step**2
-            heading = np.cos(angle) * along + np.sin(angle) * across
-            branch = unit(start + step * heading + bend * np.cross(start, heading))
+            angle = self.rng.uniform(0.8, 1.4) * self.rng.choice([-1, 1])
+            branch = self._segment(course[k], unit(course[k + 1] - course[k - 1]), angle, self.rng.uniform(0.2, 0.4))
             if (wall_level(branch) > 1.2).all():
                 branches.append(branch)
         return branches
+
+    def _dimples(self, lines):
+        """Short furrows, each (30, 3) directions, where the others leave room: tertiary sulci."""
+        taken = np.vstack([course for course, _ in lines])
+        dimples = []
+        for start in unit(self.rng.normal(size=(300, 3))):
+            heading = unit(np.cross(start, self.rng.normal(size=3)))
+            dimple = self._segment(start, heading, 0.0, self.rng.uniform(0.12, 0.35))
+            near = cKDTree(self.position(taken)).query(self.position(dimple))[0].min()
+            if near > SPACING and (wall_level(dimple) > 1.2).all():
+                dimples.append(dimple)
+                taken = np.vstack([taken, dimple])
+        return dimples
+
+    def _segment(self, start, along, angle, length):
+        """Directions (30, 3) of a slightly bent segment that leaves `start` at an angle to the heading `along`."""
+        heading = np.cos(angle) * along + np.sin(angle) * np.cross(start, along)
+        step = np.linspace(0, length, 30)[:, None]
+        return unit(start + step * heading + self.rng.normal() * step**2 * np.cross(start, heading))

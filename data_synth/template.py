@@ -11,10 +11,10 @@ CENTRE = np.array([0.30, -0.02, -0.06])
 
 # Smooth union of ellipsoids that all contain CENTRE, so that the hull is star-shaped: centre, semi-axes, tilt about x.
 LOBES = (
-    ((0.27, 0.40, 0.12), (0.43, 0.58, 0.48), 0.0),  # frontal
-    ((0.29, -0.15, 0.10), (0.46, 0.66, 0.53), 0.0),  # parietal
-    ((0.27, -0.44, -0.03), (0.40, 0.54, 0.41), 0.0),  # occipital
-    ((0.43, -0.05, -0.29), (0.31, 0.49, 0.29), 0.20),  # temporal
+    ((0.27, 0.40, 0.14), (0.43, 0.58, 0.51), 0.0),  # frontal
+    ((0.29, -0.15, 0.12), (0.46, 0.66, 0.58), 0.0),  # parietal
+    ((0.27, -0.44, -0.03), (0.40, 0.55, 0.47), 0.0),  # occipital
+    ((0.43, -0.05, -0.32), (0.31, 0.49, 0.32), 0.20),  # temporal
 )
 UNION_POWER = 10.0
 MEDIAL_POWER = 9.0
@@ -24,10 +24,10 @@ WALL_AXES = np.array([0.44, 0.23])
 
 # Courses of the named sulci, approximate MNI coordinates in mm with |x| (read off standard atlases' anatomy; mean courses).
 SULCI = {
-    "central sulcus": ((22, -32, 69), (30, -28, 63), (38, -21, 52), (46, -15, 41), (51, -11, 33)),
+    "central sulcus": ((23, -31, 68), (31, -27, 61), (39, -20, 51), (46, -15, 41), (52, -10, 31)),
     "sylvian fissure": ((36, 14, -18), (44, 8, -10), (50, -8, 1), (54, -24, 11), (55, -40, 22)),
     "superior temporal sulcus": ((52, 2, -26), (57, -14, -14), (58, -32, -3), (54, -46, 8), (48, -58, 20)),
-    "calcarine sulcus": ((6, -99, -4), (0, -88, 1), (0, -73, 5), (0, -58, 3), (0, -47, -2)),
+    "calcarine sulcus": ((13, -100, -5), (0, -88, 1), (0, -73, 5), (0, -58, 3), (0, -44, -4)),
     "parieto-occipital sulcus": ((0, -63, 13), (0, -70, 24), (0, -78, 38)),
     "intraparietal sulcus": ((46, -36, 42), (37, -47, 47), (30, -60, 46), (27, -72, 36)),
     "cingulate sulcus": ((0, 44, 0), (0, 46, 16), (0, 32, 34), (0, 12, 43), (0, -8, 46), (0, -26, 56)),

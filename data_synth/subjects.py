@@ -1,0 +1,66 @@
+"""Synthetic hemispheres in npz files, whole or not at all."""
+
+import contextlib
+import io
+import os
+import zipfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+
+from qclearn.surface import Surface, SurfaceError
+
+from .cortex import HEMISPHERES, Cortex, CortexError
+
+
+def save_cortex(path, cortex):
+    """Write a hemisphere to an npz file: vertices, faces, curve_<name>, template, seed, hemisphere.
+
+    The same hemisphere gives the same bytes. CortexError where the folder cannot be written; nothing partial stays.
+    """
+    path = Path(path)
+    arrays = {
+        "vertices": cortex.surface.vertices, "faces": cortex.surface.faces, "template": cortex.template,
+        "seed": np.array(cortex.seed), "hemisphere": np.array(cortex.hemisphere),
+        **{f"curve_{name}": curve for name, curve in cortex.curves.items()},
+    }  # fmt: skip
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)
+    write_whole(path, buffer.getvalue())
+
+
+def write_whole(path, data):
+    """Write bytes to a file that appears whole or not at all; CortexError where the folder cannot be written."""
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        partial.write_bytes(data)
+        partial.replace(path)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            partial.unlink()
+        raise CortexError(f"{path} cannot be written: {error.strerror or error}. Choose a folder you may write.") from None
+
+
+def load_cortex(path):
+    """Read a hemisphere that save_cortex wrote; CortexError names what the file lacks or why it cannot be read."""
+    path = Path(path)
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+    except FileNotFoundError:
+        raise CortexError(f"{path} does not exist; make it with `qclearn synth --seed 1 --out {path}`.") from None
+    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
+        raise CortexError(f"{path} is no readable npz file ({error}); make it again with `qclearn synth`.") from None
+    missing = [name for name in ("vertices", "faces", "template", "seed", "hemisphere") if name not in arrays]
+    if missing:
+        raise CortexError(f"{path} is not a synthetic hemisphere: it lacks {', '.join(missing)}. Use read_surface for others.")
+    hemisphere = str(arrays["hemisphere"])
+    if hemisphere not in HEMISPHERES or arrays["template"].shape != arrays["vertices"].shape:
+        raise CortexError(f"{path} is damaged: hemisphere {hemisphere!r}, template {arrays['template'].shape}; make it again.")
+    curves = {name[6:]: path_ for name, path_ in arrays.items() if name.startswith("curve_")}
+    try:
+        surface = Surface(arrays["vertices"], arrays["faces"], curves)
+    except SurfaceError as error:
+        raise CortexError(f"{path} is damaged: {error}") from None
+    return Cortex(surface, arrays["template"], int(arrays["seed"]), hemisphere)
