@@ -25,6 +25,7 @@ from .mobius import centring_mobius, mobius
 from .surface import SurfaceError, require_disk
 
 SMALLEST_STEP = 1e-3  # of the mean boundary step, where a negative weight makes the boundary run backwards
+LOST_STEP = 1e-8  # of the mean: beyond, at the end of a long peninsula, triangles are lost in the coordinates' rounding
 
 
 class FreeBoundary:
@@ -47,10 +48,9 @@ class FreeBoundary:
         if calibration is not None:
             steps = calibration @ steps
         # Negative weights can make a step negative: then the smallest steps are raised, and the caller is told.
-        self.floored = np.zeros(len(lengths), bool)
-        if steps.min() <= 0:
-            smallest = SMALLEST_STEP * 2 * np.pi / len(lengths)
-            self.floored, steps = steps < smallest, np.maximum(steps, smallest)
+        self.floored, mean = np.zeros(len(lengths), bool), 2 * np.pi / len(lengths)
+        if steps.min() <= LOST_STEP * mean:
+            self.floored, steps = steps < SMALLEST_STEP * mean, np.maximum(steps, SMALLEST_STEP * mean)
         self.scale = 2 * np.pi / steps.sum()
         self.steps = self.scale * steps
         self.f = self.problem.solve(np.exp(1j * np.concatenate([[0.0], np.cumsum(self.steps[:-1])])))
@@ -212,7 +212,8 @@ def solve_beltrami_disk(z, faces, mu):
     solver = BeltramiDiskSolver(z, faces)
     f = solver.solve(mu)
     if solver.floored:
-        warnings.warn(f"{solver.floored} boundary steps ran backwards and were raised", RepairWarning, stacklevel=2)
+        warnings.warn(f"{solver.floored} boundary steps ran backwards or were lost, and were raised",
+                      RepairWarning, stacklevel=2)
     return f
 
 
@@ -262,10 +263,9 @@ def _centre_and_unfold(surface, matrix, f):
         if problem is None:
             break
         for _ in range(50):  # a Möbius map of the boundary values, the interior solved anew
-            centre = share @ f
-            if abs(centre) < 1e-14:
+            if abs(share @ f) < 1e-14:
                 break
-            f = problem.solve(mobius(f[surface.boundary], centre))
+            f = problem.solve(mobius(f[surface.boundary], centring_mobius(f, share)))
     return f, switched
 
 

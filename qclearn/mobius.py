@@ -41,15 +41,17 @@ def best_mobius(p, q, weights=None):
 def centring_mobius(z, weights):
     """The point a for which `sum_k weights_k M_a(z_k) = 0`: a Möbius map to the weighted centroid's gauge.
 
-    Each step moves the centroid of the present picture to 0 and composes; it is the descent of a convex function
-    on the hyperbolic plane (Douady and Earle's conformal barycentre for weights on the circle).
+    Newton steps on the minimum of a convex function of the hyperbolic plane (Douady and Earle's conformal barycentre
+    for weights on the circle): to first order M_a moves a point z by `-a + conj(a) z^2`.
     """
     weights, a = np.asarray(weights, float) / np.sum(weights), 0j
     for _ in range(200):
-        step = weights @ mobius(z, a)
-        a = mobius_inverse(step, a)
-        if abs(step) < 1e-15:
+        w = mobius(z, a)
+        centre, second = weights @ w, weights @ w ** 2
+        if abs(centre) < 1e-15:
             break
+        step = (centre + second * np.conj(centre)) / (1 - abs(second) ** 2)
+        a = mobius_inverse(step / max(1.0, 2 * abs(step)), a)  # no further than 1/2 at once
     return a
 
 

@@ -27,3 +27,11 @@ def random_mu(rng, z, faces, largest):
     powers = np.stack([centre ** j * centre.conj() ** k for j in range(4) for k in range(4)])
     mu = (rng.normal(size=16) + 1j * rng.normal(size=16)) @ powers
     return largest * mu / abs(mu).max()
+
+
+def strip(n_long=60, n_wide=3):
+    """A triangulated rectangle [0, 1] x [0, 1] as complex numbers, counter-clockwise faces."""
+    x, y = np.meshgrid(np.linspace(0, 1, n_long + 1), np.linspace(0, 1, n_wide + 1))
+    a = (np.arange(n_wide)[:, None] * (n_long + 1) + np.arange(n_long)).ravel()
+    b, c, d = a + 1, a + n_long + 2, a + n_long + 1
+    return (x + 1j * y).ravel(), np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])

@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from exact_maps import DISK_MAPS, SLIDING
-from meshes import random_disk
+from meshes import random_disk, strip
 
 from qclearn.beltrami import BeltramiError, signed_areas, stiffness
 from qclearn.bijectivity import check_bijective, check_embedding, flipped_faces, mean_value_matrix, repair
@@ -13,14 +13,6 @@ from qclearn.disk import BeltramiDiskSolver, edge_lengths
 from qclearn.diskmesh import boundary_loop, polar_disk
 
 DISK = random_disk(seed=1)
-
-
-def strip(n_long=60, n_wide=3):
-    """A triangulated rectangle [0, 1] x [0, 1] as complex numbers, counter-clockwise faces."""
-    x, y = np.meshgrid(np.linspace(0, 1, n_long + 1), np.linspace(0, 1, n_wide + 1))
-    a = (np.arange(n_wide)[:, None] * (n_long + 1) + np.arange(n_long)).ravel()
-    b, c, d = a + 1, a + n_long + 2, a + n_long + 1
-    return (x + 1j * y).ravel(), np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
 
 
 def bent(w, turns):

@@ -75,3 +75,10 @@ def test_centring_brings_the_weighted_centroid_to_zero(spread):
     a = centring_mobius(points, weights)
     assert abs(a) < 1
     assert abs(weights @ mobius(points, a)) < 1e-13 * weights.sum()
+
+
+def test_centring_of_two_far_clusters():
+    """Where nearly all weight lies at both ends of a diameter, as in the map of a long strip."""
+    points = mobius_inverse(np.concatenate([0.02 * POINTS, mobius_inverse(0.02 * POINTS, -0.9999)]), 0.999)
+    a = centring_mobius(points, np.ones(len(points)))
+    assert abs(mobius(points, a).mean()) < 1e-13
