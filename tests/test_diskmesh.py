@@ -5,7 +5,7 @@ import pytest
 from meshes import random_disk
 
 from qclearn.beltrami import signed_areas
-from qclearn.diskmesh import boundary_loop, disk_to_square, locate, polar_disk, square_disk, square_to_disk
+from qclearn.diskmesh import INSET, boundary_loop, disk_to_square, locate, polar_disk, square_disk, square_to_disk
 from qclearn.mobius import mobius
 
 MESHES = {"square 2": square_disk(2), "square 16": square_disk(16), "polar 1 x 3": polar_disk(1, 3),
@@ -114,10 +114,26 @@ def test_locate_rebuilds_the_points(mesh):
 
 
 def test_locate_vertices_and_points_on_edges(mesh):
+    """On a boundary edge rounding decides whether a point counts as beyond it and so is moved inwards by INSET."""
     z, faces = mesh
-    points = np.concatenate([z, 0.5 * (z[faces] + z[np.roll(faces, -1, axis=1)]).ravel()])
+    ends = np.stack([faces.ravel(), np.roll(faces, -1, axis=1).ravel()], 1)
+    on_rim = np.isin(ends, boundary_loop(faces)).all(1)
+    points = np.concatenate([z, z[ends].mean(1)])
     face, barycentric = locate(z, faces, points)
-    np.testing.assert_allclose((barycentric * z[faces[face]]).sum(1), points, atol=2e-15)
+    moved = abs((barycentric * z[faces[face]]).sum(1) - points)
+    assert moved.max() < 1.01 * INSET
+    assert moved[np.append(np.full(len(z), True), ~on_rim)].max() < 2e-15
+
+
+def test_locate_keeps_points_of_the_open_disk_off_the_boundary(mesh):
+    z, faces = mesh
+    loop = boundary_loop(faces)
+    middle = 0.5 * (z[loop] + np.roll(z[loop], -1))
+    points = middle * (1 + 0.5 * (1 / abs(middle) - 1))  # half way from the chord to the arc
+    face, barycentric = locate(z, faces, points)
+    found = (barycentric * z[faces[face]]).sum(1)
+    np.testing.assert_allclose(found, middle * (1 - INSET / 2), atol=1e-14)
+    assert (barycentric > 0).all()
 
 
 def test_locate_moves_points_beyond_a_chord_radially_onto_it(mesh):
