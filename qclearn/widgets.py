@@ -283,15 +283,15 @@ class Tuner(ipywidgets.VBox):
         self.problems, self.solvers = {problem.name: problem for problem in problems}, solvers or SOLVERS
         self.canvas, names = None, list(self.problems)
         self.problem = ipywidgets.Dropdown(options=names, value=names[0], description="problem",
-                                           layout={"width": "30em"})
+                                           layout={"width": "34em"})
         self.landmarks = ipywidgets.ToggleButtons(options=["points", "sliding"], description="landmarks")
         self.alpha = self._slider("α", 1.0, -2, 2, "weight of |μ|²")
         self.beta = self._slider("β", 1e-2, -4, 1, "weight of |∇μ|²")
         self.gamma = self._slider("γ", 1e5, 0, 7, "weight of the landmark mismatch")
         self.picture = ipywidgets.HTML()  # an Image widget could not carry the words for those who do not see it
-        self.text = ipywidgets.HTML(layout={"max_width": "32em", "margin": "0 0 0 2em"})
+        self.text = ipywidgets.HTML()
         controls = [self.problem, self.landmarks, self.alpha, self.beta, self.gamma]
-        super().__init__([ipywidgets.HBox([ipywidgets.VBox(controls), self.text]), self.picture])
+        super().__init__([*controls, self.picture, self.text])
         self.worker = NewestOnly(self.answer, self.show)
         self.show(self.answer(*self.setting()))
         for control in controls:
@@ -300,7 +300,7 @@ class Tuner(ipywidgets.VBox):
     @staticmethod
     def _slider(name, value, low, high, tooltip):
         return ipywidgets.FloatLogSlider(value=value, min=low, max=high, step=0.1, description=name, tooltip=tooltip,
-                                         readout_format=".1e", layout={"width": "30em"})
+                                         readout_format=".1e", layout={"width": "34em"})
 
     def setting(self):
         """What the controls say: (problem name, alpha, beta, gamma, sliding)."""
