@@ -172,6 +172,9 @@ def surface_scene(surface, values=None, curves=(), cmap="gray", clim=None, title
     """
     import pyvista  # slow to import, and the disk figures do not need it
 
+    from .scenes import require_renderer
+
+    require_renderer()
     mesh = pyvista.PolyData.from_regular_faces(surface.vertices.astype(np.float32), surface.faces)
     # The plotter would compute normals only while it draws, too late for whoever looks at its meshes before.
     mesh = mesh.compute_normals(cell_normals=False, split_vertices=False, consistent_normals=False)

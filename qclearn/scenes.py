@@ -71,7 +71,6 @@ class Scene:
         self.description = description
         self.height = height
         _keep_what_is_shown(plotter)
-        plotter.render()
         self.picture = _png(plotter) if poster else None
         with warnings.catch_warnings():
             # trame-vtk 2.8 calls what VTK 9.6 deprecates.
@@ -101,7 +100,10 @@ def _keep_what_is_shown(plotter):
     """Single precision, and only the array that colours the surface: half the bytes and less on the page."""
     for actor in plotter.actors.values():
         mapper = getattr(actor, "mapper", None)
-        if not isinstance(getattr(mapper, "dataset", None), pv.PolyData):
+        if mapper is None:
+            continue
+        mapper.Update()  # before that, a surface that nobody but the plotter holds looks empty
+        if not isinstance(mapper.dataset, pv.PolyData):
             continue
         shown = mapper.dataset.copy()
         shown.points = shown.points.astype(np.float32)

@@ -10,7 +10,7 @@ import urllib.error
 import urllib.request
 
 import pytest
-from conftest import ROOT
+from places import ROOT
 
 # Page, and the description of the slider that the test moves.
 LIVE_PAGES = [("live.ipynb", "γ")]

@@ -5,7 +5,7 @@ from urllib.parse import unquote, urldefrag
 
 import pytest
 import yaml
-from conftest import ROOT, SITE
+from places import ROOT, SITE
 
 PAGES = sorted(path.name for path in SITE.glob("*.html") if path.name not in ("genindex.html", "search.html"))
 # Both come from the theme, with every page, and change nothing that a reader could notice.

@@ -1,0 +1,57 @@
+"""What is committed: notebooks without outputs and with short cells, and no trace of anybody's machine."""
+
+import re
+import subprocess
+from pathlib import Path
+
+import nbformat
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+NOTEBOOKS = sorted((ROOT / "book").glob("*.ipynb"))
+LONGEST_CELL = 30
+# Somebody's folder, absolute or as seen from here.
+MACHINE_PATH = re.compile(r"(?<![\w.:/-])/(?:root|home|work|Users|tmp)/\w+|\.\./share[d]\b|file:///\w")
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebook_is_committed_without_outputs(path):
+    notebook = nbformat.read(path, as_version=4)
+    nbformat.validate(notebook)
+    ran = [i for i, cell in enumerate(notebook.cells) if cell.get("outputs") or cell.get("execution_count")]
+    assert ran == [], "clear the outputs: jupyter nbconvert --clear-output --inplace"
+    assert "widgets" not in notebook.metadata
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_cells_are_short(path):
+    cells = nbformat.read(path, as_version=4).cells
+    lengths = {i: len(cell.source.splitlines()) for i, cell in enumerate(cells) if cell.cell_type == "code"}
+    assert {i: length for i, length in lengths.items() if length > LONGEST_CELL} == {}
+
+
+def test_no_file_names_a_machine():
+    try:
+        listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip("not a git repository: nothing says which files belong to it")
+    files = [ROOT / name for name in listed.split("\0") if name and "_assets/vendor/" not in name]
+    found = {}
+    for file in files:
+        try:
+            text = file.read_text(encoding="utf-8")
+        except (UnicodeDecodeError, FileNotFoundError):
+            continue
+        if match := MACHINE_PATH.search(text):
+            found[str(file.relative_to(ROOT))] = match.group()
+    assert found == {}
+
+
+@pytest.mark.parametrize("text", ["/ro" "ot/dev", 'open("/ho' 'me/ann/x")', "../sha" "red/data", "see /wo" "rk/main"])
+def test_machine_paths_are_recognised(text):
+    assert MACHINE_PATH.search(text)
+
+
+@pytest.mark.parametrize("text", ["https://example.org/home/page", "book/_assets/work/x", "the work/life of tmp"])
+def test_other_text_is_left_alone(text):
+    assert not MACHINE_PATH.search(text)

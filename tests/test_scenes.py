@@ -1,0 +1,84 @@
+"""3-D scenes: self-contained, described, light, and no crash where nothing can draw."""
+
+import html
+import re
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+from qclearn import scenes
+from qclearn.scenes import RendererError, Scene, require_renderer
+
+
+def ball():
+    require_renderer()
+    surface = pv.Icosphere(nsub=3)
+    surface["height"] = surface.points[:, 2].astype(np.float64)
+    surface["noise"] = np.random.default_rng(0).normal(size=(surface.n_points, 50))
+    plotter = pv.Plotter(off_screen=True)
+    plotter.add_mesh(surface, scalars="height")
+    return surface, plotter
+
+
+def test_scene_is_one_page_that_asks_for_nothing():
+    scene = Scene(ball()[1], 'a "ball" <round>')
+    markup = scene._repr_html_()
+    assert 'title="a &quot;ball&quot; &lt;round&gt;"' in markup
+    assert "OfflineLocalView.load" in html.unescape(markup)
+    assert not re.search(r'(?:src|href)\s*=\s*"https?://', scene.page)
+
+
+def test_poster_waits_for_a_click():
+    markup = Scene(ball()[1], "a ball", poster=True)._repr_html_()
+    assert '<img alt="a ball" src="data:image/png;base64,' in markup
+    assert "srcdoc=" not in markup.replace("f.srcdoc=f.dataset.page", "") and "data-page=" in markup
+
+
+def shown_arrays(plotter):
+    mapper = next(iter(plotter.actors.values())).mapper
+    mapper.Update()
+    return mapper.dataset.points, dict(mapper.dataset.point_data)
+
+
+def test_only_what_is_shown_travels():
+    surface, plotter = ball()
+    scenes._keep_what_is_shown(plotter)
+    points, arrays = shown_arrays(plotter)
+    assert points.dtype == np.float32 and list(arrays) == ["height"]
+    np.testing.assert_allclose(arrays["height"], surface["height"], rtol=1e-6)
+    assert "noise" in surface.point_data, "the caller's surface was changed"
+    plotter.close()
+
+
+def test_a_surface_that_only_the_plotter_holds_keeps_its_colours():
+    require_renderer()
+    plotter = pv.Plotter(off_screen=True)
+    plotter.add_mesh(pv.Icosphere(nsub=3), scalars=np.arange(642.0), show_scalar_bar=False)
+    scenes._keep_what_is_shown(plotter)
+    points, arrays = shown_arrays(plotter)
+    assert len(points) == 642 and [len(array) for array in arrays.values()] == [642]
+    plotter.close()
+
+
+def without_screen(monkeypatch, libraries, egl_device):
+    monkeypatch.setattr(scenes.sys, "platform", "linux")
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.setenv("VTK_DEFAULT_OPENGL_WINDOW", "")  # so that monkeypatch restores it afterwards
+    monkeypatch.delenv("VTK_DEFAULT_OPENGL_WINDOW")
+    monkeypatch.setattr(scenes, "_egl_finds_a_device", lambda: egl_device)
+    monkeypatch.setattr(scenes, "_loads", lambda *names: next((name for name in names if name in libraries), None))
+
+
+@pytest.mark.parametrize("libraries, egl_device, window", [
+    ([], True, "vtkEGLRenderWindow"), (["libOSMesa.so.8"], False, "vtkOSOpenGLRenderWindow")])
+def test_what_can_draw_is_chosen(monkeypatch, libraries, egl_device, window):
+    without_screen(monkeypatch, libraries, egl_device)
+    require_renderer()
+    assert scenes.os.environ["VTK_DEFAULT_OPENGL_WINDOW"] == window
+
+
+def test_nothing_to_draw_with_is_said_before_vtk_crashes(monkeypatch):
+    without_screen(monkeypatch, [], egl_device=False)
+    with pytest.raises(RendererError, match="apt-get install libegl1"):
+        require_renderer()
