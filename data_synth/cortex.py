@@ -30,12 +30,12 @@ class Mechanics:
     bending: float = 1.2  # umbrella bi-Laplacian
     foundation: float = 0.0125  # spring to the unfolded surface ...
     saturation: float = 0.18  # ... whose force stays constant beyond this displacement
-    limit: float = 0.4  # stiffness of the two limits
+    limit: float = 0.3  # stiffness of the two limits
     outer: float = 0.005  # limit outside the hull (skull)
     depth: float = 0.26  # floor inside the hull
     touch: float = 1.3  # contact distance in grown edge lengths
     stiffness: float = 3.0  # of contact
-    pull: float = 0.0175  # inward force on furrows, released after mid-growth
+    pull: float = 0.019  # inward force on furrows, released after mid-growth
     keep: float = 0.05  # share of it that stays
     noise: float = 0.01  # random initial relief
     steps: int = 2000
@@ -72,9 +72,17 @@ def _check(seed, n_vertices, hemisphere):
         raise CortexError(f"the hemisphere is {hemisphere!r}; choose one of {', '.join(HEMISPHERES)}.")
 
 
+def _normals(x, faces):
+    return np.cross(x[faces[:, 1]] - x[faces[:, 0]], x[faces[:, 2]] - x[faces[:, 0]])
+
+
+def _area(x, faces):
+    return np.linalg.norm(_normals(x, faces), axis=1).sum() / 2
+
+
 def vertex_normals(x, faces):
     """Unit normals (V, 3), area weighted."""
-    n = np.cross(x[faces[:, 1]] - x[faces[:, 0]], x[faces[:, 2]] - x[faces[:, 0]])
+    n = _normals(x, faces)
     total = np.stack([np.bincount(faces.ravel(), np.repeat(n[:, k], 3), len(x)) for k in range(3)], axis=1)
     return total / np.linalg.norm(total, axis=1, keepdims=True)
 
@@ -98,7 +106,7 @@ def make_cortex(seed, n_vertices=10_000, hemisphere="left", mechanics=Mechanics(
     normal, depth = vertex_normals(x, faces), depth_below(x, *hull)
     curves = {name: trace(x, rest, normal, start, index, depth, person.position(course))
               for name, course in person.courses.items()}
-    vertices = person.size * x
+    vertices = x * np.sqrt(person.area / _area(x, faces))
     if hemisphere == "left":
         vertices, faces = vertices * [-1, 1, 1], faces[:, ::-1]
     return Cortex(Surface(vertices, faces, curves), template, seed, hemisphere)

@@ -19,17 +19,19 @@ def concavity(x, normal, start, index):
     return value / np.linalg.norm(x[owner] - x[index], axis=1).mean()
 
 
-def fundus_path(x, start, index, valley, distance, ends):
+def fundus_path(x, start, index, valley, distance, ends, spacing):
     """Vertices (k,) of the cheapest path between two regions, an edge costing its length over how good a valley it is.
 
-    valley (V,) in 0..1, 1 = fundus; distance (V,) from the course in the rest surface; ends: two arrays of candidate
-    vertices, of which the best valley is taken.
+    valley (V,) in 0..1, 1 = fundus; distance (V,) from the course in the rest surface, whose edges are about
+    `spacing` long; ends: two arrays of candidate vertices, of which the best valley is taken.
     """
     first, last = (candidates[np.argmax(valley[candidates])] for candidates in ends)
     owner = np.repeat(np.arange(len(x)), np.diff(start))
     length = np.linalg.norm(x[owner] - x[index], axis=1)
     node = (1.02 - valley) ** 2 * (1 + (distance / (0.5 * CORRIDOR)) ** 2) + 0.02
-    keep = (distance[owner] < CORRIDOR) & (distance[index] < CORRIDOR)
+    # Three edges wide at least, so that coarse meshes keep a connected corridor.
+    width = max(CORRIDOR, 3 * spacing)
+    keep = (distance[owner] < width) & (distance[index] < width)
     weight = (length * (node[owner] + node[index]))[keep]
     graph = coo_matrix((weight, (owner[keep], index[keep])), shape=(len(x), len(x))).tocsr()
     _, previous = dijkstra(graph, indices=first, return_predecessors=True)
@@ -50,4 +52,6 @@ def trace(x, rest, normal, start, index, depth, course, end_radius=0.06):
     for end in (course[0], course[-1]):
         candidates = np.array(tree.query_ball_point(end, end_radius))
         ends.append(candidates if len(candidates) else np.array([tree.query(end)[1]]))
-    return fundus_path(x, start, index, valley, distance, ends)
+    owner = np.repeat(np.arange(len(x)), np.diff(start))
+    spacing = np.linalg.norm(rest[owner] - rest[index], axis=1).mean()
+    return fundus_path(x, start, index, valley, distance, ends, spacing)

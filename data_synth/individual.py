@@ -5,8 +5,8 @@ from scipy.spatial import cKDTree
 
 from .template import (CENTRE, COMPANIONS, LOBES, SULCI, Diffeomorphism, hull_radius, sulcus_course, unit, wall_level)
 
-VARIABILITY = 0.07  # root mean square displacement of the template, radians
-MILLIMETRES = 81.0  # half the length of an average hemisphere
+VARIABILITY = 0.11  # root mean square displacement of the template, radians
+AREA, AREA_SPREAD = 95_000.0, 0.06  # folded area in mm^2, its relative deviation
 FOSSA_DEPTH, FOSSA_WIDTH = 0.24, 0.17
 FURROW_WIDTH = 0.05
 SPACING = 0.2  # least distance of tertiary furrows from others
@@ -28,7 +28,7 @@ class Individual:
         self._shared = Diffeomorphism(shared, VARIABILITY * np.sqrt(2 / 3))
         self._own = Diffeomorphism(self.rng, VARIABILITY * np.sqrt(1 / 3))
         self._lobe_scale = 1 + 0.02 * np.clip(shared.normal(size=len(LOBES)), -2, 2)
-        self.size = MILLIMETRES * np.exp(0.035 * np.clip(shared.normal(), -1.5, 1.5))
+        self.area = AREA * np.exp(AREA_SPREAD * np.clip(shared.normal(), -2, 2))
         self.courses = {name: self.deform(sulcus_course(points)) for name, points in SULCI.items()}
         fossa = self.courses["sylvian fissure"]
         self._fossa = cKDTree(CENTRE + fossa * self.hull(fossa)[:, None])

@@ -46,7 +46,8 @@ def load_cortex(path):
     """Read a hemisphere that save_cortex wrote; CortexError names what the file lacks or why it cannot be read."""
     path = Path(path)
     try:
-        with np.load(path, allow_pickle=False) as file:
+        # From memory: np.load leaves the file open where the archive is damaged.
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
     except FileNotFoundError:
         raise CortexError(f"{path} does not exist; make it with `qclearn synth --seed 1 --out {path}`.") from None

@@ -1,0 +1,95 @@
+import importlib
+from functools import cache
+
+import numpy as np
+import pytest
+
+from data_synth import CohortWarning, CortexError, cohort, make_cortex
+
+module = importlib.import_module("data_synth.cohort")
+SIZE = 1000
+remembered = cache(make_cortex)  # damage and interruption are about files: the generator need not run again
+
+
+def make(folder, count=2, **options):
+    return cohort(count, SIZE, folder, progress=False, **options)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("cohort")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "make_cortex", remembered)
+        make(folder)
+    return folder
+
+
+def test_subjects_come_in_the_order_of_the_seeds_and_are_the_generators(folder):
+    subjects = make(folder)
+    assert [subject.seed for subject in subjects] == list(module.SEEDS[:2])
+    alone = make_cortex(module.SEEDS[1], SIZE)
+    assert np.array_equal(subjects[1].surface.vertices, alone.surface.vertices)
+
+
+def test_nothing_is_made_twice(folder, monkeypatch):
+    monkeypatch.setattr(module, "make_cortex", None)
+    assert len(make(folder)) == 2
+
+
+def test_an_interrupted_run_continues(folder, monkeypatch):
+    made = []
+
+    def stop_after_one(seed, n_vertices):
+        if made:
+            raise KeyboardInterrupt
+        made.append(seed)
+        return remembered(seed, n_vertices)
+
+    paths = [module.subject_path(folder, seed, SIZE) for seed in module.SEEDS[:2]]
+    before = paths[1].read_bytes()
+    for path in paths:
+        path.unlink()
+    monkeypatch.setattr(module, "make_cortex", stop_after_one)
+    with pytest.raises(KeyboardInterrupt):
+        make(folder, workers=1)
+    assert paths[0].is_file() and not paths[1].is_file()
+    monkeypatch.setattr(module, "make_cortex", lambda seed, n: made.append(seed) or remembered(seed, n))
+    make(folder)
+    assert made == list(module.SEEDS[:2])
+    assert paths[1].read_bytes() == before
+
+
+@pytest.mark.parametrize("damage", ["flipped byte", "cut short", "no checksum"])
+def test_a_damaged_file_is_made_again(folder, damage, monkeypatch):
+    monkeypatch.setattr(module, "make_cortex", remembered)
+    path = module.subject_path(folder, module.SEEDS[0], SIZE)
+    whole = path.read_bytes()
+    if damage == "no checksum":
+        path.with_name(path.name + ".sha256").unlink()
+    elif damage == "cut short":
+        path.write_bytes(whole[:1000])
+    else:
+        path.write_bytes(whole[:-2000] + bytes([whole[-2000] ^ 1]) + whole[-1999:])
+    with pytest.warns(CohortWarning, match=path.name):
+        make(folder, count=1)
+    assert path.read_bytes() == whole
+    make(folder, count=1)  # and is whole from then on: a warning would be an error
+
+
+def test_a_folder_that_cannot_be_written(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(CortexError, match="give another folder"):
+        make(tmp_path / "file")
+    assert (tmp_path / "file").read_text() == "in the way"
+
+
+@pytest.mark.parametrize("options", [{"count": 0}, {"count": 25}, {"count": 2.0}, {"workers": 0}])
+def test_impossible_cohorts(tmp_path, options):
+    with pytest.raises(CortexError):
+        make(tmp_path, **options)
+
+
+def test_the_cache_is_the_users(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert tmp_path in module.default_folder().parents or "qclearn" in str(module.default_folder())

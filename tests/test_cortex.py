@@ -1,0 +1,258 @@
+from functools import cache
+
+import numpy as np
+import pytest
+
+import data_synth
+from data_synth import CortexError, correspondence, load_cortex, make_cortex, save_cortex
+from data_synth.correspondence import locate_on_sphere
+from data_synth.growth import depth_below, grow, hull_distance, neighbour_table
+from data_synth.individual import Individual
+from data_synth.intersections import self_intersections
+from data_synth.template import CENTRE, SULCI, Diffeomorphism, hull_radius, unit, wall_level
+from data_synth.tessellation import fibonacci_sphere, interior_edges
+from data_synth.untangle import untangle
+from qclearn import mean_curvature, read_surface, sulcal_depth
+from qclearn.surface import require_disk, require_outward
+from tests.surfaces import sphere
+
+SIZE = 2500
+
+
+@cache
+def subject(seed=1, hemisphere="left"):
+    return make_cortex(seed, SIZE, hemisphere)
+
+
+def edge_lengths(surface):
+    return np.linalg.norm(np.diff(surface.vertices[surface.edges], axis=1)[:, 0], axis=1)
+
+
+@pytest.mark.parametrize("hemisphere", ["left", "right"])
+def test_a_hemisphere_is_an_outward_disk_in_millimetres(hemisphere):
+    surface = subject(1, hemisphere).surface
+    require_disk(surface)
+    require_outward(surface)
+    assert len(surface.vertices) == SIZE
+    assert 80_000 < surface.area < 110_000
+    assert len(self_intersections(surface.vertices, surface.faces)) <= 0.002 * len(surface.faces)
+    length = np.ptp(surface.vertices, axis=0)
+    assert length[1] > length[2] > length[0]  # anterior-posterior, vertical, lateral
+    medial = surface.vertices[surface.boundary, 0].mean() - surface.vertices[:, 0].mean()
+    assert medial > 0 if hemisphere == "left" else medial < 0
+
+
+def test_the_surface_is_folded():
+    surface = subject().surface
+    curvature, depth = mean_curvature(surface), sulcal_depth(surface)
+    assert np.corrcoef(curvature, depth)[0, 1] < -0.4
+    assert depth.max() > 12  # mm
+
+
+@pytest.mark.parametrize("hemisphere", ["left", "right"])
+def test_the_template_is_one_to_one_and_ends_at_the_common_wall(hemisphere):
+    cortex = subject(1, hemisphere)
+    template, faces = cortex.template, cortex.surface.faces
+    assert np.allclose(np.linalg.norm(template, axis=1), 1)
+    side = np.linalg.det(template[faces])
+    assert (side > 0).all() if hemisphere == "right" else (side < 0).all()
+    level = wall_level(template)
+    assert np.allclose(level[cortex.surface.boundary], 1, atol=1e-6)
+    inner = np.setdiff1d(np.arange(SIZE), cortex.surface.boundary)
+    assert level[inner].min() > 0.99
+
+
+def test_curves_are_paths_of_edges_in_folds():
+    surface = subject().surface
+    assert set(subject().curves) == set(SULCI) == set(data_synth.SULCUS_NAMES)
+    curvature, depth = mean_curvature(surface), sulcal_depth(surface)
+    edges = set(map(tuple, surface.edges))
+    concave = []
+    for path in surface.curves.values():
+        assert len(path) >= 2 and len(np.unique(path)) == len(path)
+        assert all((min(pair), max(pair)) in edges for pair in zip(path[:-1], path[1:]))
+        concave.append((curvature[path] < 0).mean())
+    assert np.median(concave) > 0.85
+    every = np.concatenate(list(surface.curves.values()))
+    assert depth[every].mean() > 1.6 * np.average(depth, weights=surface.vertex_areas)
+
+
+def test_curves_lie_where_anatomy_has_them():
+    surface = subject().surface  # left: lateral is negative x
+    place = {name: surface.vertices[path].mean(axis=0) - surface.vertices.mean(axis=0)
+             for name, path in surface.curves.items()}
+    assert place["calcarine sulcus"][1] < place["central sulcus"][1] < place["superior frontal sulcus"][1]
+    assert place["superior temporal sulcus"][2] < place["sylvian fissure"][2] < place["intraparietal sulcus"][2]
+    assert place["superior temporal sulcus"][0] < place["cingulate sulcus"][0]
+    assert place["central sulcus"][2] > 0 > place["superior temporal sulcus"][2]
+
+
+def test_curves_follow_the_courses_on_the_template():
+    names = list(SULCI)
+    centre = {seed: np.stack([subject(seed).template[subject(seed).curves[name]].mean(axis=0) for name in names])
+              for seed in (1, 2)}
+    apart = np.linalg.norm(centre[1][:, None] - centre[2][None], axis=2)
+    assert (apart.argmin(axis=1) == np.arange(len(names))).all()
+
+
+def test_the_seed_decides_everything():
+    again = make_cortex(1, SIZE)
+    assert np.array_equal(again.surface.vertices, subject().surface.vertices)
+    assert np.array_equal(again.surface.faces, subject().surface.faces)
+    assert np.array_equal(again.template, subject().template)
+    assert all(np.array_equal(again.curves[name], path) for name, path in subject().curves.items())
+    assert not np.array_equal(subject(2).surface.faces, subject().surface.faces)
+
+
+def test_two_sides_of_a_seed_resemble_each_other():
+    probe = fibonacci_sphere(400)
+    places = {key: Individual(*key).deform(probe) for seed in range(4) for key in [(seed, "left"), (seed, "right")]}
+    between_sides = [np.linalg.norm(places[s, "left"] - places[s, "right"], axis=1).mean() for s in range(4)]
+    between_seeds = [np.linalg.norm(places[s, "left"] - places[(s + 1) % 4, "left"], axis=1).mean() for s in range(4)]
+    assert 0 < np.mean(between_sides) < 0.8 * np.mean(between_seeds)
+
+
+@pytest.mark.parametrize("other", [(2, "left"), (1, "right")])
+def test_correspondence_there_and_back(other):
+    a, b = subject(), subject(*other)
+    face, weights = locate_on_sphere(b.template, b.surface.faces, a.template)
+    corners = b.surface.faces[face]
+    assert np.allclose(correspondence(a, b), np.einsum("pk,pkj->pj", weights, b.surface.vertices[corners]))
+    back = np.einsum("pk,pkj->pj", weights, correspondence(b, a)[corners])
+    error = np.linalg.norm(back - a.surface.vertices, axis=1)
+    edge = edge_lengths(a.surface).mean()
+    assert error.mean() < 0.5 * edge and np.quantile(error, 0.95) < edge
+
+
+def test_correspondence_is_exact_on_the_template_and_total():
+    a, b = subject(), subject(2)
+    face, weights = locate_on_sphere(b.template, b.surface.faces, a.template)
+    assert (weights >= 0).all() and np.allclose(weights.sum(axis=1), 1)
+    found = unit(np.einsum("pk,pkj->pj", weights, b.template[b.surface.faces[face]]))
+    inner = np.setdiff1d(np.arange(SIZE), a.surface.boundary)
+    error = np.linalg.norm(found - a.template, axis=1)
+    assert np.quantile(error[inner], 0.99) < 1e-12
+    assert error.max() < 0.2 * np.sqrt(4 * np.pi / SIZE)  # between the chords of two rims
+    assert np.allclose(correspondence(a, a), a.surface.vertices)
+
+
+@pytest.mark.parametrize(
+    "arguments, what",
+    [
+        ((1, -5), "n_vertices is -5"), ((1, 10**9), "n_vertices"), ((1, 2500.0), "whole number"), ((-1, SIZE), "seed is -1"),
+        (("one", SIZE), "seed"), ((1, SIZE, "both"), "left, right"),
+    ],
+)  # fmt: skip
+def test_impossible_requests(arguments, what):
+    with pytest.raises(CortexError, match=what):
+        make_cortex(*arguments)
+
+
+def test_saved_and_read_back(tmp_path):
+    path = tmp_path / "subject.npz"
+    save_cortex(path, subject(1, "right"))
+    back = load_cortex(path)
+    assert (back.seed, back.hemisphere) == (1, "right")
+    assert np.array_equal(back.template, subject(1, "right").template)
+    for surface in (back.surface, read_surface(path)):
+        assert np.array_equal(surface.vertices, subject(1, "right").surface.vertices)
+        assert set(surface.curves) == set(SULCI)
+    first = path.read_bytes()
+    save_cortex(path, subject(1, "right"))
+    assert path.read_bytes() == first and [file.name for file in tmp_path.iterdir()] == ["subject.npz"]
+
+
+def test_unreadable_files(tmp_path):
+    path = tmp_path / "subject.npz"
+    with pytest.raises(CortexError, match="does not exist"):
+        load_cortex(path)
+    save_cortex(path, subject())
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(CortexError, match="no readable npz"):
+        load_cortex(path)
+    np.savez(path, vertices=subject().surface.vertices, faces=subject().surface.faces)
+    with pytest.raises(CortexError, match="lacks template, seed, hemisphere"):
+        load_cortex(path)
+    (tmp_path / "file").touch()
+    with pytest.raises(CortexError, match="cannot be written"):
+        save_cortex(tmp_path / "file" / "subject.npz", subject())
+
+
+def test_the_deformation_is_a_diffeomorphism_that_leaves_the_wall():
+    deform = Diffeomorphism(np.random.default_rng(5), 0.15)
+    points = fibonacci_sphere(3000)
+    moved = deform(points)
+    assert np.abs(deform(moved, inverse=True) - points).max() < 1e-4
+    inside = wall_level(points) < 1.05
+    assert inside.any() and np.allclose(moved[inside], points[inside], rtol=0, atol=1e-12)
+    assert 0.05 < np.sqrt(((moved - points) ** 2).sum(axis=1).mean()) < 0.2
+    mesh = sphere()
+    assert (np.linalg.det(deform(unit(mesh.vertices))[mesh.faces]) > 0).all()
+
+
+def test_the_hull_is_flat_on_the_medial_side():
+    y, z = np.meshgrid(np.linspace(-0.5, 0.5, 9), np.linspace(-0.2, 0.2, 5))
+    target = np.column_stack([np.zeros(45), y.ravel(), z.ravel()])
+    direction = unit(target - CENTRE)
+    assert np.abs((CENTRE + hull_radius(direction)[:, None] * direction)[:, 0]).max() < 0.03
+
+
+def test_distance_below_a_round_hull():
+    field = hull_distance(lambda u: np.full(len(u), 0.7))
+    radius = np.linspace(0.5, 0.75, 11)
+    points = CENTRE + radius[:, None] * unit(np.random.default_rng(0).normal(size=(11, 3)))
+    assert np.allclose(depth_below(points, *field), 0.7 - radius, atol=2e-3)
+
+
+def _grow_sphere(growth, steps=300):
+    mesh = sphere()
+    rest = CENTRE + 0.5 * mesh.vertices
+    start, index = neighbour_table(mesh.faces, len(rest))
+    owner = np.repeat(np.arange(len(rest)), np.diff(start))
+    length = np.linalg.norm(rest[owner] - rest[index], axis=1)
+    settings = np.array([steps, 0.2, 0.25, 0.0, 0.2, 0.005, 0.3, 0.5 * length.mean(), 3.0, 10, 1.0, 0.4, 0.0])
+    field = hull_distance(lambda u: np.full(len(u), 0.5))
+    x = grow(rest.copy(), rest, mesh.vertices, start, index, length, np.zeros(len(rest), bool),
+             np.full(len(index), growth), np.full(len(rest), 0.01), np.zeros(len(rest)), *field, settings)
+    return rest, x, depth_below(x, *field)
+
+
+def test_without_growth_the_shell_rests():
+    rest, x, _ = _grow_sphere(1.0)
+    assert np.abs(x - rest).max() < 5e-3
+
+
+def test_growth_buckles_the_shell_inward_below_its_hull():
+    rest, x, depth = _grow_sphere(1.5)
+    faces = sphere().faces
+    area = [np.linalg.norm(np.cross(p[faces[:, 1]] - p[faces[:, 0]], p[faces[:, 2]] - p[faces[:, 0]]), axis=1).sum()
+            for p in (rest, x)]
+    assert area[1] > 1.4 * area[0]
+    assert depth.max() > 0.08 and depth.min() > -0.06
+
+
+def test_untangling_draws_a_piercing_vertex_back():
+    mesh = sphere()
+    x = mesh.vertices.copy()
+    x[0] *= -1.4  # through the far side
+    start, index = neighbour_table(mesh.faces, len(x))
+    assert len(self_intersections(x, mesh.faces)) > 0
+    free = untangle(x, mesh.faces, start, index, np.zeros(len(x), bool))
+    assert len(self_intersections(free, mesh.faces)) == 0
+    assert (free == x).all(axis=1).mean() > 0.5
+
+
+def test_the_mesh_is_even_and_nearly_delaunay():
+    cortex = subject()
+    person = Individual(1, "left")
+    rest = person.position(person.deform(cortex.template))
+    faces = cortex.surface.faces
+    length = np.linalg.norm(rest[cortex.surface.edges[:, 0]] - rest[cortex.surface.edges[:, 1]], axis=1)
+    assert length.std() < 0.3 * length.mean()
+    corner = rest[faces]
+    ahead, behind = np.roll(corner, -1, axis=1) - corner, np.roll(corner, 1, axis=1) - corner
+    cosine = (ahead * behind).sum(2) / np.linalg.norm(ahead, axis=2) / np.linalg.norm(behind, axis=2)
+    angle = np.arccos(cosine)
+    f, i, g, j = interior_edges(faces)
+    assert (angle[f, i] + angle[g, j] > np.pi + 1e-3).mean() < 0.005
