@@ -1,9 +1,13 @@
 """Reading and writing surfaces and per-vertex masks; every fault of a file becomes a SurfaceError that names it."""
 
 import gzip
+import io
 import os
+import subprocess
+import sys
 import uuid
 import warnings
+import zlib
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -130,7 +134,7 @@ def _read_bytes(path):
         data = path.read_bytes()
         if path.suffix.lower() == ".gz":
             data = gzip.decompress(data)
-    except (OSError, EOFError) as error:
+    except (OSError, EOFError, zlib.error) as error:
         reason = getattr(error, "strerror", None) or error  # damaged gzip has none
         raise SurfaceError(f"{path}: cannot be read ({reason}); check the name and copy the file again.") from None
     if not data:
@@ -202,48 +206,40 @@ def _write_gifti(path, surface):
 
 
 def _read_vtk(path, _):
-    # straight from VTK: pyvista prints and accepts what VTK reports as an error
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-    from vtkmodules.vtkIOLegacy import vtkPolyDataReader
-    from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
-
-    with _vtk_complaints() as complaints:
-        reader = vtkXMLPolyDataReader() if path.suffix.lower() == ".vtp" else vtkPolyDataReader()
-        reader.SetFileName(str(path))
-        reader.Update()
-    if complaints.GetOutput():
-        raise meshformats.FormatError("VTK finds it damaged, or it holds no polygonal data")
-    mesh = reader.GetOutput()
-    if not mesh.GetNumberOfPolys() or mesh.GetNumberOfStrips():
-        raise meshformats.FormatError("it holds no faces, or triangle strips (split them: pyvista's triangulate)")
-    meshformats.require_triangles(np.diff(vtk_to_numpy(mesh.GetPolys().GetOffsetsArray())))
-    faces = vtk_to_numpy(mesh.GetPolys().GetConnectivityArray()).reshape(-1, 3)
-    return vtk_to_numpy(mesh.GetPoints().GetData()), faces, {}
+    # in a process of its own: on some damaged files VTK's readers end the process
+    script = Path(__file__).with_name("vtkchild.py")
+    child = subprocess.run([sys.executable, "-P", script, path.resolve()], capture_output=True)
+    if child.returncode:
+        reason = child.stdout.decode() if child.returncode == 1 else ""
+        raise meshformats.FormatError(reason or "VTK's reader breaks down on it")
+    arrays = io.BytesIO(child.stdout)
+    return np.load(arrays), np.load(arrays), {}
 
 
-def _write_vtk(path, surface):
+def _write_to_string(writer, surface):
     import pyvista  # half a second: only where it is used
 
-    with _vtk_complaints() as complaints:
-        pyvista.PolyData.from_regular_faces(surface.vertices, surface.faces).save(path)
-    if complaints.GetOutput():
-        raise OSError("VTK could not write the whole file")
+    writer.SetInputData(pyvista.PolyData.from_regular_faces(surface.vertices, surface.faces))
+    writer.SetWriteToOutputString(True)  # and the file is written like any other
+    writer.Write()
 
 
-@contextmanager
-def _vtk_complaints():
-    """Collect what VTK would print on stderr."""
-    from vtkmodules.vtkCommonCore import vtkLogger, vtkOutputWindow, vtkStringOutputWindow
+def _write_vtk(surface):
+    from vtkmodules.vtkIOLegacy import vtkPolyDataWriter
 
-    window, previous = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
-    verbosity = vtkLogger.GetCurrentVerbosityCutoff()
-    vtkOutputWindow.SetInstance(window)
-    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # generic warnings go past the window
-    try:
-        yield window
-    finally:
-        vtkOutputWindow.SetInstance(previous)
-        vtkLogger.SetStderrVerbosity(vtkLogger.ConvertToVerbosity(verbosity))
+    writer = vtkPolyDataWriter()
+    writer.SetFileTypeToBinary()
+    _write_to_string(writer, surface)
+    data = writer.GetOutputStdString()
+    return data.encode() if isinstance(data, str) else data  # VTK gives text where the bytes happen to be UTF-8
+
+
+def _write_vtp(surface):
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
+
+    writer = vtkXMLPolyDataWriter()
+    _write_to_string(writer, surface)
+    return writer.GetOutputString().encode()
 
 
 def _read_plain(read):
@@ -297,8 +293,8 @@ _WRITERS = {
     ".obj": _write_plain(meshformats.write_obj),
     ".off": _write_plain(meshformats.write_off),
     ".stl": _write_plain(meshformats.write_stl),
-    ".vtk": _write_vtk,
-    ".vtp": _write_vtk,
+    ".vtk": _write_plain(_write_vtk),
+    ".vtp": _write_plain(_write_vtp),
 }
 _MASK_READERS = {
     ".label": ("FreeSurfer label", _read_label),

@@ -178,7 +178,6 @@ def read_stl(data):
             raise FormatError("the STL header is incomplete")
         require_all("face", (len(data) - 84) // _STL_RECORD.itemsize, count)
         points = np.frombuffer(data, _STL_RECORD, count, 84)["corners"].reshape(-1, 3).astype(np.float64)
-    points = points + 0.0  # -0 and 0 are the same place
     unique, first, corner = np.unique(points, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)  # vertices in the order in which the file names them
     rank = np.empty_like(order)

@@ -49,7 +49,10 @@ def test_a_file_cut_short_is_refused_wherever_it_is_cut(tmp_path, tent, name, ca
     whole = read_surface(tmp_path / name)
     data = (tmp_path / name).read_bytes()
     path = tmp_path / f"cut-{name}" if "." in name[1:] and not name.startswith(("lh", "rh")) else tmp_path / "cut"
-    lengths = [*range(0, len(data), max(len(data) // 50, 1)), *range(len(data) - 12, len(data))]
+    if name.startswith("a.vt"):  # a process each
+        lengths = [1, len(data) // 3, len(data) // 2, len(data) * 9 // 10]
+    else:
+        lengths = [*range(0, len(data), max(len(data) // 50, 1)), *range(len(data) - 12, len(data))]
     read = 0
     for length in lengths:
         path.write_bytes(data[:length])
@@ -188,7 +191,7 @@ def test_vtk_files_of_other_data_are_refused(tmp_path, capfd):
     pyvista.PolyData(QUAD).save(tmp_path / "points.vtp")
     pyvista.ImageData(dimensions=(2, 2, 2)).save(tmp_path / "image.vtk")
     for name in ("strips.vtk", "points.vtp", "image.vtk"):
-        refused(tmp_path / name)
+        refused(tmp_path / name, "VTK" if name == "image.vtk" else "no faces")
     assert capfd.readouterr() == ("", "")
 
 
@@ -200,6 +203,18 @@ def test_content_of_another_kind_is_refused(tmp_path, name, capfd):
     (tmp_path / name).write_bytes(b"")
     refused(tmp_path / name, "empty", "again") if name[-2:] != "gz" else refused(tmp_path / name)
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("name, old, new", [
+    ("a.vtk", b"Version 5.1", b"Version 1.1"),
+    ("a.vtp", b'NumberOfPoints="5"', b'NumberOfPoints="5555555555555"'),
+])  # fmt: skip
+def test_damage_that_makes_vtk_end_the_process_is_refused(tmp_path, tent, name, old, new):
+    write_surface(tmp_path / name, tent)
+    data = (tmp_path / name).read_bytes()
+    assert old in data
+    (tmp_path / name).write_bytes(data.replace(old, new))
+    refused(tmp_path / name, "VTK", "copy or export it again")
 
 
 def test_missing_files_folders_and_unknown_formats(tmp_path, tent):

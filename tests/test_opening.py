@@ -84,6 +84,17 @@ def test_a_hole_that_touches_the_opening_in_a_vertex_joins_it():
     assert len(chords(opened)) == 0
 
 
+def test_a_vertex_on_the_rim_of_two_fans_keeps_the_larger():
+    """Two gaps that meet in the tip of a cone of 32 faces leave 10 of them on one side and 18 on the other."""
+    surface = closed_grid()
+    loop, tip = Surface(*grid(8, 8)).boundary, len(surface.vertices) - 1
+    mask = np.zeros(tip + 1, dtype=bool)
+    mask[loop[[0, 12]]] = True
+    opened, index = open_surface(surface, mask)
+    assert (index[opened.faces] == tip).sum() == 18
+    assert loop[20] in index[opened.faces[(index[opened.faces] == tip).any(axis=1)]]
+
+
 def test_teeth_that_hang_by_one_edge_are_cut_off():
     """A peninsula joined by one edge goes as a whole; a broad one stays, and no inner edge joins rim vertices."""
     surface = closed_grid(12)
