@@ -152,7 +152,7 @@ def table(states):
             cells = "".join(f"<tr><td>{symbols[key]}</td>" + "".join(f"<td>{value:.3g}</td>" for value in row) + "</tr>"
                             for key, row in state.terms.items())
             total = sum(row[-1] for row in state.terms.values())
-            parts.append("<table><tr><th>term</th><th>value</th><th>weight</th><th>product</th></tr>"
+            parts.append("<table style='border-collapse: separate; border-spacing: 1.5em 0'><tr><th>term</th><th>value</th><th>weight</th><th>product</th></tr>"
                          f"{cells}<tr><td>L<sub>CP</sub></td><td></td><td></td><td>{total:.3g}</td></tr></table>")
     return "".join(parts)
 
@@ -163,10 +163,10 @@ class Canvas:
     def __init__(self, problem, solvers):
         self.problem = problem
         self.scale = problem.radius.to_image if problem.radius else np.asarray
-        self.figure = Figure(figsize=(11.2, 3.2 * len(solvers)), dpi=90)
+        self.figure = Figure(figsize=(9.6, 2.8 * len(solvers)), dpi=100)
         axes = self.figure.subplots(len(solvers), 4, squeeze=False, gridspec_kw={
-            "left": 0.005, "right": 0.99, "bottom": 0.16 / len(solvers), "top": 1 - 0.09 / len(solvers),
-            "wspace": 0.03, "width_ratios": (1, 1, 1, 0.8)})
+            "left": 0.005, "right": 0.985, "bottom": 0.18 / len(solvers), "top": 1 - 0.09 / len(solvers),
+            "wspace": 0.03, "hspace": 0.35, "width_ratios": (1, 1, 1, 0.8)})
         lines = [problem.radius.from_image(line) if problem.radius else line for line in square_lines(15, 61)]
         self.ends = np.cumsum([len(line) for line in lines])[:-1]
         self.to_lines = sampling_matrix(problem.z, problem.faces, np.concatenate(lines))
@@ -186,9 +186,9 @@ class Canvas:
                             linestyle=CURVE_STYLES[style]["linestyle"])
         target = self.scale(problem.target)
         row[0].plot(target.real, target.imag, "s", color=CURVE_STYLES["target"]["color"], fillstyle="none",
-                    markersize=7, label="target", zorder=6)
+                    markersize=6, label="target", zorder=6)
         points, = row[0].plot([], [], "o", color=CURVE_STYLES["registered"]["color"], markeredgecolor="black",
-                              markersize=4.5, zorder=5, label="registered")
+                              markersize=4, zorder=5, label="registered")
         row[0].legend(loc="upper center", bbox_to_anchor=(0.5, 0.03), ncols=2, frameon=False, fontsize=9)
         flipped = PolyCollection([], facecolor=FLIPPED_COLOUR, hatch="//", edgecolor="black", zorder=8)
         row[0].add_collection(flipped)
@@ -284,7 +284,8 @@ class Tuner(ipywidgets.VBox):
         self.canvas, names = None, list(self.problems)
         self.problem = ipywidgets.Dropdown(options=names, value=names[0], description="problem",
                                            layout={"width": "34em"})
-        self.landmarks = ipywidgets.ToggleButtons(options=["points", "sliding"], description="landmarks")
+        self.landmarks = ipywidgets.Dropdown(options=["points", "sliding"], description="landmarks",
+                                             layout={"width": "34em"})
         self.alpha = self._slider("α", 1.0, -2, 2, "weight of |μ|²")
         self.beta = self._slider("β", 1e-2, -4, 1, "weight of |∇μ|²")
         self.gamma = self._slider("γ", 1e5, 0, 7, "weight of the landmark mismatch")
