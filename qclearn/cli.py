@@ -5,6 +5,7 @@ import os
 import sys
 import tempfile
 import zipfile
+import zlib
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
@@ -40,7 +41,7 @@ def fail(message, code=2):
     sys.exit(code)
 
 
-@click.group()
+@click.group(no_args_is_help=False)
 @click.version_option(version("qclearn"))
 def cli():
     """Quasi-conformal registration of cortical surfaces."""
@@ -50,12 +51,14 @@ def cli():
 def output_folder(path):
     """A temporary folder whose files move to `path` together once the block has ended without an error."""
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if path.exists() and not (path.is_dir() and os.access(path, os.W_OK)):
-        raise OSError(f"{path}: not a folder that can be written to; give another --out")
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".qclearn-") as folder:
+    there = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
+    try:
+        temporary = tempfile.TemporaryDirectory(dir=there, prefix=".qclearn-")
+    except OSError as error:
+        raise OSError(f"{path}: not a folder that can be written to ({error.strerror}); give another --out") from None
+    with temporary as folder:
         yield Path(folder)
-        path.mkdir(exist_ok=True)
+        path.mkdir(parents=True, exist_ok=True)
         for file in Path(folder).iterdir():
             os.replace(file, path / file.name)
 
@@ -116,9 +119,11 @@ def print_report(report, out):
 
 
 def read_landmarks(path):
-    """The contents of a landmarks file; LandmarkError if it is not JSON."""
+    """The contents of a landmarks file; LandmarkError if it cannot be read or is not JSON."""
     try:
-        return json.loads(Path(path).read_text())
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise qc.LandmarkError(f"{path}: cannot be read ({error.strerror}); check the name") from None
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise qc.LandmarkError(f"{path}: not a JSON file ({error}); see the README for the format") from None
 
@@ -162,8 +167,34 @@ def transfer(registration, values, to, nearest, out):
     try:
         maps = np.load(registration)
         disks = {"moving": (maps["disk_map"], maps["faces_moving"]), "control": (maps["disk_control"], maps["faces_control"])}
-    except (ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise ValueError(f"{registration}: not a registration.npz of this program ({error})") from None
+    except OSError as error:
+        raise ValueError(f"{registration}: cannot be read ({error.strerror}); check the name") from None
+    except (ValueError, KeyError, IndexError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        raise ValueError(f"{registration}: not a registration.npz of this program ({error}); give the one that "
+                         "`qclearn register` wrote") from None
     (z_from, faces_from), (z_to, _) = (disks["control"], disks["moving"])[:: 1 if to == "moving" else -1]
     qc.write_values(out, transfer_map(qc.read_values(values), z_from, faces_from, z_to, nearest))
     click.echo(f"{out}: {len(z_to)} values on the {to} surface")
+
+
+@cli.command()
+@click.option("--seed", type=int, default=0, show_default=True, help="Which individual.")
+@click.option("--vertices", type=int, default=10_000, show_default=True)
+@click.option("--hemisphere", type=click.Choice(["left", "right"]), default="left", show_default=True)
+@click.option("--cohort", type=int, help="Instead of one: make the first K subjects of the fixed cohort.")
+@click.option("--workers", type=int, default=2, show_default=True, help="Subjects of the cohort made at the same time.")
+@click.option("--out", help="File to write (.npz); with --cohort the folder (default: the user's cache).")
+def synth(seed, vertices, hemisphere, cohort, workers, out):
+    """Grow a synthetic hemisphere with named sulci, or a cohort of them."""
+    import data_synth  # here: compiles the growth kernel
+    from data_synth.cohort import default_folder
+
+    if cohort is not None:
+        folder = Path(out) if out else default_folder()
+        subjects = data_synth.cohort(cohort, vertices, folder, workers=workers)
+        click.echo(f"{len(subjects)} subjects in {folder}")
+        return
+    if out is None:
+        raise click.UsageError("synth needs --out FILE.npz")
+    data_synth.save_cortex(out, data_synth.make_cortex(seed, vertices, hemisphere))
+    click.echo(f"{out}: seed {seed}, {hemisphere}")

@@ -30,15 +30,19 @@ def resample(surface, corners, count=10):
         raise LandmarkError("a curve has no length: its points coincide; give its endpoints apart")
     wanted = np.linspace(0, along[-1], count)
     segment = np.clip(np.searchsorted(along, wanted, side="right") - 1, 0, len(lengths) - 1)
-    share = sparse.diags_array((wanted - along[segment]) / lengths[segment])
+    share = sparse.diags_array(np.clip((wanted - along[segment]) / lengths[segment], 0, 1))  # rounding, at the end
     return (corners[segment] + share @ (corners[segment + 1] - corners[segment])).tocsr()
 
 
 def check_path(surface, path):
     """A vertex path as integers, or LandmarkError."""
-    path = np.asarray(path)
+    try:
+        path = np.asarray(path)
+    except ValueError:
+        raise LandmarkError("a curve must be a list of vertex indices; got lists of unequal lengths") from None
     if path.ndim != 1 or len(path) < 2 or not np.issubdtype(path.dtype, np.integer):
-        raise LandmarkError(f"a curve must be a list of at least two vertex indices; got {np.shape(path)} {path.dtype}")
+        raise LandmarkError(f"a curve must be a list of at least two vertex indices; got {path.dtype} of the shape "
+                            f"{path.shape}")
     outside = path[(path < 0) | (path >= len(surface.vertices))]
     if len(outside):
         raise LandmarkError(f"curve vertices out of range 0..{len(surface.vertices) - 1}: {outside[:5].tolist()}; "
@@ -53,11 +57,12 @@ def fundus_metric(surface):
     """Length of every edge of `surface.edges` in a metric that is short along the floor of sulci, (E,).
 
     An edge's length in space times the mean over its ends of `exp(H/(2 s) - 2 d/m)`, with H the mean curvature (limited
-    to two of its standard deviations s) and d the sulcal depth (m its 95th percentile).
+    to two of its standard deviations s) and d the sulcal depth (limited to 1.5 times m, its 95th percentile).
     """
     H, depth = mean_curvature(surface), sulcal_depth(surface)
-    H = np.clip(H / H.std(), -2, 2)
-    cost = np.exp(CURVATURE_WEIGHT * H - DEPTH_WEIGHT * np.minimum(depth / np.percentile(depth, 95), 1.5))
+    H = np.clip(H / (H.std() or 1.0), -2, 2)
+    deep = np.percentile(depth, 95) or depth.max() or 1.0  # a surface without folds has no depth
+    cost = np.exp(CURVATURE_WEIGHT * H - DEPTH_WEIGHT * np.minimum(depth / deep, 1.5))
     first, second = surface.edges.T
     length = np.linalg.norm(surface.vertices[first] - surface.vertices[second], axis=1)
     return length * (cost[first] + cost[second]) / 2

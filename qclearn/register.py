@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import vstack
 from tqdm import tqdm
 
-from .beltrami import beltrami_coefficient, cotangent_stiffness
+from .beltrami import cotangent_stiffness
 from .bijectivity import BijectivityError, RepairWarning, check_embedding, repair
 from .disk import disk_conformal_map, edge_lengths
 from .diskmesh import locate
@@ -20,6 +20,7 @@ from .mobius import best_mobius, mobius
 from .surface import require_disk, require_outward
 
 POINTS_PER_CURVE = 10
+MEETING = 1e-9  # in the unit disk: landmarks closer than this are one point
 CURVE_KEYS = {"name", "moving", "control", "detect"}
 
 
@@ -55,7 +56,11 @@ class Stages:
     def __call__(self, name):
         self.bar.set_description(name, refresh=False)
         start = time.perf_counter()
-        yield
+        try:
+            yield
+        except BaseException:
+            self.bar.close()  # so that the message about what went wrong starts a line of its own
+            raise
         self.seconds[name] = round(time.perf_counter() - start, 4)
         self.bar.update()
 
@@ -91,8 +96,9 @@ def register(moving, control, curves, method="exact", alpha=1.0, beta=1e-2, gamm
         samples_control, lines_control = sample_side(control, z_control, entries, "control")
     p, q = samples_moving @ z_moving, samples_control @ z_control
     with stages("map"):
-        labels = np.repeat(np.arange(len(entries)), POINTS_PER_CURVE)
-        fit = bijective_fit(z_moving, moving.faces, p, q, alpha, beta, gamma, labels, sliding, fallbacks)
+        once = distinct_landmarks(entries, p, q)
+        fit = bijective_fit(z_moving, moving.faces, p[once], q[once], alpha, beta, gamma, once // POINTS_PER_CURVE,
+                            sliding, fallbacks)
     with stages("pull_back"):
         points = lift(control, z_control, fit.f)
         mapped = samples_moving @ fit.f
@@ -144,12 +150,24 @@ def sample_side(surface, z, entries, side):
     return vstack(matrices).tocsr(), lines
 
 
+def distinct_landmarks(entries, p, q):
+    """Which of the landmarks (10 K,) to fit, (k,) int: a point that curves share on both sides counts once.
+
+    LandmarkError where two of them meet on one side only.
+    """
+    meet_p, meet_q = (np.triu(abs(points[:, None] - points) < MEETING, 1) for points in (p, q))
+    torn = np.argwhere(meet_p != meet_q)
+    if len(torn):
+        first, second = (entries[k // POINTS_PER_CURVE]["name"] for k in torn[0])
+        side = "moving" if meet_p[tuple(torn[0])] else "control"
+        raise LandmarkError(f"curves {first!r} and {second!r} share a point on the {side} side only, and a bijection "
+                            "can neither part nor merge points; let them meet on both sides or on neither")
+    return np.flatnonzero(~meet_p.any(axis=0))
+
+
 def bijective_fit(z, faces, p, q, alpha, beta, gamma, labels, sliding, fallbacks):
     """`fit_landmarks` at gamma, or at the next lower power of ten whose map is bijective (reported in fallbacks)."""
-    # Curves may share an endpoint: such a pair of points enters the fit once.
-    pairs = np.round(np.stack([p.real, p.imag, q.real, q.imag], axis=1), 12)
-    once = np.sort(np.unique(pairs, axis=0, return_index=True)[1])
-    p, q, labels, weight = p[once], q[once], labels[once], gamma
+    weight = gamma
     while weight >= gamma * 1e-4:
         fit = fit_landmarks(z, faces, p, q, alpha, beta, weight, labels, sliding)
         if fit.bijective:
@@ -201,7 +219,7 @@ def check_curves(curves, moving, control):
 
 def _check_entry(number, entry, moving, control):
     if not isinstance(entry, dict) or not {"name", "moving", "control"} <= set(entry) <= CURVE_KEYS:
-        keys = sorted(entry) if isinstance(entry, dict) else type(entry).__name__
+        keys = sorted(map(str, entry)) if isinstance(entry, dict) else type(entry).__name__
         raise LandmarkError(f"curve {number} has {keys}; it needs name, moving, control and may have detect")
     if not isinstance(entry["name"], str) or not isinstance(entry.get("detect", True), bool):
         raise LandmarkError(f"curve {number}: name must be text and detect true or false")

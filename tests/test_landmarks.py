@@ -1,0 +1,187 @@
+"""Landmark curves: sampling by arc length in space, and sulci as shortest paths in the fundus metric."""
+
+import numpy as np
+import pytest
+from known_surfaces import icosphere, sheet
+from scipy import sparse
+from scipy.spatial.transform import Rotation
+
+from qclearn.fit import LandmarkError
+from qclearn.landmarks import detect_curves, fundus_metric, fundus_path, resample, sample_curve
+from qclearn.surface import Surface
+
+BAD_PATHS = [
+    ([3], "at least two vertex indices"),
+    ([], "at least two vertex indices"),
+    ([0.5, 1.5], "at least two vertex indices; got float64"),
+    ([[0, 1], [1, 2]], r"at least two vertex indices; .* \(2, 2\)"),
+    (["a", "b"], "at least two vertex indices"),
+    (7, "at least two vertex indices"),
+    ([True, False], "at least two vertex indices; got bool"),
+    ([[1], [2, 3]], "unequal lengths"),
+    ([0, 99_999], r"out of range 0..3720: \[99999\].*another mesh"),
+    ([-1, 2], r"out of range 0..3720: \[-1\]"),
+    ([4, 5, 5, 6], "repeats vertex 5 at position 1; drop the repeat"),
+]
+
+
+def latitude(longitude):
+    """Where the groove runs on the unit sphere, radians."""
+    return 0.45 + 0.25 * np.sin(3 * longitude)
+
+
+def longitudes(points):
+    return np.arctan2(points[:, 1], points[:, 0])
+
+
+def distance_to_floor(points):
+    """How far in latitude points (k, 3) of the grooved sphere lie from the middle of its groove, radians."""
+    return abs(np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1])) - latitude(longitudes(points)))
+
+
+@pytest.fixture(scope="module")
+def groove():
+    """A sphere of 2045 vertices, open below, with a winding groove 0.2 deep; and two vertices on the groove's floor."""
+    ball = icosphere(4, -0.6)
+    along, away = longitudes(ball.vertices), distance_to_floor(ball.vertices)
+    depth = 0.2 * np.exp(-((away / 0.12) ** 2)) * (abs(along) < 1.6)
+    ends = [int(np.argmin((along - at) ** 2 + away**2)) for at in (-1.3, 1.3)]
+    return Surface(ball.vertices * (1 - depth)[:, None], ball.faces), ends
+
+
+def steep():
+    """A sheet that is flat up to x = 1/2 and then rises twice as fast as it runs on."""
+    return sheet(61, 1.0, lambda x, y: 2 * np.maximum(x - 0.5, 0))[0]
+
+
+def row(start=0):
+    return np.arange(start, start + 61)
+
+
+def test_samples_are_equally_spaced_in_space_and_keep_the_ends():
+    surface = steep()
+    samples = sample_curve(surface, row(), 12) @ surface.vertices
+    # half of the row is 1/2 long, the other half sqrt(5)/2
+    along = np.linspace(0, 0.5 + np.sqrt(5) / 2, 12)
+    rise = np.maximum(along - 0.5, 0) / np.sqrt(5)
+    expected = np.stack([np.minimum(along, 0.5) + rise, 0 * along, 2 * rise], axis=1)
+    np.testing.assert_allclose(samples, expected, atol=1e-12)
+    np.testing.assert_allclose(sample_curve(surface, row()[::-1], 12) @ surface.vertices, expected[::-1], atol=1e-12)
+
+
+def test_samples_of_any_field_are_those_at_the_same_places_of_the_path():
+    """Twenty-three points over 60 unequal segments, against interpolation over the length along the path."""
+    surface = sheet(61, 1.0, lambda x, y: 0.3 * np.sin(9 * x) * np.cos(7 * y))[0]
+    path = np.array([k + 61 * (k % 3) for k in range(61)])
+    matrix = sample_curve(surface, path, 23)
+    points = surface.vertices[path]
+    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    field = np.exp(5j * np.arange(61 * 61))
+    expected = np.interp(np.linspace(0, along[-1], 23), along, field[path])
+    np.testing.assert_allclose(matrix @ field, expected, atol=1e-12)
+    assert matrix.shape == (23, 61 * 61) and matrix.data.min() >= 0
+    np.testing.assert_allclose(matrix.sum(1), 1)
+
+
+def test_two_vertices_make_a_curve_of_ten_points():
+    surface = steep()
+    samples = sample_curve(surface, [0, 60]) @ surface.vertices
+    np.testing.assert_allclose(samples, np.linspace(surface.vertices[0], surface.vertices[60], 10), atol=1e-15)
+
+
+@pytest.mark.parametrize("path, message", BAD_PATHS)
+def test_bad_paths_are_refused(path, message):
+    with pytest.raises(LandmarkError, match=message):
+        sample_curve(steep(), path)
+
+
+def test_a_curve_without_length_is_refused():
+    surface = steep()
+    same = sparse.csr_array((np.ones(2), ([0, 1], [7, 7])), shape=(2, len(surface.vertices)))
+    with pytest.raises(LandmarkError, match="no length.*give its endpoints apart"):
+        resample(surface, same)
+
+
+def edge_lengths(surface):
+    return np.linalg.norm(np.diff(surface.vertices[surface.edges], axis=1)[:, 0], axis=1)
+
+
+def test_the_metric_is_short_on_the_floor_and_long_on_the_rims(groove):
+    surface, _ = groove
+    factor, ends = fundus_metric(surface) / edge_lengths(surface), surface.vertices[surface.edges]
+    away = np.stack([distance_to_floor(ends[:, 0]), distance_to_floor(ends[:, 1])])
+    between = (abs(longitudes(ends[:, 0])) < 1.4) & (ends[:, 0, 0] > 0)
+    floor, rim = (away < 0.04).all(0) & between, ((away > 0.18) & (away < 0.26)).all(0) & between
+    # floor: the cheapest depth, exp(-3), times the cheapest curvature, exp(-1)
+    assert factor[floor].max() < 0.05 and np.median(factor[rim]) > 1
+    assert factor.min() >= np.exp(-4) * (1 - 1e-12) and factor.max() <= np.exp(1) * (1 + 1e-12)
+
+
+def test_the_metric_needs_no_folds():
+    metric = fundus_metric(icosphere(3, -0.6))
+    assert np.isfinite(metric).all() and metric.min() > 0
+
+
+def test_the_metric_scales_with_the_surface(groove):
+    surface, _ = groove
+    grown = Surface(10 * surface.vertices, surface.faces)
+    np.testing.assert_allclose(fundus_metric(grown), 10 * fundus_metric(surface), rtol=1e-6)
+
+
+def test_the_path_stays_in_the_groove_wherever_the_surface_lies(groove):
+    """Depth is measured on voxels, so a turn changes the metric, but not where the floor is."""
+    surface, ends = groove
+    turned = surface.vertices @ Rotation.from_euler("xyz", [0.3, 1, 2]).as_matrix().T + 5
+    path = fundus_path(Surface(turned, surface.faces), *ends)
+    assert distance_to_floor(surface.vertices[path]).max() < 0.077
+
+
+def test_the_path_follows_the_groove_and_not_the_short_way(groove):
+    surface, ends = groove
+    path = fundus_path(surface, *ends)
+    assert (path[0], path[-1]) == tuple(ends)
+    assert distance_to_floor(surface.vertices[path]).max() < 0.077  # the mean length of an edge
+    direct = fundus_path(surface, *ends, edge_lengths(surface))
+    assert distance_to_floor(surface.vertices[direct]).max() > 0.5
+
+
+@pytest.mark.parametrize("dropped", ["sulcal_depth", "mean_curvature"])
+def test_depth_alone_and_curvature_alone_find_the_groove(groove, dropped, monkeypatch):
+    monkeypatch.setattr(f"qclearn.landmarks.{dropped}", lambda surface: np.zeros(len(surface.vertices)))
+    surface, ends = groove
+    assert distance_to_floor(surface.vertices[fundus_path(surface, *ends)]).max() < 0.077
+
+
+def test_a_path_is_a_chain_of_edges_and_the_same_both_ways(groove):
+    surface, ends = groove
+    path = fundus_path(surface, *ends)
+    steps = np.sort(np.stack([path[:-1], path[1:]], axis=1), axis=1)
+    assert {tuple(step) for step in steps.tolist()} <= {tuple(edge) for edge in surface.edges.tolist()}
+    np.testing.assert_array_equal(fundus_path(surface, *ends[::-1]), path[::-1])
+
+
+def test_with_a_given_metric_the_path_is_shortest_in_it():
+    surface, x, y = sheet(21)
+    length = edge_lengths(surface)
+    np.testing.assert_array_equal(fundus_path(surface, 0, 20, length), np.arange(21))
+    middle = surface.vertices[surface.edges].mean(1)
+    walled = length * np.where((abs(middle[:, 0] - 0.5) < 0.1) & (middle[:, 1] < 0.4), 1e3, 1)
+    around = fundus_path(surface, 0, 20, walled)
+    assert y[around][abs(x[around] - 0.5) < 0.1].min() >= 0.4 - 1 / 20
+
+
+def test_endpoints_must_be_two_vertices(groove):
+    surface, ends = groove
+    with pytest.raises(LandmarkError, match=f"repeats vertex {ends[0]}"):
+        fundus_path(surface, ends[0], ends[0])
+    with pytest.raises(LandmarkError, match="out of range"):
+        fundus_path(surface, ends[0], len(surface.vertices))
+
+
+def test_detection_gives_the_paths_in_the_disk(groove):
+    surface, ends = groove
+    z = surface.vertices[:, 0] + 1j * surface.vertices[:, 1]
+    curves = detect_curves(surface, z, np.array([ends, ends[::-1]]))
+    assert len(curves) == 2
+    np.testing.assert_array_equal(curves[0], z[fundus_path(surface, *ends)])
+    np.testing.assert_array_equal(curves[1], curves[0][::-1])
