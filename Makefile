@@ -16,7 +16,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 export PYDEVD_DISABLE_FILE_VALIDATION ?= 1
 
-.PHONY: book test lab clean
+.PHONY: book test lab picture clean
 .DELETE_ON_ERROR:
 
 book: $(INSTALLED)
@@ -31,8 +31,13 @@ test: $(INSTALLED)
 lab: $(INSTALLED)
 	$(BIN)/jupyter lab book
 
+# The picture of the README.
+picture: $(INSTALLED)
+	$(BIN)/qclearn demo --out build/demo
+	cp build/demo/figure.png book/_assets/registration.png
+
 clean:
-	rm -rf _build .venv
+	rm -rf _build build .venv
 
 $(INSTALLED): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
