@@ -24,18 +24,18 @@ class CortexError(ValueError):
 class Mechanics:
     """The growing shell. Unit of length: half the hemisphere; of stiffness: an edge spring, at 10,000 vertices."""
 
-    growth: float = 1.83  # final stretch of the rest lengths
+    growth: float = 1.81  # final stretch of the rest lengths
     modulation: float = 0.03  # its smooth relative variation
     anisotropy: float = 0.85  # share of the growth that is missing along furrows
     bending: float = 1.2  # umbrella bi-Laplacian
     foundation: float = 0.0125  # spring to the unfolded surface ...
     saturation: float = 0.18  # ... whose force stays constant beyond this displacement
-    limit: float = 0.3  # stiffness of the two limits
+    limit: float = 0.35  # stiffness of the two limits
     outer: float = 0.005  # limit outside the hull (skull)
     depth: float = 0.26  # floor inside the hull
     touch: float = 1.3  # contact distance in grown edge lengths
     stiffness: float = 3.0  # of contact
-    pull: float = 0.019  # inward force on furrows, released after mid-growth
+    pull: float = 0.0175  # inward force on furrows, released after mid-growth
     keep: float = 0.05  # share of it that stays
     noise: float = 0.01  # random initial relief
     steps: int = 2000

@@ -24,7 +24,7 @@ WALL_AXES = np.array([0.44, 0.23])
 
 # Courses of the named sulci, approximate MNI coordinates in mm with |x| (read off standard atlases' anatomy; mean courses).
 SULCI = {
-    "central sulcus": ((26, -30, 66), (32, -26, 60), (39, -20, 51), (46, -15, 41), (51, -11, 33)),
+    "central sulcus": ((25, -30, 67), (32, -26, 60), (39, -20, 51), (46, -15, 41), (52, -10, 32)),
     "sylvian fissure": ((36, 14, -18), (44, 8, -10), (50, -8, 1), (54, -24, 11), (55, -40, 22)),
     "superior temporal sulcus": ((52, 2, -26), (57, -14, -14), (58, -32, -3), (54, -46, 8), (48, -58, 20)),
     "calcarine sulcus": ((13, -100, -5), (0, -88, 1), (0, -73, 5), (0, -58, 3), (0, -44, -4)),

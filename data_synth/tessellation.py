@@ -33,8 +33,10 @@ def even_points(position, count, rng, iterations=14, samples_per_point=9):
         nearest = nearest[nearest >= len(rim)] - len(rim), nearest >= len(rim)
         weight = np.bincount(nearest[0], minlength=inner)
         sums = [np.bincount(nearest[0], where[nearest[1], k], inner) for k in range(3)]
-        points = np.where(weight[:, None] > 0, np.column_stack(sums) / np.maximum(weight, 1)[:, None], points)
-        points = position(unit(points - CENTRE))
+        points = position(unit(np.column_stack(sums) / np.maximum(weight, 1)[:, None] - CENTRE))
+        # A point without samples, such as one of two that fell together, starts again elsewhere.
+        empty = np.flatnonzero(weight == 0)
+        points[empty] = where[rng.integers(len(where), size=len(empty))]
     return np.vstack([rim, unit(points - CENTRE)]), len(rim)
 
 
