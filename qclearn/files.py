@@ -9,6 +9,7 @@ import uuid
 import warnings
 import zlib
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import nibabel
@@ -48,16 +49,18 @@ def read_surface(path):
         raise SurfaceError(f"{path}: {error}") from None
 
 
-def write_surface(path, surface):
+def write_surface(path, surface, original_vertices=None):
     """Write a surface in the format of the path's suffix (see read_surface; a FreeSurfer name such as lh.pial, or no
     suffix, gives FreeSurfer's binary); the file appears whole or not at all.
 
-    Coordinates keep float64 exactly, but FreeSurfer, GIFTI and STL store float32. Only npz keeps the curves, and STL
-    has no vertex numbers. Raises SurfaceError where the format is unknown or the folder cannot be written.
+    Coordinates keep float64 exactly, but FreeSurfer, GIFTI and STL store float32, and STL has no vertex numbers. Only
+    npz keeps the curves and original_vertices, (V,) int, the second result of open_surface. Raises SurfaceError where the format is unknown or the folder cannot be written.
     """
     path = Path(path)
     suffix = _suffix(path)
-    if suffix in _WRITERS:
+    if suffix == ".npz":
+        writer = partial(_write_npz, original_vertices=original_vertices)
+    elif suffix in _WRITERS:
         writer = _WRITERS[suffix]
     elif path.suffix.lower() in _FREESURFER_SUFFIXES or path.name.startswith(("lh.", "rh.")):
         writer = _write_freesurfer
@@ -170,10 +173,12 @@ def _read_npz(path, _):
         return arrays["vertices"], arrays["faces"], curves
 
 
-def _write_npz(path, surface):
-    curves = {f"curve_{name}": curve for name, curve in surface.curves.items()}
+def _write_npz(path, surface, original_vertices):
+    more = {f"curve_{name}": curve for name, curve in surface.curves.items()}
+    if original_vertices is not None:
+        more["original_vertices"] = np.asarray(original_vertices)
     with path.open("wb") as file:
-        np.savez_compressed(file, vertices=surface.vertices, faces=surface.faces, **curves)
+        np.savez_compressed(file, vertices=surface.vertices, faces=surface.faces, **more)
 
 
 def _read_freesurfer(path, data):
@@ -287,7 +292,6 @@ _READERS = {
     ".vtp": ("VTP file", _read_vtk),
 }
 _WRITERS = {
-    ".npz": _write_npz,
     ".gii": _write_gifti,
     ".ply": _write_plain(meshformats.write_ply),
     ".obj": _write_plain(meshformats.write_obj),

@@ -36,10 +36,19 @@ def test_round_trip(tmp_path, tent, name):
 
 def test_npz_keeps_curves_and_ignores_other_arrays(tmp_path, tent):
     write_surface(tmp_path / "a.npz", tent)
-    arrays = dict(np.load(tmp_path / "a.npz"))
+    with np.load(tmp_path / "a.npz") as file:
+        arrays = dict(file)
     np.savez(tmp_path / "b.npz", **arrays, depth=np.zeros(5))
     curves = read_surface(tmp_path / "b.npz").curves
     assert {name: curve.tolist() for name, curve in curves.items()} == {"rim": [1, 2, 3], "a b": [4]}
+
+
+def test_npz_keeps_the_original_vertex_numbers(tmp_path, tent):
+    for name in ("a.npz", "a.gii"):
+        write_surface(tmp_path / name, tent, original_vertices=[9, 8, 7, 5, 2])
+        assert read_surface(tmp_path / name).faces.tolist() == tent.faces.tolist()
+    with np.load(tmp_path / "a.npz") as file:
+        assert file["original_vertices"].tolist() == [9, 8, 7, 5, 2]
 
 
 @pytest.mark.parametrize("name", EXACT + SINGLE)
