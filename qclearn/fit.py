@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from .beltrami import (assemble, beltrami_coefficient, check_coefficient, factorise, signed_areas, stiffness)
+from .beltrami import assemble, beltrami_coefficient, check_coefficient, factorise, signed_areas, stiffness
 from .bijectivity import check_bijective, flipped_faces, repair
 from .disk import BeltramiDiskSolver
 from .diskmesh import locate, polar_disk
-from .mobius import best_mobius, compose_mobius, mobius, mobius_inverse
+from .mobius import best_mobius, compose_mobius, mobius, mobius_slope
 
 FIRST_GAMMA = 1e2  # continuation: one step at each power of ten from here to gamma
 STEPS_AT_GAMMA = 5
@@ -103,9 +103,9 @@ class Landmarks:
         along, across = (self.weights[k].reshape(shape) for k in (0, 1))
         return np.sqrt(gamma / len(self.target)) * np.concatenate([along * turned.real, across * turned.imag])
 
-    def jacobian(self, slope, grad_re, grad_im, gamma):
-        """Gradients of the components (2 M, n) from those of Re f(p) and Im f(p), (M, n), where dw = slope df."""
-        turn = (self.tangent.conj() * slope)[:, None]
+    def jacobian(self, grad_re, grad_im, gamma):
+        """Gradients of the components (2 M, n) from those of Re w and Im w, (M, n)."""
+        turn = self.tangent.conj()[:, None]
         along, across = self.weights[0][:, None], self.weights[1][:, None]
         return np.sqrt(gamma / len(self.target)) * np.concatenate(
             [along * (turn.real * grad_re - turn.imag * grad_im), across * (turn.imag * grad_re + turn.real * grad_im)])
@@ -121,22 +121,32 @@ class Forward:
 
     def map(self, nu, parameters):
         """M after f at every vertex, (V,); the mapped landmarks stay in `points`."""
-        f = self.finish(mobius(self.solver.solve(bounded(self.to_faces @ nu)), *parameters))
-        self.points = self.evaluate @ f
-        return f
+        f = self.solver.solve(bounded(self.to_faces @ nu))
+        self.slope = mobius_slope(f, *parameters)
+        self.mapped = self.finish(mobius(f, *parameters))
+        self.points = self.evaluate @ self.mapped
+        return self.mapped
 
     def finish(self, f):
         return f
 
     def gradients(self, nu):
-        """Gradients of Re f(p) and Im f(p) with respect to nu at the last map, complex (M, n) each."""
+        """Gradients of Re w and Im w of the mapped landmarks with respect to nu at the last map, complex (M, n) each."""
         nu_faces, parts = self.to_faces @ nu, []
         for rows in range(0, self.evaluate.shape[0], LANDMARKS_AT_ONCE):
-            points = self.evaluate[rows:rows + LANDMARKS_AT_ONCE].toarray().astype(complex)
+            points = self.evaluate[rows:rows + LANDMARKS_AT_ONCE].toarray() * self.slope.conj()
             grad_mu = self.solver.pullback(np.concatenate([points, 1j * points]))
             grad_nu = self.to_faces.T @ bounded_pullback(nu_faces[:, None], grad_mu.T)
             parts.append(grad_nu.T.reshape(2, len(points), -1))
         return np.concatenate(parts, axis=1)
+
+    def mobius_columns(self):
+        """Changes of the mapped landmarks (M, 3) with a Möbius increment (theta, Re a, Im a) after the last map.
+
+        As a composition: `dw = i w dtheta - da + conj(da) w^2`.
+        """
+        w = self.mapped
+        return self.evaluate @ np.stack([1j * w, w ** 2 - 1, -1j * (1 + w ** 2)], axis=1)
 
 
 class MeshForward(Forward):
@@ -173,13 +183,8 @@ class GaussNewton:
     def prepare(self, nu, forward, parameters, gamma):
         """The linearisation at nu: returns `step(nu, w)`, which may be called again with later mapped points w."""
         forward.map(nu, parameters)
-        gradients, w, a = forward.gradients(nu), forward.points, parameters[0]
-        f = mobius_inverse(w, *parameters)
-        slope = np.exp(1j * parameters[1]) * (1 - abs(a) ** 2) / (1 - np.conj(a) * f) ** 2
-        J = self.landmarks.jacobian(slope, *gradients, gamma)
-        # A Möbius increment as a composition: dw = i w dtheta - da + conj(da) w^2.
-        columns = np.stack([1j * w, w ** 2 - 1, -1j * (1 + w ** 2)], axis=1)
-        Jm = self.landmarks.components(columns, gamma)
+        J = self.landmarks.jacobian(*forward.gradients(nu), gamma)
+        Jm = self.landmarks.components(forward.mobius_columns(), gamma)
         lifted = self.factors.solve(np.ascontiguousarray(J.real.T)) + 1j * self.factors.solve(
             np.ascontiguousarray(J.imag.T))
         S = np.eye(len(J)) + (J.conj() @ lifted).real + Jm @ Jm.T / MOBIUS_PRIOR

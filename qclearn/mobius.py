@@ -15,6 +15,11 @@ def mobius_inverse(w, a=0.0, theta=0.0):
     return (w + a) / (1 + np.conj(a) * w)
 
 
+def mobius_slope(z, a=0.0, theta=0.0):
+    """Derivative `exp(i theta) (1 - |a|^2) / (1 - conj(a) z)^2` of `mobius(., a, theta)` at z."""
+    return np.exp(1j * theta) * (1 - abs(a) ** 2) / (1 - np.conj(a) * z) ** 2
+
+
 def best_mobius(p, q, weights=None):
     """The disk Möbius map, as (a, theta), that minimises `mean |M(p) - q|^2` over points of the unit disk.
 

@@ -1,0 +1,352 @@
+"""The landmark fit: its Jacobian and step against brute force, and maps that must be found again."""
+
+import numpy as np
+import pytest
+from exact_maps import TWIST
+from meshes import random_disk, random_mu
+
+from qclearn.beltrami import BeltramiError, beltrami_coefficient, signed_areas
+from qclearn.bijectivity import check_bijective
+from qclearn.disk import solve_beltrami_disk
+from qclearn.diskmesh import locate, polar_disk, square_disk
+from qclearn.fit import (
+    MOBIUS_PRIOR,
+    TANGENTIAL_WEIGHT,
+    Forward,
+    GaussNewton,
+    LandmarkError,
+    Landmarks,
+    bounded,
+    bounded_pullback,
+    fit_landmarks,
+    mass_matrix,
+    sampling_matrix,
+    start_field,
+    unbounded,
+)
+from qclearn.mobius import best_mobius, compose_mobius, mobius, mobius_inverse
+
+
+def complex_normal(rng, *shape):
+    return rng.normal(size=shape) + 1j * rng.normal(size=shape)
+
+
+def smooth_problem(seed, count=60):
+    """Landmarks (count,) and their images under a smooth random map of the disk with a Möbius part."""
+    rng = np.random.default_rng(seed)
+    z, faces = polar_disk(48, 144)
+    f = mobius(solve_beltrami_disk(z, faces, random_mu(rng, z, faces, 0.45)), 0.08 * complex_normal(rng)[()],
+               0.15 * rng.normal())
+    p = np.sqrt(rng.uniform(0, 0.8, count)) * np.exp(2j * np.pi * rng.uniform(size=count))
+    return p, sampling_matrix(z, faces, p) @ f
+
+
+SMALL = square_disk(20)
+
+
+def lines(shift=0.0):
+    """Two straight curves of nine landmarks, their inner points moved along them by at most `shift`; labels."""
+    t = np.linspace(-1, 1, 9)
+    moved = 0.5 * (t + shift * (1 - t**2))
+    return np.concatenate([moved + 0.25j, -moved - 0.25j]), np.repeat([0, 1], 9)
+
+
+# The activation
+
+
+def test_the_activation_is_the_papers_and_has_its_inverse():
+    nu = complex_normal(np.random.default_rng(0), 500) * np.logspace(-9, 0.5, 500)
+    np.testing.assert_allclose(bounded(nu), np.tanh(abs(nu)) * np.exp(1j * np.angle(nu)), rtol=1e-14)
+    np.testing.assert_allclose(unbounded(bounded(nu)), nu, rtol=1e-6)
+    assert bounded(np.zeros(1, complex)) == 0 and unbounded(np.zeros(1, complex)) == 0
+
+
+def test_the_activations_pullback_is_its_derivative_also_at_zero():
+    rng = np.random.default_rng(1)
+    nu, change, grad = (complex_normal(rng, 40) for _ in range(3))
+    nu[0] = 0
+    step = 1e-6
+    slope = (bounded(nu + step * change) - bounded(nu - step * change)) / (2 * step)
+    np.testing.assert_allclose((bounded_pullback(nu, grad).conj() * change).real, (grad.conj() * slope).real, atol=1e-8)
+
+
+# The matrices and the residual
+
+
+def test_the_mass_matrix_integrates_products():
+    z, faces = polar_disk(40, 160)
+    mass = mass_matrix(z, faces)
+    assert mass.sum() == pytest.approx(signed_areas(z, faces).sum())
+    assert (z.conj() @ (mass @ z)).real == pytest.approx(np.pi / 2, rel=2e-3)
+
+
+def test_the_prior_is_the_mean_of_mu_and_of_its_gradient():
+    """For nu = a z + b conj(z): mean|nu|^2 = (|a|^2 + |b|^2)/2 over the disk, |grad nu|^2 = 2 (|a|^2 + |b|^2)."""
+    z, faces = polar_disk(40, 160)
+    a, b, alpha, beta = 0.3 - 0.2j, 0.1 + 0.4j, 0.7, 0.05
+    newton = GaussNewton(z, faces, Landmarks(z[:3], np.zeros(3), False), alpha, beta)
+    size = abs(a) ** 2 + abs(b) ** 2
+    assert newton.prior(a * z + b * z.conj()) == pytest.approx(alpha * size / 2 + beta * 2 * size, rel=2e-3)
+
+
+def test_the_residual_is_the_papers_landmark_loss():
+    rng = np.random.default_rng(2)
+    target, change = complex_normal(rng, 2, 9)
+    components = Landmarks(target, np.zeros(9, int), False).components(change, 300.0)
+    assert (components**2).sum() == pytest.approx(300 * (abs(change) ** 2).mean())
+
+
+def test_only_inner_points_slide_and_only_along_the_target():
+    target, labels = lines()
+    landmarks = Landmarks(target * np.exp(0.4j), labels, True)
+    along = (landmarks.components(np.full(18, np.exp(0.4j)), 18.0) ** 2).reshape(2, 18).sum(0)
+    across = (landmarks.components(np.full(18, 1j * np.exp(0.4j)), 18.0) ** 2).reshape(2, 18).sum(0)
+    np.testing.assert_allclose(across, 1)
+    ends = np.isin(np.arange(18), [0, 8, 9, 17])
+    np.testing.assert_allclose(along, np.where(ends, 1, TANGENTIAL_WEIGHT**2))
+
+
+# The Jacobian and the step
+
+
+def small_newton(sliding, seed=3):
+    rng = np.random.default_rng(seed)
+    z, faces = polar_disk(4, 10)
+    labels = np.repeat([0, 1], 4)
+    moving, target = (0.6 * np.exp(2j * np.pi * rng.uniform(size=8)) * rng.uniform(0.3, 1, 8) for _ in range(2))
+    landmarks = Landmarks(target, labels, sliding)
+    forward = Forward(z, faces, moving, sampling_matrix(z, faces, z[faces].mean(1)))
+    return GaussNewton(z, faces, landmarks, 1.0, 0.02), forward, 0.3 * complex_normal(rng, len(z)), rng
+
+
+def residual(newton, forward, nu, parameters, gamma):
+    forward.map(nu, parameters)
+    return newton.landmarks.components(forward.points - newton.landmarks.target, gamma)
+
+
+@pytest.mark.parametrize("sliding", [False, True])
+def test_the_jacobian_equals_finite_differences(sliding):
+    newton, forward, nu, rng = small_newton(sliding)
+    parameters, gamma, step = (0.2 - 0.1j, 0.3), 50.0, 1e-5
+    forward.map(nu, parameters)
+    J = newton.landmarks.jacobian(*forward.gradients(nu), gamma)
+    for change in complex_normal(rng, 5, len(nu)):
+        sides = [residual(newton, forward, nu + sign * step * change, parameters, gamma) for sign in (1, -1)]
+        expected = (sides[0] - sides[1]) / (2 * step)
+        np.testing.assert_allclose((J.conj() @ change).real, expected, atol=1e-7 * abs(expected).max())
+
+
+@pytest.mark.parametrize("sliding", [False, True])
+def test_the_dual_step_is_the_gauss_newton_step(sliding):
+    """Against the normal equations in all real unknowns, with the residual's derivatives by finite differences."""
+    newton, forward, nu, _ = small_newton(sliding)
+    parameters, gamma, step, n = (0.2 - 0.1j, 0.3), 50.0, 1e-5, len(nu)
+
+    def at(x):
+        moved = compose_mobius(parameters, (complex(x[2 * n], x[2 * n + 1]), x[2 * n + 2]))
+        return residual(newton, forward, nu + x[:n] + 1j * x[n:2 * n], moved, gamma)
+
+    J = np.stack([(at(step * unit) - at(-step * unit)) / (2 * step) for unit in np.eye(2 * n + 3)], axis=1)
+    W = newton.W.toarray()
+    prior = np.zeros((2 * n + 3, 2 * n + 3))
+    prior[:n, :n] = prior[n:2 * n, n:2 * n] = W
+    prior[2 * n:, 2 * n:] = MOBIUS_PRIOR * np.eye(3)
+    pull = np.concatenate([W @ nu.real, W @ nu.imag, np.zeros(3)]) + J.T @ at(np.zeros(2 * n + 3))
+    expected = -np.linalg.solve(J.T @ J + prior, pull)
+
+    take = newton.prepare(nu, forward, parameters, gamma)
+    change, da, dtheta, promised = take(nu, forward.points)
+    scale = abs(expected).max()
+    np.testing.assert_allclose(change, expected[:n] + 1j * expected[n:2 * n], atol=1e-5 * scale)
+    np.testing.assert_allclose([da.real, da.imag, dtheta], expected[2 * n:], atol=1e-5 * scale)
+    model = at(np.zeros(2 * n + 3)) + J @ expected
+    least = newton.prior(nu + change) + model @ model + MOBIUS_PRIOR * (expected[2 * n:] ** 2).sum()
+    assert promised == pytest.approx(least, rel=1e-5)
+
+
+# Maps found again
+
+
+@pytest.mark.parametrize("seed, n", [(0, 32), (3, 32), (6, 32), (2, 62)])
+def test_random_smooth_maps_are_met(seed, n):
+    z, faces = square_disk(n)
+    p, q = smooth_problem(seed)
+    fit = fit_landmarks(z, faces, p, q)
+    assert 0.08 < abs(p - q).mean() < 0.22 and abs(mobius(p, *best_mobius(p, q)) - q).mean() > 0.03
+    face, weights = locate(z, faces, p)
+    mapped = (weights * fit.f[faces[face]]).sum(1)
+    assert abs(mapped - q).mean() <= 1e-4  # the goal is 2e-3
+    assert fit.landmark_error == pytest.approx(abs(mapped - q).mean())
+    assert sum(fit.steps) <= 10
+    assert signed_areas(fit.f, faces).min() > 0 and fit.bijective and len(fit.flipped) == 0 and fit.fallbacks == ()
+    assert check_bijective(z, faces, fit.f).bijective and abs(fit.mu).max() < 0.6
+    np.testing.assert_allclose(abs(fit.f[abs(z) > 1 - 1e-9]), 1, atol=1e-12)
+
+
+def test_the_result_is_measured_and_its_mobius_part_is_reported():
+    z, faces = SMALL
+    p, q = smooth_problem(3, 30)
+    fit = fit_landmarks(z, faces, p, q)
+    np.testing.assert_array_equal(fit.mu, beltrami_coefficient(z, faces, fit.f))
+    before = mobius_inverse(fit.f, *fit.mobius)
+    assert abs(before[np.argmin(abs(z))]) < 1e-9 and abs(before[np.argmin(abs(z - 1))] - 1) < 1e-9
+    np.testing.assert_allclose(before, solve_beltrami_disk(z, faces, fit.mu), atol=0.02)
+
+
+def test_an_irregular_mesh_will_do():
+    z, faces = random_disk(5, 64)
+    p, q = smooth_problem(3, 30)
+    fit = fit_landmarks(z, faces, p, q)
+    assert fit.bijective and fit.landmark_error < 1e-3
+
+
+def test_a_mobius_map_costs_nothing():
+    z, faces = SMALL
+    p, _ = smooth_problem(1, 30)
+    a, theta = 0.3 - 0.2j, 2.0
+    fit = fit_landmarks(z, faces, p, mobius(p, a, theta), gamma=1e3)
+    assert fit.mobius[0] == pytest.approx(a, abs=5e-3) and fit.mobius[1] == pytest.approx(theta, abs=5e-3)
+    assert fit.landmark_error < 1e-3 and fit.losses["L_mu"] < 1e-4
+
+
+def test_landmarks_that_lie_right_stay():
+    z, faces = SMALL
+    fit = fit_landmarks(z, faces, lines()[0], lines()[0])
+    np.testing.assert_allclose(fit.f, z, atol=5e-4)
+
+
+def test_a_landmark_on_the_circle_slides_along_it():
+    z, faces = SMALL
+    p, q = np.array([1, 1j, -1, 0.3]), np.array([np.exp(0.3j), 1j * np.exp(-0.1j), -1, 0.2 + 0.1j])
+    fit = fit_landmarks(z, faces, p, q)
+    assert fit.landmark_error < 1e-3 and fit.bijective
+
+
+# What the weights mean
+
+
+def test_the_losses_are_the_papers():
+    z, faces = square_disk(40)
+    p, q = smooth_problem(6)
+    alpha, beta, gamma = 0.5, 0.02, 3e3
+    fit = fit_landmarks(z, faces, p, q, alpha, beta, gamma)
+    areas = signed_areas(z, faces)
+    assert fit.losses["L_mu"] == pytest.approx(areas @ abs(fit.mu) ** 2 / areas.sum(), rel=0.05)
+    face, weights = locate(z, faces, p)
+    mismatch = (abs((weights * fit.f[faces[face]]).sum(1) - q) ** 2).mean()
+    assert fit.losses["L_Landmark"] == pytest.approx(mismatch)
+    total = alpha * fit.losses["L_mu"] + beta * fit.losses["L_grad_mu"] + gamma * mismatch
+    assert fit.losses["L_CP"] == pytest.approx(total)
+
+
+def test_gamma_buys_landmarks_with_distortion():
+    fits = [fit_landmarks(*SMALL, *smooth_problem(3, 30), gamma=gamma) for gamma in (1e1, 1e3, 1e5)]
+    assert np.all(np.diff([fit.landmark_error for fit in fits]) < 0)
+    assert fits[2].landmark_error < fits[0].landmark_error / 100
+    assert np.all(np.diff([abs(fit.mu).mean() for fit in fits]) > 0)
+
+
+@pytest.mark.parametrize("weight, loss", [("alpha", "L_mu"), ("beta", "L_grad_mu")])
+def test_alpha_and_beta_lower_their_own_term(weight, loss):
+    weights = {"alpha": 1.0, "beta": 1e-2, "gamma": 1e3}
+    usual, strict = (fit_landmarks(*SMALL, *smooth_problem(3, 30), **weights | {weight: factor * weights[weight]})
+                     for factor in (1, 100))
+    assert strict.losses[loss] < usual.losses[loss] and strict.landmark_error > usual.landmark_error
+
+
+def test_sliding_frees_the_residual_along_the_curve_only():
+    """The targets are the same two lines with their points spaced anew: as curves they lie right already."""
+    z, faces = SMALL
+    (p, labels), (q, _) = lines(), lines(0.3)
+    points, curves = (fit_landmarks(z, faces, p, q, 1.0, 1e-2, 1e3, labels, sliding) for sliding in (False, True))
+    left = sampling_matrix(z, faces, p) @ curves.f - q
+    assert abs(left.imag).max() < 0.01 and abs(left.real).max() > 0.02
+    assert points.landmark_error < curves.landmark_error
+    assert curves.losses["L_mu"] < 0.7 * points.losses["L_mu"]
+
+
+# Start and watch
+
+
+def test_a_start_is_carried_to_the_polar_mesh():
+    z, faces = square_disk(60)
+    grid, _ = polar_disk(6, 18)
+    start = start_field(z, faces, TWIST.on_faces(z, faces), grid)
+    np.testing.assert_allclose(bounded(start), TWIST.mu(grid), atol=0.05)
+
+
+def test_starting_from_mu_ends_at_the_same_map():
+    p, q = smooth_problem(6)
+    first = fit_landmarks(*SMALL, p, q)
+    again = fit_landmarks(*SMALL, p, q, start=first.mu)
+    assert sum(again.steps) <= sum(first.steps)
+    np.testing.assert_allclose(again.f, first.f, atol=5e-3)
+
+
+def test_a_start_must_be_a_coefficient_on_the_faces():
+    z, faces = SMALL
+    for start in (np.zeros(3), np.full(len(faces), 1.5), np.full(len(faces), np.nan)):
+        with pytest.raises(BeltramiError):
+            fit_landmarks(z, faces, *smooth_problem(3, 30), start=start)
+
+
+def test_watch_is_asked_before_each_step_and_can_stop_the_fit():
+    calls = []
+    fit = fit_landmarks(*SMALL, *smooth_problem(3, 30), watch=lambda: calls.append(1))
+    assert len(calls) >= sum(fit.steps)
+
+    def stop():
+        calls.append(1)
+        if len(calls) == 3:
+            raise TimeoutError("enough")
+
+    calls.clear()
+    with pytest.raises(TimeoutError, match="enough"):
+        fit_landmarks(*SMALL, *smooth_problem(3, 30), watch=stop)
+    assert len(calls) == 3
+
+
+# Where no map can do it
+
+
+def test_swapped_neighbours_are_reported_as_they_are():
+    """No bijection near the identity swaps two close points that others pin down: an error stays, and no fold hides."""
+    z, faces = SMALL
+    p = np.concatenate([[0.02, -0.02], 0.1 * np.exp(2j * np.pi * np.arange(12) / 12)])
+    q = np.concatenate([[-0.02, 0.02], p[2:]])
+    fit = fit_landmarks(z, faces, p, q)
+    assert fit.landmark_error > 1e-3
+    assert fit.bijective == bool((signed_areas(fit.f, faces) > 0).all()) == (len(fit.flipped) == 0)
+
+
+GOOD = np.array([0.1, 0.2j, -0.3])
+BAD_LANDMARKS = [
+    (([0.1, 0.2], [0.1]), "give one target a landmark"),
+    (([], []), "give one target a landmark"),
+    (([[0.1, 0.2]], [[0.1, 0.2]]), "give one target a landmark"),
+    ((GOOD, [0.1, np.nan, 0.2]), r"target landmarks \[1\] are not in the closed unit disk"),
+    (([0.1, 0.2, 1.2j], GOOD), r"moving landmarks \[2\] are not in the closed unit disk \(0\+1.2j\); map them"),
+    (([0.1, np.inf, 0.2], GOOD), r"moving landmarks \[1\] are not in the closed unit disk"),
+    (([0.1, 0.2, 0.1], GOOD), "moving landmarks 0 and 2 coincide at 0.1.*drop one"),
+    ((GOOD, [0.5, 0.2j, 0.2j]), "target landmarks 1 and 2 coincide"),
+]
+
+
+@pytest.mark.parametrize("landmarks, message", BAD_LANDMARKS)
+def test_bad_landmarks_are_refused(landmarks, message):
+    with pytest.raises(LandmarkError, match=message):
+        fit_landmarks(*SMALL, *landmarks)
+
+
+@pytest.mark.parametrize("weights", [{"alpha": 0}, {"alpha": np.nan}, {"beta": -1}, {"beta": np.inf}, {"gamma": 0},
+                                     {"gamma": -1e5}, {"gamma": np.nan}])
+def test_bad_weights_are_refused(weights):
+    with pytest.raises(LandmarkError, match=f"{next(iter(weights))} = .*must be positive and finite"):
+        fit_landmarks(*SMALL, GOOD, GOOD, **weights)
+
+
+def test_sliding_needs_one_label_a_landmark():
+    with pytest.raises(LandmarkError, match="need the curve each belongs to"):
+        fit_landmarks(*SMALL, GOOD, GOOD, sliding=True)
+    with pytest.raises(LandmarkError, match=r"\(2,\) curve labels for 3 landmarks"):
+        fit_landmarks(*SMALL, GOOD, GOOD, curve=[0, 1])
