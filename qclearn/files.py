@@ -1,4 +1,4 @@
-"""Reading and writing surfaces and per-vertex masks; every fault of a file becomes a SurfaceError that names it."""
+"""Reading and writing surfaces; every fault of a file becomes a SurfaceError that names it."""
 
 import gzip
 import io
@@ -33,15 +33,15 @@ def read_surface(path):
     be triangles; STL points with equal coordinates are merged. Raises SurfaceError, naming the file and the remedy.
     """
     path = Path(path)
-    data = _read_bytes(path)
-    suffix = _suffix(path)
+    data = read_bytes(path)
+    suffix = suffix_of(path)
     if suffix in _READERS:
         kind, reader = _READERS[suffix]
     elif data.startswith((_FREESURFER_TRIANGLES, *_FREESURFER_QUADS)):
         kind, reader = "FreeSurfer surface", _read_freesurfer
     else:
         raise SurfaceError(f"{path}: {_unknown_format('nor is the content a FreeSurfer surface')}")
-    with _explain(path, kind):
+    with explain(path, kind):
         vertices, faces, curves = reader(path, data)
     try:
         return Surface(vertices, faces, curves)
@@ -54,10 +54,11 @@ def write_surface(path, surface, original_vertices=None):
     suffix, gives FreeSurfer's binary); the file appears whole or not at all.
 
     Coordinates keep float64 exactly, but FreeSurfer, GIFTI and STL store float32, and STL has no vertex numbers. Only
-    npz keeps the curves and original_vertices, (V,) int, the second result of open_surface. Raises SurfaceError where the format is unknown or the folder cannot be written.
+    npz keeps the curves and original_vertices, (V,) int, the second result of open_surface. Raises SurfaceError where
+    the format is unknown or the folder cannot be written.
     """
     path = Path(path)
-    suffix = _suffix(path)
+    suffix = suffix_of(path)
     if suffix == ".npz":
         writer = partial(_write_npz, original_vertices=original_vertices)
     elif suffix in _WRITERS:
@@ -66,11 +67,16 @@ def write_surface(path, surface, original_vertices=None):
         writer = _write_freesurfer
     else:
         raise SurfaceError(f"{path}: {_unknown_format('nor is the name one of FreeSurfer, such as lh.pial')}")
+    write_whole(path, lambda temporary: writer(temporary, surface))
+
+
+def write_whole(path, write):
+    """Let `write(temporary_path)` write a file that then takes its place in one step; SurfaceError if it cannot."""
     temporary = path.with_name(f".{uuid.uuid4().hex}-{path.name}")  # the same folder, so that the last step is atomic
     try:
         temporary.touch(exist_ok=False)
         try:
-            writer(temporary, surface)
+            write(temporary)
             os.replace(temporary, path)
         finally:
             temporary.unlink(missing_ok=True)
@@ -81,46 +87,7 @@ def write_surface(path, surface, original_vertices=None):
         ) from None
 
 
-def read_mask(path, surface, keep=False):
-    """Mask (V,) bool of the vertices to cut away: those a file names or gives a nonzero value; for open_surface.
-
-    Files: a FreeSurfer .label (vertex numbers), or one number a vertex as .npy, .txt, .gii (also gzipped) or FreeSurfer
-    morphometry (lh.thickness, by any other name). keep=True: the file says what to keep (lh.cortex.label, thickness),
-    so all else is cut. Raises SurfaceError, also where more than half would be cut although keep was not asked for.
-    """
-    path = Path(path)
-    data = _read_bytes(path)
-    kind, reader = _MASK_READERS.get(_suffix(path), ("FreeSurfer morphometry file", _read_morphometry))
-    with _explain(path, kind):
-        values = np.asarray(reader(path, data))
-    n_vertices = len(surface.vertices)
-    if reader is _read_label:
-        bad = values[(values < 0) | (values >= n_vertices)]
-        if bad.size:
-            raise SurfaceError(f"{path}: names vertices that do not exist, the first {bad[0]}; {_other(n_vertices)}")
-        mask = np.bincount(values, minlength=n_vertices) > 0
-    else:
-        if values.shape != (n_vertices,):
-            raise SurfaceError(f"{path}: holds values of the shape {values.shape}; {_other(n_vertices)}")
-        bad = np.flatnonzero(~np.isfinite(values))
-        if bad.size:
-            raise SurfaceError(f"{path}: is NaN or infinite at {len(bad)} vertices, the first {bad[0]}; use 0 and 1.")
-        mask = values != 0
-    if keep:
-        return ~mask
-    if mask.sum() > n_vertices / 2:
-        raise SurfaceError(
-            f"{path}: would cut {mask.sum()} of {n_vertices} vertices, so it seems to say what to keep, as "
-            f"lh.cortex.label and thickness do; read it with keep=True (`qclearn open --keep`), or give the other part."
-        )
-    return mask
-
-
-def _other(n_vertices):
-    return f"the surface has {n_vertices} vertices: take the file that belongs to this surface, or copy it again."
-
-
-def _suffix(path):
+def suffix_of(path):
     suffixes = [suffix.lower() for suffix in path.suffixes]
     return ".gii" if suffixes[-2:] == [".gii", ".gz"] else suffixes[-1] if suffixes else ""
 
@@ -132,7 +99,7 @@ def _unknown_format(content):
     )
 
 
-def _read_bytes(path):
+def read_bytes(path):
     try:
         data = path.read_bytes()
         if path.suffix.lower() == ".gz":
@@ -146,7 +113,7 @@ def _read_bytes(path):
 
 
 @contextmanager
-def _explain(path, kind):
+def explain(path, kind):
     """Turn whatever a parser raises on bad bytes into one SurfaceError; no warning of it reaches the reader."""
     try:
         with warnings.catch_warnings():
@@ -255,32 +222,6 @@ def _write_plain(write):
     return lambda path, surface: path.write_bytes(write(surface))
 
 
-def _read_label(path, data):
-    announced = int(data.splitlines()[1])
-    indices = np.atleast_1d(nibabel.freesurfer.read_label(path)) if announced else np.empty(0, dtype=int)
-    meshformats.require_all("vertex", len(indices), announced)
-    return indices
-
-
-def _read_morphometry(path, _):
-    return nibabel.freesurfer.read_morph_data(path)
-
-
-def _read_gifti_values(_, data):
-    arrays = nibabel.GiftiImage.from_bytes(data).darrays
-    if len(arrays) != 1:
-        raise SurfaceError(f"holds {len(arrays)} data arrays; give a GIFTI file with one value a vertex.")
-    return arrays[0].data
-
-
-def _read_npy(path, _):
-    return np.load(path, allow_pickle=False)
-
-
-def _read_txt(path, _):
-    return np.loadtxt(path, ndmin=1)
-
-
 _READERS = {
     ".npz": ("npz file", _read_npz),
     ".gii": ("GIFTI surface", _read_gifti),
@@ -299,10 +240,4 @@ _WRITERS = {
     ".stl": _write_plain(meshformats.write_stl),
     ".vtk": _write_plain(_write_vtk),
     ".vtp": _write_plain(_write_vtp),
-}
-_MASK_READERS = {
-    ".label": ("FreeSurfer label", _read_label),
-    ".npy": ("NumPy array", _read_npy),
-    ".txt": ("text file of one number a vertex", _read_txt),
-    ".gii": ("GIFTI data file", _read_gifti_values),
 }

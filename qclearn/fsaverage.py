@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from .files import read_mask, read_surface
+from .files import read_surface
 from .opening import open_surface
 from .surface import Surface, SurfaceError
+from .values import read_mask
 
 _FILES = {"pial": "pial", "white": "white", "inflated": "infl", "sphere": "sphere"}
 

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import pyvista
 
-from qclearn.files import read_mask, read_surface, write_surface
+from qclearn.files import read_surface, write_surface
 from qclearn.surface import Surface, SurfaceError
+from qclearn.values import read_mask
 from surfaces import grid
 
 EXACT = ["a.npz", "a.ply", "a.obj", "a.off", "a.vtk", "a.vtp"]
