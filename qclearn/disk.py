@@ -193,11 +193,15 @@ class BeltramiDiskSolver:
 
     def _block_pullback(self, lam, x):
         """Gradient of `lam . K(mu) x` with respect to mu: per face the derivative of `|T| grad lam . A(mu) grad x`."""
-        p = np.einsum("fk,fkb->fb", self.gradients, lam[self.faces])
-        q = np.einsum("fk,fk->f", self.gradients, x[self.faces])[:, None]
-        mu, scale = self.mu[:, None], 1 / (1 - abs(self.mu[:, None]) ** 2)
-        energy = (p.conj() * ((2 - 1 / scale) * q - 2 * mu * q.conj())).real * scale
-        return self.areas[:, None] * 2 * scale * (mu * (p.conj() * q).real - p * q + mu * energy)
+        mu, scale = self.mu, 1 / (1 - abs(self.mu) ** 2)
+        q = np.einsum("fk,fk->f", self.gradients, x[self.faces])
+        r = q + scale * ((2 - 1 / scale) * q - 2 * mu * q.conj())
+        # With p = grad lam it is 2 |T| scale (mu Re(conj(p) r) - p q), linear in lam: one sparse matrix for all of them.
+        along, across = 0.5 * mu * r.conj() - q, 0.5 * mu * r
+        rows = along[:, None] * self.gradients + across[:, None] * self.gradients.conj()
+        rows *= (2 * self.areas * scale)[:, None]
+        starts = np.arange(0, rows.size + 1, 3)
+        return sparse.csr_array((rows.ravel(), self.faces.ravel(), starts), shape=(len(rows), len(lam))) @ lam
 
 
 def solve_beltrami_disk(z, faces, mu):
