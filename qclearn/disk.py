@@ -150,7 +150,7 @@ class BeltramiDiskSolver:
         self.a = 0j
         for _ in range(50):  # the vertex values move by a Möbius map, the value at 0 between them not quite
             centre = self.weights @ mobius(raw[self.origin], self.a)
-            if abs(centre) < 1e-15:
+            if abs(centre) < 1e-15 or abs(centre) >= 1:  # out of the disk: folded, and the boundary must not turn over
                 break
             self.a = (centre + self.a) / (1 + np.conj(self.a) * centre)
         w = mobius(raw, self.a)

@@ -228,6 +228,15 @@ def test_repair_keeps_rows_switched_before():
     assert set(inner[:5]) <= set(repair(matrix, faces, lengths, f, inner[:5])[1].tolist())
 
 
+def test_repair_goes_one_ring_further_where_a_flip_survives_on_switched_rows():
+    _, faces, mu, f, lengths = folding_problem(0)
+    first = np.setdiff1d(faces[flipped_faces(faces, f)], boundary_loop(faces))
+    mended, switched, _ = repair(stiffness(*DISK, mu), faces, lengths, f, first)
+    ring = np.setdiff1d(faces[np.isin(faces, first).any(1)], boundary_loop(faces))
+    assert set(ring) <= set(switched.tolist()) and len(ring) > len(first)
+    assert check_embedding(faces, mended).bijective
+
+
 def test_nothing_to_repair():
     z, faces = DISK
     f = SLIDING(z)

@@ -207,6 +207,18 @@ def test_backward_steps_are_raised_and_reported():
         assert (solve_beltrami_disk(z, faces, mu) == f).all()
 
 
+def test_boundary_goes_forwards_even_where_0_leaves_the_disk():
+    """A hopeless coefficient: the value at 0 lies outside the circle and no Möbius map of the disk brings it to 0."""
+    z, faces = random_disk(seed=3, n_boundary=16)
+    rng = np.random.default_rng(137)
+    solver = BeltramiDiskSolver(z, faces)
+    f = solver.solve(0.99 * np.exp(2j * np.pi * rng.uniform(size=len(faces))))
+    assert abs(value_at(z, faces, f, 0j)) > 1
+    steps = np.angle(np.roll(f[solver.loop], -1) / f[solver.loop]) % (2 * np.pi)  # one is more than half a turn
+    assert steps.sum() == pytest.approx(2 * np.pi)
+    assert not check_bijective(z, faces, f).bijective
+
+
 # The adjoint.
 
 def directional(solver, mu, grad_f, change, step=1e-5):
