@@ -23,6 +23,7 @@ SHARES, FAIR = (1.0, 0.5, 0.25, 0.125), 0.3  # of a damped step
 SETTLED_ON_GRID, SETTLED = 0.8, 0.92  # a step that keeps more than this share of the objective is the last one
 TANGENTIAL_WEIGHT = 0.1  # of a sliding landmark's residual along its target curve
 LANDMARKS_AT_ONCE = 16  # bounds the memory of the adjoint solves
+LARGEST = 1 - 1e-10  # of |mu|: tanh rounds to 1 from 19 on, where a step that is too long may lead
 MOBIUS_PRIOR = 1e-6  # weak, keeps the step of the three Möbius parameters bounded
 
 
@@ -53,7 +54,7 @@ class LandmarkFit:
 def bounded(nu):
     """The paper's activation `T(nu) = tanh(|nu|) nu / |nu|`: any complex field becomes one with |mu| < 1."""
     size = abs(nu)
-    return np.divide(np.tanh(size), size, out=np.ones_like(size), where=size > 0) * nu
+    return np.divide(np.minimum(np.tanh(size), LARGEST), size, out=np.ones_like(size), where=size > 0) * nu
 
 
 def unbounded(mu):
@@ -66,7 +67,7 @@ def bounded_pullback(nu, grad_mu):
     """Gradient with respect to nu of a loss whose gradient with respect to mu = T(nu) is grad_mu."""
     size = abs(nu)
     across = np.divide(np.tanh(size), size, out=np.ones_like(size), where=size > 0)
-    along = 1 / np.cosh(size) ** 2
+    along = 1 - np.tanh(size) ** 2
     direction = np.divide(nu, size, out=np.ones_like(nu), where=size > 0)
     return 0.5 * ((along + across) * grad_mu + (along - across) * direction ** 2 * np.conj(grad_mu))
 

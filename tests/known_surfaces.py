@@ -17,6 +17,29 @@ def icosphere(level, keep_above=-1.1):
     return Surface(vertices[used], faces.reshape(-1, 3))
 
 
+def latitude(longitude):
+    """Where the groove runs on the unit sphere, radians."""
+    return 0.45 + 0.25 * np.sin(3 * longitude)
+
+
+def longitudes(points):
+    return np.arctan2(points[:, 1], points[:, 0])
+
+
+def distance_to_floor(points):
+    """How far in latitude points (k, 3) of the grooved sphere lie from the middle of its groove, radians."""
+    return abs(np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1])) - latitude(longitudes(points)))
+
+
+def grooved_sphere():
+    """A sphere of 2045 vertices, open below, with a winding groove 0.2 deep; and two vertices on the groove's floor."""
+    ball = icosphere(4, -0.6)
+    along, away = longitudes(ball.vertices), distance_to_floor(ball.vertices)
+    depth = 0.2 * np.exp(-((away / 0.12) ** 2)) * (abs(along) < 1.6)
+    ends = [int(np.argmin((along - at) ** 2 + away**2)) for at in (-1.3, 1.3)]
+    return Surface(ball.vertices * (1 - depth)[:, None], ball.faces), ends
+
+
 def sheet(n=61, width=1.0, height=None):
     """The graph of height(x, y), or 0, over [0, width]^2 in n x n vertices, faces looking up; and x, y (V,)."""
     x, y = (axis.ravel() for axis in np.meshgrid(*[np.linspace(0, width, n)] * 2))

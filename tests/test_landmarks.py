@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from known_surfaces import icosphere, sheet
+from known_surfaces import distance_to_floor, grooved_sphere, icosphere, longitudes, sheet
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
@@ -25,28 +25,9 @@ BAD_PATHS = [
 ]
 
 
-def latitude(longitude):
-    """Where the groove runs on the unit sphere, radians."""
-    return 0.45 + 0.25 * np.sin(3 * longitude)
-
-
-def longitudes(points):
-    return np.arctan2(points[:, 1], points[:, 0])
-
-
-def distance_to_floor(points):
-    """How far in latitude points (k, 3) of the grooved sphere lie from the middle of its groove, radians."""
-    return abs(np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1])) - latitude(longitudes(points)))
-
-
 @pytest.fixture(scope="module")
 def groove():
-    """A sphere of 2045 vertices, open below, with a winding groove 0.2 deep; and two vertices on the groove's floor."""
-    ball = icosphere(4, -0.6)
-    along, away = longitudes(ball.vertices), distance_to_floor(ball.vertices)
-    depth = 0.2 * np.exp(-((away / 0.12) ** 2)) * (abs(along) < 1.6)
-    ends = [int(np.argmin((along - at) ** 2 + away**2)) for at in (-1.3, 1.3)]
-    return Surface(ball.vertices * (1 - depth)[:, None], ball.faces), ends
+    return grooved_sphere()
 
 
 def steep():

@@ -1,0 +1,316 @@
+"""The pipeline on small surfaces: what it must find, what it must refuse, and maps carried over."""
+
+import json
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from known_surfaces import grooved_sphere
+from scipy.spatial.transform import Rotation
+
+from qclearn.beltrami import beltrami_coefficient
+from qclearn.bijectivity import BijectivityError, check_bijective
+from qclearn.disk import disk_conformal_map
+from qclearn.diskmesh import polar_disk
+from qclearn.fit import LandmarkError, fit_landmarks
+from qclearn.landmarks import sample_curve
+from qclearn.mobius import best_mobius, mobius
+from qclearn.register import check_curves, lift, register, transfer
+from qclearn.surface import Surface, SurfaceError, mirror
+
+REPORT = {"landmark_error_before", "landmark_error", "landmark_error_mm", "mean_abs_mu", "sd_abs_mu", "max_abs_mu",
+          "flipped", "bijective", "fallbacks", "seconds", "method", "alpha", "beta", "gamma", "mobius", "version"}
+
+
+def bowl(height, rings=14):
+    """A bowl, bottom up, with one side steeper than the other; vertices as in `polar_disk(rings, 3 * rings)`."""
+    z, faces = polar_disk(rings, 3 * rings)
+    rise = height * (1 - abs(z) ** 2) * (1 + 0.4 * z.real)
+    return Surface(np.stack([z.real, z.imag, rise], axis=1), faces)
+
+
+def spoke(angle, rings=14, first=2, last=9):
+    """The vertices of one spoke of the bowl, from the inside out."""
+    return [1 + ring * 3 * rings + angle for ring in range(first, last)]
+
+
+def entries(turn, **more):
+    """Three spokes, on the control side turned by `turn` vertices."""
+    return [{"name": f"spoke {k}", "moving": spoke(14 * k), "control": spoke(14 * k + turn), **more} for k in range(3)]
+
+
+def moved(surface):
+    """The surface elsewhere in space, in another unit."""
+    turn = Rotation.from_euler("xyz", [0.5, -1, 2]).as_matrix()
+    return Surface(30 * surface.vertices @ turn.T + [1, 2, 3], surface.faces)
+
+
+@pytest.fixture(scope="module")
+def turned():
+    """A bowl registered to another one along spokes of which one is turned by two vertices and two by one."""
+    moving, control = bowl(0.6), bowl(0.9)
+    curves = entries(1)
+    curves[0]["control"] = spoke(2)
+    return register(moving, control, curves), moving, control, curves
+
+
+def test_a_surface_is_registered_to_itself_wherever_it_lies():
+    surface = bowl(0.6)
+    result = register(surface, moved(surface), entries(0))
+    np.testing.assert_allclose(result.points, moved(surface).vertices, atol=30 * 2e-3)
+    assert result.report["landmark_error"] < 1e-4 and result.report["max_abs_mu"] < 0.02
+
+
+def test_mirrored_surfaces_are_registered_alike():
+    """The same two surfaces seen in a mirror: the points are those of the mirror."""
+    moving, control = bowl(0.6), bowl(0.9)
+    usual = register(moving, control, entries(1))
+    seen = register(mirror(moving), mirror(control), entries(1))
+    np.testing.assert_allclose(seen.points, mirror(Surface(usual.points, moving.faces)).vertices, atol=2e-2)
+
+
+def test_landmarks_are_met_and_the_report_measures_what_it_says(turned):
+    result, moving, control, curves = turned
+    report = result.report
+    p, q = (np.concatenate([sample_curve(surface, entry[side]) @ z for entry in curves]) for surface, z, side in
+            ((moving, result.disk_moving, "moving"), (control, result.disk_control, "control")))
+    mapped = np.concatenate([sample_curve(moving, entry["moving"]) @ result.disk_map for entry in curves])
+    space = np.concatenate([sample_curve(control, entry["control"]) @ control.vertices for entry in curves])
+    before = abs(mobius(p, *best_mobius(p, q)) - q).mean()
+    assert report["landmark_error_before"] == pytest.approx(before)
+    assert report["landmark_error"] == pytest.approx(abs(mapped - q).mean(), rel=1e-6)
+    assert report["landmark_error"] < before / 10
+    millimetres = np.linalg.norm(lift(control, result.disk_control, mapped) - space, axis=1).mean()
+    assert report["landmark_error_mm"] == pytest.approx(millimetres)
+    assert report["landmark_error"] == pytest.approx(np.mean([row["landmark_error"] for row in report["curves"]]))
+    assert [row["name"] for row in report["curves"]] == ["spoke 0", "spoke 1", "spoke 2"]
+
+
+def test_mu_is_measured_on_the_moving_disk_and_its_statistics_are_over_faces(turned):
+    result, moving, _, _ = turned
+    np.testing.assert_array_equal(result.mu, beltrami_coefficient(result.disk_moving, moving.faces, result.disk_map))
+    size = abs(result.mu)
+    found = [result.report[key] for key in ("mean_abs_mu", "sd_abs_mu", "max_abs_mu")]
+    assert found == pytest.approx([size.mean(), size.std(), size.max()]) and size.max() < 1
+
+
+def test_the_map_is_certified_and_lands_on_the_control(turned):
+    result, moving, _, _ = turned
+    certificate = check_bijective(result.disk_moving, moving.faces, result.disk_map)
+    assert certificate.bijective and result.report["bijective"] and result.report["flipped"] == 0
+    Surface(result.points, moving.faces)
+    rim = result.points[moving.boundary]
+    assert abs(np.hypot(rim[:, 0], rim[:, 1]) - 1).max() < 0.01  # on the control's own rim, between its vertices
+    np.testing.assert_allclose(abs(result.disk_map[moving.boundary]), 1, atol=1e-12)
+
+
+def test_the_report_has_the_agreed_keys_and_is_json(turned):
+    report = turned[0].report
+    assert REPORT <= set(report) and set(report) - REPORT == {"curves"}
+    assert json.loads(json.dumps(report, allow_nan=False)) == report
+    assert report["fallbacks"] == [] and report["method"] == "exact"
+    assert (report["alpha"], report["beta"], report["gamma"]) == (1.0, 1e-2, 1e5)
+    stages = dict(report["seconds"])
+    assert stages.pop("total") == pytest.approx(sum(stages.values()), abs=1e-3) and min(stages.values()) >= 0
+
+
+def test_the_moving_disk_is_turned_to_the_control(turned):
+    """Step (a): no Möbius map brings the given points closer."""
+    result, moving, control, curves = turned
+    p, q = (np.concatenate([sample_curve(surface, entry[side]) @ z for entry in curves]) for surface, z, side in
+            ((moving, result.disk_moving, "moving"), (control, result.disk_control, "control")))
+    assert abs(p - q).mean() == pytest.approx(result.report["landmark_error_before"], rel=1e-3)
+
+
+def test_a_sulcus_is_detected_where_only_its_ends_are_given():
+    surface, ends = grooved_sphere()
+    curves = [{"name": "groove", "moving": ends, "control": ends},
+              {"name": "chord", "moving": ends[::-1], "control": ends[::-1], "detect": False}]
+    detected = register(surface, moved(surface), curves[:1], gamma=1e3)
+    moving, control = detected.curves["groove"]
+    assert len(moving) > 30 and moving[0] == detected.disk_moving[ends[0]] and moving[-1] == detected.disk_moving[ends[1]]
+    np.testing.assert_allclose(control, moving, atol=0.02)
+    plain = register(surface, moved(surface), curves[1:], gamma=1e3)
+    np.testing.assert_array_equal(plain.curves["chord"][0], plain.disk_moving[ends[::-1]])
+
+
+def test_curves_that_meet_on_both_sides_share_a_landmark():
+    curves = entries(1)
+    curves[1] = {"name": "along the ring", "moving": [spoke(0)[0] + k for k in range(6)],
+                 "control": [spoke(1)[0] + k for k in range(6)]}
+    result = register(bowl(0.6), bowl(0.9), curves)
+    assert result.report["bijective"] and result.report["landmark_error"] < 1e-3
+
+
+@pytest.mark.parametrize("side", ["moving", "control"])
+def test_curves_that_meet_on_one_side_only_are_refused(side):
+    curves = entries(0)
+    curves[1][side] = curves[0][side][::-1]
+    with pytest.raises(LandmarkError, match=f"'spoke 0' and 'spoke 1' share a point on the {side} side only.*let them"):
+        register(bowl(0.6), bowl(0.9), curves)
+
+
+def test_impossible_landmarks_leave_an_error_and_a_certified_map():
+    """Six neighbouring spokes, to be moved by five steps to either side in turn: they would have to pass each other."""
+    curves = [{"name": f"{k}", "moving": spoke(2 * k), "control": spoke(2 * k + (5 if k % 2 else -5))} for k in range(6)]
+    report = register(bowl(0.6), bowl(0.6), curves).report
+    assert report["bijective"] and report["flipped"] == 0 and report["max_abs_mu"] < 1
+    assert report["landmark_error"] > 0.05 and any("rows switched" in word for word in report["fallbacks"])
+
+
+@pytest.fixture
+def folding_above(monkeypatch):
+    """Let the fit report a fold wherever gamma exceeds a limit."""
+    def limit(largest):
+        def folding(z, faces, p, q, alpha, beta, gamma, *rest):
+            fit = fit_landmarks(z, faces, p, q, alpha, beta, gamma, *rest)
+            return fit if gamma <= largest else replace(fit, bijective=False, flipped=np.array([7]))
+
+        monkeypatch.setattr(sys.modules["qclearn.register"], "fit_landmarks", folding)
+
+    return limit
+
+
+def test_where_the_fit_folds_gamma_is_lowered_and_the_report_says_so(folding_above):
+    folding_above(2e3)
+    report = register(bowl(0.6), bowl(0.9), entries(0)).report
+    assert report["fallbacks"] == ["gamma lowered to 1000"] and report["bijective"]
+
+
+def test_a_fit_that_folds_at_every_gamma_is_refused(folding_above):
+    folding_above(0)
+    with pytest.raises(BijectivityError, match=r"down to gamma = 10 \(1 faces flipped\); check that no two curves cross"):
+        register(bowl(0.6), bowl(0.9), entries(0))
+
+
+def test_sliding_costs_less_distortion():
+    """Targets spaced anew along the same spokes: by arc length the points move, as curves they need not."""
+    moving, control = bowl(0.6), bowl(0.6)
+    curves = [entry | {"control": spoke(14 * k, first=2, last=10)} for k, entry in enumerate(entries(0))]
+    points, curved = (register(moving, control, curves, sliding=sliding, gamma=1e3).report for sliding in (False, True))
+    assert curved["mean_abs_mu"] < points["mean_abs_mu"]
+
+
+# Surfaces and weights that are refused
+
+
+def test_an_inward_surface_is_refused_with_the_remedy():
+    good = bowl(0.6)
+    inward = Surface(good.vertices, good.faces[:, ::-1])
+    for pair in ((inward, good), (good, inward)):
+        with pytest.raises(SurfaceError, match=r"faces\[:, ::-1\]|reverse|mirror"):
+            register(*pair, entries(0))
+
+
+def test_a_closed_surface_is_refused_with_the_remedy():
+    good = bowl(0.6)
+    loop = good.boundary
+    lid = np.stack([np.roll(loop, -1), loop, np.full(len(loop), len(good.vertices))], axis=1)
+    closed = Surface(np.vstack([good.vertices, [0, 0, -1]]), np.vstack([good.faces, lid]))
+    for pair in ((closed, good), (good, closed)):
+        with pytest.raises(SurfaceError, match="closed.*open"):
+            register(*pair, entries(0))
+
+
+@pytest.mark.parametrize("weights", [{"alpha": 0}, {"beta": -1}, {"gamma": np.nan}])
+def test_bad_weights_are_refused_before_any_work(weights):
+    with pytest.raises(LandmarkError, match=f"{next(iter(weights))} ="):
+        register(None, None, None, **weights)
+
+
+def test_an_unknown_method_is_refused():
+    with pytest.raises(ValueError, match="unknown method 'magic'"):
+        register(bowl(0.6), bowl(0.6), entries(0), method="magic")
+
+
+# Landmarks files that are refused
+
+CURVE = {"name": "a", "moving": [0, 5], "control": [1, 2, 3]}
+BAD_CURVES = [
+    ({}, "one key 'curves'; found"),
+    ({"curve": [CURVE]}, r"one key 'curves'; found \['curve'\]"),
+    ({"curves": [CURVE], "version": 1}, r"found \['curves', 'version'\]"),
+    ({"curves": []}, "hold no curves"),
+    ({"curves": "a"}, "hold no curves"),
+    ("central sulcus", "hold no curves"),
+    (None, "hold no curves"),
+    ([7], "curve 0 has int"),
+    ([CURVE, {"name": "b", "moving": [0, 5]}], r"curve 1 has \['moving', 'name'\]; it needs name, moving, control"),
+    ([CURVE | {"colour": "red"}], "curve 0 has .*'colour'.*may have detect"),
+    ([CURVE | {"name": 3}], "curve 0: name must be text"),
+    ([CURVE | {"detect": "no"}], "detect true or false"),
+    ([CURVE, CURVE], r"names used twice: \['a'\]; rename"),
+    ([CURVE | {"moving": [0]}], "curve 'a', moving side: .*at least two vertex indices"),
+    ([CURVE | {"control": [0, 999_999]}], r"curve 'a', control side: .*out of range 0..588: \[999999\]"),
+    ([CURVE | {"control": [0, -1]}], r"curve 'a', control side: .*out of range"),
+    ([CURVE | {"moving": [0.5, 2]}], "curve 'a', moving side: .*float64"),
+    ([CURVE | {"moving": "central"}], "curve 'a', moving side"),
+    ([CURVE | {"moving": [[1], [2, 3]]}], "curve 'a', moving side: .*unequal lengths"),
+    ([CURVE | {"moving": [2**70, 3]}], "curve 'a', moving side"),
+    ([CURVE | {"moving": [4, 4]}], "curve 'a', moving side: .*repeats vertex 4"),
+]
+
+
+@pytest.mark.parametrize("curves, message", BAD_CURVES)
+def test_bad_landmarks_files_are_refused(curves, message):
+    surface = bowl(0.6)
+    with pytest.raises(LandmarkError, match=message):
+        check_curves(curves, surface, surface)
+
+
+def test_two_vertices_are_endpoints_unless_the_file_says_otherwise():
+    surface = bowl(0.6)
+    usual, fixed = check_curves([CURVE, CURVE | {"name": "b", "detect": False}], surface, surface)
+    assert usual["detect"] == {"moving": True, "control": False}
+    assert fixed["detect"] == {"moving": False, "control": False}
+
+
+# Maps carried over
+
+
+def test_a_constant_map_stays_constant_both_ways(turned):
+    result, moving, control, _ = turned
+    there = transfer(np.full(len(control.vertices), 2.5), result.disk_control, control.faces, result.disk_map)
+    back = transfer(np.full(len(moving.vertices), 2.5), result.disk_map, moving.faces, result.disk_control)
+    np.testing.assert_allclose(there, 2.5)
+    np.testing.assert_allclose(back, 2.5)
+    assert len(there) == len(moving.vertices) and len(back) == len(control.vertices)
+
+
+def test_coordinates_are_carried_to_the_points_and_back(turned):
+    result, moving, control, _ = turned
+    there = transfer(control.vertices, result.disk_control, control.faces, result.disk_map)
+    np.testing.assert_allclose(there, result.points, atol=1e-12)
+    back = transfer(there, result.disk_map, moving.faces, result.disk_control)
+    assert np.linalg.norm(back - control.vertices, axis=1).max() < 0.03  # a third of an edge, where a face is cut off
+
+
+def test_a_one_column_map_is_a_column_of_the_whole(turned):
+    result, _, control, _ = turned
+    height = transfer(control.vertices[:, 2], result.disk_control, control.faces, result.disk_map)
+    np.testing.assert_allclose(height, result.points[:, 2], atol=1e-12)
+
+
+def test_labels_are_carried_by_the_nearest_corner(turned):
+    result, moving, control, _ = turned
+    labels = np.where(control.vertices[:, 0] > 0, 7, 3)
+    there = transfer(labels, result.disk_control, control.faces, result.disk_map, nearest=True)
+    assert there.dtype == labels.dtype and set(there.tolist()) == {3, 7}
+    clear = abs(result.points[:, 0]) > 0.1
+    np.testing.assert_array_equal(there[clear], np.where(result.points[clear, 0] > 0, 7, 3))
+    itself = transfer(np.arange(len(moving.vertices)), result.disk_map, moving.faces, result.disk_map, nearest=True)
+    np.testing.assert_array_equal(itself, np.arange(len(moving.vertices)))
+
+
+def test_values_must_be_one_a_vertex(turned):
+    result, _, control, _ = turned
+    with pytest.raises(ValueError, match="5 values for 589 vertices: give one a vertex"):
+        transfer(np.zeros(5), result.disk_control, control.faces, result.disk_map)
+
+
+def test_points_are_lifted_to_where_they_came_from():
+    surface = bowl(0.6)
+    z = disk_conformal_map(surface)
+    centres = z[surface.faces].mean(1)
+    np.testing.assert_allclose(lift(surface, z, centres), surface.vertices[surface.faces].mean(1), atol=1e-12)
