@@ -165,8 +165,10 @@ def open_command(surface, mask, label, keep, reverse, out):
 def transfer(registration, values, to, nearest, out):
     """Carry a per-vertex map (VALUES) over to the other surface of a REGISTRATION (registration.npz)."""
     try:
-        maps = np.load(registration)
-        disks = {"moving": (maps["disk_map"], maps["faces_moving"]), "control": (maps["disk_control"], maps["faces_control"])}
+        with open(registration, "rb") as file:
+            maps = np.load(file)
+            disks = {"moving": (maps["disk_map"], maps["faces_moving"]),
+                     "control": (maps["disk_control"], maps["faces_control"])}
     except OSError as error:
         raise ValueError(f"{registration}: cannot be read ({error.strerror}); check the name") from None
     except (ValueError, KeyError, IndexError, EOFError, zipfile.BadZipFile, zlib.error) as error:

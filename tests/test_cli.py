@@ -1,0 +1,340 @@
+"""The command line: what it writes, and that bad input is one line on stderr, exit code 2 and nothing written."""
+
+import json
+import re
+import sys
+
+import nibabel
+import numpy as np
+import pytest
+from surfaces import sphere
+
+from qclearn.cli import main
+from qclearn.diskmesh import polar_disk
+from qclearn.files import read_surface, write_surface
+from qclearn.fit import LandmarkError
+from qclearn.fsaverage import fsaverage5
+from qclearn.register import register
+from qclearn.surface import Surface, SurfaceError, mirror, require_disk, require_outward
+
+FILES = ["figure.png", "registered.surf.gii", "registration.npz", "report.json"]
+REPORT = {"landmark_error_before", "landmark_error", "landmark_error_mm", "mean_abs_mu", "sd_abs_mu", "max_abs_mu",
+          "flipped", "bijective", "fallbacks", "seconds", "method", "alpha", "beta", "gamma", "mobius", "version"}
+
+
+def run(*arguments):
+    main([str(argument) for argument in arguments])
+
+
+def everything(folder):
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
+
+
+def refused(capsys, folder, *arguments):
+    """The one line that a refused command prints; nothing else may be printed or written."""
+    before = everything(folder)
+    capsys.readouterr()
+    with pytest.raises(SystemExit) as stop:
+        run(*arguments)
+    output = capsys.readouterr()
+    assert stop.value.code == 2
+    assert output.out == "" and output.err.count("\n") == 1 and output.err.startswith("qclearn: ")
+    assert everything(folder) == before
+    return output.err
+
+
+def bowl(height):
+    z, faces = polar_disk(8, 24)
+    spokes = {name: np.arange(1 + start, 1 + start + 24 * 6, 24) for name, start in (("east", 0), ("north", 6))}
+    return Surface(np.stack([z.real, z.imag, height * (1 - abs(z) ** 2) * (1 + 0.4 * z.real)], axis=1), faces, spokes)
+
+
+CURVES = {"curves": [{"name": "east", "moving": list(range(1, 145, 24)), "control": list(range(2, 146, 24))},
+                     {"name": "north", "moving": list(range(7, 151, 24)), "control": list(range(6, 150, 24))}]}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder with two bowls that carry curves, one without, and a landmarks file."""
+    write_surface(tmp_path / "moving.npz", bowl(0.6))
+    write_surface(tmp_path / "control.npz", bowl(0.9))
+    write_surface(tmp_path / "plain.ply", bowl(0.9))
+    (tmp_path / "landmarks.json").write_text(json.dumps(CURVES))
+    return tmp_path
+
+
+# On real cortex
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    out = tmp_path_factory.mktemp("demo") / "new" / "qclearn-demo"
+    run("demo", "--out", out)
+    return out
+
+
+def test_the_demo_registers_real_cortex(demo):
+    report = json.loads((demo / "report.json").read_text())
+    assert report["bijective"] is True and report["flipped"] == 0
+    assert report["landmark_error"] < report["landmark_error_before"] / 10
+    assert report["landmark_error_before"] > 0.01 and report["max_abs_mu"] < 0.8
+    assert len(report["curves"]) >= 6 and REPORT <= set(report)
+
+
+def test_the_demo_writes_four_files_that_belong_together(demo):
+    assert everything(demo) == FILES and everything(demo.parent) == ["qclearn-demo"] + [f"qclearn-demo/{f}" for f in FILES]
+    assert (demo / "figure.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+    maps, moving = np.load(demo / "registration.npz"), mirror(fsaverage5("right"))
+    points, triangles = (array.data for array in nibabel.load(demo / "registered.surf.gii").darrays)
+    np.testing.assert_array_equal(triangles, moving.faces)
+    np.testing.assert_allclose(points, maps["points"], atol=1e-4)
+    require_outward(read_surface(demo / "registered.surf.gii"))
+    assert {"points", "disk_moving", "disk_control", "disk_map", "mu"} <= set(maps.files)
+    assert maps["disk_map"].shape == maps["disk_moving"].shape == (len(moving.vertices),)
+    assert maps["disk_control"].shape == (len(fsaverage5("left").vertices),) and maps["mu"].shape == (len(moving.faces),)
+
+
+def test_maps_are_carried_over_on_real_cortex(demo, tmp_path):
+    """The control's coordinates arrive at the moving vertices as `points`; and a map goes there and back."""
+    control, maps = fsaverage5("left"), np.load(demo / "registration.npz")
+    np.save(tmp_path / "height.npy", control.vertices[:, 2])
+    run("transfer", demo / "registration.npz", tmp_path / "height.npy", "--to", "moving", "--out", tmp_path / "there.npy")
+    there = np.load(tmp_path / "there.npy")
+    np.testing.assert_allclose(there, maps["points"][:, 2], atol=1e-9)
+    run("transfer", demo / "registration.npz", tmp_path / "there.npy", "--to", "control", "--out", tmp_path / "back.npy")
+    off = abs(np.load(tmp_path / "back.npy") - control.vertices[:, 2])
+    assert np.median(off) < 0.3 and off.max() < 15  # mm; edges are 4 mm long
+
+
+def test_a_closed_hemisphere_gets_in(tmp_path, capsys):
+    """The closed fsaverage5 and its thickness, from files, are the surface that the library opens itself."""
+    import nilearn.datasets
+
+    paths = nilearn.datasets.fetch_surf_fsaverage("fsaverage5")
+    out = tmp_path / "open.npz"
+    run("open", paths["pial_left"], "--mask", paths["thick_left"], "--keep", "--out", out)
+    assert re.search(r"open.npz: 99\d\d of 10242 vertices", capsys.readouterr().out)
+    opened, expected = read_surface(out), fsaverage5("left")
+    np.testing.assert_array_equal(opened.vertices, expected.vertices)
+    np.testing.assert_array_equal(opened.faces, expected.faces)
+    require_disk(opened)
+    closed = read_surface(paths["pial_left"])
+    np.testing.assert_array_equal(closed.vertices[np.load(out)["original_vertices"]], opened.vertices)
+
+
+# On small surfaces
+
+
+def test_register_is_the_library_and_mirror_mirrors(folder, capsys):
+    out = folder / "out"
+    run("register", folder / "moving.npz", folder / "control.npz", "--landmarks", folder / "landmarks.json", "--mirror",
+        "--out", out, "--alpha", 2, "--beta", 0.1, "--gamma", 1e3, "--sliding")
+    expected = register(mirror(bowl(0.6)), bowl(0.9), CURVES, alpha=2.0, beta=0.1, gamma=1e3, sliding=True)
+    np.testing.assert_allclose(np.load(out / "registration.npz")["points"], expected.points, atol=1e-9)
+    report = json.loads((out / "report.json").read_text())
+    assert [report[key] for key in ("method", "alpha", "beta", "gamma")] == ["exact", 2.0, 0.1, 1e3]
+    assert report["landmark_error"] == pytest.approx(expected.report["landmark_error"])
+    printed = capsys.readouterr().out
+    assert "bijective       yes" in printed and f"written to      {out}" in printed
+
+
+def test_without_landmarks_the_curves_that_both_surfaces_carry_are_used(folder):
+    run("register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out", "--gamma", 1e3)
+    report = json.loads((folder / "out" / "report.json").read_text())
+    assert [row["name"] for row in report["curves"]] == ["east", "north"]
+
+
+def test_a_second_run_replaces_the_files_of_the_first(folder):
+    for gamma in (10, 1000):
+        run("register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out", "--gamma", gamma)
+    assert everything(folder / "out") == FILES
+    assert json.loads((folder / "out" / "report.json").read_text())["gamma"] == 1000
+
+
+@pytest.mark.parametrize("arguments, message", [
+    ([], "Missing command"),
+    (["demonstrate"], "No such command 'demonstrate'"),
+    (["register"], "Missing argument 'MOVING'"),
+    (["register", "a.npz"], "Missing argument 'CONTROL'"),
+    (["register", "a.npz", "b.npz"], "Missing option '--out'"),
+    (["register", "a.npz", "b.npz", "--out", "x", "--gamma", "many"], "'many' is not a valid float"),
+    (["register", "a.npz", "b.npz", "--out", "x", "--method", "magic"], "'magic' is not"),
+    (["register", "a.npz", "b.npz", "--out", "x", "--delta", "1"], "No such option"),
+    (["register", "a.npz", "b.npz", "--out", "x"], "a.npz: cannot be read"),
+    (["open", "a.gii", "--out", "x.npz"], "one of --mask FILE and --label FILE"),
+    (["open", "a.gii", "--mask", "m", "--label", "l", "--out", "x.npz"], "one of --mask FILE and --label FILE"),
+    (["transfer", "r.npz", "v.npy", "--out", "x.npy"], "Missing option '--to'"),
+    (["transfer", "r.npz", "v.npy", "--to", "moving", "--out", "x.npy"], "r.npz: cannot be read .*check the name"),
+])
+def test_wrong_usage_is_one_line(arguments, message, folder, capsys, monkeypatch):
+    monkeypatch.chdir(folder)
+    assert re.search(message, refused(capsys, folder, *arguments))
+
+
+def test_help_and_version_are_no_errors(capsys):
+    for option in ("--help", "--version"):
+        run(option)
+    assert "register" in capsys.readouterr().out
+
+
+def bad_landmarks(**changes):
+    return {"curves": [CURVES["curves"][0] | changes]}
+
+
+@pytest.mark.parametrize("content, message", [
+    ("{", "landmarks.json: not a JSON file"),
+    (b"\xff\xfe\x00", "landmarks.json: not a JSON file"),
+    ({"Curves": []}, "one key 'curves'"),
+    ({"curves": []}, "no curves"),
+    (bad_landmarks(colour="red"), "curve 0 has .*'colour'"),
+    (bad_landmarks(moving=[5]), "curve 'east', moving side: .*at least two vertex indices"),
+    (bad_landmarks(control=[0, 10_000]), r"'east', control side: .*out of range 0..192: \[10000\]"),
+    ({"curves": CURVES["curves"][:1] * 2}, "names used twice"),
+])
+def test_bad_landmarks_files_are_one_line(content, message, folder, capsys):
+    text = content if isinstance(content, bytes) else (content if isinstance(content, str) else json.dumps(content)).encode()
+    (folder / "landmarks.json").write_bytes(text)
+    line = refused(capsys, folder, "register", folder / "moving.npz", folder / "control.npz", "--landmarks",
+                   folder / "landmarks.json", "--out", folder / "deep" / "out")
+    assert re.search(message, line)
+
+
+def test_bad_surfaces_are_one_line(folder, capsys):
+    good = bowl(0.6)
+    (folder / "cut.npz").write_bytes((folder / "moving.npz").read_bytes()[:200])
+    np.savez(folder / "nan.npz", vertices=np.where(np.arange(193)[:, None] == 7, np.nan, good.vertices), faces=good.faces)
+    np.savez(folder / "inward.npz", vertices=good.vertices, faces=good.faces[:, ::-1])
+    landmarks = ["--landmarks", folder / "landmarks.json", "--out", folder / "out"]
+    for name, message in (("cut.npz", "cut.npz: not a readable npz"), ("nan.npz", "nan.npz: .*7"), ("no.ply", "no.ply"),
+                          ("inward.npz", r"reverse|mirror|::-1"), ("landmarks.json", "suffix")):
+        assert re.search(message, refused(capsys, folder, "register", folder / name, folder / "control.npz", *landmarks))
+
+
+def test_surfaces_without_shared_curves_need_landmarks(folder, capsys):
+    line = refused(capsys, folder, "register", folder / "moving.npz", folder / "plain.ply", "--out", folder / "out")
+    assert "share no curve names" in line and "--landmarks" in line
+
+
+def test_landmarks_that_are_missing_are_one_line(folder, capsys):
+    line = refused(capsys, folder, "register", folder / "moving.npz", folder / "control.npz", "--landmarks",
+                   folder / "no.json", "--out", folder / "out")
+    assert re.search("no.json: cannot be read .*check the name", line)
+
+
+@pytest.mark.parametrize("weights, name", [(["--alpha", "0"], "alpha"), (["--beta", "-1"], "beta"), (["--gamma", "nan"], "gamma")])
+def test_bad_weights_are_one_line(weights, name, folder, capsys):
+    line = refused(capsys, folder, "register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out", *weights)
+    assert f"{name} = " in line
+
+
+@pytest.mark.parametrize("out", ["plain.ply", "plain.ply/below", "plain.ply/far/below"])
+def test_a_file_where_the_folder_should_be_is_one_line(out, folder, capsys):
+    line = refused(capsys, folder, "register", folder / "moving.npz", folder / "control.npz", "--out", folder / out)
+    assert re.search(f"{out}: not a folder that can be written to .*another --out", line)
+
+
+def test_a_folder_that_cannot_be_written_is_one_line(folder, capsys, monkeypatch):
+    """The system's refusal is imitated: whoever runs the tests may be allowed to write everywhere."""
+    def refuse(**_):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("qclearn.cli.tempfile.TemporaryDirectory", refuse)
+    line = refused(capsys, folder, "register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out")
+    assert re.search(r"out: not a folder that can be written to \(Permission denied\)", line)
+
+
+def test_a_failure_at_the_end_leaves_nothing(folder, capsys, monkeypatch):
+    """Three of the four files are written when the last one fails."""
+    def fail(*_, **__):
+        raise SurfaceError("the disk is full")
+
+    monkeypatch.setattr("qclearn.cli.qc.write_surface", fail)
+    line = refused(capsys, folder, "register", folder / "moving.npz", folder / "control.npz", "--out", folder / "deep" / "out",
+                   "--gamma", 100)
+    assert "the disk is full" in line
+
+
+def test_an_interrupt_says_so(folder, capsys, monkeypatch):
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("qclearn.cli.run_registration", interrupt)
+    with pytest.raises(SystemExit) as stop:
+        run("register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out")
+    assert stop.value.code == 130 and capsys.readouterr().err.strip() == "qclearn: interrupted"
+    assert not (folder / "out").exists()
+
+
+def test_the_progress_bar_is_gone_before_the_message(folder, capsys, monkeypatch):
+    """Even where the bar would be shown at once, the message has a line of its own."""
+    module = sys.modules["qclearn.register"]
+    bar = module.tqdm
+    monkeypatch.setattr(module, "tqdm", lambda **options: bar(**options | {"delay": 0, "file": sys.stderr}))
+
+    def fail(*_):
+        raise LandmarkError("no")
+
+    monkeypatch.setattr(module, "bijective_fit", fail)
+    with pytest.raises(SystemExit):
+        run("register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out")
+    assert re.search(r"\rqclearn: no\n$", capsys.readouterr().err)
+
+
+@pytest.fixture
+def registered(folder):
+    """The folder of a finished registration of the two bowls, and a map on each of them."""
+    result = register(bowl(0.6), bowl(0.9), CURVES, gamma=1e3)
+    np.savez(folder / "registration.npz", disk_map=result.disk_map, disk_control=result.disk_control,
+             faces_moving=result.faces_moving, faces_control=result.faces_control)
+    np.savetxt(folder / "map.txt", bowl(0.9).vertices[:, 2])
+    np.save(folder / "labels.npy", np.arange(193) % 5)
+    return folder, result
+
+
+@pytest.mark.parametrize("name", ["there.npy", "there.txt", "there.shape.gii", "lh.there"])
+def test_transfer_writes_every_format(registered, name):
+    folder, _ = registered
+    run("transfer", folder / "registration.npz", folder / "map.txt", "--to", "moving", "--out", folder / name)
+    run("transfer", folder / "registration.npz", folder / name, "--to", "control", "--out", folder / "back.npy")
+    assert abs(np.load(folder / "back.npy") - bowl(0.9).vertices[:, 2]).max() < 0.05
+
+
+def test_transfer_of_labels_makes_no_new_labels(registered):
+    folder, _ = registered
+    run("transfer", folder / "registration.npz", folder / "labels.npy", "--to", "moving", "--nearest", "--out",
+        folder / "there.npy")
+    there = np.load(folder / "there.npy")
+    assert set(there.tolist()) == set(range(5)) and len(there) == 193
+
+
+def test_transfer_refuses_what_does_not_belong_together(registered, capsys):
+    folder, _ = registered
+    np.save(folder / "short.npy", np.zeros(5))
+    (folder / "cut.npz").write_bytes((folder / "registration.npz").read_bytes()[:300])
+    for registration, values, message in (
+            ("registration.npz", "short.npy", "5 values for 193 vertices"),
+            ("registration.npz", "no.npy", "no.npy"),
+            ("registration.npz", "landmarks.json", "landmarks.json"),
+            ("moving.npz", "map.txt", "moving.npz: not a registration.npz of this program .*qclearn register"),
+            ("labels.npy", "map.txt", "labels.npy: not a registration.npz"),
+            ("cut.npz", "map.txt", "cut.npz: not a registration.npz"),
+            ("map.txt", "map.txt", "map.txt: not a registration.npz")):
+        line = refused(capsys, folder, "transfer", folder / registration, folder / values, "--to", "moving", "--out",
+                       folder / "there.npy")
+        assert re.search(message, line)
+    line = refused(capsys, folder, "transfer", folder / "registration.npz", folder / "map.txt", "--to", "moving", "--out",
+                   folder / "no" / "there.npy")
+    assert "there.npy: cannot be written" in line
+
+
+def test_open_refuses_inward_surfaces_and_foreign_masks(folder, capsys):
+    ball = sphere()
+    write_surface(folder / "ball.ply", ball)
+    write_surface(folder / "inside-out.ply", Surface(ball.vertices, ball.faces[:, ::-1]))
+    np.save(folder / "mask.npy", ball.vertices[:, 2] < -0.5)
+    np.save(folder / "foreign.npy", np.ones(7))
+    for surface, mask, message in (("inside-out.ply", "mask.npy", "--reverse|reverse"), ("ball.ply", "foreign.npy", "foreign.npy")):
+        line = refused(capsys, folder, "open", folder / surface, "--mask", folder / mask, "--out", folder / "open.npz")
+        assert re.search(message, line)
+    run("open", folder / "inside-out.ply", "--reverse", "--mask", folder / "mask.npy", "--out", folder / "open.npz")
+    require_outward(read_surface(folder / "open.npz"))
