@@ -158,7 +158,7 @@ class BeltramiDiskSolver:
         self.turn = np.angle(edge[0]) + self.share * np.angle(edge[1] / edge[0])
         self.f = w * np.exp(-1j * self.turn)
         self.f[self.loop] /= abs(self.f[self.loop])
-        return self.f
+        return self.f.copy()  # the pullback refers to self.f
 
     def pullback(self, grad_f):
         """Gradient with respect to mu, (F,) or (B, F), from gradients with respect to the last f, (V,) or (B, V).
