@@ -6,14 +6,15 @@ import numpy as np
 
 from qclearn.surface import Surface
 
-from .fundus import trace
+from .fundus import trace, trim
 from .growth import depth_below, grow, hull_distance, neighbour_table
 from .individual import Individual, smooth_field
+from .template import LONGEST
 from .tessellation import even_points, triangulate
 from .untangle import untangle
 
 HEMISPHERES = ("left", "right")
-FEWEST, MOST = 1_000, 200_000
+FEWEST, MOST = 1_000, 100_000
 
 
 class CortexError(ValueError):
@@ -38,7 +39,7 @@ class Mechanics:
     pull: float = 0.0175  # inward force on furrows, released after mid-growth
     keep: float = 0.05  # share of it that stays
     noise: float = 0.01  # random initial relief
-    steps: int = 2000
+    steps: int = 2000  # more above 10,000 vertices, like n^(1/2)
     time_step: float = 0.2
     damping: float = 0.25
     refresh: int = 10  # steps between contact searches
@@ -103,18 +104,27 @@ def make_cortex(seed, n_vertices=10_000, hemisphere="left", mechanics=Mechanics(
     start, index = neighbour_table(faces, n_vertices)
     x, hull = _fold(person, directions, rim, rest, faces, start, index, mechanics)
     x = untangle(x, faces, start, index, np.arange(n_vertices) < rim)
-    normal, depth = vertex_normals(x, faces), depth_below(x, *hull)
-    curves = {name: trace(x, rest, normal, start, index, depth, person.position(course))
-              for name, course in person.courses.items()}
+    curves = _curves(person, x, rest, faces, start, index, depth_below(x, *hull))
     vertices = x * np.sqrt(person.area / _area(x, faces))
     if hemisphere == "left":
         vertices, faces = vertices * [-1, 1, 1], faces[:, ::-1]
     return Cortex(Surface(vertices, faces, curves), template, seed, hemisphere)
 
 
+def _curves(person, x, rest, faces, start, index, depth):
+    """Fundus paths of the named sulci, dict name -> (k,) vertices."""
+    normal, length = vertex_normals(x, faces), np.sqrt(_area(x, faces))
+    paths = {}
+    for name, course in person.courses.items():
+        path = trace(x, rest, normal, start, index, depth, person.position(course))
+        paths[name] = trim(x, path, depth, LONGEST.get(name, np.inf) * length)
+    return paths
+
+
 def _fold(person, directions, rim, rest, faces, start, index, mechanics):
     """Folded positions (V, 3), in units of half the hemisphere, and the distance field of the hull."""
     m, count, rng = mechanics, len(rest), person.rng
+    # With n vertices an edge is as long as n^-1/2: these factors keep modulus and wavelength.
     ratio = count / 10_000
     normal = vertex_normals(rest, faces)
     owner = np.repeat(np.arange(count), np.diff(start))
@@ -129,7 +139,8 @@ def _fold(person, directions, rim, rest, faces, start, index, mechanics):
     parallel = 0.5 * (parallel + np.einsum("ij,ij->i", edge, along[index]) ** 2 * pull[index])
     growth = 1 + (growth - 1) * (1 - m.anisotropy * parallel)
     relief = np.where(held, 0, m.noise * smooth_field(rng, directions, 0.1, 600))
-    settings = (m.steps, m.time_step, m.damping, m.bending * ratio, m.saturation, m.outer, m.depth,
+    steps = round(m.steps * max(1, ratio) ** 0.5)
+    settings = (steps, m.time_step, m.damping, m.bending * ratio, m.saturation, m.outer, m.depth,
                 m.touch * rest_length.mean(), m.stiffness, m.refresh, m.settle, m.limit, m.keep)
     hull = hull_distance(person.hull)
     x = grow(rest + relief[:, None] * normal, rest, normal, start, index, rest_length, held, growth,

@@ -55,3 +55,15 @@ def trace(x, rest, normal, start, index, depth, course, end_radius=0.045):
     owner = np.repeat(np.arange(len(x)), np.diff(start))
     spacing = np.linalg.norm(rest[owner] - rest[index], axis=1).mean()
     return fundus_path(x, start, index, valley, distance, ends, spacing)
+
+
+def trim(x, path, depth, longest):
+    """The path (k,) without as much of its shallower ends as makes it longer than `longest`."""
+    step = np.linalg.norm(np.diff(x[path], axis=0), axis=1)
+    first, last = 0, len(path) - 1
+    while step[first:last].sum() > longest:
+        if depth[path[first]] < depth[path[last]]:
+            first += 1
+        else:
+            last -= 1
+    return path[first : last + 1]

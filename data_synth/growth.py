@@ -1,15 +1,11 @@
 """The folding of a growing elastic shell: explicit dynamics of springs, bending, foundation, limits and self-contact."""
 
 import numpy as np
-from numba import njit
 from scipy.spatial import cKDTree
 
+from .compiled import compiled
 from .template import CENTRE, area_vectors, unit
 from .tessellation import fibonacci_sphere
-
-# Unit of length = half the hemisphere, of stiffness = an edge spring. Bending and foundation at 10,000 vertices; they
-# scale with n and 1/n, which keeps the modulus and with it the wavelength (bending / foundation)^(1/4) edge lengths.
-REFERENCE_COUNT = 10_000
 
 
 def neighbour_table(faces, count):
@@ -44,7 +40,7 @@ def hull_distance(radius, spacing=0.03, samples=40_000):
     return np.where(far < 0.05, level, sign * far).reshape(shape), low, spacing
 
 
-@njit(cache=True)
+@compiled
 def _cells(x, size):
     """Vertices sorted by grid cell: keys' grid origin, grid shape, sorted order, start of each cell in it."""
     low = np.array([x[:, 0].min(), x[:, 1].min(), x[:, 2].min()])
@@ -65,7 +61,7 @@ def _cells(x, size):
     return low, shape, order, start
 
 
-@njit(cache=True)
+@compiled
 def _close_pairs(x, rest, reach, apart):
     """Pairs (P, 2) closer than `reach` now that lay farther apart than `apart` in the rest surface."""
     low, shape, order, start = _cells(x, reach)
@@ -90,7 +86,7 @@ def _close_pairs(x, rest, reach, apart):
     return pairs[:count]
 
 
-@njit(cache=True)
+@compiled
 def _depth_at(point, field, low, spacing, out):
     """Trilinear value of the signed-distance field at a point and its gradient, written to out (4,)."""
     cell, part = np.empty(3, np.int64), np.empty(3)
@@ -112,7 +108,7 @@ def _depth_at(point, field, low, spacing, out):
                 out[3] += wa * wb * dc * value / spacing
 
 
-@njit(cache=True)
+@compiled
 def _elastic(x, start, index, rest_length, growth, progress, bending, laplacian, force):
     """Adds edge springs and the umbrella bi-Laplacian to `force`; `laplacian` is work space."""
     for i in range(len(x)):
@@ -143,7 +139,7 @@ def _elastic(x, start, index, rest_length, growth, progress, bending, laplacian,
         force[i, 2] -= bending * (sz / degree - laplacian[i, 2])
 
 
-@njit(cache=True)
+@compiled
 def _contact(x, pairs, distance, stiffness, force):
     for k in range(len(pairs)):
         i, j = pairs[k, 0], pairs[k, 1]
@@ -159,7 +155,7 @@ def _contact(x, pairs, distance, stiffness, force):
             force[j, 2] -= push * dz
 
 
-@njit(cache=True)
+@compiled
 def depth_below(x, field, low, spacing):
     """Distance (V,) of points below the hull, from the field of `hull_distance`."""
     depth, value = np.empty(len(x)), np.empty(4)
@@ -169,7 +165,7 @@ def depth_below(x, field, low, spacing):
     return depth
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def grow(x, rest, normal, start, index, rest_length, held, growth, anchor, pull, field, low, spacing, settings):
     """Positions (V, 3) of the folded shell, from `x` near the rest surface `rest`.
 

@@ -34,6 +34,9 @@ SULCI = {
     "superior frontal sulcus": ((24, 36, 36), (24, 22, 46), (24, 8, 55), (26, -4, 60)),
 }
 
+# Longest fundus in units of the square root of the folded area, where people agree on one: about what real ones reach.
+LONGEST = {"central sulcus": 0.295, "calcarine sulcus": 0.315}
+
 # Companions that give the gyri between the named sulci their shape; they carry no curve.
 COMPANIONS = {
     "precentral sulcus": ((30, -8, 62), (42, 0, 46), (52, 6, 26), (56, 8, 14)),
@@ -47,6 +50,8 @@ COMPANIONS = {
     "subparietal sulcus": ((0, -44, 34), (0, -52, 38), (0, -58, 32)),
     "transverse occipital sulcus": ((22, -82, 34), (32, -80, 26), (40, -76, 16)),
     "paracentral sulcus": ((0, -6, 58), (0, -12, 70)),
+    "paracingulate sulcus": ((0, 58, 20), (0, 46, 38), (0, 28, 50)),
+    "precuneal sulcus": ((0, -54, 46), (0, -60, 58)),
     "rostral sulcus": ((0, 58, -4), (0, 46, -11), (0, 34, -12)),
 }
 

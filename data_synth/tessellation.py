@@ -1,9 +1,9 @@
 """Even triangle meshes of a star-shaped initial surface with the medial wall left out."""
 
 import numpy as np
-from numba import njit
 from scipy.spatial import ConvexHull, cKDTree
 
+from .compiled import compiled
 from .template import CENTRE, area_vectors, unit, wall_curve, wall_level
 
 
@@ -24,7 +24,7 @@ def even_points(position, count, rng, iterations=14, samples_per_point=9):
     rim = wall_curve(2000)
     rim_length = np.linalg.norm(np.diff(position(rim), axis=0), axis=1).sum()
     samples, area = _even_samples(position, samples_per_point * count, rng)
-    rim = wall_curve(int(round(rim_length / np.sqrt(area / count * 2 / np.sqrt(3)))))
+    rim = wall_curve(round(rim_length / np.sqrt(area / count * 2 / np.sqrt(3))))
     where, rim_position = position(samples), position(rim)
     inner = count - len(rim)
     points = where[((np.arange(inner) + rng.random(inner)) / inner * len(where)).astype(int)]
@@ -78,19 +78,19 @@ def interior_edges(faces):
     return first % count, first // count, second % count, second // count
 
 
-@njit(cache=True)
+@compiled
 def _cosine(p, q, r):
     a, b = q - p, r - p
     return (a @ b) / np.sqrt((a @ a) * (b @ b))
 
 
-@njit(cache=True)
+@compiled
 def _volume(p, q, r):
     return (p[0] * (q[1] * r[2] - q[2] * r[1]) + p[1] * (q[2] * r[0] - q[0] * r[2])
             + p[2] * (q[0] * r[1] - q[1] * r[0]))
 
 
-@njit(cache=True)
+@compiled
 def _flip_pass(faces, x, u, face_a, corner_a, face_b, corner_b):
     """One pass of Lawson flips over edges whose two faces were not touched in this pass; returns how many flipped."""
     touched = np.zeros(len(faces), np.bool_)

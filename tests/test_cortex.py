@@ -1,11 +1,15 @@
 from functools import cache
+from itertools import pairwise
 
+import numba
 import numpy as np
 import pytest
 
 import data_synth
 from data_synth import CortexError, correspondence, load_cortex, make_cortex, save_cortex
+from data_synth.compiled import compiled
 from data_synth.correspondence import locate_on_sphere
+from data_synth.fundus import trim
 from data_synth.growth import depth_below, grow, hull_distance, neighbour_table
 from data_synth.individual import Individual
 from data_synth.intersections import self_intersections
@@ -70,11 +74,18 @@ def test_curves_are_paths_of_edges_in_folds():
     concave = []
     for path in surface.curves.values():
         assert len(path) >= 2 and len(np.unique(path)) == len(path)
-        assert all((min(pair), max(pair)) in edges for pair in zip(path[:-1], path[1:]))
+        assert all((min(pair), max(pair)) in edges for pair in pairwise(path))
         concave.append((curvature[path] < 0).mean())
     assert np.median(concave) > 0.85
     every = np.concatenate(list(surface.curves.values()))
     assert depth[every].mean() > 1.6 * np.average(depth, weights=surface.vertex_areas)
+
+
+def test_paths_are_cut_at_their_shallow_ends():
+    x = np.column_stack([np.arange(6.0), np.zeros(6), np.zeros(6)])
+    depth = np.array([0.0, 1.0, 5.0, 4.0, 3.0, 2.0])
+    assert trim(x, np.arange(6), depth, 3.5).tolist() == [2, 3, 4, 5]
+    assert trim(x, np.arange(6), depth, 5.0).tolist() == [0, 1, 2, 3, 4, 5]
 
 
 def test_curves_lie_where_anatomy_has_them():
@@ -256,3 +267,13 @@ def test_the_mesh_is_even_and_nearly_delaunay():
     angle = np.arccos(cosine)
     f, i, g, j = interior_edges(faces)
     assert (angle[f, i] + angle[g, j] > np.pi + 1e-3).mean() < 0.005
+
+
+def test_compilation_does_without_a_cache_folder(monkeypatch):
+    def no_folder(cache=False, nogil=False):
+        if cache:
+            raise RuntimeError("cannot cache function: no locator available")
+        return numba.njit(nogil=nogil)
+
+    monkeypatch.setattr("data_synth.compiled.njit", no_folder)
+    assert compiled(lambda x: 2 * x)(21) == 42
