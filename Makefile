@@ -9,7 +9,7 @@ JOBS ?= 2
 
 BIN := .venv/bin
 INSTALLED := .venv/installed
-PIP := $(BIN)/python -m pip install --disable-pip-version-check --retries 3 --timeout 30 --quiet
+PIP := $(BIN)/python -m pip install --disable-pip-version-check --retries 2 --timeout 15 --quiet
 
 # One thread per process: JOBS processes run side by side, and small sparse solves gain nothing from more threads.
 export OMP_NUM_THREADS ?= 1
@@ -33,8 +33,7 @@ lab: $(INSTALLED)
 
 # The picture of the README.
 picture: $(INSTALLED)
-	$(BIN)/qclearn demo --out build/demo
-	cp build/demo/figure.png book/_assets/registration.png
+	$(BIN)/python tools/readme_picture.py
 
 clean:
 	rm -rf _build build .venv
