@@ -199,5 +199,22 @@ def surface_scene(surface, values=None, curves=(), cmap="gray", clim=None, title
     return plotter
 
 
+def registration_scene(registration, shape, registered=True, **more):
+    """The landmarks of one `Registration` in 3-D, as in the paper: registered curves yellow, targets red; a Plotter.
+
+    shape: the control surface, or another one with its faces (inflated, say); registered=False shows the moving curves
+    where the best Möbius map of the disk leaves them. `more` goes to `surface_scene`.
+    """
+    from .register import lift  # register reports progress; the disk figures do not need it
+
+    r = registration
+    moving, targets = (list(side) for side in zip(*r.curves.values()))
+    if registered:
+        moving = map_curves(r.disk_moving, r.faces_moving, r.disk_map, moving)
+    curves = [(lift(shape, r.disk_control, curve), style)
+              for side, style in ((targets, "target"), (moving, "registered")) for curve in side]
+    return surface_scene(shape, curves=curves, **more)
+
+
 def _pairs(z):
     return np.stack([z.real, z.imag], axis=-1)

@@ -17,6 +17,7 @@ from qclearn.plot import (
     mu_histogram,
     polar_lines,
     registration_figure,
+    registration_scene,
     square_lines,
     surface_scene,
 )
@@ -148,3 +149,16 @@ def test_scene_holds_only_what_is_seen_in_float32():
     assert set(meshes[0].array_names) <= {"values", "Normals"}
     np.testing.assert_allclose(meshes[1].center, meshes[2].center)
     plotter.close()
+
+
+def test_the_scene_of_a_registration_shows_curves_before_and_after(registered):
+    """Four tubes: targets on the control, and the moving curves; after the map they lie on the targets."""
+    registration, _, control = registered
+    for done, farthest in ((True, 0.05), (False, None)):
+        plotter = registration_scene(registration, control, done)
+        meshes = [actor.mapper.dataset for actor in plotter.actors.values() if hasattr(actor, "mapper")]
+        targets, curves = meshes[1:3], meshes[3:5]
+        apart = max(np.linalg.norm(curve.center_of_mass() - target.center_of_mass())
+                    for curve, target in zip(curves, targets))
+        assert apart < farthest if done else apart > 0.05
+        plotter.close()
