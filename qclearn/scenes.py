@@ -70,6 +70,7 @@ class Scene:
         require_renderer()
         self.description = description
         self.height = height
+        plotter.off_screen = True
         _keep_what_is_shown(plotter)
         self.picture = _png(plotter) if poster else None
         with warnings.catch_warnings():
