@@ -36,7 +36,7 @@ class Mechanics:
     depth: float = 0.26  # floor inside the hull
     touch: float = 1.3  # contact distance in grown edge lengths
     stiffness: float = 3.0  # of contact
-    pull: float = 0.0175  # inward force on furrows, released after mid-growth
+    pull: float = 0.018  # inward force on furrows, released after mid-growth
     keep: float = 0.05  # share of it that stays
     noise: float = 0.01  # random initial relief
     steps: int = 2000  # more above 10,000 vertices, like n^(1/2)

@@ -7,9 +7,9 @@ from .template import CENTRE, COMPANIONS, LOBES, SULCI, Diffeomorphism, hull_rad
 
 VARIABILITY = 0.11  # root mean square displacement of the template, radians
 AREA, AREA_SPREAD = 95_000.0, 0.06  # folded area in mm^2, its relative deviation
-FOSSA_DEPTH, FOSSA_WIDTH = 0.24, 0.17
+FOSSA_DEPTH, FOSSA_WIDTH = 0.26, 0.13
 FURROW_WIDTH = 0.05
-SPACING = 0.19  # least distance of tertiary furrows from others
+SPACING = 0.21  # least distance of tertiary furrows from others
 
 
 def smooth_field(rng, directions, width, count):
