@@ -3,6 +3,9 @@
 import hashlib
 import os
 import tempfile
+import warnings
+from contextlib import contextmanager
+from errno import EISDIR
 from pathlib import Path
 
 import numpy as np
@@ -11,19 +14,33 @@ from torch.utils.data import DataLoader, Dataset, TensorDataset
 from tqdm import tqdm
 
 from qclearn.curvature import curvature_image, grey_levels, mean_curvature
-from qclearn.disk import BeltramiDiskSolver, disk_conformal_map
+from qclearn.disk import disk_conformal_map
 from qclearn.diskmesh import polar_disk
 from qclearn.landmarks import sample_curve
 
-from .fields import KINDS, random_coefficient
-from .landmarks import Perturbation
+from .fields import KINDS, MAX_ABS, dead_leaves, random_coefficient
+from .landmarks import DiskMaps, Perturbation
+
+
+class DatasetError(ValueError):
+    """A training set that cannot be drawn or kept: says why and what to do."""
+
+
+class DatasetWarning(UserWarning):
+    """A kept training set was damaged or of another recipe, and was drawn again."""
 
 
 class _Seeded(Dataset):
-    """Items `draw(rng) -> tuple of arrays`, one generator an item, as float32 or complex64 tensors."""
+    """Items `draw(rng) -> tuple of arrays`, one generator an item, as float32 or complex64 tensors.
 
-    def __init__(self, count, seed):
-        self.count, self.seed = count, seed
+    ingredients: whatever else decides the items (arrays, numbers, names, sources of images), for the recipe.
+    """
+
+    def __init__(self, count, seed, *ingredients):
+        for name, value, least in (("count", count, 1), ("seed", seed, 0)):
+            if not isinstance(value, (int, np.integer)) or value < least:
+                raise DatasetError(f"the {name} is {value!r}; give a whole number from {least}")
+        self.count, self.seed, self.ingredients = int(count), int(seed), ingredients
 
     def __len__(self):
         return self.count
@@ -33,6 +50,18 @@ class _Seeded(Dataset):
             raise IndexError(index)
         return tuple(_tensor(array) for array in self.draw(np.random.default_rng([self.seed, index])))
 
+    @property
+    def recipe(self):
+        """Digest of all that decides the items but the program's version."""
+        digest = hashlib.sha256(repr((type(self).__name__, self.count, self.seed)).encode())
+        for part in self.ingredients:
+            if isinstance(part, np.ndarray):
+                digest.update(f"{part.dtype} {part.shape}".encode() + part.tobytes())
+            else:
+                digest.update(getattr(part, "__qualname__", repr(part)).encode())
+            digest.update(b";")
+        return digest.hexdigest()
+
 
 def _tensor(array):
     array = np.asarray(array)
@@ -40,33 +69,38 @@ def _tensor(array):
 
 
 class CoefficientDataset(_Seeded):
-    """For DBS-Net: (mu (F,), f (V,)) on a polar disk mesh, f the exact map; the two kinds of field in equal shares."""
+    """For DBS-Net: (mu (F,), f (V,)) on a polar disk mesh, f the exact map; the two kinds of field in equal shares.
 
-    def __init__(self, count, seed, rings=32, spokes=96, **options):
-        super().__init__(count, seed)
-        self.z, self.faces = polar_disk(rings, spokes)
-        self.solver, self.options = BeltramiDiskSolver(self.z, self.faces), options
+    source: where the fields of the kind "image" come from, `dead_leaves` or an `ImageFolder`.
+    """
+
+    def __init__(self, count, seed, rings=32, spokes=96, max_abs=MAX_ABS, source=dead_leaves):
+        super().__init__(count, seed, rings, spokes, max_abs, source)
+        self.maps = DiskMaps(*polar_disk(rings, spokes))
+        self.options = {"max_abs": max_abs, "source": source}
 
     def draw(self, rng):
-        kind = list(KINDS)[rng.integers(len(KINDS))]
-        mu = random_coefficient(self.z, self.faces, rng, kind=kind, **self.options)
-        return mu, self.solver.solve(mu)
+        mu = random_coefficient(self.maps.z, self.maps.faces, rng, kind=rng.choice(KINDS), **self.options)
+        return mu, self.maps.solve(mu)
 
 
 class LandmarkDataset(_Seeded):
     """For CP-Net: (moving (M,), target (M,), mu (F,)) with moving = f(target) for a known map f on a polar mesh.
 
-    targets: (M,) complex landmarks on the control.
+    targets: (M,) complex landmarks on the control, in the unit disk; mu is the coefficient of f. source: as in
+    `CoefficientDataset`.
     """
 
-    def __init__(self, count, seed, targets, rings=32, spokes=96, **options):
-        super().__init__(count, seed)
-        self.targets, self.options = np.asarray(targets, complex), options
+    def __init__(self, count, seed, targets, rings=32, spokes=96, max_abs=MAX_ABS, source=dead_leaves):
+        self.targets = np.asarray(targets, complex)
+        if self.targets.ndim != 1 or not len(self.targets) or not (abs(self.targets) <= 1).all():
+            raise DatasetError("targets: give complex points (M,) of the unit disk, at least one")
+        super().__init__(count, seed, self.targets, rings, spokes, max_abs, source)
         self.perturbation = Perturbation(*polar_disk(rings, spokes), self.targets)
+        self.options = {"max_abs": max_abs, "source": source}
 
     def draw(self, rng):
-        kind = list(KINDS)[rng.integers(len(KINDS))]
-        moving, mu, _ = self.perturbation.draw(rng, kind=kind, **self.options)
+        moving, mu, _ = self.perturbation.draw(rng, kind=rng.choice(KINDS), **self.options)
         return moving, self.targets, mu
 
 
@@ -75,20 +109,31 @@ class CurveDataset(_Seeded):
 
     Channels: curvature in 0..255 on the disk (0 outside it) and the endpoints as 255; ends and curves are complex
     points of the same image coordinates, whose radius follows the area. Each item draws a subject, a rotation and a
-    quasi-conformal map of its disk, as the paper does.
+    quasi-conformal map of its disk, as the paper does. The curves are the subjects' own, in the order of `names`.
     """
 
     def __init__(self, count, seed, subjects, size=128, points=10, max_abs=(0.0, 0.4)):
-        super().__init__(count, seed)
+        surfaces = [subject.surface for subject in subjects]
+        self.names = tuple(surfaces[0].curves) if surfaces else ()
+        if not self.names or any(set(surface.curves) != set(self.names) for surface in surfaces):
+            raise DatasetError("subjects: give at least one, all with the same named curves")
+        parts = [part for surface in surfaces
+                 for part in (surface.vertices, surface.faces, *(surface.curves[name] for name in self.names))]
+        super().__init__(count, seed, size, points, max_abs, self.names, *parts)
         self.size, self.points, self.max_abs = size, points, max_abs
-        self.subjects = [_prepare(subject) for subject in subjects]
+        self.subjects = [self._prepare(surface) for surface in surfaces]
+
+    def _prepare(self, surface):
+        samples = [sample_curve(surface, surface.curves[name], self.points) for name in self.names]
+        grey = grey_levels(mean_curvature(surface), surface.vertex_areas)
+        return surface, grey, DiskMaps(disk_conformal_map(surface), surface.faces), samples
 
     def draw(self, rng):
-        surface, grey, solver = self.subjects[rng.integers(len(self.subjects))]
-        mu = random_coefficient(solver.z, solver.faces, rng, max_abs=self.max_abs)
-        z = solver.solve(mu) * np.exp(2j * np.pi * rng.random())
+        surface, grey, maps, samples = self.subjects[rng.integers(len(self.subjects))]
+        mu = random_coefficient(maps.z, maps.faces, rng, max_abs=self.max_abs)
+        z = maps.solve(mu) * np.exp(2j * np.pi * rng.random())
         image, radius = curvature_image(surface, z, self.size, grey)
-        curves = np.stack([radius.to_image(sample_curve(surface, path, self.points) @ z) for path in surface.curves.values()])
+        curves = np.stack([radius.to_image(curve @ z) for curve in samples])
         ends = curves[:, [0, -1]]
         marks = np.zeros((self.size, self.size))
         row, column = (np.clip(((x + 1) * self.size / 2).astype(int), 0, self.size - 1) for x in (ends.imag, ends.real))
@@ -96,55 +141,59 @@ class CurveDataset(_Seeded):
         return np.stack([np.nan_to_num(image), marks]), ends, curves
 
 
-def _prepare(subject):
-    surface = subject.surface
-    z = disk_conformal_map(surface)
-    return surface, grey_levels(mean_curvature(surface), surface.vertex_areas), BeltramiDiskSolver(z, surface.faces)
-
-
 def cached(dataset, path, workers=0, progress=True):
     """The whole dataset as a TensorDataset, read from `path` or drawn once by `workers` processes and kept there.
 
-    The file carries the dataset's recipe and a checksum; one that is damaged or of another recipe is drawn again.
+    The file carries the dataset's recipe and a checksum; one that is damaged or of another recipe is drawn again, with
+    a DatasetWarning. DatasetError, before anything is drawn, where the file cannot be written.
     """
-    path, recipe = Path(path), _recipe(dataset)
-    kept = _read(path, recipe)
+    path = Path(path)
+    kept = _read(path, dataset.recipe)
     if kept is None:
-        loader = DataLoader(dataset, batch_size=16, num_workers=workers)
-        batches = list(tqdm(loader, desc=f"drawing {path.name}", delay=2, disable=not progress))
-        kept = [torch.cat(column) for column in zip(*batches)]
-        _write(path, kept, recipe)
+        if path.exists():
+            warnings.warn(f"{path} is damaged or of another recipe; it is drawn again", DatasetWarning, stacklevel=2)
+        with _written_whole(path) as file:
+            loader = DataLoader(dataset, batch_size=16, num_workers=workers)
+            batches = list(tqdm(loader, desc=f"drawing {path.name}", delay=2, disable=not progress))
+            kept = [torch.cat(column) for column in zip(*batches)]
+            np.savez(file, columns=len(kept), recipe=dataset.recipe, checksum=_checksum(kept),
+                     **{f"column_{k}": tensor.numpy() for k, tensor in enumerate(kept)})
     return TensorDataset(*kept)
 
 
-def _recipe(dataset):
-    plain = {key: value for key, value in vars(dataset).items() if isinstance(value, (int, float, str, tuple, dict))}
-    targets = getattr(dataset, "targets", np.zeros(0)).tobytes()
-    surfaces = b"".join(item[0].vertices.tobytes() for item in getattr(dataset, "subjects", []))
-    shape = len(getattr(dataset, "z", ()))
-    return hashlib.sha256(repr((type(dataset).__name__, sorted(plain.items()), shape)).encode() + targets + surfaces).hexdigest()
+@contextmanager
+def _written_whole(path):
+    """A file that takes the place of `path` at the end, and vanishes where something fails."""
+    try:
+        if path.is_dir():
+            raise IsADirectoryError(EISDIR, "it is a folder")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        file = tempfile.NamedTemporaryFile(dir=path.parent, suffix=".partial", delete=False)  # noqa: SIM115 (closed below)
+    except OSError as error:
+        reason = error.strerror or error
+        raise DatasetError(f"{path} cannot be written: {reason}. Choose a folder you may write.") from None
+    try:
+        with file:
+            yield file
+        os.replace(file.name, path)
+    except BaseException:
+        os.unlink(file.name)
+        raise
 
 
 def _checksum(tensors):
     digest = hashlib.sha256()
     for tensor in tensors:
-        digest.update(tensor.numpy().tobytes())
+        digest.update(str(tensor.shape).encode() + tensor.numpy().tobytes())
     return digest.hexdigest()
 
 
 def _read(path, recipe):
     try:
-        with np.load(path, allow_pickle=False) as file:
+        # Opened here: np.load leaves the file open where the archive is damaged.
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             tensors = [torch.as_tensor(file[f"column_{k}"]) for k in range(int(file["columns"]))]
             if file["recipe"] == recipe and file["checksum"] == _checksum(tensors):
                 return tensors
-    except Exception:  # absent, cut short, or not ours: drawn again
+    except Exception:  # noqa: BLE001 (absent, cut short, or not ours: drawn again)
         return None
-
-
-def _write(path, tensors, recipe):
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".npz", delete=False) as file:
-        np.savez(file, columns=len(tensors), recipe=recipe, checksum=_checksum(tensors),
-                 **{f"column_{k}": tensor.numpy() for k, tensor in enumerate(tensors)})
-    os.replace(file.name, path)

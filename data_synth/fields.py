@@ -6,6 +6,8 @@ photographs' place; here a folder of images, or dead leaves with a 1/f texture, 
 natural images (Ruderman 1997; Lee, Mumford and Huang 2001).
 """
 
+import hashlib
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +19,7 @@ from qclearn.fourier import from_square
 
 MAX_ABS = (0.05, 0.6)  # the largest |mu| of a field is uniform in this interval
 SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp"}
+SMALLEST = 8  # pixels
 
 
 class ImageError(ValueError):
@@ -26,43 +29,60 @@ class ImageError(ValueError):
 class ImageFolder:
     """Photographs of a local folder as a source of grey images: `folder(size, rng)` gives a random square part.
 
-    Every file with an image suffix is opened once at the start; ImageError names the first that cannot be read, or
-    says that there is none.
+    Every file with an image suffix is read once at the start, so that a long run does not meet a damaged one; they are
+    read again when drawn, so that memory does not grow with the folder. ImageError names the first that cannot be used,
+    or says that there is none.
     """
 
     def __init__(self, folder):
         folder = Path(folder)
         if not folder.is_dir():
-            raise ImageError(f"{folder}: no such folder of images")
-        paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
-        if not paths:
-            raise ImageError(f"{folder}: holds no images ({', '.join(sorted(SUFFIXES))})")
-        self.images = [_read_grey(path) for path in paths]
+            raise ImageError(f"{folder}: no such folder of images; give one that exists")
+        self.paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
+        if not self.paths:
+            raise ImageError(f"{folder}: holds no images; put some there ({', '.join(sorted(SUFFIXES))})")
+        contents = hashlib.sha256()
+        for path in self.paths:
+            _read_grey(path)
+            contents.update(path.read_bytes())
+        self.contents = contents.hexdigest()
+
+    def __repr__(self):  # the same for the same pictures, wherever they lie
+        return f"ImageFolder({len(self.paths)} images, sha256 {self.contents})"
 
     def __call__(self, size, rng):
-        image = self.images[rng.integers(len(self.images))]
+        image = _read_grey(self.paths[rng.integers(len(self.paths))])
         side = int(min(image.shape) * rng.uniform(0.5, 1.0))
         row, column = (int(rng.integers(length - side + 1)) for length in image.shape)
         part = image[row:row + side, column:column + side]
-        return transform.resize(part, (size, size), order=1, anti_aliasing=side > size)
+        if np.ptp(part) == 0:  # clear sky: nothing to scale, so the whole picture serves
+            part = image
+        return transform.resize(part, (size, size), order=1, anti_aliasing=min(part.shape) > size)
 
 
 def _read_grey(path):
     try:
-        image = img_as_float(io.imread(path))
-    except Exception as error:  # the readers raise all sorts
-        raise ImageError(f"{path}: not a readable image ({' '.join(str(error).split())[:80]}); remove or replace it") from None
-    image = image[..., :3].mean(-1) if image.ndim == 3 else image
-    if image.ndim != 2 or min(image.shape) < 8:
-        raise ImageError(f"{path}: shape {image.shape}; give a picture of at least 8 x 8 pixels")
+        image = img_as_float(io.imread(BytesIO(path.read_bytes())))  # from a path, the reader may leave the file open
+    except Exception as error:  # noqa: BLE001 (the readers raise all sorts)
+        reason = " ".join(str(error).split())[:80]
+        raise ImageError(f"{path}: not a readable image ({reason}); remove or replace it") from None
+    if image.ndim == 3 and image.shape[-1] <= 4:
+        colours = image.shape[-1] - (image.shape[-1] in (2, 4))  # without the opacity
+        image = image[..., :colours].mean(-1)
+    if image.ndim != 2 or min(image.shape) < SMALLEST:
+        raise ImageError(f"{path}: shape {image.shape}; give one picture of at least {SMALLEST} x {SMALLEST} pixels")
+    if not np.isfinite(image).all() or np.ptp(image) == 0:
+        raise ImageError(f"{path}: is of one grey throughout, or not finite; remove or replace it")
     return image
 
 
 def power_noise(size, rng, slope):
     """Periodic Gaussian noise (size, size) with amplitude |k|^-slope, mean 0 and standard deviation 1."""
     k = np.hypot(*np.meshgrid(np.fft.fftfreq(size), np.fft.rfftfreq(size), indexing="ij"))
-    k[0, 0] = np.inf
-    noise = np.fft.irfft2(np.fft.rfft2(rng.normal(size=(size, size))) * k ** -slope, (size, size))
+    k[0, 0] = 1
+    spectrum = np.fft.rfft2(rng.normal(size=(size, size))) * k ** -slope
+    spectrum[0, 0] = 0
+    noise = np.fft.irfft2(spectrum, (size, size))
     return noise / noise.std()
 
 
@@ -101,18 +121,19 @@ def smooth_coefficient(size, rng, slope=2.5):
     return field / abs(field).max()
 
 
-KINDS = {"image": image_coefficient, "smooth": smooth_coefficient}
+KINDS = ("image", "smooth")
 
 
-def random_coefficient(z, faces, rng, kind="smooth", max_abs=MAX_ABS, size=128, **options):
+def random_coefficient(z, faces, rng, kind="smooth", max_abs=MAX_ABS, size=128, source=dead_leaves):
     """Random mu (F,) on the faces of a disk mesh; its largest |mu| is uniform in `max_abs`.
 
-    kind: "image" (the paper's recipe, options as `image_coefficient`) or "smooth" (`smooth_coefficient`). The field is
-    drawn on the square and resampled by `disk_to_square`, with a uniformly random turn of its phase.
+    kind: "image" (`image_coefficient` of `source`) or "smooth" (`smooth_coefficient`). The field is drawn on a square
+    of size x size pixels and resampled by `disk_to_square`, with a uniformly random turn of its phase.
     """
     if kind not in KINDS:
         raise ValueError(f"unknown kind {kind!r}; there are {', '.join(KINDS)}")
     if not 0 <= max_abs[0] <= max_abs[1] < 1:
         raise ValueError(f"max_abs = {max_abs}: give an interval within [0, 1)")
-    mu = from_square(KINDS[kind](size, rng, **options), z, faces)
+    image = image_coefficient(size, rng, source) if kind == "image" else smooth_coefficient(size, rng)
+    mu = from_square(image, z, faces)
     return mu * (rng.uniform(*max_abs) / abs(mu).max()) * np.exp(2j * np.pi * rng.random())

@@ -1,0 +1,348 @@
+"""Training sets: what an item holds, what decides it, and the file that keeps a drawn set."""
+
+import os
+import pickle
+
+import numpy as np
+import pytest
+import torch
+from skimage import io
+from torch.utils.data import DataLoader
+
+from data_synth import make_cortex
+from data_synth.datasets import CoefficientDataset, CurveDataset, DatasetError, DatasetWarning, LandmarkDataset, cached
+from data_synth.fields import MAX_ABS, ImageFolder
+from qclearn.bijectivity import check_bijective
+from qclearn.curvature import curvature_image, pixel_centres
+from qclearn.disk import solve_beltrami_disk
+from qclearn.diskmesh import locate, polar_disk
+from qclearn.landmarks import sample_curve
+
+# Coarse hemispheres may need a few switched rows; the map is bijective all the same.
+pytestmark = pytest.mark.filterwarnings("ignore::qclearn.bijectivity.RepairWarning")
+
+TARGETS = 0.6 * np.exp(2j * np.pi * np.arange(7) / 7)
+SMALL = {"rings": 8, "spokes": 24}
+
+
+@pytest.fixture(scope="module")
+def subjects():
+    return [make_cortex(seed, 1000) for seed in (1, 2)]
+
+
+@pytest.fixture(scope="module")
+def datasets(subjects):
+    return {"coefficients": CoefficientDataset(6, 5, **SMALL), "landmarks": LandmarkDataset(6, 5, TARGETS, **SMALL),
+            "curves": CurveDataset(6, 5, subjects, size=32)}
+
+
+each = pytest.mark.parametrize("name", ["coefficients", "landmarks", "curves"])
+
+
+def same(one, other):
+    return all(torch.equal(a, b) for a, b in zip(one, other, strict=True))
+
+
+@each
+def test_an_item_is_its_indexs_alone(datasets, name):
+    dataset = datasets[name]
+    forwards = [dataset[k] for k in range(6)]
+    assert all(same(dataset[k], forwards[k]) for k in (5, 0, 3))
+    image_or_mu = [item[0] if name != "landmarks" else item[2] for item in forwards]
+    for a in range(6):
+        for b in range(a):
+            assert abs(image_or_mu[a] - image_or_mu[b]).max() > 1e-2, (a, b)
+
+
+@each
+def test_another_seed_gives_other_items(datasets, name, subjects):
+    other = {"coefficients": lambda: CoefficientDataset(6, 6, **SMALL), "curves": lambda: CurveDataset(6, 6, subjects, 32),
+             "landmarks": lambda: LandmarkDataset(6, 6, TARGETS, **SMALL)}[name]()
+    assert not same(other[0], datasets[name][0])
+    assert not same(other[0], datasets[name][1])  # the seed is no offset of the index
+
+
+@each
+def test_workers_change_nothing(datasets, name):
+    alone, shared = (list(DataLoader(datasets[name], batch_size=2, num_workers=count)) for count in (0, 2))
+    assert all(same(a, b) for a, b in zip(alone, shared, strict=True))
+
+
+@each
+def test_a_used_dataset_can_be_sent_to_a_process_that_is_spawned(datasets, name):
+    dataset = datasets[name]
+    item = dataset[2]
+    sent = pickle.dumps(dataset)
+    assert same(pickle.loads(sent)[2], item)
+    assert len(sent) < 3e6  # no factorisation comes along
+
+
+@each
+def test_the_length_ends_a_loop(datasets, name):
+    dataset = datasets[name]
+    assert len(dataset) == 6
+    for index in (6, -1):
+        with pytest.raises(IndexError):
+            dataset[index]
+
+
+def test_a_coefficient_item_is_a_coefficient_and_its_map():
+    dataset = CoefficientDataset(10, 1, **SMALL)
+    z, faces = polar_disk(8, 24)
+    for mu, f in dataset:
+        assert mu.dtype == f.dtype == torch.complex64 and mu.shape == (len(faces),) and f.shape == (len(z),)
+        assert MAX_ABS[0] <= abs(mu).max() * (1 + 1e-6) and abs(mu).max() <= MAX_ABS[1] * (1 + 1e-6)
+        np.testing.assert_allclose(f, solve_beltrami_disk(z, faces, mu.numpy().astype(complex)), atol=1e-6)
+
+
+def test_both_kinds_of_field_come_in_equal_shares(monkeypatch):
+    kinds = []
+
+    def note(z, faces, rng, kind, **options):
+        kinds.append(str(kind))
+        return np.full(len(faces), 0.1 + 0j)
+
+    monkeypatch.setattr("data_synth.datasets.random_coefficient", note)
+    dataset = CoefficientDataset(200, 1, 3, 9)
+    for k in range(200):
+        dataset.draw(np.random.default_rng(k))
+    assert set(kinds) == {"image", "smooth"} and 70 < kinds.count("image") < 130
+
+
+def test_a_landmark_item_is_moved_by_a_map_of_its_coefficient():
+    dataset = LandmarkDataset(4, 2, TARGETS, **SMALL)
+    z, faces = polar_disk(8, 24)
+    face, weights = locate(z, faces, TARGETS)
+    for moving, target, mu in dataset:
+        assert moving.shape == target.shape == (7,) and moving.dtype == torch.complex64
+        np.testing.assert_allclose(target, TARGETS, atol=1e-7)
+        f = solve_beltrami_disk(z, faces, mu.numpy().astype(complex))
+        np.testing.assert_allclose(moving, (f[faces[face]] * weights).sum(1), atol=1e-5)
+        assert abs(moving - target).max() > 1e-3
+
+
+def test_a_folder_of_images_feeds_the_training_sets(tmp_path):
+    rng = np.random.default_rng(0)
+    for name in "ab":
+        io.imsave(tmp_path / f"{name}.png", rng.integers(0, 256, (40, 40)).astype(np.uint8))
+    source = ImageFolder(tmp_path)
+    for dataset in (CoefficientDataset(8, 1, source=source, **SMALL), LandmarkDataset(8, 1, TARGETS, source=source, **SMALL)):
+        assert all(torch.isfinite(part).all() for item in dataset for part in item)
+    leaves = CoefficientDataset(8, 1, **SMALL)
+    differ = [not same(a, b) for a, b in zip(CoefficientDataset(8, 1, source=source, **SMALL), leaves, strict=True)]
+    assert 0 < sum(differ) < 8  # the smooth kind asks no image
+
+
+def test_a_curve_item_shows_its_curves(datasets):
+    outside = abs(pixel_centres(32)) > 1
+    for image, ends, curves in datasets["curves"]:
+        assert image.shape == (2, 32, 32) and image.dtype == torch.float32
+        assert ends.shape == (8, 2) and curves.shape == (8, 10) and curves.dtype == torch.complex64
+        assert torch.equal(ends, curves[:, [0, -1]]) and abs(curves).max() <= 1 + 1e-6
+        grey, marks = image.numpy()
+        assert grey.min() >= 0 and grey.max() <= 255 and grey[~outside].std() > 30 and (grey[outside] == 0).all()
+        # a marked pixel is the one whose centre is nearest an end
+        nearest = {int(abs(pixel_centres(32) - complex(end)).argmin()) for end in ends.ravel()}
+        assert set(np.flatnonzero(marks.ravel())) == nearest and set(np.unique(marks)) == {0, 255}
+
+
+def test_curves_lie_in_the_dark_of_their_image(subjects):
+    """Fundi are concave, so the image is darker along them: fails if image and curves are turned against each other."""
+    share = []
+    for image, _, curves in CurveDataset(8, 3, subjects, size=64):
+        grey = image[0].numpy()
+        row, column = (np.clip((x + 1) * 32, 0, 63).astype(int) for x in (curves.imag.numpy(), curves.real.numpy()))
+        share.append(grey[row, column].mean() / grey[abs(pixel_centres(64)) <= 1].mean())
+    assert max(share) < 0.8
+
+
+def test_an_undistorted_item_is_the_subjects_own_image_turned(subjects):
+    dataset = CurveDataset(3, 4, subjects[:1], size=32, max_abs=(0.0, 0.0))
+    surface, grey, maps, _ = dataset.subjects[0]
+    for image, ends, curves in dataset:
+        flat = maps.solve(np.zeros(len(surface.faces)))
+        own_image, radius = curvature_image(surface, flat, 32, grey)
+        own = np.stack([radius.to_image(sample_curve(surface, surface.curves[name]) @ flat) for name in dataset.names])
+        turn = curves.numpy() / own
+        assert abs(turn - turn.mean()).max() < 1e-4 and abs(turn.mean()) == pytest.approx(1, abs=1e-5)
+        turned, _ = curvature_image(surface, flat * turn.mean(), 32, grey)
+        np.testing.assert_allclose(image[0], np.nan_to_num(turned), atol=0.2)
+        assert abs(turned - own_image)[abs(pixel_centres(32)) < 0.9].max() > 20
+
+
+def test_items_come_from_all_subjects_and_from_bijective_maps(subjects, monkeypatch):
+    dataset = CurveDataset(12, 7, subjects, size=16)
+    seen, flipped = set(), []  # not certified one by one: a fold in a picture would show, one sliver would not
+    original = type(dataset.subjects[0][2]).solve
+
+    def watch(maps, mu):
+        seen.add(len(maps.faces))
+        f = original(maps, mu)
+        flipped.append(len(check_bijective(maps.z, maps.faces, f).flipped))
+        return f
+
+    monkeypatch.setattr(type(dataset.subjects[0][2]), "solve", watch)
+    for item in dataset:
+        assert torch.isfinite(item[0]).all()
+    assert seen == {len(subject.surface.faces) for subject in subjects} and np.mean(flipped) < 1
+
+
+def test_the_order_of_the_curves_is_that_of_the_names(subjects):
+    first, second = subjects
+    surface = first.surface
+    backwards = type(surface)(surface.vertices, surface.faces, dict(reversed(surface.curves.items())))
+    turned = type(first)(backwards, first.template, first.seed, first.hemisphere)
+    options = {"size": 16, "max_abs": (0.0, 0.0)}
+    one, other = (CurveDataset(4, 1, [second, subject], **options) for subject in (first, turned))
+    assert one.names == other.names == tuple(second.curves)
+    assert all(same(a, b) for a, b in zip(one, other, strict=True))
+
+
+@pytest.mark.parametrize("make, message", [
+    (lambda subjects: CoefficientDataset(0, 1), "count is 0; give a whole number from 1"),
+    (lambda subjects: CoefficientDataset(2.5, 1), "count is 2.5"),
+    (lambda subjects: CoefficientDataset(3, -1), "seed is -1"),
+    (lambda subjects: LandmarkDataset(3, 1, []), "targets"),
+    (lambda subjects: LandmarkDataset(3, 1, [0.5, 1.5j]), "targets: .*unit disk"),
+    (lambda subjects: LandmarkDataset(3, 1, [0.5, np.nan]), "targets"),
+    (lambda subjects: CurveDataset(3, 1, []), "subjects: give at least one"),
+    (lambda subjects: CurveDataset(3, 1, [subjects[0], without_curves(subjects[1])]), "same named curves"),
+    (lambda subjects: CurveDataset(3, 1, [without_curves(subjects[1])]), "named curves"),
+])
+def test_impossible_sets(subjects, make, message):
+    with pytest.raises(DatasetError, match=message):
+        make(subjects)
+
+
+def without_curves(subject):
+    surface = type(subject.surface)(subject.surface.vertices, subject.surface.faces)
+    return type(subject)(surface, subject.template, subject.seed, subject.hemisphere)
+
+
+class Counted(CoefficientDataset):
+    """Counts its draws."""
+
+    drawn = 0
+
+    def draw(self, rng):
+        self.drawn += 1
+        return super().draw(rng)
+
+
+def counted(count=5, seed=3, rings=4, spokes=12, **options):
+    return Counted(count, seed, rings, spokes, **options)
+
+
+def keep(dataset, path, **options):
+    return cached(dataset, path, progress=False, **options)
+
+
+def test_a_kept_set_is_drawn_once_and_read_back_equal(tmp_path):
+    path = tmp_path / "new folder" / "training.set"
+    dataset = counted()
+    drawn = keep(dataset, path)
+    assert dataset.drawn == 5 and len(drawn) == 5
+    again = counted()
+    read = keep(again, path)
+    assert again.drawn == 0
+    for k in range(5):
+        assert same(drawn[k], dataset[k]) and same(read[k], dataset[k])
+    assert os.listdir(path.parent) == ["training.set"]
+
+
+def test_a_set_drawn_by_workers_is_the_same_file(tmp_path):
+    for workers in (0, 2):
+        keep(counted(20), tmp_path / f"{workers}.npz", workers=workers)
+    assert same(keep(counted(20), tmp_path / "0.npz").tensors, keep(counted(20), tmp_path / "2.npz").tensors)
+
+
+@pytest.mark.parametrize("damage", ["flipped bit", "cut short", "empty", "text", "another archive"])
+def test_a_damaged_file_is_drawn_again_with_a_warning(tmp_path, damage):
+    path = tmp_path / "set.npz"
+    keep(counted(), path)
+    whole = path.read_bytes()
+    if damage == "flipped bit":
+        middle = len(whole) // 2
+        path.write_bytes(whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1:])
+    elif damage == "another archive":
+        np.savez(path, vertices=np.zeros(3))
+    else:
+        path.write_bytes({"cut short": whole[:-300], "empty": b"", "text": b"no archive"}[damage])
+    dataset = counted()
+    with pytest.warns(DatasetWarning, match="set.npz is damaged or of another recipe"):
+        keep(dataset, path)
+    assert dataset.drawn == 5 and path.read_bytes() == whole
+    keep(counted(), path)  # whole from then on: a warning would be an error
+
+
+def test_a_wrong_number_under_a_right_archive_is_found(tmp_path):
+    """zip has checksums of its own; ours also sees an array that was exchanged."""
+    path = tmp_path / "set.npz"
+    keep(counted(), path)
+    with np.load(path) as file:
+        arrays = dict(file)
+    arrays["column_0"] = arrays["column_0"] * np.complex64(1.01)
+    np.savez(path, **arrays)
+    with pytest.warns(DatasetWarning):
+        keep(counted(), path)
+
+
+@pytest.mark.parametrize("change", [
+    {"count": 6}, {"seed": 4}, {"rings": 3, "spokes": 16}, {"max_abs": (0.05, 0.61)}, {"source": np.ones}])
+def test_another_recipe_is_drawn_again(tmp_path, change):
+    """Three rings of sixteen have as many vertices as four of twelve."""
+    path = tmp_path / "set.npz"
+    keep(counted(), path)
+    assert counted().recipe == counted().recipe != counted(**change).recipe
+    if "source" not in change:
+        dataset = counted(**change)
+        with pytest.warns(DatasetWarning):
+            keep(dataset, path)
+        assert dataset.drawn == len(dataset)
+
+
+def test_recipes_see_targets_subjects_and_pictures(subjects, tmp_path):
+    def landmarks(targets=TARGETS, **options):
+        return LandmarkDataset(2, 1, targets, **{**SMALL, **options}).recipe
+
+    assert landmarks() == landmarks() != landmarks(TARGETS * 0.999) and landmarks() != landmarks(spokes=25)
+
+    first, second = subjects
+    surface = first.surface
+    shorter = type(surface)(surface.vertices, surface.faces, surface.curves | {"calcarine sulcus": surface.curves["calcarine sulcus"][:-1]})
+    recipes = [CurveDataset(2, 1, [subject]).recipe for subject in (
+        first, second, type(first)(shorter, first.template, first.seed, first.hemisphere))]
+    assert len(set(recipes)) == 3 and CurveDataset(2, 1, [first], points=9).recipe not in recipes
+
+    pictures = []
+    for shade in (10, 11):
+        io.imsave(tmp_path / "a.png", np.arange(400).reshape(20, 20).astype(np.uint8) // shade, check_contrast=False)
+        pictures.append(counted(source=ImageFolder(tmp_path)).recipe)
+        assert counted(source=ImageFolder(tmp_path)).recipe == pictures[-1]
+    assert pictures[0] != pictures[1] != counted().recipe
+
+
+def test_nothing_is_drawn_for_a_file_that_cannot_be_written(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    for path in (tmp_path / "file" / "set.npz", tmp_path / "file" / "deeper" / "set.npz"):
+        dataset = counted()
+        with pytest.raises(DatasetError, match="cannot be written: .*Choose a folder"):
+            keep(dataset, path)
+        assert dataset.drawn == 0
+    assert (tmp_path / "file").read_text() == "in the way"
+    with pytest.warns(DatasetWarning), pytest.raises(DatasetError, match="it is a folder"):
+        keep(counted(), tmp_path)
+
+
+def test_an_interrupted_drawing_leaves_what_was_there(tmp_path, monkeypatch):
+    path = tmp_path / "set.npz"
+    keep(counted(), path)
+    before = path.read_bytes()
+
+    def stop(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Counted, "draw", stop)
+    with pytest.warns(DatasetWarning), pytest.raises(KeyboardInterrupt):
+        keep(counted(seed=4), path)
+    assert os.listdir(tmp_path) == ["set.npz"] and path.read_bytes() == before
