@@ -65,7 +65,8 @@ class PolarSolver:
         U, steps_U = Solve.apply(*weights, pole, None, IDENTITY, *stopping)
         boundary = self._boundary(U[:, 0, -1], spoke[:, -1], diagonal[:, -1])
         pull = spoke[:, None, -1:] * boundary + diagonal[:, None, -1:] * boundary.roll(-1, -1)
-        harmonic = precondition(torch.cat([rim, tables["rim"] * boundary.detach()], 2), tables)
+        harmonic = torch.cat([rim, tables["rim"] * boundary.detach()], 2)
+        harmonic = Preconditioner(harmonic, tables)(harmonic)
         f, steps_f = Solve.apply(*weights, torch.cat([rim, pull], 2), harmonic, IDENTITY, *stopping)
         self.iterations = torch.cat([steps_U, steps_f], 1)
         inner = torch.cat([f[:, :, 0, :1], f[:, :, 1:].flatten(2)], 2)
@@ -85,7 +86,8 @@ class PolarSolver:
             _refuse(mu)
         scale = 1 / (1 - m)
         parts = (1 + m) * scale, 2 * scale * re, 2 * scale * im
-        spoke, arc, diagonal = (sum(table * part for table, part in zip(edge, parts)) for edge in tables["edges"])
+        spoke, arc, diagonal = (torch.addcmul(torch.addcmul(a * parts[0], b, parts[1]), c, parts[2])
+                                for a, b, c in tables["edges"])
         fan = spoke[:, :1] + diagonal[:, :1].roll(1, -1)
         none = torch.zeros_like(fan)
         spoke = torch.cat([fan, spoke[:, 1::2] + spoke[:, 2::2].roll(1, -1)], 1)
@@ -165,23 +167,31 @@ def _reduction(plain, nt):
             "rim": spoke[-1:]}
 
 
-def precondition(r, tables):
-    """The inverse of the matrix of mu = 0 with values 0 on the circle, applied to r (B, S, nr, nt)."""
-    modes = torch.fft.rfft(r)
-    x = torch.view_as_real(modes).flatten(-2)  # changed in place, and modes with it
-    nr, steps, begin, stride = r.shape[-2], [], 0, 1
-    while stride < nr:
-        kept, gone = x[..., ::2 * stride, :], x[..., stride::2 * stride, :]
-        n_left, n_right = gone.shape[-2], kept.shape[-2] - 1
-        left, right = tables["lower"][begin:begin + n_left + n_right].split([n_left, n_right])
-        steps += [(kept[..., :n_left, :], gone, left), (kept[..., 1:, :], gone[..., :n_right, :], right)]
-        begin, stride = begin + n_left + n_right, 2 * stride
-    for kept, gone, factor in steps:
-        kept.addcmul_(factor, gone)
-    x *= tables["pivots"]
-    for kept, gone, factor in reversed(steps):
-        gone.addcmul_(factor, kept)
-    return torch.fft.irfft(modes, r.shape[-1])
+class Preconditioner:
+    """The inverse of the matrix of mu = 0, values 0 on the circle, for loads of one shape (B, S, nr, nt).
+
+    It keeps the array of modes and all views of it: on small meshes to make them would cost more than to use them.
+    """
+
+    def __init__(self, load, tables):
+        self.modes, self.pivots, self.nt = torch.fft.rfft(load), tables["pivots"], load.shape[-1]
+        self.x = torch.view_as_real(self.modes).flatten(-2)  # a view
+        self.steps, lower, stride = [], tables["lower"], 1
+        while stride < load.shape[-2]:
+            kept, gone = self.x[..., ::2 * stride, :], self.x[..., stride::2 * stride, :]
+            n_left, n_right = gone.shape[-2], kept.shape[-2] - 1
+            left, right, lower = lower.split([n_left, n_right, len(lower) - n_left - n_right])
+            self.steps += [(kept[..., :n_left, :], gone, left), (kept[..., 1:, :], gone[..., :n_right, :], right)]
+            stride *= 2
+
+    def __call__(self, r):
+        torch.fft.rfft(r, out=self.modes)
+        for kept, gone, factor in self.steps:
+            kept.addcmul_(factor, gone)
+        self.x.mul_(self.pivots)
+        for kept, gone, factor in reversed(self.steps):
+            gone.addcmul_(factor, kept)
+        return torch.fft.irfft(self.modes, self.nt)
 
 
 class Stencil:
@@ -217,19 +227,22 @@ class Stencil:
 
 def conjugate_gradients(stencil, load, start, size, tables, tolerance, limit):
     """Solutions of K x = load (B, S, nr, nt) and the number of steps (B, S); `size` None measures against the load."""
+    precondition = Preconditioner(load, tables)
     x = torch.zeros_like(load) if start is None else start
     r = load.clone() if start is None else load - stencil.apply(start)
-    p = precondition(r, tables)
+    p = precondition(r)
     energy = _dot(r, p)
     goal = tolerance ** 2 * (energy if size is None else torch.full_like(energy, size ** 2))
     active, steps = energy > goal, torch.zeros_like(energy, dtype=int)
-    while active.any() and limit > int(steps.max()):
+    for _ in range(limit):
+        if not active.any():
+            break
         q = stencil.apply(p)
         # A system that has converged stands still: its step is 0.
         alpha = torch.where(active, energy / _dot(p, q), 0)
         x.addcmul_(alpha, p)
         r.addcmul_(alpha, q, value=-1)
-        z = precondition(r, tables)
+        z = precondition(r)
         energy, previous = _dot(r, z), energy
         steps += active
         active = active & (energy > goal)
