@@ -57,7 +57,7 @@ class PolarSolver:
         """
         if mu.ndim == 1:
             return self.solve(mu[None], tolerance, limit)[0]
-        spoke, arc, diagonal = weights = self._weights(mu)
+        spoke, _, diagonal = weights = self._weights(mu)
         tables = self.tables(spoke)
         stopping = tables, tolerance, limit
         pole, rim = (spoke.new_zeros(len(mu), copies, self.nr - 1, self.nt) for copies in (1, 2))
@@ -228,7 +228,7 @@ class Stencil:
 def conjugate_gradients(stencil, load, start, size, tables, tolerance, limit):
     """Solutions of K x = load (B, S, nr, nt) and the number of steps (B, S); `size` None measures against the load."""
     precondition = Preconditioner(load, tables)
-    x = torch.zeros_like(load) if start is None else start
+    x = torch.zeros_like(load) if start is None else start.clone()
     r = load.clone() if start is None else load - stencil.apply(start)
     p = precondition(r)
     energy = _dot(r, p)

@@ -1,0 +1,181 @@
+"""The batched solver on polar meshes: the same map and adjoint as the factored one, its stopping, its normalisation."""
+
+import numpy as np
+import pytest
+import torch
+from exact_maps import DISK_MAPS
+from meshes import random_mu
+
+from qclearn.beltrami import BeltramiError
+from qclearn.disk import BeltramiDiskSolver
+from qclearn.polar import PolarSolver
+
+SIZES = {"least": (2, 3, 1.0), "small": (3, 7, 1.0), "even": (8, 24, 1.0), "odd": (13, 29, 1.0), "graded": (12, 30, 1.5)}
+DEVICES = ["cpu"] + ["cuda"] * torch.cuda.is_available()
+
+
+@pytest.fixture(params=SIZES.values(), ids=SIZES)
+def solver(request):
+    return PolarSolver(*request.param)
+
+
+def coefficients(solver, *largest):
+    """One random smooth coefficient for each given max|mu|, (B, F)."""
+    rng = np.random.default_rng(0)
+    return np.stack([random_mu(rng, solver.z, solver.faces, k) for k in largest])
+
+
+def random_complex(rng, shape):
+    return rng.normal(size=shape) + 1j * rng.normal(size=shape)
+
+
+def assert_same_as_factored(solver, mu):
+    """Map, raised steps and pullback of a batch mu (B, F) against SuperLU, sample by sample."""
+    given = torch.from_numpy(mu).requires_grad_()
+    f = solver.solve(given, tolerance=1e-13)
+    floored, grad_f = solver.floored.tolist(), random_complex(np.random.default_rng(1), f.shape)
+    f.backward(torch.from_numpy(grad_f))
+    factored = BeltramiDiskSolver(solver.z, solver.faces)
+    for k in range(len(mu)):
+        np.testing.assert_allclose(f[k].detach().numpy(), factored.solve(mu[k]), atol=1e-11)
+        assert floored[k] == factored.floored
+        expected = factored.pullback(grad_f[k])
+        np.testing.assert_allclose(given.grad[k].numpy(), expected, atol=1e-10 * abs(expected).max())
+    return floored
+
+
+# Against the factored solver and closed forms.
+
+def test_map_and_gradient_equal_the_factored_solver(solver):
+    assert_same_as_factored(solver, coefficients(solver, 0.5, 0.0, 0.8))
+
+
+def test_raised_steps_equal_the_factored_solver():
+    solver = PolarSolver(*SIZES["graded"])
+    assert assert_same_as_factored(solver, coefficients(solver, 0.3, 0.0, 0.8)) == [0, 0, 1]
+
+
+MEASURED = {  # of the flux form when the method was worked out: 32 x 96 and 64 x 192
+    "radial stretch": (1.2e-4, 3.1e-5), "twist": (2.5e-4, 6.3e-5), "sliding": (7.7e-4, 1.9e-4),
+    "sliding 3": (1.1e-3, 2.9e-4)}
+
+
+@pytest.mark.parametrize("exact", DISK_MAPS, ids=lambda exact: exact.name)
+def test_error_and_rate_against_closed_forms(exact):
+    errors = []
+    for nr in (32, 64):
+        solver = PolarSolver(nr, 3 * nr)
+        f = solver.solve(torch.from_numpy(exact.on_faces(solver.z, solver.faces)))
+        errors.append(abs(f.numpy() - exact(solver.z)).max())
+    assert (np.array(errors) <= 1.05 * np.array(MEASURED[exact.name])).all(), errors
+    assert np.log2(errors[0] / errors[1]) >= 1.9, errors
+
+
+@pytest.mark.parametrize("dtype", [torch.complex64, torch.complex128], ids=str)
+@pytest.mark.parametrize("device", DEVICES)
+def test_zero_and_one_are_held_exactly_in_the_precision_and_on_the_device_of_mu(dtype, device):
+    solver = PolarSolver(24, 72, 1.3)
+    mu = torch.from_numpy(coefficients(solver, 0.2, 0.6))
+    given = mu.to(device=device, dtype=dtype).requires_grad_()
+    f = solver.solve(given)
+    f.real.sum().backward()
+    assert f.dtype == given.grad.dtype == dtype and f.device == given.grad.device == given.device
+    one = 1 + 23 * 72
+    assert (f[:, 0] == 0).all() and (f[:, one] == 1).all()
+    assert (f[:, one:].abs() - 1).abs().max() < 4 * torch.finfo(dtype).eps
+    exact = solver.solve(mu, tolerance=1e-12)
+    assert (f.detach().cpu() - exact).abs().max() < 3e-5
+
+
+def test_one_coefficient_without_a_batch(solver):
+    mu = torch.from_numpy(coefficients(solver, 0.4))
+    assert torch.equal(solver.solve(mu[0]), solver.solve(mu)[0])
+
+
+# Stopping.
+
+def test_no_coefficient_needs_no_iteration(solver):
+    """The preconditioner is the inverse at mu = 0: one step for U, which starts at 0, and none for f."""
+    solver.solve(torch.zeros(len(solver.faces), dtype=torch.complex128))
+    assert solver.iterations.tolist() == [[1, 0, 0]]
+
+
+def test_iterations_do_not_grow_with_the_mesh():
+    """Nor beyond the bound of conjugate gradients at the condition number ((1 + k)/(1 - k))^2 = 9."""
+    counts = []
+    for nr in (16, 64):
+        solver = PolarSolver(nr, 3 * nr)
+        solver.solve(torch.from_numpy(coefficients(solver, 0.5)))
+        counts.append(solver.iterations)
+    assert (counts[1] - counts[0]).abs().max() <= 2 and max(c.max() for c in counts) <= 12, counts
+
+
+def test_error_follows_the_tolerance():
+    solver = PolarSolver(16, 48)
+    mu = torch.from_numpy(coefficients(solver, 0.6))
+    exact, counts = solver.solve(mu, tolerance=1e-13), []
+    for tolerance in (1e-3, 1e-6, 1e-9):
+        error = (solver.solve(mu, tolerance) - exact).abs().max()
+        assert tolerance / 100 < error < 5 * tolerance
+        counts.append(solver.iterations)
+    assert (counts[0] < counts[1]).all() and (counts[1] < counts[2]).all()
+
+
+def test_samples_stop_alone():
+    solver = PolarSolver(12, 36)
+    mu = torch.from_numpy(coefficients(solver, 0.7, 0.0, 0.2))
+    together, counts = solver.solve(mu), solver.iterations
+    assert counts[0].min() > counts[2].max() > counts[1].max()
+    for k in range(3):
+        torch.testing.assert_close(solver.solve(mu[k]), together[k], rtol=0, atol=1e-12)
+        assert torch.equal(solver.iterations[0], counts[k])
+
+
+def test_limit():
+    solver = PolarSolver(12, 36)
+    mu = torch.from_numpy(coefficients(solver, 0.6))
+    exact = solver.solve(mu, tolerance=1e-12)
+    errors = []
+    for limit in (2, 4):
+        errors.append((solver.solve(mu, tolerance=1e-12, limit=limit) - exact).abs().max())
+        assert solver.iterations.tolist() == [[limit] * 3]
+    assert errors[1] < errors[0] / 2
+
+
+# The adjoint.
+
+@pytest.mark.parametrize("size", [(2, 5, 1.0), (3, 6, 1.4)], ids=str)
+def test_gradcheck(size):
+    solver = PolarSolver(*size)
+    mu = torch.from_numpy(coefficients(solver, 0.5, 0.3)).requires_grad_()
+    assert torch.autograd.gradcheck(lambda mu: solver.solve(mu, tolerance=1e-14), (mu,), eps=1e-6, atol=1e-8, rtol=1e-6)
+
+
+def test_sample_without_a_gradient_beside_one_with():
+    solver = PolarSolver(6, 18)
+    mu = torch.from_numpy(coefficients(solver, 0.5, 0.3)).requires_grad_()
+    solver.solve(mu)[1].imag.square().sum().backward()
+    assert (mu.grad[0] == 0).all() and mu.grad[1].abs().min() > 0 and torch.isfinite(mu.grad.abs()).all()
+
+
+# Bad input.
+
+@pytest.mark.parametrize("value", [1.0, -1.5j, complex("nan"), complex("inf")])
+def test_unusable_coefficient(value):
+    solver = PolarSolver(4, 12)
+    mu = torch.zeros(3, len(solver.faces), dtype=torch.complex64)
+    mu[1, 17] = value
+    with pytest.raises(BeltramiError, match="first: sample 1, face 17"):
+        solver.solve(mu)
+
+
+@pytest.mark.parametrize("mu", [torch.zeros(49), torch.zeros(2, 49, dtype=torch.complex64),
+                                torch.zeros(1, 2, 84, dtype=torch.complex64), torch.zeros(84)], ids=lambda mu: str(mu.shape))
+def test_one_complex_value_a_face(mu):
+    with pytest.raises(BeltramiError, match="one value a face"):
+        PolarSolver(4, 12).solve(mu)
+
+
+def test_mesh_without_an_inner_ring():
+    with pytest.raises(ValueError, match="at least 2 rings; got 1"):
+        PolarSolver(1, 12)
