@@ -100,7 +100,7 @@ def make_cortex(seed, n_vertices=10_000, hemisphere="left", mechanics=Mechanics(
     person = Individual(seed, hemisphere)
     directions, rim = even_points(person.position, n_vertices, person.rng)
     rest, template = person.position(directions), person.template(directions)
-    faces = triangulate(directions, rim, rest, template)
+    faces = triangulate(rim, rest, template)
     start, index = neighbour_table(faces, n_vertices)
     x, hull = _fold(person, directions, rim, rest, faces, start, index, mechanics)
     x = untangle(x, faces, start, index, np.arange(n_vertices) < rim)

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, cKDTree
 
 from .compiled import compiled
-from .template import CENTRE, area_vectors, unit, wall_curve, wall_level
+from .template import CENTRE, WALL_AXES, WALL_CENTRE, area_vectors, unit, wall_curve, wall_level
 
 
 def fibonacci_sphere(count):
@@ -37,7 +37,22 @@ def even_points(position, count, rng, iterations=14, samples_per_point=9):
         # A point without samples, such as one of two that fell together, starts again elsewhere.
         empty = np.flatnonzero(weight == 0)
         points[empty] = where[rng.integers(len(where), size=len(empty))]
-    return np.vstack([rim, unit(points - CENTRE)]), len(rim)
+    return np.vstack([rim, _clear_of_wall(unit(points - CENTRE), len(rim))]), len(rim)
+
+
+def _clear_of_wall(directions, rim_count):
+    """Directions (k, 3), those inside the wall or less than half an edge from its rim moved out on the medial plane.
+
+    Then the rim's own edges belong to the Delaunay mesh: its circles over them are empty.
+    """
+    least = 1 + np.pi / rim_count * WALL_AXES.mean() / WALL_AXES.min()
+    level = wall_level(directions)
+    near = level < least
+    depth = -directions[near, :1]
+    plane = CENTRE[1:] + directions[near, 1:] * CENTRE[0] / depth
+    plane = WALL_CENTRE + (plane - WALL_CENTRE) * (least / level[near])[:, None]
+    directions[near] = unit(np.column_stack([np.zeros(near.sum()), plane]) - CENTRE)
+    return directions
 
 
 def _even_samples(position, count, rng):
@@ -50,17 +65,16 @@ def _even_samples(position, count, rng):
     return picks[wall_level(picks) > 1], area[-1] * 2 * np.pi / count
 
 
-def triangulate(directions, rim_count, vertices, template):
+def triangulate(rim_count, vertices, template):
     """Faces (F, 3), outward oriented, of a nearly Delaunay mesh of `vertices` without the faces that span the wall.
 
-    Starts from the spherical Delaunay mesh of `directions`; an edge is flipped where the angles opposite it sum to more
-    than pi, unless a triangle would turn over on the template.
+    Starts from the spherical Delaunay mesh of the template, which is one-to-one; an edge is flipped where the angles
+    opposite it sum to more than pi, unless a triangle would turn over on the template.
     """
-    faces = ConvexHull(directions).simplices.astype(np.int64)
-    corner = directions[faces]
-    turned = np.einsum("ij,ij->i", corner[:, 0], np.cross(corner[:, 1], corner[:, 2])) < 0
+    faces = ConvexHull(template).simplices.astype(np.int64)
+    turned = np.linalg.det(template[faces]) < 0
     faces[turned] = faces[turned][:, ::-1]
-    spans = (faces < rim_count).all(1) & (wall_level(unit(directions[faces].mean(1))) < 1)
+    spans = (faces < rim_count).all(1) & (wall_level(unit(template[faces].mean(1))) < 1)
     faces = np.ascontiguousarray(faces[~spans])
     for _ in range(40):
         if _flip_pass(faces, vertices, template, *interior_edges(faces)) == 0:
