@@ -183,7 +183,7 @@ def _check_faces(vertices, faces):
     if faces.min() < 0 or faces.max() >= len(vertices):
         out = np.flatnonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))
         raise SurfaceError(
-            f"{_count(out, 'face')} name vertices outside 0 ... {len(vertices) - 1}: {_some(out)}. "
+            f"{_count(out, 'face')} with corners outside 0 ... {len(vertices) - 1}: {_some(out)}. "
             f"Indices count from 0 (subtract 1 if the source counts from 1)."
         )
     unused = np.flatnonzero(np.bincount(faces.ravel(), minlength=len(vertices)) == 0)
