@@ -199,6 +199,31 @@ def surface_scene(surface, values=None, curves=(), cmap="gray", clim=None, title
     return plotter
 
 
+def registration_disks(axes, registration, moving, vmax=0.6):
+    """One `Registration` on four Axes: landmarks before and after on the moving curvature, the deformed grid, |mu|.
+
+    The radius gives equal parts of a picture equal moving area; "before" is what the best Möbius map leaves. Returns
+    the coloured artist of |mu|.
+    """
+    r, radius = registration, area_radius(moving, registration.disk_moving)
+    curves, targets = (list(side) for side in zip(*r.curves.values()))
+    lines = [radius.from_image(line) for line in polar_lines()]
+    before, after = radius.to_image(r.disk_moving), radius.to_image(r.disk_map)
+    mapped = map_curves(r.disk_moving, moving.faces, after, curves + lines)
+    curvature = grey_levels(mean_curvature(moving), moving.vertex_areas)
+    drawn = [radius.to_image(curve) for curve in curves], mapped[:len(curves)]
+    for ax, z, registered, title in zip(axes, (before, after), drawn, ("best Möbius map only", "registered")):
+        disk_plot(ax, z, moving.faces, curvature, cmap="gray", vmin=-80, vmax=335)
+        curves_plot(ax, registered, "registered")
+        curves_plot(ax, [radius.to_image(curve) for curve in targets], "target")
+        ax.set_title(title)
+    curve_legend(axes[0], "registered", "target")
+    lines_plot(disk_axes(axes[2]), mapped[len(curves):], "#1F4E79")
+    axes[2].set_title("polar grid after the map")
+    axes[3].set_title(r"$|\mu|$")
+    return disk_plot(axes[3], before, moving.faces, abs(r.mu), vmin=0, vmax=vmax)
+
+
 def registration_scene(registration, shape, registered=True, **more):
     """The landmarks of one `Registration` in 3-D, as in the paper: registered curves yellow, targets red; a Plotter.
 

@@ -8,49 +8,23 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import qclearn as qc
-from qclearn.curvature import area_radius, grey_levels
-from qclearn.plot import (
-    curve_legend,
-    curves_plot,
-    disk_axes,
-    disk_plot,
-    lines_plot,
-    map_curves,
-    polar_lines,
-    registration_scene,
-)
+from qclearn.curvature import grey_levels
+from qclearn.plot import registration_disks, registration_scene
 from qclearn.scenes import require_renderer
 
 PICTURE = Path(__file__).resolve().parent.parent / "book" / "_assets" / "registration.png"
-GREY = {"clim": (-80, 335), "cmap": "gray"}
 
 
 def screenshot(result, control, registered):
     """The landmarks on the inflated control, coloured by the folded one's curvature, without the white around it."""
     values = grey_levels(qc.mean_curvature(control), control.vertex_areas)
-    scene = registration_scene(result, qc.fsaverage5("left", "inflated"), registered, values=values, **GREY)
+    scene = registration_scene(result, qc.fsaverage5("left", "inflated"), registered, values=values,
+                               clim=(-80, 335))
     scene.enable_anti_aliasing("ssaa")
     pixels = scene.screenshot(window_size=(1500, 1100), return_img=True)
     scene.close()
     rows, columns = (np.flatnonzero((pixels < 250).any(axis=(other, 2))) for other in (1, 0))
     return pixels[rows[0]:rows[-1] + 1, columns[0]:columns[-1] + 1]
-
-
-def draw_disks(axes, result, moving):
-    """Sulci before and after on the curvature, the deformed grid, |mu|; the radius follows the moving area."""
-    radius = area_radius(moving, result.disk_moving)
-    curves, targets = (list(side) for side in zip(*result.curves.values()))
-    before, after = radius.to_image(result.disk_moving), radius.to_image(result.disk_map)
-    lines = [radius.from_image(line) for line in polar_lines()]
-    mapped = map_curves(result.disk_moving, moving.faces, after, curves + lines)
-    curvature = grey_levels(qc.mean_curvature(moving), moving.vertex_areas)
-    for ax, z, drawn in ((axes[0], before, [radius.to_image(c) for c in curves]), (axes[1], after, mapped[:len(curves)])):
-        disk_plot(ax, z, moving.faces, curvature, cmap="gray", vmin=-80, vmax=335)
-        curves_plot(ax, drawn, "registered")
-        curves_plot(ax, [radius.to_image(curve) for curve in targets], "target")
-    lines_plot(disk_axes(axes[2]), mapped[len(curves):], "#1F4E79")
-    colours = disk_plot(axes[3], before, moving.faces, abs(result.mu), vmin=0, vmax=0.6)
-    return colours
 
 
 def main():
@@ -60,17 +34,15 @@ def main():
     figure = Figure(figsize=(11, 7.4), dpi=110)
     grid = figure.add_gridspec(2, 4, left=0.01, right=0.94, bottom=0.05, top=0.93, wspace=0.04, hspace=0.1,
                                height_ratios=(1.35, 1))
-    titles = ("best Möbius map only", "registered")
-    for k, title in enumerate(titles):
+    for k, title in enumerate(("best Möbius map only", "registered")):
         ax = figure.add_subplot(grid[0, 2 * k:2 * k + 2])
         ax.imshow(screenshot(result, control, registered=bool(k)))
         ax.axis("off")
         ax.set_title(title)
     axes = [figure.add_subplot(grid[1, k]) for k in range(4)]
-    colours = draw_disks(axes, result, moving)
-    for ax, title in zip(axes, (*titles, "polar grid after the map", r"$|\mu|$")):
-        ax.set_title(title, fontsize=10)
-    curve_legend(axes[0], "registered", "target")
+    colours = registration_disks(axes, result, moving)
+    for ax in axes:
+        ax.title.set_fontsize(10)
     figure.colorbar(colours, cax=figure.add_axes((0.95, 0.1, 0.012, 0.28)), ticks=(0, 0.3, 0.6), extend="max")
     buffer = io.BytesIO()
     figure.savefig(buffer)
