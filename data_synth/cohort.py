@@ -8,8 +8,10 @@ from pathlib import Path
 from platformdirs import user_cache_path
 from tqdm import tqdm
 
+from qclearn.files import write_whole
+
 from .cortex import CortexError, make_cortex
-from .subjects import load_cortex, save_cortex, write_whole
+from .subjects import load_cortex, save_cortex
 
 GENERATION = 1  # raise it when the generator's output changes, so that old files are not taken for new ones
 SEEDS = tuple(range(1001, 1025))
@@ -58,7 +60,7 @@ def subject_path(folder, seed, n_vertices):
 
 def _make(seed, n_vertices, path):
     save_cortex(path, make_cortex(seed, n_vertices))
-    write_whole(_checksum_path(path), _digest(path).encode())
+    write_whole(_checksum_path(path), lambda place: place.write_text(_digest(path)))
 
 
 def _checksum_path(path):

@@ -88,13 +88,14 @@ def vertex_normals(x, faces):
     return total / np.linalg.norm(total, axis=1, keepdims=True)
 
 
-def make_cortex(seed, n_vertices=10_000, hemisphere="left", mechanics=Mechanics()):
+def make_cortex(seed, n_vertices=10_000, hemisphere="left", mechanics=Mechanics(), clock=None):
     """A folded hemisphere without its medial wall: a disk of n_vertices, outward oriented, in millimetres (x right, y
     anterior, z superior), with the fundi of eight named sulci and every vertex' point on the template.
 
     The seed (a whole number from 0) decides everything: the same seed, size and side give the same hemisphere, and both
     sides of a seed resemble each other. Folds have the width of real ones from 8,000 vertices; coarser meshes fold more
-    coarsely. Takes time like n^1.5, 10 s at 10,000. CortexError for a seed, size or side that is not possible.
+    coarsely. Takes time like n^1.5, 10 s at 10,000; `clock`, int64 (2,), is kept at the steps of growth done and in
+    all, for a progress bar in another thread. CortexError for a seed, size or side that is not possible.
     """
     _check(seed, n_vertices, hemisphere)
     person = Individual(seed, hemisphere)
@@ -102,7 +103,8 @@ def make_cortex(seed, n_vertices=10_000, hemisphere="left", mechanics=Mechanics(
     rest, template = person.position(directions), person.template(directions)
     faces = triangulate(rim, rest, template)
     start, index = neighbour_table(faces, n_vertices)
-    x, hull = _fold(person, directions, rim, rest, faces, start, index, mechanics)
+    clock = np.zeros(2, dtype=np.int64) if clock is None else clock
+    x, hull = _fold(person, directions, rim, rest, faces, start, index, mechanics, clock)
     x = untangle(x, faces, start, index, np.arange(n_vertices) < rim)
     curves = _curves(person, x, rest, faces, start, index, depth_below(x, *hull))
     vertices = x * np.sqrt(person.area / _area(x, faces))
@@ -121,7 +123,7 @@ def _curves(person, x, rest, faces, start, index, depth):
     return paths
 
 
-def _fold(person, directions, rim, rest, faces, start, index, mechanics):
+def _fold(person, directions, rim, rest, faces, start, index, mechanics, clock):
     """Folded positions (V, 3), in units of half the hemisphere, and the distance field of the hull."""
     m, count, rng = mechanics, len(rest), person.rng
     # With n vertices an edge is as long as n^-1/2: these factors keep modulus and wavelength.
@@ -144,5 +146,5 @@ def _fold(person, directions, rim, rest, faces, start, index, mechanics):
                 m.touch * rest_length.mean(), m.stiffness, m.refresh, m.settle, m.limit, m.keep)
     hull = hull_distance(person.hull)
     x = grow(rest + relief[:, None] * normal, rest, normal, start, index, rest_length, held, growth,
-             np.full(count, m.foundation / ratio), m.pull / ratio * pull, *hull, np.array(settings, dtype=float))
+             np.full(count, m.foundation / ratio), m.pull / ratio * pull, *hull, np.array(settings, dtype=float), clock)
     return x, hull

@@ -166,20 +166,23 @@ def depth_below(x, field, low, spacing):
 
 
 @compiled
-def grow(x, rest, normal, start, index, rest_length, held, growth, anchor, pull, field, low, spacing, settings):
+def grow(x, rest, normal, start, index, rest_length, held, growth, anchor, pull, field, low, spacing, settings, clock):
     """Positions (V, 3) of the folded shell, from `x` near the rest surface `rest`.
 
     settings: steps, time step, damping, bending, saturation, outer, depth, contact distance, contact stiffness,
-    refresh interval, final factor of the bending,
-    stiffness of hull and floor, share of the pull that stays. growth (2E,) final stretch of each edge, anchor (V,) foundation stiffness, pull (V,) inward force;
-    field: signed distance to the hull (positive inside) on a grid from corner `low` with `spacing`.
+    refresh interval, final factor of the bending, stiffness of hull and floor, share of the pull that stays.
+    growth (2E,) final stretch of each edge, anchor (V,) foundation stiffness, pull (V,) inward force; field: signed
+    distance to the hull (positive inside) on a grid from corner `low` with `spacing`; clock (2,) int64: steps done
+    and in all, for whoever watches from another thread.
     """
     steps, dt, damping, bending, saturation, outer, depth, touch, stiffness, refresh, settle, wall, keep = settings
     steps, refresh = int(steps), int(refresh)
     velocity, force, laplacian = np.zeros_like(x), np.zeros_like(x), np.zeros_like(x)
     hull, where = np.zeros((len(x), 4)), x.copy()
     pairs = np.empty((0, 2), np.int64)
+    clock[1] = steps
     for step in range(steps):
+        clock[0] = step
         progress = min(1.0, step / (0.85 * steps))
         distance = touch * (1 + (growth.mean() - 1) * progress)
         if step % refresh == 0:

@@ -1,14 +1,13 @@
 """Synthetic hemispheres in npz files, whole or not at all."""
 
-import contextlib
 import io
-import os
 import zipfile
 import zlib
 from pathlib import Path
 
 import numpy as np
 
+from qclearn.files import write_whole
 from qclearn.surface import Surface, SurfaceError
 
 from .cortex import HEMISPHERES, Cortex, CortexError
@@ -17,7 +16,7 @@ from .cortex import HEMISPHERES, Cortex, CortexError
 def save_cortex(path, cortex):
     """Write a hemisphere to an npz file: vertices, faces, curve_<name>, template, seed, hemisphere.
 
-    The same hemisphere gives the same bytes. CortexError where the folder cannot be written; nothing partial stays.
+    The same hemisphere gives the same bytes. SurfaceError where the folder cannot be written; nothing partial stays.
     """
     path = Path(path)
     arrays = {
@@ -27,19 +26,7 @@ def save_cortex(path, cortex):
     }  # fmt: skip
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)
-    write_whole(path, buffer.getvalue())
-
-
-def write_whole(path, data):
-    """Write bytes to a file that appears whole or not at all; CortexError where the folder cannot be written."""
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        partial.write_bytes(data)
-        partial.replace(path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            partial.unlink()
-        raise CortexError(f"{path} cannot be written: {error.strerror or error}. Choose a folder you may write.") from None
+    write_whole(path, lambda place: place.write_bytes(buffer.getvalue()))
 
 
 def load_cortex(path):

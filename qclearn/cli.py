@@ -6,12 +6,14 @@ import sys
 import tempfile
 import zipfile
 import zlib
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
 
 import click
 import numpy as np
+from tqdm import tqdm
 
 import qclearn as qc
 
@@ -198,5 +200,18 @@ def synth(seed, vertices, hemisphere, cohort, workers, out):
         return
     if out is None:
         raise click.UsageError("synth needs --out FILE.npz")
-    data_synth.save_cortex(out, data_synth.make_cortex(seed, vertices, hemisphere))
+    if not Path(out).absolute().parent.is_dir():
+        raise OSError(f"{out}: its folder does not exist; make it, or give another --out")
+    data_synth.save_cortex(out, grow_with_bar(data_synth.make_cortex, seed, vertices, hemisphere))
     click.echo(f"{out}: seed {seed}, {hemisphere}")
+
+
+def grow_with_bar(make_cortex, *arguments):
+    """make_cortex in a thread of its own, while a progress bar follows its clock."""
+    clock = np.zeros(2, dtype=np.int64)
+    with ThreadPoolExecutor(1) as pool, tqdm(desc="growing", delay=2, leave=False) as bar:
+        job = pool.submit(make_cortex, *arguments, clock=clock)
+        while wait([job], timeout=0.2).not_done:
+            bar.total = int(clock[1]) or None
+            bar.update(int(clock[0]) - bar.n)
+        return job.result()

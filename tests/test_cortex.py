@@ -17,7 +17,7 @@ from data_synth.template import CENTRE, SULCI, Diffeomorphism, hull_radius, unit
 from data_synth.tessellation import fibonacci_sphere, interior_edges
 from data_synth.untangle import untangle
 from qclearn import mean_curvature, read_surface, sulcal_depth
-from qclearn.surface import require_disk, require_outward
+from qclearn.surface import SurfaceError, require_disk, require_outward
 from tests.surfaces import sphere
 
 SIZE = 2500
@@ -186,7 +186,7 @@ def test_unreadable_files(tmp_path):
     with pytest.raises(CortexError, match="lacks template, seed, hemisphere"):
         load_cortex(path)
     (tmp_path / "file").touch()
-    with pytest.raises(CortexError, match="cannot be written"):
+    with pytest.raises(SurfaceError, match="cannot be written"):
         save_cortex(tmp_path / "file" / "subject.npz", subject())
 
 
@@ -224,8 +224,10 @@ def _grow_sphere(growth, steps=300):
     length = np.linalg.norm(rest[owner] - rest[index], axis=1)
     settings = np.array([steps, 0.2, 0.25, 0.0, 0.2, 0.005, 0.3, 0.5 * length.mean(), 3.0, 10, 1.0, 0.4, 0.0])
     field = hull_distance(lambda u: np.full(len(u), 0.5))
+    clock = np.zeros(2, dtype=np.int64)
     x = grow(rest.copy(), rest, mesh.vertices, start, index, length, np.zeros(len(rest), bool),
-             np.full(len(index), growth), np.full(len(rest), 0.01), np.zeros(len(rest)), *field, settings)
+             np.full(len(index), growth), np.full(len(rest), 0.01), np.zeros(len(rest)), *field, settings, clock)
+    assert (clock == [steps - 1, steps]).all()
     return rest, x, depth_below(x, *field)
 
 
