@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from surfaces import sphere
 
+from qclearn import read_values
 from qclearn.cli import main
 from qclearn.diskmesh import polar_disk
 from qclearn.files import read_surface, write_surface
@@ -293,8 +294,9 @@ def registered(folder):
 
 @pytest.mark.parametrize("name", ["there.npy", "there.txt", "there.shape.gii", "lh.there"])
 def test_transfer_writes_every_format(registered, name):
-    folder, _ = registered
+    folder, result = registered
     run("transfer", folder / "registration.npz", folder / "map.txt", "--to", "moving", "--out", folder / name)
+    np.testing.assert_allclose(read_values(folder / name), result.points[:, 2], atol=1e-6)
     run("transfer", folder / "registration.npz", folder / name, "--to", "control", "--out", folder / "back.npy")
     assert abs(np.load(folder / "back.npy") - bowl(0.9).vertices[:, 2]).max() < 0.05
 
