@@ -149,7 +149,6 @@ def _reduction(plain, nt):
     modes = 2 - 2 * np.cos(2 * np.pi * np.arange(nt // 2 + 1) / nt)
     pivots = (spoke + np.append(0, spoke[:-1]))[:, None] + arc[:, None] * modes
     coupling = np.repeat(-spoke[:-1, None], len(modes), axis=1)
-    coupling[0, 1:] = 0  # the centre has mode 0 only
     lower, stride = [], 1
     while stride < len(spoke):
         kept, gone = pivots[::2 * stride], pivots[stride::2 * stride]
@@ -161,7 +160,7 @@ def _reduction(plain, nt):
         lower += [left, right]
         stride *= 2
     inverse = 1 / pivots
-    inverse[0, 1:] = 0
+    inverse[0, 1:] = 0  # the centre has mode 0 only
     return {"pivots": np.repeat(inverse, 2, axis=1), "lower": np.repeat(np.concatenate(lower), 2, axis=1),
             "rim": spoke[-1:]}
 
@@ -263,7 +262,6 @@ class Solve(torch.autograd.Function):
         ctx.stencil, ctx.stopping = Stencil(spoke, arc, diagonal), stopping
         x, steps = conjugate_gradients(ctx.stencil, load, start, size, *stopping)
         ctx.save_for_backward(x)
-        ctx.mark_non_differentiable(steps)
         return x, steps
 
     @staticmethod

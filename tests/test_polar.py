@@ -64,6 +64,14 @@ def test_raised_steps_equal_the_factored_solver():
     assert assert_same_as_factored(solver, coefficients(solver, 0.3, 0.0, 0.8)) == [0, 0, 1]
 
 
+def test_small_positive_steps_are_left_alone():
+    solver, rng = PolarSolver(2, 6), np.random.default_rng(2234)
+    mu = 0.9 * np.exp(2j * np.pi * rng.uniform(size=(1, len(solver.faces))))
+    assert assert_same_as_factored(solver, mu) == [0]
+    boundary = solver.solve(torch.from_numpy(mu[0]), tolerance=1e-13)[7:]
+    assert 0 < (boundary.roll(-1) / boundary).angle().min() < 1e-3 * 2 * np.pi / 6
+
+
 def test_hopeless_coefficient_equals_the_factored_solver():
     """|mu| up to 0.9999, jumping from face to face: 0 leaves the disk, and rounding must not outgrow the residual."""
     solver, rng = PolarSolver(2, 6), np.random.default_rng(3)
@@ -71,7 +79,9 @@ def test_hopeless_coefficient_equals_the_factored_solver():
     mu = size * np.exp(2j * np.pi * rng.uniform(size=len(size)))
     f = solver.solve(torch.from_numpy(mu), tolerance=1e-13).numpy()
     assert abs(f[0]) > 1 and solver.iterations.max() <= 30
-    np.testing.assert_allclose(f, BeltramiDiskSolver(solver.z, solver.faces).solve(mu), atol=1e-9)
+    factored = BeltramiDiskSolver(solver.z, solver.faces)
+    np.testing.assert_allclose(f, factored.solve(mu), atol=1e-9)
+    assert solver.floored.tolist() == [factored.floored] == [3]
 
 
 MEASURED = {  # of the flux form when the method was worked out: 32 x 96 and 64 x 192
