@@ -47,7 +47,7 @@ def test_no_file_names_a_machine():
     assert found == {}
 
 
-@pytest.mark.parametrize("text", ["/ro" "ot/dev", 'open("/ho' 'me/ann/x")', "../sha" "red/data", "see /wo" "rk/main"])
+@pytest.mark.parametrize("text", [f"/{'root'}/x", f"open('/{'home'}/ann')", f"../{'shared'}/x", f"see /{'work'}/x"])
 def test_machine_paths_are_recognised(text):
     assert MACHINE_PATH.search(text)
 

@@ -34,8 +34,7 @@ class View:
         self.page.on("console", lambda message: message.type != "error" or self.complain(message.text))
         self.page.on("pageerror", lambda error: self.complain(error.message))
         self.page.goto(address + name, wait_until="load")
-        self.has_formulas = self.page.locator("article .math").count() > 0
-        if self.has_formulas:
+        if self.page.locator("script[src*='mathjax']").count():
             self.page.wait_for_function("() => window.MathJax && MathJax.startup && MathJax.startup.promise")
             self.page.evaluate("() => MathJax.startup.promise")
         self.page.wait_for_load_state("networkidle")
