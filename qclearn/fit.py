@@ -19,7 +19,7 @@ from .mobius import best_mobius, compose_mobius, mobius, mobius_slope
 
 FIRST_GAMMA = 1e2  # continuation: one step at each power of ten from here to gamma
 STEPS_AT_GAMMA = 5
-STEPS_A_LINEARISATION = 2, 2, 2, 2, 2, 2  # on the caller's mesh
+LINEARISATIONS, CHORDS = 12, 1  # at most, on the caller's mesh: each serves a step and so many more
 SHARES, FAIR = (1.0, 0.5, 0.25, 0.125), 0.3  # of a damped step
 SETTLED_ON_GRID, SETTLED = 0.8, 0.92  # a step that keeps more than this share of the objective is the last one
 TANGENTIAL_WEIGHT = 0.1  # of a sliding landmark's residual along its target curve
@@ -207,7 +207,7 @@ def mass_matrix(z, faces):
     return assemble(faces, blocks, len(z))
 
 
-def descend(newton, forward, step, nu, parameters, gamma):
+def descend(newton, forward, step, nu, parameters, gamma, shares=SHARES):
     """One damped step: (nu, parameters, f) with the objective lowered, or None where no share of it lowers it.
 
     A share s of the step is taken once it brings a fair part of what the quadratic model promises, `(2s - s^2)` of
@@ -215,7 +215,7 @@ def descend(newton, forward, step, nu, parameters, gamma):
     """
     before = newton.objective(nu, forward.points, gamma)
     change, da, dtheta, promised = step(nu, forward.points)
-    for share in SHARES:
+    for share in shares:
         candidate, moved = nu + share * change, compose_mobius(parameters, (share * da, share * dtheta))
         f = forward.map(candidate, moved)
         gain = before - newton.objective(candidate, forward.points, gamma)
@@ -275,15 +275,16 @@ def fit_on_grid(newton, forward, nu, parameters, gamma, watch):
 
 
 def fit_on_mesh(newton, fine, nu, parameters, gamma, watch):
-    """Last steps, on the caller's mesh, several with each linearisation: (f, nu, parameters, steps)."""
+    """Last steps, on the caller's mesh, until they settle: (f, nu, parameters, steps)."""
     f, steps = fine.map(nu, parameters), 0
-    for several in STEPS_A_LINEARISATION:
+    for _ in range(LINEARISATIONS):
         step, start = newton.prepare(nu, fine, parameters, gamma), newton.objective(nu, fine.points, gamma)
-        for _ in range(several):
+        # A further step with the same linearisation costs one solve: it is tried whole or not at all.
+        for shares in [SHARES, *[(1.0,)] * CHORDS]:
             if watch:
                 watch()
             before = newton.objective(nu, fine.points, gamma)
-            result = descend(newton, fine, step, nu, parameters, gamma)
+            result = descend(newton, fine, step, nu, parameters, gamma, shares)
             if result is None:
                 break
             (nu, parameters, f), steps = result, steps + 1
