@@ -109,14 +109,19 @@ class CurveDataset(_Seeded):
 
     Channels: curvature in 0..255 on the disk (0 outside it) and the endpoints as 255; ends and curves are complex
     points of the same image coordinates, whose radius follows the area. Each item draws a subject, a rotation and a
-    quasi-conformal map of its disk, as the paper does. The curves are the subjects' own, in the order of `names`.
+    quasi-conformal map of its disk, as the paper does. The curves are the subjects' own, in the order of `names` (all
+    of the first subject's unless some are named).
     """
 
-    def __init__(self, count, seed, subjects, size=128, points=10, max_abs=(0.0, 0.4)):
+    def __init__(self, count, seed, subjects, size=128, points=10, max_abs=(0.0, 0.4), names=None):
         surfaces = [subject.surface for subject in subjects]
-        self.names = tuple(surfaces[0].curves) if surfaces else ()
-        if not self.names or any(set(surface.curves) != set(self.names) for surface in surfaces):
+        known = tuple(surfaces[0].curves) if surfaces else ()
+        if not known or any(set(surface.curves) != set(known) for surface in surfaces):
             raise DatasetError("subjects: give at least one, all with the same named curves")
+        self.names = known if names is None else tuple(names)
+        unknown = [name for name in self.names if name not in known]
+        if unknown or not self.names:
+            raise DatasetError(f"names: no sulcus is called {unknown}; the subjects have {', '.join(known)}")
         parts = [part for surface in surfaces
                  for part in (surface.vertices, surface.faces, *(surface.curves[name] for name in self.names))]
         super().__init__(count, seed, size, points, max_abs, self.names, *parts)

@@ -206,6 +206,7 @@ def test_the_order_of_the_curves_is_that_of_the_names(subjects):
     (lambda subjects: LandmarkDataset(3, 1, [0.5, 1.5j]), "targets: .*unit disk"),
     (lambda subjects: LandmarkDataset(3, 1, [0.5, np.nan]), "targets"),
     (lambda subjects: CurveDataset(3, 1, []), "subjects: give at least one"),
+    (lambda subjects: CurveDataset(3, 1, subjects, names=["central sulcus", "silver sulcus"]), "silver sulcus.*central"),
     (lambda subjects: CurveDataset(3, 1, [subjects[0], without_curves(subjects[1])]), "same named curves"),
     (lambda subjects: CurveDataset(3, 1, [without_curves(subjects[1])]), "named curves"),
 ])
@@ -346,3 +347,10 @@ def test_an_interrupted_drawing_leaves_what_was_there(tmp_path, monkeypatch):
     with pytest.warns(DatasetWarning), pytest.raises(KeyboardInterrupt):
         keep(counted(seed=4), path)
     assert os.listdir(tmp_path) == ["set.npz"] and path.read_bytes() == before
+
+
+def test_named_sulci_are_the_only_ones(subjects):
+    chosen = CurveDataset(2, 5, subjects, size=32, names=["calcarine sulcus", "central sulcus"])
+    every = CurveDataset(2, 5, subjects, size=32)
+    order = [every.names.index(name) for name in chosen.names]
+    assert torch.equal(chosen[1][2], every[1][2][order])
