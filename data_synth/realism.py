@@ -13,8 +13,15 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from data_synth.folding_measures import (facing_distance, fold_spectrum, pits_and_fundi, principal_curvatures, smooth,
-                                         spectral_centroid, spectral_peak)
+from data_synth.folding_measures import (
+    facing_distance,
+    fold_spectrum,
+    pits_and_fundi,
+    principal_curvatures,
+    smooth,
+    spectral_centroid,
+    spectral_peak,
+)
 from data_synth.intersections import self_intersections
 from qclearn.curvature import mean_curvature, sulcal_depth
 from qclearn.files import read_surface

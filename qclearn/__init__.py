@@ -1,7 +1,18 @@
 """Quasi-conformal registration of cortical surfaces: exact geometry first, networks second."""
 
-from .beltrami import (BeltramiError, beltrami_coefficient, compose_coefficients, cotangent_stiffness, hat_gradients,
-                       inverse_coefficient, jacobian, signed_areas, solve_beltrami, stiffness, wirtinger)
+from .beltrami import (
+                       BeltramiError,
+                       beltrami_coefficient,
+                       compose_coefficients,
+                       cotangent_stiffness,
+                       hat_gradients,
+                       inverse_coefficient,
+                       jacobian,
+                       signed_areas,
+                       solve_beltrami,
+                       stiffness,
+                       wirtinger,
+)
 from .bijectivity import BijectivityError, Certificate, RepairWarning, check_bijective, check_embedding
 from .curvature import curvature_image, mean_curvature, sulcal_depth
 from .disk import BeltramiDiskSolver, angle_distortion, disk_conformal_map, solve_beltrami_disk

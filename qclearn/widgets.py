@@ -12,7 +12,6 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from scipy.spatial import Delaunay
-from threadpoolctl import threadpool_limits
 
 from .beltrami import signed_areas
 from .curvature import AreaRadius, area_radius
@@ -107,9 +106,8 @@ class FitState:
 
 def exact_fit(problem, alpha, beta, gamma, sliding=False, watch=None):
     """`fit_landmarks` on a Problem."""
-    with threadpool_limits(1):  # on small matrices more BLAS threads only wait for each other: five times slower here
-        return fit_landmarks(problem.z, problem.faces, problem.moving, problem.target, alpha, beta, gamma, problem.curve,
-                             sliding, rings=RINGS, watch=watch)
+    return fit_landmarks(problem.z, problem.faces, problem.moving, problem.target, alpha, beta, gamma, problem.curve, sliding,
+                         rings=RINGS, watch=watch)
 
 
 SOLVERS = {"exact fit": exact_fit}  # name -> callable like `exact_fit`; a network's answer goes beside it here

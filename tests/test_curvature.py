@@ -4,15 +4,24 @@ import warnings
 
 import numpy as np
 import pytest
+from known_surfaces import icosphere, revolution, sheet
 
 from qclearn.bijectivity import RepairWarning
-from qclearn.curvature import (AreaRadius, area_radius, area_under_pixels, curvature_image, grey_levels, mean_curvature,
-                               pixel_centres, resolved_share, sulcal_depth)
-from qclearn.diskmesh import polar_disk
+from qclearn.curvature import (
+    AreaRadius,
+    area_radius,
+    area_under_pixels,
+    curvature_image,
+    grey_levels,
+    mean_curvature,
+    pixel_centres,
+    resolved_share,
+    sulcal_depth,
+)
 from qclearn.disk import disk_conformal_map
+from qclearn.diskmesh import polar_disk
 from qclearn.fsaverage import fsaverage5
 from qclearn.surface import Surface, SurfaceError
-from known_surfaces import icosphere, revolution, sheet
 
 
 def test_sphere_is_exact():

@@ -8,11 +8,11 @@ import nibabel
 import numpy as np
 import pytest
 import pyvista
+from surfaces import grid
 
 from qclearn.files import read_surface, write_surface
 from qclearn.surface import Surface, SurfaceError
 from qclearn.values import read_mask
-from surfaces import grid
 
 EXACT = ["a.npz", "a.ply", "a.obj", "a.off", "a.vtk", "a.vtp"]
 SINGLE = ["a.gii", "a.surf.gii", "a.surf.gii.gz", "a.stl", "lh.pial", "rh.white", "lh.sphere.reg", "surface"]

@@ -6,8 +6,17 @@ import pytest
 from qclearn.beltrami import BeltramiError
 from qclearn.curvature import pixel_centres
 from qclearn.diskmesh import polar_disk, square_disk
-from qclearn.fourier import (coefficient_count, compress, compression_effect, fourier_coefficients, fourier_matrix,
-                             frequencies, from_coefficients, from_square, to_square)
+from qclearn.fourier import (
+    coefficient_count,
+    compress,
+    compression_effect,
+    fourier_coefficients,
+    fourier_matrix,
+    frequencies,
+    from_coefficients,
+    from_square,
+    to_square,
+)
 
 
 @pytest.fixture(params=[16, 17])

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from surfaces import grid, sphere, torus
 
 from qclearn.fsaverage import fsaverage5
 from qclearn.opening import open_surface
 from qclearn.surface import Surface, SurfaceError, mirror, require_disk, require_outward
-from surfaces import grid, sphere, torus
 
 
 def height(surface):

@@ -2,14 +2,21 @@
 
 import numpy as np
 import pytest
+from known_surfaces import grid_faces, icosphere, revolution, sheet, torus
 
-from data_synth.folding_measures import (facing_distance, fold_spectrum, pits_and_fundi, principal_curvatures, smooth,
-                                         spectral_centroid, spectral_peak)
+from data_synth.folding_measures import (
+    facing_distance,
+    fold_spectrum,
+    pits_and_fundi,
+    principal_curvatures,
+    smooth,
+    spectral_centroid,
+    spectral_peak,
+)
 from data_synth.intersections import self_intersections
 from data_synth.realism import TARGETS, main, mesh_metrics, realism, score, table, weighted_percentiles
 from qclearn.files import write_surface
 from qclearn.surface import Surface, SurfaceError
-from known_surfaces import grid_faces, icosphere, revolution, sheet, torus
 
 
 def folded():
