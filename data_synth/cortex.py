@@ -65,8 +65,8 @@ class Cortex:
 
 
 def _check(seed, n_vertices, hemisphere):
-    if not isinstance(seed, (int, np.integer)) or isinstance(seed, bool) or seed < 0:
-        raise CortexError(f"the seed is {seed!r}; give a whole number from 0.")
+    if not isinstance(seed, (int, np.integer)) or isinstance(seed, bool) or not 0 <= seed < 2**63:
+        raise CortexError(f"the seed is {seed!r}; give a whole number from 0, below 2^63.")
     if not isinstance(n_vertices, (int, np.integer)) or not FEWEST <= n_vertices <= MOST:
         raise CortexError(f"n_vertices is {n_vertices!r}; give a whole number from {FEWEST:,} to {MOST:,}.")
     if hemisphere not in HEMISPHERES:

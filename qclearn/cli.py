@@ -126,6 +126,8 @@ def read_landmarks(path):
         return json.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
         raise qc.LandmarkError(f"{path}: cannot be read ({error.strerror}); check the name") from None
+    except RecursionError:
+        raise qc.LandmarkError(f"{path}: lists nested too deeply; see the README for the format") from None
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise qc.LandmarkError(f"{path}: not a JSON file ({error}); see the README for the format") from None
 
@@ -182,9 +184,9 @@ def transfer(registration, values, to, nearest, out):
 
 
 @cli.command()
-@click.option("--seed", type=int, default=0, show_default=True, help="Which individual.")
+@click.option("--seed", type=int, help="Which individual (default 0).")
 @click.option("--vertices", type=int, default=10_000, show_default=True)
-@click.option("--hemisphere", type=click.Choice(["left", "right"]), default="left", show_default=True)
+@click.option("--hemisphere", type=click.Choice(["left", "right"]), help="Which side (default left).")
 @click.option("--cohort", type=int, help="Instead of one: make the first K subjects of the fixed cohort.")
 @click.option("--workers", type=int, default=2, show_default=True, help="Subjects of the cohort made at the same time.")
 @click.option("--out", help="File to write (.npz); with --cohort the folder (default: the user's cache).")
@@ -194,14 +196,19 @@ def synth(seed, vertices, hemisphere, cohort, workers, out):
     from data_synth.cohort import default_folder
 
     if cohort is not None:
+        if seed is not None or hemisphere is not None:
+            raise click.UsageError("a cohort has its own seeds and left hemispheres: drop --seed and --hemisphere")
         folder = Path(out) if out else default_folder()
         subjects = data_synth.cohort(cohort, vertices, folder, workers=workers)
         click.echo(f"{len(subjects)} subjects in {folder}")
         return
     if out is None:
         raise click.UsageError("synth needs --out FILE.npz")
-    if not Path(out).absolute().parent.is_dir():
-        raise OSError(f"{out}: its folder does not exist; make it, or give another --out")
+    if Path(out).suffix != ".npz" or Path(out).is_dir():
+        raise click.UsageError(f"{out}: synth writes a file whose name ends in .npz; give such an --out")
+    if not os.access(Path(out).absolute().parent, os.W_OK):
+        raise OSError(f"{out}: its folder does not exist or cannot be written to; make it, or give another --out")
+    seed, hemisphere = seed or 0, hemisphere or "left"
     data_synth.save_cortex(out, grow_with_bar(data_synth.make_cortex, seed, vertices, hemisphere))
     click.echo(f"{out}: seed {seed}, {hemisphere}")
 
