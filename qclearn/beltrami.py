@@ -14,8 +14,16 @@ class BeltramiError(ValueError):
 
 
 def signed_areas(z, faces):
-    """Signed area of each triangle, positive when counter-clockwise: Im(conj(b - a)(c - a)) / 2, shape (F,)."""
-    a, b, c = (np.asarray(z)[np.asarray(faces)[:, k]] for k in range(3))
+    """Signed area of each triangle, positive when counter-clockwise: Im(conj(b - a)(c - a)) / 2, shape (F,).
+
+    BeltramiError where a face names a vertex that is not there.
+    """
+    z, faces = np.asarray(z), np.asarray(faces)
+    outside = np.flatnonzero((faces < 0).any(1) | (faces >= len(z)).any(1))
+    if len(outside):
+        raise BeltramiError(f"faces {outside[:5].tolist()} name vertices outside 0..{len(z) - 1}; do the mesh and the "
+                            "vertices belong together?")
+    a, b, c = (z[faces[:, k]] for k in range(3))
     return 0.5 * ((b - a).conj() * (c - a)).imag
 
 

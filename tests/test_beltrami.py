@@ -397,3 +397,11 @@ def test_unusable_source_meshes(spoil):
         hat_gradients(z, faces)
     with pytest.raises(BeltramiError, match="not counter-clockwise"):
         solve_beltrami(z, faces, np.zeros(len(faces)), [0], [0])
+
+
+def test_faces_of_another_mesh_are_refused():
+    z, faces = polar_disk(3, 9)
+    with pytest.raises(BeltramiError, match=r"outside 0\.\.26"):
+        signed_areas(z[:-1], faces)
+    with pytest.raises(BeltramiError, match="faces .0, 1"):
+        signed_areas(z, faces - 1)
