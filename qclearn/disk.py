@@ -21,7 +21,7 @@ from .beltrami import (
 )
 from .bijectivity import BijectivityError, RepairWarning, check_embedding, repair
 from .diskmesh import boundary_loop, locate
-from .mobius import centring_mobius, mobius
+from .mobius import centring_mobius, mobius, mobius_inverse
 from .surface import SurfaceError, require_disk
 
 SMALLEST_STEP = 1e-3  # of the mean boundary step, where a negative weight makes the boundary run backwards
@@ -112,9 +112,7 @@ class BeltramiDiskSolver:
         An ear (a triangle with three boundary vertices) carries no flux and a sliver a wrong one; the error is much
         the same for every mu, so that its ratio at mu = 0 takes most of it out.
         """
-        blocks = stiffness_blocks(self.gradients, self.areas, np.zeros(len(self.faces), complex))
-        problem = Dirichlet(assemble(self.faces, blocks, len(self.z)), self.loop)
-        raw = FreeBoundary(problem, self.lengths, self.pole).raw_steps
+        raw = FreeBoundary(self._problem(np.zeros(len(self.faces), complex)), self.lengths, self.pole).raw_steps
         moved = mobius(self.z[self.loop], self.z[self.pole])
         exact = np.angle(np.roll(moved, -1) / moved)
         if np.allclose(raw, exact, rtol=0.01, atol=0):
@@ -130,6 +128,10 @@ class BeltramiDiskSolver:
         weights = np.concatenate([(1 - share) * exact, share * exact]) / raw[columns]
         return sparse.csr_array((weights, (np.tile(np.arange(n), 2), columns)), shape=(n, n))
 
+    def _problem(self, mu):
+        blocks = stiffness_blocks(self.gradients, self.areas, mu)
+        return Dirichlet(assemble(self.faces, blocks, len(self.z)), self.loop)
+
     def _choose_pole(self):
         interior = np.setdiff1d(np.arange(len(self.z)), self.loop)
         if not len(interior):
@@ -139,9 +141,7 @@ class BeltramiDiskSolver:
     def solve(self, mu):
         """The map f (V,) with Beltrami coefficient mu (F,); BeltramiError unless |mu| < 1 everywhere."""
         self.mu = check_coefficient(mu, len(self.faces))
-        blocks = stiffness_blocks(self.gradients, self.areas, self.mu)
-        problem = Dirichlet(assemble(self.faces, blocks, len(self.z)), self.loop)
-        self.free_boundary = FreeBoundary(problem, self.lengths, self.pole, self.calibration)
+        self.free_boundary = FreeBoundary(self._problem(self.mu), self.lengths, self.pole, self.calibration)
         self.floored = int(self.free_boundary.floored.sum())
         return self.normalise(self.free_boundary.f)
 
@@ -152,7 +152,7 @@ class BeltramiDiskSolver:
             centre = self.weights @ mobius(raw[self.origin], self.a)
             if abs(centre) < 1e-15 or abs(centre) >= 1:  # out of the disk: folded, and the boundary must not turn over
                 break
-            self.a = (centre + self.a) / (1 + np.conj(self.a) * centre)
+            self.a = mobius_inverse(centre, self.a)
         w = mobius(raw, self.a)
         edge = w[self.loop[:2]]
         self.turn = np.angle(edge[0]) + self.share * np.angle(edge[1] / edge[0])
@@ -236,9 +236,8 @@ def disk_conformal_map(surface):
     rim = np.linalg.norm(np.roll(surface.vertices[loop], -1, axis=0) - surface.vertices[loop], axis=1)
     free = FreeBoundary(problem, rim, _central_vertex(surface, problem, rim))
     f, switched = _centre_and_unfold(surface, matrix, free.f)
-    values = f[loop] / f[loop[0]]
     f = f / f[loop[0]]
-    f[loop] = values / abs(values)
+    f[loop] /= abs(f[loop])
     if not check_embedding(faces, f).bijective:
         raise BijectivityError("the disk conformal map folds and row switching did not mend it; "
                                "remesh the surface (its triangles may be degenerate to rounding)")
