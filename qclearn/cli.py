@@ -213,6 +213,27 @@ def synth(seed, vertices, hemisphere, cohort, workers, out):
     click.echo(f"{out}: seed {seed}, {hemisphere}")
 
 
+@cli.command()
+@click.argument("network", type=click.Choice(["ldnet", "cpnet", "dbsnet"]))
+@click.option("--preset", type=click.Choice(["best", "paper"]), default="best", show_default=True)
+@click.option("--gamma", type=float, help="The paper's CP-Net alone: the weight it is trained for (1e4, 1e5 or 2e5).")
+@click.option("--out", required=True, help="Folder of the run; one that was interrupted goes on from its checkpoint.")
+@click.option("--data", help="Folder where training sets are kept (default: the user's cache).")
+@click.option("--steps", type=int, help="Fewer or more steps than the recipe.")
+@click.option("--seed", type=int, help="Another seed than the recipe's.")
+@click.option("--quick", is_flag=True, help="A tiny training set, to see that all works.")
+@click.option("--threads", type=int, help="Threads of torch (default: all cores).")
+def train(network, preset, gamma, out, data, steps, seed, quick, threads):
+    """Train a network by the recipe of its shipped weights; writes log, checkpoint and weights. `torchrun` runs it on
+    several processes or machines: torchrun --nproc-per-node 2 -m qclearn train dbsnet --out run."""
+    from .training import run_training  # here: loads torch
+
+    path, row = run_training(network, preset, gamma, Path(out), data, steps, seed, quick, threads)
+    if path:
+        click.echo(f"{path}: validation loss {row['validation_loss']:.4g} after {row['step']:.0f} steps, "
+                   f"{row['seconds']:.0f} s")
+
+
 def grow_with_bar(make_cortex, *arguments):
     """make_cortex in a thread of its own, while a progress bar follows its clock."""
     clock = np.zeros(2, dtype=np.int64)

@@ -12,7 +12,7 @@ PACKAGES = ("qclearn", "data_synth")
 # Every module of qclearn that is not named here is geometry.
 NETWORKS = {"qclearn.nets", "qclearn.polar"}
 LEAVES = {"qclearn.plot", "qclearn.widgets", "qclearn.scenes", "qclearn.pages"}
-TOP = {"qclearn.cli", "qclearn.benchmark", "qclearn.__main__", "qclearn"}
+TOP = {"qclearn.cli", "qclearn.training", "qclearn.benchmark", "qclearn.__main__", "qclearn"}
 REGISTER = {"qclearn.register"}
 # The data that the networks are trained on are torch datasets.
 DATASETS = {"data_synth.datasets"}
@@ -55,7 +55,7 @@ def forbidden(module, name, at_top):
         return "import qclearn stays light" if module == "qclearn" and belongs(name, LEAVES | NETWORKS) else None
     if belongs(name, LEAVES) and module not in LEAVES:
         return "plot, widgets, scenes and pages are leaves"
-    if belongs(name, {"qclearn.cli", "qclearn.benchmark"}):
+    if belongs(name, {"qclearn.cli", "qclearn.training", "qclearn.benchmark"}):
         return "nothing stands above the command line and the benchmark"
     if belongs(name, REGISTER) and not synthetic and module not in LEAVES:
         return "register stands above the geometry"

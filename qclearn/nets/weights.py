@@ -1,0 +1,123 @@
+"""Weights as safetensors files that say in their header what they are: network, configuration, recipe and figures."""
+
+import hashlib
+import importlib
+import json
+from dataclasses import asdict
+from functools import cache
+from pathlib import Path
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+
+from ..files import write_whole
+
+FORMAT = 1  # raise it when a header's meaning or a network's layers change, so that old weights are refused
+FOLDER = Path(__file__).parent / "weights"
+NETWORKS = ("ldnet", "cpnet", "dbsnet")
+PAPER_GAMMAS = (1e4, 1e5, 2e5)  # the paper trains one CP-Net for each
+NEEDED = {"format", "network", "config", "training", "data", "steps", "commit", "figures", "digest"}
+
+
+class WeightsError(ValueError):
+    """A weights file that cannot be used: says which, why and what to do."""
+
+
+def build(network, config):
+    """An untrained network: `build("dbsnet", {"preset": "best", ...})`, or with the preset's name alone."""
+    if network not in NETWORKS:
+        raise WeightsError(f"no network is called {network!r}; there are {', '.join(NETWORKS)}")
+    presets = importlib.import_module(f".{network}", __package__).PRESETS
+    given = {"preset": config} if isinstance(config, str) else config
+    if given.get("preset") not in presets:
+        raise WeightsError(f"{network} has no preset {given.get('preset')!r}; there are {', '.join(presets)}")
+    network_class, default = presets[given["preset"]]
+    plain = {name: tuple(value) if isinstance(value, list) else value for name, value in given.items()}
+    return network_class(type(default)(**{**asdict(default), **plain}))
+
+
+def stem(network, preset, gamma=None):
+    """File name of a network's weights without its suffix, "cpnet-paper-g1e+04"."""
+    return f"{network}-{preset}" + (f"-g{gamma:.0e}" if network == "cpnet" and preset == "paper" else "")
+
+
+@cache
+def load(name, preset="best", gamma=None):
+    """The shipped network `name` ("ldnet", "cpnet", "dbsnet") in evaluation mode, as NumPy callables.
+
+    preset: "best", or "paper" as printed; the paper's CP-Net has weights for one gamma each (1e4, 1e5, 2e5).
+    `load("dbsnet").solve(z, faces, mu)`, `load("cpnet").predict(z, faces, moving, target, alpha=, beta=, gamma=)`,
+    `load("ldnet").detect(surface, z, endpoints)`. WeightsError for an unknown name, preset or gamma.
+    """
+    if name == "cpnet" and preset == "paper" and gamma not in PAPER_GAMMAS:
+        raise WeightsError(f"the paper's CP-Net has one weights file for each gamma of "
+                           f"{', '.join(f'{g:g}' for g in PAPER_GAMMAS)}; got {gamma}: name one of them")
+    path = FOLDER / f"{stem(name, preset, gamma)}.safetensors"
+    if name not in NETWORKS or not path.is_file():
+        shipped = ", ".join(sorted(path.stem for path in FOLDER.glob("*.safetensors")))
+        raise WeightsError(f"no weights are shipped for {name!r} with preset {preset!r}; there are {shipped or 'none'}")
+    return load_file(path)
+
+
+def load_file(path, network=None):
+    """The network of a weights file, of your own training say, in evaluation mode.
+
+    WeightsError if the file is damaged, not one of this program, of another version, or of another network than named.
+    """
+    header, state = read_weights(path)
+    if network is not None and header["network"] != network:
+        raise WeightsError(f"{path}: holds weights of {header['network']}, not of {network}; give another file")
+    model = build(header["network"], header["config"])
+    try:
+        model.load_state_dict(state, strict=True)
+    except RuntimeError as error:
+        raise WeightsError(f"{path}: does not fit {header['network']} as this version builds it "
+                           f"({' '.join(str(error).split())[:200]}); train it again with this version") from None
+    model.header = header
+    return model.eval().requires_grad_(False)
+
+
+def read_weights(path):
+    """(header, state dict) of a weights file; WeightsError if it is not whole, not ours or of another version."""
+    try:
+        with safe_open(path, framework="pt") as file:
+            metadata = file.metadata() or {}
+            state = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
+    except OSError as error:
+        raise WeightsError(f"{path}: cannot be read ({error.strerror or error}); check the name") from None
+    except SafetensorError as error:
+        raise WeightsError(f"{path}: not a whole safetensors file ({error}); get it again") from None
+    try:
+        header = json.loads(metadata["qclearn"])
+        missing = NEEDED - set(header)
+    except (KeyError, TypeError, json.JSONDecodeError):
+        raise WeightsError(f"{path}: has no qclearn header; give a file that `qclearn train` wrote") from None
+    if header.get("format") != FORMAT:
+        raise WeightsError(f"{path}: weights of format {header.get('format')}, this version reads {FORMAT}; train them "
+                           "again, or install the version that wrote them")
+    if missing:
+        raise WeightsError(f"{path}: its header lacks {', '.join(sorted(missing))}; get the file again")
+    if header["digest"] != digest(state.values()):
+        raise WeightsError(f"{path}: its numbers do not match its checksum; get the file again")
+    return header, state
+
+
+def save_weights(path, model, header):
+    """Write a network's parameters with `header` (dict for JSON) as one file, whole or not at all."""
+    state = {name: tensor.detach().cpu().contiguous() for name, tensor in model.state_dict().items()}
+    header = {"format": FORMAT, "config": asdict(model.config), **header, "digest": digest(state.values())}
+    missing = NEEDED - set(header)
+    if missing:
+        raise WeightsError(f"{path}: the header lacks {', '.join(sorted(missing))}")
+    write_whole(Path(path), lambda place: save_file(state, place, {"qclearn": json.dumps(header)}))
+
+
+def digest(tensors):
+    """SHA-256 of tensors: shapes, types and numbers, in order."""
+    total = hashlib.sha256()
+    for tensor in tensors:
+        tensor = tensor.detach().cpu().contiguous()
+        total.update(f"{tuple(tensor.shape)} {tensor.dtype}".encode())
+        total.update(torch.view_as_real(tensor).numpy().tobytes() if tensor.is_complex() else tensor.numpy().tobytes())
+    return total.hexdigest()

@@ -1,0 +1,185 @@
+"""The training loop: it learns, goes on after a kill to the same losses, shares a batch, and refuses what cannot run."""
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from dataclasses import dataclass, replace
+
+import pytest
+import torch
+from torch import nn
+from torch.utils.data import TensorDataset
+
+from qclearn.nets.train import TrainConfig, TrainingError, batch_items, rate_at, train
+
+CONFIG = TrainConfig(steps=60, batch=8, rate=0.2, warmup=5, validate_every=20)
+
+
+@dataclass(frozen=True)
+class LineConfig:
+    preset: str = "best"
+
+
+class Line(nn.Module):
+    """y = a x + b, with noise of the generator in training."""
+
+    def __init__(self, noise=0.0):
+        super().__init__()
+        self.config, self.noise = LineConfig(), noise
+        self.layer = nn.Linear(1, 1)
+        nn.init.zeros_(self.layer.weight)
+        nn.init.zeros_(self.layer.bias)
+
+    def loss(self, batch, generator):
+        x, y = batch
+        if generator is not None and self.noise:
+            y = y + self.noise * torch.randn(y.shape, generator=generator)
+        loss = ((self.layer(x) - y) ** 2).mean()
+        return loss, {"slope": self.layer.weight.item()}
+
+
+def line_data(count):
+    x = torch.linspace(-1, 1, count)[:, None]
+    return TensorDataset(x, 3 * x - 1)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def one_thread():
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+def run(folder, model=None, config=CONFIG, count=30):
+    model = model or Line()
+    return model, train(model, line_data(count), line_data(7), config, folder, progress=False)
+
+
+def test_it_learns_and_logs(tmp_path):
+    model, last = run(tmp_path)
+    assert model.layer.weight.item() == pytest.approx(3, abs=0.3) and model.layer.bias.item() == pytest.approx(-1, abs=0.3)
+    assert not model.training
+    with (tmp_path / "log.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["step"]) for row in rows] == [20, 40, 60]
+    assert set(rows[0]) == {"step", "loss", "slope", "validation_loss", "validation_slope", "seconds"}
+    assert float(rows[-1]["validation_loss"]) == last["validation_loss"] < 0.1 * float(rows[0]["validation_loss"])
+    assert json.loads((tmp_path / "config.json").read_text())["training"]["rate"] == 0.2
+
+
+class Killed(Exception):
+    pass
+
+
+class Fragile(Line):
+    """Dies in its 50th training step, as if killed."""
+
+    calls = 0
+
+    def loss(self, batch, generator):
+        self.calls += generator is not None
+        if self.calls == 50:
+            raise Killed
+        return super().loss(batch, generator)
+
+
+def test_a_killed_run_goes_on_to_the_same_numbers(tmp_path):
+    whole, expected = run(tmp_path / "whole", Line(noise=0.5))
+    with pytest.raises(Killed):
+        run(tmp_path / "killed", Fragile(noise=0.5))
+    resumed, found = run(tmp_path / "killed", Line(noise=0.5))
+    assert torch.equal(resumed.layer.weight, whole.layer.weight) and torch.equal(resumed.layer.bias, whole.layer.bias)
+    assert {k: v for k, v in found.items() if k != "seconds"} == {k: v for k, v in expected.items() if k != "seconds"}
+    with (tmp_path / "killed" / "log.csv").open(newline="") as file:
+        assert [int(row["step"]) for row in csv.DictReader(file)] == [20, 40, 60]
+
+
+def test_a_finished_run_is_not_trained_again(tmp_path):
+    _, first = run(tmp_path)
+    model, second = run(tmp_path)
+    assert second == first and model.layer.weight.item() == pytest.approx(3, abs=0.3)
+
+
+def test_every_epoch_takes_every_item_once():
+    config = replace(CONFIG, batch=7)
+    taken = torch.cat([batch_items(14, step, config) for step in range(6)])
+    for epoch in taken.reshape(3, 14):
+        assert sorted(epoch.tolist()) == list(range(14))
+    assert taken[:14].tolist() != taken[14:28].tolist()
+    assert torch.equal(batch_items(14, 3, config), batch_items(14, 3, config))
+    assert len(batch_items(3, 5, config)) == 7  # a batch larger than the set goes round
+
+
+def test_the_rate_warms_up_and_falls_to_zero():
+    assert rate_at(0, CONFIG) == pytest.approx(1 / 5) and rate_at(5, CONFIG) == 1
+    assert rate_at(32, CONFIG) == pytest.approx(0.5, abs=0.02) and rate_at(59, CONFIG) < 0.01
+
+
+def test_the_seed_decides(tmp_path):
+    a, b = (run(tmp_path / name, Line(0.5), replace(CONFIG, seed=seed))[0] for name, seed in (("a", 1), ("b", 2)))
+    assert not torch.equal(a.layer.weight, b.layer.weight)
+
+
+@pytest.mark.parametrize("change, words", [
+    ({"steps": 0}, "steps is 0"), ({"batch": 0}, "batch is 0"), ({"rate": 0.0}, "rate is 0.0"),
+    ({"rate": 1e30, "clip": 1e30}, "loss is .* at step"),
+])
+def test_what_cannot_run_is_refused(tmp_path, change, words):
+    with pytest.raises(TrainingError, match=words):
+        run(tmp_path, config=replace(CONFIG, **change))
+
+
+def test_an_empty_set_is_refused(tmp_path):
+    with pytest.raises(TrainingError, match="empty"):
+        run(tmp_path, count=0)
+
+
+def test_the_folder_of_another_run_is_refused_and_kept(tmp_path):
+    run(tmp_path)
+    before = (tmp_path / "checkpoint.safetensors").read_bytes()
+    with pytest.raises(TrainingError, match="another configuration \\(rate\\)"):
+        run(tmp_path, config=replace(CONFIG, rate=0.01))
+    assert (tmp_path / "checkpoint.safetensors").read_bytes() == before
+
+
+@pytest.mark.parametrize("name", ["checkpoint.safetensors", "config.json"])
+def test_a_damaged_run_is_refused(tmp_path, name):
+    run(tmp_path)
+    (tmp_path / name).write_bytes((tmp_path / name).read_bytes()[:20])
+    with pytest.raises(TrainingError, match="damaged"):
+        run(tmp_path)
+
+
+def test_a_folder_that_cannot_be_made_is_refused(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(TrainingError, match="choose another folder"):
+        run(tmp_path / "file")
+
+
+PROGRAM = """
+import sys
+sys.path.insert(0, sys.argv[1])
+import torch
+from test_train import CONFIG, Line, line_data
+from qclearn.nets.train import train
+torch.set_num_threads(1)
+model = Line()
+train(model, line_data(30), line_data(7), CONFIG, sys.argv[2], progress=False)
+print(model.layer.weight.item(), model.layer.bias.item())
+"""
+
+
+def test_two_processes_share_the_batch_and_agree_with_one(tmp_path):
+    model, _ = run(tmp_path / "one")
+    script = tmp_path / "program.py"
+    script.write_text(PROGRAM)
+    command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2", script,
+               os.path.dirname(__file__), tmp_path / "two"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120,
+                          env={**os.environ, "OMP_NUM_THREADS": "1"}, check=False)
+    assert done.returncode == 0, done.stderr
+    first, second = ([float(word) for word in line.split()] for line in done.stdout.splitlines())
+    assert first == second == pytest.approx([model.layer.weight.item(), model.layer.bias.item()], abs=1e-5)
