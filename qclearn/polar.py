@@ -69,6 +69,10 @@ class PolarSolver:
         harmonic = Preconditioner(harmonic, tables)(harmonic)
         f, steps_f = Solve.apply(*weights, torch.cat([rim, pull], 2), harmonic, IDENTITY, *stopping)
         self.iterations = torch.cat([steps_U, steps_f], 1)
+        return self.finish(f, boundary)
+
+    def finish(self, f, boundary):
+        """The normalised maps (B, V) from Re f and Im f (B, 2, nr, nt) inside and (B, 2, 1, nt) on the circle."""
         inner = torch.cat([f[:, :, 0].mean(-1, keepdim=True), f[:, :, 1:].flatten(2)], 2)
         return _normalise(torch.complex(*inner.unbind(1)), torch.complex(*boundary[:, :, 0].unbind(1)))
 

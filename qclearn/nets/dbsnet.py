@@ -1,0 +1,171 @@
+"""DBS-Net, the disk Beltrami solver network: mu on the faces of a disk mesh to the map f, f(0) = 0 and f(1) = 1.
+
+Preset `best` corrects, in logarithmic coordinates, what two preconditioned steps know about the map; the circle is
+kept exactly. Preset `paper` (`dbsnet_paper`) is the network as printed.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import nn
+from torch.nn import functional
+
+from ..polar import IDENTITY, Preconditioner, PolarSolver, Solve
+from .layers import PolarUNet
+from .train import TrainConfig
+
+TOLERANCE = 1e-5  # of the exact maps that the network learns from
+
+
+@dataclass(frozen=True)
+class DBSNetConfig:
+    """Sizes of a DBS-Net; those of the other preset are not used."""
+
+    preset: str
+    rings: int = 48
+    spokes: int = 144
+    channels: tuple = (32, 64, 96, 128)
+    blocks: int = 3
+    max_abs: tuple = (0.05, 0.6)  # of the coefficients it is trained on
+
+
+class BestDBSNet(nn.Module):
+    """f = z exp(u + iv): first two preconditioned steps, then what a U-Net on the polar mesh adds to u and v.
+
+    u = 0 on the circle and v(1) = 0 by construction, so that the boundary stays on the circle, f(0) = 0 and f(1) = 1.
+    """
+
+    def __init__(self, config):
+        super().__init__()
+        self.config = config
+        self.solver = PolarSolver(config.rings, config.spokes)
+        self.unet = PolarUNet(9, 2, config.channels, config.blocks)
+        z = torch.from_numpy(self.solver.z[1:]).reshape(1, config.rings, config.spokes)
+        self.register_buffer("z", z.to(torch.complex64), persistent=False)
+        self.register_buffer("radius", z.abs().float(), persistent=False)
+
+    def forward(self, mu):
+        """The maps f (B, V) of mu (B, F) on the polar mesh."""
+        with torch.autocast(mu.device.type, enabled=False), torch.no_grad():
+            features, u, v = self.features(mu)
+        correction = self.unet(features)
+        with torch.autocast(mu.device.type, enabled=False):
+            du, dv = (0.1 * correction.float()).unbind(1)
+            # Twice a distance to the circle: a correction of u that is smooth up to it and vanishes on it.
+            du = du * (1 - self.radius ** 2)
+            f = self.z * torch.exp(torch.complex(u + du, v + dv - dv[:, -1:, :1]))
+            return torch.cat([f.new_zeros(len(f), 1), f.flatten(1)], 1)
+
+    def features(self, mu):
+        """What is known in closed form: features (B, 9, rings, spokes) and the first u, v (B, rings, spokes)."""
+        first, second, U = two_steps(self.solver, mu)
+        first, second = (f[:, 1:].view(-1, *self.z.shape[1:]) for f in (first, second))
+        start, change = torch.log(second / self.z), torch.log(second / first)
+        u, v = start.real.clone(), start.imag
+        u[:, -1] = 0
+        green = functional.pad(U - torch.log(self.radius[:, :-1]), (0, 0, 0, 1)) - u
+        rows = mu.view(len(mu), -1, self.config.spokes)
+        turn = torch.complex(*self.solver.tables(rows.real)["turn"])
+        pairs = torch.cat([rows[:, :1], rows], 1) * turn  # the two faces of each cell, those at the centre twice
+        inner, outer = pairs[:, ::2], pairs[:, 1::2]
+        known = [inner.real, inner.imag, outer.real, outer.imag, 3 * u, 3 * v, 10 * change.real, 10 * change.imag,
+                 3 * green]
+        return torch.stack(known, 1), u, v
+
+    def loss(self, batch, generator):
+        """Position error over displacement plus relative error of the derivatives, against the exact maps."""
+        mu = batch[0]
+        with torch.autocast(mu.device.type, enabled=False), torch.no_grad():
+            mu = self.rescale(mu, generator)
+            exact = self.solver.solve(mu, TOLERANCE)
+        f = self(mu)
+        with torch.autocast(mu.device.type, enabled=False):
+            position = position_error(f, exact, self.z.flatten()).mean()
+            size, folds = derivative_error(self.full(f), self.full(exact), self.full_z())
+            loss = position + 0.5 * size.mean() + 2 * folds.mean()
+        return loss, {"position": position.item(), "derivative": size.mean().item(), "folds": folds.mean().item()}
+
+    def rescale(self, mu, generator):
+        """Coefficients of the batch with largest |mu| uniform in `max_abs`; with a generator also mixed and turned."""
+        mu, spokes = mu.view(len(mu), -1, self.config.spokes), self.config.spokes
+        if generator is not None:
+            draw = torch.rand(4, len(mu), generator=generator).to(mu.real)
+            other = mu[torch.randperm(len(mu), generator=generator).to(mu.device)]
+            size = [x.abs().amax((1, 2), keepdim=True) for x in (mu, other)]
+            share = (draw[0] * (draw[1] < 0.5))[:, None, None]
+            mu = mu / size[0] * (1 - share) + other / size[1] * share * torch.exp(2j * torch.pi * draw[2])[:, None, None]
+            shift = int(torch.randint(spokes, (), generator=generator))
+            mu = mu.roll(shift, -1) * torch.exp(2j * torch.pi * draw[3])[:, None, None]
+            low, high = self.config.max_abs
+            largest = low + (high - low) * torch.rand(len(mu), generator=generator).to(mu.real)
+            mu = mu / mu.abs().amax((1, 2), keepdim=True) * largest[:, None, None]
+        return mu.flatten(1)
+
+    def full(self, f):
+        """f (B, V) as a grid (B, rings + 1, spokes) whose first ring repeats the centre."""
+        return torch.cat([f[:, :1, None].expand(-1, 1, self.config.spokes), f[:, 1:].view(-1, *self.z.shape[1:])], 1)
+
+    def full_z(self):
+        return torch.cat([torch.zeros_like(self.z[:, :1]), self.z], 1)
+
+
+def two_steps(solver, mu):
+    """(first, second, U): what two preconditioned steps from mu = 0 say about the maps of mu, on the polar mesh.
+
+    U (B, nr - 1, nt), the potential log|f| from two steps of conjugate gradients (the first only scales the one of
+    mu = 0), places the boundary; f then takes one step and another from the harmonic map with that boundary: the
+    approximations of first and of second order in mu.
+    """
+    spoke, _, diagonal = weights = solver._weights(mu)
+    tables = solver.tables(spoke)
+    nr, nt = solver.nr, solver.nt
+    pole, rim = (spoke.new_zeros(len(mu), copies, nr - 1, nt) for copies in (1, 2))
+    pole = torch.cat([torch.full_like(pole[:, :, :1], -2 * torch.pi / nt), pole], 2)
+    U, _ = Solve.apply(*weights, pole, None, IDENTITY, tables, 0.0, 2)
+    boundary = solver._boundary(U[:, 0, -1], spoke[:, -1], diagonal[:, -1])
+    pull = spoke[:, None, -1:] * boundary + diagonal[:, None, -1:] * boundary.roll(-1, -1)
+    harmonic = torch.cat([rim, tables["rim"] * boundary], 2)
+    f = Preconditioner(harmonic, tables)(harmonic)
+    maps = []
+    for _ in range(2):
+        f, _ = Solve.apply(*weights, torch.cat([rim, pull], 2), f, IDENTITY, tables, 0.0, 1)
+        maps.append(solver.finish(f, boundary))
+    return *maps, U[:, 0, 1:]
+
+
+def position_error(f, exact, z):
+    """Mean distance (B,) between maps (B, 1 + V) in units of the mean displacement of `exact` after the best turn."""
+    exact, f = exact[:, 1:], f[:, 1:]
+    turn = (exact * z.conj()).sum(1, keepdim=True)
+    displacement = (exact - turn / turn.abs() * z).abs().mean(1)
+    return (f - exact).abs().mean(1) / displacement
+
+
+def derivative_error(f, exact, z):
+    """Error of the derivatives against the smaller stretch of the exact map, (root mean square, excess) (B,) each.
+
+    `d = (|e_z| + |e_zbar|) / (|f_z| - |f_zbar|)` a face, e = f - exact: a face folds only where d >= 1; excess is the
+    mean of `max(d - 0.5, 0)^2`. Grids (B, rings + 1, spokes) whose first ring is the centre.
+    """
+    size = []
+    for corners in ((0, 1, 2), (0, 2, 3)):
+        (e_z, e_zbar), (f_z, f_zbar) = (_derivatives(x, z, corners) for x in (f - exact, exact))
+        size.append((e_z.abs() + e_zbar.abs()) / (f_z.abs() - f_zbar.abs()).clamp(min=0.05))
+    size[1] = size[1][:, 1:]  # at the centre the second face of a cell has no area
+    d = torch.cat([x.flatten(1) for x in size], 1)
+    return (d ** 2).mean(1).sqrt(), (functional.relu(d - 0.5) ** 2).mean(1)
+
+
+def _derivatives(f, z, corners):
+    def edges(x):
+        cell = x[:, :-1], x[:, 1:], x[:, 1:].roll(-1, -1), x[:, :-1].roll(-1, -1)
+        a, b, c = (cell[k] for k in corners)
+        return b - a, c - a
+    (z1, z2), (f1, f2) = edges(z), edges(f)
+    area = z1 * z2.conj() - z2 * z1.conj()
+    area = torch.where(area == 0, torch.ones_like(area), area)
+    return (f1 * z2.conj() - f2 * z1.conj()) / area, (f2 * z1 - f1 * z2) / area
+
+
+PRESETS = {"best": (BestDBSNet, DBSNetConfig("best"))}
+TRAINING = {"best": TrainConfig(steps=6000, batch=16, rate=1e-3, bfloat16=True)}
