@@ -105,6 +105,10 @@ class Landmarks:
         along, across = (self.weights[k].reshape(shape) for k in (0, 1))
         return np.sqrt(gamma / len(self.target)) * np.concatenate([along * turned.real, across * turned.imag])
 
+    def error(self, w):
+        """Mean distance of mapped points w (M,) from their targets."""
+        return abs(w - self.target).mean()
+
     def jacobian(self, grad_re, grad_im, gamma):
         """Gradients of the components (2 M, n) from those of Re w and Im w, (M, n)."""
         turn = self.tangent.conj()[:, None]
@@ -229,14 +233,15 @@ def descend(newton, forward, step, nu, parameters, gamma, shares=SHARES):
 
 @threadpool_limits.wrap(limits=1)  # on matrices of this size BLAS threads wait for each other: up to five times slower
 def fit_landmarks(z, faces, moving, target, alpha=1.0, beta=1e-2, gamma=1e5, curve=None, sliding=False, start=None,
-                  rings=None, watch=None):
+                  rings=None, watch=None, enough=0.0):
     """The quasi-conformal disk map that takes landmarks `moving` to `target`: a LandmarkFit, certified or reported.
 
     Minimises `alpha mean|nu|^2 + beta mean|grad nu|^2 + gamma mean|M(f(p)) - q|^2` (means over the unit disk and over
     the M landmarks), to second order in nu the paper's L_CP. z (V,) complex with its boundary on the unit circle;
     moving, target (M,) complex in the closed disk; curve (M,) int labels, points of a curve in order; sliding lets
     inner points of a curve move along the target curve. start: mu (F,) on the faces to begin from; rings of the polar
-    mesh that carries nu (default: from the mesh's size); watch() is called before each step and may raise to stop it.
+    mesh that carries nu (default: from the mesh's size); watch() is called before each step and may raise to stop it;
+    enough: landmark error below which no further step is taken on the mesh (0: steps until they settle).
     Errors: LandmarkError, BeltramiError, SurfaceError. Source: paper, eq. RegLoss; Gauss-Newton in its dual form.
     """
     z, faces = np.asarray(z, complex), np.asarray(faces)
@@ -253,7 +258,7 @@ def fit_landmarks(z, faces, moving, target, alpha=1.0, beta=1e-2, gamma=1e5, cur
     newton = GaussNewton(grid, triangles, landmarks, alpha, beta)
     nu = sampling_matrix(coarse.z, coarse.faces, grid) @ nu
     fine = MeshForward(z, faces, moving, sampling_matrix(grid, triangles, z[faces].mean(1)))
-    f, nu, parameters, polished = fit_on_mesh(newton, fine, nu, parameters, gamma, watch)
+    f, nu, parameters, polished = fit_on_mesh(newton, fine, nu, parameters, gamma, watch, enough)
     return report_fit(newton, fine, z, faces, f, nu, parameters, (steps, polished), weights)
 
 
@@ -274,10 +279,12 @@ def fit_on_grid(newton, forward, nu, parameters, gamma, watch):
     return nu, parameters, taken
 
 
-def fit_on_mesh(newton, fine, nu, parameters, gamma, watch):
-    """Last steps, on the caller's mesh, until they settle: (f, nu, parameters, steps)."""
+def fit_on_mesh(newton, fine, nu, parameters, gamma, watch, enough=0.0):
+    """Last steps, on the caller's mesh, until they settle or the error is below `enough`: (f, nu, parameters, steps)."""
     f, steps = fine.map(nu, parameters), 0
     for _ in range(LINEARISATIONS):
+        if newton.landmarks.error(fine.points) < enough:
+            break
         step, start = newton.prepare(nu, fine, parameters, gamma), newton.objective(nu, fine.points, gamma)
         # A further step with the same linearisation costs one solve: it is tried whole or not at all.
         for shares in [SHARES, *[(1.0,)] * CHORDS]:
@@ -288,7 +295,8 @@ def fit_on_mesh(newton, fine, nu, parameters, gamma, watch):
             if result is None:
                 break
             (nu, parameters, f), steps = result, steps + 1
-            if newton.objective(nu, fine.points, gamma) > SETTLED * before:
+            settled = newton.objective(nu, fine.points, gamma) > SETTLED * before
+            if settled or newton.landmarks.error(fine.points) < enough:
                 break
         if newton.objective(nu, fine.points, gamma) > SETTLED * start:
             break
@@ -310,7 +318,7 @@ def report_fit(newton, fine, z, faces, f, nu, parameters, steps, weights):
     losses = dict(zip(("L_mu", "L_grad_mu", "L_Landmark"), terms), L_CP=float(np.dot(weights, terms)))
     fallbacks = [f"{fine.switched} rows switched"] * bool(fine.switched)
     fallbacks += [f"{fine.solver.floored} boundary steps raised"] * bool(fine.solver.floored)
-    return LandmarkFit(f, beltrami_coefficient(z, faces, f), parameters, float(abs(mapped - newton.landmarks.target).mean()),
+    return LandmarkFit(f, beltrami_coefficient(z, faces, f), parameters, float(newton.landmarks.error(mapped)),
                        certificate.bijective, certificate.flipped, steps, losses, tuple(fallbacks))
 
 

@@ -291,6 +291,15 @@ def test_a_start_must_be_a_coefficient_on_the_faces():
             fit_landmarks(z, faces, *smooth_problem(3, 30), start=start)
 
 
+def test_a_fit_ends_on_the_mesh_once_the_error_is_small_enough():
+    p, q = smooth_problem(6)
+    settled = fit_landmarks(*SMALL, p, q)
+    early = fit_landmarks(*SMALL, p, q, enough=10 * settled.landmark_error)
+    assert settled.landmark_error < early.landmark_error < 10 * settled.landmark_error
+    assert early.steps[1] < settled.steps[1] and early.bijective
+    assert fit_landmarks(*SMALL, p, q, enough=1.0).steps[1] == 0
+
+
 def test_watch_is_asked_before_each_step_and_can_stop_the_fit():
     calls = []
     fit = fit_landmarks(*SMALL, *smooth_problem(3, 30), watch=lambda: calls.append(1))
