@@ -38,8 +38,9 @@ def build(network, config):
 
 
 def stem(network, preset, gamma=None):
-    """File name of a network's weights without its suffix, "cpnet-paper-g1e+04"."""
-    return f"{network}-{preset}" + (f"-g{gamma:.0e}" if network == "cpnet" and preset == "paper" else "")
+    """File name of a network's weights without its suffix, "cpnet-paper-g1e4"."""
+    exponent = f"-g{gamma:.0e}".replace("e+0", "e") if network == "cpnet" and preset == "paper" else ""
+    return f"{network}-{preset}{exponent}"
 
 
 @cache
@@ -86,19 +87,19 @@ def read_weights(path):
             state = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
     except OSError as error:
         raise WeightsError(f"{path}: cannot be read ({error.strerror or error}); check the name") from None
-    except SafetensorError as error:
+    except (SafetensorError, UnicodeDecodeError) as error:
         raise WeightsError(f"{path}: not a whole safetensors file ({error}); get it again") from None
     try:
-        header = json.loads(metadata["qclearn"])
+        header = dict(json.loads(metadata["qclearn"]))
         missing = NEEDED - set(header)
-    except (KeyError, TypeError, json.JSONDecodeError):
+    except (KeyError, TypeError, ValueError):
         raise WeightsError(f"{path}: has no qclearn header; give a file that `qclearn train` wrote") from None
     if header.get("format") != FORMAT:
         raise WeightsError(f"{path}: weights of format {header.get('format')}, this version reads {FORMAT}; train them "
                            "again, or install the version that wrote them")
     if missing:
         raise WeightsError(f"{path}: its header lacks {', '.join(sorted(missing))}; get the file again")
-    if header["digest"] != digest(state.values()):
+    if header["digest"] != digest_of_state(state):
         raise WeightsError(f"{path}: its numbers do not match its checksum; get the file again")
     return header, state
 
@@ -106,11 +107,16 @@ def read_weights(path):
 def save_weights(path, model, header):
     """Write a network's parameters with `header` (dict for JSON) as one file, whole or not at all."""
     state = {name: tensor.detach().cpu().contiguous() for name, tensor in model.state_dict().items()}
-    header = {"format": FORMAT, "config": asdict(model.config), **header, "digest": digest(state.values())}
+    header = {"format": FORMAT, "config": asdict(model.config), **header, "digest": digest_of_state(state)}
     missing = NEEDED - set(header)
     if missing:
         raise WeightsError(f"{path}: the header lacks {', '.join(sorted(missing))}")
     write_whole(Path(path), lambda place: save_file(state, place, {"qclearn": json.dumps(header)}))
+
+
+def digest_of_state(state):
+    """`digest` of a state dict, whose order in a file is not the one it was written in."""
+    return digest(state[name] for name in sorted(state))
 
 
 def digest(tensors):

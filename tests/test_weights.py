@@ -1,0 +1,159 @@
+"""Weights files: what is written comes back, whatever is not whole, ours or of this version is refused by name."""
+
+import json
+from dataclasses import asdict, dataclass
+
+import pytest
+import torch
+from safetensors.torch import save_file
+from torch import nn
+
+from qclearn.nets import weights
+from qclearn.nets.weights import FORMAT, WeightsError, digest, load, load_file, read_weights, save_weights, stem
+
+HEADER = {"network": "toy", "training": {}, "data": {}, "steps": 3, "commit": "", "figures": {}}
+
+
+@dataclass(frozen=True)
+class ToyConfig:
+    preset: str = "best"
+    sizes: tuple = (2, 3)
+
+
+class Toy(nn.Module):
+    def __init__(self, config):
+        super().__init__()
+        self.config = config
+        self.layer = nn.Linear(*config.sizes)
+
+
+@pytest.fixture(autouse=True)
+def toy(monkeypatch):
+    """The network "toy" beside the real ones."""
+    module = type("module", (), {"PRESETS": {"best": (Toy, ToyConfig())}})
+    found = weights.importlib.import_module
+    monkeypatch.setattr(weights, "NETWORKS", (*weights.NETWORKS, "toy"))
+    monkeypatch.setattr(weights.importlib, "import_module",
+                        lambda name, package=None: module if name == ".toy" else found(name, package))
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "toy-best.safetensors"
+    save_weights(path, Toy(ToyConfig(sizes=(4, 5))), HEADER)
+    return path
+
+
+def test_what_is_written_comes_back(tmp_path):
+    model = Toy(ToyConfig(sizes=(4, 5)))
+    save_weights(tmp_path / "a.safetensors", model, HEADER)
+    back = load_file(tmp_path / "a.safetensors", "toy")
+    assert back.config == model.config and not back.training
+    assert torch.equal(back.layer.weight, model.layer.weight) and not back.layer.weight.requires_grad
+    assert back.header["steps"] == 3 and back.header["format"] == FORMAT
+    assert [path.name for path in tmp_path.iterdir()] == ["a.safetensors"]
+
+
+def rewritten(file, change):
+    """The file with a changed header and state."""
+    header, state = read_weights(file)
+    change(header, state)
+    save_file(state, file, {"qclearn": json.dumps(header)})
+    return file
+
+
+@pytest.mark.parametrize("change, words", [
+    (lambda header, state: header.update(format=FORMAT + 1), f"format {FORMAT + 1}, this version reads {FORMAT}"),
+    (lambda header, state: header.pop("figures"), "lacks figures"),
+    (lambda header, state: state["layer.bias"].add_(1), "checksum"),
+    (lambda header, state: header.update(network="other"), "no network is called 'other'"),
+    (lambda header, state: header["config"].update(preset="worst"), "no preset 'worst'"),
+    (lambda header, state: header["config"].update(sizes=[4, 6]), "does not fit toy"),
+])
+def test_a_foreign_file_is_refused(file, change, words):
+    with pytest.raises(WeightsError, match=words):
+        load_file(rewritten(file, change))
+
+
+def test_another_network_is_refused(file):
+    with pytest.raises(WeightsError, match="weights of toy, not of dbsnet"):
+        load_file(file, "dbsnet")
+
+
+@pytest.mark.parametrize("size", [0, 7, 100, -10])
+def test_a_damaged_file_is_refused(file, size):
+    file.write_bytes(file.read_bytes()[:size])
+    with pytest.raises(WeightsError, match="not a whole safetensors file"):
+        read_weights(file)
+
+
+def test_every_flipped_bit_is_noticed(file):
+    whole = file.read_bytes()
+    for place in range(0, len(whole), 97):
+        file.write_bytes(whole[:place] + bytes([whole[place] ^ 4]) + whole[place + 1:])
+        with pytest.raises(WeightsError):
+            assert_same(file, whole)
+
+
+def assert_same(file, whole):
+    """Raises unless the header's free texts alone differ."""
+    header, state = read_weights(file)
+    file.write_bytes(whole)
+    kept, numbers = read_weights(file)
+    if all(torch.equal(state[name], numbers[name]) for name in numbers) and header != kept:
+        raise WeightsError("only words of the header changed")
+
+
+def test_a_missing_file_and_a_folder_are_refused(tmp_path):
+    for path in (tmp_path / "none.safetensors", tmp_path):
+        with pytest.raises(WeightsError):
+            read_weights(path)
+
+
+def test_a_safetensors_file_of_others_is_refused(tmp_path):
+    save_file({"x": torch.zeros(2)}, tmp_path / "x.safetensors")
+    with pytest.raises(WeightsError, match="no qclearn header"):
+        read_weights(tmp_path / "x.safetensors")
+
+
+def test_an_incomplete_header_is_not_written(tmp_path):
+    with pytest.raises(WeightsError, match="lacks steps"):
+        save_weights(tmp_path / "a.safetensors", Toy(ToyConfig()), {k: v for k, v in HEADER.items() if k != "steps"})
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("arguments, words", [
+    (("unet",), "no weights are shipped for 'unet'"), (("dbsnet", "worst"), "preset 'worst'"),
+    (("cpnet", "paper"), "one weights file for each gamma"), (("cpnet", "paper", 3e4), "got 30000"),
+])
+def test_what_is_not_shipped_is_refused(arguments, words):
+    with pytest.raises(WeightsError, match=words):
+        load(*arguments)
+
+
+def test_names_of_the_files():
+    assert stem("cpnet", "paper", 2e5) == "cpnet-paper-g2e5" and stem("dbsnet", "best") == "dbsnet-best"
+
+
+def test_the_digest_sees_shape_type_and_order():
+    x = torch.arange(6.0)
+    different = [[x], [x.reshape(2, 3)], [x.double()], [x + 1], [x[:3], x[3:]], [torch.complex(x, x)]]
+    assert len({digest(tensors) for tensors in different}) == len(different)
+
+
+SHIPPED = sorted(weights.FOLDER.glob("*.safetensors"))
+
+
+def test_the_shipped_weights_are_small():
+    sizes = [path.stat().st_size for path in SHIPPED]
+    assert max(sizes, default=0) <= 10e6 and sum(sizes) <= 25e6
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_shipped_weights_load_and_say_where_they_come_from(path):
+    model = load_file(path)
+    header = model.header
+    assert path.stem == stem(header["network"], header["config"]["preset"], header["config"].get("gamma"))
+    assert header["config"] == json.loads(json.dumps(asdict(model.config)))
+    assert header["steps"] == header["training"]["steps"] > 0 and header["commit"] and header["data"]["items"] > 0
+    assert not header["data"]["quick"] and header["figures"]["validation_loss"] > 0
