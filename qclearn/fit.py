@@ -6,6 +6,7 @@ a disk Möbius map M after the solver's f. Objective, to second order the paper'
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy import sparse
@@ -252,11 +253,12 @@ def fit_landmarks(z, faces, moving, target, alpha=1.0, beta=1e-2, gamma=1e5, cur
     grid, triangles = polar_disk(rings // 2, 3 * (rings // 2), power=1.4)
     newton = GaussNewton(grid, triangles, landmarks, alpha, beta)
     coarse = Forward(grid, triangles, moving, sampling_matrix(grid, triangles, grid[triangles].mean(1)))
-    nu = np.zeros(len(coarse.z), complex) if start is None else start_field(z, faces, start, coarse.z)
-    nu, parameters, steps = fit_on_grid(newton, coarse, nu, best_mobius(moving, target), gamma / 10, watch)
+    field = partial(start_field, z, faces, start)
+    nu, parameters, steps = fit_on_grid(newton, coarse, field(coarse.z), best_mobius(moving, target), gamma / 10, watch)
     grid, triangles = polar_disk(rings, 3 * rings, power=1.4)
     newton = GaussNewton(grid, triangles, landmarks, alpha, beta)
-    nu = sampling_matrix(coarse.z, coarse.faces, grid) @ nu
+    # Only what the steps have changed comes from the coarse mesh, so that a start keeps its details.
+    nu = sampling_matrix(coarse.z, coarse.faces, grid) @ (nu - field(coarse.z)) + field(grid)
     fine = MeshForward(z, faces, moving, sampling_matrix(grid, triangles, z[faces].mean(1)))
     f, nu, parameters, polished = fit_on_mesh(newton, fine, nu, parameters, gamma, watch, enough)
     return report_fit(newton, fine, z, faces, f, nu, parameters, (steps, polished), weights)
@@ -304,7 +306,9 @@ def fit_on_mesh(newton, fine, nu, parameters, gamma, watch, enough=0.0):
 
 
 def start_field(z, faces, mu, grid):
-    """nu at the polar mesh's vertices from a coefficient mu (F,) on the faces of another disk mesh."""
+    """nu at the polar mesh's vertices from a coefficient mu (F,) on the faces of another disk mesh; 0 from None."""
+    if mu is None:
+        return np.zeros(len(grid), complex)
     face, _ = locate(z, faces, grid)
     return unbounded(check_coefficient(mu, len(faces))[face])
 
