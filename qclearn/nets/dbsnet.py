@@ -24,7 +24,7 @@ class DBSNetConfig:
     preset: str
     rings: int = 48
     spokes: int = 144
-    channels: tuple = (32, 64, 96, 128)
+    channels: tuple = (24, 48, 96, 128)
     blocks: int = 3
     max_abs: tuple = (0.05, 0.6)  # of the coefficients it is trained on
 
@@ -39,7 +39,7 @@ class BestDBSNet(nn.Module):
         super().__init__()
         self.config = config
         self.solver = PolarSolver(config.rings, config.spokes)
-        self.unet = PolarUNet(9, 2, config.channels, config.blocks)
+        self.unet = PolarUNet(10, 2, config.channels, config.blocks)
         z = torch.from_numpy(self.solver.z[1:]).reshape(1, config.rings, config.spokes)
         self.register_buffer("z", z.to(torch.complex64), persistent=False)
         self.register_buffer("radius", z.abs().float(), persistent=False)
@@ -57,19 +57,19 @@ class BestDBSNet(nn.Module):
             return torch.cat([f.new_zeros(len(f), 1), f.flatten(1)], 1)
 
     def features(self, mu):
-        """What is known in closed form: features (B, 9, rings, spokes) and the first u, v (B, rings, spokes)."""
-        first, second, U = two_steps(self.solver, mu)
+        """What is known in closed form: features (B, 10, rings, spokes) and the first u, v (B, rings, spokes)."""
+        (first, second), potentials = two_steps(self.solver, mu)
         first, second = (f[:, 1:].view(-1, *self.z.shape[1:]) for f in (first, second))
         start, change = torch.log(second / self.z), torch.log(second / first)
         u, v = start.real.clone(), start.imag
         u[:, -1] = 0
-        green = functional.pad(U - torch.log(self.radius[:, :-1]), (0, 0, 0, 1)) - u
+        lower, U = (functional.pad(U - torch.log(self.radius[:, :-1]), (0, 0, 0, 1)) for U in potentials)
         rows = mu.view(len(mu), -1, self.config.spokes)
         turn = torch.complex(*self.solver.tables(rows.real)["turn"])
         pairs = torch.cat([rows[:, :1], rows], 1) * turn  # the two faces of each cell, those at the centre twice
         inner, outer = pairs[:, ::2], pairs[:, 1::2]
         known = [inner.real, inner.imag, outer.real, outer.imag, 3 * u, 3 * v, 10 * change.real, 10 * change.imag,
-                 3 * green]
+                 10 * (U - lower), 10 * (U - u)]
         return torch.stack(known, 1), u, v
 
     def loss(self, batch, generator):
@@ -110,18 +110,18 @@ class BestDBSNet(nn.Module):
 
 
 def two_steps(solver, mu):
-    """(first, second, U): what two preconditioned steps from mu = 0 say about the maps of mu, on the polar mesh.
+    """What two preconditioned steps from mu = 0 say: ((f1, f2) (B, V), (U1, U2) (B, nr - 1, nt)) on the polar mesh.
 
-    U (B, nr - 1, nt), the potential log|f| from two steps of conjugate gradients (the first only scales the one of
-    mu = 0), places the boundary; f then takes one step and another from the harmonic map with that boundary: the
-    approximations of first and of second order in mu.
+    Approximations of first and of second order in mu: U of the potential log|f|, by conjugate gradients whose very
+    first step only scales the potential of mu = 0; f of the map, from the harmonic map with the boundary of U2.
     """
     spoke, _, diagonal = weights = solver._weights(mu)
     tables = solver.tables(spoke)
     nr, nt = solver.nr, solver.nt
     pole, rim = (spoke.new_zeros(len(mu), copies, nr - 1, nt) for copies in (1, 2))
     pole = torch.cat([torch.full_like(pole[:, :, :1], -2 * torch.pi / nt), pole], 2)
-    U, _ = Solve.apply(*weights, pole, None, IDENTITY, tables, 0.0, 2)
+    first, _ = Solve.apply(*weights, pole, None, IDENTITY, tables, 0.0, 2)
+    U, _ = Solve.apply(*weights, pole, first, IDENTITY, tables, 0.0, 1)
     boundary = solver._boundary(U[:, 0, -1], spoke[:, -1], diagonal[:, -1])
     pull = spoke[:, None, -1:] * boundary + diagonal[:, None, -1:] * boundary.roll(-1, -1)
     harmonic = torch.cat([rim, tables["rim"] * boundary], 2)
@@ -130,7 +130,7 @@ def two_steps(solver, mu):
     for _ in range(2):
         f, _ = Solve.apply(*weights, torch.cat([rim, pull], 2), f, IDENTITY, tables, 0.0, 1)
         maps.append(solver.finish(f, boundary))
-    return *maps, U[:, 0, 1:]
+    return maps, (first[:, 0, 1:], U[:, 0, 1:])
 
 
 def position_error(f, exact, z):
@@ -168,4 +168,4 @@ def _derivatives(f, z, corners):
 
 
 PRESETS = {"best": (BestDBSNet, DBSNetConfig("best"))}
-TRAINING = {"best": TrainConfig(steps=6000, batch=16, rate=1e-3, bfloat16=True)}
+TRAINING = {"best": TrainConfig(steps=10_000, batch=8, rate=1e-3, warmup=200, bfloat16=True, clip=0.3)}
