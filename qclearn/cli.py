@@ -20,7 +20,8 @@ import qclearn as qc
 from .register import register as run_registration
 from .register import transfer as transfer_map
 
-USER_ERRORS = (ValueError, OSError)  # SurfaceError, LandmarkError, BeltramiError and BijectivityError are ValueErrors
+# SurfaceError, LandmarkError, BeltramiError and BijectivityError are ValueErrors; ImportError: torch may be missing
+USER_ERRORS = (ValueError, OSError, ImportError)
 
 
 def main(arguments=None):
@@ -70,18 +71,22 @@ def output_folder(path):
 @click.argument("control")
 @click.option("--landmarks", help="JSON file of curves; without it, the curves that both npz surfaces carry.")
 @click.option("--out", required=True, help="Folder for registration.npz, report.json, registered.surf.gii, figure.png.")
-@click.option("--method", type=click.Choice(["exact"]), default="exact", show_default=True)
+@click.option("--method", type=click.Choice(["exact", "network"]), default="exact", show_default=True,
+              help="network: LD-Net, CP-Net, DBS-Net, with the exact method where they fall short.")
+@click.option("--tolerance", type=float, help="Landmark error in the disk above which a network's map is refined by "
+              "Gauss-Newton steps (inf: never)  [default: 0.002]")
 @click.option("--alpha", type=float, default=1.0, show_default=True, help="Weight of |mu|^2.")
 @click.option("--beta", type=float, default=1e-2, show_default=True, help="Weight of |grad mu|^2.")
 @click.option("--gamma", type=float, default=1e5, show_default=True, help="Weight of the landmark mismatch.")
 @click.option("--sliding", is_flag=True, help="Let inner points slide along their target curves.")
 @click.option("--mirror", is_flag=True, help="Mirror the moving surface first (right onto left).")
-def register(moving, control, landmarks, out, method, alpha, beta, gamma, sliding, mirror):
+def register(moving, control, landmarks, out, method, tolerance, alpha, beta, gamma, sliding, mirror):
     """Register MOVING to CONTROL along landmark curves; writes a certified point-to-point map."""
     moving, control = qc.read_surface(moving), qc.read_surface(control)
     curves = read_landmarks(landmarks) if landmarks else shared_curves(moving, control)
     moving = qc.mirror(moving) if mirror else moving
-    register_into(out, moving, control, curves, method=method, alpha=alpha, beta=beta, gamma=gamma, sliding=sliding)
+    register_into(out, moving, control, curves, method=method, alpha=alpha, beta=beta, gamma=gamma, sliding=sliding,
+                  tolerance=tolerance)
 
 
 @cli.command()

@@ -161,6 +161,11 @@ class MeshForward(Forward):
 
     switched = 0
 
+    def words(self):
+        """What the last map needed to stay one, in words, empty if nothing."""
+        words = [f"{self.switched} rows switched"] * bool(self.switched)
+        return (*words, *[f"{self.solver.floored} boundary steps raised"] * bool(self.solver.floored))
+
     def finish(self, f):
         self.switched = 0
         if len(flipped_faces(self.faces, f)):
@@ -320,10 +325,8 @@ def report_fit(newton, fine, z, faces, f, nu, parameters, steps, weights):
     terms = [float((mu.conj() @ (matrix @ mu)).real) for matrix in (newton.mass, newton.laplace)]
     terms.append(float((abs(mapped - newton.landmarks.target) ** 2).mean()))
     losses = dict(zip(("L_mu", "L_grad_mu", "L_Landmark"), terms), L_CP=float(np.dot(weights, terms)))
-    fallbacks = [f"{fine.switched} rows switched"] * bool(fine.switched)
-    fallbacks += [f"{fine.solver.floored} boundary steps raised"] * bool(fine.solver.floored)
     return LandmarkFit(f, beltrami_coefficient(z, faces, f), parameters, float(newton.landmarks.error(mapped)),
-                       certificate.bijective, certificate.flipped, steps, losses, tuple(fallbacks))
+                       certificate.bijective, certificate.flipped, steps, losses, fine.words())
 
 
 def check_weights(alpha, beta, gamma):

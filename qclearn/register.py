@@ -11,15 +11,19 @@ from scipy.sparse import vstack
 from tqdm import tqdm
 
 from .beltrami import cotangent_stiffness
-from .bijectivity import BijectivityError, RepairWarning, check_embedding, repair
+from .bijectivity import RepairWarning, check_embedding, repair
 from .disk import disk_conformal_map, edge_lengths
 from .diskmesh import locate
-from .fit import LandmarkError, check_weights, fit_landmarks, sampling_matrix
+from .fit import LandmarkError, check_weights, sampling_matrix
+from .guard import Networks, bijective_fit, guarded_curves, guarded_map
 from .landmarks import check_path, detect_curves, resample, sample_curve
+from .metrics import coefficient_statistics, curve_rows, mean_rows
 from .mobius import best_mobius, mobius
 from .surface import require_disk, require_outward
 
+STAGES = {"exact": 5, "network": 9}
 POINTS_PER_CURVE = 10
+TOLERANCE = 2e-3  # landmark error in the disk above which a network's map is refined, unless another is asked for
 MEETING = 1e-9  # in the unit disk: landmarks closer than this are one point
 CURVE_KEYS = {"name", "moving", "control", "detect"}
 
@@ -69,52 +73,85 @@ class Stages:
         return {**self.seconds, "total": round(sum(self.seconds.values()), 4)}
 
 
-def register(moving, control, curves, method="exact", alpha=1.0, beta=1e-2, gamma=1e5, sliding=False, progress=False):
+def register(moving, control, curves, method="exact", alpha=1.0, beta=1e-2, gamma=1e5, sliding=False, progress=False,
+             tolerance=None):
     """Register the moving surface to the control surface along landmark curves: a Registration, certified bijective.
 
     curves: the landmarks file as read from JSON, `{"curves": [{"name", "moving", "control"}, ...]}` with vertex
     indices (two on a side are endpoints and that side's curve is detected, unless "detect" is false), or its list.
     alpha, beta, gamma: weights of |mu|, of its gradient and of the landmark mismatch (paper, eq. RegLoss).
+    method: "exact" (shortest paths, Gauss-Newton fit, exact solver) or "network" (LD-Net, CP-Net, DBS-Net, whose map is
+    replaced by the exact solver's where it folds and refined by Gauss-Newton steps where its landmark error in the
+    disk exceeds `tolerance`: 2e-3 unless given, inf to take what comes). What was done is in `report["fallbacks"]`.
     Both surfaces must be outward-oriented disks of the same handedness (`mirror` one of them otherwise).
-    Errors: SurfaceError, LandmarkError; BijectivityError if no bijective map was found at any gamma.
+    Errors: SurfaceError, LandmarkError; BijectivityError if no bijective map was found at any gamma; ImportError if
+    the networks are asked for and torch is not installed.
     """
-    if method != "exact":
-        raise ValueError(f"unknown method {method!r}; this version has: exact")
+    tolerance = check_method(method, sliding, tolerance)
     check_weights(alpha, beta, gamma)
     for surface in (moving, control):
         require_disk(surface)
         require_outward(surface)
     entries = check_curves(curves, moving, control)
-    stages, fallbacks = Stages(5, progress), []
+    stages, fallbacks, networks = Stages(STAGES[method], progress), [], None
+    if method == "network":
+        with stages("load"):
+            networks = Networks(load("ldnet").detect, load("cpnet").predict, load("dbsnet").solve)
     with stages("disk_moving"):
         z_moving = _conformal(moving, "moving", fallbacks)
     with stages("disk_control"):
         z_control = _conformal(control, "control", fallbacks)
     with stages("detect"):
         z_moving = align(moving, z_moving, control, z_control, entries)
-        samples_moving, lines_moving = sample_side(moving, z_moving, entries, "moving")
-        samples_control, lines_control = sample_side(control, z_control, entries, "control")
+        samples_moving, lines_moving = sample_side(moving, z_moving, entries, "moving", networks, fallbacks)
+        samples_control, lines_control = sample_side(control, z_control, entries, "control", networks, fallbacks)
     p, q = samples_moving @ z_moving, samples_control @ z_control
-    with stages("map"):
-        once = distinct_landmarks(entries, p, q)
-        fit = bijective_fit(z_moving, moving.faces, p[once], q[once], alpha, beta, gamma, once // POINTS_PER_CURVE,
-                            sliding, fallbacks)
+    once = distinct_landmarks(entries, p, q)
+    problem = z_moving, moving.faces, p[once], q[once], alpha, beta, gamma, once // POINTS_PER_CURVE
+    if networks:
+        fit = guarded_map(networks, *problem, tolerance, fallbacks, stages)
+    else:
+        with stages("map"):
+            fit = bijective_fit(*problem, sliding, fallbacks)
     with stages("pull_back"):
         points = lift(control, z_control, fit.f)
-        mapped = samples_moving @ fit.f
-        error_mm = np.linalg.norm(lift(control, z_control, mapped) - samples_control @ control.vertices, axis=1)
-    before = abs(mobius(p, *best_mobius(p, q)) - q)
+        rows = error_rows(moving, control, z_control, entries, p, q, fit.f, samples_moving, samples_control)
     report = {
-        "landmark_error_before": float(before.mean()), "landmark_error": float(abs(mapped - q).mean()),
-        "landmark_error_mm": float(error_mm.mean()), **coefficient_statistics(fit.mu),
-        "flipped": len(fit.flipped), "bijective": fit.bijective, "fallbacks": fallbacks, "seconds": stages.report(),
-        "method": method, "alpha": alpha, "beta": beta, "gamma": gamma,
-        "mobius": {"a": [fit.mobius[0].real, fit.mobius[0].imag], "theta": fit.mobius[1]},
-        "curves": curve_rows(entries, before, abs(mapped - q), error_mm), "version": version("qclearn"),
+        **mean_rows(rows), **coefficient_statistics(fit.mu), "flipped": len(fit.flipped), "bijective": fit.bijective,
+        "fallbacks": fallbacks, "seconds": stages.report(), "method": method, "alpha": alpha, "beta": beta,
+        "gamma": gamma, **({"tolerance": tolerance if np.isfinite(tolerance) else None} if networks else {}),
+        "mobius": {"a": [fit.mobius[0].real, fit.mobius[0].imag], "theta": fit.mobius[1]}, "curves": rows,
+        "version": version("qclearn"),
     }
-    names = [entry["name"] for entry in entries]
-    return Registration(points, fit.f, fit.mu, report, z_moving, z_control,
-                        dict(zip(names, zip(lines_moving, lines_control))), moving.faces, control.faces)
+    lines = {entry["name"]: pair for entry, pair in zip(entries, zip(lines_moving, lines_control))}
+    return Registration(points, fit.f, fit.mu, report, z_moving, z_control, lines, moving.faces, control.faces)
+
+
+def check_method(method, sliding, tolerance):
+    """The tolerance to use, or ValueError where method, sliding and tolerance do not go together."""
+    if method not in STAGES:
+        raise ValueError(f"unknown method {method!r}; this version has: {', '.join(STAGES)}")
+    if method == "exact" and tolerance is not None:
+        raise ValueError("tolerance belongs to method 'network'; the exact fit steps until it settles: raise gamma for "
+                         "a smaller landmark error")
+    if method == "network" and sliding:
+        raise ValueError("sliding belongs to method 'exact': CP-Net takes points to points")
+    tolerance = TOLERANCE if tolerance is None else tolerance
+    if not tolerance > 0:
+        raise ValueError(f"tolerance = {tolerance}: give a positive landmark error in the unit disk, or inf")
+    return tolerance
+
+
+def load(name):
+    """One of the three networks with its shipped weights ("best"); ImportError where torch is not installed."""
+    try:
+        from .nets import load as load_network
+    except ModuleNotFoundError as error:
+        if error.name not in ("torch", "safetensors"):
+            raise
+        raise ImportError(f"the networks need {error.name}, which is not installed: pip install 'qclearn[nets]', or "
+                          "pip install torch safetensors") from None
+    return load_network(name)
 
 
 def _conformal(surface, side, fallbacks):
@@ -141,11 +178,14 @@ def align(moving, z_moving, control, z_control, entries):
     return z
 
 
-def sample_side(surface, z, entries, side):
+def sample_side(surface, z, entries, side, networks, fallbacks):
     """One side's landmarks: (sampling matrix (10 K, V), list of K curves in the disk); detects where only ends are given."""
-    detected = [entry for entry in entries if entry["detect"][side]]
-    found = iter(detect_curves(surface, z, [entry[side] for entry in detected]) if detected else [])
-    lines = [next(found) if entry["detect"][side] else z[entry[side]] for entry in entries]
+    if networks:
+        lines = guarded_curves(networks.detect, surface, z, entries, side, fallbacks)
+    else:
+        ends = [entry[side] for entry in entries if entry["detect"][side]]
+        found = iter(detect_curves(surface, z, ends) if ends else [])
+        lines = [next(found) if entry["detect"][side] else z[entry[side]] for entry in entries]
     matrices = [resample(surface, sampling_matrix(z, surface.faces, line), POINTS_PER_CURVE) for line in lines]
     return vstack(matrices).tocsr(), lines
 
@@ -165,39 +205,37 @@ def distinct_landmarks(entries, p, q):
     return np.flatnonzero(~meet_p.any(axis=0))
 
 
-def bijective_fit(z, faces, p, q, alpha, beta, gamma, labels, sliding, fallbacks):
-    """`fit_landmarks` at gamma, or at the next lower power of ten whose map is bijective (reported in fallbacks)."""
-    weight = gamma
-    while weight >= gamma * 1e-4:
-        fit = fit_landmarks(z, faces, p, q, alpha, beta, weight, labels, sliding)
-        if fit.bijective:
-            fallbacks += list(fit.fallbacks) + [f"gamma lowered to {weight:g}"] * (weight < gamma)
-            return fit
-        weight /= 10
-    raise BijectivityError(f"no bijective map for these landmarks down to gamma = {weight * 10:g} "
-                           f"({len(fit.flipped)} faces flipped); check that no two curves cross or are swapped")
-
-
 def lift(surface, z, points):
     """Points (P, 3) on the surface whose images in its disk map z are `points` (P,) complex."""
     face, weights = locate(z, surface.faces, points)
     return np.einsum("pk,pkd->pd", weights, surface.vertices[surface.faces[face]])
 
 
-def coefficient_statistics(mu):
-    """Mean, standard deviation and maximum of |mu| over the faces of the moving mesh."""
-    size = abs(mu)
-    return {"mean_abs_mu": float(size.mean()), "sd_abs_mu": float(size.std()), "max_abs_mu": float(size.max())}
+def error_rows(moving, control, z_control, entries, p, q, f, samples_moving, samples_control):
+    """Per curve its landmark errors; for a detected one also between the true curves, where the surfaces carry them.
 
-
-def curve_rows(entries, before, after, millimetres):
-    """Per curve: its name and mean errors before (best Möbius map) and after, in the disk and in millimetres."""
-    rows = []
-    for k, entry in enumerate(entries):
-        part = slice(k * POINTS_PER_CURVE, (k + 1) * POINTS_PER_CURVE)
-        rows.append({"name": entry["name"], "landmark_error_before": float(before[part].mean()),
-                     "landmark_error": float(after[part].mean()), "landmark_error_mm": float(millimetres[part].mean())})
+    `landmark_error_true` is the error of the map between points on the true curves, which took no part in finding it.
+    """
+    mapped = samples_moving @ f
+    off = np.linalg.norm(lift(control, z_control, mapped) - samples_control @ control.vertices, axis=1)
+    before = abs(mobius(p, *best_mobius(p, q)) - q)
+    rows = curve_rows([entry["name"] for entry in entries], before, abs(mapped - q), off)
+    for row, entry in zip(rows, entries):
+        paths = true_path(moving, entry, "moving"), true_path(control, entry, "control")
+        if any(entry["detect"].values()) and all(path is not None for path in paths):
+            true_p, true_q = (sample_curve(surface, path, POINTS_PER_CURVE) for surface, path in zip((moving, control), paths))
+            row["landmark_error_true"] = float(abs(true_p @ f - true_q @ z_control).mean())
     return rows
+
+
+def true_path(surface, entry, side):
+    """The vertex path of a curve as given, or as the surface itself carries it between the given endpoints, else None."""
+    given, known = entry[side], surface.curves.get(entry["name"])
+    if not entry["detect"][side]:
+        return given
+    if known is None or sorted(known[[0, -1]]) != sorted(given):
+        return None
+    return known if known[0] == given[0] else known[::-1]
 
 
 def check_curves(curves, moving, control):

@@ -3,6 +3,7 @@
 import json
 import re
 import sys
+from types import SimpleNamespace
 
 import nibabel
 import numpy as np
@@ -11,10 +12,12 @@ from surfaces import sphere
 
 from qclearn import read_values
 from qclearn.cli import main
+from qclearn.disk import solve_beltrami_disk
 from qclearn.diskmesh import polar_disk
 from qclearn.files import read_surface, write_surface
 from qclearn.fit import LandmarkError
 from qclearn.fsaverage import fsaverage5
+from qclearn.landmarks import detect_curves
 from qclearn.register import register
 from qclearn.surface import Surface, SurfaceError, mirror, require_disk, require_outward
 
@@ -139,6 +142,26 @@ def test_register_is_the_library_and_mirror_mirrors(folder, capsys):
     assert "bijective       yes" in printed and f"written to      {out}" in printed
 
 
+def test_the_network_method_and_its_tolerance_reach_the_pipeline(folder, monkeypatch, capsys):
+    blocks = SimpleNamespace(detect=detect_curves, predict=lambda z, faces, *_, **__: np.zeros(len(faces), complex),
+                             solve=solve_beltrami_disk)
+    monkeypatch.setattr(sys.modules["qclearn.register"], "load", lambda name: blocks)
+    for tolerance, words in (("inf", "none"), ("5e-3", "landmark error .* above 5.0e-03: .* Gauss-Newton steps")):
+        run("register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out", "--method", "network",
+            "--tolerance", tolerance)
+        assert json.loads((folder / "out" / "report.json").read_text())["method"] == "network"
+        assert re.search(f"fallbacks +{words}", capsys.readouterr().out)
+
+
+def test_the_network_method_without_torch_is_one_line(folder, monkeypatch, capsys):
+    for name in [name for name in sys.modules if name.startswith(("qclearn.nets", "torch.", "safetensors"))]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    line = refused(capsys, folder, "register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out",
+                   "--method", "network")
+    assert re.search(r"torch, which is not installed: pip install 'qclearn\[nets\]'", line)
+
+
 def test_without_landmarks_the_curves_that_both_surfaces_carry_are_used(folder):
     run("register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out", "--gamma", 1e3)
     report = json.loads((folder / "out" / "report.json").read_text())
@@ -161,6 +184,8 @@ def test_a_second_run_replaces_the_files_of_the_first(folder):
     (["register", "a.npz", "b.npz", "--out", "x", "--gamma", "many"], "'many' is not a valid float"),
     (["register", "a.npz", "b.npz", "--out", "x", "--method", "magic"], "'magic' is not"),
     (["register", "a.npz", "b.npz", "--out", "x", "--delta", "1"], "No such option"),
+    (["register", "moving.npz", "control.npz", "--out", "x", "--tolerance", "1e-3"], "tolerance belongs to method 'network'"),
+    (["register", "moving.npz", "control.npz", "--out", "x", "--method", "network", "--sliding"], "sliding belongs to"),
     (["register", "a.npz", "b.npz", "--out", "x"], "a.npz: cannot be read"),
     (["open", "a.gii", "--out", "x.npz"], "one of --mask FILE and --label FILE"),
     (["open", "a.gii", "--mask", "m", "--label", "l", "--out", "x.npz"], "one of --mask FILE and --label FILE"),

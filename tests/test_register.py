@@ -1,21 +1,24 @@
 """The pipeline on small surfaces: what it must find, what it must refuse, and maps carried over."""
 
 import json
+import re
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from known_surfaces import grooved_sphere
 from scipy.spatial.transform import Rotation
 
-from qclearn.beltrami import beltrami_coefficient
+from qclearn.beltrami import BeltramiError, beltrami_coefficient
 from qclearn.bijectivity import BijectivityError, check_bijective
-from qclearn.disk import disk_conformal_map
+from qclearn.disk import disk_conformal_map, solve_beltrami_disk
 from qclearn.diskmesh import polar_disk
 from qclearn.fit import LandmarkError, fit_landmarks
-from qclearn.landmarks import sample_curve
-from qclearn.mobius import best_mobius, mobius
+from qclearn.guard import exact_map
+from qclearn.landmarks import detect_curves, sample_curve
+from qclearn.mobius import best_mobius, compose_mobius, mobius
 from qclearn.register import check_curves, lift, register, transfer
 from qclearn.surface import Surface, SurfaceError, mirror
 
@@ -163,11 +166,11 @@ def test_impossible_landmarks_leave_an_error_and_a_certified_map():
 def folding_above(monkeypatch):
     """Let the fit report a fold wherever gamma exceeds a limit."""
     def limit(largest):
-        def folding(z, faces, p, q, alpha, beta, gamma, *rest):
-            fit = fit_landmarks(z, faces, p, q, alpha, beta, gamma, *rest)
+        def folding(z, faces, p, q, alpha, beta, gamma, *rest, **more):
+            fit = fit_landmarks(z, faces, p, q, alpha, beta, gamma, *rest, **more)
             return fit if gamma <= largest else replace(fit, bijective=False, flipped=np.array([7]))
 
-        monkeypatch.setattr(sys.modules["qclearn.register"], "fit_landmarks", folding)
+        monkeypatch.setattr("qclearn.guard.fit_landmarks", folding)
 
     return limit
 
@@ -190,6 +193,221 @@ def test_sliding_costs_less_distortion():
     curves = [entry | {"control": spoke(14 * k, first=2, last=10)} for k, entry in enumerate(entries(0))]
     points, curved = (register(moving, control, curves, sliding=sliding, gamma=1e3).report for sliding in (False, True))
     assert curved["mean_abs_mu"] < points["mean_abs_mu"]
+
+
+def test_detected_curves_are_measured_against_the_true_ones_where_the_surfaces_carry_them():
+    bent = spoke(0)[:3] + [vertex + 1 for vertex in spoke(0)[3:6]] + spoke(0)[6:]
+    known = {"bent": bent, "elsewhere": spoke(20)}
+    moving, control = (Surface(s.vertices, s.faces, known) for s in (bowl(0.6), bowl(0.9)))
+    curves = [{"name": "bent", "moving": bent[:: len(bent) - 1], "control": [bent[-1], bent[0]]},
+              {"name": "elsewhere", "moving": [spoke(14)[0], spoke(14)[-1]], "control": spoke(14)}]
+    curves[0]["moving"].reverse()
+    result = register(moving, control, curves)
+    found, unknown = result.report["curves"]
+    p, q = (sample_curve(surface, bent) @ z for surface, z in ((moving, result.disk_map), (control, result.disk_control)))
+    assert found["landmark_error_true"] == pytest.approx(abs(p - q).mean()) and "landmark_error_true" not in unknown
+    assert result.report["landmark_error_true"] == found["landmark_error_true"] > 2 * found["landmark_error"]
+
+
+# With networks, for which stand-ins serve here
+
+
+def exact_predict(z, faces, moving, target, *, alpha, beta, gamma, curve=None):
+    return fit_landmarks(z, faces, moving, target, alpha, beta, gamma, curve).mu
+
+
+def no_predict(z, faces, moving, target, **_):
+    return np.zeros(len(faces), complex)
+
+
+def folding_solve(z, faces, mu):
+    """The exact map with one vertex in the wrong place."""
+    f = solve_beltrami_disk(z, faces, mu)
+    f[np.argmin(abs(z - 0.5))] *= -1
+    return f
+
+
+@pytest.fixture
+def networks(monkeypatch):
+    """Puts stand-ins in the networks' places; the exact twin where none is named."""
+    def install(detect=detect_curves, predict=exact_predict, solve=solve_beltrami_disk):
+        blocks = SimpleNamespace(detect=detect, predict=predict, solve=solve)
+        monkeypatch.setattr(sys.modules["qclearn.register"], "load", lambda name: blocks)
+
+    return install
+
+
+@pytest.fixture(scope="module")
+def pair():
+    """Two bowls and spokes of which one is turned by two vertices and two by one."""
+    curves = entries(1)
+    curves[0]["control"] = spoke(2)
+    return bowl(0.6), bowl(0.9), curves
+
+
+def by_networks(pair, **options):
+    return register(*pair, method="network", **options)
+
+
+def test_exact_twins_behind_the_networks_calls_need_no_fallback(networks, pair, turned):
+    seen = []
+
+    def predict(z, faces, moving, target, **more):
+        seen.append((len(moving), len(target), more.pop("curve").tolist(), more))
+        return exact_predict(z, faces, moving, target, **more)
+
+    networks(predict=predict)
+    result = by_networks(pair, alpha=2.0, beta=0.1, gamma=1e4)
+    report = result.report
+    assert seen == [(30, 30, [0] * 10 + [1] * 10 + [2] * 10, {"alpha": 2.0, "beta": 0.1, "gamma": 1e4})]
+    assert report["fallbacks"] == [] and report["bijective"] and report["method"] == "network"
+    assert list(report["seconds"]) == ["load", "disk_moving", "disk_control", "detect", "predict", "solve", "certify",
+                                       "refine", "pull_back", "total"]
+    assert REPORT | {"curves", "tolerance"} == set(report) and report["tolerance"] == 2e-3
+    assert json.loads(json.dumps(report, allow_nan=False)) == report
+    assert report["landmark_error"] < 2e-3 < report["landmark_error_before"] / 10
+    np.testing.assert_array_equal(result.mu, beltrami_coefficient(result.disk_moving, pair[0].faces, result.disk_map))
+    before = turned[0].report["landmark_error_before"]
+    assert report["landmark_error_before"] == pytest.approx(before, rel=1e-9)  # the same curves, filled up
+
+
+def test_the_mobius_part_is_found_after_the_network(networks, pair):
+    """A solver in another gauge changes nothing but the Möbius map that is reported."""
+    networks()
+    usual = by_networks(pair)
+    networks(solve=lambda z, faces, mu: mobius(solve_beltrami_disk(z, faces, mu), 0.2 - 0.1j, 1.0))
+    other = by_networks(pair)
+    np.testing.assert_allclose(other.disk_map, usual.disk_map, atol=2e-4)  # the mesh's: maps are linear between vertices
+    (a, theta), (b, phi) = ((complex(*r.report["mobius"]["a"]), r.report["mobius"]["theta"]) for r in (usual, other))
+    there = compose_mobius((0.2 - 0.1j, 1.0), (b, phi))
+    assert there[0] == pytest.approx(a, abs=1e-3) and there[1] == pytest.approx(theta, abs=1e-3)
+
+
+@pytest.mark.parametrize("solve, words", [
+    (folding_solve, r"DBS-Net's map folded \d faces: exact solver"),
+    (lambda z, faces, mu: np.full(len(z), np.nan + 0j), "DBS-Net's map was not finite: exact solver"),
+    (lambda z, faces, mu: solve_beltrami_disk(z, faces, mu).conj(), r"DBS-Net's map folded \d+ faces: exact solver"),
+])
+def test_where_the_solver_network_folds_the_exact_solver_steps_in(networks, pair, solve, words):
+    networks()
+    usual = by_networks(pair)
+    networks(solve=solve)
+    result = by_networks(pair)
+    assert len(result.report["fallbacks"]) == 1 and re.fullmatch(words, result.report["fallbacks"][0])
+    np.testing.assert_allclose(result.disk_map, usual.disk_map, atol=1e-9)
+    assert result.report["bijective"] and result.report["flipped"] == 0
+
+
+def test_where_the_exact_solver_folds_too_its_rows_are_switched(networks, pair):
+    """A coefficient that jumps from face to face, which no mesh of this size can follow."""
+    rough = np.random.default_rng(3).uniform(-1, 1, (2, len(pair[0].faces)))
+    rough = 0.97 * np.exp(1j * np.pi * rough[0])
+    networks(predict=lambda *_, **__: rough, solve=folding_solve)
+    result = by_networks(pair, tolerance=np.inf)
+    folded, switched = result.report["fallbacks"]
+    assert folded.startswith("DBS-Net's map folded") and re.fullmatch(r"\d+ rows switched", switched)
+    assert check_bijective(result.disk_moving, pair[0].faces, result.disk_map).bijective
+    assert result.report["tolerance"] is None
+
+
+def test_where_the_landmarks_are_missed_steps_follow_until_the_tolerance(networks, pair):
+    networks(predict=no_predict)
+    missed = by_networks(pair, tolerance=np.inf).report
+    assert missed["fallbacks"] == [] and missed["landmark_error"] == pytest.approx(missed["landmark_error_before"], rel=1e-3)
+    for tolerance in (1e-2, 1e-3):
+        report = by_networks(pair, tolerance=tolerance).report
+        words, = report["fallbacks"]
+        found = re.fullmatch(r"landmark error (\S+) above (\S+): (\d+) Gauss-Newton steps, to (\S+)", words)
+        assert [float(found[k]) for k in (1, 2, 4)] == pytest.approx(
+            [missed["landmark_error"], tolerance, report["landmark_error"]], rel=0.06)
+        assert report["landmark_error"] <= tolerance and report["bijective"] and int(found[3]) > 0
+
+
+def test_the_steps_begin_at_the_networks_coefficient(networks, pair, monkeypatch):
+    seen, prediction = [], np.full(len(pair[0].faces), 0.3 + 0.1j)
+
+    def fit(*arguments, **options):
+        seen.append(options)
+        return fit_landmarks(*arguments, **options)
+
+    monkeypatch.setattr("qclearn.guard.fit_landmarks", fit)
+    networks(predict=lambda *_, **__: prediction)
+    assert by_networks(pair).report["landmark_error"] <= 2e-3
+    assert seen[0]["start"] is prediction and seen[0]["enough"] == pytest.approx(1.8e-3)
+
+
+def test_a_map_that_stays_folded_is_fitted_anew_and_gamma_lowered(networks, pair, monkeypatch, folding_above):
+    monkeypatch.setattr("qclearn.guard.exact_map", lambda *arguments: replace(
+        exact_map(*arguments), bijective=False, flipped=np.arange(3)))
+    folding_above(2e4)
+    networks(solve=folding_solve)
+    report = by_networks(pair, gamma=1e5).report
+    assert re.fullmatch(r"the exact solver's map folded 3 faces: \d+ Gauss-Newton steps, to \S+", report["fallbacks"][1])
+    assert report["fallbacks"][2:] == ["gamma lowered to 10000"] and report["bijective"]
+
+
+def test_no_uncertified_map_is_returned(networks, pair, folding_above):
+    folding_above(0)
+    networks(predict=no_predict)
+    with pytest.raises(BijectivityError, match="check that no two curves cross"):
+        by_networks(pair)
+
+
+def test_a_curve_that_wanders_is_replaced_and_the_report_says_so(networks):
+    surface, ends = grooved_sphere()
+    networks(lambda surface, z, ends: [line * np.nan for line in detect_curves(surface, z, ends)], no_predict)
+    curves = [{"name": "groove", "moving": ends, "control": ends}]
+    result = register(surface, surface, curves, method="network", tolerance=np.inf)
+    assert result.report["fallbacks"] == [f"LD-Net's {side} curve 'groove' leaves the disk: shortest path"
+                                          for side in ("moving", "control")]
+    for line, z in zip(result.curves["groove"], (result.disk_moving, result.disk_control)):
+        np.testing.assert_array_equal(line, detect_curves(surface, z, [ends])[0])
+
+
+def test_a_coarse_curve_is_measured_along_the_surface(networks):
+    """Two points on a bowl: the landmarks are equally spaced over its rise, not along the chord below it."""
+    surface = bowl(2.0)
+    networks(detect=lambda surface, z, ends: [z[pair] for pair in ends])
+    across = [spoke(0)[-1], spoke(21)[-1]]
+    result = register(surface, surface, [{"name": "across", "moving": across, "control": across}], method="network")
+    line = result.curves["across"][0]
+    where = lift(surface, result.disk_moving, line)
+    assert np.linalg.norm(np.diff(where, axis=0), axis=1).sum() > 1.3 * np.linalg.norm(where[-1] - where[0])
+
+
+def test_a_networks_own_refusal_reaches_the_user(networks, pair):
+    def predict(*_, **__):
+        raise LandmarkError("30 landmarks, and CP-Net takes 20")
+
+    networks(predict=predict)
+    with pytest.raises(LandmarkError, match="CP-Net takes 20"):
+        by_networks(pair)
+
+
+@pytest.mark.parametrize("size", [1.0, np.nan])
+def test_a_coefficient_out_of_range_is_refused(networks, pair, size):
+    networks(predict=lambda z, faces, *_, **__: np.full(len(faces), size + 0j))
+    with pytest.raises(BeltramiError):
+        by_networks(pair)
+
+
+def test_without_torch_the_error_says_what_to_install(monkeypatch, pair):
+    for name in [name for name in sys.modules if name.startswith(("qclearn.nets", "torch.", "safetensors"))]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    with pytest.raises(ImportError, match=r"torch, which is not installed: pip install 'qclearn\[nets\]'"):
+        by_networks(pair)
+
+
+@pytest.mark.parametrize("options, message", [
+    ({"tolerance": 1e-3}, "tolerance belongs to method 'network'"),
+    ({"method": "network", "sliding": True}, "sliding belongs to method 'exact'"),
+    ({"method": "network", "tolerance": 0.0}, "tolerance = 0.0: give a positive landmark error"),
+    ({"method": "network", "tolerance": np.nan}, "tolerance = nan"),
+])
+def test_options_that_do_not_go_together_are_refused_before_any_work(options, message):
+    with pytest.raises(ValueError, match=message):
+        register(None, None, None, **options)
 
 
 # Surfaces and weights that are refused

@@ -1,0 +1,101 @@
+"""Curves that a detector finds: used where they can be, replaced by the shortest path where not. (Maps: test_register.)"""
+
+import numpy as np
+import pytest
+
+from qclearn.diskmesh import polar_disk
+from qclearn.guard import exact_map, fill, guarded_curves, moved_map
+from qclearn.landmarks import detect_curves
+from qclearn.mobius import mobius
+from qclearn.surface import Surface
+
+Z, FACES = polar_disk(14, 42)
+BOWL = Surface(np.stack([Z.real, Z.imag, 0.6 * (1 - abs(Z) ** 2)], axis=1), FACES)
+
+
+def spoke(angle, first=2, last=9):
+    """The vertices of one spoke of the bowl, from the inside out."""
+    return np.array([1 + ring * 42 + angle for ring in range(first, last)])
+
+
+def entry(name, path, detect=False):
+    return {"name": name, "moving": path[[0, -1]] if detect else path, "detect": {"moving": detect}}
+
+
+def straight(change=lambda line: line):
+    """A detector that draws straight lines, changed."""
+    return lambda surface, z, endpoints: [change(np.linspace(*z[pair], 20)) for pair in endpoints]
+
+
+def guarded(detect, entries):
+    fallbacks = []
+    return guarded_curves(detect, BOWL, Z, entries, "moving", fallbacks), fallbacks
+
+
+def test_given_curves_stay_and_good_ones_are_used():
+    entries = [entry("given", spoke(0)), entry("first", spoke(10), True), entry("bent", spoke(20)), entry("last", spoke(30), True)]
+    lines, fallbacks = guarded(straight(), entries)
+    assert fallbacks == []
+    for place, angle in ((0, 0), (2, 20)):
+        np.testing.assert_array_equal(lines[place], Z[spoke(angle)])
+    for place, angle in ((1, 10), (3, 30)):
+        ends = Z[spoke(angle)[[0, -1]]]
+        np.testing.assert_allclose(lines[place][[0, -1]], ends)
+        assert len(lines[place]) >= 256 and abs(np.diff(lines[place], 2)).max() < 1e-12
+
+
+def test_nothing_is_detected_where_all_is_given():
+    def detect(*_):
+        raise AssertionError
+
+    lines, fallbacks = guarded(detect, [entry("given", spoke(0))])
+    np.testing.assert_array_equal(lines[0], Z[spoke(0)])
+    assert fallbacks == []
+
+
+@pytest.mark.parametrize("change, fault", [
+    (lambda line: line * np.nan, "leaves the disk"),
+    (lambda line: np.concatenate([line[:1], [1.5j], line[-1:]]), "leaves the disk"),
+    (lambda line: line[:0], "leaves the disk"),
+    (lambda line: line[:1], "leaves the disk"),
+    (lambda line: line[:-1], "misses its endpoints"),
+    (lambda line: line[::-1], "misses its endpoints"),
+    (lambda line: np.concatenate([line[:9], [line[2] + 0.02j, line[2] - 0.02j], line[9:]]), "crosses itself"),
+    (lambda line: np.concatenate([line[:9], [line[9] * 1j], line[9:]]), "crosses 'other'"),
+])
+def test_a_curve_that_wanders_is_replaced_by_the_shortest_path(change, fault):
+    entries = [entry("other", spoke(5)), entry("wanderer", spoke(0), True)]
+    (other, line), fallbacks = guarded(straight(change), entries)
+    assert fallbacks == [f"LD-Net's moving curve 'wanderer' {fault}: shortest path"]
+    np.testing.assert_array_equal(other, Z[spoke(5)])
+    np.testing.assert_array_equal(line, detect_curves(BOWL, Z, [spoke(0)[[0, -1]]])[0])
+
+
+def test_of_two_detected_curves_that_cross_both_are_replaced():
+    crossed = [np.array([spoke(0)[-1], spoke(20)[-1]]), np.array([spoke(10)[-1], spoke(30)[-1]])]
+    entries = [entry("one", crossed[0], True), entry("two", crossed[1], True), entry("apart", spoke(36), True)]
+    _, fallbacks = guarded(straight(), entries)
+    assert fallbacks == ["LD-Net's moving curve 'one' crosses 'two': shortest path",
+                         "LD-Net's moving curve 'two' crosses 'one': shortest path"]
+
+
+def test_curves_that_meet_in_an_endpoint_do_not_cross():
+    ends = [np.array([spoke(0)[-1], 0]), np.array([0, spoke(12)[-1]])]
+    _, fallbacks = guarded(straight(), [entry("one", ends[0], True), entry("two", ends[1], True)])
+    assert fallbacks == []
+
+
+def test_filling_keeps_the_polyline():
+    line = np.array([0, 0.5, 0.5 + 0.2j, -0.1j])
+    filled = fill(line)
+    assert len(filled) >= 256 and abs(np.diff(filled)).sum() == pytest.approx(abs(np.diff(line)).sum())
+    np.testing.assert_array_equal(filled[:: (len(filled) - 1) // 3], line)
+
+
+def test_the_exact_map_of_no_coefficient_is_the_mobius_map():
+    p = 0.6 * np.exp(2j * np.pi * np.arange(7) / 7)
+    q = mobius(p, 0.2 + 0.1j, 0.7)
+    fit = exact_map(Z, FACES, np.zeros(len(FACES), complex), p, q)
+    assert fit.mobius[0] == pytest.approx(0.2 + 0.1j, abs=2e-3) and fit.mobius[1] == pytest.approx(0.7, abs=5e-3)
+    assert fit.bijective and fit.fallbacks == () and fit.landmark_error < 3e-3 and abs(fit.mu).max() < 0.05
+    np.testing.assert_allclose(fit.f, moved_map(Z, FACES, Z, p, q).f, atol=1e-6)
