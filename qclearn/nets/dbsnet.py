@@ -11,6 +11,7 @@ from torch import nn
 from torch.nn import functional
 
 from ..polar import IDENTITY, Preconditioner, PolarSolver, Solve
+from .dbsnet_paper import PaperDBSNet
 from .layers import PolarUNet
 from .train import TrainConfig
 
@@ -22,11 +23,16 @@ class DBSNetConfig:
     """Sizes of a DBS-Net; those of the other preset are not used."""
 
     preset: str
+    max_abs: tuple = (0.05, 0.6)  # of the coefficients it is trained on
     rings: int = 48
     spokes: int = 144
     channels: tuple = (24, 48, 96, 128)
     blocks: int = 3
-    max_abs: tuple = (0.05, 0.6)  # of the coefficients it is trained on
+    size: int = 64  # of the paper's square, in pixels
+    frequencies: int = 8  # the paper's low ones: at most this, either way
+    shortcut: bool = True
+    eta: float = 1.0
+    rho: float = 1.6e-7  # the paper's 1e-8, were it meant for 128 pixels: it goes with the fourth power of their number
 
 
 class BestDBSNet(nn.Module):
@@ -167,5 +173,8 @@ def _derivatives(f, z, corners):
     return (f1 * z2.conj() - f2 * z1.conj()) / area, (f2 * z1 - f1 * z2) / area
 
 
-PRESETS = {"best": (BestDBSNet, DBSNetConfig("best"))}
-TRAINING = {"best": TrainConfig(steps=10_000, batch=8, rate=1e-3, warmup=200, bfloat16=True, clip=0.3)}
+PRESETS = {"paper": (PaperDBSNet, DBSNetConfig("paper")), "best": (BestDBSNet, DBSNetConfig("best"))}
+TRAINING = {
+    "paper": TrainConfig(steps=4000, batch=16, rate=1e-3, warmup=200, bfloat16=True),
+    "best": TrainConfig(steps=10_000, batch=8, rate=1e-3, warmup=200, bfloat16=True, clip=0.3),
+}

@@ -1,0 +1,139 @@
+"""DBS-Net as printed: the square in place of the disk, a learnable Fourier layer, an inner and a boundary route."""
+
+import numpy as np
+import torch
+from torch import nn
+from torch.nn import functional
+
+from ..diskmesh import square_disk
+from ..fourier import fourier_matrix
+from .losses import L_DBSNet, LossMesh
+
+
+class FourierLayer(nn.Module):
+    """`M mu N` (B, 2k + 1, 2k + 1) of images mu (B, size, size), M and N learnable, at the start the truncated DFT."""
+
+    def __init__(self, size, k):
+        super().__init__()
+        start = torch.from_numpy(fourier_matrix(size, k)).to(torch.complex64) * size  # entries of modulus 1
+        self.M = nn.Parameter(torch.view_as_real(start))
+        self.N = nn.Parameter(torch.view_as_real(start.T.contiguous()))
+
+    def forward(self, mu):
+        M, N = torch.view_as_complex(self.M), torch.view_as_complex(self.N)
+        return M @ mu @ N / mu.shape[-1] ** 2
+
+
+class InnerRoute(nn.Module):
+    """Fourier coefficients and the image itself to the inner vertices' coordinates, (B, size - 1, size - 1) complex."""
+
+    def __init__(self, size, shortcut):
+        super().__init__()
+        self.size, wide, narrow = size, 64, 16
+
+        def conv(channels_in, channels_out):
+            return nn.Conv2d(channels_in, channels_out, 3, padding=1)
+
+        self.coarse = nn.ModuleList([conv(2, wide), conv(wide, wide), conv(wide, wide)])
+        self.middle, self.fine = conv(wide, wide // 2), conv(wide // 2, narrow)
+        self.shortcut = nn.ModuleList([conv(2, narrow), conv(narrow, narrow)] if shortcut else [])
+        self.join = conv(2 * narrow if shortcut else narrow, 2 * narrow)
+        self.head = nn.Conv2d(2 * narrow, 2, 2)  # from cells to the vertices between them
+        nn.init.zeros_(self.head.weight)
+        nn.init.zeros_(self.head.bias)
+
+    def forward(self, coefficients, mu):
+        x = coefficients  # (B, 2, 2k + 1, 2k + 1)
+        for layer in self.coarse:
+            x = functional.silu(layer(x))
+        for layer, size in ((self.middle, self.size // 2), (self.fine, self.size)):
+            x = functional.interpolate(x, size=(size, size), mode="bilinear", align_corners=False)
+            x = functional.silu(layer(x))
+        if self.shortcut:
+            y = mu  # (B, 2, size, size)
+            for layer in self.shortcut:
+                y = functional.silu(layer(y))
+            x = torch.cat([x, y], 1)
+        return self.head(functional.silu(self.join(x)))
+
+
+class BoundaryRoute(nn.Module):
+    """Low frequencies as a vector (B, n) to boundary angles (B, 4 size), positive and of sum 2 pi, by an MLP."""
+
+    def __init__(self, inputs, usual, hidden=512):
+        super().__init__()
+        self.layers = nn.Sequential(nn.Linear(inputs, hidden), nn.SiLU(), nn.Linear(hidden, hidden), nn.SiLU(),
+                                    nn.Linear(hidden, len(usual)))
+        nn.init.zeros_(self.layers[-1].weight)
+        nn.init.zeros_(self.layers[-1].bias)
+        self.register_buffer("usual", torch.log(usual), persistent=False)  # of the mesh itself, where the MLP says 0
+
+    def forward(self, coefficients):
+        return 2 * torch.pi * torch.softmax(self.usual + self.layers(coefficients).float(), -1)
+
+
+class PaperDBSNet(nn.Module):
+    """The two routes joined in one map of `square_disk(size)`, trained without examples by the corrected L_DBSNet.
+
+    One boundary point is fixed, f(1) = 1; f(0) = 0 is held by a shift of the inner coordinates.
+    """
+
+    def __init__(self, config):
+        super().__init__()
+        self.config = config
+        z, faces = square_disk(config.size)
+        self.mesh = LossMesh(z, faces)
+        loop = self.mesh.loop.numpy()
+        loop = np.roll(loop, -int(abs(z[loop] - 1).argmin()))
+        inner = np.setdiff1d(np.arange(len(z)), loop)
+        for name, table in (("loop", loop), ("inner", inner)):
+            self.register_buffer(name, torch.from_numpy(table), persistent=False)
+        usual = np.angle(np.roll(z[loop], -1) / z[loop])
+        self.fourier = FourierLayer(config.size, config.frequencies)
+        self.inner_route = InnerRoute(config.size, config.shortcut)
+        self.boundary_route = BoundaryRoute(2 * (2 * config.frequencies + 1) ** 2, torch.from_numpy(usual).float())
+
+    def forward(self, mu):
+        """(f (B, V), angles (B, 4 size)) of images mu (B, size, size): rows upwards, pixels are the cells of the mesh."""
+        with torch.autocast(mu.device.type, enabled=False):
+            low = 10 * self.fourier(mu)
+            low = torch.stack([low.real, low.imag], 1)
+            image = torch.stack([mu.real, mu.imag], 1)
+        angles = self.boundary_route(low.flatten(1))
+        shift = 0.1 * self.inner_route(low, image).float().flatten(2)
+        with torch.autocast(mu.device.type, enabled=False):
+            shift = torch.complex(shift[:, 0], shift[:, 1])
+            shift = shift - shift[:, shift.shape[1] // 2, None]
+            turned = angles.cumsum(-1) - angles
+            f = self.mesh.z.repeat(len(mu), 1)
+            f = f.index_copy(1, self.inner, f[:, self.inner] + shift)
+            return f.index_copy(1, self.loop, torch.polar(torch.ones_like(turned), turned)), angles
+
+    def on_faces(self, mu):
+        """Face values (B, F) of the images mu (B, size, size)."""
+        return mu.flatten(1).repeat(1, 2)
+
+    def loss(self, batch, generator):
+        """L_DBSNet of the fields; with a generator also mixed and turned in phase."""
+        mu = batch[0]
+        if generator is not None:
+            mu = mixed(mu, self.config.max_abs, generator)
+        f, angles = self(mu)
+        with torch.autocast(mu.device.type, enabled=False):
+            loss = L_DBSNet(self.mesh, self.on_faces(mu), f, angles, self.config.eta, self.config.rho).mean()
+        return 1e3 * loss, {"L_DBSNet": loss.item()}
+
+
+def mixed(mu, max_abs, generator):
+    """Coefficients (B, ...) of which half are sums of two of the batch, with random phase; largest |mu| uniform."""
+    draw = torch.rand(5, len(mu), generator=generator).to(mu.real)
+    draw = draw.view(5, -1, *[1] * (mu.ndim - 1))
+    other = mu[torch.randperm(len(mu), generator=generator).to(mu.device)]
+    share = draw[0] * (draw[1] < 0.5)
+
+    def unit(x):
+        return x / x.flatten(1).abs().amax(1).view(draw[0].shape)
+
+    mu = unit(mu) * (1 - share) + unit(other) * share * torch.exp(2j * torch.pi * draw[2])
+    low, high = max_abs
+    return unit(mu) * torch.exp(2j * torch.pi * draw[3]) * (low + (high - low) * draw[4])

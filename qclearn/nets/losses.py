@@ -1,0 +1,144 @@
+"""The losses of the paper in its order, each named after its equation, with what had to be mended.
+
+All are batched and return one value a sample, (B,): take the mean. Points and maps are complex, (B, N) and (B, V);
+coefficients complex, (B, F), |mu| < 1. Losses on a mesh take its `LossMesh` first.
+"""
+
+import numpy as np
+import torch
+from torch import nn
+
+from ..beltrami import hat_gradients, signed_areas
+from ..diskmesh import boundary_loop
+
+
+class LossMesh(nn.Module):
+    """A triangulated disk as tables on a network's device: the matrix K(mu), the boundary, and gradients of mu."""
+
+    def __init__(self, z, faces, precision=torch.float32):
+        super().__init__()
+        faces = np.asarray(faces)
+        areas, loop = signed_areas(z, faces), boundary_loop(faces)
+        shares = np.bincount(faces.ravel(), np.repeat(areas, 3), len(z))[faces]  # of the faces round each corner
+        tables = {"z": z, "faces": faces, "loop": loop, "areas": areas, "gradients": hat_gradients(z, faces),
+                  "shares": areas[:, None] / shares}
+        kinds = {"f": precision, "c": precision.to_complex(), "i": torch.int64}
+        for name, table in tables.items():
+            table = torch.as_tensor(table)
+            kind = kinds["c" if table.is_complex() else "f" if table.is_floating_point() else "i"]
+            self.register_buffer(name, table.to(kind), persistent=False)
+
+    def gradient(self, values):
+        """Gradients (B, F), complex `d/dx + i d/dy`, of real vertex values (B, V), linear on each face."""
+        return (values[:, self.faces] * self.gradients).sum(-1)
+
+    def divergence(self, fields):
+        """`sum_T |T| grad phi_i . w_T` (B, V) of fields w (B, F): K(mu) u for w = A grad u."""
+        corners = self.areas[:, None] * (self.gradients.conj() * fields[..., None]).real
+        total = corners.new_zeros(len(fields), len(self.z))
+        return total.index_add(1, self.faces.flatten(), corners.flatten(1))
+
+    def apply(self, mu, f):
+        """K(mu) f, complex (B, V): `A grad u = ((1 + |mu|^2) grad u - 2 mu conj(grad u)) / (1 - |mu|^2)`."""
+        size = mu.real ** 2 + mu.imag ** 2
+        parts = []
+        for u in (f.real, f.imag):
+            g = self.gradient(u)
+            parts.append(self.divergence(((1 + size) * g - 2 * mu * g.conj()) / (1 - size)))
+        return torch.complex(*parts)
+
+    def to_vertices(self, mu):
+        """Area-weighted means (B, V) of face values (B, F) round each vertex."""
+        values = (mu[..., None] * self.shares).flatten(1)
+        return values.new_zeros(len(mu), len(self.z)).index_add(1, self.faces.flatten(), values)
+
+
+def energy(mesh, mu, f):
+    """Dirichlet energy `1/2 int grad f . A grad f` (B,) of the map; no smaller than `area`, equal for the right map."""
+    return 0.5 * (f.conj() * mesh.apply(mu, f)).real.sum(-1)
+
+
+def area(mesh, f):
+    """Signed area (B,) inside the image of the boundary polygon."""
+    boundary = f[:, mesh.loop]
+    return 0.5 * (boundary.conj() * boundary.roll(-1, -1)).imag.sum(-1)
+
+
+def L_LD(points, target):
+    """`sum_i |x_i - x^_i|^2` (B,) over the points (B, ...) of the curves of a sample.
+
+    Printed from i = 0 to N with 'N points': the sum over all points, the endpoints included, is meant.
+    """
+    return ((points - target).abs() ** 2).flatten(1).sum(1)
+
+
+def L_LBS(mesh, mu, f):
+    """`1/(2N) sum_i |Re R_i| + |Im R_i|` (B,), R the gradient of energy minus area: 0 at the map with coefficient mu.
+
+    `R_i = (K(mu) f)_i` at interior vertices and `(K(mu) f)_i + (i/2)(f_next - f_previous)` on the boundary; f must hold
+    f(0) = 0 and f(1) = 1. Mended (eqs central_coeff, cv_coeff, LBS_loss): the weight Area(T) of each face, A and B of
+    the neighbour itself, the rows of the boundary, and 1/(2N) for the mean of 2N terms.
+    """
+    residual = mesh.apply(mu, f)
+    boundary = f[:, mesh.loop]
+    turned = 0.5j * (boundary.roll(-1, -1) - boundary.roll(1, -1))
+    return _mean_size(residual.index_add(1, mesh.loop, turned))
+
+
+def L_LBS_printed(mesh, mu, f):
+    """`1/(2N) sum_i |(K s)_i| + |(K t)_i|` (B,) over all rows, as eq. LBS_loss has them: it is 0 where f is constant.
+
+    Weights and neighbours are mended as in `L_LBS`, the rows are not: on the boundary that of the right map is not 0,
+    that of the collapse onto the point 1 is. This, not the freedom of Möbius maps, is why points cluster there.
+    """
+    return _mean_size(mesh.apply(mu, f))
+
+
+def _mean_size(residual):
+    return 0.5 * (residual.real.abs() + residual.imag.abs()).mean(-1)
+
+
+def L_Boundary(angles):
+    """`sum_i 1/theta_i` (B,) of the angles (B, N) between neighbouring boundary points, theta_i > 0, sum 2 pi.
+
+    At its smallest, `N^2 / (2 pi)`, for equal angles: its weight rho belongs to one N.
+    """
+    return (1 / angles).sum(-1)
+
+
+def L_DBSNet(mesh, mu, f, angles, eta=1.0, rho=1e-8, equation=L_LBS):
+    """`eta L_LBS + rho L_Boundary` (B,), eq. BSnetLoss; equation: `L_LBS`, or `L_LBS_printed` to see it collapse."""
+    return eta * equation(mesh, mu, f) + rho * L_Boundary(angles)
+
+
+def L_mu(mu, weights=None):
+    """`1/N sum_i |mu_i|^2` (B,) over the faces of mu (B, F), eq. muloss; weights (F,): of the faces, their sum 1."""
+    return _mean(mu.abs() ** 2, weights)
+
+
+def L_grad_mu(mesh, mu, weights=None):
+    """`1/N sum_i |grad mu_i|^2` (B,) over faces, eq. musmooth; weights (F,): of the faces, their sum 1.
+
+    The gradient of values that are constant on faces is not defined as printed: here mu is averaged to the vertices by
+    area, and |grad mu|^2 is the squares of the four partial derivatives of its linear interpolant.
+    """
+    nodal = mesh.to_vertices(mu)
+    return _mean(mesh.gradient(nodal.real).abs() ** 2 + mesh.gradient(nodal.imag).abs() ** 2, weights)
+
+
+def _mean(values, weights):
+    return values.mean(-1) if weights is None else values @ weights
+
+
+def L_Landmark(points, target, present=None):
+    """`1/M sum_i |p_i - p^_i|^2` (B,) over points (B, M), eq. lmloss; present (B, M): which of them count."""
+    square = (points - target).abs() ** 2
+    if present is None:
+        return square.mean(-1)
+    return (square * present).sum(-1) / present.sum(-1).clamp(min=1)
+
+
+def L_CP(mesh, mu, points, target, alpha, beta, gamma, present=None, weights=None):
+    """`alpha L_mu + beta L_grad_mu + gamma L_Landmark` (B,), eq. RegLoss; the weights are numbers or (B,)."""
+    return (alpha * L_mu(mu, weights) + beta * L_grad_mu(mesh, mu, weights)
+            + gamma * L_Landmark(points, target, present))
