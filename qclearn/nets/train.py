@@ -79,7 +79,8 @@ def train(model, training, validation, config, folder, progress=True):
         log = Log(folder, step, seconds)
         objective = Objective(model)
         objective = DistributedDataParallel(objective) if world > 1 else objective
-        bar = tqdm(total=config.steps, initial=step, disable=not progress or rank > 0, desc="training")
+        quiet = not progress or rank > 0
+        bar = tqdm(total=config.steps, initial=step, disable=quiet or None, desc="training")  # None: unless on a terminal
         while step < config.steps:
             loss, figures = take_step(objective, optimiser, training, config, step, rank, world, device)
             step += 1
