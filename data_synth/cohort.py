@@ -13,7 +13,7 @@ from qclearn.files import write_whole
 from .cortex import CortexError, make_cortex
 from .subjects import load_cortex, save_cortex
 
-GENERATION = 1  # raise it when the generator's output changes, so that old files are not taken for new ones
+GENERATION = 2  # raise it when the generator's output changes, so that old files are not taken for new ones
 SEEDS = tuple(range(1001, 1025))
 
 
@@ -22,20 +22,28 @@ class CohortWarning(UserWarning):
 
 
 def cohort(count=24, n_vertices=10_000, folder=None, progress=True, workers=2):
-    """The first `count` (1 to 24) left hemispheres of the fixed seeds, a list of Cortex, from files made where missing.
+    """The first `count` (1 to 24) left hemispheres of the fixed seeds, a list of Cortex: `hemispheres` of those seeds.
 
-    Files lie in `folder` (default: `default_folder()`), each with its SHA-256 beside it; one that does not match is
-    made again with a CohortWarning, and an interrupted run continues where it stopped. `workers` run at the same time,
-    a hemisphere of 10,000 vertices takes one about ten seconds. CortexError for a bad count or an unwritable folder.
+    CortexError for a bad count or an unwritable folder.
     """
     if not isinstance(count, int) or not 1 <= count <= len(SEEDS):
         raise CortexError(f"the cohort has 1 to {len(SEEDS)} subjects, not {count!r}.")
+    return hemispheres(SEEDS[:count], n_vertices, folder, progress, workers)
+
+
+def hemispheres(seeds, n_vertices=10_000, folder=None, progress=True, workers=2):
+    """The left hemispheres of `seeds`, a list of Cortex, from files made where missing.
+
+    Files lie in `folder` (default: `default_folder()`), each with its SHA-256 beside it; one that does not match is
+    made again with a CohortWarning, and an interrupted run continues where it stopped. `workers` run at the same time,
+    a hemisphere of 10,000 vertices takes one about ten seconds. CortexError for an unwritable folder.
+    """
     if not isinstance(workers, int) or workers < 1:
         raise CortexError(f"workers is {workers!r}; give a whole number from 1.")
     folder = default_folder() if folder is None else Path(folder)
     _require_writable(folder)
-    paths = [subject_path(folder, seed, n_vertices) for seed in SEEDS[:count]]
-    missing = [(seed, path) for seed, path in zip(SEEDS, paths) if not _is_whole(path)]
+    paths = [subject_path(folder, seed, n_vertices) for seed in seeds]
+    missing = [(seed, path) for seed, path in zip(seeds, paths) if not _is_whole(path)]
     # Threads suffice: the growth runs outside the interpreter's lock.
     with ThreadPoolExecutor(workers) as pool:
         jobs = [pool.submit(_make, seed, n_vertices, path) for seed, path in missing]

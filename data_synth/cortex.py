@@ -51,12 +51,16 @@ class Cortex:
     """A synthetic hemisphere: the surface in mm with its curves, and each vertex' point on the template sphere (V, 3).
 
     The template's frame is lateral, anterior, superior for both sides, so homologous points of left and right agree.
+    interrupted, branched: the names of the sulci that were drawn with a gap (a gyrus may bridge them) or with side
+    branches; the growth decides how much of either shows.
     """
 
     surface: Surface
     template: np.ndarray
     seed: int
     hemisphere: str
+    interrupted: tuple[str, ...] = ()
+    branched: tuple[str, ...] = ()
 
     @property
     def curves(self):
@@ -110,7 +114,8 @@ def make_cortex(seed, n_vertices=10_000, hemisphere="left", mechanics=Mechanics(
     vertices = x * np.sqrt(person.area / _area(x, faces))
     if hemisphere == "left":
         vertices, faces = vertices * [-1, 1, 1], faces[:, ::-1]
-    return Cortex(Surface(vertices, faces, curves), template, seed, hemisphere)
+    traits = tuple(person.interrupted), tuple(person.branched)
+    return Cortex(Surface(vertices, faces, curves), template, seed, hemisphere, *traits)
 
 
 def _curves(person, x, rest, faces, start, index, depth):

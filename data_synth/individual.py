@@ -30,6 +30,7 @@ class Individual:
         self._lobe_scale = 1 + 0.02 * np.clip(shared.normal(size=len(LOBES)), -2, 2)
         self.area = AREA * np.exp(AREA_SPREAD * np.clip(shared.normal(), -2, 2))
         self.courses = {name: self.deform(sulcus_course(points)) for name, points in SULCI.items()}
+        self.interrupted, self.branched = [], []  # names of the sulci for which `furrows` drew a gap or side branches
         fossa = self.courses["sylvian fissure"]
         self._fossa = cKDTree(CENTRE + fossa * self.hull(fossa)[:, None])
         self._fossa_width = FOSSA_WIDTH * np.interp(np.linspace(0, 1, len(fossa)), [0, 0.15, 0.5, 1], [0.7, 1, 1, 0.4])
@@ -58,9 +59,12 @@ class Individual:
     def furrows(self, rest):
         """Early furrows at points of the unfolded surface: strength (V,) in 0..1 and unit direction along them (V, 3)."""
         lines = []
-        for course in self.courses.values():
-            lines.append((course, self._interrupted(len(course))))
-            lines += [(branch, np.full(len(branch), 0.7)) for branch in self._branches(course)]
+        for name, course in self.courses.items():
+            strength, branches = self._interrupted(len(course)), self._branches(course)
+            self.interrupted += [name] if strength.min() < 1 else []
+            self.branched += [name] if branches else []
+            lines.append((course, strength))
+            lines += [(branch, np.full(len(branch), 0.7)) for branch in branches]
         for points in COMPANIONS.values():
             course = self.deform(sulcus_course(points))
             lines.append((course, self.rng.uniform(0.3, 0.9) * self._interrupted(len(course))))

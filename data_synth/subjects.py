@@ -12,9 +12,12 @@ from qclearn.surface import Surface, SurfaceError
 
 from .cortex import HEMISPHERES, Cortex, CortexError
 
+TRAITS = ("interrupted", "branched")
+
 
 def save_cortex(path, cortex):
-    """Write a hemisphere to an npz file: vertices, faces, curve_<name>, template, seed, hemisphere.
+    """Write a hemisphere to an npz file: vertices, faces, curve_<name>, template, seed, hemisphere, and the names of
+    the sulci that are interrupted and branched.
 
     The same hemisphere gives the same bytes. SurfaceError where the folder cannot be written; nothing partial stays.
     """
@@ -22,6 +25,7 @@ def save_cortex(path, cortex):
     arrays = {
         "vertices": cortex.surface.vertices, "faces": cortex.surface.faces, "template": cortex.template,
         "seed": np.array(cortex.seed), "hemisphere": np.array(cortex.hemisphere),
+        **{trait: np.array(getattr(cortex, trait), dtype=str) for trait in TRAITS},
         **{f"curve_{name}": curve for name, curve in cortex.curves.items()},
     }  # fmt: skip
     buffer = io.BytesIO()
@@ -43,6 +47,9 @@ def load_cortex(path):
     missing = [name for name in ("vertices", "faces", "template", "seed", "hemisphere") if name not in arrays]
     if missing:
         raise CortexError(f"{path} is not a synthetic hemisphere: it lacks {', '.join(missing)}. Use read_surface for others.")
+    if not all(trait in arrays for trait in TRAITS):
+        raise CortexError(f"{path} was written before sulci were marked as interrupted or branched; make it again with "
+                          f"`qclearn synth --seed {arrays['seed']}`.")
     hemisphere = str(arrays["hemisphere"])
     if hemisphere not in HEMISPHERES or arrays["template"].shape != arrays["vertices"].shape:
         raise CortexError(f"{path} is damaged: hemisphere {hemisphere!r}, template {arrays['template'].shape}; make it again.")
@@ -51,4 +58,5 @@ def load_cortex(path):
         surface = Surface(arrays["vertices"], arrays["faces"], curves)
     except SurfaceError as error:
         raise CortexError(f"{path} is damaged: {error}") from None
-    return Cortex(surface, arrays["template"], int(arrays["seed"]), hemisphere)
+    traits = (tuple(map(str, arrays[trait])) for trait in TRAITS)
+    return Cortex(surface, arrays["template"], int(arrays["seed"]), hemisphere, *traits)

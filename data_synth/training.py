@@ -8,8 +8,10 @@ import numpy as np
 
 from qclearn.diskmesh import polar_disk
 
-from .datasets import _Seeded, cached
+from .cohort import hemispheres
+from .datasets import CurveDataset, _Seeded, cached
 from .fields import KINDS, MAX_ABS, dead_leaves, image_coefficient, random_coefficient, smooth_coefficient
+from .template import SULCI
 
 
 class Fields(_Seeded):
@@ -49,4 +51,24 @@ def dbsnet(config, folder, quick=False):
         sets = [Fields(count, seed, config.rings, config.spokes) for count, seed in zip(counts, (5101, 5102))]
     names = (f"dbsnet-{config.preset}-{part}{'-quick' if quick else ''}.npz" for part in ("training", "validation"))
     training, validation = (cached(items, f"{folder}/{name}", progress=not quick) for items, name in zip(sets, names))
+    return training, validation
+
+
+DATA_POINTS = 37  # on each curve: every fourth of them are the ten of preset `paper`
+TRAINING_SEEDS, VALIDATION_SEEDS = tuple(range(2001, 2097)), tuple(range(3001, 3013))  # none of the cohort's
+
+
+def subjects(seeds, folder, quick=False):
+    """Synthetic left hemispheres of 10,000 vertices, grown once and kept in `folder`; `quick`: coarse ones, at once."""
+    return hemispheres(seeds, 1_000 if quick else 10_000, folder, progress=not quick)
+
+
+def ldnet(config, folder, quick=False):
+    """Images, endpoints and curves for LD-Net: 96 subjects, 15 times turned and distorted; the same for both presets."""
+    seeds, counts = (((1,), (2,)), (8, 4)) if quick else ((TRAINING_SEEDS, VALIDATION_SEEDS), (1440, 96))
+    names = (f"ldnet-{part}{'-quick' if quick else ''}.npz" for part in ("training", "validation"))
+    training, validation = (
+        cached(CurveDataset(count, 6001 + k, subjects(group, folder, quick), config.size,
+                            DATA_POINTS, names=tuple(SULCI)), f"{folder}/{name}", progress=not quick)
+        for k, (group, count, name) in enumerate(zip(seeds, counts, names)))
     return training, validation

@@ -3,10 +3,13 @@
 import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
 
 from .curvature import mean_curvature, sulcal_depth
+from .diskmesh import locate
 from .fit import LandmarkError
 
+SAMPLES = 400  # on a curve whose distance to another is measured
 CURVATURE_WEIGHT, DEPTH_WEIGHT = 0.5, 2.0  # exponents of the fundus metric
 
 
@@ -92,3 +95,31 @@ def detect_curves(surface, z, endpoints):
     """
     metric = fundus_metric(surface)
     return [z[fundus_path(surface, start, end, metric)] for start, end in np.asarray(endpoints)]
+
+
+def curves_in_space(surface, z, curves, count=SAMPLES):
+    """Points (count, 3) on the surface, equally spaced by arc length, of each of the curves (k,) in its disk map z."""
+    fine = [_subdivide(np.asarray(curve, complex), count) for curve in curves]
+    face, weights = locate(z, surface.faces, np.concatenate(fine))
+    points = np.einsum("pk,pkj->pj", weights, surface.vertices[surface.faces[face]])
+    return [_equally_spaced(part, count) for part in np.split(points, np.cumsum([len(part) for part in fine])[:-1])]
+
+
+def _subdivide(points, count):
+    """At least `count` points on the polyline through `points` (k, ...), the corners among them."""
+    per_segment = -(-count // (len(points) - 1))
+    return np.append(np.linspace(points[:-1], points[1:], per_segment, endpoint=False, axis=1).ravel(), points[-1])
+
+
+def _equally_spaced(points, count):
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    wanted = np.linspace(0, along[-1], count)
+    return np.stack([np.interp(wanted, along, column) for column in points.T], axis=1)
+
+
+def curve_distance(one, other):
+    """Mean distance between two curves (n, 3), (m, 3) of equally spaced points, in their length, whatever their direction.
+
+    The mean over either curve's points of the distance in space to the nearest point of the other, both ways averaged.
+    """
+    return (cKDTree(one).query(other)[0].mean() + cKDTree(other).query(one)[0].mean()) / 2

@@ -115,6 +115,22 @@ def test_the_seed_decides_everything():
     assert not np.array_equal(subject(2).surface.faces, subject().surface.faces)
 
 
+def test_gaps_and_branches_are_recorded_where_they_were_drawn():
+    """Strength along a course falls in the middle where, and only where, the sulcus is listed as interrupted."""
+    for seed in range(3):
+        person = Individual(seed, "left")
+        person.rng = np.random.default_rng(seed)  # as if the mesh had been made
+        assert not person.interrupted and not person.branched
+        middle = {name: np.linspace(0.2, 0.8, 200) * (len(course) - 1) for name, course in person.courses.items()}
+        points = {name: person.position(course[middle[name].astype(int)]) for name, course in person.courses.items()}
+        pull, _ = person.furrows(np.concatenate(list(points.values())))
+        weakest = pull.reshape(len(points), 200).min(axis=1)
+        gap = [name in person.interrupted for name in person.courses]
+        assert set(person.interrupted) | set(person.branched) <= set(SULCI)
+        assert (weakest[np.logical_not(gap)] > 0.99).all()
+        assert (weakest[gap] < 0.95).all()  # a branch or a neighbour may start at a gap's edge, seldom in it
+
+
 def test_two_sides_of_a_seed_resemble_each_other():
     probe = fibonacci_sphere(400)
     places = {key: Individual(*key).deform(probe) for seed in range(4) for key in [(seed, "left"), (seed, "right")]}
@@ -164,6 +180,7 @@ def test_saved_and_read_back(tmp_path):
     save_cortex(path, subject(1, "right"))
     back = load_cortex(path)
     assert (back.seed, back.hemisphere) == (1, "right")
+    assert (back.interrupted, back.branched) == (subject(1, "right").interrupted, subject(1, "right").branched)
     assert np.array_equal(back.template, subject(1, "right").template)
     for surface in (back.surface, read_surface(path)):
         assert np.array_equal(surface.vertices, subject(1, "right").surface.vertices)
@@ -181,6 +198,11 @@ def test_unreadable_files(tmp_path):
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) // 2])
     with pytest.raises(CortexError, match="no readable npz"):
+        load_cortex(path)
+    save_cortex(path, subject())
+    with np.load(path) as file:
+        np.savez(path, **{name: file[name] for name in file.files if name != "interrupted"})
+    with pytest.raises(CortexError, match="before sulci were marked.*synth --seed 1"):
         load_cortex(path)
     np.savez(path, vertices=subject().surface.vertices, faces=subject().surface.faces)
     with pytest.raises(CortexError, match="lacks template, seed, hemisphere"):
