@@ -1,0 +1,26 @@
+"""Registration methods behind one call: `METHODS[name](problem, **parameters) -> f (V,)`, one short file each.
+
+A method takes a `Problem` and keyword parameters with defaults; it returns where each vertex of the moving disk mesh
+lies in the control's disk, and says by a RepairWarning what it had to do beyond its plain formula. Any function of this
+form can join the benchmark.
+"""
+
+from .gauss_newton import gauss_newton
+from .harmonic import harmonic
+from .mobius_only import mobius_only
+from .problem import LandmarkSolver, Problem
+from .qc_iteration import qc_iteration
+from .teichmuller import teichmuller
+from .thin_plate import thin_plate
+
+METHODS = {
+    "mobius_only": mobius_only,
+    "harmonic": harmonic,
+    "thin_plate": thin_plate,
+    "qc_iteration": qc_iteration,
+    "teichmuller": teichmuller,
+    "gauss_newton": gauss_newton,
+}
+
+__all__ = ["METHODS", "LandmarkSolver", "Problem", "gauss_newton", "harmonic", "mobius_only", "qc_iteration", "teichmuller",
+           "thin_plate"]

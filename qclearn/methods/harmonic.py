@@ -1,0 +1,59 @@
+"""The paper's baseline: the landmark-constrained optimised harmonic map, with its overlap correction."""
+
+import warnings
+
+import numpy as np
+from scipy import sparse
+
+from ..beltrami import beltrami_coefficient, factorise, stiffness
+from ..bijectivity import RepairWarning, flipped_faces
+from .problem import HARD, LandmarkSolver, truncated
+
+MOST_ROUNDS = 40
+FIRST_WEIGHT, MORE_WEIGHT = 0.01, 0.5  # of the data in the smoothing, and what each round adds
+
+
+def harmonic(problem, weight=1.0, correct=True):
+    """The map that minimises `1/2 int |grad f|^2 + (weight / 2) sum_k |f(p_k) - q_k|^2`, unfolded if `correct`.
+
+    weight: the paper's lambda. The circle is held by the best Möbius map. One sparse solve; where faces are flipped,
+    then `unfold`. Source: Choi, Lam, Lui (2015), FLASH, on the disk of Choi, Lui (2015), as for the paper's table.
+    """
+    if not weight >= 0:
+        raise ValueError(f"weight = {weight}: give a number from 0 (the paper's lambda)")
+    solver = LandmarkSolver.of(problem)
+    f = solver.solve(np.zeros(len(problem.faces), complex), weight)
+    return unfold(solver, f, np.exp(-np.sqrt(weight) / 4)) if correct else f
+
+
+def unfold(solver, f, smoothness):
+    """FLASH's overlap correction: rounds of four steps until no face is flipped; a RepairWarning if that fails.
+
+    1. smooth |mu| and truncate it; 2. solve with the landmarks held and measure the coefficient mu'; 3. blend,
+    `mu' + smoothness (nu - mu')`, and truncate; 4. solve with that and without landmarks. smoothness in [0, 1]:
+    1 forgets the landmarks, 0 follows them.
+    """
+    for number in range(1, MOST_ROUNDS + 1):
+        if not len(flipped_faces(solver.faces, f)):
+            return f
+        nu = truncated(smoothed(solver, truncated(measured(solver, f), 1e3), FIRST_WEIGHT + number * MORE_WEIGHT))
+        held = truncated(measured(solver, solver.solve(nu, HARD)))
+        f = solver.solve(truncated(held + smoothness * (nu - held)))
+    left = len(flipped_faces(solver.faces, f))
+    if left:
+        warnings.warn(f"overlap correction: {left} faces flipped after {MOST_ROUNDS} rounds", RepairWarning, stacklevel=2)
+    return f
+
+
+def measured(solver, f):
+    return beltrami_coefficient(solver.z, solver.faces, f)
+
+
+def smoothed(solver, mu, weight):
+    """mu (F,) with smooth modulus: `((1 + 1/weight) + (2/weight) K) m = |mu|` at the vertices, its argument kept."""
+    laplace = stiffness(solver.z, solver.faces, np.zeros(len(mu)))
+    nodal = solver.to_vertices @ mu
+    matrix = (1 + 1 / weight) * sparse.eye_array(len(nodal)) + (2 / weight) * laplace
+    size = factorise(matrix).solve(abs(nodal))
+    turned = np.divide(size, abs(nodal), out=np.zeros_like(size), where=nodal != 0) * nodal
+    return turned[solver.faces].mean(1)

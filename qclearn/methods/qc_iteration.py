@@ -1,0 +1,41 @@
+"""Landmark-constrained quasi-conformal iteration: a smooth coefficient and a map that meets the landmarks, in turns."""
+
+import warnings
+
+import numpy as np
+
+from ..beltrami import beltrami_coefficient, factorise, stiffness
+from ..bijectivity import RepairWarning, flipped_faces
+from ..fit import mass_matrix
+from .problem import HARD, LandmarkSolver, truncated
+
+FIRST_SIGMA, GROWTH = 10.0, 1.6  # of the penalty on nu - mu(f), and its factor from round to round
+
+
+def qc_iteration(problem, alpha=1.0, rounds=20):
+    """A map with smooth coefficient nu, near the least of `int |grad nu|^2 + alpha int |nu|^2` with f(p) = q.
+
+    Splits off mu(f) with the penalty `sigma int |nu - mu(f)|^2`, sigma rising, and alternates: f from nu by the solver
+    with the landmarks held; nu from f by `(L + (alpha + sigma) M) nu = sigma M mu(f)` (Laplace and mass matrix of the
+    disk), truncated. Where the last f folds, it is solved from nu without landmarks, and a RepairWarning says so. The
+    circle is held by the best Möbius map. Source: Lam, Lui (2014), Landmark and intensity based registration, section 4.
+    """
+    if not (alpha >= 0 and rounds >= 1):
+        raise ValueError(f"alpha = {alpha}, rounds = {rounds}: give alpha from 0 and at least one round")
+    solver = LandmarkSolver.of(problem)
+    z, faces = solver.z, solver.faces
+    nu, sigma = np.zeros(len(faces), complex), FIRST_SIGMA
+    laplace, mass = stiffness(z, faces, nu), mass_matrix(z, faces)
+    for _ in range(rounds):
+        mu = truncated(beltrami_coefficient(z, faces, solver.solve(nu, HARD)))
+        load = sigma * (mass @ (solver.to_vertices @ mu))
+        factors = factorise(laplace + (alpha + sigma) * mass)
+        nodal = factors.solve(load.real) + 1j * factors.solve(load.imag)
+        nu, sigma = truncated(nodal[faces].mean(1)), GROWTH * sigma
+    f = solver.solve(nu, HARD)
+    left = len(flipped_faces(faces, f))
+    if left:
+        f = solver.solve(nu)
+        warnings.warn(f"quasi-conformal iteration: {left} faces flipped with the landmarks held; let go, "
+                      f"{len(flipped_faces(faces, f))}", RepairWarning, stacklevel=2)
+    return f

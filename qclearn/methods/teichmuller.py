@@ -1,0 +1,41 @@
+"""Teichmüller maps: among all maps that meet the landmarks, the one with the least maximum of |mu|."""
+
+import warnings
+
+import numpy as np
+
+from ..beltrami import beltrami_coefficient, signed_areas
+from ..bijectivity import RepairWarning, flipped_faces
+from .problem import HARD, LandmarkSolver, truncated
+
+MOST_ROUNDS = 60
+SETTLED = 1e-3  # change of the mean |mu|, relative, that ends the iteration
+
+
+def teichmuller(problem):
+    """The map with `mu = k conj(phi) / |phi|`, one k < 1 for the whole disk, that meets landmarks and circle: f (V,).
+
+    The circle is held by the best Möbius map; see `extremal`. Source: Lui, Lam, Yau, Gu (2014), Teichmüller mapping.
+    """
+    return extremal(LandmarkSolver.of(problem))
+
+
+def extremal(solver):
+    """Quasi-conformal iteration: `mu <- mean|mu| mu / |mu|` (mean over the disk), then f by the solver, f(p) = q held.
+
+    Ends when the mean settles; a RepairWarning says if faces stay flipped.
+    """
+    z, faces = solver.z, solver.faces
+    areas, level = signed_areas(z, faces) / np.pi, 0.0
+    f = solver.solve(np.zeros(len(faces), complex), HARD)
+    for _ in range(MOST_ROUNDS):
+        mu = truncated(beltrami_coefficient(z, faces, f))
+        size, before = abs(mu), level
+        level = areas @ size / areas.sum()
+        if abs(level - before) <= SETTLED * level:
+            break
+        f = solver.solve(level * np.divide(mu, size, out=np.zeros_like(mu), where=size > 0), HARD)
+    left = len(flipped_faces(faces, f))
+    if left:
+        warnings.warn(f"Teichmüller iteration: {left} faces flipped", RepairWarning, stacklevel=2)
+    return f
