@@ -1,29 +1,27 @@
-"""Live tuning of the landmark fit: problems, the callback as a plain function, and a thin ipywidgets shell."""
+"""Live tuning of landmark fits: problems, solvers, the callback as a plain function, and a thin ipywidgets shell."""
 
 import base64
 import html
-import io
 import threading
 import time
 from dataclasses import dataclass
 
 import ipywidgets
 import numpy as np
-from matplotlib.collections import PolyCollection
-from matplotlib.figure import Figure
 from scipy.spatial import Delaunay
 
 from .beltrami import signed_areas
+from .canvas import Canvas
 from .curvature import AreaRadius, area_radius
 from .disk import disk_conformal_map
 from .diskmesh import square_disk
-from .fit import LandmarkFit, fit_landmarks, sampling_matrix
+from .fit import LandmarkError, LandmarkFit, check_weights, fit_landmarks, sampling_matrix
+from .guard import exact_map
 from .landmarks import fundus_metric, fundus_path, sample_curve
-from .plot import CURVE_STYLES, FLIPPED_COLOUR, disk_axes, disk_plot, lines_plot, square_lines
-from .register import align, check_curves
+from .metrics import measured_losses
+from .register import align, check_curves, load
 
 RINGS = 12  # of the polar mesh that carries the unknowns: enough for 1,000 vertices, and quick
-BINS = np.linspace(0, 1, 41)
 
 
 @dataclass(frozen=True)
@@ -96,12 +94,20 @@ def spread_vertices(surface, count):
 
 @dataclass(frozen=True)
 class FitState:
-    """One solver's answer: fit (None where it failed), its weighted loss terms, seconds, and a message in words."""
+    """One solver's answer: fit (None where it failed), its terms of L_CP, seconds, and a message in words.
+
+    terms: name -> (value, weight, product) as `measured_losses` of the map, so that solvers are compared alike.
+    """
 
     fit: LandmarkFit | None
     terms: dict
     seconds: float
     message: str
+
+    @property
+    def loss(self):
+        """L_CP of the map, NaN without one."""
+        return sum(product for *_, product in self.terms.values()) if self.terms else np.nan
 
 
 def exact_fit(problem, alpha, beta, gamma, sliding=False, watch=None):
@@ -110,24 +116,40 @@ def exact_fit(problem, alpha, beta, gamma, sliding=False, watch=None):
                          rings=RINGS, watch=watch)
 
 
-SOLVERS = {"exact fit": exact_fit}  # name -> callable like `exact_fit`; a network's answer goes beside it here
+def network_fit(problem, alpha, beta, gamma, sliding=False, watch=None):
+    """CP-Net's coefficient for a Problem and the exact solver's map for it, so that what differs is CP-Net's alone."""
+    check_weights(alpha, beta, gamma)
+    if sliding:
+        raise LandmarkError("CP-Net takes points to points, it knows no sliding; choose points")
+    network = load("cpnet")
+    if watch:
+        watch()
+    mu = network.predict(problem.z, problem.faces, problem.moving, problem.target, alpha=alpha, beta=beta, gamma=gamma,
+                         curve=problem.curve)
+    return exact_map(problem.z, problem.faces, mu, problem.moving, problem.target)
+
+
+SOLVERS = {"exact fit": exact_fit, "CP-Net": network_fit}  # the first is what the others are compared with
 
 
 def fit_state(problem, alpha, beta, gamma, sliding=False, solver=exact_fit, watch=None):
-    """The answer to one place of the sliders: a FitState; bad input becomes its message.
+    """The answer to one place of the sliders: a FitState; bad input or a missing network becomes its message.
 
     It depends on the arguments alone, not on where the sliders were before.
     """
     start = time.perf_counter()
     try:
         fit = solver(problem, alpha, beta, gamma, sliding, watch)
-    except ValueError as error:  # LandmarkError, BeltramiError, SurfaceError, BijectivityError
+    except (ValueError, ImportError) as error:  # LandmarkError, BeltramiError, SurfaceError, WeightsError; no torch
         return FitState(None, {}, time.perf_counter() - start, str(error))
+    seconds = time.perf_counter() - start
+    mapped = sampling_matrix(problem.z, problem.faces, problem.moving) @ fit.f
+    losses = measured_losses(problem.z, problem.faces, fit.mu, mapped, problem.target, alpha, beta, gamma)
     weights = {"L_mu": alpha, "L_grad_mu": beta, "L_Landmark": gamma}
-    terms = {name: (fit.losses[name], weight, weight * fit.losses[name]) for name, weight in weights.items()}
+    terms = {name: (losses[name], weight, weight * losses[name]) for name, weight in weights.items()}
     certificate = ("certified bijective" if fit.bijective else
                    f"not bijective: {len(fit.flipped)} of {len(problem.faces)} triangles flipped")
-    return FitState(fit, terms, time.perf_counter() - start, "; ".join([certificate, *fit.fallbacks]))
+    return FitState(fit, terms, seconds, "; ".join([certificate, *fit.fallbacks]))
 
 
 def describe(state):
@@ -139,87 +161,32 @@ def describe(state):
             f"{state.message}; {1000 * state.seconds:.0f} ms")
 
 
+def gaps(states):
+    """One sentence for each solver after the first that has a map: its L_CP beside that of the first."""
+    (name, first), *others = states.items()
+    return [f"L_CP of {other} is {state.loss / first.loss:.3g} times that of {name}"
+            for other, state in others if state.fit is not None and first.fit is not None]
+
+
 def table(states):
-    """States (dict solver name -> FitState) as HTML: the loss terms, and a sentence each."""
-    symbols = {"L_mu": "L<sub>μ</sub>, weight α", "L_grad_mu": "L<sub>∇μ</sub>, weight β",
-               "L_Landmark": "L<sub>Landmark</sub>, weight γ"}
-    parts = []
-    for name, state in states.items():
-        parts.append(f"<p><b>{html.escape(name)}</b>: {html.escape(describe(state))}</p>")
-        if state.fit is not None:
-            cells = "".join(f"<tr><td>{symbols[key]}</td>" + "".join(f"<td>{value:.3g}</td>" for value in row) + "</tr>"
-                            for key, row in state.terms.items())
-            total = sum(row[-1] for row in state.terms.values())
-            parts.append("<table style='border-collapse: separate; border-spacing: 1.5em 0'><tr><th>term</th><th>value</th><th>weight</th><th>product</th></tr>"
-                         f"{cells}<tr><td>L<sub>CP</sub></td><td></td><td></td><td>{total:.3g}</td></tr></table>")
-    return "".join(parts)
+    """States (dict solver name -> FitState) as HTML: a sentence each, their loss terms side by side, and the gaps."""
+    shown = {name: state for name, state in states.items() if state.fit is not None}
+    parts = [f"<p><b>{html.escape(name)}</b>: {html.escape(describe(state))}</p>" for name, state in states.items()]
+    return "".join([*parts, loss_table(shown) if shown else "", *(f"<p>{html.escape(gap)}.</p>" for gap in gaps(states))])
 
 
-class Canvas:
-    """The figure of a Problem, one row a solver, whose artists are made once and only moved afterwards."""
-
-    def __init__(self, problem, solvers):
-        self.problem = problem
-        self.scale = problem.radius.to_image if problem.radius else np.asarray
-        self.figure = Figure(figsize=(9.6, 2.8 * len(solvers)), dpi=100)
-        axes = self.figure.subplots(len(solvers), 4, squeeze=False, gridspec_kw={
-            "left": 0.005, "right": 0.985, "bottom": 0.18 / len(solvers), "top": 1 - 0.09 / len(solvers),
-            "wspace": 0.03, "hspace": 0.35, "width_ratios": (1, 1, 1, 0.8)})
-        lines = [problem.radius.from_image(line) if problem.radius else line for line in square_lines(15, 61)]
-        self.ends = np.cumsum([len(line) for line in lines])[:-1]
-        self.to_lines = sampling_matrix(problem.z, problem.faces, np.concatenate(lines))
-        self.to_landmarks = sampling_matrix(problem.z, problem.faces, problem.moving)
-        self.rows = {name: self._row(name, row) for name, row in zip(solvers, axes)}
-
-    def _row(self, name, row):
-        problem = self.problem
-        for ax in row[:3]:
-            disk_axes(ax)
-        for ax, title in zip(row, (name, "deformed grid", "|μ| on the moving disk", "faces by |μ|")):
-            ax.set_title(title, fontsize=10, y=1.0)  # a fixed height spares a search for free room at every draw
-        starts = np.flatnonzero(np.diff(problem.curve)) + 1
-        for points, style in ((problem.moving, "detected"), (problem.target, "target")):
-            for curve in np.split(self.scale(points), starts):
-                row[0].plot(curve.real, curve.imag, color=CURVE_STYLES[style]["color"], linewidth=1,
-                            linestyle=CURVE_STYLES[style]["linestyle"])
-        target = self.scale(problem.target)
-        row[0].plot(target.real, target.imag, "s", color=CURVE_STYLES["target"]["color"], fillstyle="none",
-                    markersize=6, label="target", zorder=6)
-        points, = row[0].plot([], [], "o", color=CURVE_STYLES["registered"]["color"], markeredgecolor="black",
-                              markersize=4, zorder=5, label="registered")
-        row[0].legend(loc="upper center", bbox_to_anchor=(0.5, 0.03), ncols=2, frameon=False, fontsize=9)
-        flipped = PolyCollection([], facecolor=FLIPPED_COLOUR, hatch="//", edgecolor="black", zorder=8)
-        row[0].add_collection(flipped)
-        grid = lines_plot(row[1], [problem.z[:2]], "#1F4E79")
-        colours = disk_plot(row[2], self.scale(problem.z), problem.faces, np.zeros(len(problem.faces)), vmin=0, vmax=1)
-        bar = row[2].inset_axes((0.2, -0.04, 0.6, 0.03))
-        self.figure.colorbar(colours, cax=bar, orientation="horizontal", ticks=(0, 0.5, 1))
-        bars = row[3].stairs(np.zeros(len(BINS) - 1), BINS, fill=True, color="#0072B2")
-        row[3].set(xlabel="|μ|", xlim=(0, 1), yticks=[])
-        return points, flipped, grid, colours, bars
-
-    def draw(self, states):
-        """PNG bytes of the states (dict solver name -> FitState)."""
-        for name, state in states.items():
-            artists = self.rows[name]
-            for artist in artists:
-                artist.set_visible(state.fit is not None)
-            if state.fit is not None:
-                self._update(*artists, state.fit)
-        buffer = io.BytesIO()
-        self.figure.savefig(buffer, format="png", pil_kwargs={"compress_level": 1})
-        return buffer.getvalue()
-
-    def _update(self, points, flipped, grid, colours, bars, fit):
-        mapped, lines = (self.scale(points @ fit.f) for points in (self.to_landmarks, self.to_lines))
-        points.set_data(mapped.real, mapped.imag)
-        corners = self.scale(fit.f)[self.problem.faces[fit.flipped]]
-        flipped.set_verts(np.stack([corners.real, corners.imag], axis=-1))
-        grid.set_segments([np.stack([line.real, line.imag], axis=-1) for line in np.split(lines, self.ends)])
-        colours.set_array(abs(fit.mu))
-        counts = np.histogram(np.minimum(abs(fit.mu), 1), BINS)[0]
-        bars.set_data(counts)
-        bars.axes.set_ylim(0, 1.05 * counts.max())
+def loss_table(states):
+    """The loss terms of states that have a map, as they are and weighted, side by side as HTML."""
+    symbols = {"L_mu": "L<sub>μ</sub>", "L_grad_mu": "L<sub>∇μ</sub>", "L_Landmark": "L<sub>Landmark</sub>"}
+    rows = []
+    for key, symbol in symbols.items():
+        terms = [state.terms[key] for state in states.values()]
+        rows.append([symbol, f"{terms[0][1]:.3g}", *(f"{number:.3g}" for value, _, product in terms for number in (value, product))])
+    rows.append(["L<sub>CP</sub>", "", *(cell for state in states.values() for cell in ("", f"{state.loss:.3g}"))])
+    head = ["term", "weight", *(cell for name in states for cell in (html.escape(name), "weighted"))]
+    lines = ["".join(f"<th>{cell}</th>" for cell in head), *("".join(f"<td>{cell}</td>" for cell in row) for row in rows)]
+    body = "".join(f"<tr>{line}</tr>" for line in lines)
+    return f"<table style='border-collapse: separate; border-spacing: 1.5em 0'>{body}</table>"
 
 
 class Superseded(Exception):
@@ -273,7 +240,7 @@ class NewestOnly:
 class Tuner(ipywidgets.VBox):
     """Sliders for alpha, beta and gamma over the landmark fit of a choice of problems (list of `Problem`).
 
-    solvers: name -> callable like `exact_fit`; their answers stand one below the other. The first answer is computed
+    solvers: name -> callable like `exact_fit`; their answers stand one below the other, compared with the first. The first answer is computed
     at once, so that a page without a kernel shows it; later ones come from a worker thread.
     """
 
@@ -314,7 +281,7 @@ class Tuner(ipywidgets.VBox):
                       for solver, solve in self.solvers.items()}
             if self.canvas is None or self.canvas.problem is not problem:
                 self.canvas = Canvas(problem, list(self.solvers))
-            words = "; ".join(f"{solver}: {describe(state)}" for solver, state in states.items())
+            words = "; ".join([f"{solver}: {describe(state)}" for solver, state in states.items()] + gaps(states))
             alternative = html.escape(f"Landmarks, deformed grid, |μ| and its histogram for {name}. {words}")
             data = base64.b64encode(self.canvas.draw(states)).decode()
             return f'<img alt="{alternative}" src="data:image/png;base64,{data}">', table(states)

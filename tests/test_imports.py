@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("qclearn", "data_synth")
 # Every module of qclearn that is not named here is geometry.
 NETWORKS = {"qclearn.nets", "qclearn.polar"}
-LEAVES = {"qclearn.plot", "qclearn.widgets", "qclearn.scenes", "qclearn.pages"}
+LEAVES = {"qclearn.plot", "qclearn.canvas", "qclearn.widgets", "qclearn.scenes", "qclearn.pages"}
 TOP = {"qclearn.cli", "qclearn.training", "qclearn.benchmark", "qclearn.__main__", "qclearn"}
 REGISTER = {"qclearn.register"}
 # The data that the networks are trained on are torch datasets.

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from qclearn.bijectivity import check_bijective
+from qclearn.canvas import Canvas
 from qclearn.diskmesh import polar_disk, square_disk
+from qclearn.fit import LandmarkError, fit_landmarks
 from qclearn.surface import Surface
 from qclearn.widgets import (
-    Canvas,
+    SOLVERS,
     NewestOnly,
     Problem,
     Superseded,
@@ -22,10 +24,13 @@ from qclearn.widgets import (
     exact_fit,
     example_problems,
     fit_state,
+    gaps,
+    network_fit,
     spread_vertices,
     table,
 )
 
+EXACT = {"exact fit": exact_fit}
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
@@ -76,7 +81,18 @@ def test_terms_are_value_weight_and_product(state):
     for (value, weight, product), expected in zip(state.terms.values(), (1.0, 1e-2, 1e4), strict=True):
         assert weight == expected
         assert product == pytest.approx(value * weight)
-    assert sum(row[2] for row in state.terms.values()) == pytest.approx(state.fit.losses["L_CP"])
+    assert sum(row[2] for row in state.terms.values()) == pytest.approx(state.loss)
+
+
+def test_terms_are_measured_on_the_map_and_not_on_what_the_fit_believes():
+    """A fit that reports wonders gets the terms of its map, and those of a good fit are near what it believes itself."""
+    twist = example_problems()[0]
+    state = fit_state(twist, 1.0, 1e-2, 1e4)
+    boasting = dataclasses.replace(state.fit, losses=dict.fromkeys(state.fit.losses, 0.0), landmark_error=0.0)
+    assert fit_state(twist, 1.0, 1e-2, 1e4, solver=lambda *_: boasting).terms == state.terms
+    assert state.terms["L_mu"][0] == pytest.approx(state.fit.losses["L_mu"], rel=0.05)
+    assert state.terms["L_Landmark"][0] == pytest.approx(state.fit.losses["L_Landmark"], rel=1e-6)
+    assert 0.5 < state.terms["L_grad_mu"][0] / state.fit.losses["L_grad_mu"] < 1  # averages are smoother
 
 
 def test_state_tells_certificate_and_error_in_words(state):
@@ -168,7 +184,7 @@ def test_watch_stops_a_fit(problem):
 
 
 def test_moving_a_slider_changes_picture_and_text(problem):
-    tuner = Tuner([problem])
+    tuner = Tuner([problem], EXACT)
     image, text = png_of(tuner), tuner.text.value
     assert image.startswith(PNG) and "certified" in text
     assert answered(tuner, tuner.gamma, 10.0) != text
@@ -179,7 +195,7 @@ def test_moving_a_slider_changes_picture_and_text(problem):
 
 def test_every_control_reaches_the_solver(problem):
     other = dataclasses.replace(problem, name="other")
-    tuner = Tuner([problem, other])
+    tuner = Tuner([problem, other], EXACT)
     for control, value in ((tuner.alpha, 2.0), (tuner.beta, 0.1), (tuner.gamma, 1e3), (tuner.landmarks, "sliding"),
                            (tuner.problem, "other")):
         text = answered(tuner, control, value)
@@ -208,6 +224,69 @@ def test_answers_of_several_solvers_stand_below_each_other(problem):
     assert "<b>exact fit</b>" in tuner.text.value and "<b>half gamma</b>" in tuner.text.value
     first, second = (row[0].get_xydata() for row in tuner.canvas.rows.values())
     assert abs(first - second).max() > 0
+
+
+class StandIn:
+    """In CP-Net's place: the fit's own coefficient, some shares of it."""
+
+    share, calls = 1.0, ()
+
+    def predict(self, z, faces, moving, target, *, alpha, beta, gamma, curve):
+        self.calls = (*self.calls, (alpha, beta, gamma))
+        return self.share * fit_landmarks(z, faces, moving, target, alpha, beta, gamma, curve).mu
+
+
+@pytest.fixture
+def network(monkeypatch):
+    stand_in = StandIn()
+    monkeypatch.setattr("qclearn.widgets.load", lambda name: {"cpnet": stand_in}[name])
+    return stand_in
+
+
+def test_the_network_stands_below_the_fit_with_the_gap_between_them(problem, network):
+    tuner = Tuner([problem])
+    assert list(tuner.canvas.rows) == ["exact fit", "CP-Net"]
+    assert network.calls == ((1.0, 1e-2, 1e5),)
+    ratio = float(re.search(r"L_CP of CP-Net is (\S+) times that of exact fit", tuner.text.value)[1])
+    alternative = re.search('alt="([^"]*)"', tuner.picture.value)[1]
+    assert f"is {ratio:.3g} times" in alternative and "CP-Net: landmark error" in alternative
+    states = {name: fit_state(problem, 1.0, 1e-2, 1e5, solver=solver) for name, solver in SOLVERS.items()}
+    assert ratio == pytest.approx(states["CP-Net"].loss / states["exact fit"].loss, rel=1e-2)
+    network.share = 0.5
+    assert float(re.search(r"is (\S+) times", answered(tuner, tuner.gamma, 1e4))[1]) > 2
+    assert network.calls[-1] == (1.0, 1e-2, 1e4)
+
+
+def test_the_network_fit_is_the_exact_map_of_its_coefficient(problem, network):
+    fit = exact_fit(problem, 1.0, 1e-2, 1e4)
+    answer = network_fit(problem, 1.0, 1e-2, 1e4)
+    assert answer.bijective and abs(answer.f - fit.f).max() < 2e-3
+    network.share = 0.0
+    assert abs(network_fit(problem, 1.0, 1e-2, 1e4).mu).max() < 0.05  # a Möbius map between vertices
+    np.testing.assert_array_equal(gaps({"a": fit_state(problem, 1.0, 1e-2, 1e4)}), [])
+
+
+def test_where_the_network_cannot_answer_the_fit_still_does(problem, network, monkeypatch):
+    def refuse(*_, **__):
+        raise LandmarkError("200 landmarks, and CP-Net takes 128")
+
+    def missing(name):
+        raise ImportError("the networks need torch")
+
+    monkeypatch.setattr(network, "predict", refuse)
+    tuner = Tuner([problem])
+    assert "<b>CP-Net</b>: No map: 200 landmarks" in tuner.text.value and "times" not in tuner.text.value
+    assert "certified" in tuner.text.value and png_of(tuner).startswith(PNG)
+    assert "it knows no sliding" in answered(tuner, tuner.landmarks, "sliding")
+    monkeypatch.setattr("qclearn.widgets.load", missing)
+    tuner.landmarks.value = "points"
+    assert "No map: the networks need torch" in answered(tuner, tuner.gamma, 1e3)
+
+
+@pytest.mark.parametrize("weights", [(0.0, 1e-2, 1e4), (1.0, -1.0, 1e4), (1.0, 1e-2, np.inf)])
+def test_the_network_is_not_asked_for_weights_out_of_range(problem, network, weights):
+    answer = fit_state(problem, *weights, solver=network_fit)
+    assert answer.fit is None and "must be positive" in answer.message and network.calls == ()
 
 
 @pytest.mark.parametrize("example", example_problems(), ids=lambda example: example.name)

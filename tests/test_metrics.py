@@ -1,0 +1,66 @@
+"""What reports say of a map: means that are known in closed form, and the losses by a second route."""
+
+import numpy as np
+import pytest
+import torch
+
+from qclearn.beltrami import signed_areas
+from qclearn.diskmesh import polar_disk
+from qclearn.metrics import coefficient_statistics, curve_rows, mean_rows, measured_losses
+from qclearn.nets import losses
+
+Z, FACES = polar_disk(24, 72)
+CENTRES = Z[FACES].mean(1)
+POINTS = np.array([0.1, 0.2j, -0.3])
+
+
+def measured(mu, mapped=POINTS, weights=(1.0, 1.0, 1.0)):
+    return measured_losses(Z, FACES, mu, mapped, POINTS, *weights)
+
+
+def test_a_constant_coefficient_has_no_gradient():
+    found = measured(np.full(len(FACES), 0.3 - 0.4j))
+    assert found["L_mu"] == pytest.approx(0.25, rel=2e-3) and found["L_grad_mu"] < 1e-12 and found["L_Landmark"] == 0
+
+
+def test_linear_coefficients_have_the_gradient_of_their_slope():
+    """|grad (a z + b conj z)|^2 = 2 |a|^2 + 2 |b|^2 and the mean of |z|^2 over the disk is 1/2."""
+    for mu, slope in ((0.5 * CENTRES, 0.5), (0.3j * CENTRES.conj(), 0.3)):
+        found = measured(mu)
+        assert found["L_grad_mu"] == pytest.approx(2 * slope ** 2, rel=0.03)  # the averages at the rim lie inwards
+        assert found["L_mu"] == pytest.approx(slope ** 2 / 2, rel=5e-3)
+
+
+def test_the_sum_is_weighted_and_landmarks_count_by_their_squared_distance():
+    mu, off = 0.4 * np.sin(3 * CENTRES.real) + 0.2j * CENTRES.imag, np.array([0.01, 0.02j, 0.03])
+    one, weighted = measured(mu, POINTS + off), measured(mu, POINTS + off, (2.0, 0.1, 1e4))
+    assert one["L_Landmark"] == pytest.approx(np.mean(abs(off) ** 2))
+    assert one["L_CP"] == pytest.approx(one["L_mu"] + one["L_grad_mu"] + one["L_Landmark"])
+    assert weighted["L_CP"] == pytest.approx(2 * one["L_mu"] + 0.1 * one["L_grad_mu"] + 1e4 * one["L_Landmark"])
+
+
+def test_the_losses_are_those_that_networks_are_trained_with():
+    rng = np.random.default_rng(0)
+    mu = 0.3 * np.exp(1j * rng.uniform(0, 6, len(FACES))) * rng.uniform(0, 1, len(FACES))
+    mapped = POINTS + 0.01 * rng.normal(size=3)
+    mesh = losses.LossMesh(Z, FACES, torch.float64)
+    faces = torch.from_numpy(signed_areas(Z, FACES) / np.pi)
+    tensor = losses.L_CP(mesh, torch.from_numpy(mu)[None], torch.from_numpy(mapped)[None], torch.from_numpy(POINTS)[None],
+                         2.0, 0.1, 1e4, weights=faces)
+    assert measured(mu, mapped, (2.0, 0.1, 1e4))["L_CP"] == pytest.approx(float(tensor[0]), rel=1e-12)
+
+
+def test_rows_hold_means_curve_by_curve_and_their_mean_is_over_those_that_have_one():
+    errors = np.repeat([1.0, 3.0], 10) + np.tile(np.linspace(-0.5, 0.5, 10), 2)
+    rows = curve_rows(["a", "b"], errors, errors / 10, 2 * errors)
+    assert rows[1] == {"name": "b", "landmark_error_before": pytest.approx(3), "landmark_error": pytest.approx(0.3),
+                       "landmark_error_mm": pytest.approx(6)}
+    assert "landmark_error_true" not in mean_rows(rows)
+    rows[0]["landmark_error_true"] = 0.5
+    assert mean_rows(rows) == {"landmark_error_before": pytest.approx(2), "landmark_error": pytest.approx(0.2),
+                               "landmark_error_mm": pytest.approx(4), "landmark_error_true": 0.5}
+
+
+def test_statistics_are_over_faces():
+    assert coefficient_statistics(np.array([0.6j, 0.2])) == {
+        "mean_abs_mu": pytest.approx(0.4), "sd_abs_mu": pytest.approx(0.2), "max_abs_mu": pytest.approx(0.6)}
