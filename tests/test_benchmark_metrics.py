@@ -1,0 +1,96 @@
+"""What the benchmark's tables say of a map, against values by hand."""
+
+import numpy as np
+import pytest
+
+from qclearn.diskmesh import polar_disk
+from qclearn.metrics import (
+    coefficient_histogram,
+    coefficient_measures,
+    correspondence_measures,
+    distortion_measures,
+    landmark_measures,
+    near_curves,
+    paired_difference,
+)
+from qclearn.surface import Surface
+
+SQUARE = np.array([0, 2, 2 + 1j, 1j])  # two triangles of area 1 each
+FACES = np.array([[0, 1, 2], [0, 2, 3]])
+
+
+def flat(z):
+    return np.stack([z.real, z.imag, 0 * z.real], 1)
+
+
+def test_coefficients_count_by_face_by_disk_and_by_surface():
+    surface = Surface(flat(np.array([0, 2, 2 + 1j, 4j])), FACES)  # areas 1 and 4
+    found = coefficient_measures(surface, np.array([0, 2, 2 + 1j, 3j]), np.array([0.1j, -0.6]))  # areas 1 and 3
+    assert found["mean_abs_mu"] == pytest.approx(0.35) and found["sd_abs_mu"] == pytest.approx(0.25)
+    assert found["max_abs_mu"] == 0.6 and found["p95_abs_mu"] == pytest.approx(0.1 + 0.95 * 0.5)
+    assert found["mean_abs_mu_disk"] == pytest.approx((0.1 + 3 * 0.6) / 4)
+    assert found["mean_abs_mu_area"] == pytest.approx((0.1 + 4 * 0.6) / 5)
+    assert found["sd_abs_mu_area"] == pytest.approx(np.sqrt((0.4**2 + 4 * 0.1**2) / 5))
+
+
+def test_the_histogram_counts_every_face_and_folded_ones_last():
+    counts = coefficient_histogram(np.array([0, 0.05j, 0.11, -0.95, 7, np.inf]), bins=10)
+    assert counts.tolist() == [2, 1, 0, 0, 0, 0, 0, 0, 0, 3]
+
+
+def test_landmark_errors_have_mean_and_spread():
+    found = landmark_measures(np.array([0.1, 0.2j]), np.array([0.1 + 0.1j, 0.5j]), np.array([1.0, 5.0]))
+    assert found == pytest.approx({"landmark_error": 0.2, "sd_landmark_error": 0.1, "landmark_error_mm": 3.0,
+                                   "sd_landmark_error_mm": 2.0})
+
+
+def test_correspondence_is_measured_everywhere_and_near_sulci():
+    truth = np.zeros((4, 3))
+    points = np.array([[3.0, 4, 0], [0, 0, 1], [0, 2, 0], [0, 0, 0]])
+    found = correspondence_measures(points, truth, np.array([True, False, True, False]))
+    assert found == pytest.approx({"correspondence_mm": 2.0, "median_correspondence_mm": 1.5,
+                                   "p95_correspondence_mm": 2 + 0.85 * 3, "correspondence_sulci_mm": 3.5})
+
+
+def test_nearness_is_measured_along_edges():
+    z, faces = polar_disk(8, 24)
+    surface = Surface(flat(z), faces)
+    near = near_curves(surface, [np.array([0]), np.array([1 + 7 * 24, 2 + 7 * 24])], 0.3)
+    ring = np.concatenate([[0], np.repeat(np.arange(1, 9), 24)])
+    assert near[ring <= 2].all() and not near[(ring > 2) & (z.real < 0)].any()  # 0.3 is two rings of width 1/8
+    assert near[1 + 7 * 24] and near[1 + 5 * 24] and not near[1 + 4 * 24]
+    assert not near[abs(z + 1) < 1e-9].any()
+
+
+def test_a_similarity_distorts_nothing():
+    surface = Surface(flat(np.append(SQUARE, 1 + 0.4j)), [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
+    found = distortion_measures(surface, 3 * surface.vertices[:, [1, 2, 0]] + 5)
+    assert found == pytest.approx({"angle_distortion": 0, "area_distortion": 0}, abs=1e-9)
+
+
+def test_distortion_by_hand():
+    surface = Surface(flat(np.array([0, 1, 1 + 1j, 1j])), FACES)
+    # The first triangle keeps its angles (90, 45, 45); the second gets a right angle and 60, 30: 15 degrees twice.
+    apex = np.sqrt(2) / 2 * np.exp(1j * np.pi / 4) + np.sqrt(2) / 2 * np.exp(1j * (np.pi / 4 + np.pi / 3))
+    points = flat(np.array([0, 1, 1 + 1j, apex]))
+    ratio = np.array([0.5, np.sqrt(3) / 4]) / (0.5 + np.sqrt(3) / 4) * 2
+    found = distortion_measures(surface, points)
+    assert found["angle_distortion"] == pytest.approx(30 / 6)
+    assert found["area_distortion"] == pytest.approx(abs(np.log2(ratio)).mean())
+    lost = distortion_measures(surface, flat(np.array([0, 1, 1 + 1j, 0.5 + 0.5j])))
+    assert lost["area_distortion"] == pytest.approx((1 + np.log2(1e6)) / 2)
+
+
+def test_the_bootstrap_interval_of_paired_differences_is_the_normal_one_for_many_subjects():
+    rng = np.random.default_rng(0)
+    subject, noise = 100 * rng.normal(size=400), rng.normal(size=(2, 400))
+    mean, low, high = paired_difference(subject + noise[0] + 1, subject + noise[1], rng)
+    error = np.std(noise[0] - noise[1]) / 20
+    assert mean == pytest.approx(1 + (noise[0] - noise[1]).mean())
+    assert (high - mean, mean - low) == pytest.approx((1.96 * error, 1.96 * error), rel=0.05)
+
+
+def test_pairs_that_miss_a_figure_are_left_out():
+    rng = np.random.default_rng(0)
+    assert paired_difference([1, 2, np.nan], [0, np.nan, 5], rng) == (1, 1, 1)
+    assert np.isnan(paired_difference([np.nan], [1], rng)).all()
