@@ -1,0 +1,197 @@
+"""LD-Net: the course of sulci between given endpoints, from the curvature image of a surface on its disk.
+
+Preset `paper` (`ldnet_paper`) predicts a set number of points on a fixed list of curves, as printed. Preset `best` shows
+where sulci run and lets the shortest path on the surface follow. Source: paper, section 'Landmark Detection'.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import nn
+
+from ..landmarks import fundus_path
+from .ldnet_paper import PaperLDNet
+from .pictures import check_input, picture, stamp, turn
+from .train import TrainConfig
+
+CURVATURE_WEIGHT, HEAT_FLOOR, HEAT_POWER = 0.5, 0.03, 1.0  # of the metric of `BestLDNet`, chosen on validation subjects
+ENDS, CHORDS, FINER = 1.0, 64, 3  # pixels; points on a chord; points on a curve's segment
+
+
+@dataclass(frozen=True)
+class LDNetConfig:
+    """Sizes of an LD-Net. size: of the image, a power of two.
+
+    Preset `paper`: curves, points: how many curves and points on each, ends included; widths: channels of the
+    convolutions, which halve the image one by one; hidden: width of the perceptrons. Preset `best`: widths: channels at
+    1/2, 1/4, ... of the size; band: standard deviation of the soft band around a curve, in pixels.
+    """
+
+    preset: str
+    size: int = 128
+    widths: tuple[int, ...] = (32, 64, 96, 96)
+    band: float = 1.0
+    curves: int = 8
+    points: int = 10
+    hidden: int = 256
+
+
+def refine(curves, finer=FINER):
+    """Points (B, K, n) along polylines (B, K, P), `finer` on each segment, and where they lie, (n,) in 0..P-1."""
+    place = torch.linspace(0, curves.shape[-1] - 1, finer * (curves.shape[-1] - 1) + 1, device=curves.device)
+    first = place.floor().long().clamp(max=curves.shape[-1] - 2)
+    share = place - first
+    return curves[..., first] * (1 - share) + curves[..., first + 1] * share, place
+
+
+class Residual(nn.Module):
+    """Two 3 x 3 convolutions and what came in."""
+
+    def __init__(self, width):
+        super().__init__()
+        self.body = nn.Sequential(*(layer for _ in range(2) for layer in (
+            nn.Conv2d(width, width, 3, padding=1, bias=False), nn.BatchNorm2d(width), nn.ReLU(inplace=True))))
+
+    def forward(self, x):
+        return x + self.body(x)
+
+
+class BestLDNet(nn.Module):
+    """A U-Net that shows where the sulci between the given endpoints run; the curve is the shortest path on that map.
+
+    It sees the curvature, the disk, the endpoints and the chords between them; any number of curves at once, with no
+    names. Endpoints are exact by construction, and curves are paths on the surface.
+    """
+
+    def __init__(self, config):
+        super().__init__()
+        self.config = config
+        widths = config.widths
+        self.stem = nn.Sequential(nn.PixelUnshuffle(2), nn.Conv2d(16, widths[0], 3, padding=1, bias=False),
+                                  nn.BatchNorm2d(widths[0]), nn.ReLU(inplace=True))
+        self.down = nn.ModuleList(Residual(width) for width in widths[:-1])
+        self.shrink = nn.ModuleList(nn.Conv2d(a, b, 2, stride=2) for a, b in pairwise(widths))
+        self.bottom = nn.Sequential(Residual(widths[-1]), Residual(widths[-1]))
+        self.grow = nn.ModuleList(nn.Conv2d(b, a, 1) for a, b in pairwise(widths))
+        self.up = nn.ModuleList(Residual(width) for width in widths[:-1])
+        self.head = nn.Sequential(nn.Conv2d(widths[0], 4, 1), nn.PixelShuffle(2))
+
+    def from_images(self, images, ends):
+        """Logits (B, S, S) from what `CurveDataset` gives: images (B, 2, S, S), ends (B, K, 2), all curves shown."""
+        return self(self.channels(images[:, 0], ends, torch.ones(ends.shape[:2], dtype=torch.bool, device=ends.device)))
+
+    def forward(self, channels):
+        """Logits (B, S, S) of lying on one of the sulci, from `channels` (B, 4, S, S)."""
+        x, kept = self.stem(channels), []  # (B, w0, S/2, S/2)
+        for block, shrink in zip(self.down, self.shrink):
+            kept.append(block(x))
+            x = shrink(kept[-1])  # (B, w1, S/4, S/4) ...
+        x = self.bottom(x)
+        for block, grow in zip(reversed(self.up), reversed(self.grow)):
+            x = block(F.interpolate(grow(x), scale_factor=2.0) + kept.pop())
+        return self.head(x)[:, 0]
+
+    def channels(self, grey, ends, shown):
+        """What the network sees, (B, 4, S, S), of images (B, S, S) in 0..255 and endpoints (B, K, 2) where shown (B, K)."""
+        size = self.config.size
+        centre = (2 * torch.arange(size, device=grey.device) + 1) / size - 1
+        disk = ((centre[:, None] ** 2 + centre**2) <= 1).to(grey.dtype)
+        share = torch.linspace(0, 1, CHORDS, device=grey.device)
+        chords = ends[..., :1] * (1 - share) + ends[..., 1:] * share  # (B, K, CHORDS)
+        marks, chords = (stamp(points.flatten(1), shown.repeat_interleave(points.shape[-1], 1), size, ENDS)
+                         for points in (ends, chords))
+        return torch.stack([(grey / 127.5 - 1) * disk, disk.expand_as(grey), marks, chords], 1)
+
+    def loss(self, batch, generator):
+        """Binary cross-entropy against the soft band around the shown curves, a hit weighing four times, and the overlap.
+
+        batch: images (B, 2, S, S), ends (B, K, 2), curves (B, K, P) as `CurveDataset` gives them. Augmentation: the
+        symmetries of the square, contrast, some of the curves, parts of curves.
+        """
+        images, _, curves = batch
+        with torch.autocast(images.device.type, enabled=False):
+            grey = images[:, :1]
+            first, last, shown = whole(curves)
+            if generator is not None:
+                grey, curves = turn(grey, curves, generator)
+                grey = contrast(grey, generator)
+                first, last, shown = some(curves, generator)
+            ends = torch.stack([curves.gather(2, k[..., None])[..., 0] for k in (first, last)], 2)
+            points, place = refine(curves)
+            seen = shown[..., None] & (place >= first[..., None]) & (place <= last[..., None])
+            band = stamp(points.flatten(1), seen.flatten(1), self.config.size, self.config.band)
+            channels = self.channels(grey[:, 0], ends, shown).contiguous(memory_format=torch.channels_last)
+        logits = self(channels).float()
+        disk = channels[:, 1]
+        error = F.binary_cross_entropy_with_logits(logits, band, weight=disk, pos_weight=logits.new_tensor(4.0),
+                                                   reduction="sum") / disk.sum()
+        heat = logits.detach().sigmoid() * disk
+        return error, {"overlap": (2 * (heat * band).sum() / (heat**2 + band**2).sum()).item()}
+
+    @torch.no_grad()
+    def heat(self, surface, z, endpoints):
+        """Probability (V,) of lying on one of the sulci between the endpoints, the mean curvature (V,) beside it."""
+        z, endpoints = check_input(surface, z, endpoints)
+        grey, radius, H = picture(surface, z, self.config.size)
+        w = torch.as_tensor(radius.to_image(z)).to(next(self.parameters()).device, torch.complex64)
+        grey = torch.as_tensor(grey, dtype=torch.float32, device=w.device)[None, None]
+        logits = self.from_images(grey, w[torch.as_tensor(endpoints, device=w.device)][None])
+        place = torch.view_as_real(w)[None, None]  # (1, 1, V, 2): x, y, as grid_sample takes them
+        sampled = F.grid_sample(logits[None], place, padding_mode="border", align_corners=False)[0, 0, 0]
+        return sampled.sigmoid().double().cpu().numpy(), H
+
+    def detect(self, surface, z, endpoints):
+        """The sulci between pairs of endpoints (K, 2) as curves in the disk map z: list of (k,) complex, vertices' images.
+
+        The shortest paths where an edge costs its length times the mean over its ends of
+        `exp(H/(2 s)) (FLOOR + 1 - p)`, p the network's heat, H and s as in `landmarks.fundus_metric`. SurfaceError for a
+        surface that is not a disk or another's z; LandmarkError for endpoints out of range or equal.
+        """
+        heat, H = self.heat(surface, z, endpoints)
+        metric = heat_metric(surface, heat, H)
+        return [np.asarray(z)[fundus_path(surface, start, end, metric)] for start, end in np.asarray(endpoints)]
+
+
+def heat_metric(surface, heat, H):
+    """Length of every edge of `surface.edges` in the metric of `BestLDNet.detect`, (E,)."""
+    H = np.clip(H / (H.std() or 1.0), -2, 2)
+    cost = np.exp(CURVATURE_WEIGHT * H) * (HEAT_FLOOR + 1 - heat) ** HEAT_POWER
+    first, second = surface.edges.T
+    length = np.linalg.norm(surface.vertices[first] - surface.vertices[second], axis=1)
+    return length * (cost[first] + cost[second]) / 2
+
+
+def whole(curves):
+    """First and last point of each curve, (B, K) int, and which curves are shown, (B, K): all of all."""
+    first = torch.zeros(curves.shape[:2], dtype=torch.long, device=curves.device)
+    return first, first + curves.shape[2] - 1, first == 0
+
+
+def some(curves, generator):
+    """The same at random: all curves or some, at least one; a fifth of the curves cut to a part."""
+    count, points = curves.shape[:2], curves.shape[2]
+    share = torch.rand(count[0], 1, generator=generator) * 1.5  # above 1: all
+    draw = torch.rand(count, generator=generator)
+    shown = (draw < share) | (draw == draw.amin(1, keepdim=True))
+    part = torch.rand(count, generator=generator) < 0.2
+    length = torch.randint(points // 4, points - 1, count, generator=generator)
+    start = (torch.rand(count, generator=generator) * (points - length)).long()
+    first, last = torch.where(part, start, 0), torch.where(part, start + length, points - 1)
+    return tuple(x.to(curves.device) for x in (first, last.clamp(max=points - 1), shown))
+
+
+def contrast(grey, generator):
+    """Images (B, 1, S, S) in 0..255 with another gamma, 0.6 to 1.6, and some of them smoothed: surfaces differ in both."""
+    gamma, blur = (torch.rand(len(grey), 1, 1, 1, generator=generator).to(grey.device) for _ in range(2))
+    smooth = F.avg_pool2d(grey, 3, stride=1, padding=1)
+    grey = torch.lerp(grey, smooth, (2 * blur - 1).clamp(min=0))
+    return 255 * (grey / 255) ** (2 ** (1.4 * gamma - 0.7))
+
+
+PRESETS = {"paper": (PaperLDNet, LDNetConfig("paper", widths=(16, 32, 64, 96, 64))),
+           "best": (BestLDNet, LDNetConfig("best"))}
+TRAINING = {"paper": TrainConfig(steps=10_000, batch=32, rate=1e-3, weight_decay=1e-2, bfloat16=True),
+            "best": TrainConfig(steps=7000, batch=16, rate=2e-3, weight_decay=1e-2, bfloat16=True)}

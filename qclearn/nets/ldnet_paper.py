@@ -1,0 +1,77 @@
+"""LD-Net as printed: a fixed list of curves, a set number of points on each."""
+
+import numpy as np
+import torch
+from torch import nn
+
+from ..fit import LandmarkError
+from .losses import L_LD
+from .pictures import check_input, picture, turn
+
+
+class PaperLDNet(nn.Module):
+    """As printed: the image through convolutions, starting and ending points through a perceptron each, concatenated.
+
+    For a fixed list of curves, in the order it was trained on; `points` on each, the inner ones predicted, the endpoints
+    as given. The curves are polylines of the image and need not lie on edges of the surface.
+    """
+
+    def __init__(self, config):
+        super().__init__()
+        self.config = config
+        pairs = list(zip((2, *config.widths), config.widths))
+        side = config.size >> len(pairs)  # of the last image
+        self.image = nn.Sequential(*(layer for a, b in pairs for layer in (
+            nn.Conv2d(a, b, 3, stride=2, padding=1, bias=False), nn.BatchNorm2d(b), nn.ReLU(inplace=True))))
+        self.flat = nn.Sequential(nn.Flatten(), nn.Linear(config.widths[-1] * side**2, config.hidden), nn.ReLU())
+        self.start, self.end = (nn.Sequential(nn.Linear(2 * config.curves, config.hidden), nn.ReLU(),
+                                              nn.Linear(config.hidden, config.hidden), nn.ReLU()) for _ in range(2))
+        self.joined = nn.Sequential(nn.Linear(3 * config.hidden, 2 * config.hidden), nn.ReLU(),
+                                    nn.Linear(2 * config.hidden, 2 * config.curves * (config.points - 2)))
+
+    def forward(self, images, ends):
+        """Curves (B, K, points), complex, from images (B, 2, S, S) in 0..255 and ends (B, K, 2), complex."""
+        seen = self.flat(self.image(images / 255))  # (B, hidden)
+        start, end = (route(torch.view_as_real(ends[..., k].contiguous()).flatten(1))  # (B, 2K) -> (B, hidden)
+                      for k, route in enumerate((self.start, self.end)))
+        inner = self.joined(torch.cat([seen, start, end], 1)).float()
+        inner = torch.view_as_complex(inner.view(len(images), self.config.curves, -1, 2))  # (B, K, points - 2)
+        return torch.cat([ends[..., :1], inner, ends[..., 1:]], 2)
+
+    def loss(self, batch, generator):
+        """`L_LD`, the mean over the batch, and the points' mean distance in the image; symmetries of the square drawn."""
+        images, _, curves = batch
+        every = (curves.shape[2] - 1) // (self.config.points - 1)  # the set has more points, equally spaced too
+        curves = curves[..., ::every]
+        if generator is not None:
+            images, curves = turn(images, curves, generator)
+        found = self(images, curves[..., [0, -1]])
+        return L_LD(found, curves).mean(), {"distance": abs(found - curves)[..., 1:-1].mean().item()}
+
+    @torch.no_grad()
+    def detect(self, surface, z, endpoints):
+        """The curves between pairs of endpoints (K, 2) in the disk map z: list of (points,) complex.
+
+        LandmarkError unless K is the number it was trained on; the pairs in that order. Others as `BestLDNet.detect`.
+        """
+        z, endpoints = check_input(surface, z, endpoints)
+        if len(endpoints) != self.config.curves:
+            raise LandmarkError(f"{len(endpoints)} pairs of endpoints; this network was trained on {self.config.curves} "
+                                "curves in a fixed order: give all of them, or use preset 'best'")
+        grey, radius, _ = picture(surface, z, self.config.size)
+        device = next(self.parameters()).device
+        ends = torch.as_tensor(radius.to_image(z[endpoints]))
+        marks = nearest_pixels(ends.flatten(), self.config.size)
+        images = torch.stack([torch.as_tensor(grey), marks])[None].to(device, torch.float32)
+        curves = self(images, ends[None].to(device, torch.complex64))[0].cpu().numpy().astype(complex)
+        curves = radius.from_image(curves / np.maximum(abs(curves), 1))
+        curves[:, [0, -1]] = z[endpoints]
+        return list(curves)
+
+
+def nearest_pixels(points, size):
+    """Image (size, size): 255 at the pixels nearest the points (n,), complex, elsewhere 0."""
+    column, row = (((part + 1) * size / 2).long().clamp(0, size - 1) for part in (points.real, points.imag))
+    image = torch.zeros(size, size, dtype=torch.float64)
+    image[row, column] = 255
+    return image

@@ -1,0 +1,237 @@
+"""LD-Net: its pictures, its loss and symmetries, what its curves keep by construction, and bad input."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import torch
+
+from data_synth import make_cortex
+from data_synth.datasets import CurveDataset
+from qclearn.curvature import area_radius, pixel_centres
+from qclearn.disk import disk_conformal_map
+from qclearn.fit import LandmarkError
+from qclearn.landmarks import curve_distance, curves_in_space, detect_curves
+from qclearn.nets.ldnet import PRESETS, BestLDNet, LDNetConfig, contrast, heat_metric, refine, some, whole
+from qclearn.nets.ldnet_paper import PaperLDNet, nearest_pixels
+from qclearn.nets.pictures import stamp, turn
+from qclearn.surface import SurfaceError
+from tests.surfaces import sphere
+
+pytestmark = pytest.mark.filterwarnings("ignore::qclearn.bijectivity.RepairWarning")
+SMALL = LDNetConfig("best", size=32, widths=(16, 24, 32))
+PAPER = LDNetConfig("paper", size=32, widths=(16, 16, 16), hidden=64)
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+@pytest.fixture(scope="module")
+def cortex():
+    return make_cortex(1, 1000)
+
+
+@pytest.fixture(scope="module")
+def subject(cortex):
+    ends = np.array([path[[0, -1]] for path in cortex.curves.values()])
+    return cortex.surface, disk_conformal_map(cortex.surface), ends
+
+
+@pytest.fixture(scope="module")
+def batch(cortex):
+    dataset = CurveDataset(4, 5, [cortex], size=32, points=37)
+    return tuple(torch.stack(column) for column in zip(*dataset))
+
+
+def untrained(network, config):
+    torch.manual_seed(0)
+    return network(config).eval()
+
+
+def test_a_stamp_is_the_bell_around_its_nearest_point():
+    points = torch.tensor([[0.31 + 0.2j, -0.5 - 0.11j, 0.33 + 0.25j, 0.9 + 0.9j]])
+    shown = torch.tensor([[True, True, True, False]])
+    image = stamp(points, shown, 32, 1.5)[0].numpy()
+    distance = abs(pixel_centres(32)[..., None] - points[0, :3].numpy()).min(-1) * 16
+    np.testing.assert_allclose(image, np.exp(-(distance**2) / (2 * 1.5**2)) * (distance < 4), atol=0.03)
+
+
+def test_symmetries_move_points_with_their_pixels():
+    """A turned image of stamped points is the image of the turned points: fails if one of them turns the other way."""
+    generator = torch.Generator().manual_seed(0)
+    points = torch.complex(*(torch.rand(2, 64, 5, generator=generator) * 1.6 - 0.8))
+    images = stamp(points, torch.ones(64, 5, dtype=torch.bool), 32, 1.0)[:, None]
+    turned, moved = turn(images, points, generator)
+    torch.testing.assert_close(turned[:, 0], stamp(moved, torch.ones(64, 5, dtype=torch.bool), 32, 1.0))
+    constant = [abs(ratio - ratio.mean(1, keepdim=True)).amax(1) < 1e-3 for ratio in (moved / points, moved / points.conj())]
+    assert (constant[0] ^ constant[1]).all() and 16 < constant[0].sum() < 48  # turns and reflections
+    turns = (moved / points)[constant[0]].mean(1)
+    assert len(set(np.round(turns.numpy(), 3))) == 4
+
+
+def test_some_curves_and_parts_of_curves_are_shown():
+    curves = torch.zeros(200, 8, 37, dtype=torch.complex64)
+    first, last, shown = some(curves, torch.Generator().manual_seed(0))
+    assert (first >= 0).all() and (last <= 36).all() and (last - first >= 9).all()
+    assert shown.any(1).all() and 0.2 < shown.all(1).float().mean() < 0.5
+    assert 0.1 < ((first > 0) | (last < 36)).float().mean() < 0.3
+    assert all(torch.equal(a[0], b) for a, b in zip(whole(curves), (torch.zeros(8).long(), torch.full((8,), 36),
+                                                                    torch.ones(8, dtype=torch.bool))))
+
+
+def test_contrast_keeps_black_white_and_the_order_of_greys():
+    grey = torch.linspace(0, 255, 32).expand(50, 1, 32, 32)
+    changed = contrast(grey, torch.Generator().manual_seed(0))
+    assert changed.min() >= 0 and changed.max() <= 255 and (changed[..., 1:-1].diff(dim=-1) > 0).all()
+    assert changed[:, 0, 16, 16].std() > 10
+
+
+def test_points_between_lie_on_the_polyline():
+    curves = torch.tensor([[[0, 1, 1 + 2j]]])
+    points, place = refine(curves, 2)
+    assert points[0, 0].tolist() == [0, 0.5, 1, 1 + 1j, 1 + 2j] and place.tolist() == [0, 0.5, 1, 1.5, 2]
+
+
+@pytest.mark.parametrize("network, config", [(BestLDNet, SMALL), (PaperLDNet, PAPER)])
+def test_a_network_learns_one_batch(network, config, batch):
+    torch.manual_seed(0)
+    model = network(config).train()
+    optimiser = torch.optim.AdamW(model.parameters(), 3e-3)
+    losses = []
+    for _ in range(60):
+        loss, figures = model.loss(batch, None)
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        losses.append(loss.item())
+    least = 0.3 if network is PaperLDNet else 0.5  # a soft band has an entropy of its own
+    assert losses[-1] < least * losses[0]
+    assert np.isfinite(list(figures.values())).all()
+    assert network is PaperLDNet or figures["overlap"] > 0.85
+
+
+def test_a_loss_is_its_generators(batch):
+    for network, config in ((BestLDNet, SMALL), (PaperLDNet, PAPER)):
+        model = untrained(network, config)
+        a, b, c = (model.loss(batch, torch.Generator().manual_seed(seed))[0].item() for seed in (1, 1, 2))
+        assert a == b != c
+
+
+def test_the_printed_loss_is_a_sum_of_squares(batch):
+    model = untrained(PaperLDNet, PAPER)
+    images, ends, curves = batch
+    found = model(images, ends)
+    by_hand = (abs(found - curves[:, :, ::4]) ** 2).sum() / len(images)
+    assert model.loss(batch, None)[0].item() == pytest.approx(by_hand.item(), rel=1e-5)
+
+
+def test_curves_join_their_endpoints_along_edges(subject):
+    surface, z, ends = subject
+    curves = untrained(BestLDNet, SMALL).detect(surface, z, ends)
+    vertex = {point: k for k, point in enumerate(z)}
+    edges = {frozenset(edge) for edge in surface.edges.tolist()}
+    assert len(curves) == len(ends)
+    for curve, pair in zip(curves, ends):
+        path = [vertex[point] for point in curve]
+        assert [path[0], path[-1]] == pair.tolist()
+        assert all(frozenset(pair) in edges for pair in pairwise(path))
+    again = untrained(BestLDNet, SMALL).detect(surface, z, ends)
+    assert all(np.array_equal(a, b) for a, b in zip(curves, again))
+
+
+def test_a_path_follows_the_heat_and_the_fundus(subject):
+    """Cheap where the network is sure, and cheaper where the surface is concave: either sign fails if it flips."""
+    surface = subject[0]
+    zero = np.zeros(len(surface.vertices))
+    plain, warm = (heat_metric(surface, zero + heat, zero) for heat in (0, 0.5))
+    assert (warm < plain).all()
+    H = np.random.default_rng(0).normal(size=len(zero))
+    both = H[surface.edges].mean(1)
+    ratio = heat_metric(surface, zero, H) / plain
+    assert np.corrcoef(both, ratio)[0, 1] > 0.9
+
+
+def test_the_papers_curves_keep_the_endpoints_and_stay_in_the_disk(subject):
+    surface, z, ends = subject
+    curves = untrained(PaperLDNet, PAPER).detect(surface, z, ends)
+    assert [len(curve) for curve in curves] == [10] * 8
+    assert all(curve[0] == z[a] and curve[-1] == z[b] for curve, (a, b) in zip(curves, ends))
+    assert all((abs(curve) <= 1 + 1e-9).all() for curve in curves)
+
+
+def test_the_papers_marks_are_those_of_its_training_set(batch):
+    images, ends, _ = batch
+    for image, pairs in zip(images, ends):
+        assert torch.equal(nearest_pixels(pairs.flatten(), 32).float(), image[1])
+
+
+def test_the_papers_network_sees_the_picture_it_was_trained_on(subject, cortex):
+    surface, _, ends = subject
+    dataset = CurveDataset(1, 2, [cortex], size=32, max_abs=(0.0, 0.0))
+    image, points, _ = dataset[0]
+    model, seen = untrained(PaperLDNet, PAPER), []
+    model.register_forward_pre_hook(lambda module, inputs: seen.append(inputs))
+    turned = dataset.subjects[0][2].solve(np.zeros(len(surface.faces)))
+    turned = turned * (points[0, 0].numpy() / area_radius(surface, turned).to_image(turned[ends[0, 0]]))
+    turned /= abs(turned).max()
+    model.detect(surface, turned, ends)
+    torch.testing.assert_close(seen[0][0][0], image, atol=0.2, rtol=0)
+    torch.testing.assert_close(seen[0][1][0], points, atol=1e-4, rtol=0)
+
+
+BAD = [
+    (lambda s, z, e: (s, z, [[0, 0]]), LandmarkError, "repeats vertex 0"),
+    (lambda s, z, e: (s, z, [[0, len(z)]]), LandmarkError, "out of range"),
+    (lambda s, z, e: (s, z, [0, 5]), LandmarkError, r"shape \(2,\); give \(K, 2\)"),
+    (lambda s, z, e: (s, z, np.zeros((0, 2), int)), LandmarkError, "at least one curve"),
+    (lambda s, z, e: (s, z, e + 0.5), LandmarkError, "vertex indices"),
+    (lambda s, z, e: (s, z[:-1], e), SurfaceError, "give the disk map of this surface"),
+    (lambda s, z, e: (s, np.where(np.arange(len(z)) == 3, np.nan, z), e), SurfaceError, "1 of its numbers not finite"),
+    (lambda s, z, e: (sphere(), np.zeros(len(sphere().vertices)), e), SurfaceError, "closed|boundary"),
+]
+
+
+@pytest.mark.parametrize("network, config", [(BestLDNet, SMALL), (PaperLDNet, PAPER)])
+@pytest.mark.parametrize("change, error, message", BAD)
+def test_bad_input_is_named(subject, network, config, change, error, message):
+    with pytest.raises(error, match=message):
+        untrained(network, config).detect(*change(*subject))
+
+
+def test_the_papers_network_takes_its_number_of_curves(subject):
+    surface, z, ends = subject
+    with pytest.raises(LandmarkError, match="3 pairs of endpoints; .* trained on 8 curves"):
+        untrained(PaperLDNet, PAPER).detect(surface, z, ends[:3])
+
+
+def test_presets_are_of_their_size():
+    for preset, (network, config) in PRESETS.items():
+        model = network(config)
+        assert config.preset == preset and model.config == config
+        assert 4 * sum(parameter.numel() for parameter in model.parameters()) < 5e6
+        assert network(replace(config, size=64)).config.size == 64
+
+
+def test_distance_between_curves(subject):
+    surface, z, ends = subject
+    paths = [*surface.curves.values()][:2]
+    points = curves_in_space(surface, z, [z[path] for path in paths] + [z[paths[0][::-1]]])
+    for path, curve in zip(paths, points):
+        np.testing.assert_allclose(curve[[0, -1]], surface.vertices[path[[0, -1]]], atol=1e-6)
+        step = np.linalg.norm(np.diff(curve, axis=0), axis=1)
+        assert step.max() < 1.2 * np.median(step)
+        length = np.linalg.norm(np.diff(surface.vertices[path], axis=0), axis=1).sum()
+        assert step.sum() == pytest.approx(length, rel=0.02)
+    assert curve_distance(points[0], points[2]) < 0.2 * np.linalg.norm(np.diff(points[0], axis=0), axis=1).max()
+    shift = np.array([0, 0, 3.0])
+    line = np.linspace([0, 0, 0], [50.0, 0, 0], 400)
+    assert curve_distance(line, line + shift) == pytest.approx(3)
+    assert curve_distance(line, line[:200]) == pytest.approx(50 / 16, rel=0.02)  # half of it by 25/2 on average
+    twin = curves_in_space(surface, z, detect_curves(surface, z, ends[:1]))[0]
+    assert 0 <= curve_distance(points[0], twin) < 20
