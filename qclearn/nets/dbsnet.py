@@ -10,7 +10,7 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from ..polar import IDENTITY, Preconditioner, PolarSolver, Solve
+from ..polar import IDENTITY, PolarSolver, Preconditioner, Solve, Stencil
 from .dbsnet_paper import PaperDBSNet
 from .layers import PolarUNet
 from .train import TrainConfig
@@ -45,7 +45,7 @@ class BestDBSNet(nn.Module):
         super().__init__()
         self.config = config
         self.solver = PolarSolver(config.rings, config.spokes)
-        self.unet = PolarUNet(10, 2, config.channels, config.blocks)
+        self.unet = PolarUNet(14, 2, config.channels, config.blocks)
         z = torch.from_numpy(self.solver.z[1:]).reshape(1, config.rings, config.spokes)
         self.register_buffer("z", z.to(torch.complex64), persistent=False)
         self.register_buffer("radius", z.abs().float(), persistent=False)
@@ -63,20 +63,21 @@ class BestDBSNet(nn.Module):
             return torch.cat([f.new_zeros(len(f), 1), f.flatten(1)], 1)
 
     def features(self, mu):
-        """What is known in closed form: features (B, 10, rings, spokes) and the first u, v (B, rings, spokes)."""
-        (first, second), potentials = two_steps(self.solver, mu)
-        first, second = (f[:, 1:].view(-1, *self.z.shape[1:]) for f in (first, second))
-        start, change = torch.log(second / self.z), torch.log(second / first)
+        """What is known in closed form: features (B, 14, rings, spokes) and the first u, v (B, rings, spokes)."""
+        maps, potentials, angles = two_steps(self.solver, mu)
+        first, second, beyond = (f[:, 1:].view(-1, *self.z.shape[1:]) for f in maps)
+        start, change, residual = (torch.log(a / b) for a, b in ((second, self.z), (second, first), (beyond, second)))
         u, v = start.real.clone(), start.imag
         u[:, -1] = 0
+        angles = harmonic_extension(self.solver, torch.stack(angles, 1))
         lower, U = (functional.pad(U - torch.log(self.radius[:, :-1]), (0, 0, 0, 1)) for U in potentials)
         rows = mu.view(len(mu), -1, self.config.spokes)
         turn = torch.complex(*self.solver.tables(rows.real)["turn"])
         pairs = torch.cat([rows[:, :1], rows], 1) * turn  # the two faces of each cell, those at the centre twice
         inner, outer = pairs[:, ::2], pairs[:, 1::2]
         known = [inner.real, inner.imag, outer.real, outer.imag, 3 * u, 3 * v, 10 * change.real, 10 * change.imag,
-                 10 * (U - lower), 10 * (U - u)]
-        return torch.stack(known, 1), u, v
+                 20 * residual.real, 20 * residual.imag, 10 * (U - lower), 10 * (U - u)]
+        return torch.cat([torch.stack(known, 1), angles * angles.new_tensor([5, 20])[:, None, None]], 1), u, v
 
     def loss(self, batch, generator):
         """Position error over displacement plus relative error of the derivatives, against the exact maps."""
@@ -116,27 +117,41 @@ class BestDBSNet(nn.Module):
 
 
 def two_steps(solver, mu):
-    """What two preconditioned steps from mu = 0 say: ((f1, f2) (B, V), (U1, U2) (B, nr - 1, nt)) on the polar mesh.
+    """What two preconditioned steps from mu = 0 say about the maps on the polar mesh, and the residual they leave.
 
-    Approximations of first and of second order in mu: U of the potential log|f|, by conjugate gradients whose very
-    first step only scales the potential of mu = 0; f of the map, from the harmonic map with the boundary of U2.
+    Returns maps (f1, f2, f3), potentials (U1, U2) of log|f|, (B, nr - 1, nt), and boundary angles (d1, d2), (B, nt).
+    Orders 1 and 2 in mu: U by conjugate gradients, whose very first step only scales the potential of mu = 0; f from
+    the harmonic map with the boundary of U2. Beyond, f3 - f2 and d2 are the preconditioned residuals of f2 and of U2,
+    as a change of the map and of the boundary angles; d1 is the change from U1 to U2.
     """
     spoke, _, diagonal = weights = solver._weights(mu)
-    tables = solver.tables(spoke)
-    nr, nt = solver.nr, solver.nt
-    pole, rim = (spoke.new_zeros(len(mu), copies, nr - 1, nt) for copies in (1, 2))
-    pole = torch.cat([torch.full_like(pole[:, :, :1], -2 * torch.pi / nt), pole], 2)
-    first, _ = Solve.apply(*weights, pole, None, IDENTITY, tables, 0.0, 2)
-    U, _ = Solve.apply(*weights, pole, first, IDENTITY, tables, 0.0, 1)
-    boundary = solver._boundary(U[:, 0, -1], spoke[:, -1], diagonal[:, -1])
+    tables, stencil = solver.tables(spoke), Stencil(*weights)
+    pole, rim = (spoke.new_zeros(len(mu), copies, solver.nr - 1, solver.nt) for copies in (1, 2))
+    pole = torch.cat([torch.full_like(pole[:, :, :1], -2 * torch.pi / solver.nt), pole], 2)
+    potentials = [Solve.apply(*weights, pole, None, IDENTITY, tables, 0.0, 2)[0]]
+    potentials.append(Solve.apply(*weights, pole, potentials[0], IDENTITY, tables, 0.0, 1)[0])
+    precondition = Preconditioner(pole, tables)
+    beyond = potentials[1] + precondition(pole - stencil.apply(potentials[1]))
+    circle = [solver._boundary(U[:, 0, -1], spoke[:, -1], diagonal[:, -1]) for U in (*potentials, beyond)]
+    angles = [torch.atan2(a[:, 0, 0] * b[:, 1, 0] - a[:, 1, 0] * b[:, 0, 0], (a * b).sum(1)[:, 0])
+              for a, b in zip(circle, circle[1:])]
+    boundary = circle[1]
     pull = spoke[:, None, -1:] * boundary + diagonal[:, None, -1:] * boundary.roll(-1, -1)
-    harmonic = torch.cat([rim, tables["rim"] * boundary], 2)
-    f = Preconditioner(harmonic, tables)(harmonic)
-    maps = []
+    pull, harmonic = (torch.cat([rim, load], 2) for load in (pull, tables["rim"] * boundary))
+    precondition = Preconditioner(harmonic, tables)
+    f, maps = precondition(harmonic), []
     for _ in range(2):
-        f, _ = Solve.apply(*weights, torch.cat([rim, pull], 2), f, IDENTITY, tables, 0.0, 1)
+        f, _ = Solve.apply(*weights, pull, f, IDENTITY, tables, 0.0, 1)
         maps.append(solver.finish(f, boundary))
-    return maps, (first[:, 0, 1:], U[:, 0, 1:])
+    maps.append(solver.finish(f + precondition(pull - stencil.apply(f)), boundary))
+    return maps, [U[:, 0, 1:] for U in potentials], angles
+
+
+def harmonic_extension(solver, values):
+    """Harmonic functions (B, C, nr, nt) on the rings outside the centre with values (B, C, nt) on the circle."""
+    tables, values = solver.tables(values), values[:, :, None]
+    load = torch.cat([values.new_zeros(*values.shape[:2], solver.nr - 1, solver.nt), tables["rim"] * values], 2)
+    return torch.cat([Preconditioner(load, tables)(load)[:, :, 1:], values], 2)
 
 
 def position_error(f, exact, z):
@@ -176,5 +191,5 @@ def _derivatives(f, z, corners):
 PRESETS = {"paper": (PaperDBSNet, DBSNetConfig("paper")), "best": (BestDBSNet, DBSNetConfig("best"))}
 TRAINING = {
     "paper": TrainConfig(steps=4000, batch=16, rate=1e-3, warmup=200, bfloat16=True),
-    "best": TrainConfig(steps=10_000, batch=8, rate=1e-3, warmup=200, bfloat16=True, clip=0.3),
+    "best": TrainConfig(steps=7000, batch=8, rate=1e-3, warmup=200, bfloat16=True, clip=0.3, validate_every=1000),
 }
