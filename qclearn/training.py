@@ -2,7 +2,6 @@
 
 import os
 import platform
-import subprocess
 from dataclasses import asdict, replace
 from datetime import date
 from importlib import import_module
@@ -16,6 +15,7 @@ from data_synth import training as data_recipes
 
 from .nets import TrainingError, build, save_weights, train
 from .nets.weights import PAPER_GAMMAS, digest, stem
+from .provenance import commit
 
 
 def run_training(network, preset="best", gamma=None, out=Path("run"), data=None, steps=None, seed=None, quick=False,
@@ -56,15 +56,3 @@ def header(network, recipe, training, quick, row):
         "machine": f"{platform.machine()}, {torch.get_num_threads()} threads", "seconds": row["seconds"],
         "figures": {name: value for name, value in row.items() if name.startswith("validation_")},
     }
-
-
-def commit():
-    """The commit of the checkout this runs from, with "+changes" where files differ from it; "" outside of one."""
-    def git(*words):
-        return subprocess.run(["git", "-C", Path(__file__).parent, *words], capture_output=True, text=True, check=False)
-
-    try:
-        head = git("rev-parse", "HEAD")
-        return head.stdout.strip() + "+changes" * bool(git("status", "--porcelain", "-uno").stdout.strip())
-    except FileNotFoundError:  # no git
-        return ""
