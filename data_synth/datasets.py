@@ -6,6 +6,7 @@ import tempfile
 import warnings
 from contextlib import contextmanager
 from errno import EISDIR
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -125,8 +126,12 @@ class CurveDataset(_Seeded):
         parts = [part for surface in surfaces
                  for part in (surface.vertices, surface.faces, *(surface.curves[name] for name in self.names))]
         super().__init__(count, seed, size, points, max_abs, self.names, *parts)
-        self.size, self.points, self.max_abs = size, points, max_abs
-        self.subjects = [self._prepare(surface) for surface in surfaces]
+        self.size, self.points, self.max_abs, self.surfaces = size, points, max_abs, surfaces
+
+    @cached_property
+    def subjects(self):
+        """What the items are drawn from; most of a second each, and not needed where a kept set is read."""
+        return [self._prepare(surface) for surface in self.surfaces]
 
     def _prepare(self, surface):
         samples = [sample_curve(surface, surface.curves[name], self.points) for name in self.names]

@@ -193,5 +193,5 @@ def contrast(grey, generator):
 
 PRESETS = {"paper": (PaperLDNet, LDNetConfig("paper", widths=(16, 32, 64, 96, 64))),
            "best": (BestLDNet, LDNetConfig("best"))}
-TRAINING = {"paper": TrainConfig(steps=10_000, batch=32, rate=1e-3, weight_decay=1e-2, bfloat16=True),
-            "best": TrainConfig(steps=7000, batch=16, rate=2e-3, weight_decay=1e-2, bfloat16=True)}
+TRAINING = {"paper": TrainConfig(steps=5000, batch=32, rate=1e-3, weight_decay=1e-2, bfloat16=True),
+            "best": TrainConfig(steps=5000, batch=16, rate=2e-3, weight_decay=1e-2, bfloat16=True)}
