@@ -5,6 +5,7 @@ kept exactly. Preset `paper` (`dbsnet_paper`) is the network as printed.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import torch
 from torch import nn
@@ -134,7 +135,7 @@ def two_steps(solver, mu):
     beyond = potentials[1] + precondition(pole - stencil.apply(potentials[1]))
     circle = [solver._boundary(U[:, 0, -1], spoke[:, -1], diagonal[:, -1]) for U in (*potentials, beyond)]
     angles = [torch.atan2(a[:, 0, 0] * b[:, 1, 0] - a[:, 1, 0] * b[:, 0, 0], (a * b).sum(1)[:, 0])
-              for a, b in zip(circle, circle[1:])]
+              for a, b in pairwise(circle)]
     boundary = circle[1]
     pull = spoke[:, None, -1:] * boundary + diagonal[:, None, -1:] * boundary.roll(-1, -1)
     pull, harmonic = (torch.cat([rim, load], 2) for load in (pull, tables["rim"] * boundary))
