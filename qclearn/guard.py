@@ -135,11 +135,11 @@ def moved_map(z, faces, f, p, q, fallbacks=()):
 def exact_map(z, faces, mu, p, q):
     """`moved_map` of the exact solver's map for mu (F,); where it folds, rows are switched and it is solved again."""
     forward = MeshForward(z, faces, p, sparse.eye_array(len(faces), format="csr"))
-    nu = unbounded(check_coefficient(mu, len(faces)))
-    forward.map(nu, (0j, 0.0))
-    parameters = best_mobius(forward.points, q)
-    f = forward.map(nu, parameters)
-    return measured(z, faces, f, parameters, forward.points, q, forward.words())
+    fit = moved_map(z, faces, forward.solver.solve(mu), p, q, forward.words())
+    if fit.bijective:
+        return fit
+    f = forward.map(unbounded(check_coefficient(mu, len(faces))), fit.mobius)
+    return measured(z, faces, f, fit.mobius, forward.points, q, forward.words())
 
 
 def measured(z, faces, f, parameters, mapped, q, fallbacks):

@@ -49,7 +49,7 @@ def answered(tuner, control, value):
 @pytest.fixture(scope="module")
 def problem():
     """Two short curves on a small mesh, turned by a twist that leaves the circle where it is."""
-    z, faces = square_disk(12)
+    z, faces = square_disk(16)
     moving = np.concatenate([0.4 + 0.1j * np.arange(-1, 2), -0.3 + 0.15 * np.arange(3)])
     target = moving * np.exp(0.6j * (1 - abs(moving) ** 2))
     return Problem("twist", z, faces, moving, target, np.repeat([0, 1], 3))
@@ -73,8 +73,8 @@ def test_gamma_buys_landmarks_with_distortion(problem):
 
 def test_alpha_and_beta_press_on_their_own_terms(problem):
     reference = fit_state(problem, 1.0, 1e-2, 1e2)
-    assert fit_state(problem, 100.0, 1e-2, 1e2).terms["L_mu"][0] < 0.5 * reference.terms["L_mu"][0]
-    assert fit_state(problem, 1.0, 1.0, 1e2).terms["L_grad_mu"][0] < 0.5 * reference.terms["L_grad_mu"][0]
+    assert fit_state(problem, 100.0, 1e-2, 1e2).terms["L_mu"][0] < 0.6 * reference.terms["L_mu"][0]
+    assert fit_state(problem, 1.0, 1.0, 1e2).terms["L_grad_mu"][0] < 0.6 * reference.terms["L_grad_mu"][0]
 
 
 def test_terms_are_value_weight_and_product(state):
@@ -260,7 +260,7 @@ def test_the_network_stands_below_the_fit_with_the_gap_between_them(problem, net
 def test_the_network_fit_is_the_exact_map_of_its_coefficient(problem, network):
     fit = exact_fit(problem, 1.0, 1e-2, 1e4)
     answer = network_fit(problem, 1.0, 1e-2, 1e4)
-    assert answer.bijective and abs(answer.f - fit.f).max() < 2e-3
+    assert answer.bijective and abs(answer.f - fit.f).max() < 5e-3
     network.share = 0.0
     assert abs(network_fit(problem, 1.0, 1e-2, 1e4).mu).max() < 0.05  # a Möbius map between vertices
     np.testing.assert_array_equal(gaps({"a": fit_state(problem, 1.0, 1e-2, 1e4)}), [])
@@ -317,3 +317,6 @@ def test_cortex_problem_keeps_landmarks_of_the_full_surfaces():
     np.testing.assert_allclose(np.angle(on_arc[1:] / on_arc[:-1]), np.radians(80 / 3), rtol=0.02)
     fit = exact_fit(small, 1.0, 1e-2, 1e4)
     assert fit.bijective and fit.landmark_error < 0.1 * abs(small.moving - small.target).mean()
+    polar = cortex_problem("bowls", moving, control, curves, points=4)
+    np.testing.assert_array_equal(polar.target, small.target)
+    np.testing.assert_array_equal(polar.z, example_problems()[0].z)
