@@ -32,8 +32,9 @@ class DBSNetConfig:
     size: int = 64  # of the paper's square, in pixels
     frequencies: int = 8  # the paper's low ones: at most this, either way
     shortcut: bool = True
+    carry: bool = True  # the boundary's turn inwards
     eta: float = 1.0
-    rho: float = 1.6e-7  # the paper's 1e-8, were it meant for 128 pixels: it goes with the fourth power of their number
+    rho: float = 1e-8  # for this size: the right weight falls with the fourth power of the number of pixels
 
 
 class BestDBSNet(nn.Module):
@@ -191,6 +192,6 @@ def _derivatives(f, z, corners):
 
 PRESETS = {"paper": (PaperDBSNet, DBSNetConfig("paper")), "best": (BestDBSNet, DBSNetConfig("best"))}
 TRAINING = {
-    "paper": TrainConfig(steps=4000, batch=16, rate=1e-3, warmup=200, bfloat16=True),
+    "paper": TrainConfig(steps=4000, batch=16, rate=2e-3, warmup=200, bfloat16=True),
     "best": TrainConfig(steps=7000, batch=8, rate=1e-3, warmup=200, bfloat16=True, clip=0.3, validate_every=1000),
 }

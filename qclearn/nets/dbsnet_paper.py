@@ -25,7 +25,7 @@ class FourierLayer(nn.Module):
 
 
 class InnerRoute(nn.Module):
-    """Fourier coefficients and the image itself to the inner vertices' coordinates, (B, size - 1, size - 1) complex."""
+    """Fourier coefficients (and, by the shortcut, the image itself) to the inner vertices' (B, 2, size - 1, size - 1)."""
 
     def __init__(self, size, shortcut):
         super().__init__()
@@ -54,6 +54,10 @@ class InnerRoute(nn.Module):
             for layer in self.shortcut:
                 y = functional.silu(layer(y))
             x = torch.cat([x, y], 1)
+        return x
+
+    def last(self, x):
+        """The features (B, C, size, size) to coordinates, as two real channels."""
         return self.head(functional.silu(self.join(x)))
 
 
@@ -69,13 +73,15 @@ class BoundaryRoute(nn.Module):
         self.register_buffer("usual", torch.log(usual), persistent=False)  # of the mesh itself, where the MLP says 0
 
     def forward(self, coefficients):
-        return 2 * torch.pi * torch.softmax(self.usual + self.layers(coefficients).float(), -1)
+        return 2 * torch.pi * torch.softmax(self.usual + self.layers(coefficients), -1)
 
 
 class PaperDBSNet(nn.Module):
     """The two routes joined in one map of `square_disk(size)`, trained without examples by the corrected L_DBSNet.
 
-    One boundary point is fixed, f(1) = 1; f(0) = 0 is held by a shift of the inner coordinates.
+    One boundary point is fixed, f(1) = 1; f(0) = 0 is held by a shift of the inner coordinates. The paper does not say
+    how the routes are joined: here the turn of the boundary is carried inwards harmonically, and the inner route gives
+    what is to be added (with `carry` off it starts from the identity, and must first learn to follow the boundary).
     """
 
     def __init__(self, config):
@@ -86,9 +92,12 @@ class PaperDBSNet(nn.Module):
         loop = self.mesh.loop.numpy()
         loop = np.roll(loop, -int(abs(z[loop] - 1).argmin()))
         inner = np.setdiff1d(np.arange(len(z)), loop)
-        for name, table in (("loop", loop), ("inner", inner)):
-            self.register_buffer(name, torch.from_numpy(table), persistent=False)
         usual = np.angle(np.roll(z[loop], -1) / z[loop])
+        start = np.angle(z[loop]) % (2 * np.pi)
+        tables = {"loop": loop, "inner": inner, "start": start.astype(np.float32),
+                  "extension": poisson_matrix(z, z[loop]).astype(np.float32)}
+        for name, table in tables.items():
+            self.register_buffer(name, torch.from_numpy(table), persistent=False)
         self.fourier = FourierLayer(config.size, config.frequencies)
         self.inner_route = InnerRoute(config.size, config.shortcut)
         self.boundary_route = BoundaryRoute(2 * (2 * config.frequencies + 1) ** 2, torch.from_numpy(usual).float())
@@ -99,14 +108,16 @@ class PaperDBSNet(nn.Module):
             low = 10 * self.fourier(mu)
             low = torch.stack([low.real, low.imag], 1)
             image = torch.stack([mu.real, mu.imag], 1)
-        angles = self.boundary_route(low.flatten(1))
-        shift = 0.1 * self.inner_route(low, image).float().flatten(2)
-        with torch.autocast(mu.device.type, enabled=False):
+        shift = self.inner_route(low, image)
+        with torch.autocast(mu.device.type, enabled=False):  # coordinates need all their digits: the loss differentiates
+            angles = self.boundary_route(low.flatten(1))
+            shift = 0.1 * self.inner_route.last(shift.float()).flatten(2)
             shift = torch.complex(shift[:, 0], shift[:, 1])
             shift = shift - shift[:, shift.shape[1] // 2, None]
             turned = angles.cumsum(-1) - angles
-            f = self.mesh.z.repeat(len(mu), 1)
-            f = f.index_copy(1, self.inner, f[:, self.inner] + shift)
+            carried = (turned - self.start) @ self.extension * self.config.carry
+            f = self.mesh.z * torch.polar(torch.ones_like(carried), carried)
+            f = f.index_add(1, self.inner, shift)
             return f.index_copy(1, self.loop, torch.polar(torch.ones_like(turned), turned)), angles
 
     def on_faces(self, mu):
@@ -122,6 +133,19 @@ class PaperDBSNet(nn.Module):
         with torch.autocast(mu.device.type, enabled=False):
             loss = L_DBSNet(self.mesh, self.on_faces(mu), f, angles, self.config.eta, self.config.rho).mean()
         return 1e3 * loss, {"L_DBSNet": loss.item()}
+
+
+def poisson_matrix(z, boundary):
+    """Matrix (B, V) of the harmonic extension of values at B boundary points, in order, to the points z (V,).
+
+    Poisson's kernel, its rows normalised; points nearer to the circle than the boundary points to one another are
+    taken back to that distance, where the sum still resolves the kernel.
+    """
+    following = np.roll(boundary, -1)
+    spans = abs(following - boundary) + abs(boundary - np.roll(boundary, 1))
+    z = z * np.minimum(1, (1 - spans.mean() / 2) / np.maximum(abs(z), 0.5))
+    kernel = spans[:, None] * (1 - abs(z) ** 2) / abs(z - boundary[:, None]) ** 2
+    return kernel / kernel.sum(0)
 
 
 def mixed(mu, max_abs, generator):

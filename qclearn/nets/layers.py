@@ -1,5 +1,7 @@
 """What several networks share: convolutions on the polar mesh, and the crossing between NumPy and torch."""
 
+from itertools import pairwise
+
 import torch
 from torch import nn
 from torch.nn import functional
@@ -68,7 +70,7 @@ class PolarUNet(nn.Module):
 
     def __init__(self, inputs, outputs, channels, blocks=3):
         super().__init__()
-        pairs = list(zip(channels[:-1], channels[1:]))
+        pairs = list(pairwise(channels))
         self.stem, self.head = PolarConv(inputs, channels[0]), PolarConv(channels[0], outputs)
         self.down = nn.ModuleList(PolarBlock(fine) for fine, _ in pairs)
         self.coarser = nn.ModuleList(nn.Conv2d(fine, coarse, 2, stride=2) for fine, coarse in pairs)
