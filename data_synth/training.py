@@ -4,13 +4,21 @@ The sets are drawn once and kept in `folder`; `quick` draws a few items only, fo
 nothing but what the log shows; held-out figures come from other seeds still.
 """
 
+import warnings
+
 import numpy as np
 
+from qclearn.bijectivity import RepairWarning
+from qclearn.disk import disk_conformal_map
 from qclearn.diskmesh import polar_disk
+from qclearn.fit import sampling_matrix
+from qclearn.landmarks import sample_curve
+from qclearn.mobius import best_mobius, mobius
 
 from .cohort import hemispheres
 from .datasets import CurveDataset, _Seeded, cached
 from .fields import KINDS, MAX_ABS, dead_leaves, image_coefficient, random_coefficient, smooth_coefficient
+from .landmarks import DiskMaps
 from .template import SULCI
 
 
@@ -72,3 +80,65 @@ def ldnet(config, folder, quick=False):
                             DATA_POINTS, names=tuple(SULCI)), f"{folder}/{name}", progress=not quick)
         for k, (group, count, name) in enumerate(zip(seeds, counts, names)))
     return training, validation
+
+
+class Pairs(_Seeded):
+    """For CP-Net: (moving (128,), target (128,), mask (128,), logs (2,)) from the curves of pairs of subjects.
+
+    curves: (S, C, DATA_POINTS) complex, each subject in its own disk. `plain`: whole subjects, all curves, ten points a
+    curve, aligned by the best Möbius map. Otherwise also subjects mixed of two, some of the curves, other numbers of
+    points, pairs that are not aligned, and targets moved by random maps. logs: log10 of beta / alpha and gamma / alpha.
+    """
+
+    def __init__(self, count, seed, curves, ranges, plain=False, most=128):
+        super().__init__(count, seed, curves, ranges, plain, most)
+        turns = [np.exp(1j * best_mobius(curve.ravel(), curves[0].ravel())[1]) for curve in curves]
+        self.curves, self.ranges, self.plain, self.most = curves * np.reshape(turns, (-1, 1, 1)), ranges, plain, most
+        self.maps = DiskMaps(*polar_disk(32, 96, 1.4))
+
+    def draw(self, rng):
+        kinds = rng.random(4)
+        moving, target = (self.subject(rng) for _ in range(2))
+        count = rng.choice([4, 5, 7, 13]) if kinds[0] < 0.3 and not self.plain else 10
+        step = (DATA_POINTS - 1) // (count - 1)
+        some = np.sort(rng.permutation(len(target))[:rng.integers(1, len(target) + 1)])
+        some = some if kinds[1] < 0.3 and not self.plain else np.arange(len(target))
+        p, q = (points[some, ::step].ravel() for points in (moving, target))
+        if kinds[2] < 0.15 and not self.plain:
+            mu = random_coefficient(self.maps.z, self.maps.faces, rng, kind=rng.choice(KINDS), max_abs=(0.05, 0.5))
+            p = sampling_matrix(self.maps.z, self.maps.faces, q) @ self.maps.solve(mu)
+        elif kinds[3] < 0.85 or self.plain:
+            p = mobius(p, *best_mobius(p, q))
+        once = np.flatnonzero(~(np.triu(abs(p[:, None] - p) < 1e-9, 1) | np.triu(abs(q[:, None] - q) < 1e-9, 1)).any(0))
+        padding = (0, self.most - len(once))
+        logs = [rng.uniform(low, high) for low, high in self.ranges]
+        return np.pad(p[once], padding), np.pad(q[once], padding), np.pad(np.ones(len(once)), padding), np.array(logs)
+
+    def subject(self, rng):
+        """A subject's curves (C, DATA_POINTS), or what lies between those of two."""
+        first, second = self.curves[rng.permutation(len(self.curves))[:2]]
+        share = 0 if self.plain or rng.random() < 0.5 else rng.uniform(0, 0.5)
+        return (1 - share) * first + share * second
+
+
+def cpnet(config, folder, quick=False):
+    """Landmark problems for CP-Net: pairs among 96 synthetic subjects, mixed and thinned; validation on 12 others."""
+    seeds, counts = (((1, 2), (3, 4)), (8, 4)) if quick else ((TRAINING_SEEDS, VALIDATION_SEEDS), (3000, 192))
+    names = (f"cpnet-best-{part}{'-quick' if quick else ''}.npz" for part in ("training", "validation"))
+    ranges = (config.smooth, config.match)
+    training, validation = (
+        cached(Pairs(count, 7001 + k, disk_curves(group, folder, quick), ranges, plain=k == 1), f"{folder}/{name}",
+               progress=not quick) for k, (group, count, name) in enumerate(zip(seeds, counts, names)))
+    return training, validation
+
+
+def disk_curves(seeds, folder, quick=False):
+    """Every sulcus of every subject as DATA_POINTS points of its disk, equally spaced by arc length: (S, C, points)."""
+    curves = []
+    for subject in subjects(seeds, folder, quick):
+        surface = subject.surface
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RepairWarning)
+            z = disk_conformal_map(surface)
+        curves.append([sample_curve(surface, path, DATA_POINTS) @ z for path in surface.curves.values()])
+    return np.array(curves)

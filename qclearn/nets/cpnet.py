@@ -1,0 +1,235 @@
+"""CP-Net, the coefficient prediction network: landmarks and the weights of `L_CP` to the Beltrami coefficient mu.
+
+Preset `best` starts from the linearised landmark fit (`born`) and corrects it twice, the second time with the landmark
+error that one exact solve on a coarse mesh has measured. Preset `paper` (`cpnet_paper`) is the network as printed.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import nn
+from torch.nn import functional
+
+from ..polar import PolarSolver
+from .born import Born, PolarGrid, PolarMesh, bounded, fit_mobius, mobius, mobius_columns
+from .layers import PolarUNet
+from .train import TrainConfig
+
+INSIDE, LOSS = (1e-3, 8), (1e-3, 20)  # tolerance and most steps of the solver inside the network, and in the loss
+
+START, FIELD = 0.1, 0.03  # of the U-Nets' outputs, before the conditions scale them; and of those on the grid
+
+
+@dataclass(frozen=True)
+class CPNetConfig:
+    """Sizes of a CP-Net; those of the other preset are not used. Ranges are of log10, three decades each."""
+
+    preset: str
+    rings: int = 24
+    spokes: int = 72
+    modes: int = 512
+    first: tuple = (16, 32, 64)
+    second: tuple = (24, 48, 64)
+    blocks: int = 2
+    most: int = 128  # landmarks
+    smooth: tuple = (-2.0, 1.0)  # of beta / alpha
+    match: tuple = (2.3, 5.3)  # of gamma / alpha
+
+
+class ConditionedUNet(PolarUNet):
+    """The polar U-Net with a scale and a shift of every channel, level by level, from conditions (B, n): FiLM layers."""
+
+    def __init__(self, inputs, outputs, conditions, channels, blocks):
+        super().__init__(inputs, outputs, channels, blocks)
+        self.sizes = [*(2 * size for size in channels), outputs]
+        self.film = nn.Sequential(nn.Linear(conditions, 64), nn.SiLU(), nn.Linear(64, sum(self.sizes)))
+        nn.init.zeros_(self.film[-1].weight)
+        nn.init.zeros_(self.film[-1].bias)
+
+    def forward(self, x, conditions):
+        films = iter(self.film(conditions).split(self.sizes, 1))
+
+        def modulate(x):
+            scale, shift = next(films)[..., None, None].chunk(2, 1)
+            return x * (1 + scale) + shift
+
+        x, kept = modulate(self.stem(x.contiguous(memory_format=torch.channels_last))), []
+        for block, coarser in zip(self.down, self.coarser):
+            kept.append(block(x))
+            x = modulate(coarser(kept[-1]))
+        x = self.bottom(x)
+        for finer, block, skip in zip(reversed(self.finer), reversed(self.up), reversed(kept)):
+            x = block(functional.interpolate(finer(x), scale_factor=2.0, mode="nearest") + skip)
+        return START * torch.exp(next(films))[..., None, None] * self.head(functional.silu(x))
+
+
+class BestCPNet(nn.Module):
+    """nu on a polar grid from landmarks p, targets q (B, M) with a mask (B, M), and weights (B, 2).
+
+    weights: beta / alpha and gamma / alpha, since only ratios decide the minimiser.
+    """
+
+    def __init__(self, config):
+        super().__init__()
+        self.config = config
+        self.grid = PolarGrid(config.rings, config.spokes, modes=config.modes)
+        self.born = Born(self.grid)
+        self.solver = PolarSolver(config.rings, config.spokes, self.grid.power)
+        self.one = ConditionedUNet(10, 8, 3, config.first, config.blocks)
+        self.two = ConditionedUNet(10, 8, 6, config.second, config.blocks)
+        self.register_buffer("spoke", self.grid.z / self.grid.z.abs(), persistent=False)
+
+    def forward(self, p, q, mask, weights):
+        """nu (B, rings, spokes) after both corrections."""
+        return self.stages(p, q, mask, weights)[-1]
+
+    def stages(self, p, q, mask, weights):
+        """What each stage says: Born step, first correction with its map's landmarks, chord step, second correction."""
+        kind = p.device.type
+        with torch.autocast(kind, enabled=False), torch.no_grad():
+            problem = Problem(self, p, q, mask, weights)
+            features, conditions = self.first_features(problem)
+        change = self.one(features, conditions)
+        with torch.autocast(kind, enabled=False):
+            one = self.correct(problem, problem.residual, 0.0, change.float())
+            f = self.solver.solve(bounded(self.grid.on_faces(one)), *INSIDE)
+            with torch.no_grad():
+                features, conditions, chord, residual, linear = self.second_features(problem, one.detach(), f.detach())
+        change = self.two(features, conditions)
+        with torch.autocast(kind, enabled=False):
+            two = self.correct(problem, residual, linear, change.float())
+        return problem.nu, one, f, chord, two
+
+    def correct(self, problem, residual, linear, change):
+        """The dual step for a corrected residual (B, M), plus a correction of the field itself, from the U-Net's output.
+
+        change (B, 8, rings, spokes): at the landmarks a factor and, in units of the residual's size, a vector in the
+        frame of the spoke; on the grid a factor and an addition in the frame that turns twice with the spoke.
+        """
+        pairs = torch.complex(change[:, ::2], change[:, 1::2])
+        fields = torch.stack([pairs[:, 0], pairs[:, 1] * self.spoke], 1)
+        fields = torch.cat([fields[:, :, 0].mean(-1, keepdim=True), fields.flatten(2)], 2).flatten(0, 1)
+        gain, vector = self.grid.sample(fields, problem.p.repeat_interleave(2, 0)).unflatten(0, (-1, 2)).unbind(1)
+        size = ((residual.abs() ** 2).sum(1, keepdim=True) / problem.mask.sum(1, keepdim=True)).sqrt()
+        wanted = residual * (1 + gain) + problem.slope * size * vector * problem.mask
+        nu = self.born.field(problem.step((wanted - linear) * problem.scale)[0])
+        return nu * (1 + FIELD * pairs[:, 2]) + FIELD * pairs[:, 3] * self.spoke ** 2
+
+    def first_features(self, problem):
+        moved = self.born.moved(problem.c)
+        left = problem.displacement - problem.born_displacement
+        channels = [*self.turning(problem.nu, 2), *self.turning(moved, 1, 5.0),
+                    *self.landmarks(problem, problem.displacement, 10.0), *self.landmarks(problem, left, 10.0)[:2]]
+        return self.stack(channels), problem.conditions
+
+    def second_features(self, problem, one, f):
+        parameters = fit_mobius(self.grid.sample(f, problem.p), problem.q, problem.mask)
+        w_all = mobius(f, *parameters)
+        w = self.grid.sample(w_all, problem.p)
+        residual = (w - problem.q) * problem.mask
+        linear = problem.slope * problem.linear(self.grid.coefficients(one))
+        chord = self.born.field(problem.step((residual - linear) * problem.scale)[0])
+        moved = (w_all - mobius(self.identity(len(w)), *problem.parameters))[:, 1:].view_as(one)
+        channels = [*self.turning(one, 2), *self.turning(chord - one, 2), *self.turning(moved, 1, 5.0),
+                    *self.landmarks(problem, -residual, 50.0)]
+        size, slope = self.grid.terms(bounded(one))
+        b, g = problem.weights.unbind(1)
+        count = problem.mask.sum(1)
+        parts = [size + b * slope, g * (residual.abs() ** 2).sum(1) / count, problem.promised]
+        extra = torch.stack([torch.log10(part.clamp(min=1e-12)) for part in parts], 1)
+        return self.stack(channels), torch.cat([problem.conditions, extra], 1), chord, residual, linear
+
+    def identity(self, count):
+        z = torch.cat([self.grid.z.new_zeros(1), self.grid.z.flatten()])
+        return z.expand(count, -1)
+
+    def turning(self, field, times, scale=1.0):
+        """Real and imaginary part of a field (B, rings, spokes) in the frame that turns so many times with the spoke."""
+        field = scale * field * self.spoke.conj() ** times
+        return field.real, field.imag
+
+    def landmarks(self, problem, values, scale):
+        """Complex values at the landmarks and their number, on the grid: three channels."""
+        values = torch.stack([scale * values.real, scale * values.imag, problem.mask], 1) * problem.mask[:, None]
+        spread = self.grid.splat(values, problem.p)[:, :, 1:].unflatten(2, self.grid.z.shape)
+        return *self.turning(torch.complex(spread[:, 0], spread[:, 1]), 1), spread[:, 2]
+
+    def stack(self, channels):
+        radius = self.grid.radius[1:, None].expand_as(self.grid.area * self.grid.z.abs()).expand_as(channels[0])
+        return torch.stack([*channels, radius], 1)
+
+    def loss(self, batch, generator):
+        """Mean of log L_CP after both corrections, the maps exact: the second on a finer mesh than the network's."""
+        with torch.autocast(batch[0].device.type, enabled=False):
+            p, q, mask, weights = self.draw(batch, generator)
+        _, one, f, _, two = self.stages(p, q, mask, weights)
+        with torch.autocast(p.device.type, enabled=False):
+            first = self.objective(one, self.grid.sample(f, p), q, mask, weights)[0]
+            solver, mesh, corners, share = self.fine
+            f = solver.solve(bounded((self.grid.with_centre(two)[:, corners] * share).sum(-1)), *LOSS)
+            second, error = self.objective(two, mesh.sample(f, p), q, mask, weights)
+            loss = (second.log() + 0.3 * first.log()).mean()
+        figures = {"first": first.log().mean().item(), "second": second.log().mean().item(),
+                   "error": error.mean().item()}
+        return loss, figures
+
+    @property
+    def fine(self):
+        """Another polar mesh, on which the loss is measured: (solver, mesh, corners (F, 3) and weights of its faces)."""
+        if not hasattr(self, "_fine"):
+            rings, spokes = 4 * self.config.rings // 3, 4 * self.config.spokes // 3
+            solver = PolarSolver(rings, spokes, self.grid.power)
+            centres = torch.from_numpy(solver.z[solver.faces].mean(1)).to(self.grid.z)
+            self._fine = solver, PolarMesh(rings, spokes).to(self.grid.z.device), *self.grid.locate(centres)
+        return self._fine
+
+    def objective(self, nu, mapped, q, mask, weights):
+        """`L_CP / alpha` (B,) with the best Möbius map after the map, and the mean distance of the landmarks (B,)."""
+        w = mobius(mapped, *fit_mobius(mapped, q, mask))
+        size, slope = self.grid.terms(bounded(nu))
+        distance = (w - q).abs() * mask
+        count = mask.sum(1)
+        b, g = weights.unbind(1)
+        return size + b * slope + g * (distance ** 2).sum(1) / count, distance.sum(1) / count
+
+    def draw(self, batch, generator):
+        """The batch's problems; with a generator turned, mirrored and with new weights."""
+        p, q, mask, logs = batch
+        p, q, mask = (x[:, :int(mask.sum(1).max())] for x in (p, q, mask))
+        if generator is not None:
+            turn, mirror, b, g = torch.rand(4, len(p), generator=generator).to(mask)
+            turn = torch.exp(2j * torch.pi * turn)[:, None]
+            p, q = (torch.where(mirror[:, None] < 0.5, x, x.conj()) * turn for x in (p, q))
+            logs = torch.stack([low + (high - low) * x for x, (low, high) in (
+                (b, self.config.smooth), (g, self.config.match))], 1)
+        return p, q, mask, 10 ** logs
+
+
+class Problem:
+    """One batch of landmark problems, linearised at the identity: the Born step `nu` and what it promises."""
+
+    def __init__(self, net, p, q, mask, weights):
+        self.net, self.p, self.q, self.mask, self.weights = net, p, q, mask, weights
+        b, g = weights.unbind(1)
+        self.parameters = a, theta = fit_mobius(p, q, mask)
+        w = mobius(p, a, theta)
+        self.slope = torch.exp(1j * theta)[:, None] * (1 - a.abs() ** 2)[:, None] / (1 - a.conj()[:, None] * p) ** 2
+        self.scale = (g / mask.sum(1)).sqrt()[:, None] * mask
+        self.J = net.born.jacobian(p)
+        self.step = net.born.prepare(self.J, self.slope, mobius_columns(w), self.scale, torch.ones_like(b), b)
+        self.residual = (w - q) * mask
+        self.c, self.promised = self.step(self.residual * self.scale)
+        self.nu = net.born.field(self.c)
+        self.displacement = (q - w) / self.slope
+        self.born_displacement = self.linear(self.c)
+        logs = torch.log10(weights)
+        self.conditions = torch.stack([logs[:, 0], logs[:, 1] - 4, torch.log10(mask.sum(1)) - 2], 1)
+
+    def linear(self, c):
+        """What coefficients c (B, modes) do to the landmarks, to first order, before the Möbius map: (B, M)."""
+        v = torch.einsum("bmkn,bn->bmk", self.J.conj(), c).real
+        return torch.complex(v[..., 0], v[..., 1])
+
+
+PRESETS = {"best": (BestCPNet, CPNetConfig("best"))}
+TRAINING = {"best": TrainConfig(steps=2_500, batch=16, rate=1e-3, bfloat16=True, validate_every=250)}
