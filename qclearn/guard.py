@@ -41,7 +41,7 @@ def guarded_curves(detect, surface, z, entries, side, fallbacks):
     """The curves of one side in its disk map z, list of (k,) complex: as given, by `detect`, or else the shortest path.
 
     entries as `register.check_curves` returns them. A detected curve is not used where it leaves the disk or misses
-    its endpoints, or crosses itself or another one.
+    its endpoints, crosses itself, or crosses or touches another one between the ends.
     """
     lines, names = [z[entry[side]] for entry in entries], [entry["name"] for entry in entries]
     wanted = [k for k, entry in enumerate(entries) if entry["detect"][side]]
@@ -51,7 +51,7 @@ def guarded_curves(detect, surface, z, entries, side, fallbacks):
     faults = {k: fault for k in wanted if (fault := own_fault(lines[k], z[entries[k][side]]))}
     for pair in combinations([k for k in range(len(lines)) if k not in faults], 2):
         if path_of(lines[pair[0]]).crosses(path_of(lines[pair[1]])):
-            faults |= {k: f"crosses {names[other]!r}" for k, other in (pair, pair[::-1]) if k in wanted}
+            faults |= {k: f"crosses or touches {names[other]!r}" for k, other in (pair, pair[::-1]) if k in wanted}
     for k in wanted:
         lines[k] = detect_curves(surface, z, [entries[k][side]])[0] if k in faults else fill(lines[k])
     fallbacks += [f"LD-Net's {side} curve {names[k]!r} {fault}: shortest path" for k, fault in faults.items()]

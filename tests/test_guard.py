@@ -61,7 +61,7 @@ def test_nothing_is_detected_where_all_is_given():
     (lambda line: line[:-1], "misses its endpoints"),
     (lambda line: line[::-1], "misses its endpoints"),
     (lambda line: np.concatenate([line[:9], [line[2] + 0.02j, line[2] - 0.02j], line[9:]]), "crosses itself"),
-    (lambda line: np.concatenate([line[:9], [line[9] * 1j], line[9:]]), "crosses 'other'"),
+    (lambda line: np.concatenate([line[:9], [line[9] * 1j], line[9:]]), "crosses or touches 'other'"),
 ])
 def test_a_curve_that_wanders_is_replaced_by_the_shortest_path(change, fault):
     entries = [entry("other", spoke(5)), entry("wanderer", spoke(0), True)]
@@ -75,8 +75,8 @@ def test_of_two_detected_curves_that_cross_both_are_replaced():
     crossed = [np.array([spoke(0)[-1], spoke(20)[-1]]), np.array([spoke(10)[-1], spoke(30)[-1]])]
     entries = [entry("one", crossed[0], True), entry("two", crossed[1], True), entry("apart", spoke(36), True)]
     _, fallbacks = guarded(straight(), entries)
-    assert fallbacks == ["LD-Net's moving curve 'one' crosses 'two': shortest path",
-                         "LD-Net's moving curve 'two' crosses 'one': shortest path"]
+    assert fallbacks == ["LD-Net's moving curve 'one' crosses or touches 'two': shortest path",
+                         "LD-Net's moving curve 'two' crosses or touches 'one': shortest path"]
 
 
 def test_curves_that_meet_in_an_endpoint_do_not_cross():

@@ -1,6 +1,7 @@
-"""The live page in a real JupyterLab: a slider moved with the keyboard changes the picture, and the kernel survives."""
+"""The live page in a real JupyterLab: a slider moved with the keyboard changes picture and text, and the kernel survives."""
 
 import os
+import re
 import shutil
 import socket
 import subprocess
@@ -81,6 +82,17 @@ def pictures(page):
     return page.eval_on_selector_all(".jp-OutputArea img", "found => found.map(e => e.src)")
 
 
+STATUS = "[role=status]"
+
+
+def answers(page):
+    """What the page says of each solver's map, name -> sentence, and how many times the fit's loss CP-Net's is."""
+    text = page.locator(STATUS).inner_text()
+    sentences = dict(re.findall(r"^(exact fit|CP-Net): (landmark error .*); certified bijective", text, re.MULTILINE))
+    assert set(sentences) == {"exact fit", "CP-Net"}, text
+    return sentences, float(re.search(r"L_CP of CP-Net is (\S+) times that of exact fit", text)[1])
+
+
 @pytest.mark.parametrize("notebook, label", LIVE_PAGES)
 def test_a_moved_slider_changes_the_picture(browser, lab, notebook, label):
     page = browser.new_page(viewport={"width": 1400, "height": 1600})
@@ -92,14 +104,22 @@ def test_a_moved_slider_changes_the_picture(browser, lab, notebook, label):
     wait_until_idle(page)
 
     pictures_before, number_before = pictures(page), readout.inner_text()
+    text_before, (sentences_before, gap_before) = page.locator(STATUS).inner_text(), answers(page)
     handle.focus()
     page.keyboard.press("ArrowRight")
     page.wait_for_function(
         "before => JSON.stringify([...document.querySelectorAll('.jp-OutputArea img')].map(e => e.src)) !== before",
         arg=page.evaluate("pictures => JSON.stringify(pictures)", pictures_before), timeout=30_000)
+    page.wait_for_function("([place, before]) => document.querySelector(place).innerText !== before",
+                           arg=[STATUS, text_before], timeout=30_000)
 
     assert readout.inner_text() != number_before
     assert pictures(page) != pictures_before
+    sentences, gap = answers(page)
+    assert all(sentences[name] != sentences_before[name] for name in sentences)
+    assert gap > 0 and gap_before > 0
+    described = page.eval_on_selector_all(".jp-OutputArea img", "found => found.map(e => e.alt)")
+    assert any("exact fit: landmark error" in alt and "CP-Net: landmark error" in alt for alt in described)
     assert page.locator(".jp-Dialog:has-text('appears to have died')").count() == 0
     assert page.locator(".jp-OutputArea [data-mime-type='application/vnd.jupyter.error'], .jp-RenderedText[data-mime-type"
                         "='application/vnd.jupyter.stderr']").count() == 0
