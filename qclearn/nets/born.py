@@ -43,9 +43,11 @@ def fit_mobius(f, q, mask, steps=4):
         columns = torch.view_as_real(mobius_columns(w) * mask[..., None]).mT.flatten(1, 2)
         left = torch.view_as_real((q - w) * mask).flatten(1)
         turn, real, imaginary = _least_squares(columns, left[..., None])[..., 0].unbind(1)
-        step = torch.exp(-1j * theta) * torch.complex(real, imaginary)
+        step = torch.complex(real, imaginary)
+        step = step / (2 * step.abs()).clamp(min=1)  # no further than 1/2 at once
+        at_one = mobius(mobius(torch.ones_like(f[:, :1]), a, theta), step, turn)[:, 0]
+        step = torch.exp(-1j * theta) * step
         pole = (step + a) / (1 + a.conj() * step)
-        at_one = mobius(mobius(torch.ones_like(f[:, :1]), a, theta), torch.complex(real, imaginary), turn)[:, 0]
         a, theta = pole, torch.angle(at_one * (1 - pole.conj()) / (1 - pole))
     return a.to(torch.complex64), theta.float()
 

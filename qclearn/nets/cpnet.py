@@ -6,18 +6,26 @@ error that one exact solve on a coarse mesh has measured. Preset `paper` (`cpnet
 
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import nn
 from torch.nn import functional
 
+from ..beltrami import BeltramiError, signed_areas
+from ..diskmesh import boundary_loop
+from ..fit import LandmarkError, check_landmarks, check_weights
 from ..polar import PolarSolver
+from ..surface import SurfaceError
 from .born import Born, PolarGrid, PolarMesh, bounded, fit_mobius, mobius, mobius_columns
+from .cpnet_paper import PaperCPNet
 from .layers import PolarUNet
 from .train import TrainConfig
 
 INSIDE, LOSS = (1e-3, 8), (1e-3, 20)  # tolerance and most steps of the solver inside the network, and in the loss
 
 START, FIELD = 0.1, 0.03  # of the U-Nets' outputs, before the conditions scale them; and of those on the grid
+
+SMALL = 1e-3  # an L_CP / alpha below which the loss asks for no more: where p = q it is 0
 
 
 @dataclass(frozen=True)
@@ -34,6 +42,39 @@ class CPNetConfig:
     most: int = 128  # landmarks
     smooth: tuple = (-2.0, 1.0)  # of beta / alpha
     match: tuple = (2.3, 5.3)  # of gamma / alpha
+    gamma: float = 1e4  # of the paper's, whose alpha and beta are 1
+    curves: int = 8
+    points: int = 10  # of each curve
+    size: int = 64  # of the paper's square, in pixels: that of its DBS-Net
+    widths: tuple = (128, 96, 64, 48, 32)  # channels, from the smallest image to the whole
+
+
+class DiskMesh:
+    """A disk mesh that was found to be one: its faces' centroids (F,), and where a network finds them on its own grid."""
+
+    def __init__(self, z, faces):
+        self.z, self.faces = np.array(z, complex), np.array(faces)
+        rim = abs(self.z[boundary_loop(self.faces)])
+        if not abs(rim - 1).max() < 1e-6:
+            raise SurfaceError(f"the boundary of the mesh is up to {abs(rim - 1).max():.1e} off the unit circle; map it "
+                               "onto the disk first (disk_conformal_map)")
+        flipped = np.flatnonzero(~(signed_areas(self.z, self.faces) > 0))
+        if len(flipped):
+            raise BeltramiError(f"faces {flipped[:5].tolist()} of the disk mesh are not counter-clockwise "
+                                f"({len(flipped)} in all); give an embedded mesh with outward orientation")
+        self.centroids, self.places = self.z[self.faces].mean(1), None
+
+
+def linked(z, faces, last):
+    """The last DiskMesh where the mesh has not changed, which takes no time; otherwise a new one."""
+    same = last is not None and np.array_equal(last.z, z) and np.array_equal(last.faces, faces)
+    return last if same else DiskMesh(z, faces)
+
+
+def check_count(points, most):
+    if len(points) > most:
+        raise LandmarkError(f"{len(points)} landmarks, and CP-Net takes at most {most}: thin the curves, or use "
+                            "fit_landmarks")
 
 
 class ConditionedUNet(PolarUNet):
@@ -78,6 +119,7 @@ class BestCPNet(nn.Module):
         self.one = ConditionedUNet(10, 8, 3, config.first, config.blocks)
         self.two = ConditionedUNet(10, 8, 6, config.second, config.blocks)
         self.register_buffer("spoke", self.grid.z / self.grid.z.abs(), persistent=False)
+        self.link = None
 
     def forward(self, p, q, mask, weights):
         """nu (B, rings, spokes) after both corrections."""
@@ -158,16 +200,38 @@ class BestCPNet(nn.Module):
         radius = self.grid.radius[1:, None].expand_as(self.grid.area * self.grid.z.abs()).expand_as(channels[0])
         return torch.stack([*channels, radius], 1)
 
+    @torch.no_grad()
+    def predict(self, z, faces, moving, target, alpha=1.0, beta=1e-2, gamma=1e5, curve=None):
+        """mu (F,) on a disk mesh z (V,), faces (F, 3) whose map takes `moving` to `target` (M,), as `fit_landmarks`.
+
+        The map is `solve_beltrami_disk(z, faces, mu)` and the best Möbius map after it. Trained for `config.smooth` and
+        `config.match`; beyond these ranges the linearised fit still has the weights, the corrections those of the nearest
+        place inside. curve is not used. LandmarkError for bad landmarks or weights, or more than `config.most`
+        landmarks; BeltramiError or SurfaceError where the mesh is no disk.
+        """
+        moving, target, _ = check_landmarks(moving, target, curve, False)
+        check_weights(alpha, beta, gamma)
+        check_count(moving, self.config.most)
+        self.link = mesh = linked(z, faces, self.link)
+        p, q = (torch.from_numpy(points)[None].to(self.grid.z) for points in (moving, target))
+        weights = torch.tensor([[beta / alpha, gamma / alpha]]).to(self.grid.area)
+        nu = self.grid.with_centre(self(p, q, torch.ones_like(p.real), weights))
+        if mesh.places is None:
+            mesh.places = self.grid.locate(torch.from_numpy(mesh.centroids).to(nu))
+        corners, share = mesh.places
+        return bounded((nu[0, corners] * share).sum(-1)).cpu().numpy().astype(complex)
+
     def loss(self, batch, generator):
         """Mean of log L_CP after both corrections, the maps exact: the second on a finer mesh than the network's."""
         with torch.autocast(batch[0].device.type, enabled=False):
             p, q, mask, weights = self.draw(batch, generator)
         _, one, f, _, two = self.stages(p, q, mask, weights)
         with torch.autocast(p.device.type, enabled=False):
-            first = self.objective(one, self.grid.sample(f, p), q, mask, weights)[0]
+            first = self.objective(one, self.grid.sample(f, p), q, mask, weights)[0] + SMALL
             solver, mesh, corners, share = self.fine
             f = solver.solve(bounded((self.grid.with_centre(two)[:, corners] * share).sum(-1)), *LOSS)
             second, error = self.objective(two, mesh.sample(f, p), q, mask, weights)
+            second = second + SMALL
             loss = (second.log() + 0.3 * first.log()).mean()
         figures = {"first": first.log().mean().item(), "second": second.log().mean().item(),
                    "error": error.mean().item()}
@@ -222,7 +286,8 @@ class Problem:
         self.nu = net.born.field(self.c)
         self.displacement = (q - w) / self.slope
         self.born_displacement = self.linear(self.c)
-        logs = torch.log10(weights)
+        low, high = torch.tensor([net.config.smooth, net.config.match]).to(weights).T
+        logs = torch.log10(weights.clamp(min=1e-12)).clamp(low, high)
         self.conditions = torch.stack([logs[:, 0], logs[:, 1] - 4, torch.log10(mask.sum(1)) - 2], 1)
 
     def linear(self, c):
@@ -231,5 +296,6 @@ class Problem:
         return torch.complex(v[..., 0], v[..., 1])
 
 
-PRESETS = {"best": (BestCPNet, CPNetConfig("best"))}
-TRAINING = {"best": TrainConfig(steps=2_500, batch=16, rate=1e-3, bfloat16=True, validate_every=250)}
+PRESETS = {"paper": (PaperCPNet, CPNetConfig("paper")), "best": (BestCPNet, CPNetConfig("best"))}
+TRAINING = {"paper": TrainConfig(steps=3_000, batch=16, rate=1e-3, bfloat16=True),
+            "best": TrainConfig(steps=4_000, batch=16, rate=1.5e-3, bfloat16=True, validate_every=250)}

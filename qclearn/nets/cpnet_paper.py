@@ -1,0 +1,127 @@
+"""CP-Net as printed: the control's landmarks fixed, those of a subject in, one network for each (alpha, beta, gamma)."""
+
+import numpy as np
+import torch
+from torch import nn
+from torch.nn import functional
+
+from ..fit import LandmarkError, check_landmarks, check_weights
+from ..mobius import best_mobius, mobius, mobius_slope
+from .born import bounded, fit_mobius
+from .born import mobius as mobius_of
+from .losses import L_CP
+
+NEAR = 1e-4  # in the unit disk: targets closer than this to the control's are the control's
+
+
+class PaperCPNet(nn.Module):
+    """Landmarks (B, M) on a subject's disk to mu (B, size, size), rows upwards, on the square of the paper's DBS-Net.
+
+    Each curve passes through an MLP of its own and is reshaped into channels; all are concatenated, and transposed
+    convolutions make the image. The last layer is linear, so that nu may point anywhere; `mu = tanh(|nu|) nu / |nu|`.
+    """
+
+    def __init__(self, config):
+        super().__init__()
+        self.config, groups, first = config, config.curves, config.widths[0]
+        self.side = config.size // 2 ** (len(config.widths) - 1)
+        self.split = first // groups
+        self.groups = nn.ModuleList(
+            nn.Sequential(nn.Linear(2 * config.points, 128), nn.SiLU(), nn.Linear(128, 128), nn.SiLU(),
+                          nn.Linear(128, self.split * self.side ** 2)) for _ in range(groups))
+        pairs = list(zip([groups * self.split, *config.widths[1:-1]], config.widths[1:]))
+        self.up = nn.ModuleList(nn.ConvTranspose2d(a, b, 4, stride=2, padding=1) for a, b in pairs)
+        self.head = nn.Conv2d(config.widths[-1], 2, 3, padding=1)
+        nn.init.normal_(self.head.weight, std=1e-3)
+        nn.init.zeros_(self.head.bias)
+        self.register_buffer("targets", torch.zeros(groups * config.points, dtype=torch.complex64))
+        self.solver, self.link = None, None
+
+    def forward(self, p):
+        """mu (B, size, size) of landmarks (B, M), curve by curve."""
+        p = p - self.targets  # the network need not learn where the control is
+        curves = SCALE * torch.view_as_real(p).unflatten(1, (self.config.curves, -1)).flatten(2)  # (B, curves, 2 points)
+        channels = [group(curve).unflatten(1, (self.split, self.side, self.side))
+                    for group, curve in zip(self.groups, curves.unbind(1))]
+        x = torch.cat(channels, 1)  # (B, curves split, side, side)
+        for layer in self.up:
+            x = functional.silu(layer(functional.silu(x)))
+        nu = self.head(x).float()
+        return bounded(torch.complex(nu[:, 0], nu[:, 1]))
+
+    def loss(self, batch, generator):
+        """L_CP through the paper's DBS-Net, whose map is followed by the best Möbius map, as in `register`."""
+        p, targets = batch
+        self.targets.copy_(targets[0])
+        network = self.dbsnet(p.device)
+        mu = self(p)
+        with torch.autocast(p.device.type, enabled=False):
+            f, _ = network(mu)
+            w = p + self.sample(f - network.mesh.z, p)
+            w = mobius_of(w, *fit_mobius(w, targets, torch.ones_like(p.real)))
+            weights = network.mesh.areas / network.mesh.areas.sum()
+            loss = L_CP(network.mesh, network.on_faces(mu), w, targets, 1.0, 1.0, self.config.gamma, weights=weights)
+            error = (w - targets).abs().mean()
+        return loss.mean(), {"error": error.item(), "mu": mu.abs().mean().item()}
+
+    def dbsnet(self, device):
+        """The paper's DBS-Net with its shipped weights, fixed; no part of this network's own."""
+        if self.solver is None:
+            from .weights import load
+
+            self.solver = [load("dbsnet", "paper").to(device)]
+        return self.solver[0]
+
+    def sample(self, values, points):
+        """Values (B, V) at the vertices of the square, interpolated at points (B, P) of the disk."""
+        side = self.config.size + 1
+        image = torch.stack([values.real, values.imag], 1).unflatten(2, (side, side))
+        places = square_places(points)[:, None]  # (B, 1, P, 2)
+        found = functional.grid_sample(image, places, align_corners=True)[:, :, 0]
+        return torch.complex(found[:, 0], found[:, 1])
+
+    @torch.no_grad()
+    def predict(self, z, faces, moving, target, alpha=1.0, beta=1.0, gamma=None, curve=None):
+        """mu (F,) on a disk mesh z (V,), faces (F, 3) whose map takes `moving` to the control's landmarks (M,).
+
+        LandmarkError as the preset `best`, and where the targets are not those of its control or the weights not
+        (1, 1, gamma) up to a factor.
+        """
+        from .cpnet import linked
+
+        gamma = alpha * self.config.gamma if gamma is None else gamma
+        moving, target, _ = check_landmarks(moving, target, curve, False)
+        check_weights(alpha, beta, gamma)
+        p = self.in_order(moving, target)
+        if not np.allclose([beta / alpha, gamma / alpha], [1.0, self.config.gamma], rtol=1e-3):
+            raise LandmarkError(f"this network is trained for the weights (1, 1, {self.config.gamma:g}) and was given "
+                                f"({alpha:g}, {beta:g}, {gamma:g}); use the preset best for others")
+        a, theta = best_mobius(p, self.targets.cpu().numpy())
+        self.link = mesh = linked(z, faces, self.link)
+        aligned = torch.from_numpy(mobius(p, a, theta))[None].to(self.targets)
+        mu = self(aligned)
+        places = square_places(torch.from_numpy(mobius(mesh.centroids, a, theta)).to(self.targets))[None, None]
+        image = torch.stack([mu.real, mu.imag], 1)
+        found = functional.grid_sample(image, places, align_corners=False, padding_mode="border")[0, :, 0]
+        slope = mobius_slope(mesh.centroids, a, theta)  # mu of f after M is mu(M) conj(M') / M'
+        return torch.complex(*found).cpu().numpy() * np.conj(slope) / slope
+
+    def in_order(self, moving, target):
+        """The landmarks (M,) in the order of the control's; two curves may share one."""
+        control = self.targets.cpu().numpy()
+        away = abs(control[:, None] - target)
+        nearest = away.argmin(1)
+        if away.min(1).max() > NEAR or away.min(0).max() > NEAR:
+            raise LandmarkError(f"the {len(target)} targets are not the {len(control)} landmarks of the control that this "
+                                "network was trained for; the preset best takes any: load(\"cpnet\")")
+        return moving[nearest]
+
+
+SCALE = 10.0  # of the landmarks' displacements, a few hundredths of the disk
+
+
+def square_places(points):
+    """Places (..., 2) in [-1, 1] on the square, column and row upwards, of complex points of the disk."""
+    size = points.abs().clamp(min=1e-12)
+    square = points * size / torch.maximum(points.real.abs(), points.imag.abs()).clamp(min=1e-12)
+    return torch.view_as_real(square)
