@@ -47,29 +47,42 @@ class PolarSolver:
             self._tables[key] = {name: table.to(like) for name, table in self._tables[None].items()}
         return self._tables[key]
 
-    def solve(self, mu, tolerance=1e-5, limit=100):
+    def solve(self, mu, tolerance=1e-5, limit=100, start=None):
         """The maps f (B, V) with coefficients mu (B, F), f(0) = 0 and f(1) = 1; or (V,) from (F,). Differentiable.
 
         Flux form: `K_ii U = -2 pi e_0`; the boundary fluxes of U give the angles of f_b; `K_ii f_i = -K_ib f_b`.
         Conjugate gradients stop for each sample and system alone: where the residual, in the norm of the inverse of
         the preconditioner, is below `tolerance` times the energy norm of the identity (in the backward pass: times
-        that norm of the gradient), or after `limit` steps. BeltramiError where |mu| < 1 fails.
+        that norm of the gradient), or after `limit` steps. start: maps f like the result, to begin with in place of
+        those of mu = 0. BeltramiError where |mu| < 1 fails.
         """
         if mu.ndim == 1:
-            return self.solve(mu[None], tolerance, limit)[0]
+            return self.solve(mu[None], tolerance, limit, None if start is None else start[None])[0]
         spoke, _, diagonal = weights = self._weights(mu)
         tables = self.tables(spoke)
         stopping = tables, tolerance, limit
         pole, rim = (spoke.new_zeros(len(mu), copies, self.nr - 1, self.nt) for copies in (1, 2))
         pole = torch.cat([torch.full_like(pole[:, :, :1], -2 * torch.pi / self.nt), pole], 2)
-        U, steps_U = Solve.apply(*weights, pole, None, IDENTITY, *stopping)
+        U, f, rest = (None, 0, 0) if start is None else self._begin(start, spoke)
+        U, steps_U = Solve.apply(*weights, pole, U, IDENTITY, *stopping)
         boundary = self._boundary(U[:, 0, -1], spoke[:, -1], diagonal[:, -1])
         pull = spoke[:, None, -1:] * boundary + diagonal[:, None, -1:] * boundary.roll(-1, -1)
-        harmonic = torch.cat([rim, tables["rim"] * boundary.detach()], 2)
-        harmonic = Preconditioner(harmonic, tables)(harmonic)
-        f, steps_f = Solve.apply(*weights, torch.cat([rim, pull], 2), harmonic, IDENTITY, *stopping)
+        harmonic = torch.cat([rim, tables["rim"] * (boundary.detach() - rest)], 2)
+        f = f + Preconditioner(harmonic, tables)(harmonic)
+        f, steps_f = Solve.apply(*weights, torch.cat([rim, pull], 2), f, IDENTITY, *stopping)
         self.iterations = torch.cat([steps_U, steps_f], 1)
         return self.finish(f, boundary)
+
+    def _begin(self, f, spoke):
+        """(U, f, f on the circle) to begin with from maps f (B, V): U = log|f|, at the centre what its row asks for."""
+        rings = f.detach()[:, 1:].view(len(f), self.nr, self.nt)
+        U = rings[:, :-1].abs().clamp(min=torch.finfo(spoke.dtype).tiny).log()
+        fan = spoke.detach()[:, 0]
+        pole = ((fan * U[:, 0]).sum(1) - 2 * torch.pi) / fan.sum(1)
+        U = torch.cat([pole[:, None, None].expand(-1, 1, self.nt), U], 1)
+        centre = f.detach()[:, :1, None].expand(-1, 1, self.nt)
+        parts = torch.view_as_real(torch.cat([centre, rings], 1)).movedim(-1, 1)  # (B, 2, nr + 1, nt)
+        return U[:, None], parts[:, :, :-1].contiguous(), parts[:, :, -1:]
 
     def finish(self, f, boundary):
         """The normalised maps (B, V) from Re f and Im f (B, 2, nr, nt) inside and (B, 2, 1, nt) on the circle."""

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import torch
-from torch import nn
 from torch.nn import functional
 
 from ..polar import IDENTITY, PolarSolver, Preconditioner, Solve, Stencil
 from .dbsnet_paper import PaperDBSNet
-from .layers import PolarUNet
+from .layers import DiskNetwork, PolarFunction, PolarUNet
 from .train import TrainConfig
 
 TOLERANCE = 1e-5  # of the exact maps that the network learns from
@@ -37,7 +36,7 @@ class DBSNetConfig:
     rho: float = 1e-8  # for this size: the right weight falls with the fourth power of the number of pixels
 
 
-class BestDBSNet(nn.Module):
+class BestDBSNet(DiskNetwork):
     """f = z exp(u + iv): first two preconditioned steps, then what a U-Net on the polar mesh adds to u and v.
 
     u = 0 on the circle and v(1) = 0 by construction, so that the boundary stays on the circle, f(0) = 0 and f(1) = 1.
@@ -51,6 +50,21 @@ class BestDBSNet(nn.Module):
         z = torch.from_numpy(self.solver.z[1:]).reshape(1, config.rings, config.spokes)
         self.register_buffer("z", z.to(torch.complex64), persistent=False)
         self.register_buffer("radius", z.abs().float(), persistent=False)
+
+    @property
+    def pixels(self):
+        """The centroids (F,) of the polar mesh."""
+        return self.solver.z[self.solver.faces].mean(1)
+
+    def run(self, mu, steps=0):
+        """The map of mu (F,) on the polar mesh as a function of points, after `steps` more steps of the exact solver."""
+        f = self.refine(torch.from_numpy(mu).to(self.z)[None], steps)
+        return PolarFunction((f[:, 1:].view(self.z.shape) / self.z)[0].cpu().numpy())
+
+    def refine(self, mu, steps, f=None):
+        """The maps (B, V) after `steps` steps of conjugate gradients from f (default: the network's own)."""
+        f = self(mu) if f is None else f
+        return self.solver.solve(mu, 0.0, steps, start=f) if steps else f
 
     def forward(self, mu):
         """The maps f (B, V) of mu (B, F) on the polar mesh."""

@@ -2,11 +2,14 @@
 
 import numpy as np
 import torch
+from scipy import ndimage
 from torch import nn
 from torch.nn import functional
 
-from ..diskmesh import square_disk
+from ..curvature import pixel_centres
+from ..diskmesh import disk_to_square, square_disk, square_to_disk
 from ..fourier import fourier_matrix
+from .layers import DiskNetwork
 from .losses import L_DBSNet, LossMesh
 
 
@@ -76,7 +79,7 @@ class BoundaryRoute(nn.Module):
         return 2 * torch.pi * torch.softmax(self.usual + self.layers(coefficients), -1)
 
 
-class PaperDBSNet(nn.Module):
+class PaperDBSNet(DiskNetwork):
     """The two routes joined in one map of `square_disk(size)`, trained without examples by the corrected L_DBSNet.
 
     One boundary point is fixed, f(1) = 1; f(0) = 0 is held by a shift of the inner coordinates. The paper does not say
@@ -119,6 +122,23 @@ class PaperDBSNet(nn.Module):
             f = self.mesh.z * torch.polar(torch.ones_like(carried), carried)
             f = f.index_add(1, self.inner, shift)
             return f.index_copy(1, self.loop, torch.polar(torch.ones_like(turned), turned)), angles
+
+    @property
+    def pixels(self):
+        """Where the pixels of the square lie in the disk, (size^2,): mu is resampled, not pulled back."""
+        return square_to_disk(pixel_centres(self.config.size)).ravel()
+
+    def run(self, mu):
+        """The map of mu (size^2,) as a function of points: bilinear on the square."""
+        size = self.config.size
+        f, _ = self(torch.from_numpy(mu).to(self.mesh.z).view(1, size, size))
+        moved = (f[0] - self.mesh.z).cpu().numpy().reshape(size + 1, size + 1)
+
+        def function(z):
+            w = (disk_to_square(z) + 1 + 1j) * size / 2
+            return z + ndimage.map_coordinates(moved, [w.imag, w.real], order=1, mode="nearest")
+
+        return function
 
     def on_faces(self, mu):
         """Face values (B, F) of the images mu (B, size, size)."""

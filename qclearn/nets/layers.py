@@ -2,9 +2,15 @@
 
 from itertools import pairwise
 
+import numpy as np
 import torch
+from scipy import ndimage
 from torch import nn
 from torch.nn import functional
+
+from ..beltrami import check_coefficient
+from ..disk import BeltramiDiskSolver
+from ..diskmesh import locate
 
 
 class PolarPad(torch.autograd.Function):
@@ -89,3 +95,56 @@ class PolarUNet(nn.Module):
         for finer, block, skip in zip(reversed(self.finer), reversed(self.up), reversed(kept)):
             x = block(functional.interpolate(finer(x), scale_factor=2.0, mode="nearest") + skip)
         return self.head(functional.silu(x))
+
+
+class DiskNetwork(nn.Module):
+    """A network with a mesh of its own that is used on any disk mesh: coefficients in, maps out, both resampled.
+
+    A subclass offers `pixels`, complex points (P,) at which it wants mu, and `run(mu (P,), **options)`, which gives
+    the map as a function of points of the disk.
+    """
+
+    link = None
+
+    @torch.no_grad()
+    def solve(self, z, faces, mu, **options):
+        """The map f (V,) that the network gives for mu (F,) on a disk mesh z (V,), faces (F, 3); deterministic.
+
+        f(0) = 0, and boundary vertices lie on the circle. Not certified: ask `check_bijective`. BeltramiError for NaN
+        or |mu| >= 1, or faces that are no disk; SurfaceError where the boundary is off the unit circle.
+        """
+        mu = check_coefficient(mu, len(faces))
+        if self.link is None or not self.link.joins(z, faces):
+            self.link = MeshLink(z, faces, self.pixels)
+        z, loop = self.link.z, self.link.loop
+        f = self.run(mu[self.link.face], **options)(z)
+        f[loop] /= abs(f[loop])
+        return f
+
+
+class MeshLink:
+    """Which faces of a disk mesh hold given points, and its boundary; kept as long as the mesh does not change."""
+
+    def __init__(self, z, faces, points):
+        self.z, self.faces = np.array(z, complex), np.array(faces)
+        self.loop = BeltramiDiskSolver(self.z, self.faces).loop  # which refuses what is not a mesh of the disk
+        self.face, _ = locate(self.z, self.faces, points)
+
+    def joins(self, z, faces):
+        return np.array_equal(self.z, z) and np.array_equal(self.faces, faces)
+
+
+class PolarFunction:
+    """The map f(z) = z q(z), q complex values (rings, spokes) at the radii 1/rings ... 1, bilinear in radius and angle.
+
+    Within the first ring the values of that ring hold. (Cubic interpolation is no more accurate and takes longer.)
+    """
+
+    def __init__(self, q):
+        self.rings, self.spokes = q.shape
+        self.q = np.concatenate([q[:1], q])
+        self.q = np.concatenate([self.q, self.q[:, :1]], 1)
+
+    def __call__(self, z):
+        place = [abs(z) * self.rings, np.angle(z) % (2 * np.pi) * self.spokes / (2 * np.pi)]
+        return z * ndimage.map_coordinates(self.q, place, order=1, mode="nearest")

@@ -1,0 +1,140 @@
+"""The paper's losses: zero where they should be, the gradient they claim to be, and the collapse of the printed one."""
+
+import numpy as np
+import pytest
+import torch
+from exact_maps import DISK_MAPS
+from meshes import random_disk, random_mu
+
+from qclearn.beltrami import solve_beltrami, stiffness
+from qclearn.disk import solve_beltrami_disk
+from qclearn.diskmesh import polar_disk, square_disk
+from qclearn.nets.losses import (
+    L_CP,
+    L_LBS,
+    L_LD,
+    L_Boundary,
+    L_DBSNet,
+    L_grad_mu,
+    L_Landmark,
+    L_LBS_printed,
+    L_mu,
+    LossMesh,
+    area,
+    energy,
+)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def one_thread():
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.fixture(scope="module")
+def problem():
+    """A random mesh, a coefficient and its exact map as tensors of one sample."""
+    z, faces = random_disk(0)
+    mu = random_mu(np.random.default_rng(1), z, faces, 0.5)
+    f = solve_beltrami_disk(z, faces, mu)
+    return LossMesh(z, faces, torch.float64), *(torch.from_numpy(x)[None] for x in (mu, f, z)), faces
+
+
+def perturbed(f, size=0.05):
+    rng = np.random.default_rng(2)
+    return f + size * torch.from_numpy(rng.normal(size=f.shape) + 1j * rng.normal(size=f.shape))
+
+
+# L_LBS.
+
+def test_matrix_equals_the_assembled_one(problem):
+    mesh, mu, f, z, faces = problem
+    w = perturbed(f)
+    expected = stiffness(z[0].numpy(), faces, mu[0].numpy()) @ w[0].numpy()
+    np.testing.assert_allclose(mesh.apply(mu, w)[0], expected, atol=1e-12)
+
+
+def test_corrected_loss_is_the_gradient_of_energy_minus_area(problem):
+    mesh, mu, f, *_ = problem
+    w = perturbed(f).requires_grad_()
+    gradient, = torch.autograd.grad((energy(mesh, mu, w) - area(mesh, w)).sum(), w)
+    size = 0.5 * (gradient.real.abs() + gradient.imag.abs()).mean(1)
+    torch.testing.assert_close(L_LBS(mesh, mu, w.detach()), size)
+    energy_alone, = torch.autograd.grad(energy(mesh, mu, w).sum(), w)
+    size = 0.5 * (energy_alone.real.abs() + energy_alone.imag.abs()).mean(1)
+    torch.testing.assert_close(L_LBS_printed(mesh, mu, w.detach()), size)
+
+
+@pytest.mark.parametrize("exact", DISK_MAPS, ids=lambda m: m.name)
+def test_corrected_loss_vanishes_at_discretisation_level_on_exact_maps(exact):
+    """Rows are of order h^2, their truncation error two orders smaller; the printed rows of the boundary of order h."""
+    sizes = []
+    for n in (16, 32):
+        z, faces = square_disk(n)
+        mu, f = (torch.from_numpy(x)[None] for x in (exact.on_faces(z, faces), exact(z)))
+        mesh = LossMesh(z, faces, torch.float64)
+        sizes.append((L_LBS(mesh, mu, f).item(), L_LBS_printed(mesh, mu, f).item()))
+    assert sizes[0][0] > 10 * sizes[1][0] and sizes[0][1] < 5 * sizes[1][1]
+    assert sizes[1][0] < 0.05 * sizes[1][1]  # the printed loss does not vanish at the right map
+
+
+def test_printed_loss_allows_the_collapse_and_the_corrected_one_does_not():
+    """All boundary angles but one shrink, positive and of sum 2 pi, the point 1 is fixed, the interior solved exactly."""
+    z, faces = square_disk(32)
+    mu = DISK_MAPS[1].on_faces(z, faces)
+    mesh, given = LossMesh(z, faces, torch.float64), torch.from_numpy(mu)[None]
+    loop = mesh.loop.numpy()
+    angle = np.angle(DISK_MAPS[1](z[loop]))
+    maps = [solve_beltrami(z, faces, mu, loop, np.exp(1j * share * angle)) for share in (1.0, 0.3, 0.1, 0.01)]
+    printed = [L_LBS_printed(mesh, given, torch.from_numpy(f)[None]).item() for f in maps]
+    assert sorted(printed, reverse=True) == printed and printed[-1] < 0.05 * printed[0]
+    for f in maps:
+        f[abs(z).argmin()] = 0  # the other point that the corrected loss holds
+    corrected = [L_LBS(mesh, given, torch.from_numpy(f)[None]).item() for f in maps]
+    assert min(corrected[1:]) > 20 * corrected[0], (printed, corrected)
+
+
+# The other losses against their printed sums.
+
+def test_boundary_loss_is_least_for_equal_angles():
+    n = 12
+    equal = torch.full((1, n), 2 * np.pi / n, dtype=torch.float64)
+    tilted = equal + torch.linspace(-0.1, 0.1, n, dtype=torch.float64)
+    assert L_Boundary(equal).item() == pytest.approx(n ** 2 / (2 * np.pi))
+    assert L_Boundary(tilted).item() == pytest.approx(float((1 / tilted).sum())) and L_Boundary(tilted) > L_Boundary(equal)
+
+
+def test_dbsnet_loss_weighs_its_parts(problem):
+    mesh, mu, f, *_ = problem
+    angles = torch.rand(1, 5, dtype=torch.float64) + 0.1
+    expected = 2 * L_LBS(mesh, mu, f) + 0.1 * L_Boundary(angles)
+    torch.testing.assert_close(L_DBSNet(mesh, mu, f, angles, 2.0, 0.1), expected)
+    printed = L_DBSNet(mesh, mu, f, angles, 1.0, 0.0, equation=L_LBS_printed)
+    torch.testing.assert_close(printed, L_LBS_printed(mesh, mu, f))
+
+
+def test_point_losses_are_the_printed_sums():
+    x, y = torch.tensor([[1 + 1j, 2.0], [0, 0]]), torch.tensor([[1, 2j], [3, 0]])
+    assert L_LD(x, y).tolist() == [1 + 8, 9]
+    assert L_Landmark(x, y).tolist() == [4.5, 4.5]
+    assert L_Landmark(x, y, torch.tensor([[1, 0], [1, 1]])).tolist() == [1, 4.5]
+    assert L_mu(x).tolist() == [3, 0] and L_mu(x, torch.tensor([0.0, 1.0])).tolist() == [4, 0]
+
+
+def test_gradient_of_a_linear_coefficient_is_exact():
+    """`mu = (1 + 2i) x + i y` has |grad mu|^2 = 5 + 1, where the vertex means do not see the boundary."""
+    z, faces = polar_disk(24, 72)
+    centre = z[faces].mean(1)
+    mesh, mu = LossMesh(z, faces, torch.float64), torch.from_numpy((1 + 2j) * centre.real + 1j * centre.imag)[None]
+    inside = (abs(centre) > 0.2) & (abs(centre) < 0.8)
+    assert L_grad_mu(mesh, mu, torch.from_numpy(inside / inside.sum())).item() == pytest.approx(6, rel=0.02)
+
+
+def test_cp_loss_weighs_its_parts(problem):
+    mesh, mu, f, *_ = problem
+    points, target = f[:, :4], f[:, 4:8]
+    parts = L_mu(mu), L_grad_mu(mesh, mu), L_Landmark(points, target)
+    torch.testing.assert_close(L_CP(mesh, mu, points, target, 2.0, 3.0, torch.tensor([5.0])),
+                               2 * parts[0] + 3 * parts[1] + 5 * parts[2])
