@@ -52,8 +52,8 @@ def guarded_curves(detect, surface, z, entries, side, fallbacks):
     for pair in combinations([k for k in range(len(lines)) if k not in faults], 2):
         if path_of(lines[pair[0]]).crosses(path_of(lines[pair[1]])):
             faults |= {k: f"crosses or touches {names[other]!r}" for k, other in (pair, pair[::-1]) if k in wanted}
-    for k in wanted:
-        lines[k] = detect_curves(surface, z, [entries[k][side]])[0] if k in faults else fill(lines[k])
+    shortest = iter(detect_curves(surface, z, [entries[k][side] for k in sorted(faults)]) if faults else [])
+    lines = [next(shortest) if k in faults else fill(line) if k in wanted else line for k, line in enumerate(lines)]
     fallbacks += [f"LD-Net's {side} curve {names[k]!r} {fault}: shortest path" for k, fault in faults.items()]
     return lines
 

@@ -5,6 +5,7 @@ import warnings
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
+from itertools import pairwise
 
 import numpy as np
 from scipy.sparse import vstack
@@ -186,7 +187,9 @@ def sample_side(surface, z, entries, side, networks, fallbacks):
         ends = [entry[side] for entry in entries if entry["detect"][side]]
         found = iter(detect_curves(surface, z, ends) if ends else [])
         lines = [next(found) if entry["detect"][side] else z[entry[side]] for entry in entries]
-    matrices = [resample(surface, sampling_matrix(z, surface.faces, line), POINTS_PER_CURVE) for line in lines]
+    stops = np.cumsum([0, *map(len, lines)])
+    corners = sampling_matrix(z, surface.faces, np.concatenate(lines))  # of all at once: looking up places is slow
+    matrices = [resample(surface, corners[start:stop], POINTS_PER_CURVE) for start, stop in pairwise(stops)]
     return vstack(matrices).tocsr(), lines
 
 
