@@ -206,6 +206,6 @@ def _derivatives(f, z, corners):
 
 PRESETS = {"paper": (PaperDBSNet, DBSNetConfig("paper")), "best": (BestDBSNet, DBSNetConfig("best"))}
 TRAINING = {
-    "paper": TrainConfig(steps=4000, batch=16, rate=2e-3, warmup=200, bfloat16=True),
+    "paper": TrainConfig(steps=4000, batch=8, rate=2e-3, warmup=200, bfloat16=True),
     "best": TrainConfig(steps=7000, batch=8, rate=1e-3, warmup=200, bfloat16=True, clip=0.3, validate_every=1000),
 }

@@ -1,0 +1,238 @@
+"""DBS-Net: what holds by construction, the exact maps it starts from, learns from and goes on to, and bad input."""
+
+import numpy as np
+import pytest
+import torch
+from meshes import random_disk, random_mu
+
+from qclearn.beltrami import BeltramiError, wirtinger
+from qclearn.bijectivity import flipped_faces
+from qclearn.disk import BeltramiDiskSolver
+from qclearn.diskmesh import polar_disk, square_disk
+from qclearn.fourier import fourier_coefficients
+from qclearn.nets.dbsnet import (
+    BestDBSNet,
+    DBSNetConfig,
+    PaperDBSNet,
+    derivative_error,
+    position_error,
+    two_steps,
+)
+from qclearn.nets.dbsnet_paper import FourierLayer, poisson_matrix
+from qclearn.nets.exact import exact_solve
+from qclearn.nets.layers import PolarPad
+from qclearn.nets.train import TrainConfig, take_step
+from qclearn.surface import SurfaceError
+
+SMALL = {"best": (BestDBSNet, DBSNetConfig("best", rings=8, spokes=16, channels=(8, 16), blocks=1)),
+         "paper": (PaperDBSNet, DBSNetConfig("paper", size=8, frequencies=2))}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def one_thread():
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+def network(preset):
+    """A small network whose last layers are not zero, so that it is far from the identity."""
+    torch.manual_seed(0)
+    net = SMALL[preset][0](SMALL[preset][1])
+    for parameter in net.parameters():
+        if not parameter.any():
+            torch.nn.init.normal_(parameter, std=0.1)
+    return net.eval()
+
+
+def batch(net, count=4, largest=0.5):
+    rng = np.random.default_rng(0)
+    if net.config.preset == "paper":
+        mu = rng.uniform(-0.35, 0.35, (2, count, net.config.size, net.config.size))
+        return torch.from_numpy(mu[0] + 1j * mu[1]).to(torch.complex64) * largest / 0.5
+    mu = [random_mu(rng, net.solver.z, net.solver.faces, largest) for _ in range(count)]
+    return torch.from_numpy(np.array(mu)).to(torch.complex64)
+
+
+# By construction.
+
+@pytest.mark.parametrize("preset", SMALL)
+@pytest.mark.parametrize("mesh", [polar_disk(8, 16), square_disk(10), random_disk(3, 40)], ids=["own", "square", "random"])
+def test_solve_keeps_the_circle_and_the_fixed_points_on_any_mesh(preset, mesh):
+    z, faces = mesh
+    net, mu = network(preset), random_mu(np.random.default_rng(1), z, faces, 0.6)
+    f = net.solve(z, faces, mu)
+    assert f.shape == z.shape and f.dtype == np.complex128 and np.array_equal(f, net.solve(z, faces, mu))
+    boundary = BeltramiDiskSolver(z, faces).loop
+    np.testing.assert_allclose(abs(f[boundary]), 1, atol=1e-12)
+    assert abs(f - z).max() > 0.02  # not the identity
+    for point in (0, 1):
+        np.testing.assert_allclose(f[abs(z - point) < 1e-9], point, atol=1e-6)
+
+
+def test_best_maps_keep_the_circle_before_anything_is_put_right():
+    net = network("best")
+    boundary = net(batch(net))[:, -16:]
+    assert (boundary.abs() - 1).abs().max() < 1e-6 and (boundary[:, 0] - 1).abs().max() < 1e-6
+
+
+def test_potentials_turn_with_the_coefficient_and_so_does_what_the_network_adds():
+    """A turn by whole cells of the coarsest grid: mu'(z) = exp(2ia) mu(z exp(-ia)), U'(z) = U(z exp(-ia))."""
+    net, shift = network("best"), 2
+    mu = batch(net)
+    turned = mu.view(4, -1, 16).roll(shift, -1).flatten(1) * np.exp(4j * np.pi * shift / 16)
+    for U, V in zip(two_steps(net.solver, mu)[1], two_steps(net.solver, turned)[1]):
+        torch.testing.assert_close(V, U.roll(shift, -1), atol=1e-5, rtol=0)
+    x = torch.randn(1, 14, 8, 16)
+    torch.testing.assert_close(net.unet(x.roll(shift, -1)), net.unet(x).roll(shift, -1), atol=1e-5, rtol=0)
+
+
+def test_polar_pad_finds_the_neighbours_of_the_disk():
+    x = torch.randn(2, 3, 4, 6, dtype=torch.float64, requires_grad=True)
+    wide = PolarPad.apply(x)
+    assert torch.equal(wide[..., 1:-1, 0], x[..., -1]) and torch.equal(wide[..., 0, 1], x[..., 0, 3])
+    assert torch.equal(wide[..., -1, 1:-1], x[..., -1, :]) and torch.equal(wide[..., 0, 0], x[..., 0, 2])
+    assert torch.autograd.gradcheck(PolarPad.apply, (x,))
+
+
+def test_paper_routes():
+    net = network("paper")
+    f, angles = net(batch(net))
+    z = net.mesh.z
+    assert angles.min() > 0
+    torch.testing.assert_close(angles.sum(1), torch.full((4,), 2 * torch.pi))
+    torch.testing.assert_close(f[:, net.loop], torch.polar(torch.ones(4, 32), angles.cumsum(1) - angles))
+    assert f[:, z.abs().argmin()].abs().max() < 1e-6 and (f[:, net.loop[0]] == 1).all()
+
+
+def test_paper_starts_at_the_identity_without_its_last_layers():
+    torch.manual_seed(0)
+    net = PaperDBSNet(SMALL["paper"][1])
+    torch.testing.assert_close(net(batch(net))[0], net.mesh.z.repeat(4, 1), atol=1e-6, rtol=0)
+
+
+def test_fourier_layer_starts_as_the_truncated_transform():
+    rng, layer = np.random.default_rng(0), FourierLayer(12, 3)
+    image = rng.normal(size=(12, 12)) + 1j * rng.normal(size=(12, 12))
+    given = torch.from_numpy(image).to(torch.complex64)[None]
+    np.testing.assert_allclose(layer(given)[0].detach(), fourier_coefficients(image, 3), atol=1e-6)
+
+
+def test_poisson_matrix_extends_harmonically():
+    angle = 2 * np.pi * np.arange(64) / 64
+    z = np.array([0, 0.5, 0.3j, -0.6 + 0.2j])
+    np.testing.assert_allclose(np.cos(3 * angle + 1) @ poisson_matrix(z, np.exp(1j * angle)),
+                               (z ** 3 * np.exp(1j)).real, atol=1e-6)
+
+
+@pytest.mark.parametrize("changes", [{"shortcut": False}, {"carry": False}])
+def test_paper_runs_without_its_options(changes):
+    net = PaperDBSNet(DBSNetConfig("paper", size=8, frequencies=2, **changes))
+    loss, _ = net.loss((batch(net),), None)
+    loss.backward()
+    assert loss.isfinite()
+
+
+# Against the exact solver.
+
+def test_start_is_of_second_order():
+    """Halving mu divides the errors of the two approximations by 4 and by 8."""
+    net, errors = BestDBSNet(DBSNetConfig("best", rings=16, spokes=32, channels=(8, 16))), []
+    net.solver.tables(torch.zeros(1, dtype=torch.float64))
+    for largest in (0.2, 0.1):
+        mu = batch(net, 3, largest).to(torch.complex128)
+        exact = net.solver.solve(mu, 1e-12)
+        maps, _, _ = two_steps(net.solver, mu)
+        errors.append([(f - exact).abs().mean().item() for f in maps])
+    first, second, beyond = np.divide(*errors)
+    assert 3 < first < 5.5 and 6 < second < 12 and beyond > 6, (first, second, beyond)
+
+
+@pytest.mark.parametrize("preset", SMALL)
+def test_one_batch_can_be_learnt(preset):
+    net, config = network(preset), TrainConfig(steps=25, batch=4, rate=3e-3, warmup=2)
+    net = net.train()
+    optimiser = torch.optim.AdamW(net.parameters(), 1e-3)
+    data = torch.utils.data.TensorDataset(batch(net))
+    before = net.loss(data.tensors, None)[0].item()
+
+    def objective(given, generator):
+        return net.loss(given, None)
+
+    objective.parameters = net.parameters
+    for step in range(25):
+        take_step(objective, optimiser, data, config, step, 0, 1, torch.device("cpu"))
+    assert net.loss(data.tensors, None)[0].item() < 0.7 * before
+
+
+def test_augmentation_is_drawn_from_the_generator_and_within_bounds():
+    net = network("best")
+    mu = batch(net)
+    one, again, other = (net.rescale(mu, torch.Generator().manual_seed(seed)) for seed in (1, 1, 2))
+    assert torch.equal(one, again) and not torch.equal(one, other) and torch.equal(net.rescale(mu, None), mu)
+    size = torch.cat([one, other]).abs().amax(1)
+    assert size.min() >= 0.05 and size.max() <= 0.6 + 1e-6
+
+
+def test_solver_goes_on_from_a_map():
+    net = network("best")
+    mu = batch(net)
+    exact = net.solver.solve(mu, 1e-6)
+    start = net(mu)
+    z = net.z.flatten()
+    errors = [position_error(net.refine(mu, steps, start), exact, z).mean().item() for steps in (0, 1, 2, 4)]
+    assert sorted(errors, reverse=True) == errors and errors[-1] < 0.05 * errors[0]
+    torch.testing.assert_close(net.solver.solve(mu, 1e-6, start=start), exact, atol=1e-5, rtol=0)
+    warm = net.solver.iterations
+    net.solver.solve(mu, 1e-6)
+    assert (warm < net.solver.iterations).all()
+    np.testing.assert_allclose(net.solve(net.solver.z, net.solver.faces, mu[0].numpy(), steps=8), exact[0], atol=1e-4)
+
+
+def test_derivative_error_is_one_where_a_face_may_fold():
+    net = network("best")
+    mu = batch(net, 1)
+    exact = net.solver.solve(mu, 1e-6)
+    f = exact + 0.02 * torch.from_numpy(np.random.default_rng(0).normal(size=exact.shape))
+    z, faces = net.solver.z, net.solver.faces
+    (e_z, e_zbar), (f_z, f_zbar) = (wirtinger(z, faces, x[0].numpy()) for x in (f - exact, exact))
+    d = (abs(e_z) + abs(e_zbar)) / np.maximum(abs(f_z) - abs(f_zbar), 0.05)
+    size, excess = derivative_error(net.full(f), net.full(exact), net.full_z())
+    assert size.item() == pytest.approx(np.sqrt(np.mean(d ** 2)), rel=1e-3)
+    assert excess.item() == pytest.approx(np.mean(np.maximum(d - 0.5, 0) ** 2), rel=1e-2)
+    folded = flipped_faces(faces, f[0].numpy())
+    assert len(folded) and (d[folded] >= 1 - 1e-5).all()
+
+
+def test_gradient_of_the_exact_solver():
+    z, faces = random_disk(0, 9)
+    solver, rng = BeltramiDiskSolver(z, faces), np.random.default_rng(0)
+    mu = torch.from_numpy(np.array([random_mu(rng, z, faces, 0.5), random_mu(rng, z, faces, 0.3)])).requires_grad_()
+    np.testing.assert_array_equal(exact_solve(solver, mu)[1].detach(), solver.solve(mu[1].detach().numpy()))
+    assert torch.autograd.gradcheck(lambda m: exact_solve(solver, m), (mu,))
+
+
+# Bad input.
+
+@pytest.mark.parametrize("preset", SMALL)
+@pytest.mark.parametrize("value", [np.nan, 1.0, 2j])
+def test_impossible_coefficients_are_refused(preset, value):
+    z, faces = polar_disk(4, 12)
+    mu = np.zeros(len(faces), complex)
+    mu[7] = value
+    with pytest.raises(BeltramiError, match="7"):
+        network(preset).solve(z, faces, mu)
+
+
+@pytest.mark.parametrize("preset", SMALL)
+def test_meshes_that_are_no_disk_are_refused(preset):
+    z, faces = polar_disk(4, 12)
+    net = network(preset)
+    with pytest.raises(SurfaceError, match="off the unit circle"):
+        net.solve(2 * z, faces, np.zeros(len(faces), complex))
+    holed = faces[len(faces) // 3:]
+    with pytest.raises(BeltramiError):
+        net.solve(z, holed, np.zeros(len(holed), complex))
+    with pytest.raises(BeltramiError):
+        net.solve(z, faces, np.zeros(3, complex))
