@@ -1,0 +1,192 @@
+"""DBS-Net on coefficients it has not seen, against the exact solver: accuracy, folds, each route, time."""
+
+import warnings
+
+import numpy as np
+import torch
+
+import qclearn as qc
+from data_synth.fields import KINDS, random_coefficient
+from data_synth.training import SquareFields
+from qclearn.beltrami import signed_areas, solve_beltrami
+from qclearn.bijectivity import RepairWarning
+from qclearn.disk import BeltramiDiskSolver
+from qclearn.diskmesh import square_disk
+from qclearn.nets import WeightsError, build, load
+from qclearn.nets.dbsnet import two_steps
+from qclearn.polar import PolarSolver
+
+from .polar import median_seconds
+
+MESH = 48, 144
+MAPS = 16  # a seed
+EXACT = 1e-6  # the tolerance of the maps that errors are measured against
+
+
+def figures(seeds, quick=False):
+    """Random mu with max|mu| uniform in [0.05, 0.6] on the 48 x 144 polar mesh, both kinds, `MAPS` for each seed."""
+    solver = PolarSolver(*MESH)
+    mu = draw(seeds[:2] if quick else seeds, solver.z, solver.faces, 2 if quick else MAPS)
+    exact = in_batches(lambda part: solver.solve(part, EXACT), mu)
+    nets = networks()
+    result = {"maps": len(mu), "mean_displacement": float(displacement(exact, solver.z).mean()),
+              "superlu": map_figures(superlu(solver, mu), exact, mu, solver)}
+    for name, net in nets.items():
+        maps = np.array([net.solve(solver.z, solver.faces, one) for one in mu])
+        result[name] = map_figures(maps, exact, mu, solver) | {"latency_ms": latency(net, solver, mu[0], quick)}
+        result[name]["samples"] = samples(maps, mu, solver)
+    if "best" in nets:
+        start = in_batches(lambda part: two_steps(solver, part)[0][1], mu)
+        result["start"] = map_figures(start, exact, mu, solver)
+        result["curves"] = {str(count): curves(nets["best"], mu, exact, count, quick) for count in (1, 16)}
+    if "paper" in nets:
+        result["routes"] = routes(nets["paper"], seeds[:2] if quick else seeds, 2 if quick else 4)
+        wide = build("dbsnet", {"preset": "paper", "size": 128})
+        image = torch.zeros(1, 128, 128, dtype=torch.complex64)
+        result["paper"]["latency_128_ms"] = 1e3 * timed(lambda: wide(image), quick)
+    result["latency_ms"] = {
+        "polar": 1e3 * timed(lambda: solver.solve(torch.from_numpy(mu[0]).to(torch.complex64)), quick),
+        "superlu": 1e3 * timed(lambda: superlu(solver, mu[:1]), quick),
+    }
+    return result
+
+
+def networks():
+    """The shipped presets, name -> network."""
+    found = {}
+    for preset in ("best", "paper"):
+        try:
+            found[preset] = load("dbsnet", preset)
+        except WeightsError as error:
+            print(f"without preset {preset}: {error}")
+    return found
+
+
+def draw(seeds, z, faces, count):
+    """Coefficients (B, F), the kinds in turn, map k of a seed decided by the two alone."""
+    return np.array([random_coefficient(z, faces, np.random.default_rng([seed, 97, k]), kind=KINDS[k % 2])
+                     for seed in seeds for k in range(count)])
+
+
+def in_batches(function, mu, size=16):
+    """Maps (B, V) as NumPy, in float32 batches."""
+    with torch.no_grad():
+        parts = torch.from_numpy(mu).to(torch.complex64).split(size)
+        return torch.cat([function(part) for part in parts]).numpy().astype(complex)
+
+
+def superlu(solver, mu):
+    """The factored exact solver's maps (B, V)."""
+    factored = BeltramiDiskSolver(solver.z, solver.faces)
+    return np.array([factored.solve(one) for one in mu])
+
+
+def displacement(exact, z):
+    """Mean distance (B,) that a map moves the vertices, after the best rotation."""
+    turn = exact @ z.conj()
+    return abs(exact - (turn / abs(turn))[:, None] * z).mean(1)
+
+
+def map_figures(maps, exact, mu, solver):
+    """What a set of maps (B, V) of one mesh is worth."""
+    z, faces, areas = solver.z, solver.faces, signed_areas(solver.z, solver.faces)
+    error, moved = abs(maps - exact).mean(1), displacement(exact, z)
+    flipped = np.array([len(qc.check_bijective(z, faces, f).flipped) for f in maps])
+    measured = np.array([abs(qc.beltrami_coefficient(z, faces, f) - one) for f, one in zip(maps, mu)])
+    weights = np.bincount(faces.ravel(), np.repeat(areas, 3), len(z))
+    weighted = abs(maps - exact) @ weights / weights.sum() / moved
+    return {
+        "relative_error": float((error / moved).mean()), "pooled_error": float(error.mean() / moved.mean()),
+        "relative_error_quantiles": np.quantile(error / moved, [0.1, 0.5, 0.9, 1.0]).tolist(),
+        "relative_error_by_area": float(weighted.mean()), "largest_error": float(abs(maps - exact).max()),
+        "relative_errors": (error / moved).round(5).tolist(), "largest_mu": abs(mu).max(1).round(4).tolist(),
+        "off_circle": float(abs(abs(maps[:, -MESH[1]:]) - 1).max()),
+        "folded_share": float((flipped > 0).mean()), "flipped_faces": float(flipped.mean()),
+        "folded_share_after_fallback": fallback(maps, flipped, mu, solver),
+        "mu_error": float(measured.mean()), "mu_error_by_area": float((measured @ areas / areas.sum()).mean()),
+    }
+
+
+def fallback(maps, flipped, mu, solver):
+    """Share of maps with a fold once the exact solver has replaced those that had one."""
+    factored, still = BeltramiDiskSolver(solver.z, solver.faces), 0
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RepairWarning)
+        for k in np.flatnonzero(flipped):
+            still += not qc.check_bijective(solver.z, solver.faces, factored.solve(mu[k])).bijective
+    return still / len(maps)
+
+
+def samples(maps, mu, solver):
+    """Histograms of |measured mu - mu| over the faces of three maps, as the paper shows: counts and edges."""
+    edges = np.linspace(0, 0.2, 41)
+    chosen = [0, len(mu) // 3, 2 * len(mu) // 3]
+    errors = [abs(qc.beltrami_coefficient(solver.z, solver.faces, maps[k]) - mu[k]) for k in chosen]
+    return {"edges": edges.tolist(), "counts": [np.histogram(e.clip(max=edges[-1]), edges)[0].tolist() for e in errors],
+            "largest_mu": [float(abs(mu[k]).max()) for k in chosen]}
+
+
+def timed(function, quick):
+    with torch.no_grad():
+        return median_seconds(function, 2 if quick else 15)
+
+
+def latency(net, solver, mu, quick):
+    """Milliseconds of one `solve` on the network's own mesh, resampling included (its tables made before)."""
+    if net.config.preset == "best":
+        z, faces, given = solver.z, solver.faces, mu
+    else:
+        z, faces = net.mesh.z.numpy().astype(complex), net.mesh.faces.numpy()
+        loop = net.mesh.loop.numpy()
+        z[loop] /= abs(z[loop])
+        given = np.full(len(faces), 0.3 + 0j)
+    return 1e3 * timed(lambda: net.solve(z, faces, given), quick)
+
+
+def curves(net, mu, exact, count, quick):
+    """Error against milliseconds a map: plain CG stopped after k steps, the network, the network and j CG steps."""
+    solver, parts = net.solver, torch.from_numpy(mu).to(torch.complex64).split(count)
+    parts = parts[:2] if quick else parts[:max(1, 256 // count)]
+    wanted = exact[:sum(len(part) for part in parts)]
+    methods = {"cg": (lambda part, k: solver.solve(part, 0.0, k), range(1, 4 if quick else 11)),
+               "network": (lambda part, k: net.refine(part, k), range(2 if quick else 7))}
+    result = {}
+    for name, (method, steps) in methods.items():
+        result[name] = []
+        for k in steps:
+            with torch.no_grad():
+                maps = torch.cat([method(part, k) for part in parts]).numpy()
+            relative = abs(maps - wanted).mean(1) / displacement(wanted, solver.z)
+            times = [timed(lambda part=part, k=k, method=method: method(part, k), quick) for part in parts[:3]]
+            result[name].append({"steps": k, "ms": 1e3 * float(np.median(times)) / count, "error": float(relative.mean())})
+    return result
+
+
+def routes(net, seeds, count):
+    """Each route of the paper's network on its own mesh against its exact step.
+
+    boundary: against the harmonic measure (steps 1 and 2 of the flux form); inner: against the Dirichlet solve with the
+    network's own boundary (step 3); whole: against the exact map. Relative to the mean displacement, or the boundary's.
+    """
+    size = net.config.size
+    z, faces = square_disk(size)
+    loop, factored = net.loop.numpy(), BeltramiDiskSolver(z, faces)
+    rows = []
+    for image in square_fields(seeds, count, size):
+        mu = net.on_faces(torch.from_numpy(image)[None])[0].numpy()
+        with torch.no_grad():
+            f = net(torch.from_numpy(image).to(torch.complex64)[None])[0][0].numpy().astype(complex)
+        exact = factored.solve(mu)
+        inner = solve_beltrami(z, faces, mu, loop, f[loop])
+        moved, moved_boundary = displacement(exact[None], z)[0], displacement(exact[None, loop], z[loop])[0]
+        rows.append([abs(f - exact)[loop].mean() / moved_boundary, abs(f - inner).mean() / moved,
+                     abs(f - exact).mean() / moved, len(qc.check_bijective(z, faces, f).flipped) > 0])
+    return dict(zip(("boundary", "inner", "whole", "folded_share"), np.mean(rows, axis=0).tolist())) | {"maps": len(rows)}
+
+
+def square_fields(seeds, count, size):
+    """Images of coefficients as the paper's network is trained on, from other seeds."""
+    for seed in seeds:
+        items = SquareFields(count, 900_000 + seed, size)
+        for k in range(count):
+            yield items[k][0].numpy().astype(complex)
