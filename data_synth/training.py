@@ -18,7 +18,7 @@ from qclearn.mobius import best_mobius, mobius
 from .cohort import hemispheres
 from .datasets import CurveDataset, _Seeded, cached
 from .fields import KINDS, MAX_ABS, dead_leaves, image_coefficient, random_coefficient, smooth_coefficient
-from .landmarks import DiskMaps
+from .landmarks import DiskMaps, Perturbation
 from .template import SULCI
 
 
@@ -87,7 +87,8 @@ class Pairs(_Seeded):
 
     curves: (S, C, DATA_POINTS) complex, each subject in its own disk. `plain`: whole subjects, all curves, ten points a
     curve, aligned by the best Möbius map. Otherwise also subjects mixed of two, some of the curves, other numbers of
-    points, pairs that are not aligned, and targets moved by random maps. logs: log10 of beta / alpha and gamma / alpha.
+    points, pairs that are not aligned, targets moved by random maps, and now and then a subject and itself.
+    logs: log10 of beta / alpha and gamma / alpha.
     """
 
     def __init__(self, count, seed, curves, ranges, plain=False, most=128):
@@ -121,14 +122,46 @@ class Pairs(_Seeded):
         return (1 - share) * first + share * second
 
 
+class ControlPairs(_Seeded):
+    """For the paper's CP-Net: (moving (M,), target (M,)) with the landmarks of one control as the targets.
+
+    moving: the targets moved by a random map, as the paper does, or those of another subject (or of what lies between
+    two), aligned by the best Möbius map. curves, control: (S, C, points) and (C, points) complex.
+    """
+
+    def __init__(self, count, seed, curves, control, moved=0.4):
+        super().__init__(count, seed, curves, control, moved)
+        self.targets, self.moved = control.ravel(), moved
+        self.curves = np.array([mobius(p, *best_mobius(p, self.targets)) for p in curves.reshape(len(curves), -1)])
+        self.perturbation = Perturbation(*polar_disk(32, 96, 1.4), self.targets)
+
+    def draw(self, rng):
+        if rng.random() < self.moved:
+            p, _, _ = self.perturbation.draw(rng, kind=rng.choice(KINDS), max_abs=(0.05, 0.4))
+        else:
+            first, second = rng.permutation(self.curves)[:2]
+            p = first + rng.choice([0, rng.uniform(0, 0.5)]) * (second - first)
+        return mobius(p, *best_mobius(p, self.targets)), self.targets
+
+
 def cpnet(config, folder, quick=False):
-    """Landmark problems for CP-Net: pairs among 96 synthetic subjects, mixed and thinned; validation on 12 others."""
-    seeds, counts = (((1, 2), (3, 4)), (8, 4)) if quick else ((TRAINING_SEEDS, VALIDATION_SEEDS), (3000, 192))
-    names = (f"cpnet-best-{part}{'-quick' if quick else ''}.npz" for part in ("training", "validation"))
-    ranges = (config.smooth, config.match)
-    training, validation = (
-        cached(Pairs(count, 7001 + k, disk_curves(group, folder, quick), ranges, plain=k == 1), f"{folder}/{name}",
-               progress=not quick) for k, (group, count, name) in enumerate(zip(seeds, counts, names)))
+    """Landmark problems for CP-Net: pairs among 96 synthetic subjects, mixed and thinned; validation on 12 others.
+
+    Preset `paper`: those of the first of them as the control, the same examples for every gamma.
+    """
+    groups, counts = (((1, 2), (3, 4)), (8, 4)) if quick else ((TRAINING_SEEDS, VALIDATION_SEEDS), (3000, 192))
+    counts = (1600, 96) if config.preset == "paper" and not quick else counts
+    sets, ranges = [], (config.smooth, config.match)
+    for k, (seeds, count) in enumerate(zip(groups, counts)):
+        curves = disk_curves(seeds, folder, quick)
+        if config.preset == "paper":
+            step = (DATA_POINTS - 1) // (config.points - 1)
+            control = disk_curves(groups[0][:1], folder, quick)[0]
+            sets.append(ControlPairs(count, 7101 + k, curves[:, :, ::step], control[:, ::step], moved=0.4 * (k == 0)))
+        else:
+            sets.append(Pairs(count, 7001 + k, curves, ranges, plain=k == 1))
+    names = (f"cpnet-{config.preset}-{part}{'-quick' if quick else ''}.npz" for part in ("training", "validation"))
+    training, validation = (cached(items, f"{folder}/{name}", progress=not quick) for items, name in zip(sets, names))
     return training, validation
 
 

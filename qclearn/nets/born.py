@@ -88,14 +88,14 @@ class PolarMesh(nn.Module):
         corners = torch.where(ring > 0, 1 + (ring - 1) * self.nt + spoke % self.nt, 0)
         return corners, torch.stack([first, far, 1 - first - far], -1)
 
-    def sample(self, values, points):
-        """Values (B, V) at the mesh's vertices, interpolated linearly at points (B, P)."""
-        corners, weights = self.locate(points)
+    def sample(self, values, places):
+        """Values (B, V) at the mesh's vertices, interpolated linearly at places (B, P) that `locate` found."""
+        corners, weights = places
         return (values.gather(1, corners.flatten(1)).view(corners.shape) * weights).sum(-1)
 
-    def splat(self, values, points):
-        """The transpose of `sample`: real values (B, C, P) at points (B, P) shared out to vertices, (B, C, V)."""
-        corners, weights = self.locate(points)
+    def splat(self, values, places):
+        """The transpose of `sample`: real values (B, C, P) shared out to the vertices, (B, C, V)."""
+        corners, weights = places
         spread = (values[..., None] * weights[:, None]).flatten(2)
         out = values.new_zeros(*values.shape[:2], len(self.mesh[0]))
         return out.scatter_add_(2, corners.flatten(1)[:, None].expand_as(spread), spread)
@@ -113,9 +113,9 @@ class PolarGrid(PolarMesh):
         area = np.bincount(faces.ravel(), np.repeat(signed_areas(z, faces), 3))[1::nt] / 3
         K, first = stiffness(z, faces, np.zeros(len(faces))), np.arange(nr) * nt + 1
         spokes, arcs = -np.asarray(K[first[:-1], first[1:]]).ravel(), -np.asarray(K[first, first + 1]).ravel()
-        vectors, values, angular = _eigenvectors(area, spokes, arcs, nt, modes)
+        radial, values, kept = _eigenvectors(area, spokes, arcs, nt, modes)
         tables = {"z": z[1:].reshape(nr, nt), "area": area[:, None], "spokes": spokes[:, None], "arcs": arcs[:, None],
-                  "vectors": vectors, "values": values, "angular": angular}
+                  "radial": radial, "values": values, "kept": kept}
         for name, table in tables.items():
             self.register_buffer(name, _tensor(table), persistent=False)
 
@@ -138,9 +138,21 @@ class PolarGrid(PolarMesh):
         """(B, nr, nt) as values at the mesh's vertices (B, V)."""
         return torch.cat([nu[:, 0].mean(-1, keepdim=True), nu.flatten(1)], 1)
 
+    def gradients(self, fields):
+        """`E^* fields` (..., modes) of fields (..., nr, nt): gradients with respect to the coefficients."""
+        waves = torch.fft.fft(fields, norm="ortho").movedim(-1, -2)[..., None, :]  # (..., nt, 1, nr)
+        return (waves @ self.radial.to(waves)).flatten(-3)[..., self.kept]
+
     def coefficients(self, nu):
         """Coefficients (B, modes) of a field, those of its projection: `E^* A nu / pi`."""
-        return (nu * self.area).flatten(1) @ self.vectors.mH / torch.pi
+        return self.gradients(nu * self.area) / torch.pi
+
+    def field(self, coefficients):
+        """nu (B, nr, nt) of coefficients (B, modes)."""
+        waves = coefficients.new_zeros(*coefficients.shape[:-1], self.nr * self.nt)
+        waves = waves.index_copy(-1, self.kept, coefficients).unflatten(-1, (self.nt, 1, self.nr))
+        waves = waves @ self.radial.mT.to(waves)  # (..., nt, 1, nr)
+        return torch.fft.ifft(waves[..., 0, :].movedim(-1, -2), norm="ortho")
 
 
 def _square(x):
@@ -155,7 +167,7 @@ def _tensor(table):
 
 
 def _eigenvectors(area, spokes, arcs, nt, count):
-    """The smoothest eigenvectors (count, nr nt) with their eigenvalues and angular modes (count,)."""
+    """Radial parts (nt, nr, nr) of all eigenvectors by angular mode; eigenvalues and places of the smoothest (count,)."""
     nr, inner = len(area), np.arange(len(area) - 1)
     radial = np.zeros((nr, nr))
     radial[inner, inner + 1] = radial[inner + 1, inner] = -spokes
@@ -164,30 +176,40 @@ def _eigenvectors(area, spokes, arcs, nt, count):
     root = 1 / np.sqrt(area)
     matrices = root[:, None] * (radial + angular[:, None, None] * np.diag(arcs)) * root
     values, vectors = np.linalg.eigh(matrices)  # (nt, nr), (nt, nr, nr)
-    mode, order = np.divmod(np.argsort(values, axis=None)[:count], nr)
-    waves = np.exp(2j * np.pi * np.outer(mode, np.arange(nt)) / nt) / np.sqrt(nt)
-    fields = np.sqrt(np.pi) * (root * vectors[mode, :, order])[:, :, None] * waves[:, None]
-    return fields.reshape(count, -1), values[mode, order].clip(min=0), mode
+    kept = np.argsort(values, axis=None, kind="stable")[:count]
+    return np.sqrt(np.pi) * root[:, None] * vectors, values.ravel()[kept].clip(min=0), kept
 
 
 class Born(nn.Module):
-    """Derivatives at mu = 0 of the map at any point of the disk, and the fit's dual step with them."""
+    """Derivatives at mu = 0 of the map at any point of the disk, and the fit's dual step with them.
+
+    one, two (nr, modes): `df = sum conj(one) c + two conj(c)` at the first spoke's nodes for coefficients c of nu.
+    response (V, 2, modes): gradients of Re f and Im f at every vertex.
+    """
 
     def __init__(self, grid):
         super().__init__()
-        self.grid = grid
-        self.register_buffer("response", _tensor(_responses(grid)), persistent=False)  # (V, 2, modes): of Re f, Im f
+        self.grid, (one, two) = grid, _responses(grid)
+        mode = grid.kept.numpy() // grid.nr
+        turn = 2 * np.pi / grid.nt * np.arange(grid.nt)[:, None]
+        # A turn of the disk by t multiplies the two by phases, and each angular mode m of nu.
+        first, second = one[:, None] * np.exp(1j * turn * (1 - mode)), two[:, None] * np.exp(1j * turn * (3 - mode))
+        rows = np.stack([first + second, 1j * (first - second)], 2).reshape(grid.nr * grid.nt, 2, -1)
+        tables = {"one": one.conj(), "two": two, "response": np.concatenate([np.zeros((1, *rows.shape[1:])), rows]),
+                  "waves": np.concatenate([mode - 1, 3 - mode]) % grid.nt}
+        for name, table in tables.items():
+            self.register_buffer(name, _tensor(table), persistent=False)
 
-    def jacobian(self, points):
-        """Gradients of Re f and Im f at points (B, M) with respect to the coefficients of nu: (B, M, 2, modes)."""
-        corners, weights = self.grid.locate(points)
+    def jacobian(self, places):
+        """Gradients of Re f and Im f at places (B, M) with respect to the coefficients of nu: (B, M, 2, modes)."""
+        corners, weights = places
         return (self.response[corners] * weights[..., None, None]).sum(-3)
 
     def moved(self, c):
         """Displacements (B, nr, nt) of the nodes by coefficients c (B, modes), to first order."""
-        nodes = torch.view_as_real(self.response[1:]).flatten(2)  # Re(conj(J) c) is a product of real parts
-        v = torch.einsum("vkn,bn->bvk", nodes, torch.view_as_real(c).flatten(1))
-        return torch.complex(v[..., 0], v[..., 1]).view(-1, self.grid.nr, self.grid.nt)
+        parts = torch.cat([c[:, None] * self.one, c.conj()[:, None] * self.two], 2)  # (B, nr, 2 modes)
+        waves = parts.new_zeros(*parts.shape[:2], self.grid.nt).index_add(2, self.waves, parts)
+        return torch.fft.ifft(waves, norm="forward")
 
     def prepare(self, J, slope, columns, scale, alpha, beta):
         """The linearised fit of landmarks (B, M) with `jacobian` J whose map is followed by one of this slope (B, M).
@@ -218,13 +240,9 @@ class Born(nn.Module):
 
         return step
 
-    def field(self, coefficients):
-        """nu (B, nr, nt) of coefficients (B, modes)."""
-        return (coefficients @ self.grid.vectors).view(-1, self.grid.nr, self.grid.nt)
-
 
 def _responses(grid):
-    """Gradients (V, 2, modes) of Re f and Im f at each vertex, in the gauge f(0) = 0, no mean turn of the circle."""
+    """`one`, `two` (nr, modes) of `Born`, in the gauge f(0) = 0 without a mean turn of the circle."""
     (z, faces), nr, nt = grid.mesh, grid.nr, grid.nt
     solver = BeltramiDiskSolver(z, faces)
     solver.solve(np.zeros(len(faces), complex))
@@ -235,14 +253,8 @@ def _responses(grid):
     imaginary[:, rim] -= z[rings, None] * 1j * z[rim] / nt
     grad_mu = solver.pullback(np.concatenate([real, imaginary]))
     grad_nu = grad_mu @ sampling_matrix(z, faces, z[faces].mean(1))
-    nodal = grad_nu[:, 1:].copy()
-    nodal[:, :nt] += grad_nu[:, :1] / nt
-    vectors, mode = grid.vectors.numpy(), grid.angular.numpy()
-    re, im = (nodal @ vectors.conj().T).reshape(2, nr, -1)
-    # df = sum(conj(one) nu + two conj(nu)): a turn by t multiplies them, and each angular mode m, by phases.
-    one, two = (re - 1j * im) / 2, (re + 1j * im) / 2
-    turn = 2 * np.pi / nt * np.arange(nt)[:, None]
-    one = one[:, None] * np.exp(1j * turn * (1 - mode))
-    two = two[:, None] * np.exp(1j * turn * (3 - mode))
-    rows = np.stack([one + two, 1j * (one - two)], 2).reshape(nr * nt, 2, -1)
-    return np.concatenate([np.zeros((1, *rows.shape[1:])), rows])
+    nodal = grad_nu[:, 1:]
+    nodal[:, :nt] += grad_nu[:, :1] / nt  # the centre is the mean of the first ring
+    fields = torch.from_numpy(nodal.reshape(2 * nr, nr, nt)).to(torch.complex64)
+    re, im = grid.gradients(fields).numpy().reshape(2, nr, -1)
+    return (re - 1j * im) / 2, (re + 1j * im) / 2

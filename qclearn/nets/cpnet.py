@@ -27,6 +27,8 @@ START, FIELD = 0.1, 0.03  # of the U-Nets' outputs, before the conditions scale 
 
 SMALL = 1e-3  # an L_CP / alpha below which the loss asks for no more: where p = q it is 0
 
+STAGES = ("Born step", "first correction", "chord step", "second correction")
+
 
 @dataclass(frozen=True)
 class CPNetConfig:
@@ -120,6 +122,7 @@ class BestCPNet(nn.Module):
         self.two = ConditionedUNet(10, 8, 6, config.second, config.blocks)
         self.register_buffer("spoke", self.grid.z / self.grid.z.abs(), persistent=False)
         self.link = None
+        self.to(memory_format=torch.channels_last)
 
     def forward(self, p, q, mask, weights):
         """nu (B, rings, spokes) after both corrections."""
@@ -151,10 +154,11 @@ class BestCPNet(nn.Module):
         pairs = torch.complex(change[:, ::2], change[:, 1::2])
         fields = torch.stack([pairs[:, 0], pairs[:, 1] * self.spoke], 1)
         fields = torch.cat([fields[:, :, 0].mean(-1, keepdim=True), fields.flatten(2)], 2).flatten(0, 1)
-        gain, vector = self.grid.sample(fields, problem.p.repeat_interleave(2, 0)).unflatten(0, (-1, 2)).unbind(1)
+        twice = [part.repeat_interleave(2, 0) for part in problem.places]
+        gain, vector = self.grid.sample(fields, twice).unflatten(0, (-1, 2)).unbind(1)
         size = ((residual.abs() ** 2).sum(1, keepdim=True) / problem.mask.sum(1, keepdim=True)).sqrt()
         wanted = residual * (1 + gain) + problem.slope * size * vector * problem.mask
-        nu = self.born.field(problem.step((wanted - linear) * problem.scale)[0])
+        nu = self.grid.field(problem.step((wanted - linear) * problem.scale)[0])
         return nu * (1 + FIELD * pairs[:, 2]) + FIELD * pairs[:, 3] * self.spoke ** 2
 
     def first_features(self, problem):
@@ -165,12 +169,12 @@ class BestCPNet(nn.Module):
         return self.stack(channels), problem.conditions
 
     def second_features(self, problem, one, f):
-        parameters = fit_mobius(self.grid.sample(f, problem.p), problem.q, problem.mask)
+        parameters = fit_mobius(self.grid.sample(f, problem.places), problem.q, problem.mask)
         w_all = mobius(f, *parameters)
-        w = self.grid.sample(w_all, problem.p)
+        w = self.grid.sample(w_all, problem.places)
         residual = (w - problem.q) * problem.mask
         linear = problem.slope * problem.linear(self.grid.coefficients(one))
-        chord = self.born.field(problem.step((residual - linear) * problem.scale)[0])
+        chord = self.grid.field(problem.step((residual - linear) * problem.scale)[0])
         moved = (w_all - mobius(self.identity(len(w)), *problem.parameters))[:, 1:].view_as(one)
         channels = [*self.turning(one, 2), *self.turning(chord - one, 2), *self.turning(moved, 1, 5.0),
                     *self.landmarks(problem, -residual, 50.0)]
@@ -193,14 +197,13 @@ class BestCPNet(nn.Module):
     def landmarks(self, problem, values, scale):
         """Complex values at the landmarks and their number, on the grid: three channels."""
         values = torch.stack([scale * values.real, scale * values.imag, problem.mask], 1) * problem.mask[:, None]
-        spread = self.grid.splat(values, problem.p)[:, :, 1:].unflatten(2, self.grid.z.shape)
+        spread = self.grid.splat(values, problem.places)[:, :, 1:].unflatten(2, self.grid.z.shape)
         return *self.turning(torch.complex(spread[:, 0], spread[:, 1]), 1), spread[:, 2]
 
     def stack(self, channels):
         radius = self.grid.radius[1:, None].expand_as(self.grid.area * self.grid.z.abs()).expand_as(channels[0])
         return torch.stack([*channels, radius], 1)
 
-    @torch.no_grad()
     def predict(self, z, faces, moving, target, alpha=1.0, beta=1e-2, gamma=1e5, curve=None):
         """mu (F,) on a disk mesh z (V,), faces (F, 3) whose map takes `moving` to `target` (M,), as `fit_landmarks`.
 
@@ -209,17 +212,23 @@ class BestCPNet(nn.Module):
         place inside. curve is not used. LandmarkError for bad landmarks or weights, or more than `config.most`
         landmarks; BeltramiError or SurfaceError where the mesh is no disk.
         """
-        moving, target, _ = check_landmarks(moving, target, curve, False)
+        return self.answers(z, faces, moving, target, alpha, beta, gamma, ["second correction"])["second correction"]
+
+    @torch.no_grad()
+    def answers(self, z, faces, moving, target, alpha=1.0, beta=1e-2, gamma=1e5, stages=STAGES):
+        """What the named STAGES say, as `predict` does: dict name -> mu (F,)."""
+        moving, target, _ = check_landmarks(moving, target, None, False)
         check_weights(alpha, beta, gamma)
         check_count(moving, self.config.most)
         self.link = mesh = linked(z, faces, self.link)
         p, q = (torch.from_numpy(points)[None].to(self.grid.z) for points in (moving, target))
         weights = torch.tensor([[beta / alpha, gamma / alpha]]).to(self.grid.area)
-        nu = self.grid.with_centre(self(p, q, torch.ones_like(p.real), weights))
+        nu, one, _, chord, two = self.stages(p, q, torch.ones_like(p.real), weights)
         if mesh.places is None:
             mesh.places = self.grid.locate(torch.from_numpy(mesh.centroids).to(nu))
         corners, share = mesh.places
-        return bounded((nu[0, corners] * share).sum(-1)).cpu().numpy().astype(complex)
+        fields = {name: self.grid.with_centre(nu)[0] for name, nu in zip(STAGES, (nu, one, chord, two))}
+        return {name: bounded((fields[name][corners] * share).sum(-1)).cpu().numpy().astype(complex) for name in stages}
 
     def loss(self, batch, generator):
         """Mean of log L_CP after both corrections, the maps exact: the second on a finer mesh than the network's."""
@@ -227,10 +236,10 @@ class BestCPNet(nn.Module):
             p, q, mask, weights = self.draw(batch, generator)
         _, one, f, _, two = self.stages(p, q, mask, weights)
         with torch.autocast(p.device.type, enabled=False):
-            first = self.objective(one, self.grid.sample(f, p), q, mask, weights)[0] + SMALL
+            first = self.objective(one, self.grid.sample(f, self.grid.locate(p)), q, mask, weights)[0] + SMALL
             solver, mesh, corners, share = self.fine
             f = solver.solve(bounded((self.grid.with_centre(two)[:, corners] * share).sum(-1)), *LOSS)
-            second, error = self.objective(two, mesh.sample(f, p), q, mask, weights)
+            second, error = self.objective(two, mesh.sample(f, mesh.locate(p)), q, mask, weights)
             second = second + SMALL
             loss = (second.log() + 0.3 * first.log()).mean()
         figures = {"first": first.log().mean().item(), "second": second.log().mean().item(),
@@ -279,11 +288,12 @@ class Problem:
         w = mobius(p, a, theta)
         self.slope = torch.exp(1j * theta)[:, None] * (1 - a.abs() ** 2)[:, None] / (1 - a.conj()[:, None] * p) ** 2
         self.scale = (g / mask.sum(1)).sqrt()[:, None] * mask
-        self.J = net.born.jacobian(p)
+        self.places = net.grid.locate(p)
+        self.J = net.born.jacobian(self.places)
         self.step = net.born.prepare(self.J, self.slope, mobius_columns(w), self.scale, torch.ones_like(b), b)
         self.residual = (w - q) * mask
         self.c, self.promised = self.step(self.residual * self.scale)
-        self.nu = net.born.field(self.c)
+        self.nu = net.grid.field(self.c)
         self.displacement = (q - w) / self.slope
         self.born_displacement = self.linear(self.c)
         low, high = torch.tensor([net.config.smooth, net.config.match]).to(weights).T

@@ -1,0 +1,304 @@
+"""CP-Net: the linearised landmark fit it starts from, its symmetries, what holds by construction, and bad input."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from data_synth.training import DATA_POINTS, ControlPairs, Pairs
+from qclearn.beltrami import BeltramiError
+from qclearn.diskmesh import polar_disk, square_disk
+from qclearn.fit import Forward, GaussNewton, LandmarkError, Landmarks, fit_landmarks, sampling_matrix
+from qclearn.guard import exact_map
+from qclearn.mobius import best_mobius, mobius, mobius_slope
+from qclearn.nets.born import Born, PolarGrid, PolarMesh, bounded, fit_mobius, mobius_columns
+from qclearn.nets.cpnet import STAGES, BestCPNet, CPNetConfig
+from qclearn.nets.cpnet_paper import PaperCPNet
+from qclearn.nets.dbsnet import DBSNetConfig, PaperDBSNet
+from qclearn.nets.train import TrainConfig, train
+from qclearn.polar import PolarSolver
+from qclearn.surface import SurfaceError
+
+SMALL = CPNetConfig("best", rings=12, spokes=36, modes=300, first=(8, 16), second=(8, 16), blocks=1)
+PAPER = CPNetConfig("paper", curves=2, points=4, size=16, widths=(8, 8, 8))
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+@pytest.fixture(scope="module")
+def grid():
+    return PolarGrid(12, 36, modes=12 * 36)
+
+
+@pytest.fixture(scope="module")
+def born(grid):
+    return Born(grid)
+
+
+@pytest.fixture(scope="module")
+def net():
+    torch.manual_seed(0)
+    return BestCPNet(SMALL).eval()
+
+
+@pytest.fixture(scope="module")
+def landmarks():
+    """Two curves and where a twist takes them, six points each."""
+    t = np.linspace(-1, 1, 6)
+    p = np.concatenate([0.4 + 0.25j * t, -0.3 - 0.1j + 0.25 * t])
+    return p, p * np.exp(0.25j * (1 - abs(p) ** 2)) + 0.02
+
+
+def tensors(*arrays):
+    kinds = {"c": torch.complex64, "f": torch.float32}
+    return [torch.as_tensor(array).to(kinds[array.dtype.kind])[None] for array in arrays]
+
+
+def test_points_are_located_in_closed_form():
+    mesh, rng = PolarMesh(5, 12), np.random.default_rng(0)
+    z = mesh.mesh[0]
+    points = np.sqrt(rng.random(200)) * np.exp(2j * np.pi * rng.random(200)) * 0.96  # within the chords
+    (located,) = tensors(points)
+    corners, weights = mesh.locate(located)
+    np.testing.assert_allclose((z[corners[0]] * weights[0].numpy()).sum(-1), points, atol=1e-6)
+    assert weights.min() > -1e-6
+    rim = mesh.sample(*tensors(z), mesh.locate(torch.tensor([[1.0, 1j, np.exp(1.3j)]]).to(torch.complex64)))
+    np.testing.assert_allclose(rim[0, :2].numpy(), [1, 1j], atol=1e-6)
+    assert abs(np.angle(rim[0, 2].item()) - 1.3) < 0.02
+
+
+def test_splat_is_the_transpose_of_sample():
+    mesh, generator = PolarMesh(4, 9), torch.Generator().manual_seed(0)
+    points = torch.polar(torch.rand(2, 7, generator=generator), 6 * torch.rand(2, 7, generator=generator))
+    values, loads = torch.randn(2, 37, generator=generator), torch.randn(2, 1, 7, generator=generator)
+    places = mesh.locate(points)
+    sampled, spread = mesh.sample(values, places), mesh.splat(loads, places)
+    torch.testing.assert_close((sampled * loads[:, 0]).sum(1), (spread[:, 0] * values).sum(1))
+
+
+def test_the_prior_is_diagonal_in_the_coefficients(grid):
+    c = torch.view_as_complex(torch.randn(2, 432, 2, generator=torch.Generator().manual_seed(0)))
+    nu = grid.field(c)
+    torch.testing.assert_close(grid.coefficients(nu), c, rtol=1e-3, atol=1e-3)
+    size, slope = grid.terms(nu)
+    torch.testing.assert_close(size, (c.abs() ** 2).sum(1), rtol=1e-3, atol=0)
+    torch.testing.assert_close(slope, (grid.values * c.abs() ** 2).sum(1), rtol=1e-3, atol=0)
+
+
+def test_the_response_is_the_derivative_of_the_exact_map(grid, born):
+    generator = torch.Generator().manual_seed(1)
+    points = torch.polar(0.9 * torch.rand(1, 20, generator=generator), 6 * torch.rand(1, 20, generator=generator))
+    c = torch.zeros(1, 432, dtype=torch.complex64)
+    c[0, :40] = torch.view_as_complex(torch.randn(40, 2, generator=generator)) * 3e-4
+    solver, places = PolarSolver(12, 36, 1.4), grid.locate(points)
+    mu = bounded(grid.on_faces(grid.field(c))).to(torch.complex128)
+    moved = solver.solve(mu, 1e-9) - torch.from_numpy(solver.z)
+    J = torch.einsum("bmkn,bn->bmk", born.jacobian(places).conj(), c).real
+    for linear, exact, at in ((torch.complex(J[..., 0], J[..., 1]), grid.sample(moved, places), points),
+                              (born.moved(c).flatten(1), moved[:, 1:], grid.z.flatten()[None])):
+        columns = mobius_columns(at.to(torch.complex128))
+        columns = torch.view_as_real(columns).mT.flatten(1, 2)
+        one, two = (torch.view_as_real(x.to(torch.complex128)).flatten(1)[..., None] for x in (linear, exact))
+        both = torch.cat([one, two], 2)
+        both = both - columns @ torch.linalg.lstsq(columns, both).solution  # f(0) = 0, f(1) = 1 is another gauge
+        assert (both[..., 0] - both[..., 1]).norm() < 0.02 * both[..., 1].norm()
+
+
+def test_the_born_step_is_the_first_step_of_the_fit(net, landmarks):
+    p, q = landmarks
+    q = mobius(q, *best_mobius(q, p))
+    z, faces = polar_disk(12, 36, 1.4)
+    newton = GaussNewton(z, faces, Landmarks(q, None, False), 1.0, 0.1)
+    forward = Forward(z, faces, p, sampling_matrix(z, faces, z[faces].mean(1)))
+    zero = np.zeros(len(z), complex)
+    change, *_, promised = newton.prepare(zero, forward, (0j, 0.0), 1e3)(zero, p)
+    fit = np.array(forward.to_faces @ change)
+    born = net.answers(z, faces, p, q, 1.0, 0.1, 1e3)["Born step"]
+    assert abs(np.arctanh(abs(born)) * born / abs(born) - fit).max() < 0.1 * abs(fit).max()
+    assert promised < 0.9 * 1e3 * (abs(p - q) ** 2).mean()
+
+
+def test_fit_mobius_is_best_mobius(landmarks):
+    p, _ = landmarks
+    for a, theta in ((0.3 - 0.2j, 2.0), (0.6j, -1.0)):
+        q = mobius(p, a, theta) + 0.01 * p ** 2
+        found = fit_mobius(*tensors(p, q, np.ones(len(p))), steps=8)
+        np.testing.assert_allclose(mobius(p, found[0].item(), found[1].item()), mobius(p, *best_mobius(p, q)), atol=1e-4)
+
+
+def test_an_untrained_network_is_its_closed_form_steps(net, landmarks):
+    z, faces = polar_disk(16, 48, 1.4)
+    answers = net.answers(z, faces, *landmarks, 1.0, 0.1, 1e3)
+    np.testing.assert_allclose(answers["first correction"], answers["Born step"], atol=1e-5)
+    np.testing.assert_allclose(answers["second correction"], answers["chord step"], atol=1e-5)
+    fit = fit_landmarks(z, faces, *landmarks, 1.0, 0.1, 1e3)
+    errors = [exact_map(z, faces, answers[name], *landmarks).landmark_error for name in STAGES[::2]]
+    assert errors[1] < 1.1 * fit.landmark_error < 0.5 * abs(landmarks[0] - landmarks[1]).mean()
+    assert abs(errors[1] - fit.landmark_error) < abs(errors[0] - fit.landmark_error)
+
+
+def stirred(net):
+    """The same network with heads that are no longer 0."""
+    torch.manual_seed(0)
+    other = BestCPNet(net.config).eval()
+    for unet in (other.one, other.two):
+        torch.nn.init.normal_(unet.head.weight, std=0.3)
+    return other
+
+
+def test_a_turn_of_the_disk_turns_the_answer(net, landmarks):
+    p, q = landmarks
+    z, faces = polar_disk(12, 36, 1.4)
+    turn = np.exp(2j * np.pi * 5 / 36)  # by whole spokes
+    for model in (net, stirred(net)):
+        straight, turned = (model.predict(x * z, faces, x * p, x * q, 1.0, 0.1, 1e3) for x in (1, turn))
+        np.testing.assert_allclose(turned, straight * turn ** 2, atol=0.02 * abs(straight).max())
+
+
+def test_absent_landmarks_change_nothing(net, landmarks):
+    model = stirred(net)
+    p, q, mask = tensors(*landmarks, np.ones(12))
+    weights = torch.tensor([[0.1, 1e3]])
+    padded = [torch.cat([x, torch.full_like(x[:, :4], fill)], 1) for x, fill in ((p, 0.3), (q, -0.2), (mask, 0))]
+    torch.testing.assert_close(model(*padded, weights), model(p, q, mask, weights), rtol=1e-3, atol=1e-4)
+
+
+def test_the_answer_is_a_coefficient_on_any_mesh(net, landmarks):
+    model = stirred(net)
+    for z, faces in (square_disk(10), polar_disk(9, 20)):
+        mu = model.predict(z, faces, *landmarks)
+        assert mu.shape == (len(faces),) and mu.dtype == complex and abs(mu).max() < 1
+        np.testing.assert_array_equal(mu, model.predict(z, faces, *landmarks))
+        np.testing.assert_allclose(model.predict(z, faces, *landmarks, 10.0, 0.1, 1e6), mu, atol=1e-5)  # only ratios count
+    for count in (1, 2):
+        mu = model.predict(z, faces, *(x[:count] for x in landmarks))
+        assert np.isfinite(mu).all()
+    assert abs(model.predict(z, faces, landmarks[0][:2], mobius(landmarks[0][:2], 0.1, 0.5))).max() < 1e-3
+
+
+def test_bad_input_is_refused(net, landmarks):
+    p, q = landmarks
+    mesh = square_disk(8)
+    with pytest.raises(LandmarkError, match="closed unit disk"):
+        net.predict(*mesh, 3 * p, q)
+    with pytest.raises(LandmarkError, match="at most 128"):
+        net.predict(*mesh, np.linspace(-0.5, 0.5, 129), np.linspace(-0.4, 0.5, 129))
+    with pytest.raises(LandmarkError, match="gamma"):
+        net.predict(*mesh, p, q, gamma=-1)
+    with pytest.raises(SurfaceError, match="unit circle"):
+        net.predict(0.9 * mesh[0], mesh[1], p, q)
+    with pytest.raises(BeltramiError):
+        net.predict(mesh[0], np.delete(mesh[1], 60, axis=0), p, q)  # a hole inside
+    with pytest.raises(BeltramiError, match="counter-clockwise"):
+        net.predict(mesh[0].conj(), mesh[1], p, q)
+
+
+def problems(count=3, plain=False):
+    rng = np.random.default_rng(0)
+    t = np.linspace(-1, 1, DATA_POINTS)
+    middles = np.array([0.4, -0.35 + 0.3j, -0.1 - 0.45j])
+    curves = middles[:, None] + np.array([0.2j, 0.2, 0.15 - 0.15j])[:, None] * t
+    subjects = np.array([curves + 0.05 * (rng.random((3, 1)) - 0.5) * (1 + 1j) + 0.05 * rng.random() * t for _ in range(4)])
+    return Pairs(count, 1, subjects, (SMALL.smooth, SMALL.match), plain)
+
+
+def test_training_problems_are_masked_aligned_and_inside():
+    moving, target, mask, logs = (torch.stack(column) for column in zip(*problems(6, plain=True)))
+    assert moving.shape == target.shape == mask.shape == (6, 128) and (mask.sum(1) == 30).all()
+    assert moving.abs().max() < 1 and target.abs().max() < 1 and (moving[mask == 0] == 0).all()
+    for p, q in zip(moving.numpy(), target.numpy()):
+        a, theta = best_mobius(p[:30], q[:30])
+        assert abs(a) < 1e-4 and abs(theta) < 1e-4
+    assert (logs >= torch.tensor([-2, 2.3])).all() and (logs <= torch.tensor([1, 5.3])).all()
+
+
+def test_one_batch_is_overfitted(tmp_path):
+    torch.manual_seed(0)
+    model = BestCPNet(SMALL)
+    items = torch.utils.data.TensorDataset(*(torch.stack(column) for column in zip(*problems(2))))
+    model.draw = lambda batch, generator, draw=model.draw: draw(batch, None)  # the same problems at every step
+    before = model.loss(items.tensors, None)[0].item()
+    row = train(model, items, items, TrainConfig(steps=8, batch=2, rate=3e-3, warmup=1, validate_every=8), tmp_path, False)
+    assert row["validation_loss"] < before - 0.01
+
+
+@pytest.fixture(scope="module")
+def paper():
+    torch.manual_seed(0)
+    model = PaperCPNet(PAPER).eval()
+    t = np.linspace(-0.3, 0.3, 4)
+    model.targets.copy_(torch.from_numpy(np.concatenate([0.3 + 1j * t, t - 0.3j])))  # both curves hold 0.3 - 0.3j
+    torch.nn.init.normal_(model.head.weight, std=0.5)
+    model.solver = [PaperDBSNet(DBSNetConfig("paper", size=16, frequencies=2))]
+    return model
+
+
+def moved(paper):
+    q = paper.targets.numpy().astype(complex)
+    p = q * np.exp(0.2j * (1 - abs(q) ** 2))
+    return mobius(p, *best_mobius(p, q)), q
+
+
+def test_the_papers_network_points_anywhere_below_one(paper):
+    p = tensors(*moved(paper))[0]
+    mu = paper(p).detach()
+    assert mu.shape == (1, 16, 16) and 0 < mu.abs().max() < 1
+    with torch.no_grad():
+        for parameter in paper.head.parameters():
+            parameter.neg_()
+        torch.testing.assert_close(paper(p), -mu)  # the last layer is linear: nothing keeps a sign
+        for parameter in paper.head.parameters():
+            parameter.neg_()
+
+
+def test_the_papers_loss_reaches_every_layer_through_dbsnet(paper):
+    p, q = tensors(*moved(paper))
+    loss, figures = paper.loss((p, q), None)
+    loss.backward()
+    assert all(parameter.grad.abs().max() > 0 for parameter in paper.parameters())
+    assert 0 < figures["error"] < 0.2 and not any("solver" in name for name in paper.state_dict())
+    paper.zero_grad()
+
+
+def test_the_papers_network_knows_its_control_alone(paper):
+    p, q = moved(paper)
+    mesh = square_disk(12)
+    mu = paper.predict(*mesh, p[:-1], q[:-1])  # the point that the two curves share, once
+    order = np.array([5, 2, 0, 6, 1, 3, 4])
+    np.testing.assert_array_equal(paper.predict(*mesh, p[order], q[order]), mu)
+    with pytest.raises(LandmarkError, match="preset best"):
+        paper.predict(*mesh, p[:-1], q[:-1] * 0.9)
+    with pytest.raises(LandmarkError, match="preset best"):
+        paper.predict(*mesh, p[:-2], q[:-2])
+    with pytest.raises(LandmarkError, match="1, 1, 10000"):
+        paper.predict(*mesh, p[:-1], q[:-1], gamma=1e5)
+
+
+def test_the_papers_answer_follows_a_mobius_map_before_it(paper):
+    p, q = (x[:-1] for x in moved(paper))
+    z, faces = square_disk(24)
+    a, theta = 0.2 - 0.1j, 0.7
+    before = mobius(z, a, theta)
+    straight = paper.predict(z, faces, p, q)
+    turned = paper.predict(before, faces, mobius(p, a, theta), q)  # the same landmarks on another picture of the disk
+    slope = mobius_slope(z[faces].mean(1), a, theta)
+    np.testing.assert_allclose(turned * slope.conj() / slope, straight, atol=0.05 * abs(straight).max())
+
+
+def test_the_papers_examples_have_one_control():
+    rng = np.random.default_rng(0)
+    control = np.array([[0.3, 0.3 + 0.2j], [-0.3, -0.2 - 0.3j]])
+    curves = control + 0.05 * rng.random((3, 2, 2))
+    examples = ControlPairs(4, 0, curves, control, moved=0.5)
+    for moving, target in examples:
+        np.testing.assert_allclose(target.numpy(), control.ravel(), atol=1e-6)
+        a, theta = best_mobius(moving.numpy(), control.ravel())
+        assert abs(a) < 1e-3 and abs(theta) < 1e-3
+    assert replace(PAPER, gamma=1e5).gamma == 1e5

@@ -1,0 +1,187 @@
+"""CP-Net on pairs of subjects it has not seen, against `fit_landmarks`: every map measured on one polar mesh.
+
+A coefficient's map is the exact solver's on that mesh, followed by the best Möbius map; `L_CP` is that of its measured
+coefficient (`metrics.measured_losses`).
+"""
+
+import time
+from itertools import pairwise
+
+import numpy as np
+
+import qclearn as qc
+from data_synth.cohort import hemispheres
+from qclearn.disk import BeltramiDiskSolver
+from qclearn.diskmesh import polar_disk, square_disk
+from qclearn.fit import Forward, GaussNewton, Landmarks, descend, fit_landmarks, sampling_matrix, start_field
+from qclearn.guard import exact_map
+from qclearn.landmarks import sample_curve
+from qclearn.metrics import measured_losses
+from qclearn.mobius import best_mobius, mobius
+from qclearn.nets import WeightsError, load
+from qclearn.nets.cpnet import STAGES, BestCPNet
+from qclearn.nets.weights import PAPER_GAMMAS
+
+MESH = polar_disk(32, 96, power=1.4)
+POINTS = 10  # on each curve
+NAMED = {"default": (1.0, 1e-2, 1e5), "1e4": (1.0, 1.0, 1e4), "1e5": (1.0, 1.0, 1e5), "2e5": (1.0, 1.0, 2e5)}
+CONTROL = 2001  # of the paper's network: the first of its training subjects
+
+
+def figures(seeds, quick=False):
+    """Ratios to the fit at random and at named weights, the paper's preset, Gauss-Newton from CP-Net, and times."""
+    rng, size = np.random.default_rng(0), 2_500 if quick else 10_000
+    landmarks = dict(zip(seeds[:2] if quick else seeds, curves_of(seeds[:2] if quick else seeds, size)))
+    pairs = list(zip(landmarks, [*list(landmarks)[1:], next(iter(landmarks))]))
+    net = load("cpnet")
+    plain = BestCPNet(net.config).eval()  # its U-Nets say 0: the steps that surround them alone
+    drawn = [(*pair, random_weights(net.config, rng)) for pair in pairs for _ in range(1 if quick else 2)]
+    rows = [compare(net, plain, *aligned(landmarks[a], landmarks[b]), weights) for a, b, weights in drawn]
+    named = {}
+    for name, weights in list(NAMED.items())[:1 if quick else None]:
+        some = pairs[:1] if quick else pairs[:12]
+        named[name] = summary([compare(net, plain, *aligned(landmarks[a], landmarks[b]), weights) for a, b in some])
+    return {"random": summary(rows), "bands": bands(rows), "named": named, "paper": paper(landmarks, size, quick),
+            "ranges": {"beta / alpha": net.config.smooth, "gamma / alpha": net.config.match},
+            "latency_ms": latency(net, *aligned(*list(landmarks.values())[:2])),
+            "rows": [{key: value for key, value in row.items() if key != "seconds"} for row in rows]}
+
+
+def curves_of(seeds, vertices):
+    """Each subject's named curves as landmarks of its disk, POINTS a curve by arc length: list of (M,) complex."""
+    found = []
+    for subject in hemispheres(seeds, vertices):
+        surface = subject.surface
+        z = qc.disk_conformal_map(surface)
+        found.append(np.concatenate([sample_curve(surface, path, POINTS) @ z for path in surface.curves.values()]))
+    return found
+
+
+def aligned(p, q):
+    """The two sides' distinct landmarks (M,), the moving ones after the best Möbius map."""
+    p = mobius(p, *best_mobius(p, q))
+    twice = [np.triu(abs(x[:, None] - x) < 1e-9, 1).any(0) for x in (p, q)]
+    return p[~(twice[0] | twice[1])], q[~(twice[0] | twice[1])]
+
+
+def random_weights(config, rng):
+    """(alpha, beta, gamma), alpha and both ratios over three decades each."""
+    alpha = 10 ** rng.uniform(-1.5, 1.5)
+    return tuple(float(x) for x in (alpha, alpha * 10 ** rng.uniform(*config.smooth), alpha * 10 ** rng.uniform(*config.match)))
+
+
+def compare(net, plain, p, q, weights):
+    """One problem: the fit's loss and landmark error, and what each answer has, as ratios to them."""
+    start = time.perf_counter()
+    fit = fit_landmarks(*MESH, p, q, *weights)
+    seconds = {"fit": time.perf_counter() - start}
+    reference = measured(fit, p, q, weights)
+    start = time.perf_counter()
+    mu = net.predict(*MESH, p, q, *weights)
+    seconds["network"] = time.perf_counter() - start
+    answers = {**net.answers(*MESH, p, q, *weights, STAGES[:-1]), "CP-Net": mu}
+    answers["without the U-Nets"] = plain.predict(*MESH, p, q, *weights)
+    found = {name: exact_map(*MESH, mu, p, q) for name, mu in answers.items()}
+    start = time.perf_counter()
+    found |= polished(mu, p, q, weights)
+    seconds["two steps"] = time.perf_counter() - start
+    return {"weights": list(weights), "before": float(abs(p - q).mean()), "fit": reference["L_CP"],
+            "fit_error": fit.landmark_error, "fit_flipped": len(fit.flipped), "seconds": seconds,
+            "ratio": {name: measured(one, p, q, weights)["L_CP"] / reference["L_CP"] for name, one in found.items()},
+            "error": {name: one.landmark_error for name, one in found.items()},
+            "flipped": {name: len(one.flipped) for name, one in found.items()}}
+
+
+def measured(fit, p, q, weights):
+    mapped = sampling_matrix(*MESH, p) @ fit.f
+    return measured_losses(*MESH, fit.mu, mapped, q, *weights)
+
+
+def polished(mu, p, q, weights, steps=2):
+    """One and two Gauss-Newton steps of the fit from the network's mu, on the mesh: name -> map."""
+    z, faces = MESH
+    newton = GaussNewton(z, faces, Landmarks(q, None, False), *weights[:2])
+    forward = Forward(z, faces, p, sampling_matrix(z, faces, z[faces].mean(1)))
+    nu, found = start_field(z, faces, mu, z), {}
+    forward.map(nu, (0j, 0.0))
+    parameters = best_mobius(forward.points, q)
+    for number in range(1, steps + 1):
+        step = newton.prepare(nu, forward, parameters, weights[2])
+        nu, parameters, _ = descend(newton, forward, step, nu, parameters, weights[2]) or (nu, parameters, None)
+        found[f"CP-Net, then {number} Gauss-Newton"] = exact_map(z, faces, bounded_on_faces(forward, nu), p, q)
+    return found
+
+
+def bounded_on_faces(forward, nu):
+    nu = forward.to_faces @ nu
+    return np.tanh(abs(nu)) * np.exp(1j * np.angle(nu))
+
+
+def summary(rows):
+    """Median and 90th percentile over problems of the ratio of losses, and of that of the landmark errors."""
+    table = {}
+    for name in rows[0]["ratio"]:
+        ratios, errors = [row["ratio"][name] for row in rows], [row["error"][name] for row in rows]
+        relative = np.divide(errors, [row["fit_error"] for row in rows])
+        table[name] = {"median": float(np.median(ratios)), "p90": float(np.quantile(ratios, 0.9)),
+                       "worst": float(max(ratios)), "error_ratio": float(np.mean(errors) / np.mean([row["fit_error"] for row in rows])),
+                       "error_ratio_median": float(np.median(relative)), "error_ratio_p90": float(np.quantile(relative, 0.9)),
+                       "error": float(np.mean(errors)),
+                       "folded": float(np.mean([row["flipped"][name] > 0 for row in rows]))}
+    return {"problems": len(rows), "before": float(np.mean([row["before"] for row in rows])),
+            "fit_error": float(np.mean([row["fit_error"] for row in rows])),
+            "fit_folded": float(np.mean([row["fit_flipped"] > 0 for row in rows])), "answers": table,
+            "seconds": {name: float(np.median([row["seconds"][name] for row in rows])) for name in rows[0]["seconds"]}}
+
+
+def bands(rows, edges=(0, 3, 4, 5, 8)):
+    """CP-Net's median ratio by how stiff the problem is, log10(gamma / beta): list of (low, high, problems, ratios)."""
+    stiff = np.array([np.log10(row["weights"][2] / row["weights"][1]) for row in rows])
+    table = []
+    for low, high in pairwise(edges):
+        inside = [row["ratio"] for row, value in zip(rows, stiff) if low <= value < high]
+        if inside:
+            table.append({"from": low, "to": high, "problems": len(inside),
+                          **{name: float(np.median([ratio[name] for ratio in inside])) for name in inside[0]}})
+    return table
+
+
+def paper(landmarks, vertices, quick):
+    """The paper's preset, one control, against the fit: gamma -> landmark errors; None where no weights are shipped."""
+    target, found = curves_of([CONTROL], vertices if not quick else 10_000)[0], {}
+    for gamma in PAPER_GAMMAS[:1] if quick else PAPER_GAMMAS:
+        try:
+            net = load("cpnet", "paper", gamma)
+        except WeightsError as error:
+            print(f"without the paper's preset: {error}")
+            continue
+        rows = []
+        for moving in list(landmarks.values())[:1 if quick else 12]:
+            p, q = aligned(moving, target)
+            fit = fit_landmarks(*MESH, p, q, 1.0, 1.0, gamma)
+            start = time.perf_counter()
+            mu = net.predict(*MESH, p, q)
+            passed = time.perf_counter() - start
+            answer = exact_map(*MESH, mu, p, q)
+            weights = 1.0, 1.0, gamma
+            rows.append([fit.landmark_error, answer.landmark_error, abs(fit.mu).mean(), abs(answer.mu).mean(),
+                         measured(answer, p, q, weights)["L_CP"] / measured(fit, p, q, weights)["L_CP"], passed,
+                         len(answer.flipped) > 0, abs(p - q).mean()])
+        means = np.mean(rows, axis=0)
+        keys = "fit_error", "error", "fit_mean_abs_mu", "mean_abs_mu", "loss_ratio", "seconds", "folded", "before"
+        found[f"{gamma:.0e}".replace("e+0", "e")] = {**{key: float(x) for key, x in zip(keys, means)}, "problems": len(rows),
+                                                     "error_ratio": float(means[1] / means[0])}
+    return found
+
+
+def latency(net, p, q, repeats=20):
+    """Milliseconds of one call on the square mesh of 128 x 128 cells, the mesh already known; the median and the least."""
+    mesh, passed = square_disk(128), []
+    for _ in range(repeats + 1):
+        start = time.perf_counter()
+        net.predict(*mesh, p, q)
+        passed.append(1e3 * (time.perf_counter() - start))
+    solver, start = BeltramiDiskSolver(*mesh), time.perf_counter()
+    solver.solve(np.zeros(len(mesh[1]), complex))
+    return {"landmarks": len(p), "median": float(np.median(passed[1:])), "least": float(min(passed)),
+            "first": passed[0], "exact_map": 1e3 * (time.perf_counter() - start)}
