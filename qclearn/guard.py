@@ -21,6 +21,7 @@ from .mobius import best_mobius, mobius
 
 ON_VERTEX = 1e-6  # in the unit disk: a curve that ends no farther off its endpoint ends there
 POINTS = 256  # that a detected curve is filled up to, so that its length in space is that on the surface
+TOLERANCE = 2e-3  # landmark error in the disk above which a network's map is refined, unless another is asked for
 MARGIN = 0.9  # of the tolerance: what refinement aims at, as the report also counts points that curves share
 
 

@@ -16,7 +16,7 @@ from .bijectivity import RepairWarning, check_embedding, repair
 from .disk import disk_conformal_map, edge_lengths
 from .diskmesh import locate
 from .fit import LandmarkError, check_weights, sampling_matrix
-from .guard import Networks, bijective_fit, guarded_curves, guarded_map
+from .guard import TOLERANCE, Networks, bijective_fit, guarded_curves, guarded_map
 from .landmarks import check_path, detect_curves, resample, sample_curve
 from .metrics import coefficient_statistics, curve_rows, mean_rows
 from .mobius import best_mobius, mobius
@@ -24,7 +24,6 @@ from .surface import require_disk, require_outward
 
 STAGES = {"exact": 5, "network": 9}
 POINTS_PER_CURVE = 10
-TOLERANCE = 2e-3  # landmark error in the disk above which a network's map is refined, unless another is asked for
 MEETING = 1e-9  # in the unit disk: landmarks closer than this are one point
 CURVE_KEYS = {"name", "moving", "control", "detect"}
 
