@@ -31,6 +31,7 @@ class DBSNetConfig:
     size: int = 64  # of the paper's square, in pixels
     frequencies: int = 8  # the paper's low ones: at most this, either way
     shortcut: bool = True
+    inverse: bool = True  # of the Fourier layer, before the convolutions of the inner route
     carry: bool = True  # the boundary's turn inwards
     eta: float = 1.0
     rho: float = 1e-8  # for this size: the right weight falls with the fourth power of the number of pixels

@@ -28,16 +28,22 @@ class FourierLayer(nn.Module):
 
 
 class InnerRoute(nn.Module):
-    """Fourier coefficients (and, by the shortcut, the image itself) to the inner vertices' (B, 2, size - 1, size - 1)."""
+    """Low frequencies (and, by the shortcut, the image itself) to the inner vertices' (B, 2, size - 1, size - 1).
 
-    def __init__(self, size, shortcut):
+    inverse: the coefficients are first transformed back, to an image of 2k + 1 pixels a side. The paper does not say
+    so, but convolutions and bilinear upsampling mean something for neighbours in space, not in frequency.
+    """
+
+    def __init__(self, size, k, shortcut, inverse):
         super().__init__()
         self.size, wide, narrow = size, 64, 16
+        back = torch.from_numpy(fourier_matrix(2 * k + 1, k)).to(torch.complex64).conj().T * (2 * k + 1)
+        self.register_buffer("back", back if inverse else None, persistent=False)
 
         def conv(channels_in, channels_out):
             return nn.Conv2d(channels_in, channels_out, 3, padding=1)
 
-        self.coarse = nn.ModuleList([conv(2, wide), conv(wide, wide), conv(wide, wide)])
+        self.coarse = nn.ModuleList([conv(2, wide), *(conv(wide, wide) for _ in range(5))])
         self.middle, self.fine = conv(wide, wide // 2), conv(wide // 2, narrow)
         self.shortcut = nn.ModuleList([conv(2, narrow), conv(narrow, narrow)] if shortcut else [])
         self.join = conv(2 * narrow if shortcut else narrow, 2 * narrow)
@@ -46,9 +52,9 @@ class InnerRoute(nn.Module):
         nn.init.zeros_(self.head.bias)
 
     def forward(self, coefficients, mu):
-        x = coefficients  # (B, 2, 2k + 1, 2k + 1)
-        for layer in self.coarse:
-            x = functional.silu(layer(x))
+        x = self.coarse[0](coefficients)  # (B, 2, 2k + 1, 2k + 1)
+        for layer in self.coarse[1:]:
+            x = x + layer(functional.silu(x))
         for layer, size in ((self.middle, self.size // 2), (self.fine, self.size)):
             x = functional.interpolate(x, size=(size, size), mode="bilinear", align_corners=False)
             x = functional.silu(layer(x))
@@ -102,16 +108,17 @@ class PaperDBSNet(DiskNetwork):
         for name, table in tables.items():
             self.register_buffer(name, torch.from_numpy(table), persistent=False)
         self.fourier = FourierLayer(config.size, config.frequencies)
-        self.inner_route = InnerRoute(config.size, config.shortcut)
+        self.inner_route = InnerRoute(config.size, config.frequencies, config.shortcut, config.inverse)
         self.boundary_route = BoundaryRoute(2 * (2 * config.frequencies + 1) ** 2, torch.from_numpy(usual).float())
 
     def forward(self, mu):
         """(f (B, V), angles (B, 4 size)) of images mu (B, size, size): rows upwards, pixels are the cells of the mesh."""
         with torch.autocast(mu.device.type, enabled=False):
-            low = 10 * self.fourier(mu)
-            low = torch.stack([low.real, low.imag], 1)
-            image = torch.stack([mu.real, mu.imag], 1)
-        shift = self.inner_route(low, image)
+            low = self.fourier(mu)
+            back = self.inner_route.back
+            small = 10 * low if back is None else back @ low @ back.T
+            low, small, image = (torch.stack([x.real, x.imag], 1) for x in (10 * low, small, mu))
+        shift = self.inner_route(small, image)
         with torch.autocast(mu.device.type, enabled=False):  # coordinates need all their digits: the loss differentiates
             angles = self.boundary_route(low.flatten(1))
             shift = 0.1 * self.inner_route.last(shift.float()).flatten(2)
