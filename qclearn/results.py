@@ -1,0 +1,169 @@
+"""The benchmark's results file: its journal while it grows, its schema, and means over subjects."""
+
+import json
+import os
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+
+from .files import write_whole
+from .surface import SurfaceError
+
+SCHEMA_VERSION = 1  # raise it when a field's meaning changes, so that old files are not read as new ones
+
+
+class BenchmarkError(ValueError):
+    """A benchmark that cannot be run, resumed, written or read: says what, where and what to do."""
+
+
+class Journal:
+    """Rows that are kept as they come, a line of JSON each, in `OUT.partial` beside the results file.
+
+    The first line holds the run's settings. A journal that is there is gone on with: `rows` are those it has. Its last
+    line may be torn, where a run was killed while it wrote; that row is dropped.
+    """
+
+    def __init__(self, out, settings):
+        self.out, self.path = Path(out), Path(f"{out}.partial")
+        self.rows, whole = [], b""
+        self.settings = plain(settings)
+        head = {"schema_version": SCHEMA_VERSION, "settings": self.settings}
+        if self.path.is_file():
+            whole = self.read()
+            self.resume(whole, head)
+        if not whole:
+            self.append_line(head)
+
+    def read(self):
+        """The journal's whole lines, what is torn cut off."""
+        data = self.path.read_bytes()
+        whole = data[:data.rfind(b"\n") + 1]
+        if len(whole) < len(data):
+            os.truncate(self.path, len(whole))
+        return whole
+
+    def resume(self, whole, head):
+        try:
+            lines = [json.loads(line) for line in whole.splitlines()]
+        except (ValueError, UnicodeDecodeError) as error:
+            raise BenchmarkError(f"{self.path}: not a journal of this program ({error}); move it away, or give another "
+                                 "--out") from None
+        if not lines:
+            return
+        check_version(self.path, lines[0])
+        there = lines[0].get("settings", {})
+        differ = sorted(key for key in set(head["settings"]) | set(there) if there.get(key) != head["settings"].get(key))
+        if differ:
+            raise BenchmarkError(f"{self.path}: begun with other settings ({', '.join(differ)} differ): give the same "
+                                 "ones to go on with it, delete it to begin again, or give another --out")
+        self.rows = lines[1:]
+
+    def append(self, row):
+        """Keep a finished row: on disk, or BenchmarkError."""
+        row = plain(row)
+        self.append_line(row)
+        self.rows.append(row)
+
+    def append_line(self, value):
+        line = (json.dumps(value, allow_nan=False) + "\n").encode()
+        try:
+            file = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
+            try:
+                size = os.fstat(file).st_size
+                if os.write(file, line) < len(line):  # one call, so that a line is there or not
+                    os.ftruncate(file, size)
+                    raise OSError("disk full")
+                os.fsync(file)
+            finally:
+                os.close(file)
+        except OSError as error:
+            raise BenchmarkError(f"{self.path}: cannot be written ({error.strerror or error}); what was finished is kept: "
+                                 "make room or choose another folder, and run it again to go on") from None
+
+    def finish(self, provenance):
+        """Write the results file, whole or not at all, and drop the journal: the results."""
+        order = sorted(self.rows, key=lambda row: (row["set"], row["pair"], row["run"]))
+        results = {"schema_version": SCHEMA_VERSION, "settings": self.settings, "provenance": plain(provenance),
+                   "rows": order}
+        write_results(self.out, results)
+        self.path.unlink(missing_ok=True)
+        return results
+
+
+def plain(value):
+    """Numbers, lists and dicts as JSON knows them; NaN and infinite become None."""
+    if isinstance(value, dict):
+        return {str(name): plain(inner) for name, inner in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [plain(inner) for inner in value]
+    if isinstance(value, (np.bool_, np.integer, np.floating)):
+        value = value.item()
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def write_results(path, results):
+    """Write a checked results file, whole or not at all; BenchmarkError if it cannot be."""
+    check_schema(path, results)
+    try:
+        write_whole(Path(path), lambda place: place.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8"))
+    except SurfaceError as error:
+        raise BenchmarkError(str(error)) from None
+
+
+def read_results(path):
+    """A results file as nested dicts and lists, checked against the schema; BenchmarkError if it is none of this version."""
+    try:
+        results = json.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise BenchmarkError(f"{path}: cannot be read ({error.strerror}); check the name") from None
+    except (ValueError, RecursionError) as error:
+        raise BenchmarkError(f"{path}: not a JSON file ({error}); give a file that `qclearn benchmark` wrote") from None
+    check_version(path, results)
+    check_schema(path, results)
+    return results
+
+
+def check_version(path, results):
+    version = results.get("schema_version") if isinstance(results, dict) else None
+    if version != SCHEMA_VERSION:
+        found = "no results of this program" if version is None else f"results of schema version {version}"
+        raise BenchmarkError(f"{path}: {found}; this version reads {SCHEMA_VERSION}: run the benchmark again, or use the "
+                             "version that wrote the file")
+
+
+def schema():
+    """The JSON schema of a results file; each field's description says what it is, with units."""
+    return json.loads(files("qclearn").joinpath("benchmark.schema.json").read_text(encoding="utf-8"))
+
+
+def check_schema(path, results):
+    try:
+        from jsonschema import Draft202012Validator
+    except ModuleNotFoundError:
+        raise ImportError("the benchmark needs jsonschema: pip install 'qclearn[benchmark]'") from None
+    error = next(Draft202012Validator(schema()).iter_errors(results), None)
+    if error:
+        raise BenchmarkError(f"{path}: not a valid results file: {error.json_path}: {error.message[:200]}; run the "
+                             "benchmark again")
+
+
+def column(rows, run, key):
+    """One figure of one run over its pairs: dict pair -> number, NaN where it failed or has none."""
+    values = {row["pair"]: row for row in rows if row["run"] == run}
+    return {pair: np.nan if row.get(key) is None else float(row[key]) for pair, row in values.items()}
+
+
+def summary(rows):
+    """Per run: how many pairs, failed, certified, and the mean and SD over pairs of its main figures; seconds: median."""
+    table = {}
+    for run in dict.fromkeys(row["run"] for row in rows):
+        own = [row for row in rows if row["run"] == run]
+        done = [row for row in own if row["status"] == "done"]
+        line = {"pairs": len(own), "failed": len(own) - len(done), "certified": sum(row["certified"] for row in done)}
+        for key in ("landmark_error", "mean_abs_mu", "correspondence_sulci_mm"):
+            values = [row[key] for row in done if row.get(key) is not None]
+            line |= {key: float(np.mean(values)) if values else None, f"sd_{key}": float(np.std(values)) if values else None}
+        line["seconds"] = float(np.median([row["seconds"]["map"] for row in done])) if done else None
+        table[run] = line
+    return table

@@ -1,0 +1,147 @@
+"""The benchmark's journal and results file: what is kept, resumed, refused, and what the means are."""
+
+import json
+import os
+
+import numpy as np
+import pytest
+
+from qclearn.results import BenchmarkError, Journal, column, plain, read_results, schema, summary
+
+RUNS = [{"name": "one", "method": "harmonic", "parameters": {}, "landmarks": "given", "sets": ["cohort"],
+         "keep_field": False}]
+SETTINGS = {"sets": ["cohort"], "subjects": 2, "seeds": [1001, 1002], "controls": [1000], "vertices": 1000,
+            "generation": 2, "commit": "c0ffee", "runs": RUNS}
+PROVENANCE = {"commit": "c0ffee", "date": "2026-01-01", "versions": {"qclearn": "0"}, "processors": ["p"], "workers": 1,
+              "threads_per_task": 1, "seconds": 1.0, "resumed": False, "left_out": {}}
+
+
+def row(pair="a", run="one", **figures):
+    """A failed row, or a done one if it has figures: those not given are 0."""
+    base = {"set": "cohort", "pair": pair, "run": run, "method": "harmonic", "parameters": {}, "landmarks": "given"}
+    if not figures:
+        return base | {"status": "failed", "message": "it broke"}
+    stages = ("disk_moving", "disk_control", "landmarks", "map", "pull_back")
+    rest = {"flipped": 0, "bijective": True, "certified": True, "histogram": [0] * 50, "repetitions": 1, "notes": [],
+            "seconds": dict.fromkeys(stages, figures.pop("seconds", 1.0))}
+    needed = schema()["properties"]["rows"]["items"]["then"]["required"]
+    return base | {"status": "done"} | dict.fromkeys(needed, 0.0) | rest | figures
+
+
+@pytest.fixture
+def out(tmp_path):
+    return tmp_path / "results.json"
+
+
+def test_rows_are_on_disk_at_once_and_become_a_results_file_that_is_read_again(out):
+    journal = Journal(out, SETTINGS)
+    journal.append(row("b", landmark_error=np.float64(0.5), max_abs_mu=np.inf, flipped=np.int64(2)))
+    kept = journal.path.read_text().splitlines()
+    assert len(kept) == 2 and json.loads(kept[1])["landmark_error"] == 0.5 and json.loads(kept[1])["max_abs_mu"] is None
+    assert not out.exists()
+    journal.append(row("a"))
+    results = journal.finish(PROVENANCE)
+    assert read_results(out) == results and [entry["pair"] for entry in results["rows"]] == ["a", "b"]
+    assert not journal.path.exists()
+
+
+def test_a_journal_is_gone_on_with_and_a_torn_line_is_dropped(out):
+    journal = Journal(out, SETTINGS)
+    journal.append(row("a", landmark_error=0.1))
+    with open(journal.path, "ab") as file:
+        file.write(b'{"set": "cohort", "pa')
+    again = Journal(out, SETTINGS)
+    assert again.rows == journal.rows
+    again.append(row("b"))
+    assert [entry["pair"] for entry in Journal(out, SETTINGS).rows] == ["a", "b"]
+
+
+def test_a_journal_torn_in_its_first_line_begins_again(out):
+    Journal(out, SETTINGS).path.write_bytes(b'{"schema_ver')
+    assert Journal(out, SETTINGS).rows == []
+    assert Journal(out, SETTINGS).rows == []
+
+
+@pytest.mark.parametrize("changed", ["vertices", "commit", "runs"])
+def test_a_journal_of_other_settings_is_refused(out, changed):
+    Journal(out, SETTINGS)
+    with pytest.raises(BenchmarkError, match=rf"other settings \({changed} differ\)"):
+        Journal(out, SETTINGS | {changed: "another"})
+
+
+def test_a_journal_that_is_none_is_refused_and_left_alone(out):
+    path = Journal(out, SETTINGS).path
+    path.write_text("my notes\n")
+    with pytest.raises(BenchmarkError, match="not a journal"):
+        Journal(out, SETTINGS)
+    assert path.read_text() == "my notes\n"
+    path.write_text('{"schema_version": 7}\n')
+    with pytest.raises(BenchmarkError, match="schema version 7"):
+        Journal(out, SETTINGS)
+
+
+def test_an_unwritable_folder_is_named(tmp_path):
+    with pytest.raises(BenchmarkError, match="cannot be written.*No such file"):
+        Journal(tmp_path / "nowhere" / "results.json", SETTINGS)
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full on this system")
+def test_a_full_disk_is_said(out):
+    out.with_name("results.json.partial").symlink_to("/dev/full")
+    with pytest.raises(BenchmarkError, match="No space left.*run it again to go on"):
+        Journal(out, SETTINGS)
+
+
+def test_a_disk_that_fills_within_a_line_leaves_no_half_of_it(out, monkeypatch):
+    journal = Journal(out, SETTINGS)
+    before, write = journal.path.read_bytes(), os.write
+    monkeypatch.setattr(os, "write", lambda file, data: write(file, data[:20]))
+    with pytest.raises(BenchmarkError, match="disk full"):
+        journal.append(row())
+    assert journal.path.read_bytes() == before
+
+
+@pytest.mark.parametrize("content, message", [
+    (None, "cannot be read"), ("{", "not a JSON file"), ("[1]", "no results of this program"),
+    ('{"schema_version": 99}', "schema version 99; this version reads 1"),
+    ('{"schema_version": 1}', r"not a valid results file: \$: 'settings' is a required property"),
+])
+def test_other_files_are_refused(out, content, message):
+    if content is not None:
+        out.write_text(content)
+    with pytest.raises(BenchmarkError, match=message):
+        read_results(out)
+
+
+def test_the_schema_refuses_rows_without_their_figures(out):
+    journal = Journal(out, SETTINGS)
+    lacking = row(landmark_error=0.1)
+    del lacking["certified"]
+    journal.append(lacking)
+    with pytest.raises(BenchmarkError, match=r"rows\[0\].*'certified' is a required"):
+        journal.finish(PROVENANCE)
+    assert journal.path.exists() and not out.exists()
+
+
+def test_every_field_of_the_schema_is_described():
+    figures = schema()["properties"]["rows"]["items"]["properties"]
+    own = {"set", "pair", "run", "method", "parameters", "landmarks", "status", "message", "seconds"}
+    assert {name for name, entry in figures.items() if "description" not in entry} <= own
+
+
+def test_plain_values_are_json():
+    value = {"a": np.arange(2), "b": (np.float32(0.5), np.nan, True), 3: np.bool_(False)}
+    assert plain(value) == {"a": [0, 1], "b": [0.5, None, True], "3": False}
+    json.dumps(plain(value), allow_nan=False)
+
+
+def test_means_are_over_the_pairs_that_have_a_figure():
+    rows = [row("a", landmark_error=0.2, seconds=1.0, certified=False), row("b", landmark_error=0.4, seconds=5.0),
+            row("c"), row("d", landmark_error=0.3, correspondence_sulci_mm=None, seconds=2.0), row("a", "two")]
+    table = summary(rows)
+    assert table["one"]["pairs"] == 4 and table["one"]["failed"] == 1 and table["one"]["certified"] == 2
+    assert table["one"]["landmark_error"] == pytest.approx(0.3)
+    assert table["one"]["sd_landmark_error"] == pytest.approx(0.1 * np.sqrt(2 / 3))
+    assert table["one"]["seconds"] == 2.0 and table["two"]["seconds"] is None
+    found = column(rows, "one", "correspondence_sulci_mm")
+    assert list(found) == ["a", "b", "c", "d"] and np.isnan([found["c"], found["d"]]).all() and found["a"] == 0
