@@ -1,7 +1,7 @@
 """CP-Net, the coefficient prediction network: landmarks and the weights of `L_CP` to the Beltrami coefficient mu.
 
-Preset `best` starts from the linearised landmark fit (`born`) and corrects it twice, the second time with the landmark
-error that one exact solve on a coarse mesh has measured. Preset `paper` (`cpnet_paper`) is the network as printed.
+Preset `best` starts from the linearised landmark fit (`born`) and corrects it, and corrects it again with the landmark
+error that an exact solve on a coarse mesh has measured. Preset `paper` (`cpnet_paper`) is the network as printed.
 """
 
 from dataclasses import dataclass
@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from torch import nn
-from torch.nn import functional
 
 from ..beltrami import BeltramiError, signed_areas
 from ..diskmesh import boundary_loop
@@ -18,16 +17,15 @@ from ..polar import PolarSolver
 from ..surface import SurfaceError
 from .born import Born, PolarGrid, PolarMesh, bounded, fit_mobius, mobius, mobius_columns
 from .cpnet_paper import PaperCPNet
-from .layers import PolarUNet
+from .layers import ConditionedUNet
 from .train import TrainConfig
 
 INSIDE, LOSS = (1e-3, 8), (1e-3, 20)  # tolerance and most steps of the solver inside the network, and in the loss
 
-START, FIELD = 0.1, 0.03  # of the U-Nets' outputs, before the conditions scale them; and of those on the grid
+FIELD = 0.03  # of the U-Nets' outputs that bend the field itself
 
 SMALL = 1e-3  # an L_CP / alpha below which the loss asks for no more: where p = q it is 0
 
-STAGES = ("Born step", "first correction", "chord step", "second correction")
 
 
 @dataclass(frozen=True)
@@ -41,6 +39,7 @@ class CPNetConfig:
     first: tuple = (16, 32, 64)
     second: tuple = (24, 48, 64)
     blocks: int = 2
+    looks: int = 2  # at the exact map, one more than in training
     most: int = 128  # landmarks
     smooth: tuple = (-2.0, 1.0)  # of beta / alpha
     match: tuple = (2.3, 5.3)  # of gamma / alpha
@@ -79,33 +78,6 @@ def check_count(points, most):
                             "fit_landmarks")
 
 
-class ConditionedUNet(PolarUNet):
-    """The polar U-Net with a scale and a shift of every channel, level by level, from conditions (B, n): FiLM layers."""
-
-    def __init__(self, inputs, outputs, conditions, channels, blocks):
-        super().__init__(inputs, outputs, channels, blocks)
-        self.sizes = [*(2 * size for size in channels), outputs]
-        self.film = nn.Sequential(nn.Linear(conditions, 64), nn.SiLU(), nn.Linear(64, sum(self.sizes)))
-        nn.init.zeros_(self.film[-1].weight)
-        nn.init.zeros_(self.film[-1].bias)
-
-    def forward(self, x, conditions):
-        films = iter(self.film(conditions).split(self.sizes, 1))
-
-        def modulate(x):
-            scale, shift = next(films)[..., None, None].chunk(2, 1)
-            return x * (1 + scale) + shift
-
-        x, kept = modulate(self.stem(x.contiguous(memory_format=torch.channels_last))), []
-        for block, coarser in zip(self.down, self.coarser):
-            kept.append(block(x))
-            x = modulate(coarser(kept[-1]))
-        x = self.bottom(x)
-        for finer, block, skip in zip(reversed(self.finer), reversed(self.up), reversed(kept)):
-            x = block(functional.interpolate(finer(x), scale_factor=2.0, mode="nearest") + skip)
-        return START * torch.exp(next(films))[..., None, None] * self.head(functional.silu(x))
-
-
 class BestCPNet(nn.Module):
     """nu on a polar grid from landmarks p, targets q (B, M) with a mask (B, M), and weights (B, 2).
 
@@ -124,26 +96,33 @@ class BestCPNet(nn.Module):
         self.link = None
         self.to(memory_format=torch.channels_last)
 
-    def forward(self, p, q, mask, weights):
-        """nu (B, rings, spokes) after both corrections."""
-        return self.stages(p, q, mask, weights)[-1]
+    def forward(self, p, q, mask, weights, looks=None):
+        """nu (B, rings, spokes) after `looks` looks (default: the configuration's) at the exact map."""
+        problem, _, nu = self.begin(p, q, mask, weights)
+        for _ in range(self.config.looks if looks is None else looks):
+            _, _, nu = self.look(problem, nu)
+        return nu
 
-    def stages(self, p, q, mask, weights):
-        """What each stage says: Born step, first correction with its map's landmarks, chord step, second correction."""
+    def begin(self, p, q, mask, weights):
+        """The problem, its Born step and the first correction."""
         kind = p.device.type
         with torch.autocast(kind, enabled=False), torch.no_grad():
             problem = Problem(self, p, q, mask, weights)
             features, conditions = self.first_features(problem)
         change = self.one(features, conditions)
         with torch.autocast(kind, enabled=False):
-            one = self.correct(problem, problem.residual, 0.0, change.float())
-            f = self.solver.solve(bounded(self.grid.on_faces(one)), *INSIDE)
+            return problem, problem.nu, self.correct(problem, problem.residual, 0.0, change.float())
+
+    def look(self, problem, nu):
+        """The exact map of nu on the network's mesh, the chord step from there, and the next correction."""
+        kind = problem.p.device.type
+        with torch.autocast(kind, enabled=False):
+            f = self.solver.solve(bounded(self.grid.on_faces(nu)), *INSIDE)
             with torch.no_grad():
-                features, conditions, chord, residual, linear = self.second_features(problem, one.detach(), f.detach())
+                features, conditions, chord, residual, linear = self.second_features(problem, nu.detach(), f.detach())
         change = self.two(features, conditions)
         with torch.autocast(kind, enabled=False):
-            two = self.correct(problem, residual, linear, change.float())
-        return problem.nu, one, f, chord, two
+            return f, chord, self.correct(problem, residual, linear, change.float())
 
     def correct(self, problem, residual, linear, change):
         """The dual step for a corrected residual (B, M), plus a correction of the field itself, from the U-Net's output.
@@ -204,37 +183,52 @@ class BestCPNet(nn.Module):
         radius = self.grid.radius[1:, None].expand_as(self.grid.area * self.grid.z.abs()).expand_as(channels[0])
         return torch.stack([*channels, radius], 1)
 
-    def predict(self, z, faces, moving, target, alpha=1.0, beta=1e-2, gamma=1e5, curve=None):
+    @torch.no_grad()
+    def predict(self, z, faces, moving, target, alpha=1.0, beta=1e-2, gamma=1e5, curve=None, looks=None):
         """mu (F,) on a disk mesh z (V,), faces (F, 3) whose map takes `moving` to `target` (M,), as `fit_landmarks`.
 
         The map is `solve_beltrami_disk(z, faces, mu)` and the best Möbius map after it. Trained for `config.smooth` and
         `config.match`; beyond these ranges the linearised fit still has the weights, the corrections those of the nearest
-        place inside. curve is not used. LandmarkError for bad landmarks or weights, or more than `config.most`
+        place inside. looks: exact maps on the network's mesh in between (default: the configuration's), each better and
+        slower. curve is not used. LandmarkError for bad landmarks or weights, or more than `config.most`
         landmarks; BeltramiError or SurfaceError where the mesh is no disk.
         """
-        return self.answers(z, faces, moving, target, alpha, beta, gamma, ["second correction"])["second correction"]
+        return self.on_mesh(self(*self.problem(z, faces, moving, target, alpha, beta, gamma), looks))
 
     @torch.no_grad()
-    def answers(self, z, faces, moving, target, alpha=1.0, beta=1e-2, gamma=1e5, stages=STAGES):
-        """What the named STAGES say, as `predict` does: dict name -> mu (F,)."""
+    def answers(self, z, faces, moving, target, alpha=1.0, beta=1e-2, gamma=1e5, looks=3):
+        """What `predict` would say after each of its stages: dict name -> mu (F,), in order."""
+        problem, born, nu = self.begin(*self.problem(z, faces, moving, target, alpha, beta, gamma))
+        found = {"Born step": born, "first correction": nu}
+        for number in range(1, looks + 1):
+            _, chord, nu = self.look(problem, nu)
+            found |= {"chord step": chord} if number == 1 else {}
+            found[f"{number} look{'s' * (number > 1)}"] = nu
+        return {name: self.on_mesh(nu) for name, nu in found.items()}
+
+    def problem(self, z, faces, moving, target, alpha, beta, gamma):
+        """Checked input as tensors (1, ...); the mesh is kept in `link`."""
         moving, target, _ = check_landmarks(moving, target, None, False)
         check_weights(alpha, beta, gamma)
         check_count(moving, self.config.most)
-        self.link = mesh = linked(z, faces, self.link)
+        self.link = linked(z, faces, self.link)
         p, q = (torch.from_numpy(points)[None].to(self.grid.z) for points in (moving, target))
-        weights = torch.tensor([[beta / alpha, gamma / alpha]]).to(self.grid.area)
-        nu, one, _, chord, two = self.stages(p, q, torch.ones_like(p.real), weights)
-        if mesh.places is None:
-            mesh.places = self.grid.locate(torch.from_numpy(mesh.centroids).to(nu))
-        corners, share = mesh.places
-        fields = {name: self.grid.with_centre(nu)[0] for name, nu in zip(STAGES, (nu, one, chord, two))}
-        return {name: bounded((fields[name][corners] * share).sum(-1)).cpu().numpy().astype(complex) for name in stages}
+        return p, q, torch.ones_like(p.real), torch.tensor([[beta / alpha, gamma / alpha]]).to(self.grid.area)
+
+    def on_mesh(self, nu):
+        """The coefficient mu (F,) of nu (1, rings, spokes) at the centroids of the linked mesh."""
+        if self.link.places is None:
+            self.link.places = self.grid.locate(torch.from_numpy(self.link.centroids).to(nu))
+        corners, share = self.link.places
+        mu = bounded((self.grid.with_centre(nu)[0, corners] * share).sum(-1))
+        return mu.cpu().numpy().astype(complex)
 
     def loss(self, batch, generator):
         """Mean of log L_CP after both corrections, the maps exact: the second on a finer mesh than the network's."""
         with torch.autocast(batch[0].device.type, enabled=False):
             p, q, mask, weights = self.draw(batch, generator)
-        _, one, f, _, two = self.stages(p, q, mask, weights)
+        problem, _, one = self.begin(p, q, mask, weights)
+        f, _, two = self.look(problem, one)
         with torch.autocast(p.device.type, enabled=False):
             first = self.objective(one, self.grid.sample(f, self.grid.locate(p)), q, mask, weights)[0] + SMALL
             solver, mesh, corners, share = self.fine

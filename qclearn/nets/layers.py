@@ -12,6 +12,8 @@ from ..beltrami import check_coefficient
 from ..disk import BeltramiDiskSolver
 from ..diskmesh import locate
 
+FIRST_SCALE = 0.1  # of a conditioned U-Net's outputs, before the conditions change it
+
 
 class PolarPad(torch.autograd.Function):
     """x (B, C, rings, spokes) with one more ring and spoke on every side, for a 3 x 3 convolution on the disk.
@@ -95,6 +97,33 @@ class PolarUNet(nn.Module):
         for finer, block, skip in zip(reversed(self.finer), reversed(self.up), reversed(kept)):
             x = block(functional.interpolate(finer(x), scale_factor=2.0, mode="nearest") + skip)
         return self.head(functional.silu(x))
+
+
+class ConditionedUNet(PolarUNet):
+    """The polar U-Net with a scale and a shift of every channel, level by level, from conditions (B, n): FiLM layers."""
+
+    def __init__(self, inputs, outputs, conditions, channels, blocks):
+        super().__init__(inputs, outputs, channels, blocks)
+        self.sizes = [*(2 * size for size in channels), outputs]
+        self.film = nn.Sequential(nn.Linear(conditions, 64), nn.SiLU(), nn.Linear(64, sum(self.sizes)))
+        nn.init.zeros_(self.film[-1].weight)
+        nn.init.zeros_(self.film[-1].bias)
+
+    def forward(self, x, conditions):
+        films = iter(self.film(conditions).split(self.sizes, 1))
+
+        def modulate(x):
+            scale, shift = next(films)[..., None, None].chunk(2, 1)
+            return x * (1 + scale) + shift
+
+        x, kept = modulate(self.stem(x.contiguous(memory_format=torch.channels_last))), []
+        for block, coarser in zip(self.down, self.coarser):
+            kept.append(block(x))
+            x = modulate(coarser(kept[-1]))
+        x = self.bottom(x)
+        for finer, block, skip in zip(reversed(self.finer), reversed(self.up), reversed(kept)):
+            x = block(functional.interpolate(finer(x), scale_factor=2.0, mode="nearest") + skip)
+        return FIRST_SCALE * torch.exp(next(films))[..., None, None] * self.head(functional.silu(x))
 
 
 class DiskNetwork(nn.Module):
