@@ -13,7 +13,7 @@ from qclearn.curvature import area_radius, pixel_centres
 from qclearn.disk import disk_conformal_map
 from qclearn.fit import LandmarkError
 from qclearn.landmarks import curve_distance, curves_in_space, detect_curves
-from qclearn.nets.ldnet import PRESETS, BestLDNet, LDNetConfig, contrast, heat_metric, refine, some, whole
+from qclearn.nets.ldnet import PRESETS, BestLDNet, LDNetConfig, contrast, heat_metric, refine, smoothed, some, whole
 from qclearn.nets.ldnet_paper import PaperLDNet, nearest_pixels
 from qclearn.nets.pictures import stamp, turn
 from qclearn.surface import SurfaceError
@@ -152,9 +152,17 @@ def test_a_path_follows_the_heat_and_the_fundus(subject):
     plain, warm = (heat_metric(surface, zero + heat, zero) for heat in (0, 0.5))
     assert (warm < plain).all()
     H = np.random.default_rng(0).normal(size=len(zero))
-    both = H[surface.edges].mean(1)
+    both = smoothed(surface, H)[surface.edges].mean(1)
     ratio = heat_metric(surface, zero, H) / plain
     assert np.corrcoef(both, ratio)[0, 1] > 0.9
+
+
+def test_smoothing_keeps_constants_and_is_the_umbrellas(subject):
+    surface, z, _ = subject
+    np.testing.assert_allclose(smoothed(surface, np.full(len(z), 3.0)), 3)
+    vertex = surface.edges[0, 0]
+    around = np.setdiff1d(surface.edges[(surface.edges == vertex).any(1)], vertex)
+    assert smoothed(surface, z.real, 1)[vertex] == pytest.approx((z.real[vertex] + z.real[around].mean()) / 2)
 
 
 def test_the_papers_curves_keep_the_endpoints_and_stay_in_the_disk(subject):

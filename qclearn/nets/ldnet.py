@@ -17,7 +17,7 @@ from .ldnet_paper import PaperLDNet
 from .pictures import check_input, picture, stamp, turn
 from .train import TrainConfig
 
-CURVATURE_WEIGHT, HEAT_FLOOR, HEAT_POWER = 0.5, 0.03, 1.0  # of the metric of `BestLDNet`, chosen on validation subjects
+CURVATURE_WEIGHT, FLOOR, ROUNDS = 0.5, 0.3, 2  # of the metric of `BestLDNet`, chosen on the validation subjects
 ENDS, CHORDS, FINER = 1.0, 64, 3  # pixels; points on a chord; points on a curve's segment
 
 
@@ -146,9 +146,8 @@ class BestLDNet(nn.Module):
     def detect(self, surface, z, endpoints):
         """The sulci between pairs of endpoints (K, 2) as curves in the disk map z: list of (k,) complex, vertices' images.
 
-        The shortest paths where an edge costs its length times the mean over its ends of
-        `exp(H/(2 s)) (FLOOR + 1 - p)`, p the network's heat, H and s as in `landmarks.fundus_metric`. SurfaceError for a
-        surface that is not a disk or another's z; LandmarkError for endpoints out of range or equal.
+        The shortest paths in `heat_metric`. SurfaceError for a surface that is not a disk or another's z; LandmarkError
+        for endpoints out of range or equal.
         """
         heat, H = self.heat(surface, z, endpoints)
         metric = heat_metric(surface, heat, H)
@@ -156,12 +155,25 @@ class BestLDNet(nn.Module):
 
 
 def heat_metric(surface, heat, H):
-    """Length of every edge of `surface.edges` in the metric of `BestLDNet.detect`, (E,)."""
-    H = np.clip(H / (H.std() or 1.0), -2, 2)
-    cost = np.exp(CURVATURE_WEIGHT * H) * (HEAT_FLOOR + 1 - heat) ** HEAT_POWER
+    """Length of every edge of `surface.edges` in the metric of `BestLDNet.detect`, (E,).
+
+    An edge's length in space times the mean over its ends of `exp(H/(2 s)) (FLOOR + 1 - heat)`, with the mean curvature
+    H, smoothed over its neighbours, limited to two of its standard deviations s.
+    """
+    H = smoothed(surface, H)
+    cost = np.exp(CURVATURE_WEIGHT * np.clip(H / (H.std() or 1.0), -2, 2)) * (FLOOR + 1 - heat)
     first, second = surface.edges.T
     length = np.linalg.norm(surface.vertices[first] - surface.vertices[second], axis=1)
     return length * (cost[first] + cost[second]) / 2
+
+
+def smoothed(surface, values, rounds=ROUNDS):
+    """Values (V,), in each round replaced by the mean of themselves and of their neighbours' mean."""
+    ends = np.concatenate([surface.edges, surface.edges[:, ::-1]])
+    degree = np.bincount(ends[:, 0], minlength=len(values))
+    for _ in range(rounds):
+        values = (values + np.bincount(ends[:, 0], values[ends[:, 1]], len(values)) / degree) / 2
+    return values
 
 
 def whole(curves):
