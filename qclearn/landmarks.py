@@ -62,10 +62,19 @@ def fundus_metric(surface):
     An edge's length in space times the mean over its ends of `exp(H/(2 s) - 2 d/m)`, with H the mean curvature (limited
     to two of its standard deviations s) and d the sulcal depth (limited to 1.5 times m, its 95th percentile).
     """
-    H, depth = mean_curvature(surface), sulcal_depth(surface)
+    return weigh_edges(surface, fundus_cost(surface, mean_curvature(surface)))
+
+
+def fundus_cost(surface, H, curvature_weight=CURVATURE_WEIGHT, depth_weight=DEPTH_WEIGHT):
+    """What a unit of length costs at each vertex (V,): the exponential in `fundus_metric`, with other weights if given."""
+    depth = sulcal_depth(surface)
     H = np.clip(H / (H.std() or 1.0), -2, 2)
     deep = np.percentile(depth, 95) or depth.max() or 1.0  # a surface without folds has no depth
-    cost = np.exp(CURVATURE_WEIGHT * H - DEPTH_WEIGHT * np.minimum(depth / deep, 1.5))
+    return np.exp(curvature_weight * H - depth_weight * np.minimum(depth / deep, 1.5))
+
+
+def weigh_edges(surface, cost):
+    """Length in space of every edge of `surface.edges` times the mean of the cost (V,) over its ends, (E,)."""
     first, second = surface.edges.T
     length = np.linalg.norm(surface.vertices[first] - surface.vertices[second], axis=1)
     return length * (cost[first] + cost[second]) / 2

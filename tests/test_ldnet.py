@@ -9,10 +9,10 @@ import torch
 
 from data_synth import make_cortex
 from data_synth.datasets import CurveDataset
-from qclearn.curvature import area_radius, pixel_centres
+from qclearn.curvature import area_radius, pixel_centres, sulcal_depth
 from qclearn.disk import disk_conformal_map
 from qclearn.fit import LandmarkError
-from qclearn.landmarks import curve_distance, curves_in_space, detect_curves
+from qclearn.landmarks import curve_distance, curves_in_space, detect_curves, weigh_edges
 from qclearn.nets.ldnet import PRESETS, BestLDNet, LDNetConfig, contrast, heat_metric, refine, smoothed, some, whole
 from qclearn.nets.ldnet_paper import PaperLDNet, nearest_pixels
 from qclearn.nets.pictures import stamp, turn
@@ -150,7 +150,9 @@ def test_a_path_follows_the_heat_and_the_fundus(subject):
     surface = subject[0]
     zero = np.zeros(len(surface.vertices))
     plain, warm = (heat_metric(surface, zero + heat, zero) for heat in (0, 0.5))
-    assert (warm < plain).all()
+    np.testing.assert_allclose(warm / plain, 0.8 / 1.3)
+    depth = sulcal_depth(surface)[surface.edges].mean(1)
+    assert np.corrcoef(depth, plain / weigh_edges(surface, 1 + zero))[0, 1] < -0.9
     H = np.random.default_rng(0).normal(size=len(zero))
     both = smoothed(surface, H)[surface.edges].mean(1)
     ratio = heat_metric(surface, zero, H) / plain

@@ -12,12 +12,12 @@ import torch
 import torch.nn.functional as F
 from torch import nn
 
-from ..landmarks import fundus_path
+from ..landmarks import fundus_cost, fundus_path, weigh_edges
 from .ldnet_paper import PaperLDNet
 from .pictures import check_input, picture, stamp, turn
 from .train import TrainConfig
 
-CURVATURE_WEIGHT, FLOOR, ROUNDS = 0.5, 0.3, 2  # of the metric of `BestLDNet`, chosen on the validation subjects
+CURVATURE_WEIGHT, DEPTH_WEIGHT, FLOOR, ROUNDS = 0.5, 1.0, 0.3, 2  # of `heat_metric`, chosen on the validation subjects
 ENDS, CHORDS, FINER = 1.0, 64, 3  # pixels; points on a chord; points on a curve's segment
 
 
@@ -157,14 +157,12 @@ class BestLDNet(nn.Module):
 def heat_metric(surface, heat, H):
     """Length of every edge of `surface.edges` in the metric of `BestLDNet.detect`, (E,).
 
-    An edge's length in space times the mean over its ends of `exp(H/(2 s)) (FLOOR + 1 - heat)`, with the mean curvature
-    H, smoothed over its neighbours, limited to two of its standard deviations s.
+    An edge's length in space times the mean over its ends of `exp(H/(2 s) - d/m) (FLOOR + 1 - heat)`: that of
+    `landmarks.fundus_metric` with half the weight on the sulcal depth d and the mean curvature H smoothed, times how
+    little the network believes in the place.
     """
-    H = smoothed(surface, H)
-    cost = np.exp(CURVATURE_WEIGHT * np.clip(H / (H.std() or 1.0), -2, 2)) * (FLOOR + 1 - heat)
-    first, second = surface.edges.T
-    length = np.linalg.norm(surface.vertices[first] - surface.vertices[second], axis=1)
-    return length * (cost[first] + cost[second]) / 2
+    cost = fundus_cost(surface, smoothed(surface, H), CURVATURE_WEIGHT, DEPTH_WEIGHT)
+    return weigh_edges(surface, cost * (FLOOR + 1 - heat))
 
 
 def smoothed(surface, values, rounds=ROUNDS):
