@@ -1,5 +1,12 @@
-"""LD-Net on subjects it has not seen, against the shortest path in the fundus metric (`landmarks.detect_curves`)."""
+"""LD-Net on subjects it has not seen, against the shortest path in the fundus metric (`landmarks.detect_curves`).
 
+    python tools/evaluation/ldnet.py FILE...
+
+measures the distance to the named curves of surfaces of your own (disks in npz files with curve_<name>).
+"""
+
+import json
+import sys
 import time
 
 import numpy as np
@@ -13,10 +20,10 @@ from qclearn.nets import WeightsError, load
 RESAMPLES = 2000
 
 
-def figures(seeds, quick=False, surfaces=()):
+def figures(seeds, quick=False):
     """Mean distance in mm to the true curves, plain and interrupted or branched sulci apart, and times.
 
-    surfaces: files of real surfaces (disks with named curves) to look at besides, `{file: {curve: {method: mm}}}`.
+    Times are the processor's, on one thread: what a clock shows where nothing else runs.
     """
     subjects = hemispheres(seeds[:2] if quick else seeds, 2500 if quick else 10_000)
     methods = detectors()
@@ -33,8 +40,7 @@ def figures(seeds, quick=False, surfaces=()):
     by_name = {name: summary([row for row in rows if row["curve"] == name], methods) for name in subjects[0].curves}
     return {**result, "sulci": by_name, "latency_ms": {name: latency(name) for name in methods if name != "twin"},
             "seconds": {name: float(np.median(passed)) for name, passed in seconds.items()},
-            "rows": [list(row.values()) for row in rows], "columns": list(rows[0]),
-            "real": {str(path): real(path, methods) for path in surfaces}}
+            "rows": [list(row.values()) for row in rows], "columns": list(rows[0])}
 
 
 CLASSES = {
@@ -65,9 +71,9 @@ def distances_to_truth(surface, z, methods):
     ends = np.array([path[[0, -1]] for path in surface.curves.values()])
     groups, seconds = [[z[path] for path in surface.curves.values()]], {}
     for name, detect in methods.items():
-        start = time.perf_counter()
+        start = time.process_time()
         groups.append(detect(surface, z, ends))
-        seconds[name] = time.perf_counter() - start
+        seconds[name] = time.process_time() - start
     points = iter(curves_in_space(surface, z, [curve for group in groups for curve in group]))
     truth, *found = [[next(points) for _ in group] for group in groups]
     distances = {}
@@ -108,10 +114,10 @@ def latency(preset, repeats=20):
     size, passed = model.config.size, []
     images, ends = torch.rand(1, 2, size, size) * 255, torch.rand(1, 8, 2).to(torch.complex64)
     for _ in range(repeats):
-        start = time.perf_counter()
+        start = time.process_time()
         with torch.no_grad():
             getattr(model, "from_images", model)(images, ends)
-        passed.append(time.perf_counter() - start)
+        passed.append(time.process_time() - start)
     return 1e3 * float(np.median(passed))
 
 
@@ -120,3 +126,7 @@ def real(path, methods):
     surface = qc.read_surface(path)
     usable = {name: detect for name, detect in methods.items() if name != "paper"}
     return distances_to_truth(surface, qc.disk_conformal_map(surface), usable)[0]
+
+
+if __name__ == "__main__":
+    print(json.dumps({path: real(path, detectors()) for path in sys.argv[1:]}, indent=1))
