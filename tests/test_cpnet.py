@@ -138,7 +138,7 @@ def test_an_untrained_network_is_its_closed_form_steps(net, landmarks):
     answers = net.answers(z, faces, *landmarks, 1.0, 0.1, 1e3)
     np.testing.assert_allclose(answers["first correction"], answers["Born step"], atol=1e-5)
     np.testing.assert_allclose(answers["1 look"], answers["chord step"], atol=1e-5)
-    np.testing.assert_array_equal(answers["2 looks"], net.predict(z, faces, *landmarks, 1.0, 0.1, 1e3))
+    np.testing.assert_array_equal(answers["2 looks"], net.predict(z, faces, *landmarks, 1.0, 0.1, 1e3, looks=2))
     fit = fit_landmarks(z, faces, *landmarks, 1.0, 0.1, 1e3)
     born, once, twice = (exact_map(z, faces, answers[name], *landmarks).landmark_error
                          for name in ("Born step", "1 look", "2 looks"))

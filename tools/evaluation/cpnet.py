@@ -78,8 +78,9 @@ def compare(net, plain, p, q, weights):
     start = time.perf_counter()
     mu = net.predict(*MESH, p, q, *weights)
     seconds["network"] = time.perf_counter() - start
-    answers = {**net.answers(*MESH, p, q, *weights), "CP-Net": mu}
-    answers["without the U-Nets"] = plain.predict(*MESH, p, q, *weights)
+    told = net.answers(*MESH, p, q, *weights, looks=2)
+    answers = {"Born step": told["Born step"], "CP-Net": mu, **{name: told[name] for name in ("1 look", "2 looks")}}
+    answers |= {f"chord, {looks} solves": plain.predict(*MESH, p, q, *weights, looks=looks) for looks in (1, 2)}
     found = {name: exact_map(*MESH, mu, p, q) for name, mu in answers.items()}
     start = time.perf_counter()
     found |= polished(mu, p, q, weights)
