@@ -50,9 +50,16 @@ class PaperCPNet(nn.Module):
         return bounded(torch.complex(nu[:, 0], nu[:, 1]))
 
     def loss(self, batch, generator):
-        """L_CP through the paper's DBS-Net, whose map is followed by the best Möbius map, as in `register`."""
+        """L_CP through the paper's DBS-Net, whose map is followed by the best Möbius map, as in `register`.
+
+        With a generator, of combinations of two of the batch's displacements, no smaller than they are.
+        """
         p, targets = batch
         self.targets.copy_(targets[0])
+        if generator is not None:
+            angle = torch.pi / 2 * torch.rand(len(p), 1, generator=generator).to(p.real)
+            other = p[torch.randperm(len(p), generator=generator)]
+            p = targets + angle.cos() * (p - targets) + angle.sin() * (other - targets)
         network = self.dbsnet(p.device)
         mu = self(p)
         with torch.autocast(p.device.type, enabled=False):
