@@ -40,6 +40,7 @@ class CPNetConfig:
     second: tuple = (24, 48, 64)
     blocks: int = 2
     looks: int = 0  # at the exact map; trained with one
+    stiffest: float = 5.5  # log10 of gamma / beta, see `BestCPNet.problem`
     most: int = 128  # landmarks
     smooth: tuple = (-2.0, 1.0)  # of beta / alpha
     match: tuple = (2.3, 5.3)  # of gamma / alpha
@@ -189,7 +190,7 @@ class BestCPNet(nn.Module):
 
         The map is `solve_beltrami_disk(z, faces, mu)` and the best Möbius map after it. Trained for `config.smooth` and
         `config.match`; beyond these ranges the linearised fit still has the weights, the corrections those of the nearest
-        place inside. looks: exact maps on the network's mesh in between (default: the configuration's), each better and
+        place inside; and gamma / beta is used up to `config.stiffest`. looks: exact maps on the network's mesh in between (default: the configuration's), each better and
         slower. curve is not used. LandmarkError for bad landmarks or weights, or more than `config.most`
         landmarks; BeltramiError or SurfaceError where the mesh is no disk.
         """
@@ -207,13 +208,19 @@ class BestCPNet(nn.Module):
         return {name: self.on_mesh(nu) for name, nu in found.items()}
 
     def problem(self, z, faces, moving, target, alpha, beta, gamma):
-        """Checked input as tensors (1, ...); the mesh is kept in `link`."""
+        """Checked input as tensors (1, ...); the mesh is kept in `link`.
+
+        Beyond `config.stiffest` gamma is lowered: there, on the validation subjects, the answer for the smaller gamma is
+        the better one at the larger gamma too.
+        """
         moving, target, _ = check_landmarks(moving, target, None, False)
         check_weights(alpha, beta, gamma)
         check_count(moving, self.config.most)
         self.link = linked(z, faces, self.link)
         p, q = (torch.from_numpy(points)[None].to(self.grid.z) for points in (moving, target))
-        return p, q, torch.ones_like(p.real), torch.tensor([[beta / alpha, gamma / alpha]]).to(self.grid.area)
+        b = beta / alpha
+        g = min(gamma / alpha, 10 ** self.config.stiffest * max(b, 10 ** self.config.smooth[0]))
+        return p, q, torch.ones_like(p.real), torch.tensor([[b, g]]).to(self.grid.area)
 
     def on_mesh(self, nu):
         """The coefficient mu (F,) of nu (1, rings, spokes) at the centroids of the linked mesh."""
