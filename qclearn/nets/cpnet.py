@@ -6,18 +6,14 @@ error that an exact solve on a coarse mesh has measured. Preset `paper` (`cpnet_
 
 from dataclasses import dataclass
 
-import numpy as np
 import torch
 from torch import nn
 
-from ..beltrami import BeltramiError, signed_areas
-from ..diskmesh import boundary_loop
 from ..fit import LandmarkError, check_landmarks, check_weights
 from ..polar import PolarSolver
-from ..surface import SurfaceError
 from .born import Born, PolarGrid, PolarMesh, bounded, fit_mobius, mobius, mobius_columns
 from .cpnet_paper import PaperCPNet
-from .layers import ConditionedUNet
+from .layers import ConditionedUNet, linked
 from .train import TrainConfig
 
 INSIDE, LOSS = (1e-3, 8), (1e-3, 20)  # tolerance and most steps of the solver inside the network, and in the loss
@@ -49,28 +45,6 @@ class CPNetConfig:
     points: int = 10  # of each curve
     size: int = 64  # of the paper's square, in pixels: that of its DBS-Net
     widths: tuple = (128, 96, 64, 48, 32)  # channels, from the smallest image to the whole
-
-
-class DiskMesh:
-    """A disk mesh that was found to be one: its faces' centroids (F,), and where a network finds them on its own grid."""
-
-    def __init__(self, z, faces):
-        self.z, self.faces = np.array(z, complex), np.array(faces)
-        rim = abs(self.z[boundary_loop(self.faces)])
-        if not abs(rim - 1).max() < 1e-6:
-            raise SurfaceError(f"the boundary of the mesh is up to {abs(rim - 1).max():.1e} off the unit circle; map it "
-                               "onto the disk first (disk_conformal_map)")
-        flipped = np.flatnonzero(~(signed_areas(self.z, self.faces) > 0))
-        if len(flipped):
-            raise BeltramiError(f"faces {flipped[:5].tolist()} of the disk mesh are not counter-clockwise "
-                                f"({len(flipped)} in all); give an embedded mesh with outward orientation")
-        self.centroids, self.places = self.z[self.faces].mean(1), None
-
-
-def linked(z, faces, last):
-    """The last DiskMesh where the mesh has not changed, which takes no time; otherwise a new one."""
-    same = last is not None and np.array_equal(last.z, z) and np.array_equal(last.faces, faces)
-    return last if same else DiskMesh(z, faces)
 
 
 def check_count(points, most):

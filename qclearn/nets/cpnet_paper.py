@@ -9,6 +9,7 @@ from ..fit import LandmarkError, check_landmarks, check_weights
 from ..mobius import best_mobius, mobius, mobius_slope
 from .born import bounded, fit_mobius
 from .born import mobius as mobius_of
+from .layers import linked
 from .losses import L_CP
 
 NEAR = 1e-4  # in the unit disk: targets closer than this to the control's are the control's
@@ -94,8 +95,6 @@ class PaperCPNet(nn.Module):
         LandmarkError as the preset `best`, and where the targets are not those of its control or the weights not
         (1, 1, gamma) up to a factor.
         """
-        from .cpnet import linked
-
         gamma = alpha * self.config.gamma if gamma is None else gamma
         moving, target, _ = check_landmarks(moving, target, curve, False)
         check_weights(alpha, beta, gamma)

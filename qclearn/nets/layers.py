@@ -8,9 +8,10 @@ from scipy import ndimage
 from torch import nn
 from torch.nn import functional
 
-from ..beltrami import check_coefficient
+from ..beltrami import BeltramiError, check_coefficient, signed_areas
 from ..disk import BeltramiDiskSolver
-from ..diskmesh import locate
+from ..diskmesh import boundary_loop, locate
+from ..surface import SurfaceError
 
 FIRST_SCALE = 0.1  # of a conditioned U-Net's outputs, before the conditions change it
 
@@ -124,6 +125,28 @@ class ConditionedUNet(PolarUNet):
         for finer, block, skip in zip(reversed(self.finer), reversed(self.up), reversed(kept)):
             x = block(functional.interpolate(finer(x), scale_factor=2.0, mode="nearest") + skip)
         return FIRST_SCALE * torch.exp(next(films))[..., None, None] * self.head(functional.silu(x))
+
+
+class DiskMesh:
+    """A disk mesh that was found to be one: its faces' centroids (F,), and where a network finds them on its own grid."""
+
+    def __init__(self, z, faces):
+        self.z, self.faces = np.array(z, complex), np.array(faces)
+        rim = abs(self.z[boundary_loop(self.faces)])
+        if not abs(rim - 1).max() < 1e-6:
+            raise SurfaceError(f"the boundary of the mesh is up to {abs(rim - 1).max():.1e} off the unit circle; map it "
+                               "onto the disk first (disk_conformal_map)")
+        flipped = np.flatnonzero(~(signed_areas(self.z, self.faces) > 0))
+        if len(flipped):
+            raise BeltramiError(f"faces {flipped[:5].tolist()} of the disk mesh are not counter-clockwise "
+                                f"({len(flipped)} in all); give an embedded mesh with outward orientation")
+        self.centroids, self.places = self.z[self.faces].mean(1), None
+
+
+def linked(z, faces, last):
+    """The last DiskMesh where the mesh has not changed, which takes no time; otherwise a new one."""
+    same = last is not None and np.array_equal(last.z, z) and np.array_equal(last.faces, faces)
+    return last if same else DiskMesh(z, faces)
 
 
 class DiskNetwork(nn.Module):
