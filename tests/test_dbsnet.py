@@ -5,11 +5,13 @@ import pytest
 import torch
 from meshes import random_disk, random_mu
 
+from data_synth.fields import KINDS, random_coefficient
 from qclearn.beltrami import BeltramiError, wirtinger
 from qclearn.bijectivity import flipped_faces
 from qclearn.disk import BeltramiDiskSolver
 from qclearn.diskmesh import polar_disk, square_disk
 from qclearn.fourier import fourier_coefficients
+from qclearn.nets import load
 from qclearn.nets.dbsnet import (
     BestDBSNet,
     DBSNetConfig,
@@ -211,6 +213,23 @@ def test_gradient_of_the_exact_solver():
     mu = torch.from_numpy(np.array([random_mu(rng, z, faces, 0.5), random_mu(rng, z, faces, 0.3)])).requires_grad_()
     np.testing.assert_array_equal(exact_solve(solver, mu)[1].detach(), solver.solve(mu[1].detach().numpy()))
     assert torch.autograd.gradcheck(lambda m: exact_solve(solver, m), (mu,))
+
+
+def test_shipped_networks_on_coefficients_they_have_not_seen():
+    """Preset `best` well below what it starts from; `paper` at least nearer than the identity."""
+    best, paper = (load("dbsnet", preset) for preset in ("best", "paper"))
+    z, faces = best.solver.z, best.solver.faces
+    mu = [random_coefficient(z, faces, np.random.default_rng([8, k]), kind, (0.5, 0.5)) for k, kind in enumerate(KINDS)]
+    given = torch.from_numpy(np.array(mu)).to(torch.complex64)
+    exact = best.solver.solve(given, 1e-6)
+    start = position_error(two_steps(best.solver, given)[0][1], exact, best.z.flatten())
+    errors = {}
+    for name, net in (("best", best), ("paper", paper)):
+        maps = torch.from_numpy(np.array([net.solve(z, faces, one) for one in mu]))
+        errors[name] = position_error(maps, exact, best.z.flatten())
+    identity = position_error(torch.from_numpy(z).repeat(2, 1), exact, best.z.flatten())
+    assert errors["best"].max() < 0.05 and (errors["best"] < 0.5 * start).all(), (errors, start)
+    assert errors["paper"].mean() < identity.mean()
 
 
 # Bad input.
