@@ -12,8 +12,11 @@ PACKAGES = ("qclearn", "data_synth")
 # Every module of qclearn that is not named here is geometry.
 NETWORKS = {"qclearn.nets", "qclearn.polar"}
 LEAVES = {"qclearn.plot", "qclearn.canvas", "qclearn.widgets", "qclearn.scenes", "qclearn.pages"}
-TOP = {"qclearn.cli", "qclearn.training", "qclearn.benchmark", "qclearn.__main__", "qclearn"}
+BENCHMARK = {"qclearn.benchmark", "qclearn.problems", "qclearn.trial"}
+TOP = {"qclearn.cli", "qclearn.training", *BENCHMARK, "qclearn.__main__", "qclearn"}
 REGISTER = {"qclearn.register"}
+# Modules that call networks, and load them only then.
+CALLERS = {*REGISTER, "qclearn.methods.networks"}
 # The data that the networks are trained on are torch datasets.
 DATASETS = {"data_synth.datasets"}
 LEARNING = {"torch", "safetensors", "onnx", "onnxruntime"}
@@ -55,14 +58,14 @@ def forbidden(module, name, at_top):
         return "import qclearn stays light" if module == "qclearn" and belongs(name, LEAVES | NETWORKS) else None
     if belongs(name, LEAVES) and module not in LEAVES:
         return "plot, widgets, scenes and pages are leaves"
-    if belongs(name, {"qclearn.cli", "qclearn.training", "qclearn.benchmark"}):
+    if belongs(name, {"qclearn.cli", "qclearn.training", *BENCHMARK}):
         return "nothing stands above the command line and the benchmark"
     if belongs(name, REGISTER) and not synthetic and module not in LEAVES:
         return "register stands above the geometry"
     if belongs(module, NETWORKS):
         return "networks show nothing" if not own and belongs(name, SHOWING) else None
     if belongs(name, NETWORKS):
-        return None if module in REGISTER and not at_top or module in LEAVES else "geometry knows no networks"
+        return None if module in CALLERS and not at_top or module in LEAVES else "geometry knows no networks"
     if not own and belongs(name, LEARNING) and module not in DATASETS:
         return "geometry is NumPy and SciPy"
     if not own and belongs(name, SHOWING) and module not in LEAVES:

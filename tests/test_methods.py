@@ -11,8 +11,8 @@ from qclearn.beltrami import beltrami_coefficient, signed_areas, solve_beltrami,
 from qclearn.bijectivity import RepairWarning, check_bijective, flipped_faces
 from qclearn.disk import disk_conformal_map, solve_beltrami_disk
 from qclearn.diskmesh import boundary_loop, polar_disk
-from qclearn.fit import LandmarkError, sampling_matrix
-from qclearn.methods import METHODS, Problem
+from qclearn.fit import LandmarkError, fit_landmarks, sampling_matrix
+from qclearn.methods import METHODS, Problem, networks
 from qclearn.methods.harmonic import harmonic, smoothed
 from qclearn.methods.problem import HARD, LandmarkSolver, truncated
 from qclearn.methods.qc_iteration import qc_iteration
@@ -21,7 +21,8 @@ from qclearn.methods.thin_plate import thin_plate
 from qclearn.surface import Surface
 
 MOVED = moebius(0.2 - 0.1j, 0.7)
-each = pytest.mark.parametrize("name", sorted(METHODS))
+CLASSICAL = sorted(name for name, method in METHODS.items() if "networks" not in method.__module__)
+each = pytest.mark.parametrize("name", CLASSICAL)
 
 
 def four_curves(count=8):
@@ -49,7 +50,7 @@ def error(problem, f):
     return abs(problem.samples @ f - problem.target).mean()
 
 
-# All methods
+# All methods but the networks
 
 
 @each
@@ -83,7 +84,7 @@ def test_maps_turn_with_the_targets(name, moved):
     np.testing.assert_allclose(METHODS[name](turned), 1j * METHODS[name](moved), atol=1e-4)
 
 
-@pytest.mark.parametrize("name", sorted(set(METHODS) - {"thin_plate"}))
+@pytest.mark.parametrize("name", sorted(set(CLASSICAL) - {"thin_plate"}))
 def test_the_circle_is_kept(name, moved):
     loop = boundary_loop(moved.faces)
     np.testing.assert_allclose(abs(METHODS[name](moved)[loop]), 1, atol=1e-12)
@@ -262,3 +263,69 @@ def test_thin_plates_reproduce_affine_maps_which_leave_the_circle(mesh):
 def test_smoothing_lets_thin_plates_bend_less(moved):
     exact, soft = (error(moved, thin_plate(moved, smoothing)) for smoothing in (0.0, 1e-1))
     assert exact < 0.6 * soft
+
+
+# Networks, with stand-ins of known quality in their place
+
+
+class Twins:
+    """Exact answers behind the networks' calls: a fit's mu, shrunk by `quality`, and the exact solver."""
+
+    def __init__(self, quality):
+        self.quality = quality
+
+    def predict(self, z, faces, moving, target, alpha, beta, gamma, curve):
+        fit = fit_landmarks(z, faces, moving, target, alpha, beta, gamma, curve)
+        return self.quality * fit.mu
+
+    def solve(self, z, faces, mu):
+        return solve_beltrami_disk(z, faces, mu)
+
+
+@pytest.fixture
+def twins(monkeypatch):
+    """twins(quality) puts stand-ins in the networks' place and returns the list of what was asked for."""
+    def put(quality):
+        asked = []
+        monkeypatch.setattr(networks, "network", lambda *words: asked.append(words) or Twins(quality))
+        return asked
+
+    return put
+
+
+NETWORK_METHODS = sorted(set(METHODS) - set(CLASSICAL))
+
+
+@pytest.mark.parametrize("name", NETWORK_METHODS)
+def test_perfect_networks_give_the_fits_map(name, moved, twins):
+    twins(1.0)
+    fit = METHODS["gauss_newton"](moved)
+    f = METHODS[name](moved)
+    assert abs(f - fit).max() < 0.02 and error(moved, f) < 2e-3
+    np.testing.assert_allclose(abs(f[boundary_loop(moved.faces)]), 1, atol=1e-12)
+
+
+def test_steps_bring_a_poor_start_nearer(moved, twins):
+    twins(0.6)
+    errors = [error(moved, METHODS["cpnet_exact"](moved))]
+    errors += [error(moved, METHODS["cpnet_steps"](moved, steps=steps)) for steps in (1, 2)]
+    assert errors[1] < 0.3 * errors[0] and errors[2] < errors[0]
+
+
+def test_the_guard_refines_a_poor_answer_and_says_so(moved, twins):
+    twins(0.6)
+    assert error(moved, METHODS["cpnet_dbsnet"](moved)) > networks.TOLERANCE
+    with pytest.warns(RepairWarning, match="Gauss-Newton steps, to"):
+        f = METHODS["guarded"](moved)
+    assert error(moved, f) < networks.TOLERANCE
+
+
+def test_presets_and_weights_reach_the_networks(moved, twins):
+    asked = twins(1.0)
+    METHODS["cpnet_dbsnet"](moved, preset="paper", alpha=1.0, beta=1.0, gamma=1e4)
+    assert asked == [("cpnet", "paper", 1e4), ("dbsnet", "paper")]
+
+
+def test_missing_weights_are_named():
+    with pytest.raises(ValueError, match="one of them|no weights"):
+        networks.network("cpnet", "paper", 3.0)

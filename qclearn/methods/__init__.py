@@ -8,6 +8,7 @@ form can join the benchmark.
 from .gauss_newton import gauss_newton
 from .harmonic import harmonic
 from .mobius_only import mobius_only
+from .networks import cpnet_dbsnet, cpnet_exact, cpnet_steps, guarded
 from .problem import LandmarkSolver, Problem
 from .qc_iteration import qc_iteration
 from .teichmuller import teichmuller
@@ -20,7 +21,13 @@ METHODS = {
     "qc_iteration": qc_iteration,
     "teichmuller": teichmuller,
     "gauss_newton": gauss_newton,
+    "cpnet_dbsnet": cpnet_dbsnet,
+    "cpnet_exact": cpnet_exact,
+    "cpnet_steps": cpnet_steps,
+    "guarded": guarded,
 }
 
-__all__ = ["METHODS", "LandmarkSolver", "Problem", "gauss_newton", "harmonic", "mobius_only", "qc_iteration", "teichmuller",
-           "thin_plate"]
+__all__ = [
+    "METHODS", "LandmarkSolver", "Problem", "cpnet_dbsnet", "cpnet_exact", "cpnet_steps", "gauss_newton", "guarded",
+    "harmonic", "mobius_only", "qc_iteration", "teichmuller", "thin_plate",
+]
