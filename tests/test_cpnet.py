@@ -11,7 +11,9 @@ from qclearn.beltrami import BeltramiError
 from qclearn.diskmesh import polar_disk, square_disk
 from qclearn.fit import Forward, GaussNewton, LandmarkError, Landmarks, fit_landmarks, sampling_matrix
 from qclearn.guard import exact_map
+from qclearn.metrics import measured_losses
 from qclearn.mobius import best_mobius, mobius, mobius_slope
+from qclearn.nets import load
 from qclearn.nets.born import Born, PolarGrid, PolarMesh, bounded, fit_mobius, mobius_columns
 from qclearn.nets.cpnet import BestCPNet, CPNetConfig
 from qclearn.nets.cpnet_paper import PaperCPNet
@@ -304,3 +306,16 @@ def test_the_papers_examples_have_one_control():
         a, theta = best_mobius(moving.numpy(), control.ravel())
         assert abs(a) < 1e-3 and abs(theta) < 1e-3
     assert replace(PAPER, gamma=1e5).gamma == 1e5
+
+
+def test_the_shipped_network_is_better_than_its_linear_start():
+    net, t = load("cpnet"), np.linspace(-1, 1, 10)
+    p = np.concatenate([0.4 + 0.25j * t, -0.3 - 0.1j + 0.25 * t, 0.35j + 0.2 * t])
+    q = p * np.exp(0.5j * (1 - abs(p) ** 2)) + 0.05j * p ** 2
+    z, faces = polar_disk(32, 96, 1.4)
+    answers, losses = net.answers(z, faces, p, q, 1.0, 0.1, 1e4, looks=1), {}
+    for name, mu in answers.items():
+        found = exact_map(z, faces, mu, p, q)
+        mapped = sampling_matrix(z, faces, p) @ found.f
+        losses[name] = measured_losses(z, faces, found.mu, mapped, q, 1.0, 0.1, 1e4)["L_CP"]
+    assert losses["first correction"] < 0.8 * losses["Born step"]
