@@ -21,7 +21,7 @@ from .mobius import best_mobius, mobius
 
 ON_VERTEX = 1e-6  # in the unit disk: a curve that ends no farther off its endpoint ends there
 POINTS = 256  # that a detected curve is filled up to, so that its length in space is that on the surface
-TOLERANCE = 2e-3  # landmark error in the disk above which a network's map is refined, unless another is asked for
+TOLERANCE = 5e-3  # landmark error in the disk above which a network's map is refined: half of what detection leaves
 MARGIN = 0.9  # of the tolerance: what refinement aims at, as the report also counts points that curves share
 
 
@@ -116,6 +116,12 @@ def guarded_map(networks, z, faces, p, q, alpha, beta, gamma, labels, tolerance,
                  f"the exact solver's map {fold_words(before)}")
         fallbacks += [f"{cause}: {sum(fit.steps)} Gauss-Newton steps, to {fit.landmark_error:.1e}", *words]
         return fit
+
+
+def gamma_words(network, alpha, beta, gamma):
+    """Words on the gamma that CP-Net answers for where it is not the given one, as a list."""
+    used = network.gamma_used(alpha, beta, gamma)
+    return [f"CP-Net answered for gamma = {used:.3g}"] * (used < gamma)
 
 
 def fold_words(fit):

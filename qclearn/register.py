@@ -16,7 +16,7 @@ from .bijectivity import RepairWarning, check_embedding, repair
 from .disk import disk_conformal_map, edge_lengths
 from .diskmesh import locate
 from .fit import LandmarkError, check_weights, sampling_matrix
-from .guard import TOLERANCE, Networks, bijective_fit, guarded_curves, guarded_map
+from .guard import TOLERANCE, Networks, bijective_fit, gamma_words, guarded_curves, guarded_map
 from .landmarks import check_path, detect_curves, resample, sample_curve
 from .metrics import coefficient_statistics, curve_rows, mean_rows
 from .mobius import best_mobius, mobius
@@ -82,7 +82,7 @@ def register(moving, control, curves, method="exact", alpha=1.0, beta=1e-2, gamm
     alpha, beta, gamma: weights of |mu|, of its gradient and of the landmark mismatch (paper, eq. RegLoss).
     method: "exact" (shortest paths, Gauss-Newton fit, exact solver) or "network" (LD-Net, CP-Net, DBS-Net, whose map is
     replaced by the exact solver's where it folds and refined by Gauss-Newton steps where its landmark error in the
-    disk exceeds `tolerance`: 2e-3 unless given, inf to take what comes). What was done is in `report["fallbacks"]`.
+    disk exceeds `tolerance`: 5e-3 unless given, inf to take what comes). What was done is in `report["fallbacks"]`.
     Both surfaces must be outward-oriented disks of the same handedness (`mirror` one of them otherwise).
     Errors: SurfaceError, LandmarkError; BijectivityError if no bijective map was found at any gamma; ImportError if
     the networks are asked for and torch is not installed.
@@ -97,6 +97,7 @@ def register(moving, control, curves, method="exact", alpha=1.0, beta=1e-2, gamm
     if method == "network":
         with stages("load"):
             networks = Networks(load("ldnet").detect, load("cpnet").predict, load("dbsnet").solve)
+            fallbacks += gamma_words(load("cpnet"), alpha, beta, gamma)
     with stages("disk_moving"):
         z_moving = _conformal(moving, "moving", fallbacks)
     with stages("disk_control"):

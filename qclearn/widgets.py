@@ -4,7 +4,7 @@ import base64
 import html
 import threading
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import ipywidgets
 import numpy as np
@@ -16,7 +16,7 @@ from .curvature import AreaRadius, area_radius
 from .disk import disk_conformal_map
 from .diskmesh import polar_disk
 from .fit import LandmarkError, LandmarkFit, check_weights, fit_landmarks, sampling_matrix
-from .guard import exact_map
+from .guard import exact_map, gamma_words
 from .landmarks import fundus_metric, fundus_path, sample_curve
 from .metrics import measured_losses
 from .register import align, check_curves, load
@@ -132,7 +132,8 @@ def network_fit(problem, alpha, beta, gamma, sliding=False, watch=None):
         watch()
     mu = network.predict(problem.z, problem.faces, problem.moving, problem.target, alpha=alpha, beta=beta, gamma=gamma,
                          curve=problem.curve)
-    return exact_map(problem.z, problem.faces, mu, problem.moving, problem.target)
+    fit = exact_map(problem.z, problem.faces, mu, problem.moving, problem.target)
+    return replace(fit, fallbacks=(*gamma_words(network, alpha, beta, gamma), *fit.fallbacks))
 
 
 SOLVERS = {"exact fit": exact_fit, "CP-Net": network_fit}  # the first is what the others are compared with

@@ -230,8 +230,9 @@ def folding_solve(z, faces, mu):
 @pytest.fixture
 def networks(monkeypatch):
     """Puts stand-ins in the networks' places; the exact twin where none is named."""
-    def install(detect=detect_curves, predict=exact_predict, solve=solve_beltrami_disk):
-        blocks = SimpleNamespace(detect=detect, predict=predict, solve=solve)
+    def install(detect=detect_curves, predict=exact_predict, solve=solve_beltrami_disk, most=np.inf):
+        blocks = SimpleNamespace(detect=detect, predict=predict, solve=solve,
+                                 gamma_used=lambda alpha, beta, gamma: min(gamma, most))
         monkeypatch.setattr(sys.modules["qclearn.register"], "load", lambda name: blocks)
 
     return install
@@ -263,9 +264,9 @@ def test_exact_twins_behind_the_networks_calls_need_no_fallback(networks, pair, 
     assert report["fallbacks"] == [] and report["bijective"] and report["method"] == "network"
     assert list(report["seconds"]) == ["load", "disk_moving", "disk_control", "detect", "predict", "solve", "certify",
                                        "refine", "pull_back", "total"]
-    assert REPORT | {"curves", "tolerance"} == set(report) and report["tolerance"] == 2e-3
+    assert REPORT | {"curves", "tolerance"} == set(report) and report["tolerance"] == 5e-3
     assert json.loads(json.dumps(report, allow_nan=False)) == report
-    assert report["landmark_error"] < 2e-3 < report["landmark_error_before"] / 10
+    assert report["landmark_error"] < 2e-3 and report["landmark_error_before"] > 2e-2
     np.testing.assert_array_equal(result.mu, beltrami_coefficient(result.disk_moving, pair[0].faces, result.disk_map))
     before = turned[0].report["landmark_error_before"]
     assert report["landmark_error_before"] == pytest.approx(before, rel=1e-9)  # the same curves, filled up
@@ -332,7 +333,7 @@ def test_the_steps_begin_at_the_networks_coefficient(networks, pair, monkeypatch
 
     monkeypatch.setattr("qclearn.guard.fit_landmarks", fit)
     networks(predict=lambda *_, **__: prediction)
-    assert by_networks(pair).report["landmark_error"] <= 2e-3
+    assert by_networks(pair, tolerance=2e-3).report["landmark_error"] <= 2e-3
     assert seen[0]["start"] is prediction and seen[0]["enough"] == pytest.approx(1.8e-3)
 
 
@@ -382,6 +383,12 @@ def test_a_networks_own_refusal_reaches_the_user(networks, pair):
     networks(predict=predict)
     with pytest.raises(LandmarkError, match="CP-Net takes 20"):
         by_networks(pair)
+
+
+def test_a_gamma_that_the_network_lowers_is_reported(networks, pair):
+    networks(most=2e3)
+    assert by_networks(pair, gamma=1e4).report["fallbacks"] == ["CP-Net answered for gamma = 2e+03"]
+    assert by_networks(pair, gamma=1e3).report["fallbacks"] == []
 
 
 @pytest.mark.parametrize("size", [1.0, np.nan])

@@ -229,7 +229,10 @@ def test_answers_of_several_solvers_stand_below_each_other(problem):
 class StandIn:
     """In CP-Net's place: the fit's own coefficient, some shares of it."""
 
-    share, calls = 1.0, ()
+    share, calls, most = 1.0, (), np.inf
+
+    def gamma_used(self, alpha, beta, gamma):
+        return min(gamma, self.most)
 
     def predict(self, z, faces, moving, target, *, alpha, beta, gamma, curve):
         self.calls = (*self.calls, (alpha, beta, gamma))
@@ -261,6 +264,8 @@ def test_the_network_fit_is_the_exact_map_of_its_coefficient(problem, network):
     fit = exact_fit(problem, 1.0, 1e-2, 1e4)
     answer = network_fit(problem, 1.0, 1e-2, 1e4)
     assert answer.bijective and abs(answer.f - fit.f).max() < 5e-3
+    network.most = 1e3
+    assert "answered for gamma = 1e+03" in describe(fit_state(problem, 1.0, 1e-2, 1e4, solver=network_fit))
     network.share = 0.0
     assert abs(network_fit(problem, 1.0, 1e-2, 1e4).mu).max() < 0.05  # a Möbius map between vertices
     np.testing.assert_array_equal(gaps({"a": fit_state(problem, 1.0, 1e-2, 1e4)}), [])

@@ -182,19 +182,21 @@ class BestCPNet(nn.Module):
         return {name: self.on_mesh(nu) for name, nu in found.items()}
 
     def problem(self, z, faces, moving, target, alpha, beta, gamma):
-        """Checked input as tensors (1, ...); the mesh is kept in `link`.
-
-        Beyond `config.stiffest` gamma is lowered: there, on the validation subjects, the answer for the smaller gamma is
-        the better one at the larger gamma too.
-        """
+        """Checked input as tensors (1, ...); the mesh is kept in `link`."""
         moving, target, _ = check_landmarks(moving, target, None, False)
         check_weights(alpha, beta, gamma)
         check_count(moving, self.config.most)
         self.link = linked(z, faces, self.link)
         p, q = (torch.from_numpy(points)[None].to(self.grid.z) for points in (moving, target))
-        b = beta / alpha
-        g = min(gamma / alpha, 10 ** self.config.stiffest * max(b, 10 ** self.config.smooth[0]))
-        return p, q, torch.ones_like(p.real), torch.tensor([[b, g]]).to(self.grid.area)
+        ratios = torch.tensor([[beta / alpha, self.gamma_used(alpha, beta, gamma) / alpha]])
+        return p, q, torch.ones_like(p.real), ratios.to(self.grid.area)
+
+    def gamma_used(self, alpha, beta, gamma):
+        """The gamma that `predict` answers for: the given one, or a smaller one beyond `config.stiffest`.
+
+        There, on the validation subjects, the answer for the smaller gamma is the better one at the larger gamma too.
+        """
+        return min(gamma, alpha * 10 ** self.config.stiffest * max(beta / alpha, 10 ** self.config.smooth[0]))
 
     def on_mesh(self, nu):
         """The coefficient mu (F,) of nu (1, rings, spokes) at the centroids of the linked mesh."""
