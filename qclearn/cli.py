@@ -74,7 +74,7 @@ def output_folder(path):
 @click.option("--method", type=click.Choice(["exact", "network"]), default="exact", show_default=True,
               help="network: LD-Net, CP-Net, DBS-Net, with the exact method where they fall short.")
 @click.option("--tolerance", type=float, help="Landmark error in the disk above which a network's map is refined by "
-              "Gauss-Newton steps (inf: never)  [default: 0.002]")
+              "Gauss-Newton steps (inf: never)  [default: 0.005]")
 @click.option("--alpha", type=float, default=1.0, show_default=True, help="Weight of |mu|^2.")
 @click.option("--beta", type=float, default=1e-2, show_default=True, help="Weight of |grad mu|^2.")
 @click.option("--gamma", type=float, default=1e5, show_default=True, help="Weight of the landmark mismatch.")
