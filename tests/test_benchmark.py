@@ -1,0 +1,290 @@
+"""The benchmark's engine: tasks on processes, kept as they finish, resumed, and none lost with a killed worker."""
+
+import inspect
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from distributed import Client, LocalCluster
+
+from qclearn import benchmark as module
+from qclearn.benchmark import RUNS, Run, benchmark, check_runs, lacking, problems, run_of
+from qclearn.cli import main
+from qclearn.methods import METHODS
+from qclearn.mobius import mobius
+from qclearn.results import BenchmarkError, read_results
+
+SIZE = 1000
+TIMES = {"seconds", "repetitions", "peak_memory_mb"}
+
+
+def shrunk(problem, shift=0.0, wait=0.0):
+    """A method of one's own: the best Möbius map, moved."""
+    if wait:
+        time.sleep(wait)
+    return mobius(mobius(problem.z, *problem.mobius), shift)
+
+
+def broken(problem):
+    raise RuntimeError("no such luck")
+
+
+OWN = METHODS | {"shrunk": shrunk, "broken": broken}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Where the subjects are kept that these tests share."""
+    return str(tmp_path_factory.mktemp("subjects"))
+
+
+@pytest.fixture(autouse=True)
+def one_commit(monkeypatch):
+    """Somebody may work on the checkout while these tests run."""
+    monkeypatch.setattr(module, "commit", lambda: "c0ffee")
+
+
+@pytest.fixture(scope="module")
+def client():
+    """A scheduler with one worker inside this process, which starts at once."""
+    options = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
+    with LocalCluster(**options) as cluster, Client(cluster) as client:
+        yield client
+
+
+@pytest.fixture
+def inside(client, monkeypatch):
+    """What is asked of processes of this machine is done inside this one."""
+    @contextmanager
+    def connect(scheduler, workers):
+        if scheduler is None:
+            yield client
+        else:
+            with there(scheduler, workers) as other:
+                yield other
+
+    there = module.connect
+    monkeypatch.setattr(module, "connect", connect)
+
+
+def small(out, folder, runs, **options):
+    options = {"subjects": 2, "vertices": SIZE, "workers": 1, "progress": False, "methods": OWN} | options
+    return benchmark(out, runs=runs, folder=folder, **options)
+
+
+def without_times(rows):
+    return [{name: value for name, value in row.items() if name not in TIMES} for row in rows]
+
+
+def test_a_method_of_ones_own_joins_and_a_broken_one_stops_nobody(tmp_path, folder, inside):
+    runs = [Run("Möbius", "mobius_only"), Run("mine", "shrunk", {"shift": 0.1}), Run("broken", "broken")]
+    results = small(tmp_path / "r.json", folder, runs)
+    assert read_results(tmp_path / "r.json") == results
+    assert {(row["pair"], row["run"]): row["status"] for row in results["rows"]} == {
+        (f"{seed} to 2001", run.name): "failed" if run.name == "broken" else "done" for seed in (1001, 1002) for run in runs}
+    rows = {row["run"]: row for row in results["rows"] if row["pair"] == "1001 to 2001"}
+    assert rows["broken"]["message"] == "RuntimeError: no such luck"
+    assert rows["mine"]["landmark_error"] > rows["Möbius"]["landmark_error"] > 0
+    assert rows["mine"]["parameters"] == {"shift": 0.1}
+    assert results["provenance"]["threads_per_task"] == 1 and results["provenance"]["workers"] == 1
+
+
+def test_a_stopped_run_goes_on(tmp_path, folder, inside, monkeypatch):
+    out, runs = tmp_path / "r.json", [Run("Möbius", "mobius_only"), Run("mine", "shrunk")]
+    rows = module.finished
+
+    def stop_after_one(*arguments):
+        yield next(iter(rows(*arguments)))
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(module, "finished", stop_after_one)
+        with pytest.raises(KeyboardInterrupt):
+            small(out, folder, runs, subjects=1)
+    kept = Path(f"{out}.partial").read_text().splitlines()
+    assert len(kept) == 2 and not out.exists()
+    tasks = []
+    monkeypatch.setattr(module, "finished", lambda client, wanted, *rest: tasks.extend(wanted) or rows(client, wanted, *rest))
+    results = small(out, folder, runs, subjects=1)
+    assert len(tasks) == 1 and len(results["rows"]) == 2 and results["provenance"]["resumed"]
+    assert json.loads(kept[1]) in results["rows"] and not Path(f"{out}.partial").exists()
+
+
+@pytest.fixture
+def cluster(tmp_path):
+    """A real scheduler and a function that starts worker processes on loopback: (address, start_worker)."""
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent), "OMP_NUM_THREADS": "1"}
+    processes = []
+
+    def start(*words):
+        process = subprocess.Popen([sys.executable, "-m", "distributed.cli." + words[0], *words[1:]], env=environment,
+                                   cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        processes.append(process)
+        return process
+
+    place = tmp_path / "scheduler.json"
+    start("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(place))
+    for _ in range(600):
+        if place.exists() and place.read_text().strip():
+            break
+        time.sleep(0.1)
+    address = json.loads(place.read_text())["address"]
+    yield address, lambda *options: start("dask_worker", address, "--no-nanny", "--host", "127.0.0.1", "--no-dashboard",
+                                          *options)
+    for process in processes:
+        process.kill()
+        process.wait()
+
+
+def test_a_killed_worker_costs_only_its_task(tmp_path, folder, inside, cluster):
+    runs = [Run(f"mine {k}", "shrunk", {"shift": 0.02 * k, "wait": 0.3}) for k in range(6)]
+    undisturbed = small(tmp_path / "a.json", folder, runs)
+    address, start_worker = cluster
+    workers = [start_worker("--nthreads", "1") for _ in range(2)]
+    out = tmp_path / "b.json"
+
+    def kill_midway():
+        journal = Path(f"{out}.partial")
+        while not journal.exists() or len(journal.read_text().splitlines()) < 3:
+            time.sleep(0.02)
+        workers[0].send_signal(signal.SIGKILL)
+
+    killer = threading.Thread(target=kill_midway, daemon=True)
+    killer.start()
+    results = small(out, folder, runs, scheduler=address)
+    killer.join(10)
+    assert workers[0].wait(10) == -signal.SIGKILL and workers[1].poll() is None
+    assert without_times(results["rows"]) == without_times(undisturbed["rows"])
+    assert all(row["status"] == "done" for row in results["rows"])
+
+
+def test_workers_with_several_threads_are_refused(tmp_path, folder, cluster):
+    address, start_worker = cluster
+    start_worker("--nthreads", "2")
+    with pytest.raises(BenchmarkError, match="several threads.*--nthreads 1"):
+        small(tmp_path / "r.json", folder, [Run("mine", "shrunk")], scheduler=address)
+
+
+def test_a_scheduler_without_workers_is_named(tmp_path, folder, cluster, monkeypatch):
+    monkeypatch.setattr(module, "PATIENCE", 2)
+    with pytest.raises(BenchmarkError, match="has no workers; start some"):
+        small(tmp_path / "r.json", folder, [Run("mine", "shrunk")], scheduler=cluster[0])
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nowhere", "tcp://127.0.0.1:http"])
+def test_an_unreachable_scheduler_is_named(tmp_path, folder, monkeypatch, address):
+    monkeypatch.setattr(module, "PATIENCE", 1)
+    with pytest.raises(BenchmarkError, match=f"{address}: no dask scheduler answers there"):
+        small(tmp_path / "r.json", folder, [Run("mine", "shrunk")], scheduler=address)
+
+
+# What is asked for, before anything runs
+
+
+@pytest.mark.parametrize("run, message", [
+    (Run("a", "magic"), "there is no method 'magic'; there are mobius_only, harmonic"),
+    (Run("a", "harmonic", {"lambda": 1}), "harmonic has no parameter lambda; it has weight, correct"),
+    (Run("a", "mobius_only", {"weight": 1}), "mobius_only has no parameter weight; it has none"),
+    (Run("a", "harmonic", landmarks="guessed"), "no landmarks 'guessed'"),
+    (Run("a", "harmonic", sets=("cohort", "mars")), "sets some of cohort, pairs"),
+])
+def test_unknown_things_are_refused(run, message):
+    with pytest.raises(BenchmarkError, match=message):
+        check_runs([run], METHODS)
+
+
+def test_names_serve_once():
+    with pytest.raises(BenchmarkError, match="named twice: \\['a'\\]"):
+        check_runs([Run("a", "harmonic"), Run("a", "mobius_only")], METHODS)
+
+
+@pytest.mark.parametrize("subjects, sets, message", [
+    (0, ["cohort"], "0 subjects"), (25, ["cohort"], "1 to 24"), (1, ["pairs"], "at least 2"), ("3", ["cohort"], "'3' subj"),
+    (1, ["mars"], "no set of problems mars; there are cohort, pairs"), (1, [], "no set of problems given"),
+])
+def test_other_counts_and_sets_are_refused(subjects, sets, message):
+    with pytest.raises(BenchmarkError, match=message):
+        problems(subjects, sets)
+
+
+def test_the_sets_problems():
+    specs = problems(3, ["cohort", "pairs", "displacement", "fsaverage5"])
+    pairs = [spec.pair for spec in specs if spec.set == "pairs"]
+    assert len(pairs) == 6 and len(set(pairs)) == 6 and "1001 to 1003" in pairs
+    assert [spec.pair for spec in specs if spec.set == "cohort"] == [f"{seed} to 2001" for seed in (1001, 1002, 1003)]
+    assert {spec.distance for spec in specs if spec.set == "displacement"} == {0.05, 0.1, 0.2, 0.3, 0.4}
+    assert len({(spec.set, spec.pair) for spec in specs}) == len(specs) == 20
+
+
+def test_every_run_of_the_table_is_known_and_every_method_has_one():
+    check_runs(RUNS, METHODS)
+    assert {run.method for run in RUNS} == set(METHODS)
+
+
+def test_runs_whose_networks_are_missing_say_why(monkeypatch):
+    def missing(name, preset, gamma=None):
+        raise ImportError(f"no {name}")
+
+    monkeypatch.setattr(module, "network", missing)
+    reasons = {run.name: lacking(run) for run in RUNS}
+    assert reasons["harmonic 1"] is None and reasons["Gauss-Newton"] is None
+    assert reasons["CP-Net, 1 step"] == reasons["guarded networks"] == "no cpnet"
+
+
+@pytest.mark.parametrize("text, parameters", [
+    ("harmonic", {}), ("harmonic:weight=2,correct=false", {"weight": 2, "correct": False}),
+    ("cpnet_exact:preset=paper,gamma=1e4", {"preset": "paper", "gamma": 1e4}),
+])
+def test_a_run_is_read_from_the_command_line(text, parameters):
+    assert run_of(text) == Run(text, text.partition(":")[0], parameters)
+
+
+def test_a_parameter_without_a_value_is_refused():
+    with pytest.raises(BenchmarkError, match="'weight' is no parameter; write harmonic:NAME=VALUE"):
+        run_of("harmonic:weight")
+
+
+@pytest.mark.parametrize("arguments, message", [
+    (["--method", "magic"], "there is no method 'magic'"),
+    (["--subjects", "99"], "the cohort has 1 to 24"),
+    (["--vertices", "10"], "10 vertices"),
+    (["--workers", "0"], "at least one worker"),
+])
+def test_the_command_says_what_is_wrong_in_one_line(tmp_path, capsys, arguments, message):
+    given = ["--method", "mobius_only", *arguments] if "--method" not in arguments else arguments
+    with pytest.raises(SystemExit) as stop:
+        main(["benchmark", "--out", str(tmp_path / "r.json"), *given])
+    error = capsys.readouterr().err
+    assert stop.value.code == 2 and message in error and error.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_out_that_cannot_be_written_is_named_before_anything_runs(tmp_path):
+    for out in (tmp_path, tmp_path / "nowhere" / "r.json"):
+        with pytest.raises(BenchmarkError, match="not a file in a folder that exists"):
+            benchmark(out, 1, runs=[Run("a", "mobius_only")])
+
+
+def test_the_command_writes_the_file_and_prints_a_table(tmp_path, folder, capsys):
+    out = tmp_path / "r.json"
+    main(["benchmark", "--out", str(out), "--subjects", "1", "--vertices", str(SIZE), "--workers", "1", "--data", folder,
+          "--method", "mobius_only", "--method", "harmonic:weight=5"])
+    printed = capsys.readouterr().out
+    assert "harmonic:weight=5" in printed and "1/1" in printed
+    rows = {row["run"]: row for row in read_results(out)["rows"]}
+    assert rows["harmonic:weight=5"]["landmark_error"] < rows["mobius_only"]["landmark_error"]
+    assert rows["mobius_only"]["correspondence_sulci_mm"] > 0 and rows["mobius_only"]["floor_mm"] > 0
+
+
+def test_methods_have_defaults_for_all_parameters():
+    for name, method in METHODS.items():
+        parameters = list(inspect.signature(method).parameters.values())
+        assert parameters[0].name == "problem", name
+        assert all(parameter.default is not inspect.Parameter.empty for parameter in parameters[1:]), name

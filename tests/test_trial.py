@@ -1,0 +1,162 @@
+"""The benchmark's problems and what it measures of a map, on domes with known answers."""
+
+import time
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from qclearn.benchmark import Run
+from qclearn.bijectivity import RepairWarning
+from qclearn.diskmesh import polar_disk
+from qclearn.methods import METHODS
+from qclearn.mobius import mobius
+from qclearn.problems import cohort_pair, displacement_pair, mapped, prepare, twisted
+from qclearn.surface import Surface
+from qclearn.trial import trial
+
+RINGS, SPOKES = 14, 42
+
+
+def dome(height=1.0, turn=0.0, power=1.0):
+    """A cap with two curves along spokes and one across, in mm, mapped; the template is the unit hemisphere."""
+    z, faces = polar_disk(RINGS, SPOKES)
+    bent = z * abs(z) ** (power - 1) * np.exp(1j * turn * (1 - abs(z)))
+    vertices = 50 * np.stack([bent.real, bent.imag, height * (1 - abs(bent) ** 2)], 1)
+    spokes = [1 + SPOKES * np.arange(3, 9) + spoke for spoke in (4, 20)]
+    curves = dict(zip(("first", "second"), spokes)) | {"third": 1 + SPOKES * 6 + np.arange(28, 38)}
+    template = np.stack([z.real, z.imag, 1.2 - abs(z) ** 2], 1)
+    return replace(mapped(Surface(vertices, faces, curves)),
+                   template=template / np.linalg.norm(template, axis=1, keepdims=True))
+
+
+@pytest.fixture(scope="module")
+def pair():
+    """The same template twice: every vertex corresponds to the one of its number."""
+    return cohort_pair(dome(), dome(0.6, 0.4, 1.1))
+
+
+def mine(problem, shift=0.0):
+    return mobius(problem.z, shift)
+
+
+def test_the_true_map_of_a_pair_is_the_templates(pair):
+    np.testing.assert_allclose(pair.truth, pair.control.surface.vertices, atol=1e-9)
+    np.testing.assert_allclose(pair.truth_disk, pair.control.z, atol=1e-12)
+    assert [curve["name"] for curve in pair.curves] == ["first", "second", "third"]
+
+
+def test_landmarks_are_the_curves_matched_by_arc_length_or_their_true_images(pair):
+    given, exact = prepare(pair), prepare(pair, "exact")
+    assert len(given.problem.moving) == 30 and given.problem.curve.tolist() == np.repeat(range(3), 10).tolist()
+    ends = [0, 9, 10, 19]
+    np.testing.assert_allclose(given.target[ends], exact.target[ends], atol=1e-9)
+    assert abs(given.target - exact.target).max() > 1e-3  # between the ends the arc lengths differ
+    np.testing.assert_allclose(exact.target, exact.samples @ pair.truth_disk)
+    np.testing.assert_allclose(given.target_mm[ends], pair.control.surface.vertices[[curve["control"][k] for curve in
+                               pair.curves[:2] for k in (0, -1)]], atol=1e-9)
+
+
+def test_detected_curves_are_found_between_the_moving_ends(pair):
+    found = prepare(pair, "path")
+    given = prepare(pair)
+    np.testing.assert_allclose(found.target, given.target)
+    moving = pair.moving.surface.vertices
+    np.testing.assert_allclose((found.samples @ moving)[[0, 9]], moving[list(pair.curves[0]["moving"])[::len(
+        pair.curves[0]["moving"]) - 1]], atol=1e-9)
+
+
+@pytest.mark.parametrize("distance", [0.05, 0.3])
+def test_displaced_landmarks_lie_that_far_from_their_targets(distance):
+    control = dome()
+    pair = displacement_pair(control, distance, 2, seed=0)
+    assert len(pair.curves) == 2
+    p = control.z[np.concatenate([curve["moving"] for curve in pair.curves])]
+    q = pair.truth_disk[np.concatenate([curve["moving"] for curve in pair.curves])]
+    assert abs(p - q).mean() == pytest.approx(distance, abs=5e-3)
+    prepared = prepare(pair)
+    np.testing.assert_allclose(prepared.target, prepared.samples @ pair.truth_disk)
+
+
+def test_twists_keep_the_circle_and_are_undone_in_reverse():
+    z, centres, turns = polar_disk(6, 18)[0], np.array([0.3, -0.2j]), np.array([0.7, -1.1])
+    w = twisted(z, centres, turns)
+    np.testing.assert_allclose(w[-18:], z[-18:], atol=1e-12)
+    np.testing.assert_allclose(twisted(w, centres[::-1], -turns[::-1]), z, atol=1e-12)
+    assert abs(w - z).max() > 0.2
+
+
+def test_the_true_map_is_measured_as_one(pair):
+    row = trial(pair, Run("truth", "mine", landmarks="exact"), lambda problem: pair.truth_disk)
+    assert row["status"] == "done"
+    assert row["landmark_error"] < 1e-12 and row["landmark_error_mm"] < 1e-9
+    assert row["correspondence_mm"] < 1e-3 and row["correspondence_sulci_mm"] < 1e-9  # rim points are set in by 1e-4
+    assert row["certified"] and row["flipped"] == 0 and sum(row["histogram"]) == len(pair.moving.surface.faces)
+    assert row["landmark_error_true"] > 1e-4  # between their ends the curves' arc lengths do not correspond
+    assert 0 < row["floor_curve_mm"] < row["floor_mm"] < 5  # curves correspond as sets, up to their shape between vertices
+
+
+def test_a_shifted_map_is_off_by_its_shift(pair):
+    row = trial(displacement_pair(dome(), 0.1, 2, 0), Run("shift", "mine", {"shift": 0.1}), mine)
+    assert row["floor_mm"] == 0 and row["landmark_error_true"] is None
+    assert row["max_abs_mu"] < 0.05 and row["certified"]
+    assert 0.05 < row["landmark_error"] < 0.25 and 1 < row["correspondence_mm"] < 15
+
+
+def test_a_folded_map_is_not_certified_and_one_off_the_circle_neither(pair):
+    def folded(problem):
+        f = problem.z.copy()
+        f[5] = 0.9
+        return f
+
+    row = trial(pair, Run("folded", "folded"), folded)
+    assert row["flipped"] > 0 and not row["bijective"] and not row["certified"]
+    row = trial(pair, Run("small", "small"), lambda problem: 0.9 * problem.z)
+    assert row["bijective"] and row["off_circle"] == pytest.approx(0.1) and not row["certified"]
+
+
+@pytest.mark.parametrize("method, message", [
+    (lambda problem: 1 / 0, "ZeroDivisionError: division by zero"),
+    (lambda problem: problem.z[:5], "returned an array of shape (5,)"),
+    (lambda problem: problem.z * np.nan, "not finite"),
+])
+def test_a_method_that_fails_gives_a_row_that_says_so(pair, method, message):
+    row = trial(pair, Run("bad", "bad"), method)
+    assert row["status"] == "failed" and message in row["message"]
+
+
+def test_times_are_medians_of_warm_repetitions_and_notes_are_kept(pair):
+    calls = []
+
+    def slow_at_first(problem):
+        calls.append(1)
+        time.sleep(0.3 if len(calls) == 1 else 0.01)
+        warnings.warn("one row switched", RepairWarning, stacklevel=1)
+        return problem.z
+
+    row = trial(pair, Run("slow", "slow"), slow_at_first)
+    assert row["repetitions"] == 3 and 0.01 <= row["seconds"]["map"] < 0.25
+    assert row["notes"] == ["one row switched"] and row["seconds"]["landmarks"] > 0
+    assert row["seconds"]["disk_moving"] == pair.moving.seconds
+
+
+def test_memory_that_a_method_takes_is_seen(pair):
+    def large(problem):
+        np.ones(20_000_000)
+        return problem.z
+
+    row = trial(pair, Run("large", "large"), large)
+    assert row["peak_memory_mb"] is None or 140 < row["peak_memory_mb"] < 400
+
+
+def test_a_field_is_kept_on_the_controls_disk(pair):
+    row = trial(pair, Run("kept", "mine", {"shift": 0.2}, keep_field=True), mine)
+    assert len(row["field"]) == len(polar_disk(16, 48, power=1.4)[1]) and max(row["field"]) < 0.05
+    assert "field" not in trial(pair, Run("plain", "mine"), mine)
+
+
+def test_methods_beat_the_floor_of_conformal_alignment_where_landmarks_are_exact(pair):
+    rows = {name: trial(pair, Run(name, name, landmarks="exact"), METHODS[name]) for name in ("mobius_only", "harmonic")}
+    assert rows["harmonic"]["landmark_error"] < rows["mobius_only"]["landmark_error"]
+    assert rows["harmonic"]["correspondence_sulci_mm"] < rows["mobius_only"]["correspondence_sulci_mm"]
