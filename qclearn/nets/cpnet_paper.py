@@ -6,7 +6,7 @@ from torch import nn
 from torch.nn import functional
 
 from ..fit import LandmarkError, check_landmarks, check_weights
-from ..mobius import best_mobius, mobius, mobius_slope
+from ..mobius import mobius, mobius_slope
 from .born import bounded, fit_mobius
 from .born import mobius as mobius_of
 from .layers import linked
@@ -102,7 +102,8 @@ class PaperCPNet(nn.Module):
         if not np.allclose([beta / alpha, gamma / alpha], [1.0, self.config.gamma], rtol=1e-3):
             raise LandmarkError(f"this network is trained for the weights (1, 1, {self.config.gamma:g}) and was given "
                                 f"({alpha:g}, {beta:g}, {gamma:g}); use the preset best for others")
-        a, theta = best_mobius(p, self.targets.cpu().numpy())
+        moved, mask = torch.from_numpy(p)[None].to(self.targets), torch.ones(1, len(p), device=self.targets.device)
+        a, theta = (parameter.item() for parameter in fit_mobius(moved, self.targets[None], mask, steps=8))
         self.link = mesh = linked(z, faces, self.link)
         aligned = torch.from_numpy(mobius(p, a, theta))[None].to(self.targets)
         mu = self(aligned)
