@@ -74,7 +74,7 @@ class BestDBSNet(DiskNetwork):
         correction = self.unet(features)
         with torch.autocast(mu.device.type, enabled=False):
             du, dv = (0.1 * correction.float()).unbind(1)
-            # Twice a distance to the circle: a correction of u that is smooth up to it and vanishes on it.
+            # The factor keeps the correction of u smooth up to the circle and takes it to 0 there.
             du = du * (1 - self.radius ** 2)
             f = self.z * torch.exp(torch.complex(u + du, v + dv - dv[:, -1:, :1]))
             return torch.cat([f.new_zeros(len(f), 1), f.flatten(1)], 1)
