@@ -121,7 +121,7 @@ def guarded_map(networks, z, faces, p, q, alpha, beta, gamma, labels, tolerance,
 def gamma_words(network, alpha, beta, gamma):
     """Words on the gamma that CP-Net answers for where it is not the given one, as a list."""
     used = network.gamma_used(alpha, beta, gamma)
-    return [f"CP-Net answered for gamma = {used:.3g}"] * (used < gamma)
+    return [f"CP-Net answered for gamma = {used:.3g}"] if used < gamma else []
 
 
 def fold_words(fit):

@@ -265,7 +265,7 @@ def test_the_network_fit_is_the_exact_map_of_its_coefficient(problem, network):
     answer = network_fit(problem, 1.0, 1e-2, 1e4)
     assert answer.bijective and abs(answer.f - fit.f).max() < 5e-3
     network.most = 1e3
-    assert "answered for gamma = 1e+03" in describe(fit_state(problem, 1.0, 1e-2, 1e4, solver=network_fit))
+    assert "answered for gamma = 1e+03" in describe(fit_state(problem, 1.0, 1e-2, np.float64(1e4), solver=network_fit))
     network.share = 0.0
     assert abs(network_fit(problem, 1.0, 1e-2, 1e4).mu).max() < 0.05  # a Möbius map between vertices
     np.testing.assert_array_equal(gaps({"a": fit_state(problem, 1.0, 1e-2, 1e4)}), [])
