@@ -376,6 +376,15 @@ def test_a_coarse_curve_is_measured_along_the_surface(networks):
     assert np.linalg.norm(np.diff(where, axis=0), axis=1).sum() > 1.3 * np.linalg.norm(where[-1] - where[0])
 
 
+def test_the_shipped_networks_register(pair):
+    """Whatever they propose for these bowls: what comes back is certified and within the tolerance."""
+    moving, control, curves = pair
+    curves = [curves[0], curves[1] | {"moving": curves[1]["moving"][::6], "control": curves[1]["control"][::6]}]
+    report = register(moving, control, curves, method="network", gamma=1e4).report
+    assert report["bijective"] and report["flipped"] == 0 and report["landmark_error"] <= 5e-3
+    assert "CP-Net answered for gamma = 3.16e+03" in report["fallbacks"]
+
+
 def test_a_networks_own_refusal_reaches_the_user(networks, pair):
     def predict(*_, **__):
         raise LandmarkError("30 landmarks, and CP-Net takes 20")

@@ -271,6 +271,13 @@ def test_the_network_fit_is_the_exact_map_of_its_coefficient(problem, network):
     np.testing.assert_array_equal(gaps({"a": fit_state(problem, 1.0, 1e-2, 1e4)}), [])
 
 
+def test_the_shipped_network_comes_near_the_fit_on_a_smooth_problem():
+    twist = example_problems()[0]
+    passed, fitted = (fit_state(twist, 1.0, 1e-2, 1e3, solver=solver) for solver in (network_fit, exact_fit))
+    assert passed.fit.bijective and passed.loss < 2 * fitted.loss
+    assert "answered for gamma" not in passed.message
+
+
 def test_where_the_network_cannot_answer_the_fit_still_does(problem, network, monkeypatch):
     def refuse(*_, **__):
         raise LandmarkError("200 landmarks, and CP-Net takes 128")
