@@ -83,7 +83,8 @@ class Journal:
 
     def finish(self, provenance):
         """Write the results file, whole or not at all, and drop the journal: the results."""
-        order = sorted(self.rows, key=lambda row: (row["set"], row["pair"], row["run"]))
+        runs = [run["name"] for run in self.settings["runs"]]
+        order = sorted(self.rows, key=lambda row: (row["set"], row["pair"], runs.index(row["run"])))
         results = {"schema_version": SCHEMA_VERSION, "settings": self.settings, "provenance": plain(provenance),
                    "rows": order}
         write_results(self.out, results)
