@@ -245,7 +245,7 @@ def connect(scheduler, workers):
     except ModuleNotFoundError:
         raise ImportError("the benchmark needs dask.distributed: pip install 'qclearn[benchmark]'") from None
     if scheduler is None:
-        with LocalCluster(n_workers=workers, threads_per_worker=1, host="127.0.0.1", dashboard_address=None,
+        with LocalCluster(n_workers=workers, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0",
                           silence_logs=50) as cluster, Client(cluster) as client:
             yield client
         return

@@ -54,7 +54,7 @@ def one_commit(monkeypatch):
 @pytest.fixture(scope="module")
 def client():
     """A scheduler with one worker inside this process, which starts at once."""
-    options = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
+    options = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": "127.0.0.1:0"}
     with LocalCluster(**options) as cluster, Client(cluster) as client:
         yield client
 
