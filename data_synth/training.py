@@ -1,7 +1,7 @@
 """What each network is trained on, one function a network: (config, folder, quick) -> (training, validation) sets.
 
-The sets are drawn once and kept in `folder`; `quick` draws a few items only, for a trial. Validation sets choose
-nothing but what the log shows; held-out figures come from other seeds still.
+The sets are drawn once and kept in `folder`; `quick` draws a few items only, for a trial. Validation subjects
+served for the logs and for two settings of use; held-out figures come from other seeds still.
 """
 
 import warnings
