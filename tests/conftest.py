@@ -2,6 +2,7 @@
 
 import os
 
+import pytest
 from hypothesis import settings
 
 os.environ.setdefault("PYVISTA_OFF_SCREEN", "true")
@@ -9,3 +10,14 @@ os.environ.setdefault("MPLBACKEND", "agg")
 
 settings.register_profile("qclearn", deadline=None, derandomize=True)
 settings.load_profile("qclearn")
+
+
+@pytest.fixture(scope="module")
+def one_thread():
+    """Threads of torch that wait for each other on a busy machine cost more than small problems do."""
+    import torch  # here: most tests need none
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)

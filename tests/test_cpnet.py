@@ -22,16 +22,10 @@ from qclearn.nets.train import TrainConfig, train
 from qclearn.polar import PolarSolver
 from qclearn.surface import SurfaceError
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 SMALL = CPNetConfig("best", rings=12, spokes=36, modes=300, first=(8, 16), second=(8, 16), blocks=1)
 PAPER = CPNetConfig("paper", curves=2, points=4, size=16, widths=(8, 8, 8))
-
-
-@pytest.fixture(autouse=True)
-def one_thread():
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
 
 
 @pytest.fixture(scope="module")

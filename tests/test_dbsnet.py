@@ -26,16 +26,10 @@ from qclearn.nets.layers import PolarPad
 from qclearn.nets.train import TrainConfig, take_step
 from qclearn.surface import SurfaceError
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 SMALL = {"best": (BestDBSNet, DBSNetConfig("best", rings=8, spokes=16, channels=(8, 16), blocks=1)),
          "paper": (PaperDBSNet, DBSNetConfig("paper", size=8, frequencies=2))}
-
-
-@pytest.fixture(autouse=True, scope="module")
-def one_thread():
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 def network(preset):

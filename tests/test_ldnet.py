@@ -20,17 +20,9 @@ from qclearn.nets.pictures import stamp, turn
 from qclearn.surface import SurfaceError
 from tests.surfaces import sphere
 
-pytestmark = pytest.mark.filterwarnings("ignore::qclearn.bijectivity.RepairWarning")
+pytestmark = [pytest.mark.filterwarnings("ignore::qclearn.bijectivity.RepairWarning"), pytest.mark.usefixtures("one_thread")]
 SMALL = LDNetConfig("best", size=32, widths=(16, 24, 32))
 PAPER = LDNetConfig("paper", size=32, widths=(16, 16, 16), hidden=64)
-
-
-@pytest.fixture(autouse=True)
-def one_thread():
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
 
 
 @pytest.fixture(scope="module")

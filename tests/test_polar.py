@@ -10,17 +10,10 @@ from qclearn.beltrami import BeltramiError
 from qclearn.disk import BeltramiDiskSolver
 from qclearn.polar import PolarSolver
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 SIZES = {"least": (2, 3, 1.0), "small": (3, 7, 1.0), "even": (8, 24, 1.0), "odd": (13, 29, 1.0), "graded": (12, 30, 1.5)}
 DEVICES = ["cpu"] + ["cuda"] * torch.cuda.is_available()
-
-
-@pytest.fixture(autouse=True, scope="module")
-def one_thread():
-    """Threads that wait for each other on a busy machine cost more than these small problems do."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 @pytest.fixture(params=SIZES.values(), ids=SIZES)

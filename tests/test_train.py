@@ -14,6 +14,8 @@ from torch.utils.data import TensorDataset
 
 from qclearn.nets.train import TrainConfig, TrainingError, batch_items, rate_at, train
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 CONFIG = TrainConfig(steps=60, batch=8, rate=0.2, warmup=5, validate_every=20)
 
 
@@ -43,14 +45,6 @@ class Line(nn.Module):
 def line_data(count):
     x = torch.linspace(-1, 1, count)[:, None]
     return TensorDataset(x, 3 * x - 1)
-
-
-@pytest.fixture(autouse=True, scope="module")
-def one_thread():
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 def run(folder, model=None, config=CONFIG, count=30):

@@ -14,16 +14,10 @@ from qclearn.nets import TrainingError, dbsnet, load_file
 from qclearn.nets.weights import WeightsError
 from qclearn.training import run_training
 
+pytestmark = pytest.mark.usefixtures("one_thread")
+
 RECIPES = [("ldnet", "best", None), ("ldnet", "paper", None), ("cpnet", "best", None), ("cpnet", "paper", 1e4),
            ("dbsnet", "best", None), ("dbsnet", "paper", None)]
-
-
-@pytest.fixture(autouse=True, scope="module")
-def one_thread():
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 @pytest.fixture(scope="module")
