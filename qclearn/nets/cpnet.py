@@ -23,7 +23,6 @@ FIELD = 0.03  # of the U-Nets' outputs that bend the field itself
 SMALL = 1e-3  # an L_CP / alpha below which the loss asks for no more: where p = q it is 0
 
 
-
 @dataclass(frozen=True)
 class CPNetConfig:
     """Sizes of a CP-Net; those of the other preset are not used. Ranges are of log10, three decades each."""

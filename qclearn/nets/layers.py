@@ -8,10 +8,9 @@ from scipy import ndimage
 from torch import nn
 from torch.nn import functional
 
-from ..beltrami import BeltramiError, check_coefficient, signed_areas
+from ..beltrami import check_coefficient
 from ..disk import BeltramiDiskSolver
-from ..diskmesh import boundary_loop, locate
-from ..surface import SurfaceError
+from ..diskmesh import locate
 
 FIRST_SCALE = 0.1  # of a conditioned U-Net's outputs, before the conditions change it
 
@@ -89,11 +88,12 @@ class PolarUNet(nn.Module):
         nn.init.zeros_(self.head.weight)
         nn.init.zeros_(self.head.bias)
 
-    def forward(self, x):
-        x, kept = self.stem(x.contiguous(memory_format=torch.channels_last)), []
+    def forward(self, x, modulate=lambda x: x):
+        """modulate: applied to the first features of each level on the way down."""
+        x, kept = modulate(self.stem(x.contiguous(memory_format=torch.channels_last))), []
         for block, coarser in zip(self.down, self.coarser):
             kept.append(block(x))
-            x = coarser(kept[-1])
+            x = modulate(coarser(kept[-1]))
         x = self.bottom(x)
         for finer, block, skip in zip(reversed(self.finer), reversed(self.up), reversed(kept)):
             x = block(functional.interpolate(finer(x), scale_factor=2.0, mode="nearest") + skip)
@@ -117,29 +117,19 @@ class ConditionedUNet(PolarUNet):
             scale, shift = next(films)[..., None, None].chunk(2, 1)
             return x * (1 + scale) + shift
 
-        x, kept = modulate(self.stem(x.contiguous(memory_format=torch.channels_last))), []
-        for block, coarser in zip(self.down, self.coarser):
-            kept.append(block(x))
-            x = modulate(coarser(kept[-1]))
-        x = self.bottom(x)
-        for finer, block, skip in zip(reversed(self.finer), reversed(self.up), reversed(kept)):
-            x = block(functional.interpolate(finer(x), scale_factor=2.0, mode="nearest") + skip)
-        return FIRST_SCALE * torch.exp(next(films))[..., None, None] * self.head(functional.silu(x))
+        output = super().forward(x, modulate)
+        return FIRST_SCALE * torch.exp(next(films))[..., None, None] * output
 
 
 class DiskMesh:
-    """A disk mesh that was found to be one: its faces' centroids (F,), and where a network finds them on its own grid."""
+    """A disk mesh that was found to be one: its boundary, its faces' centroids (F,), and `places`.
+
+    places: what links it to a network's own grid, filled in by the network and kept as long as the mesh does not change.
+    """
 
     def __init__(self, z, faces):
         self.z, self.faces = np.array(z, complex), np.array(faces)
-        rim = abs(self.z[boundary_loop(self.faces)])
-        if not abs(rim - 1).max() < 1e-6:
-            raise SurfaceError(f"the boundary of the mesh is up to {abs(rim - 1).max():.1e} off the unit circle; map it "
-                               "onto the disk first (disk_conformal_map)")
-        flipped = np.flatnonzero(~(signed_areas(self.z, self.faces) > 0))
-        if len(flipped):
-            raise BeltramiError(f"faces {flipped[:5].tolist()} of the disk mesh are not counter-clockwise "
-                                f"({len(flipped)} in all); give an embedded mesh with outward orientation")
+        self.loop = BeltramiDiskSolver(self.z, self.faces).loop  # which refuses what is not a mesh of the disk
         self.centroids, self.places = self.z[self.faces].mean(1), None
 
 
@@ -166,24 +156,12 @@ class DiskNetwork(nn.Module):
         or |mu| >= 1, or faces that are no disk; SurfaceError where the boundary is off the unit circle.
         """
         mu = check_coefficient(mu, len(faces))
-        if self.link is None or not self.link.joins(z, faces):
-            self.link = MeshLink(z, faces, self.pixels)
-        z, loop = self.link.z, self.link.loop
-        f = self.run(mu[self.link.face], **options)(z)
-        f[loop] /= abs(f[loop])
+        self.link = mesh = linked(z, faces, self.link)
+        if mesh.places is None:
+            mesh.places, _ = locate(mesh.z, mesh.faces, self.pixels)  # the faces that hold them
+        f = self.run(mu[mesh.places], **options)(mesh.z)
+        f[mesh.loop] /= abs(f[mesh.loop])
         return f
-
-
-class MeshLink:
-    """Which faces of a disk mesh hold given points, and its boundary; kept as long as the mesh does not change."""
-
-    def __init__(self, z, faces, points):
-        self.z, self.faces = np.array(z, complex), np.array(faces)
-        self.loop = BeltramiDiskSolver(self.z, self.faces).loop  # which refuses what is not a mesh of the disk
-        self.face, _ = locate(self.z, self.faces, points)
-
-    def joins(self, z, faces):
-        return np.array_equal(self.z, z) and np.array_equal(self.faces, faces)
 
 
 class PolarFunction:
