@@ -124,6 +124,13 @@ def assemble(faces, blocks, n_vertices):
     return sparse.coo_array((blocks.ravel(), (rows, columns)), shape=(n_vertices, n_vertices)).tocsc()
 
 
+def corner_average(faces, n_vertices, weights):
+    """Sparse (V, F): the average over the faces around each vertex, with the faces' weights (F,)."""
+    corners = sparse.csr_array((np.repeat(weights, 3), (faces.ravel(), np.repeat(np.arange(len(faces)), 3))),
+                               shape=(n_vertices, len(faces)))
+    return sparse.diags_array(1 / corners.sum(1)) @ corners
+
+
 def stiffness(z, faces, mu):
     """The matrix `K(mu)_ij = sum_T |T| grad phi_i . A(mu_T) grad phi_j`, sparse (V, V), positive semi-definite.
 

@@ -17,6 +17,7 @@ from tqdm import tqdm
 
 import qclearn as qc
 
+from .landmarks import curves_of_both
 from .register import register as run_registration
 from .register import transfer as transfer_map
 
@@ -139,11 +140,10 @@ def read_landmarks(path):
 
 def shared_curves(moving, control):
     """Landmarks from the curves that both surfaces carry under the same name."""
-    names = [name for name in moving.curves if name in control.curves]
-    if not names:
+    curves = curves_of_both(moving, control)
+    if not curves:
         raise qc.LandmarkError("the surfaces share no curve names (curve_<name> in their npz files); give --landmarks")
-    return {"curves": [{"name": name, "moving": moving.curves[name].tolist(), "control": control.curves[name].tolist(),
-                        "detect": False} for name in names]}
+    return {"curves": curves}
 
 
 @cli.command("open")

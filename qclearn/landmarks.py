@@ -25,6 +25,12 @@ def sample_curve(surface, path, count=10):
     return resample(surface, corners, count)
 
 
+def curves_of_both(moving, control):
+    """The curves that both surfaces carry under one name, as entries of a landmarks file, not to be detected: list."""
+    return [{"name": name, "moving": path.tolist(), "control": control.curves[name].tolist(), "detect": False}
+            for name, path in moving.curves.items() if name in control.curves]
+
+
 def resample(surface, corners, count=10):
     """Equally spaced points by arc length in space on the polyline through `corners @ vertices`: sparse (count, V)."""
     lengths = np.linalg.norm(np.diff(corners @ surface.vertices, axis=0), axis=1)

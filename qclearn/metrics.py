@@ -4,7 +4,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
-from .beltrami import signed_areas, stiffness
+from .beltrami import corner_average, signed_areas, stiffness
 from .disk import corner_angles, edge_lengths
 
 SMALLEST_RATIO = 1e-6  # of a face's area to its share, where it is measured
@@ -41,8 +41,7 @@ def measured_losses(z, faces, mu, mapped, target, alpha, beta, gamma):
     over the faces around each vertex, by area. Source: paper, eqs. muloss, musmooth, lmloss, RegLoss.
     """
     areas = signed_areas(z, faces)
-    corners = sparse.csr_array((np.repeat(areas, 3), (faces.ravel(), np.repeat(np.arange(len(faces)), 3))))
-    nodal = (corners @ mu) / corners.sum(1)
+    nodal = corner_average(faces, len(z), areas) @ mu
     terms = {"L_mu": float(areas @ abs(mu) ** 2) / np.pi,
              "L_grad_mu": float((nodal.conj() @ (stiffness(z, faces, np.zeros(len(faces))) @ nodal)).real) / np.pi,
              "L_Landmark": float((abs(mapped - target) ** 2).mean())}

@@ -19,6 +19,7 @@ from .bijectivity import RepairWarning
 from .disk import disk_conformal_map
 from .fsaverage import demo_landmarks, fsaverage5
 from .guard import Networks
+from .landmarks import curves_of_both
 from .methods import Problem
 from .mobius import mobius, mobius_inverse
 from .register import POINTS_PER_CURVE, align, check_curves, distinct_landmarks, lift, sample_side
@@ -98,13 +99,8 @@ def cohort_pair(moving, control):
     face, weights = locate_on_sphere(control.template, control.surface.faces, moving.template)
     corners = control.surface.faces[face]
     truth = np.einsum("pk,pkd->pd", weights, control.surface.vertices[corners])
-    return Pair(moving, control, shared_curves(moving.surface, control.surface), truth,
+    return Pair(moving, control, tuple(curves_of_both(moving.surface, control.surface)), truth,
                 np.einsum("pk,pk->p", weights, control.z[corners]))
-
-
-def shared_curves(moving, control):
-    return tuple({"name": name, "moving": path.tolist(), "control": control.curves[name].tolist(), "detect": False}
-                 for name, path in moving.curves.items() if name in control.curves)
 
 
 def displacement_pair(control, distance, n_curves, seed):
@@ -112,7 +108,7 @@ def displacement_pair(control, distance, n_curves, seed):
 
     distance: mean distance of the landmarks from their targets in the unit disk, before any alignment.
     """
-    curves = shared_curves(control.surface, control.surface)[:n_curves]
+    curves = tuple(curves_of_both(control.surface, control.surface)[:n_curves])
     p = control.z[np.concatenate([curve["moving"] for curve in curves])]
     rng = np.random.default_rng([seed, n_curves])
     centres = REACH * np.sqrt(rng.uniform(size=TWISTS)) * np.exp(2j * np.pi * rng.uniform(size=TWISTS))

@@ -22,7 +22,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded
 import torch
 from threadpoolctl import threadpool_limits
 
-from qclearn.training import commit
+from qclearn.provenance import commit, processor
 
 PARTS = ("polar", "ldnet", "cpnet", "dbsnet")
 
@@ -66,15 +66,6 @@ def provenance(options, seconds):
     return {"seeds": options.seeds, "quick": options.quick, "commit": commit(), "date": date.today().isoformat(),
             "seconds": round(seconds, 1), "threads": torch.get_num_threads(), "processor": processor(),
             "python": platform.python_version(), **{name: version(name) for name in ("torch", "numpy", "scipy", "qclearn")}}
-
-
-def processor():
-    """The processor's name where the system tells it."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        return next(line.split(":")[1].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        return platform.processor() or platform.machine()
 
 
 def show(part, figures, indent=0):

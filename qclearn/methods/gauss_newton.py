@@ -1,13 +1,11 @@
 """The library's own fit of landmarks: Gauss-Newton on nodal coefficients."""
 
-import warnings
-
 from threadpoolctl import threadpool_limits
 
-from ..bijectivity import RepairWarning
 from ..diskmesh import polar_disk
 from ..fit import Forward, GaussNewton, Landmarks, MeshForward, descend, fit_landmarks, sampling_matrix, start_field
 from ..mobius import best_mobius, mobius
+from .problem import report
 
 RINGS = 32
 
@@ -19,8 +17,7 @@ def gauss_newton(problem, alpha=1.0, beta=1e-2, gamma=1e5, sliding=False):
     Source: paper, eq. RegLoss; Gauss-Newton in its dual form.
     """
     fit = fit_landmarks(problem.z, problem.faces, problem.moving, problem.target, alpha, beta, gamma, problem.curve, sliding)
-    for word in fit.fallbacks:
-        warnings.warn(word, RepairWarning, stacklevel=2)
+    report(fit.fallbacks)
     return fit.f
 
 
@@ -45,6 +42,5 @@ def few_steps(problem, mu, steps, alpha=1.0, beta=1e-2, gamma=1e5):
         nu, parameters, _ = taken
     last = MeshForward(z, faces, problem.moving, sampling_matrix(grid, triangles, z[faces].mean(1)))
     f = last.map(nu, parameters)
-    for word in last.words():
-        warnings.warn(word, RepairWarning, stacklevel=3)
+    report(last.words())
     return mobius(f, *best_mobius(last.points, target))

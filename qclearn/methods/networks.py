@@ -1,11 +1,10 @@
 """The paper's networks as registration methods: CP-Net proposes mu, DBS-Net, the exact solver or a few steps make the map."""
 
-import warnings
 from contextlib import nullcontext
 
-from ..bijectivity import RepairWarning
 from ..guard import Networks, exact_map, guarded_map, moved_map
 from .gauss_newton import few_steps
+from .problem import report
 
 TOLERANCE = 2e-3  # landmark error in the disk above which `guarded` refines
 
@@ -47,7 +46,7 @@ def cpnet_steps(problem, preset="best", steps=1, alpha=1.0, beta=1e-2, gamma=1e5
 
 
 def guarded(problem, alpha=1.0, beta=1e-2, gamma=1e5, tolerance=TOLERANCE):
-    """What `register(method="network")` does: CP-Net and DBS-Net, the exact twins where they fold or miss by more.
+    """What `register(method="network", tolerance=TOLERANCE)` does: the networks, their exact twins where they fold or miss.
 
     A RepairWarning says each step aside.
     """
@@ -56,8 +55,3 @@ def guarded(problem, alpha=1.0, beta=1e-2, gamma=1e5, tolerance=TOLERANCE):
                       problem.curve, tolerance, words, lambda name: nullcontext())
     report(words)
     return fit.f
-
-
-def report(words):
-    for word in words:
-        warnings.warn(word, RepairWarning, stacklevel=3)

@@ -1,12 +1,13 @@
 """What every method is given, and what several of them share: the Beltrami solver with the circle and landmarks held."""
 
+import warnings
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy import sparse
 
-from ..beltrami import Dirichlet, signed_areas, stiffness
+from ..beltrami import Dirichlet, corner_average, signed_areas, stiffness
+from ..bijectivity import RepairWarning
 from ..diskmesh import boundary_loop
 from ..fit import check_landmarks, sampling_matrix
 from ..mobius import best_mobius, mobius
@@ -88,8 +89,7 @@ def truncated(mu, largest=LARGEST):
     return mu * np.divide(largest, size, out=np.ones_like(size), where=size > largest)
 
 
-def corner_average(faces, n_vertices, weights):
-    """Sparse (V, F): the average over the faces around each vertex, with the faces' weights (F,)."""
-    corners = sparse.csr_array((np.repeat(weights, 3), (faces.ravel(), np.repeat(np.arange(len(faces)), 3))),
-                               shape=(n_vertices, len(faces)))
-    return sparse.diags_array(1 / corners.sum(1)) @ corners
+def report(words):
+    """A RepairWarning for each thing a method did beyond its plain formula; the benchmark keeps their words."""
+    for word in words:
+        warnings.warn(word, RepairWarning, stacklevel=3)

@@ -13,7 +13,7 @@ import qclearn as qc
 from data_synth.cohort import hemispheres
 from qclearn.disk import BeltramiDiskSolver
 from qclearn.diskmesh import polar_disk, square_disk
-from qclearn.fit import Forward, GaussNewton, Landmarks, descend, fit_landmarks, sampling_matrix, start_field
+from qclearn.fit import Forward, GaussNewton, Landmarks, bounded, descend, fit_landmarks, sampling_matrix, start_field
 from qclearn.guard import exact_map, moved_map
 from qclearn.landmarks import sample_curve
 from qclearn.metrics import measured_losses
@@ -114,13 +114,8 @@ def polished(mu, p, q, weights, steps=2):
     for number in range(1, steps + 1):
         step = newton.prepare(nu, forward, parameters, weights[2])
         nu, parameters, _ = descend(newton, forward, step, nu, parameters, weights[2]) or (nu, parameters, None)
-        found[f"CP-Net, then {number} Gauss-Newton"] = exact_map(z, faces, bounded_on_faces(forward, nu), p, q)
+        found[f"CP-Net, then {number} Gauss-Newton"] = exact_map(z, faces, bounded(forward.to_faces @ nu), p, q)
     return found
-
-
-def bounded_on_faces(forward, nu):
-    nu = forward.to_faces @ nu
-    return np.tanh(abs(nu)) * np.exp(1j * np.angle(nu))
 
 
 def summary(rows):
