@@ -131,6 +131,12 @@ def corner_average(faces, n_vertices, weights):
     return sparse.diags_array(1 / corners.sum(1)) @ corners
 
 
+def face_mean(faces, n_vertices):
+    """Sparse (F, V): the mean over the corners of each face, the value at its centroid of a piecewise linear function."""
+    rows = np.repeat(np.arange(len(faces)), 3)
+    return sparse.csr_array((np.full(len(rows), 1 / 3), (rows, faces.ravel())), shape=(len(faces), n_vertices))
+
+
 def stiffness(z, faces, mu):
     """The matrix `K(mu)_ij = sum_T |T| grad phi_i . A(mu_T) grad phi_j`, sparse (V, V), positive semi-definite.
 

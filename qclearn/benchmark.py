@@ -32,6 +32,7 @@ from .trial import trial
 DISTANCES, CURVE_COUNTS = (0.05, 0.1, 0.2, 0.3, 0.4), (4, 8)
 SETS = ("cohort", "pairs", "displacement", "fsaverage5")
 PATIENCE = 20  # seconds for a scheduler to answer and to have a worker
+KEEP_MEMORY = "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_"
 VERSIONS = ("qclearn", "numpy", "scipy", "distributed", "torch")
 
 
@@ -244,12 +245,15 @@ def finished(client, tasks, methods, vertices, folder):
 def connect(scheduler, workers):
     """A dask client of the scheduler, or of `workers` processes of this machine; BenchmarkError if there is none."""
     try:
+        import dask
         from distributed import Client, LocalCluster
     except ModuleNotFoundError:
         raise ImportError("the benchmark needs dask.distributed: pip install 'qclearn[benchmark]'") from None
     if scheduler is None:
-        with LocalCluster(n_workers=workers, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0",
-                          silence_logs=50) as cluster, Client(cluster) as client:
+        # dask has its workers hand memory back at once, and methods then wait for pages: up to a third of their time.
+        with (dask.config.set({KEEP_MEMORY: None}),
+              LocalCluster(n_workers=workers, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0",
+                           silence_logs=50) as cluster, Client(cluster) as client):
             yield client
         return
     try:

@@ -89,10 +89,13 @@ def locate(z, faces, points):
     one inside the circle stays short of it by up to INSET of its radius, so that triangles there keep an area.
     """
     z, faces, points = np.asarray(z, complex), np.asarray(faces), np.atleast_1d(np.asarray(points, complex))
-    tree = shapely.STRtree(shapely.polygons(_pairs(z[faces])))
-    hit, face = tree.query(shapely.points(_pairs(points)), predicate="intersects")
+    corners, wanted = _pairs(z[faces]), _pairs(points)
+    low, high = wanted.min(0, initial=np.inf), wanted.max(0, initial=-np.inf)
+    near = np.flatnonzero(((corners.max(1) >= low) & (corners.min(1) <= high)).all(1))
+    tree = shapely.STRtree(shapely.polygons(corners[near]))  # building polygons takes the longest: only where needed
+    hit, face = tree.query(shapely.points(wanted), predicate="intersects")
     inside = np.full(len(points), -1)
-    inside[hit] = face
+    inside[hit] = near[face]
     outside = np.flatnonzero(inside < 0)
     if len(outside):
         points = points.copy()

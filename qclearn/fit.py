@@ -12,7 +12,15 @@ import numpy as np
 from scipy import sparse
 from threadpoolctl import threadpool_limits
 
-from .beltrami import assemble, beltrami_coefficient, check_coefficient, factorise, signed_areas, stiffness
+from .beltrami import (
+    assemble,
+    beltrami_coefficient,
+    check_coefficient,
+    face_mean,
+    factorise,
+    signed_areas,
+    stiffness,
+)
 from .bijectivity import check_bijective, flipped_faces, repair
 from .disk import BeltramiDiskSolver
 from .diskmesh import locate, polar_disk
@@ -257,7 +265,7 @@ def fit_landmarks(z, faces, moving, target, alpha=1.0, beta=1e-2, gamma=1e5, cur
     landmarks, weights = Landmarks(target, curve, sliding), (alpha, beta, gamma)
     grid, triangles = polar_disk(rings // 2, 3 * (rings // 2), power=1.4)
     newton = GaussNewton(grid, triangles, landmarks, alpha, beta)
-    coarse = Forward(grid, triangles, moving, sampling_matrix(grid, triangles, grid[triangles].mean(1)))
+    coarse = Forward(grid, triangles, moving, face_mean(triangles, len(grid)))
     field = partial(start_field, z, faces, start)
     nu, parameters, steps = fit_on_grid(newton, coarse, field(coarse.z), best_mobius(moving, target), gamma / 10, watch)
     grid, triangles = polar_disk(rings, 3 * rings, power=1.4)

@@ -130,9 +130,12 @@ def fold_words(fit):
     return f"folded {len(fit.flipped)} faces" if len(fit.flipped) else "folded the boundary"
 
 
-def moved_map(z, faces, f, p, q, fallbacks=()):
-    """M after f (V,), M the disk Möbius map with the least `mean |M(f(p)) - q|^2`, certified or reported: LandmarkFit."""
-    evaluate, loop = sampling_matrix(z, faces, p), boundary_loop(faces)
+def moved_map(z, faces, f, p, q, fallbacks=(), evaluate=None):
+    """M after f (V,), M the disk Möbius map with the least `mean |M(f(p)) - q|^2`, certified or reported: LandmarkFit.
+
+    evaluate: the sampling matrix (M, V) of p, if it is known.
+    """
+    evaluate, loop = sampling_matrix(z, faces, p) if evaluate is None else evaluate, boundary_loop(faces)
     parameters = best_mobius(evaluate @ f, q)
     f = mobius(f, *parameters)
     f[loop] /= abs(f[loop])
@@ -142,7 +145,7 @@ def moved_map(z, faces, f, p, q, fallbacks=()):
 def exact_map(z, faces, mu, p, q):
     """`moved_map` of the exact solver's map for mu (F,); where it folds, rows are switched and it is solved again."""
     forward = MeshForward(z, faces, p, sparse.eye_array(len(faces), format="csr"))
-    fit = moved_map(z, faces, forward.solver.solve(mu), p, q, forward.words())
+    fit = moved_map(z, faces, forward.solver.solve(mu), p, q, forward.words(), forward.evaluate)
     if fit.bijective:
         return fit
     f = forward.map(unbounded(check_coefficient(mu, len(faces))), fit.mobius)

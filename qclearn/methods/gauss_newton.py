@@ -2,12 +2,14 @@
 
 from threadpoolctl import threadpool_limits
 
+from ..beltrami import corner_average, face_mean, signed_areas
 from ..diskmesh import polar_disk
-from ..fit import Forward, GaussNewton, Landmarks, MeshForward, descend, fit_landmarks, sampling_matrix, start_field
-from ..mobius import best_mobius, mobius
+from ..fit import Forward, GaussNewton, Landmarks, bounded, descend, fit_landmarks, sampling_matrix, unbounded
+from ..guard import exact_map
+from ..mobius import best_mobius
 from .problem import report
 
-RINGS = 32
+MESH = polar_disk(32, 96, power=1.4)  # of the few steps
 
 
 def gauss_newton(problem, alpha=1.0, beta=1e-2, gamma=1e5, sliding=False):
@@ -23,15 +25,14 @@ def gauss_newton(problem, alpha=1.0, beta=1e-2, gamma=1e5, sliding=False):
 
 @threadpool_limits.wrap(limits=1)
 def few_steps(problem, mu, steps, alpha=1.0, beta=1e-2, gamma=1e5):
-    """At most `steps` steps of the same fit from mu (F,), on the polar mesh of 32 x 96, then one exact solve: f (V,).
+    """At most `steps` steps of the same fit from mu on the faces of MESH, there, then one exact solve: f (V,).
 
-    At last the disk Möbius map is fitted again, on the disk mesh itself. A RepairWarning says if rows were switched.
+    The disk Möbius map is fitted again at last, on the disk mesh itself. A RepairWarning says if rows were switched.
     """
-    z, faces, target = problem.z, problem.faces, problem.target
-    grid, triangles = polar_disk(RINGS, 3 * RINGS, power=1.4)
+    (grid, triangles), target = MESH, problem.target
     newton = GaussNewton(grid, triangles, Landmarks(target, problem.curve, False), alpha, beta)
-    forward = Forward(grid, triangles, problem.moving, sampling_matrix(grid, triangles, grid[triangles].mean(1)))
-    nu = start_field(z, faces, mu, grid)
+    forward = Forward(grid, triangles, problem.moving, face_mean(triangles, len(grid)))
+    nu = corner_average(triangles, len(grid), signed_areas(grid, triangles)) @ unbounded(mu)
     forward.map(nu, (0j, 0.0))
     parameters = best_mobius(forward.points, target)
     for _ in range(steps):
@@ -40,7 +41,7 @@ def few_steps(problem, mu, steps, alpha=1.0, beta=1e-2, gamma=1e5):
         if taken is None:
             break
         nu, parameters, _ = taken
-    last = MeshForward(z, faces, problem.moving, sampling_matrix(grid, triangles, z[faces].mean(1)))
-    f = last.map(nu, parameters)
-    report(last.words())
-    return mobius(f, *best_mobius(last.points, target))
+    z, faces = problem.z, problem.faces
+    fit = exact_map(z, faces, bounded(sampling_matrix(grid, triangles, z[faces].mean(1)) @ nu), problem.moving, target)
+    report(fit.fallbacks)
+    return fit.f

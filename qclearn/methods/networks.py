@@ -3,7 +3,7 @@
 from contextlib import nullcontext
 
 from ..guard import Networks, exact_map, guarded_map, moved_map
-from .gauss_newton import few_steps
+from .gauss_newton import MESH, few_steps
 from .problem import report
 
 TOLERANCE = 2e-3  # landmark error in the disk above which `guarded` refines
@@ -16,10 +16,11 @@ def network(name, preset, gamma=None):
     return load(name, preset, gamma if name == "cpnet" and preset == "paper" else None)
 
 
-def proposed(problem, preset, alpha, beta, gamma):
-    """CP-Net's mu (F,); the paper's has weights for a gamma of 1e4, 1e5 and 2e5 each, at alpha = beta = 1."""
-    return network("cpnet", preset, gamma).predict(problem.z, problem.faces, problem.moving, problem.target, alpha=alpha,
-                                                   beta=beta, gamma=gamma, curve=problem.curve)
+def proposed(problem, mesh, preset, alpha, beta, gamma):
+    """CP-Net's mu (F,) on a disk mesh (z, faces); the paper's has weights for a gamma of 1e4, 1e5 and 2e5 each, at
+    alpha = beta = 1."""
+    return network("cpnet", preset, gamma).predict(*mesh, problem.moving, problem.target, alpha=alpha, beta=beta,
+                                                   gamma=gamma, curve=problem.curve)
 
 
 def cpnet_dbsnet(problem, preset="best", alpha=1.0, beta=1e-2, gamma=1e5):
@@ -27,14 +28,14 @@ def cpnet_dbsnet(problem, preset="best", alpha=1.0, beta=1e-2, gamma=1e5):
 
     Source: paper, section 'Landmark-based Brain Cortical Surface Registration'.
     """
-    mu = proposed(problem, preset, alpha, beta, gamma)
+    mu = proposed(problem, (problem.z, problem.faces), preset, alpha, beta, gamma)
     f = network("dbsnet", preset).solve(problem.z, problem.faces, mu)
     return moved_map(problem.z, problem.faces, f, problem.moving, problem.target).f
 
 
 def cpnet_exact(problem, preset="best", alpha=1.0, beta=1e-2, gamma=1e5):
     """The same with the exact solver in DBS-Net's place; a RepairWarning says if rows were switched against folds."""
-    mu = proposed(problem, preset, alpha, beta, gamma)
+    mu = proposed(problem, (problem.z, problem.faces), preset, alpha, beta, gamma)
     fit = exact_map(problem.z, problem.faces, mu, problem.moving, problem.target)
     report(fit.fallbacks)
     return fit.f
@@ -42,7 +43,7 @@ def cpnet_exact(problem, preset="best", alpha=1.0, beta=1e-2, gamma=1e5):
 
 def cpnet_steps(problem, preset="best", steps=1, alpha=1.0, beta=1e-2, gamma=1e5):
     """`few_steps` from CP-Net's mu: at most so many Gauss-Newton steps on a polar mesh, then one exact solve."""
-    return few_steps(problem, proposed(problem, preset, alpha, beta, gamma), steps, alpha, beta, gamma)
+    return few_steps(problem, proposed(problem, MESH, preset, alpha, beta, gamma), steps, alpha, beta, gamma)
 
 
 def guarded(problem, alpha=1.0, beta=1e-2, gamma=1e5, tolerance=TOLERANCE):
