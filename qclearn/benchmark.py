@@ -83,6 +83,7 @@ RUNS = (
     Run("CP-Net, 2 steps", "cpnet_steps", FINE | {"steps": 2}),
     Run("CP-Net, 1 step, LD-Net", "cpnet_steps", FINE | {"steps": 1}, "ldnet", DETECTED),
     Run("CP-Net, 1 step, path", "cpnet_steps", FINE | {"steps": 1}, "path", KNOWN),
+    Run("coarse fit, 1 step", "coarse_steps", FINE),
     Run("guarded networks", "guarded", FINE),
 )
 

@@ -5,7 +5,7 @@ lies in the control's disk, and says by a RepairWarning what it had to do beyond
 form can join the benchmark.
 """
 
-from .gauss_newton import gauss_newton
+from .gauss_newton import coarse_steps, gauss_newton
 from .harmonic import harmonic
 from .mobius_only import mobius_only
 from .networks import cpnet_dbsnet, cpnet_exact, cpnet_steps, guarded
@@ -21,6 +21,7 @@ METHODS = {
     "qc_iteration": qc_iteration,
     "teichmuller": teichmuller,
     "gauss_newton": gauss_newton,
+    "coarse_steps": coarse_steps,
     "cpnet_dbsnet": cpnet_dbsnet,
     "cpnet_exact": cpnet_exact,
     "cpnet_steps": cpnet_steps,
@@ -28,6 +29,6 @@ METHODS = {
 }
 
 __all__ = [
-    "METHODS", "LandmarkSolver", "Problem", "cpnet_dbsnet", "cpnet_exact", "cpnet_steps", "gauss_newton", "guarded",
-    "harmonic", "mobius_only", "qc_iteration", "teichmuller", "thin_plate",
+    "METHODS", "LandmarkSolver", "Problem", "coarse_steps", "cpnet_dbsnet", "cpnet_exact", "cpnet_steps", "gauss_newton",
+    "guarded", "harmonic", "mobius_only", "qc_iteration", "teichmuller", "thin_plate",
 ]

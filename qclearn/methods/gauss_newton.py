@@ -1,15 +1,26 @@
 """The library's own fit of landmarks: Gauss-Newton on nodal coefficients."""
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..beltrami import corner_average, face_mean, signed_areas
 from ..diskmesh import polar_disk
-from ..fit import Forward, GaussNewton, Landmarks, bounded, descend, fit_landmarks, sampling_matrix, unbounded
+from ..fit import (
+    Forward,
+    GaussNewton,
+    Landmarks,
+    bounded,
+    descend,
+    fit_landmarks,
+    fit_on_grid,
+    sampling_matrix,
+    unbounded,
+)
 from ..guard import exact_map
 from ..mobius import best_mobius
 from .problem import report
 
-MESH = polar_disk(32, 96, power=1.4)  # of the few steps
+COARSE, MESH = polar_disk(24, 72, power=1.4), polar_disk(32, 96, power=1.4)  # of CP-Net, and of the few steps
 
 
 def gauss_newton(problem, alpha=1.0, beta=1e-2, gamma=1e5, sliding=False):
@@ -21,6 +32,18 @@ def gauss_newton(problem, alpha=1.0, beta=1e-2, gamma=1e5, sliding=False):
     fit = fit_landmarks(problem.z, problem.faces, problem.moving, problem.target, alpha, beta, gamma, problem.curve, sliding)
     report(fit.fallbacks)
     return fit.f
+
+
+@threadpool_limits.wrap(limits=1)
+def coarse_steps(problem, steps=1, alpha=1.0, beta=1e-2, gamma=1e5):
+    """`few_steps` from the same fit on a coarse polar mesh, run until it settles there: CP-Net's exact twin, f (V,)."""
+    grid, triangles = COARSE
+    newton = GaussNewton(grid, triangles, Landmarks(problem.target, problem.curve, False), alpha, beta)
+    forward = Forward(grid, triangles, problem.moving, face_mean(triangles, len(grid)))
+    nu, _, _ = fit_on_grid(newton, forward, np.zeros(len(grid), complex), problem.mobius, gamma, None)
+    finer, faces = MESH
+    mu = bounded(sampling_matrix(grid, triangles, finer[faces].mean(1)) @ nu)
+    return few_steps(problem, mu, steps, alpha, beta, gamma)
 
 
 @threadpool_limits.wrap(limits=1)
