@@ -106,8 +106,11 @@ def plain(value):
 def write_results(path, results):
     """Write a checked results file, whole or not at all; BenchmarkError if it cannot be."""
     check_schema(path, results)
+    head = json.dumps({name: value for name, value in results.items() if name != "rows"}, indent=1)
+    rows = ",\n  ".join(json.dumps(row) for row in results["rows"])
+    text = f'{head[:-2]},\n "rows": [\n  {rows}\n ]\n}}\n'  # a row a line
     try:
-        write_whole(Path(path), lambda place: place.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8"))
+        write_whole(Path(path), lambda place: place.write_text(text, encoding="utf-8"))
     except SurfaceError as error:
         raise BenchmarkError(str(error)) from None
 
@@ -153,6 +156,22 @@ def column(rows, run, key):
     """One figure of one run over its pairs: dict pair -> number, NaN where it failed or has none."""
     values = {row["pair"]: row for row in rows if row["run"] == run}
     return {pair: np.nan if row.get(key) is None else float(row[key]) for pair, row in values.items()}
+
+
+def front_ratio(rows, front, baseline, size="mean_abs_mu", error="landmark_error"):
+    """Per pair: the front's error at the baseline's distortion, over the baseline's error, dict; below 1 the front is ahead.
+
+    front: names of runs that trade `error` for `size`; their certified points are joined, log(error) linear in the size,
+    beyond the last one held. Only pairs whose baseline is certified; NaN where the baseline's size is below the front's.
+    """
+    found = {}
+    for row in (row for row in rows if row["run"] == baseline and row.get("certified")):
+        points = sorted((other[size], other[error]) for other in rows
+                        if other["pair"] == row["pair"] and other["run"] in front and other.get("certified"))
+        sizes, errors = np.array(points).reshape(-1, 2).T
+        inside = len(points) and sizes[0] <= row[size]
+        found[row["pair"]] = np.exp(np.interp(row[size], sizes, np.log(errors))) / row[error] if inside else np.nan
+    return found
 
 
 def summary(rows):

@@ -6,7 +6,7 @@ import os
 import numpy as np
 import pytest
 
-from qclearn.results import BenchmarkError, Journal, column, plain, read_results, schema, summary
+from qclearn.results import BenchmarkError, Journal, column, front_ratio, plain, read_results, schema, summary
 
 RUNS = [{"name": "one", "method": "harmonic", "parameters": {}, "landmarks": "given", "sets": ["cohort"],
          "keep_field": False}]
@@ -145,3 +145,23 @@ def test_means_are_over_the_pairs_that_have_a_figure():
     assert table["one"]["seconds"] == 2.0 and table["two"]["seconds"] is None
     found = column(rows, "one", "correspondence_sulci_mm")
     assert list(found) == ["a", "b", "c", "d"] and np.isnan([found["c"], found["d"]]).all() and found["a"] == 0
+
+
+def test_a_front_is_compared_at_the_baselines_distortion():
+    points = [("one", 0.1, 1e-2), ("two", 0.3, 1e-4), ("base", 0.2, 2e-3)]
+    rows = [row("a", run, mean_abs_mu=size, landmark_error=error) for run, size, error in points]
+    assert front_ratio(rows, ["one", "two"], "base") == {"a": pytest.approx(1e-3 / 2e-3)}
+    assert front_ratio(rows, ["one"], "base") == {"a": pytest.approx(1e-2 / 2e-3)}  # held beyond the last point
+    assert np.isnan(front_ratio(rows, ["two"], "base")["a"])  # its least distortion is more than the baseline's
+    rows[1]["certified"] = False
+    assert front_ratio(rows, ["one", "two"], "base") == {"a": pytest.approx(1e-2 / 2e-3)}
+    rows[2]["certified"] = False
+    assert front_ratio(rows, ["one", "two"], "base") == {}
+
+
+def test_a_results_file_has_a_row_a_line(out):
+    journal = Journal(out, SETTINGS)
+    for pair in "ab":
+        journal.append(row(pair, landmark_error=0.1))
+    journal.finish(PROVENANCE)
+    assert sum(line.startswith('  {"set": "cohort"') for line in out.read_text().splitlines()) == 2
