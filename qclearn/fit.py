@@ -131,14 +131,15 @@ class Forward:
 
     def __init__(self, z, faces, points, to_faces):
         self.z, self.faces, self.to_faces = z, faces, to_faces
-        self.solver = BeltramiDiskSolver(z, faces)
+        self.solver, self.nu = BeltramiDiskSolver(z, faces), None
         self.evaluate = sampling_matrix(z, faces, points)
 
     def map(self, nu, parameters):
         """M after f at every vertex, (V,); the mapped landmarks stay in `points`."""
-        f = self.solver.solve(bounded(self.to_faces @ nu))
-        self.slope = mobius_slope(f, *parameters)
-        self.mapped = self.finish(mobius(f, *parameters))
+        if nu is not self.nu:  # the last map of a step is the first of the next, with no need to solve it again
+            self.nu, self.f = nu, self.solver.solve(bounded(self.to_faces @ nu))
+        self.slope = mobius_slope(self.f, *parameters)
+        self.mapped = self.finish(mobius(self.f, *parameters))
         self.points = self.evaluate @ self.mapped
         return self.mapped
 

@@ -37,8 +37,16 @@ def best_mobius(p, q, weights=None):
         r = scale * (mobius(p, *unpack(x)) - q)
         return np.concatenate([r.real, r.imag])
 
+    def jacobian(x):
+        (a, theta), s = unpack(x), x[0] + 1j * x[1]
+        w, g = mobius(p, a, theta), 1 / np.sqrt(1 + abs(s) ** 2)
+        by_a, by_conj_a = -np.exp(1j * theta) / (1 - np.conj(a) * p), w * p / (1 - np.conj(a) * p)
+        steps = [g * d - g ** 3 * (s.conjugate() * d).real * s for d in (1.0, 1j)]  # da for ds = 1 and i
+        columns = [by_a * da + by_conj_a * np.conj(da) for da in steps] + [1j * w]
+        return np.stack([np.concatenate([(scale * c).real, (scale * c).imag]) for c in columns], axis=1)
+
     starts = [np.array([0.0, 0.0, turn]) for turn in np.arange(8) * np.pi / 4]
-    best = min((least_squares(residual, x, xtol=1e-14, ftol=1e-14, gtol=1e-14) for x in starts), key=lambda s: s.cost)
+    best = min((least_squares(residual, x, jacobian, xtol=1e-14, ftol=1e-14, gtol=1e-14) for x in starts), key=lambda s: s.cost)
     a, theta = unpack(best.x)
     return complex(a), float(np.angle(np.exp(1j * theta)))
 
