@@ -1,5 +1,6 @@
 """One run on one problem, in one thread: the map, its time and memory, and all that is measured of it."""
 
+import ctypes
 import sys
 import time
 import warnings
@@ -82,10 +83,11 @@ def memory(name, reset_peak=False):
     """Resident memory of this process now ("VmRSS") or its peak ("VmHWM"), in MB; None where the system is not Linux."""
     try:
         if reset_peak:
+            ctypes.CDLL(None).malloc_trim(0)  # hand back what earlier tasks freed: to use that again would not show
             Path("/proc/self/clear_refs").write_text("5")
         lines = Path("/proc/self/status").read_text().splitlines()
         return next(int(line.split()[1]) / 1024 for line in lines if line.startswith(name))
-    except (OSError, StopIteration):
+    except (AttributeError, OSError, StopIteration, TypeError):  # a C library without malloc_trim, or none by this name
         return None
 
 
