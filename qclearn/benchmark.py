@@ -23,7 +23,7 @@ from data_synth.cohort import GENERATION, SEEDS
 from data_synth.cortex import FEWEST, MOST
 
 from .methods import METHODS
-from .methods.networks import network
+from .methods.networks import network, networks_of
 from .problems import CONTROL, DETECTORS, SOURCES, cohort_pair, displacement_pair, fsaverage_pair, mapped_subject
 from .provenance import commit, processor
 from .results import BenchmarkError, Journal
@@ -65,9 +65,11 @@ RUNS = (
     Run("Teichmüller", "teichmuller"),
     *(Run(f"Gauss-Newton (1, 1, {gamma})", "gauss_newton", {"alpha": 1.0, "beta": 1.0, "gamma": float(gamma)})
       for gamma in ("1e4", "1e5", "2e5")),
-    # As little distortion as the harmonic maps have, and as free: hardly smoothed, on a mesh as fine as the subject's.
+    # As little distortion as the harmonic maps have: hardly smoothed, and as free as they on a mesh like the subject's.
+    *(Run(f"Gauss-Newton (1, 1e-4, {gamma:g})", "gauss_newton", {"alpha": 1.0, "beta": 1e-4, "gamma": gamma}, sets=KNOWN)
+      for gamma in (0.5, 2.0, 8.0)),
     *(Run(f"Gauss-Newton (1, 1e-5, {gamma:g})", "gauss_newton", {"alpha": 1.0, "beta": 1e-5, "gamma": gamma, "rings": 64},
-          sets=KNOWN) for gamma in (0.5, 1.0, 2.0, 4.0, 8.0)),
+          sets=KNOWN) for gamma in (0.25, 1.0, 4.0, 16.0, 64.0)),
     Run("Gauss-Newton", "gauss_newton", FINE, keep_field=True),
     Run("Gauss-Newton, sliding", "gauss_newton", FINE | {"sliding": True}),
     Run("Gauss-Newton, path", "gauss_newton", FINE, "path", KNOWN),
@@ -76,6 +78,7 @@ RUNS = (
     *(Run(f"paper's networks (1, 1, {gamma})", "cpnet_dbsnet", PRINTED | {"gamma": float(gamma)}, "given", ("cohort",),
           gamma == "1e5") for gamma in ("1e4", "1e5", "2e5")),
     Run("paper's networks (1, 1, 1e5), LD-Net", "cpnet_dbsnet", PRINTED | {"gamma": 1e5}, "ldnet_paper", ("cohort",)),
+    Run("paper's networks (1, 1, 1e5), path", "cpnet_dbsnet", PRINTED | {"gamma": 1e5}, "path", ("cohort",)),
     Run("CP-Net and DBS-Net", "cpnet_dbsnet", FINE, keep_field=True),
     Run("CP-Net and DBS-Net, LD-Net", "cpnet_dbsnet", FINE, "ldnet", DETECTED),
     Run("CP-Net, exact solver", "cpnet_exact", FINE),
@@ -124,7 +127,7 @@ def benchmark(out, subjects=24, vertices=10_000, sets=("cohort",), runs=None, me
     }
     if not out.absolute().parent.is_dir() or out.is_dir():
         raise BenchmarkError(f"{out}: not a file in a folder that exists; give another --out")
-    journal, start = Journal(out, settings), time.perf_counter()
+    journal, origin, start = Journal(out, settings), provenance(), time.perf_counter()
     done = {(row["set"], row["pair"], row["run"]) for row in journal.rows}
     folder = None if folder is None else str(Path(folder).absolute())
     wanted = [(spec, run) for spec in specs for run in runs if spec.set in run.sets]
@@ -136,7 +139,7 @@ def benchmark(out, subjects=24, vertices=10_000, sets=("cohort",), runs=None, me
                 journal.append(row)
                 bar.set_postfix_str(f"{row['pair']}, {row['run']}", refresh=False)
                 bar.update()
-    return journal.finish(provenance() | machines | {"seconds": round(time.perf_counter() - start, 1),
+    return journal.finish(origin | machines | {"seconds": round(time.perf_counter() - start, 1),
                                                      "resumed": bool(done), "left_out": left_out})
 
 
@@ -177,14 +180,10 @@ def check_runs(runs, methods):
 
 def lacking(run):
     """Why a run's networks cannot be loaded here, in words, or None."""
-    parts, gamma = {"cpnet_dbsnet": ("cpnet", "dbsnet"), "guarded": ("cpnet", "dbsnet")}, run.parameters.get("gamma")
-    needed = [(name, run.parameters.get("preset", "best"), gamma)
-              for name in parts.get(run.method, ("cpnet",) if run.method.startswith("cpnet") else ())]
-    if run.landmarks in DETECTORS:
-        needed.append(("ldnet", DETECTORS[run.landmarks], None))
     try:
-        for name, preset, gamma in needed:
-            network(name, preset, gamma)
+        networks_of(run.method, run.parameters)
+        if run.landmarks in DETECTORS:
+            network("ldnet", DETECTORS[run.landmarks])
     except (ImportError, ValueError) as error:
         return str(error)
     return None

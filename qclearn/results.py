@@ -161,16 +161,18 @@ def column(rows, run, key):
 def front_ratio(rows, front, baseline, size="mean_abs_mu", error="landmark_error"):
     """Per pair: the front's error at the baseline's distortion, over the baseline's error, dict; below 1 the front is ahead.
 
-    front: names of runs that trade `error` for `size`; their certified points are joined, log(error) linear in the size,
-    beyond the last one held. Only pairs whose baseline is certified; NaN where the baseline's size is below the front's.
+    front: names of runs that trade `error` for `size`. Their certified points, without those that another one beats in
+    both, are joined by straight lines, beyond the last one held. Only pairs whose baseline is certified; NaN where the
+    baseline's size is below the front's.
     """
     found = {}
     for row in (row for row in rows if row["run"] == baseline and row.get("certified")):
         points = sorted((other[size], other[error]) for other in rows
                         if other["pair"] == row["pair"] and other["run"] in front and other.get("certified"))
-        sizes, errors = np.array(points).reshape(-1, 2).T
-        inside = len(points) and sizes[0] <= row[size]
-        found[row["pair"]] = np.exp(np.interp(row[size], sizes, np.log(errors))) / row[error] if inside else np.nan
+        best = [point for k, point in enumerate(points) if all(point[1] < other[1] for other in points[:k])]
+        sizes, errors = np.array(best).reshape(-1, 2).T
+        inside = len(best) and sizes[0] <= row[size]
+        found[row["pair"]] = np.interp(row[size], sizes, errors) / row[error] if inside else np.nan
     return found
 
 

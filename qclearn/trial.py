@@ -4,6 +4,7 @@ import ctypes
 import sys
 import time
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from .beltrami import beltrami_coefficient
 from .bijectivity import RepairWarning, check_bijective
 from .diskmesh import locate, polar_disk
 from .landmarks import curve_distance, sample_curve
+from .methods.networks import networks_of
 from .metrics import (
     coefficient_histogram,
     coefficient_measures,
@@ -38,12 +40,15 @@ def trial(pair, run, method):
     try:
         with threadpool_limits(1):
             prepared = prepare(pair, run.landmarks)
+            networks_of(run.method, run.parameters)  # loaded before the clock starts
             f, costs = timed(method, prepared.problem, run.parameters)
             start = time.perf_counter()
             points = lift(pair.control.surface, pair.control.z, f)
             costs["seconds"] |= {"disk_moving": pair.moving.seconds, "disk_control": pair.control.seconds,
                                  "landmarks": prepared.seconds, "pull_back": time.perf_counter() - start}
-            costs["notes"] = [*pair.moving.notes, *prepared.notes, *costs["notes"]]
+            sides = {"moving": pair.moving.notes, "control": pair.control.notes}
+            costs["notes"] = [*[f"{side}: {note}" for side, notes in sides.items() for note in notes], *prepared.notes,
+                              *costs["notes"]]
             return {"status": "done", **measured(pair, prepared, f, points, run.keep_field), **costs}
     except Exception as error:  # noqa: BLE001 (whatever a method raises, the others go on)
         return {"status": "failed", "message": f"{type(error).__name__}: {error}"}
@@ -52,19 +57,23 @@ def trial(pair, run, method):
 def timed(method, problem, parameters):
     """(f, costs): the map and its median time over the warm ones of up to REPETITIONS, in one thread.
 
-    The first repetition compiles and loads, and counts only where there is no other: where it takes LONG or more.
+    Each begins with nothing known of the problem. The first counts only where there is no other, where it takes LONG or
+    more: its memory is measured, which costs it time.
     """
     seconds, notes = [], []
     while not seconds or (sum(seconds) < LONG and len(seconds) < REPETITIONS):
+        fresh = replace(problem)
         one_thread()
-        before = memory("VmRSS", reset_peak=True)
+        if not seconds:
+            before = memory("VmRSS", reset_peak=True)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", RepairWarning)
             start = time.perf_counter()
-            f = method(problem, **parameters)
+            f = method(fresh, **parameters)
             seconds.append(time.perf_counter() - start)
+        if len(seconds) == 1:
+            peak = memory("VmHWM")
         notes = [str(warning.message) for warning in caught if issubclass(warning.category, RepairWarning)]
-    peak = memory("VmHWM")
     f = np.asarray(f, complex)
     if f.shape != problem.z.shape or not np.isfinite(f).all():
         raise ValueError(f"the method returned an array of shape {f.shape} with {(~np.isfinite(f)).sum()} values that "

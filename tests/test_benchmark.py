@@ -17,7 +17,7 @@ from distributed import Client, LocalCluster
 from qclearn import benchmark as module
 from qclearn.benchmark import RUNS, Run, benchmark, check_runs, lacking, problems, run_of
 from qclearn.cli import main
-from qclearn.methods import METHODS
+from qclearn.methods import METHODS, networks
 from qclearn.mobius import mobius
 from qclearn.results import BenchmarkError, read_results
 
@@ -232,7 +232,8 @@ def test_runs_whose_networks_are_missing_say_why(monkeypatch):
     def missing(name, preset, gamma=None):
         raise ImportError(f"no {name}")
 
-    monkeypatch.setattr(module, "network", missing)
+    for place in (module, networks):
+        monkeypatch.setattr(place, "network", missing)
     reasons = {run.name: lacking(run) for run in RUNS}
     assert reasons["harmonic 1"] is None and reasons["Gauss-Newton"] is None
     assert reasons["CP-Net, 1 step"] == reasons["guarded networks"] == "no cpnet"

@@ -2,10 +2,12 @@
 
 import json
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from qclearn.benchmark import RUNS as RUNS_OF_THE_BENCHMARK
 from qclearn.results import BenchmarkError, Journal, column, front_ratio, plain, read_results, schema, summary
 
 RUNS = [{"name": "one", "method": "harmonic", "parameters": {}, "landmarks": "given", "sets": ["cohort"],
@@ -150,13 +152,27 @@ def test_means_are_over_the_pairs_that_have_a_figure():
 def test_a_front_is_compared_at_the_baselines_distortion():
     points = [("one", 0.1, 1e-2), ("two", 0.3, 1e-4), ("base", 0.2, 2e-3)]
     rows = [row("a", run, mean_abs_mu=size, landmark_error=error) for run, size, error in points]
-    assert front_ratio(rows, ["one", "two"], "base") == {"a": pytest.approx(1e-3 / 2e-3)}
+    between = (1e-2 + 1e-4) / 2
+    assert front_ratio(rows, ["one", "two"], "base") == {"a": pytest.approx(between / 2e-3)}
+    beaten = row("a", "three", mean_abs_mu=0.15, landmark_error=0.02)
+    assert front_ratio([*rows, beaten], ["one", "two", "three"], "base") == {"a": pytest.approx(between / 2e-3)}
     assert front_ratio(rows, ["one"], "base") == {"a": pytest.approx(1e-2 / 2e-3)}  # held beyond the last point
     assert np.isnan(front_ratio(rows, ["two"], "base")["a"])  # its least distortion is more than the baseline's
     rows[1]["certified"] = False
     assert front_ratio(rows, ["one", "two"], "base") == {"a": pytest.approx(1e-2 / 2e-3)}
     rows[2]["certified"] = False
     assert front_ratio(rows, ["one", "two"], "base") == {}
+
+
+def test_the_kept_results_hold_every_run_on_every_subject():
+    results = read_results(Path(__file__).parents[1] / "book/results/benchmark.json")
+    rows = [entry for entry in results["rows"] if entry["set"] == "cohort"]
+    assert [run["name"] for run in results["settings"]["runs"]] == [run.name for run in RUNS_OF_THE_BENCHMARK]
+    assert results["settings"]["commit"].isalnum()  # of files that were committed as they were run
+    for run in RUNS_OF_THE_BENCHMARK:
+        assert len(column(rows, run.name, "landmark_error")) == 24
+    fits = [entry for entry in results["rows"] if entry["method"] in ("gauss_newton", "cpnet_steps", "guarded")]
+    assert all(entry["status"] == "done" and entry["certified"] for entry in fits)
 
 
 def test_a_results_file_has_a_row_a_line(out):

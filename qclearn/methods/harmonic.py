@@ -10,7 +10,7 @@ from ..bijectivity import RepairWarning, flipped_faces
 from .problem import HARD, LandmarkSolver, truncated
 
 MOST_ROUNDS = 40
-FIRST_WEIGHT, MORE_WEIGHT = 0.01, 0.5  # of the data in the smoothing, and what each round adds
+FIRST_WEIGHT = 100.0  # of the data in the smoothing; halved each round, so that no more of the match is lost than must
 
 
 def harmonic(problem, weight=1.0, correct=True):
@@ -27,21 +27,21 @@ def harmonic(problem, weight=1.0, correct=True):
 
 
 def unfold(solver, f, smoothness):
-    """FLASH's overlap correction: rounds of four steps until no face is flipped; a RepairWarning if that fails.
+    """FLASH's overlap correction: rounds of four steps until no face is flipped; a RepairWarning says what it did.
 
     1. smooth |mu| and truncate it; 2. solve with the landmarks held and measure the coefficient mu'; 3. blend,
     `mu' + smoothness (nu - mu')`, and truncate; 4. solve with that and without landmarks. smoothness in [0, 1]:
-    1 forgets the landmarks, 0 follows them.
+    1 forgets the landmarks, 0 follows them. The source leaves open how much to smooth: little at first, then more.
     """
-    for number in range(1, MOST_ROUNDS + 1):
-        if not len(flipped_faces(solver.faces, f)):
-            return f
-        nu = truncated(smoothed(solver, truncated(measured(solver, f), 1e3), FIRST_WEIGHT + number * MORE_WEIGHT))
+    first = left = len(flipped_faces(solver.faces, f))
+    rounds = 0
+    while left and rounds < MOST_ROUNDS:
+        nu = truncated(smoothed(solver, truncated(measured(solver, f)), FIRST_WEIGHT / 2 ** rounds))
         held = truncated(measured(solver, solver.solve(nu, HARD)))
         f = solver.solve(truncated(held + smoothness * (nu - held)))
-    left = len(flipped_faces(solver.faces, f))
-    if left:
-        warnings.warn(f"overlap correction: {left} faces flipped after {MOST_ROUNDS} rounds", RepairWarning, stacklevel=2)
+        left, rounds = len(flipped_faces(solver.faces, f)), rounds + 1
+    if first:
+        warnings.warn(f"overlap correction: {first} faces flipped, {left} after {rounds} rounds", RepairWarning, stacklevel=2)
     return f
 
 

@@ -9,6 +9,16 @@ from .problem import report
 TOLERANCE = 2e-3  # landmark error in the disk above which `guarded` refines
 
 
+NEEDS = {"cpnet_dbsnet": ("cpnet", "dbsnet"), "cpnet_exact": ("cpnet",), "cpnet_steps": ("cpnet",),
+         "guarded": ("cpnet", "dbsnet")}  # method -> networks
+
+
+def networks_of(method, parameters):
+    """The networks that a method named so uses with these parameters, loaded: a list, empty for all others."""
+    preset, gamma = parameters.get("preset", "best"), parameters.get("gamma")
+    return [network(name, preset, gamma) for name in NEEDS.get(method, ())]
+
+
 def network(name, preset, gamma=None):
     """A network with its shipped weights; WeightsError if there are none, ImportError without torch."""
     from ..nets import load  # here: loads torch
