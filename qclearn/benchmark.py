@@ -19,7 +19,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from data_synth.cohort import GENERATION, SEEDS
+from data_synth.cohort import GENERATION, SEEDS, hemispheres
 from data_synth.cortex import FEWEST, MOST
 
 from .methods import METHODS
@@ -128,9 +128,11 @@ def benchmark(out, subjects=24, vertices=10_000, sets=("cohort",), runs=None, me
     if not out.absolute().parent.is_dir() or out.is_dir():
         raise BenchmarkError(f"{out}: not a file in a folder that exists; give another --out")
     journal, origin, start = Journal(out, settings), provenance(), time.perf_counter()
-    done = {(row["set"], row["pair"], row["run"]) for row in journal.rows}
+    done = {(row["set"], row["pair"], row["run"]) for row in journal.rows if row["status"] == "done"}
     folder = None if folder is None else str(Path(folder).absolute())
     wanted = [(spec, run) for spec in specs for run in runs if spec.set in run.sets]
+    if scheduler is None:
+        hemispheres([], vertices, folder)  # an unwritable folder is refused now, not in each task
     tasks = [(spec, run) for spec, run in wanted if (spec.set, spec.pair, run.name) not in done]
     with connect(scheduler, workers) if tasks else nullcontext() as client:
         machines = machine(client) if tasks else {"workers": 1, "processors": [processor()]}
@@ -144,9 +146,9 @@ def benchmark(out, subjects=24, vertices=10_000, sets=("cohort",), runs=None, me
 
 
 def run_of(text):
-    """The Run that a command line means by "harmonic" or "harmonic:weight=2,correct=false"; BenchmarkError."""
+    """The Run that a command line means by "harmonic" or "harmonic:weight=2,landmarks=path"; BenchmarkError."""
     method, _, given = text.partition(":")
-    parameters = {}
+    parameters = {}  # and the landmarks' source
     for pair in filter(None, given.split(",")):
         name, equals, value = pair.partition("=")
         try:
@@ -155,7 +157,8 @@ def run_of(text):
             parameters[name.strip()] = value.strip()
         if not equals:
             raise BenchmarkError(f"{text}: {pair!r} is no parameter; write {method}:NAME=VALUE,NAME=VALUE")
-    return Run(text, method, parameters)
+    source = parameters.pop("landmarks", "given")
+    return Run(text, method, parameters, source)
 
 
 def check_runs(runs, methods):
@@ -277,11 +280,11 @@ def check_workers(client, scheduler):
     if many:
         raise BenchmarkError(f"workers {', '.join(many[:5])} have several threads, and times are those of one: start "
                              "them with --nthreads 1")
-    found = client.run(own_version)
-    other = sorted(address for address, theirs in found.items() if theirs != own_version())
-    if other:
-        raise BenchmarkError(f"workers {', '.join(other[:5])} have qclearn {found[other[0]]}, this is {own_version()}; "
-                             "install the same on all")
+    own = versions()
+    differ = [f"{address} has {name} {theirs[name]}, here {own[name]}"
+              for address, theirs in sorted(client.run(versions).items()) for name in own if theirs[name] != own[name]]
+    if differ:
+        raise BenchmarkError(f"workers have other versions ({'; '.join(differ[:5])}): install the same on all")
 
 
 def own_version(name="qclearn"):
@@ -291,10 +294,13 @@ def own_version(name="qclearn"):
         return "none"
 
 
+def versions():
+    return {name: own_version(name) for name in VERSIONS} | {"python": platform.python_version()}
+
+
 def machine(client):
     return {"workers": len(client.nthreads()), "processors": sorted(set(client.run(processor).values()))}
 
 
 def provenance():
-    versions = {name: own_version(name) for name in VERSIONS} | {"python": platform.python_version()}
-    return {"commit": commit(), "date": date.today().isoformat(), "versions": versions, "threads_per_task": 1}
+    return {"commit": commit(), "date": date.today().isoformat(), "versions": versions(), "threads_per_task": 1}

@@ -245,8 +245,8 @@ def train(network, preset, gamma, out, data, steps, seed, quick, threads):
 @click.option("--vertices", type=int, default=10_000, show_default=True)
 @click.option("--set", "sets", multiple=True, default=["cohort"], show_default=True,
               help="cohort, pairs, displacement or fsaverage5; may be repeated.")
-@click.option("--method", "methods", multiple=True, help="One method (harmonic, harmonic:weight=2) in place of all; may "
-              "be repeated.")
+@click.option("--method", "methods", multiple=True, help="One method in place of all "
+              "(harmonic, harmonic:weight=2,landmarks=path); may be repeated.")
 @click.option("--scheduler", help="Address of a dask scheduler, tcp://HOST:8786 (default: processes of this machine).")
 @click.option("--workers", type=int, default=2, show_default=True, help="Processes, without --scheduler.")
 @click.option("--data", help="Folder where synthetic subjects are kept (default: the user's cache).")
@@ -259,11 +259,13 @@ def benchmark(out, subjects, vertices, sets, methods, scheduler, workers, data):
     runs = [run_of(text) for text in methods] or None
     results = run_benchmark(out, subjects, vertices, sets, runs, scheduler=scheduler, workers=workers, folder=data)
     click.echo(f"{'run':38} done  certified  landmark error  mean |mu|  near sulci, mm  seconds")
-    for name, line in summary(results["rows"]).items():
-        figures = (line["landmark_error"], line["mean_abs_mu"], line["correspondence_sulci_mm"], line["seconds"])
-        cells = [" " * 9 if value is None else f"{value:9.2g}" for value in figures]
-        click.echo(f"{name:38} {line['pairs'] - line['failed']:2}/{line['pairs']:<2}  {line['certified']:5}      "
-                   + "  ".join(cells))
+    for name in sets:
+        click.echo(f"{name}:")
+        for run, line in summary([row for row in results["rows"] if row["set"] == name]).items():
+            figures = (line["landmark_error"], line["mean_abs_mu"], line["correspondence_sulci_mm"], line["seconds"])
+            cells = [" " * 9 if value is None else f"{value:9.2g}" for value in figures]
+            click.echo(f"{run:38} {line['pairs'] - line['failed']:2}/{line['pairs']:<2}  {line['certified']:5}      "
+                       + "  ".join(cells))
     for name, reason in results["provenance"]["left_out"].items():
         click.echo(f"left out: {name}: {reason}")
 

@@ -141,7 +141,8 @@ def prepare(pair, source="given"):
     """The landmarks of a pair as a `Prepared` problem, the moving disk aligned by them as `register` does.
 
     source: "given", "exact" (the moving curves and their true images), or the moving curves detected between their given
-    ends, by the shortest "path" or by LD-Net, "ldnet" or "ldnet_paper"; the control keeps its own.
+    ends, by the shortest "path" or by LD-Net, "ldnet" or "ldnet_paper"; the control keeps its own, if it has more than
+    ends.
     """
     source = pair.given if source == "given" else source
     moving, control = pair.moving.surface, pair.control.surface

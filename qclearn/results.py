@@ -21,36 +21,30 @@ class Journal:
     """Rows that are kept as they come, a line of JSON each, in `OUT.partial` beside the results file.
 
     The first line holds the run's settings. A journal that is there is gone on with: `rows` are those it has. Its last
-    line may be torn, where a run was killed while it wrote; that row is dropped.
+    line may be torn, where a run was killed while it wrote; that row is dropped. Rows that failed are tried again.
     """
 
     def __init__(self, out, settings):
         self.out, self.path = Path(out), Path(f"{out}.partial")
-        self.rows, whole = [], b""
+        self.rows = []
         self.settings = plain(settings)
         head = {"schema_version": SCHEMA_VERSION, "settings": self.settings}
-        if self.path.is_file():
-            whole = self.read()
-            self.resume(whole, head)
+        data = self.path.read_bytes() if self.path.is_file() else b""
+        whole = data[:data.rfind(b"\n") + 1]
+        self.resume(whole or data, head)  # which refuses a file that is not its own, before anything of it is cut off
+        if len(whole) < len(data):
+            os.truncate(self.path, len(whole))
         if not whole:
             self.append_line(head)
 
-    def read(self):
-        """The journal's whole lines, what is torn cut off."""
-        data = self.path.read_bytes()
-        whole = data[:data.rfind(b"\n") + 1]
-        if len(whole) < len(data):
-            os.truncate(self.path, len(whole))
-        return whole
-
-    def resume(self, whole, head):
+    def resume(self, data, head):
+        if encoded(head).startswith(data):  # nothing yet, or killed while it wrote the first line
+            return
         try:
-            lines = [json.loads(line) for line in whole.splitlines()]
+            lines = [json.loads(line) for line in data.splitlines()]
         except (ValueError, UnicodeDecodeError) as error:
             raise BenchmarkError(f"{self.path}: not a journal of this program ({error}); move it away, or give another "
                                  "--out") from None
-        if not lines:
-            return
         check_version(self.path, lines[0])
         there = lines[0].get("settings", {})
         differ = sorted(key for key in set(head["settings"]) | set(there) if there.get(key) != head["settings"].get(key))
@@ -66,7 +60,7 @@ class Journal:
         self.rows.append(row)
 
     def append_line(self, value):
-        line = (json.dumps(value, allow_nan=False) + "\n").encode()
+        line = encoded(value)
         try:
             file = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
             try:
@@ -84,12 +78,18 @@ class Journal:
     def finish(self, provenance):
         """Write the results file, whole or not at all, and drop the journal: the results."""
         runs = [run["name"] for run in self.settings["runs"]]
-        order = sorted(self.rows, key=lambda row: (row["set"], row["pair"], runs.index(row["run"])))
+        last = {(row["set"], row["pair"], row["run"]): row for row in self.rows}  # of a task that was tried again
+        order = sorted(last.values(), key=lambda row: (row["set"], row["pair"], runs.index(row["run"])))
         results = {"schema_version": SCHEMA_VERSION, "settings": self.settings, "provenance": plain(provenance),
                    "rows": order}
         write_results(self.out, results)
         self.path.unlink(missing_ok=True)
         return results
+
+
+def encoded(value):
+    """The journal's line of a row or a head."""
+    return (json.dumps(value, allow_nan=False) + "\n").encode()
 
 
 def plain(value):

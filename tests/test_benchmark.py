@@ -172,6 +172,20 @@ def test_workers_with_several_threads_are_refused(tmp_path, folder, cluster):
         small(tmp_path / "r.json", folder, [Run("mine", "shrunk")], scheduler=address)
 
 
+def test_workers_of_other_versions_are_refused(tmp_path, folder, cluster, monkeypatch):
+    address, start_worker = cluster
+    start_worker("--nthreads", "1")
+    monkeypatch.setattr(module, "own_version", lambda name="qclearn": "9.9")  # here, not there
+    with pytest.raises(BenchmarkError, match="has qclearn .*, here 9.9.*install the same"):
+        small(tmp_path / "r.json", folder, [Run("mine", "shrunk")], scheduler=address)
+
+
+def test_a_folder_for_subjects_that_cannot_be_written_is_refused(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(ValueError, match="cannot be written"):
+        small(tmp_path / "r.json", tmp_path / "file", [Run("mine", "shrunk")])
+
+
 def test_a_scheduler_without_workers_is_named(tmp_path, folder, cluster, monkeypatch):
     monkeypatch.setattr(module, "PATIENCE", 2)
     with pytest.raises(BenchmarkError, match="has no workers; start some"):
@@ -245,6 +259,11 @@ def test_runs_whose_networks_are_missing_say_why(monkeypatch):
 ])
 def test_a_run_is_read_from_the_command_line(text, parameters):
     assert run_of(text) == Run(text, text.partition(":")[0], parameters)
+
+
+def test_the_command_line_names_the_landmarks_source():
+    assert run_of("gauss_newton:gamma=1e4,landmarks=path") == Run(
+        "gauss_newton:gamma=1e4,landmarks=path", "gauss_newton", {"gamma": 1e4}, "path")
 
 
 def test_a_parameter_without_a_value_is_refused():

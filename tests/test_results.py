@@ -181,3 +181,19 @@ def test_a_results_file_has_a_row_a_line(out):
         journal.append(row(pair, landmark_error=0.1))
     journal.finish(PROVENANCE)
     assert sum(line.startswith('  {"set": "cohort"') for line in out.read_text().splitlines()) == 2
+
+
+@pytest.mark.parametrize("text", ["my notes, with no end of line", "mine\nand no end", '{"schema_version": 7'])
+def test_a_file_that_only_has_a_journals_name_is_left_alone(out, text):
+    path = out.with_name(out.name + ".partial")
+    path.write_text(text)
+    with pytest.raises(BenchmarkError):
+        Journal(out, SETTINGS)
+    assert path.read_text() == text
+
+
+def test_a_row_that_failed_gives_way_to_a_later_one(out):
+    journal = Journal(out, SETTINGS)
+    journal.append(row("a"))
+    journal.append(row("a", landmark_error=0.1))
+    assert [entry["status"] for entry in journal.finish(PROVENANCE)["rows"]] == ["done"]

@@ -26,7 +26,8 @@ COARSE, MESH = polar_disk(24, 72, power=1.4), polar_disk(32, 96, power=1.4)  # o
 def gauss_newton(problem, alpha=1.0, beta=1e-2, gamma=1e5, sliding=False, rings=None):
     """`fit_landmarks`: the least `alpha mean|nu|^2 + beta mean|grad nu|^2 + gamma mean|M(f(p)) - q|^2`, f (V,).
 
-    sliding: inner points of a curve may move along their target curve; rings: of the mesh that carries nu. A RepairWarning says if rows were switched.
+    sliding: inner points of a curve may move along their target curve; rings: of the mesh that carries nu. A
+    RepairWarning says if rows were switched.
     Source: paper, eq. RegLoss; Gauss-Newton in its dual form.
     """
     fit = fit_landmarks(problem.z, problem.faces, problem.moving, problem.target, alpha, beta, gamma, problem.curve, sliding,
