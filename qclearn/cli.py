@@ -247,17 +247,19 @@ def train(network, preset, gamma, out, data, steps, seed, quick, threads):
               help="cohort, pairs, displacement or fsaverage5; may be repeated.")
 @click.option("--method", "methods", multiple=True, help="One method in place of all "
               "(harmonic, harmonic:weight=2,landmarks=path); may be repeated.")
+@click.option("--fronts", is_flag=True, help="Also fits along a front of weights, to compare at equal distortion.")
 @click.option("--scheduler", help="Address of a dask scheduler, tcp://HOST:8786 (default: processes of this machine).")
 @click.option("--workers", type=int, default=2, show_default=True, help="Processes, without --scheduler.")
 @click.option("--data", help="Folder where synthetic subjects are kept (default: the user's cache).")
-def benchmark(out, subjects, vertices, sets, methods, scheduler, workers, data):
+def benchmark(out, subjects, vertices, sets, methods, fronts, scheduler, workers, data):
     """Run registration methods on the same problems and write all figures to one file."""
     from .benchmark import benchmark as run_benchmark  # here: loads the methods and the synthetic subjects
     from .benchmark import run_of
     from .results import summary
 
     runs = [run_of(text) for text in methods] or None
-    results = run_benchmark(out, subjects, vertices, sets, runs, scheduler=scheduler, workers=workers, folder=data)
+    results = run_benchmark(out, subjects, vertices, sets, runs, scheduler=scheduler, workers=workers, folder=data,
+                            fronts=fronts)
     click.echo(f"{'run':38} done  certified  landmark error  mean |mu|  near sulci, mm  seconds")
     for name in sets:
         click.echo(f"{name}:")
