@@ -118,26 +118,27 @@ def benchmark(out, subjects=24, vertices=10_000, sets=("cohort",), runs=None, me
     """
     out, left_out = Path(out), {}
     if runs is None:
-        wanted = RUNS + FRONT * fronts
-        left_out = {run.name: reason for run in wanted if (reason := lacking(run))}
-        runs = [run for run in wanted if run.name not in left_out]
+        table = RUNS + FRONT * fronts
+        left_out = {run.name: reason for run in table if (reason := lacking(run))}
+        runs = [run for run in table if run.name not in left_out]
     runs, specs = check_runs(runs, methods), problems(subjects, sets)
     if not FEWEST <= vertices <= MOST or workers < 1:
         raise BenchmarkError(f"{vertices} vertices, {workers} workers: give {FEWEST:,} to {MOST:,} vertices and at least "
                              "one worker")
+    origin = provenance()
     settings = {
         "sets": list(sets), "subjects": subjects, "seeds": sorted({spec.moving for spec in specs if spec.moving}),
         "controls": sorted({spec.control for spec in specs if spec.control}), "vertices": vertices,
-        "generation": GENERATION, "commit": commit(), "runs": [asdict(run) for run in runs],
+        "generation": GENERATION, "commit": origin["commit"], "runs": [asdict(run) for run in runs],
     }
     if not out.absolute().parent.is_dir() or out.is_dir():
         raise BenchmarkError(f"{out}: not a file in a folder that exists; give another --out")
-    journal, origin, start = Journal(out, settings), provenance(), time.perf_counter()
-    done = {(row["set"], row["pair"], row["run"]) for row in journal.rows if row["status"] == "done"}
     folder = None if folder is None else str(Path(folder).absolute())
-    wanted = [(spec, run) for spec in specs for run in runs if spec.set in run.sets]
-    if scheduler is None:
+    if scheduler is None and settings["controls"]:
         hemispheres([], vertices, folder)  # an unwritable folder is refused now, not in each task
+    journal, start = Journal(out, settings), time.perf_counter()
+    done = {(row["set"], row["pair"], row["run"]) for row in journal.rows if row["status"] == "done"}
+    wanted = [(spec, run) for spec in specs for run in runs if spec.set in run.sets]
     tasks = [(spec, run) for spec, run in wanted if (spec.set, spec.pair, run.name) not in done]
     with connect(scheduler, workers) if tasks else nullcontext() as client:
         machines = machine(client) if tasks else {"workers": 1, "processors": [processor()]}

@@ -184,6 +184,7 @@ def test_a_folder_for_subjects_that_cannot_be_written_is_refused(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(ValueError, match="cannot be written"):
         small(tmp_path / "r.json", tmp_path / "file", [Run("mine", "shrunk")])
+    assert not (tmp_path / "r.json.partial").exists()
 
 
 def test_a_scheduler_without_workers_is_named(tmp_path, folder, cluster, monkeypatch):

@@ -21,8 +21,8 @@ from qclearn.provenance import commit, processor
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--subjects", type=int, default=3)
-    parser.add_argument("--vertices", type=int, default=4000)
+    parser.add_argument("--subjects", type=int, default=1)
+    parser.add_argument("--vertices", type=int, default=2500)
     parser.add_argument("--repetitions", type=int, default=3)
     parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()

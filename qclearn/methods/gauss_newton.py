@@ -36,12 +36,17 @@ def gauss_newton(problem, alpha=1.0, beta=1e-2, gamma=1e5, sliding=False, rings=
     return fit.f
 
 
+def on_mesh(problem, mesh, alpha, beta):
+    """The fit's state on a polar mesh (z, faces) that also carries nu: (GaussNewton, Forward)."""
+    z, faces = mesh
+    return (GaussNewton(z, faces, Landmarks(problem.target, problem.curve, False), alpha, beta),
+            Forward(z, faces, problem.moving, face_mean(faces, len(z))))
+
+
 @threadpool_limits.wrap(limits=1)
 def coarse_steps(problem, steps=1, alpha=1.0, beta=1e-2, gamma=1e5):
     """`few_steps` from the same fit on a coarse polar mesh, run until it settles there: CP-Net's exact twin, f (V,)."""
-    grid, triangles = COARSE
-    newton = GaussNewton(grid, triangles, Landmarks(problem.target, problem.curve, False), alpha, beta)
-    forward = Forward(grid, triangles, problem.moving, face_mean(triangles, len(grid)))
+    (grid, triangles), (newton, forward) = COARSE, on_mesh(problem, COARSE, alpha, beta)
     nu, _, _ = fit_on_grid(newton, forward, np.zeros(len(grid), complex), problem.mobius, gamma, None)
     finer, faces = MESH
     mu = bounded(sampling_matrix(grid, triangles, finer[faces].mean(1)) @ nu)
@@ -54,12 +59,10 @@ def few_steps(problem, mu, steps, alpha=1.0, beta=1e-2, gamma=1e5):
 
     The disk Möbius map is fitted again at last, on the disk mesh itself. A RepairWarning says if rows were switched.
     """
-    (grid, triangles), target = MESH, problem.target
-    newton = GaussNewton(grid, triangles, Landmarks(target, problem.curve, False), alpha, beta)
-    forward = Forward(grid, triangles, problem.moving, face_mean(triangles, len(grid)))
+    (grid, triangles), (newton, forward) = MESH, on_mesh(problem, MESH, alpha, beta)
     nu = corner_average(triangles, len(grid), signed_areas(grid, triangles)) @ unbounded(mu)
     forward.map(nu, (0j, 0.0))
-    parameters = best_mobius(forward.points, target)
+    parameters = best_mobius(forward.points, problem.target)
     for _ in range(steps):
         step = newton.prepare(nu, forward, parameters, gamma)
         taken = descend(newton, forward, step, nu, parameters, gamma)
@@ -67,6 +70,7 @@ def few_steps(problem, mu, steps, alpha=1.0, beta=1e-2, gamma=1e5):
             break
         nu, parameters, _ = taken
     z, faces = problem.z, problem.faces
-    fit = exact_map(z, faces, bounded(sampling_matrix(grid, triangles, z[faces].mean(1)) @ nu), problem.moving, target)
+    fit = exact_map(z, faces, bounded(sampling_matrix(grid, triangles, z[faces].mean(1)) @ nu), problem.moving,
+                    problem.target)
     report(fit.fallbacks)
     return fit.f

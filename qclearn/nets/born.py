@@ -9,10 +9,9 @@ import numpy as np
 import torch
 from torch import nn
 
-from ..beltrami import signed_areas, stiffness
+from ..beltrami import face_mean, signed_areas, stiffness
 from ..disk import BeltramiDiskSolver
 from ..diskmesh import polar_disk
-from ..fit import sampling_matrix
 
 RIDGE = 1e-9  # relative, of the three Möbius columns: fewer than two landmarks leave some of them free
 
@@ -252,7 +251,7 @@ def _responses(grid):
     imaginary = 1j * real
     imaginary[:, rim] -= z[rings, None] * 1j * z[rim] / nt
     grad_mu = solver.pullback(np.concatenate([real, imaginary]))
-    grad_nu = grad_mu @ sampling_matrix(z, faces, z[faces].mean(1))
+    grad_nu = grad_mu @ face_mean(faces, len(z))
     nodal = grad_nu[:, 1:]
     nodal[:, :nt] += grad_nu[:, :1] / nt  # the centre is the mean of the first ring
     fields = torch.from_numpy(nodal.reshape(2 * nr, nr, nt)).to(torch.complex64)

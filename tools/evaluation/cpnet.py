@@ -11,6 +11,7 @@ import numpy as np
 
 import qclearn as qc
 from data_synth.cohort import hemispheres
+from qclearn.beltrami import face_mean
 from qclearn.disk import BeltramiDiskSolver
 from qclearn.diskmesh import polar_disk, square_disk
 from qclearn.fit import Forward, GaussNewton, Landmarks, bounded, descend, fit_landmarks, sampling_matrix, start_field
@@ -107,7 +108,7 @@ def polished(mu, p, q, weights, steps=2):
     """One and two Gauss-Newton steps of the fit from the network's mu, on the mesh: name -> map."""
     z, faces = MESH
     newton = GaussNewton(z, faces, Landmarks(q, None, False), *weights[:2])
-    forward = Forward(z, faces, p, sampling_matrix(z, faces, z[faces].mean(1)))
+    forward = Forward(z, faces, p, face_mean(faces, len(z)))
     nu, found = start_field(z, faces, mu, z), {}
     forward.map(nu, (0j, 0.0))
     parameters = best_mobius(forward.points, q)
