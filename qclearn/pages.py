@@ -1,14 +1,54 @@
-"""What every page of the book does with its results: numbers for the prose, and tables."""
+"""What every page of the book does with its results: numbers for the prose, figures and tables.
 
-from IPython.display import Markdown
-from myst_nb import glue
+The prose quotes numbers as {eval}`num.count` or {eval}`f"{num.error:.2f}"`: JupyterLab asks the kernel for them, and
+tools/build_book.py stores the answers in the executed page, where Sphinx reads them (qclearn/sphinxpages.py).
+"""
+
+import base64
+import html
+import io
+from pathlib import Path
+from types import SimpleNamespace
+
+from IPython.display import Markdown, display
+
+num = SimpleNamespace()  # the numbers of this page
 
 
 def keep(**numbers):
-    """Glue plain numbers and words under their names: the text of the page quotes them."""
+    """Set num.name = value: the text of the page quotes them. NumPy numbers become plain ones."""
     for name, value in numbers.items():
-        # A NumPy number would be stored as text that no format of {glue:text} understands.
-        glue(name, getattr(value, "tolist", lambda value=value: value)(), display=False)
+        setattr(num, name, getattr(value, "tolist", lambda value=value: value)())
+
+
+def kept(name):
+    """Path of a file of measured figures that comes with the package: "networks.json", "benchmark.json", ..."""
+    return Path(__file__).parent / "kept" / name
+
+
+def show_figure(picture, name, alt):
+    """Show a Matplotlib figure or an Image below the cell. The next Markdown cell opens with its caption:
+
+    :::{figure}
+    :name: <name>
+
+    Caption.
+    :::
+    """
+    if hasattr(picture, "savefig"):
+        import matplotlib.pyplot as plt
+
+        buffer = io.BytesIO()
+        picture.savefig(buffer, format="png", bbox_inches="tight", facecolor="white")
+        plt.close(picture)
+        png = buffer.getvalue()
+    else:
+        png = picture.data
+    data = base64.b64encode(png).decode()
+    # The HTML is for notebooks: JupyterLab 4.6 takes no alternative text from an image's metadata.
+    image = f'<img class="page-figure" alt="{html.escape(alt)}" src="data:image/png;base64,{data}">'
+    display({"text/html": image, "image/png": data, "text/plain": f"[{name}] {alt}"}, raw=True,
+            metadata={"scrapbook": {"name": name, "mime_prefix": ""}, "alt": alt})
 
 
 def table(head, rows):

@@ -166,7 +166,7 @@ def test_a_front_is_compared_at_the_baselines_distortion():
 
 
 def test_the_kept_results_hold_every_run_on_every_subject():
-    results = read_results(Path(__file__).parents[1] / "book/results/benchmark.json")
+    results = read_results(Path(__file__).parents[1] / "qclearn/kept/benchmark.json")
     rows = [entry for entry in results["rows"] if entry["set"] == "cohort"]
     everything = {run.name for run in RUNS_OF_THE_BENCHMARK + FRONT}
     assert {run["name"] for run in results["settings"]["runs"]} == everything

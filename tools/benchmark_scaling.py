@@ -1,8 +1,8 @@
 """Measure how much sooner two worker processes finish the benchmark than one: several times each, in turns.
 
-    python tools/benchmark_scaling.py --out book/results/scaling.json
+    python tools/benchmark_scaling.py --out qclearn/kept/scaling.json
 
-All runs on a few subjects on coarse meshes, which are grown beforehand. The benchmark's page reads book/results/scaling.json.
+All runs on a few subjects on coarse meshes, which are grown beforehand. The benchmark's page reads qclearn/kept/scaling.json.
 """
 
 import argparse

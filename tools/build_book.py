@@ -13,6 +13,8 @@ from pathlib import Path
 
 import nbformat
 
+import expressions  # beside this file
+
 ROOT = Path(__file__).resolve().parent.parent
 # Not below _build: nbmake passes over everything there.
 BUILD = ROOT / "build"
@@ -23,6 +25,14 @@ SITE = ROOT / "_build"
 def copy_book():
     shutil.rmtree(SOURCE, ignore_errors=True)
     shutil.copytree(ROOT / "book", SOURCE, ignore=shutil.ignore_patterns(".ipynb_checkpoints", "_build"))
+
+
+def each_page(change):
+    for path in sorted(SOURCE.glob("*.ipynb")):
+        notebook = nbformat.read(path, as_version=4)
+        wrong = change(notebook) or []
+        nbformat.write(notebook, path)
+        yield from (f"{path.name}: {line}" for line in wrong)
 
 
 def execute(jobs, seconds_per_cell):
@@ -43,6 +53,11 @@ def errors_in(notebook):
     for state in notebook.metadata.get("widgets", {}).values():
         outputs += [output for model in state.get("state", {}).values() for output in model["state"].get("outputs", [])]
     return [f"{output['ename']}: {output['evalue']}" for output in outputs if output["output_type"] == "error"]
+
+
+def store_expressions():
+    if found := list(each_page(expressions.store)):
+        sys.exit("build_book: numbers of the prose\n" + "\n".join(found))
 
 
 def require_clean_outputs():
@@ -68,7 +83,9 @@ def main():
     arguments = parser.parse_args()
     BUILD.mkdir(exist_ok=True)
     copy_book()
+    list(each_page(expressions.ask))
     execute(arguments.jobs, arguments.seconds_per_cell)
+    store_expressions()
     require_clean_outputs()
     build_site()
 

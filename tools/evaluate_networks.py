@@ -1,9 +1,9 @@
 """Measure the polar solver and the shipped networks against their exact twins, on seeds of your choice.
 
-    python tools/evaluate_networks.py --seeds 1001-1024 --out book/results/networks.json
+    python tools/evaluate_networks.py --seeds 1001-1024 --out qclearn/kept/networks.json
 
 One thread throughout, so that the times compare. Each part of the file carries its own provenance; parts that are not
-run again are kept. The pages of the book read their figures from book/results/networks.json.
+run again are kept. The pages of the book read their figures from qclearn/kept/networks.json.
 """
 
 import argparse
