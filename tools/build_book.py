@@ -11,9 +11,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-import expressions  # beside this file
+import expressions  # beside this file, as are guards and solutions
+import guards
 import nbformat
-import solutions  # beside this file
+import solutions
 
 ROOT = Path(__file__).resolve().parent.parent
 # Not below _build: nbmake passes over everything there.
@@ -51,14 +52,15 @@ def stop_at(found):
 
 
 def prepare(notebook):
+    wrong = guards.check(notebook)
     expressions.ask(notebook)
     solutions.append(notebook)
-    return []
+    return wrong
 
 
 def finish(notebook):
-    wrong = solutions.remove(notebook)
-    return wrong + expressions.store(notebook) + errors_in(notebook)
+    wrong = solutions.remove(notebook) + expressions.store(notebook)
+    return wrong + errors_in(notebook) + list(guards.pictures_without_a_name(notebook))
 
 
 def execute(paths, jobs, seconds_per_cell):
