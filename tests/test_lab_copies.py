@@ -111,9 +111,23 @@ def test_what_a_reader_changed_stays_while_its_page_does(tmp_path, capsys):
     assert text_of(tmp_path / "a.ipynb") == "mine" and capsys.readouterr().err == ""
 
 
+def test_a_copy_that_was_only_run_is_replaced(tmp_path):
+    cells = [new_code_cell("1")]
+    lab_copies.write_copies(tmp_path, {"a": "1"}, lambda page: new_notebook(cells=cells))
+    ran = new_notebook(cells=[new_code_cell("1", execution_count=7)], metadata={"widgets": {}})
+    (tmp_path / "a.ipynb").write_text(nbformat.writes(ran), encoding="utf-8")
+    assert copies(tmp_path, {"a": "2"}) == ["a"] and list(tmp_path.glob("*-mine*")) == []
+
+
 def test_a_deleted_copy_and_a_lost_record_are_no_trouble(tmp_path):
     copies(tmp_path, {"a": "1", "b": "1"})
     (tmp_path / "a.ipynb").unlink()
     assert copies(tmp_path, {"a": "1", "b": "1"}) == ["a"]
     (tmp_path / lab_copies.RECORD).write_text(json.dumps({}))
     assert copies(tmp_path, {"a": "1"}) == ["a"] and (tmp_path / "a-mine.ipynb").exists()
+
+
+def test_a_copy_that_is_no_notebook_any_more_is_kept(tmp_path):
+    copies(tmp_path, {"a": "1"})
+    (tmp_path / "a.ipynb").write_text("half a file", encoding="utf-8")
+    assert copies(tmp_path, {"a": "2"}) == ["a"] and (tmp_path / "a-mine.ipynb").read_text() == "half a file"

@@ -20,7 +20,7 @@ from plain import for_plain_viewers
 from readable import Readable, as_notebook, for_jupyterlab
 
 LAB, PLAIN = execute_pages.BUILD / "lab", execute_pages.BUILD / "notebooks"
-RECORD = ".copies.json"  # page -> what it was made from, and the digest of what was written
+RECORD = ".copies.json"  # page -> what it was made from, and the digest of its cells as written
 
 
 def digest(*files):
@@ -29,6 +29,15 @@ def digest(*files):
     for file in files:
         found.update(file.read_bytes())
     return found.hexdigest()
+
+
+def cells_digest(path):
+    """Of a notebook's cells without outputs: JupyterLab saves a page that was only opened or run, and nobody changed that."""
+    try:
+        cells = [(cell.cell_type, cell.source) for cell in nbformat.read(path, as_version=4).cells]
+    except (nbformat.reader.NotJSONError, AttributeError):
+        return None  # no notebook any more
+    return hashlib.sha256(json.dumps(cells).encode()).hexdigest()
 
 
 def book_digest():
@@ -62,10 +71,10 @@ def write_copies(folder, stamps, make):
         path, old = folder / f"{page}.ipynb", record.get(page, {})
         if path.exists() and old.get("made_from") == stamp:
             continue
-        if path.exists() and old.get("written") != digest(path):
+        if path.exists() and old.get("written") != cells_digest(path):
             put_aside(path)
         nbformat.write(make(page), path)
-        record[page] = {"made_from": stamp, "written": digest(path)}
+        record[page] = {"made_from": stamp, "written": cells_digest(path)}
         written.append(page)
         (folder / RECORD).write_text(json.dumps(record, indent=1), encoding="utf-8")
     shutil.copytree(references.BOOK / "_assets", folder / "_assets", dirs_exist_ok=True,
