@@ -10,15 +10,20 @@ import io
 from pathlib import Path
 from types import SimpleNamespace
 
+from IPython import get_ipython
 from IPython.display import Markdown, display
 
 num = SimpleNamespace()  # the numbers of this page
+# name -> execution counts of the cells that kept it: the build refuses a name that two cells keep. Here nothing is
+# refused, so that a reader may run a cell again.
+kept_by = {}
 
 
 def keep(**numbers):
     """Set num.name = value: the text of the page quotes them. NumPy numbers become plain ones."""
     for name, value in numbers.items():
         setattr(num, name, getattr(value, "tolist", lambda value=value: value)())
+        kept_by.setdefault(name, set()).add(getattr(get_ipython(), "execution_count", 0))
 
 
 def kept(name):
