@@ -1,6 +1,6 @@
 """The build sees an error that a widget's callback hid from nbmake."""
 
-from build_book import errors_in
+from execute_pages import errors_in
 from nbformat.v4 import new_code_cell, new_notebook, new_output
 
 ERROR = new_output("error", ename="ValueError", evalue="no such coefficient", traceback=[])
