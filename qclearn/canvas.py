@@ -48,7 +48,8 @@ class Canvas:
         flipped = PolyCollection([], facecolor=FLIPPED_COLOUR, hatch="//", edgecolor="black", zorder=8)
         row[0].add_collection(flipped)
         grid = lines_plot(row[1], [problem.z[:2]], "#1F4E79")
-        colours = disk_plot(row[2], self.scale(problem.z), problem.faces, np.zeros(len(problem.faces)), vmin=0, vmax=1)
+        colours = disk_plot(row[2], self.scale(problem.z), problem.faces, np.zeros(len(problem.faces)),
+                            cmap="YlGnBu", vmin=0, vmax=1)  # light where there is little to see: it is most of the disk
         bar = row[2].inset_axes((0.2, -0.04, 0.6, 0.03))
         self.figure.colorbar(colours, cax=bar, orientation="horizontal", ticks=(0, 0.5, 1))
         bars = row[3].stairs(np.zeros(len(BINS) - 1), BINS, fill=True, color="#0072B2")
