@@ -218,7 +218,8 @@ def _add_surface(plotter, surface, values, shift=(0, 0, 0), cmap=SHADES, clim=No
 def stacked_scene(surfaces, values, **more):
     """A Plotter with surfaces one below the other, to the same scale: one camera turns them all. `more`: colours.
 
-    surfaces: list, the first on top; values: a list of (V,). Seen horizontally from where `surface_scene` shows the first.
+    surfaces: list, the first on top; values: a list of (V,). Seen horizontally, from the side that
+    `surface_scene` shows of the first.
     """
     plotter = surface_scene(surfaces[0], values[0], **more)
     edge = surfaces[0].vertices[:, 2].min()

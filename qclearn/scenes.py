@@ -106,7 +106,8 @@ def _png(plotter):
     return base64.b64encode(buffer.getvalue()).decode()
 
 
-POINT_STEPS, VALUE_STEPS = 2**13, 2**8  # at least as many steps over an array's range: below a pixel, below a grey level
+# At least as many steps over an array's range: below a pixel, below a grey level.
+POINT_STEPS, VALUE_STEPS = 2**13, 2**8
 
 
 def _rounded(array, steps):

@@ -12,7 +12,8 @@ from qclearn.diagrams import BLUE, GREY, block_diagram
 def test_an_arrow_stops_at_the_edges_of_its_boxes(dpi):
     figure = Figure(figsize=(6, 3), dpi=dpi)
     FigureCanvasAgg(figure)
-    texts, [arrow] = block_diagram(figure.subplots(), {"a": (0, 0, "a", GREY), "b": (3, 1, "a wide\nbox", BLUE)}, [("a", "b")])
+    boxes = {"a": (0, 0, "a", GREY), "b": (3, 1, "a wide\nbox", BLUE)}
+    texts, [arrow] = block_diagram(figure.subplots(), boxes, [("a", "b")])
     figure.canvas.draw()
     path = arrow.arrow_patch.get_path().vertices
     ends = arrow.arrow_patch.get_transform().transform(path[[0, 2]])
