@@ -86,9 +86,11 @@ LOOK = """() => [...window.panel.content.node.querySelectorAll('.jp-Cell')].map(
   const all = (place, what) => [...area.querySelectorAll(place)].map(what);
   return {
     text: area.innerText,
-    // jupyterlab_myst shows the value of {eval} as a span without any attribute; formulas and links have some.
-    numbers: all('span', e => e.attributes.length ? null : e.innerText.trim()).filter(text => text !== null),
-    unknown: all('span, a', e => e.querySelector(':scope > svg') && e.innerText.trim()).filter(text => text),
+    // jupyterlab_myst shows the value of {eval} as a span without any attribute; so do formulas and code in their insides.
+    numbers: (markdown ? all('span:not(.katex *, pre *, code *)', e => e) : [])
+      .filter(e => e.attributes.length + e.childElementCount === 0).map(e => e.textContent.trim()),
+    // What it cannot resolve has a warning sign; links to the outside have a sign of their own.
+    unknown: all('span, a:not([href^=http])', e => e.querySelector(':scope > svg') && e.innerText.trim()).filter(text => text),
     errors: all('[data-mime-type*=stderr], [data-mime-type*=error]', e => e.innerText),
     figures: all('img.page-figure', e => [e.alt, e.naturalWidth]),
     captions: all('figcaption', e => e.innerText.trim()),

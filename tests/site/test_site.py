@@ -1,6 +1,7 @@
 """The built site as a reader without a network sees it. `make book` builds it first."""
 
 import re
+from collections import Counter
 from urllib.parse import unquote, urldefrag
 
 import nbformat
@@ -55,6 +56,17 @@ def test_every_page_of_the_contents_is_built():
 
 def test_every_notebook_is_in_the_contents():
     assert {path.stem for path in (ROOT / "book").glob("*.ipynb")} <= set(references.chapters())
+
+
+@pytest.mark.parametrize("page", references.chapters())
+def test_the_copies_count_as_the_book_does(page):
+    """Numbers of equations, figures and theorems in references to another page are counted from the sources."""
+    shown = (SITE / f"{page}.html").read_text(encoding="utf-8").split("<article", 1)[1]
+    in_book = Counter(re.findall(r'<span class="eqno">(\([\d.]+\))', shown)) + Counter(
+        text.strip() for text in re.findall(r'<span class="caption-number">([A-Z][^<]*)', shown))
+    counted = Counter(target.text for _, target in references.numbered(
+        references.markdown_of(page), page, references.chapters()[page]) if target.kind != "section")
+    assert counted == in_book
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "book").glob("*.ipynb")), ids=lambda path: path.stem)
