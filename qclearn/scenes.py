@@ -63,10 +63,11 @@ class Scene:
     """A 3-D view to turn with the mouse, as the result of a notebook cell.
 
     `description` says in words what is to be seen (alternative text). With `poster` the page shows a picture, and the
-    scene is loaded by a click: browsers keep only 8 to 16 scenes alive on one page.
+    scene is loaded by a click: browsers keep only 8 to 16 scenes alive on one page. legend: dict label -> CSS colour,
+    written over the scene.
     """
 
-    def __init__(self, plotter, description, poster=False, height=480):
+    def __init__(self, plotter, description, poster=False, height=480, legend=None):
         require_renderer()
         self.description = description
         self.height = height
@@ -76,7 +77,8 @@ class Scene:
         with warnings.catch_warnings():
             # trame-vtk 2.8 calls what VTK 9.6 deprecates.
             warnings.simplefilter("ignore", DeprecationWarning)
-            self.page = plotter.export_html(None).getvalue()
+            page = plotter.export_html(None).getvalue()
+        self.page = page.replace("</body>", _legend(legend) + "</body>") if legend else page
         plotter.close()
 
     def _repr_html_(self):
@@ -89,6 +91,13 @@ class Scene:
                 f'<iframe class="scene" title="{title}" height="{self.height}" data-page="{page}" hidden></iframe>')
 
 
+def _legend(colours):
+    rows = "".join(f'<div><span style="color:{colour}" aria-hidden="true">\u25a0</span> {html.escape(label)}</div>'
+                   for label, colour in colours.items())
+    return (f'<div style="position:fixed;left:8px;bottom:8px;padding:4px 8px;background:white;color:black;'
+            f'font:14px sans-serif;pointer-events:none">{rows}</div>')
+
+
 def _png(plotter):
     from PIL import Image
 
@@ -97,8 +106,18 @@ def _png(plotter):
     return base64.b64encode(buffer.getvalue()).decode()
 
 
+# At least as many steps over an array's range: below a pixel, below a grey level.
+POINT_STEPS, VALUE_STEPS = 2**13, 2**8
+
+
+def _rounded(array, steps):
+    """The array in single precision, rounded to a power of two: the digits that nobody sees cost most on the page."""
+    unit = 2.0 ** np.floor(np.log2(max(np.ptp(array), np.finfo(np.float32).tiny) / steps))
+    return (np.round(array / unit) * unit).astype(np.float32)
+
+
 def _keep_what_is_shown(plotter):
-    """Single precision, and only the array that colours the surface: half the bytes and less on the page."""
+    """Digits that show, and only the array that colours the surface: a third of the bytes on the page."""
     for actor in plotter.actors.values():
         mapper = getattr(actor, "mapper", None)
         if mapper is None:
@@ -107,11 +126,11 @@ def _keep_what_is_shown(plotter):
         if not isinstance(mapper.dataset, pv.PolyData):
             continue
         shown = mapper.dataset.copy()
-        shown.points = shown.points.astype(np.float32)
+        shown.points = _rounded(shown.points, POINT_STEPS)
         for arrays in (shown.point_data, shown.cell_data):
             for name in list(arrays):
                 if name not in (mapper.array_name, "Normals"):
                     del arrays[name]
-                elif arrays[name].dtype == np.float64:
-                    arrays[name] = arrays[name].astype(np.float32)
+                elif np.issubdtype(arrays[name].dtype, np.floating):
+                    arrays[name] = _rounded(arrays[name], VALUE_STEPS)
         mapper.dataset = shown

@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("qclearn", "data_synth")
 # Every module of qclearn that is not named here is geometry.
 NETWORKS = {"qclearn.nets", "qclearn.polar"}
-LEAVES = {"qclearn.plot", "qclearn.canvas", "qclearn.widgets", "qclearn.scenes", "qclearn.pages"}
+LEAVES = {"qclearn.plot", "qclearn.canvas", "qclearn.diagrams", "qclearn.widgets", "qclearn.scenes", "qclearn.pages"}
 BENCHMARK = {"qclearn.benchmark", "qclearn.problems", "qclearn.trial"}
 TOP = {"qclearn.cli", "qclearn.training", *BENCHMARK, "qclearn.__main__", "qclearn"}
 REGISTER = {"qclearn.register"}
@@ -57,7 +57,7 @@ def forbidden(module, name, at_top):
     if top:
         return "import qclearn stays light" if module == "qclearn" and belongs(name, LEAVES | NETWORKS) else None
     if belongs(name, LEAVES) and module not in LEAVES:
-        return "plot, widgets, scenes and pages are leaves"
+        return "plot, diagrams, widgets, scenes and pages are leaves"
     if belongs(name, {"qclearn.cli", "qclearn.training", *BENCHMARK}):
         return "nothing stands above the command line and the benchmark"
     if belongs(name, REGISTER) and not synthetic and module not in LEAVES:

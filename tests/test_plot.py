@@ -19,6 +19,8 @@ from qclearn.plot import (
     registration_figure,
     registration_scene,
     square_lines,
+    stacked_scene,
+    surface_picture,
     surface_scene,
 )
 from qclearn.register import register
@@ -149,6 +151,35 @@ def test_scene_holds_only_what_is_seen_in_float32():
     assert set(meshes[0].array_names) <= {"values", "Normals"}
     np.testing.assert_allclose(meshes[1].center, meshes[2].center)
     plotter.close()
+
+
+def test_tubes_lie_above_the_surface():
+    flat, curve = bowl(0.0), np.array([0, 1, 25, 49])
+    plotter = surface_scene(flat, curves=[(curve, "detected"), (flat.vertices[curve], "target")])
+    _, *tubes = [actor.mapper.dataset for actor in plotter.actors.values() if hasattr(actor, "mapper")]
+    radius = 0.006 * np.linalg.norm(np.ptp(flat.vertices, axis=0))
+    for tube in tubes:
+        assert tube.bounds[4] < 0 < 1.4 * radius < tube.bounds[5] < 1.7 * radius
+    plotter.close()
+
+
+def test_stacked_surfaces_stand_one_below_the_other_for_one_camera():
+    above, below = bowl(0.5), Surface(3 + 2 * bowl(0.7).vertices, bowl(0.7).faces)
+    plotter = stacked_scene([above, below], [above.vertices[:, 2], below.vertices[:, 2]])
+    first, second = [actor.mapper.dataset for actor in plotter.actors.values() if hasattr(actor, "mapper")]
+    assert second.bounds[5] < first.bounds[4]
+    np.testing.assert_allclose(second.points.mean(0)[:2], first.points.mean(0)[:2], atol=1e-5)
+    np.testing.assert_allclose(np.ptp(second.points, axis=0), np.ptp(below.vertices, axis=0), rtol=1e-5)
+    assert plotter.camera.parallel_projection and abs(plotter.camera.direction[2]) < 1e-6
+    plotter.close()
+
+
+@pytest.mark.parametrize("height", [4.0, 8.0])
+def test_a_picture_is_to_scale_and_not_dark(height):
+    pixels = surface_picture(bowl(0.5), direction=(0, 0, 1), up=(0, 1, 0), height=height)
+    seen = np.flatnonzero((pixels < 250).any(axis=(1, 2)))
+    assert abs((seen[-1] - seen[0] + 1) / len(pixels) - 2 / height) < 0.02
+    assert 120 < np.median(pixels[pixels < 250]) < 245
 
 
 def test_the_scene_of_a_registration_shows_curves_before_and_after(registered):

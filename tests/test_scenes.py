@@ -2,6 +2,7 @@
 
 import html
 import re
+import zlib
 
 import numpy as np
 import pytest
@@ -29,6 +30,21 @@ def test_scene_is_one_page_that_asks_for_nothing():
     assert not re.search(r'(?:src|href)\s*=\s*"https?://', scene.page)
 
 
+def test_digits_that_nobody_sees_do_not_travel():
+    values = np.random.default_rng(0).normal(size=10_000)
+    rounded = scenes._rounded(values, 256)
+    assert 256 <= np.ptp(rounded) / np.diff(np.unique(rounded)).min() <= 512
+    assert len(zlib.compress(rounded.tobytes())) < 0.5 * len(zlib.compress(values.astype(np.float32).tobytes()))
+    np.testing.assert_array_equal(scenes._rounded(np.full(3, 0.3), 256), np.float32([0.3, 0.3, 0.3]))
+
+
+def test_legend_is_written_over_the_scene():
+    page = Scene(ball()[1], "a ball", legend={"target <1>": "#D62728"}).page
+    legend = page[page.index("OfflineLocalView.load(container"):]
+    assert 'color:#D62728' in legend and "target &lt;1&gt;</div>" in legend and legend.rstrip().endswith("</html>")
+    assert "D62728" not in Scene(ball()[1], "a ball").page
+
+
 def test_poster_waits_for_a_click():
     markup = Scene(ball()[1], "a ball", poster=True)._repr_html_()
     assert '<img alt="a ball" src="data:image/png;base64,' in markup
@@ -45,8 +61,10 @@ def test_only_what_is_shown_travels():
     surface, plotter = ball()
     scenes._keep_what_is_shown(plotter)
     points, arrays = shown_arrays(plotter)
-    assert points.dtype == np.float32 and list(arrays) == ["height"]
-    np.testing.assert_allclose(arrays["height"], surface["height"], rtol=1e-6)
+    assert points.dtype == arrays["height"].dtype == np.float32 and list(arrays) == ["height"]
+    for shown, exact, steps in ((points, surface.points, scenes.POINT_STEPS),
+                                (arrays["height"], surface["height"], scenes.VALUE_STEPS)):
+        assert abs(shown - exact).max() <= np.ptp(exact) / steps / 2 + 1e-7
     assert "noise" in surface.point_data, "the caller's surface was changed"
     plotter.close()
 
