@@ -1,4 +1,7 @@
-# Two commands matter: `make book` builds the site, `make test` tests everything. `make lab` opens JupyterLab on the book.
+# Two commands matter: `make book` builds the site, `make test` tests everything.
+#   make lab        to read in JupyterLab: opens executed copies of the pages (`make lab-copies` builds them and opens nothing)
+#   make edit       to write: opens the sources in book/; `make clear` takes out what a run left in them
+#   make notebooks  for viewers that know plain Markdown only: build/notebooks/
 #
 # The size of torch: on Linux its default wheel brings about 5 GB of CUDA libraries. Without an NVIDIA card, take the CPU
 # wheel (under 1 GB) instead:   make book TORCH_INDEX=https://download.pytorch.org/whl/cpu
@@ -16,7 +19,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 export PYDEVD_DISABLE_FILE_VALIDATION ?= 1
 
-.PHONY: book test lab picture clean
+.PHONY: book test lab lab-copies edit notebooks clear picture clean
 .DELETE_ON_ERROR:
 
 book: $(INSTALLED)
@@ -26,10 +29,23 @@ book: $(INSTALLED)
 test: $(INSTALLED)
 	$(BIN)/python -m pytest -q -n $(JOBS) --ignore=tests/site tests
 	$(BIN)/python tools/build_book.py --jobs $(JOBS)
+	$(BIN)/python tools/lab_copies.py --jobs $(JOBS)
 	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadgroup -rs tests/site
 
-lab: $(INSTALLED)
+lab-copies: $(INSTALLED)
+	$(BIN)/python tools/lab_copies.py --jobs $(JOBS)
+
+lab: lab-copies
+	$(BIN)/jupyter lab --ServerApp.root_dir=build/lab --LabApp.default_url=/lab/tree/index.ipynb
+
+edit: $(INSTALLED)
 	$(BIN)/jupyter lab book
+
+clear: $(INSTALLED)
+	$(BIN)/python tools/clear_pages.py
+
+notebooks: $(INSTALLED)
+	$(BIN)/python tools/lab_copies.py --plain --jobs $(JOBS)
 
 # The picture of the README.
 picture: $(INSTALLED)

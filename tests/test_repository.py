@@ -1,4 +1,4 @@
-"""What is committed: notebooks without outputs and with short cells, and no trace of anybody's machine."""
+"""What is committed: notebooks without outputs, with short cells and narrow code, and no trace of anybody's machine."""
 
 import re
 import subprocess
@@ -6,10 +6,12 @@ from pathlib import Path
 
 import nbformat
 import pytest
+from solutions import solutions_in
 
 ROOT = Path(__file__).resolve().parent.parent
 NOTEBOOKS = sorted((ROOT / "book").glob("*.ipynb"))
 LONGEST_CELL = 30
+WIDEST_LINE = 76  # what the site shows without sideways scrolling
 # Somebody's folder, absolute or as seen from here.
 MACHINE_PATH = re.compile(r"(?<![\w.:/-])/(?:root|home|work|Users|tmp)/\w+|\.\./share[d]\b|file:///\w")
 
@@ -19,7 +21,9 @@ def test_notebook_is_committed_without_outputs(path):
     notebook = nbformat.read(path, as_version=4)
     nbformat.validate(notebook)
     ran = [i for i, cell in enumerate(notebook.cells) if cell.get("outputs") or cell.get("execution_count")]
-    assert ran == [], "clear the outputs: jupyter nbconvert --clear-output --inplace"
+    assert ran == [], "clear the outputs: make clear"
+    answered = [i for i, cell in enumerate(notebook.cells) if "user_expressions" in cell.metadata]
+    assert answered == [], "JupyterLab stored the numbers of the prose; clear them: make clear"
     assert "widgets" not in notebook.metadata
 
 
@@ -28,6 +32,21 @@ def test_cells_are_short(path):
     cells = nbformat.read(path, as_version=4).cells
     lengths = {i: len(cell.source.splitlines()) for i, cell in enumerate(cells) if cell.cell_type == "code"}
     assert {i: length for i, length in lengths.items() if length > LONGEST_CELL} == {}
+
+
+def code_of(cell, number):
+    """(place, code) of a cell: its own, or that of the solutions in its text."""
+    if cell.cell_type == "code":
+        return [(f"cell {number}", cell.source)]
+    return [(f"cell {number}, solution of {exercise}", code) for exercise, code, _ in solutions_in(cell.source)]
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_code_is_narrow(path):
+    cells = nbformat.read(path, as_version=4).cells
+    wide = [(place, line) for number, cell in enumerate(cells, 1) for place, code in code_of(cell, number)
+            for line in code.splitlines() if len(line) > WIDEST_LINE]
+    assert wide == []
 
 
 def test_no_file_names_a_machine():

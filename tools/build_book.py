@@ -1,70 +1,20 @@
 """Execute every notebook of book/ once and build the site from the result: build/book -> _build/html.
 
-The notebooks in book/ stay without outputs; nbmake executes copies, which makes the execution a test of each page, and
-Sphinx builds the site from the executed copies with warnings as errors.
+Sphinx builds the site from the executed copies with warnings as errors. What the site offers for download are the copies
+that read in JupyterLab without a kernel.
 """
 
 import argparse
-import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import lab_copies  # beside this file
 import nbformat
+from execute_pages import ROOT, SECONDS_PER_CELL, SOURCE, run
 
-import expressions  # beside this file
-
-ROOT = Path(__file__).resolve().parent.parent
-# Not below _build: nbmake passes over everything there.
-BUILD = ROOT / "build"
-SOURCE = BUILD / "book"
 SITE = ROOT / "_build"
-
-
-def copy_book():
-    shutil.rmtree(SOURCE, ignore_errors=True)
-    shutil.copytree(ROOT / "book", SOURCE, ignore=shutil.ignore_patterns(".ipynb_checkpoints", "_build"))
-
-
-def each_page(change):
-    for path in sorted(SOURCE.glob("*.ipynb")):
-        notebook = nbformat.read(path, as_version=4)
-        wrong = change(notebook) or []
-        nbformat.write(notebook, path)
-        yield from (f"{path.name}: {line}" for line in wrong)
-
-
-def execute(jobs, seconds_per_cell):
-    # An empty pytest configuration: the tests' own settings (warnings as errors) are about the library, not about Jupyter.
-    settings = BUILD / "nbmake.ini"
-    settings.write_text("[pytest]\n")
-    environment = os.environ | {"PYVISTA_OFF_SCREEN": "true", "JUPYTER_PREFER_ENV_PATH": "1"}
-    command = [sys.executable, "-m", "pytest", "-q", "-c", settings, "--rootdir", BUILD, "-p", "no:cacheprovider",
-               "--nbmake", "--overwrite", f"--nbmake-timeout={seconds_per_cell}", "-n", str(jobs), "--durations=0",
-               SOURCE]
-    if subprocess.run(command, env=environment, check=False).returncode:
-        sys.exit("build_book: a notebook failed; the cell and its error are above")
-
-
-def errors_in(notebook):
-    """Error outputs of a notebook, also those that a widget callback wrote into an Output widget."""
-    outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
-    for state in notebook.metadata.get("widgets", {}).values():
-        outputs += [output for model in state.get("state", {}).values() for output in model["state"].get("outputs", [])]
-    return [f"{output['ename']}: {output['evalue']}" for output in outputs if output["output_type"] == "error"]
-
-
-def store_expressions():
-    if found := list(each_page(expressions.store)):
-        sys.exit("build_book: numbers of the prose\n" + "\n".join(found))
-
-
-def require_clean_outputs():
-    found = [f"{path.name}: {error}" for path in sorted(SOURCE.glob("*.ipynb"))
-             for error in errors_in(nbformat.read(path, as_version=4))]
-    if found:
-        sys.exit("build_book: errors in the executed pages\n" + "\n".join(found))
 
 
 def build_site():
@@ -76,18 +26,25 @@ def build_site():
         sys.exit("build_book: Sphinx found something to complain about; warnings count as errors")
 
 
+def offer_downloads():
+    """The site's 'download .ipynb' gives the executed page with citations and references as text."""
+    copies = lab_copies.Copies()
+    for path in sorted((SITE / "html" / "_sources").glob("*.ipynb")):
+        nbformat.write(copies.make(path.stem), path)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--jobs", type=int, default=2, help="notebooks executed side by side")
-    parser.add_argument("--seconds-per-cell", type=int, default=120, help="a cell that takes longer is a failure")
+    parser.add_argument("--seconds-per-cell", type=int, default=SECONDS_PER_CELL, help="a cell that takes longer is a failure")
+    parser.add_argument("--pages", default="", help="execute only these, as in: --pages lbs,fourier")
+    parser.add_argument("--no-site", action="store_true", help="execute the pages and leave the site as it is")
     arguments = parser.parse_args()
-    BUILD.mkdir(exist_ok=True)
-    copy_book()
-    list(each_page(expressions.ask))
-    execute(arguments.jobs, arguments.seconds_per_cell)
-    store_expressions()
-    require_clean_outputs()
-    build_site()
+    pages = [name.strip().removesuffix(".ipynb") for name in arguments.pages.split(",") if name.strip()]
+    run(pages, arguments.jobs, arguments.seconds_per_cell)
+    if not arguments.no_site:
+        build_site()
+        offer_downloads()
 
 
 if __name__ == "__main__":

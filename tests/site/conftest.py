@@ -1,11 +1,14 @@
-"""What the checks of the built site and of the live page share: a browser, and a web server for the site."""
+"""What the checks of the built site and of JupyterLab share: a browser, a web server for the site, and one JupyterLab."""
 
 import functools
+import shutil
 import threading
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from types import SimpleNamespace
 
 import pytest
-from places import FLAGS, SITE, chromium_path
+from laboratory import Reader, jupyterlab
+from places import COPIES, FLAGS, ROOT, SITE, chromium_path
 from playwright.sync_api import sync_playwright
 
 
@@ -30,3 +33,20 @@ def site_address():
         threading.Thread(target=server.serve_forever, daemon=True).start()
         yield f"http://127.0.0.1:{server.server_port}/"
         server.shutdown()
+
+
+@pytest.fixture(scope="session")
+def lab(browser, tmp_path_factory):
+    """JupyterLab on copies/ (the executed pages), sources/ (book/) and planted/: its address, and the folder."""
+    home = tmp_path_factory.mktemp("lab")
+    root = home / "pages"
+    shutil.copytree(COPIES, root / "copies") if COPIES.exists() else (root / "copies").mkdir(parents=True)
+    shutil.copytree(ROOT / "book", root / "sources", ignore=shutil.ignore_patterns("_assets", ".ipynb_checkpoints"))
+    (root / "planted").mkdir()
+    with jupyterlab(home, root) as address:
+        yield SimpleNamespace(address=address, root=root)
+
+
+@pytest.fixture(scope="session")
+def reader(browser, lab):
+    return Reader(browser, lab.address)

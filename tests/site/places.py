@@ -1,4 +1,4 @@
-"""Where the built site lies, and how Chromium is started: without a network."""
+"""Where the built site and the copies for JupyterLab lie, and how Chromium is started: without a network."""
 
 import os
 import shutil
@@ -8,6 +8,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 SITE = ROOT / "_build" / "html"
+EXECUTED = ROOT / "build" / "book"
+COPIES = ROOT / "build" / "lab"
 FLAGS = ["--no-sandbox", "--disable-gpu", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic",
          "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync",
          # No name resolves: a page that asks for anything outside this machine gets an error, and the test hears of it.

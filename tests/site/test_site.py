@@ -3,23 +3,15 @@
 import re
 from urllib.parse import unquote, urldefrag
 
+import nbformat
 import pytest
-import yaml
+import references
+from expressions import expressions_in
 from places import ROOT, SITE
 
 PAGES = sorted(path.name for path in SITE.glob("*.html") if path.name not in ("genindex.html", "search.html"))
 # Both come from the theme, with every page, and change nothing that a reader could notice.
 HARMLESS = ("THEBE_JS_URL", "Got invalid theme mode")
-
-
-def files_in(contents):
-    """The file names of a table of contents, whatever the nesting."""
-    if isinstance(contents, list):
-        return [name for entry in contents for name in files_in(entry)]
-    if isinstance(contents, dict):
-        own = [contents[key] for key in ("root", "file") if key in contents]
-        return own + [name for key in ("parts", "chapters", "sections") for name in files_in(contents.get(key, []))]
-    return []
 
 
 class View:
@@ -56,14 +48,26 @@ def view(request, browser, site_address):
 
 
 def test_every_page_of_the_contents_is_built():
-    expected = {f"{name}.html" for name in files_in(yaml.safe_load((ROOT / "book" / "_toc.yml").read_text()))}
+    expected = {f"{page}.html" for page in references.chapters()}
     assert expected, "book/_toc.yml names no page"
     assert expected <= set(PAGES), "pages are missing: build the site with `make book` first"
 
 
 def test_every_notebook_is_in_the_contents():
-    named = set(files_in(yaml.safe_load((ROOT / "book" / "_toc.yml").read_text())))
-    assert {path.stem for path in (ROOT / "book").glob("*.ipynb")} <= named
+    assert {path.stem for path in (ROOT / "book").glob("*.ipynb")} <= set(references.chapters())
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "book").glob("*.ipynb")), ids=lambda path: path.stem)
+def test_the_notebook_offered_for_download_shows_its_results(path):
+    assert f"_sources/{path.name}" in (SITE / f"{path.stem}.html").read_text(encoding="utf-8")
+    cells = nbformat.read(SITE / "_sources" / path.name, as_version=4).cells
+    asked = [expression for cell in cells if cell.cell_type == "markdown" for expression in expressions_in(cell.source)]
+    answered = [entry["expression"] for cell in cells for entry in cell.metadata.get("user_expressions", [])
+                if entry["result"]["status"] == "ok"]
+    shown = [cell for cell in cells if any("page-figure" in output.get("data", {}).get("text/html", "")
+                                           for output in cell.get("outputs", []))]
+    assert answered == asked
+    assert len(shown) == sum("show_figure(" in cell.source for cell in cells if cell.cell_type == "code")
 
 
 def test_nothing_comes_from_elsewhere(view):

@@ -1,0 +1,121 @@
+"""Execute notebooks of book/ as copies in build/book, and hold them to what a page has to keep to.
+
+The notebooks in book/ stay without outputs. nbmake executes the copies, which makes the execution a test of each page and of
+the solutions of its exercises.
+"""
+
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import expressions  # beside this file, as are guards and solutions
+import guards
+import nbformat
+import solutions
+
+ROOT = Path(__file__).resolve().parent.parent
+# Not below _build: nbmake passes over everything there.
+BUILD = ROOT / "build"
+SOURCE = BUILD / "book"
+SECONDS_PER_CELL = 120
+STAMPS = SOURCE / ".stamps.json"  # page -> what its last good run was a run of
+
+
+def copy_book(pages):
+    """Copies of the named pages, of all where none is named; returns the notebooks among them."""
+    if not pages:
+        shutil.rmtree(SOURCE, ignore_errors=True)
+    unknown = [name for name in pages if not (ROOT / "book" / f"{name}.ipynb").exists()]
+    if unknown:
+        sys.exit(f"build_book: no such page in book/: {', '.join(f'{name}.ipynb' for name in unknown)}")
+    passed_over = shutil.ignore_patterns(".ipynb_checkpoints", "_build", *(["*.ipynb"] if pages else []))
+    shutil.copytree(ROOT / "book", SOURCE, ignore=passed_over, dirs_exist_ok=True)
+    for name in pages:
+        shutil.copy(ROOT / "book" / f"{name}.ipynb", SOURCE)
+    return [SOURCE / f"{name}.ipynb" for name in pages] or sorted(SOURCE.glob("*.ipynb"))
+
+
+def each_page(paths, change):
+    """Change notebooks in place; what change() found wrong, as lines that name the page."""
+    for path in paths:
+        notebook = nbformat.read(path, as_version=4)
+        wrong = change(notebook)
+        nbformat.write(notebook, path)
+        yield from (f"{path.name}, {line}" for line in wrong)
+
+
+def stop_at(found):
+    if found := list(found):
+        sys.exit("build_book: the pages are wrong\n" + "\n".join(found))
+
+
+def prepare(notebook):
+    wrong = guards.check(notebook)
+    expressions.ask(notebook)
+    solutions.append(notebook)
+    return wrong
+
+
+def finish(notebook):
+    wrong = solutions.remove(notebook) + expressions.store(notebook)
+    return wrong + errors_in(notebook) + list(guards.pictures_without_a_name(notebook))
+
+
+def execute(paths, jobs, seconds_per_cell):
+    # An empty pytest configuration: the tests' own settings (warnings as errors) are about the library, not about Jupyter.
+    settings = BUILD / "nbmake.ini"
+    settings.write_text("[pytest]\n")
+    environment = os.environ | {"PYVISTA_OFF_SCREEN": "true", "JUPYTER_PREFER_ENV_PATH": "1"}
+    command = [sys.executable, "-m", "pytest", "-q", "-c", settings, "--rootdir", BUILD, "-p", "no:cacheprovider",
+               "--nbmake", "--overwrite", f"--nbmake-timeout={seconds_per_cell}", "-n", str(min(jobs, len(paths))),
+               "--durations=0", *paths]
+    if subprocess.run(command, env=environment, check=False).returncode:
+        sys.exit("build_book: a notebook failed; the cell and its error are above")
+
+
+def library_digest():
+    """Of all that a page computes with: the code, the weights, and the measured files of the packages."""
+    found = hashlib.sha256()
+    for package in ("qclearn", "data_synth"):
+        for file in sorted((ROOT / package).rglob("*")):
+            if file.suffix in (".py", ".json", ".safetensors"):
+                found.update(file.read_bytes())
+    return found.hexdigest()
+
+
+def stamp(page):
+    """Changes when a run of the page is out of date: the page or the library changed."""
+    source = next(file for file in (ROOT / "book" / f"{page}{kind}" for kind in (".ipynb", ".md")) if file.exists())
+    return hashlib.sha256(source.read_bytes()).hexdigest() + library_digest()
+
+
+def run(pages, jobs, seconds_per_cell):
+    """Execute pages (all where none is named) into build/book; stops at what is wrong."""
+    BUILD.mkdir(exist_ok=True)
+    paths = copy_book(pages)
+    stop_at(each_page(paths, prepare))
+    execute(paths, jobs, seconds_per_cell)
+    stop_at(each_page(paths, finish))
+    stamps = json.loads(STAMPS.read_text()) if STAMPS.exists() else {}
+    STAMPS.write_text(json.dumps(stamps | {path.stem: stamp(path.stem) for path in paths}, indent=1))
+
+
+def execute_outdated(pages, jobs, seconds_per_cell=SECONDS_PER_CELL):
+    """Execute those of the pages of which build/book has no run, or one of an older page or library."""
+    stamps = json.loads(STAMPS.read_text()) if STAMPS.exists() else {}
+    outdated = [page for page in pages if stamps.get(page) != stamp(page)]
+    if outdated:
+        print(f"build_book: executing {', '.join(outdated)}")
+        run(outdated, jobs, seconds_per_cell)
+
+
+def errors_in(notebook):
+    """Error outputs of a notebook, also those that a widget callback wrote into an Output widget."""
+    outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
+    for state in notebook.metadata.get("widgets", {}).values():
+        outputs += [output for model in state.get("state", {}).values() for output in model["state"].get("outputs", [])]
+    return [f"{output['ename']}: {output['evalue']}" for output in outputs if output["output_type"] == "error"]

@@ -1,0 +1,127 @@
+"""Copies of the executed pages for reading: build/lab for JupyterLab, build/notebooks for plain viewers.
+
+A copy is made anew when its page, the library behind it, the contents or the literature changed, and only then; the pages
+are executed for it where build/book has no run of them that is as new. A copy that a reader changed is never overwritten:
+it is kept beside the new one, and a line says so.
+"""
+
+import argparse
+import hashlib
+import json
+import shutil
+import sys
+from pathlib import Path
+
+import execute_pages
+import nbformat
+import references
+from nbformat.sign import NotebookNotary
+from plain import for_plain_viewers
+from readable import Readable, as_notebook, for_jupyterlab
+
+LAB, PLAIN = execute_pages.BUILD / "lab", execute_pages.BUILD / "notebooks"
+RECORD = ".copies.json"  # page -> what it was made from, and the digest of what was written
+
+
+def digest(*files):
+    """One digest of the content of files."""
+    found = hashlib.sha256()
+    for file in files:
+        found.update(file.read_bytes())
+    return found.hexdigest()
+
+
+def book_digest():
+    """Of everything that a copy depends on besides its own page: references to other pages, and these programs."""
+    book = references.BOOK
+    labels = "".join(f"{label}{target}" for label, target in sorted(references.labels().items()))
+    files = [book / "_toc.yml", book / "references.bib", *sorted(Path(__file__).parent.glob("*.py"))]
+    return hashlib.sha256(labels.encode()).hexdigest() + digest(*files)
+
+
+def read_record(folder):
+    file = folder / RECORD
+    return json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+
+
+def put_aside(path):
+    """Rename a copy that a reader changed, to a name that is free."""
+    number, aside = 1, path.with_stem(f"{path.stem}-mine")
+    while aside.exists():
+        number += 1
+        aside = path.with_stem(f"{path.stem}-mine-{number}")
+    path.rename(aside)
+    print(f"lab_copies: you changed {path.name}; it is {aside} now, and {path.name} is new", file=sys.stderr)
+
+
+def write_copies(folder, stamps, make):
+    """Write make(page) for each page whose stamp differs from the one recorded; returns the pages written."""
+    folder.mkdir(parents=True, exist_ok=True)
+    record, written = read_record(folder), []
+    for page, stamp in stamps.items():
+        path, old = folder / f"{page}.ipynb", record.get(page, {})
+        if path.exists() and old.get("made_from") == stamp:
+            continue
+        if path.exists() and old.get("written") != digest(path):
+            put_aside(path)
+        nbformat.write(make(page), path)
+        record[page] = {"made_from": stamp, "written": digest(path)}
+        written.append(page)
+        (folder / RECORD).write_text(json.dumps(record, indent=1), encoding="utf-8")
+    shutil.copytree(references.BOOK / "_assets", folder / "_assets", dirs_exist_ok=True,
+                    ignore=shutil.ignore_patterns("vendor", "*.js", "*.css"))
+    return written
+
+
+class Copies:
+    """Makes a copy of any page for JupyterLab or for plain viewers."""
+
+    def __init__(self):
+        self.chapters, self.targets = references.chapters(), references.labels()
+        self.literature = references.Literature()
+
+    def executed(self, page):
+        path = execute_pages.SOURCE / f"{page}.ipynb"
+        if path.exists():
+            return nbformat.read(path, as_version=4)
+        return as_notebook(references.markdown_of(page))
+
+    def make(self, page, plain=False):
+        readable = Readable(page, self.targets, self.literature, plain)
+        try:
+            if plain:
+                return for_plain_viewers(self.executed(page), readable, self.chapters[page])
+            return for_jupyterlab(self.executed(page), readable, self.chapters[page])
+        except KeyError as error:
+            sys.exit(f"lab_copies: {page}: {error.args[0]}")
+
+    def signed(self, page):
+        notebook = self.make(page)
+        NotebookNotary().sign(notebook)  # the reader's own machine made it: JupyterLab may show its 3-D scenes
+        return notebook
+
+
+def build(folder, make, jobs):
+    """Copies of all pages in a folder, executing what is out of date."""
+    pages = list(references.chapters())
+    execute_pages.execute_outdated([page for page in pages if (references.BOOK / f"{page}.ipynb").exists()], jobs)
+    common = book_digest()
+    stamps = {page: common + execute_pages.stamp(page) for page in pages}
+    written = write_copies(folder, stamps, make)
+    print(f"lab_copies: {folder.relative_to(execute_pages.ROOT)}: {len(written)} of {len(pages)} pages are new")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--plain", action="store_true", help="build/notebooks, for viewers without JupyterLab")
+    parser.add_argument("--jobs", type=int, default=2, help="notebooks executed side by side")
+    arguments = parser.parse_args()
+    copies = Copies()
+    if arguments.plain:
+        build(PLAIN, lambda page: copies.make(page, plain=True), arguments.jobs)
+    else:
+        build(LAB, copies.signed, arguments.jobs)
+
+
+if __name__ == "__main__":
+    main()
