@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from .files import write_whole
+from .metrics import paired_difference
 from .surface import SurfaceError
 
 SCHEMA_VERSION = 1  # raise it when a field's meaning changes, so that old files are not read as new ones
@@ -176,16 +177,70 @@ def front_ratio(rows, front, baseline, size="mean_abs_mu", error="landmark_error
     return found
 
 
+def compare_fronts(rows, front, baseline, rng, size="mean_abs_mu", error="landmark_error"):
+    """`front_ratio` in one line: its geometric mean over pairs with its 95 % interval, and who is in front, a dict.
+
+    "ratio", "low", "high"; "won" of "pairs" where the front is ahead; "state": "ahead" or "behind" where the interval does
+    not hold 1, "level" where it does, "unknown" without a pair.
+    """
+    ratios = np.array(list(front_ratio(rows, front, baseline, size, error).values()))
+    ratio, low, high = np.exp(paired_difference(np.log(ratios), np.zeros(len(ratios)), rng)).tolist()
+    state = "ahead" if high < 1 else "behind" if low > 1 else "level" if low <= 1 <= high else "unknown"
+    return {"ratio": ratio, "low": low, "high": high, "won": int((ratios < 1).sum()),
+            "pairs": int(np.isfinite(ratios).sum()), "state": state}
+
+
+def compare_runs(rows, one, other, key, rng):
+    """One run's figure less another's on the same pairs: `paired_difference`, (mean, low, high)."""
+    first, second = column(rows, one, key), column(rows, other, key)
+    both = [pair for pair in first if pair in second]
+    return paired_difference([first[pair] for pair in both], [second[pair] for pair in both], rng)
+
+
+def methods_and_oracles(rows):
+    """Rows of methods, and rows of oracles: runs whose targets are the true images of the landmarks. Two lists."""
+    oracles = [row for row in rows if row["landmarks"] == "exact"]
+    return [row for row in rows if row["landmarks"] != "exact"], oracles
+
+
+def median_pair(rows, run, key="landmark_error"):
+    """The pair with the median figure of a run (of an even number, the lower): the one to show, chosen by nobody."""
+    values = sorted((value, pair) for pair, value in column(rows, run, key).items() if np.isfinite(value))
+    if not values:
+        raise BenchmarkError(f"no pair has the figure {key!r} of the run {run!r}: give one that the results hold")
+    return values[(len(values) - 1) // 2][1]
+
+
+def noted(rows, run, words):
+    """How many of a run's maps carry a note that holds `words`."""
+    return sum(any(words in note for note in row.get("notes", ())) for row in rows if row["run"] == run)
+
+
+MAIN = ("landmark_error", "mean_abs_mu", "correspondence_sulci_mm")
+
+
 def summary(rows):
-    """Per run: how many pairs, failed, certified, and the mean and SD over pairs of its main figures; seconds: median."""
+    """Per run: a dict with "pairs", "failed", "certified" (counts); each figure's mean over pairs by its own name and its
+    SD as "sd_of_" and the name (`MAIN` figures always, None where no pair has one); "seconds" of the map and "stages",
+    medians.
+    """
     table = {}
+    figures = dict.fromkeys([*MAIN, *(key for row in rows for key, value in row.items() if is_number(value))])
     for run in dict.fromkeys(row["run"] for row in rows):
         own = [row for row in rows if row["run"] == run]
         done = [row for row in own if row["status"] == "done"]
         line = {"pairs": len(own), "failed": len(own) - len(done), "certified": sum(row["certified"] for row in done)}
-        for key in ("landmark_error", "mean_abs_mu", "correspondence_sulci_mm"):
+        for key in figures:
             values = [row[key] for row in done if row.get(key) is not None]
-            line |= {key: float(np.mean(values)) if values else None, f"sd_{key}": float(np.std(values)) if values else None}
-        line["seconds"] = float(np.median([row["seconds"]["map"] for row in done])) if done else None
+            if values or key in MAIN:
+                line[key] = float(np.mean(values)) if values else None
+                line[f"sd_of_{key}"] = float(np.std(values)) if values else None
+        stages = done[0]["seconds"] if done else {}
+        line["stages"] = {name: float(np.median([row["seconds"][name] for row in done])) for name in stages}
+        line["seconds"] = line["stages"].get("map")
         table[run] = line
     return table
+
+
+def is_number(value):
+    return isinstance(value, (int, float)) and not isinstance(value, bool)

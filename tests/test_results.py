@@ -9,7 +9,21 @@ import pytest
 
 from qclearn.benchmark import FRONT
 from qclearn.benchmark import RUNS as RUNS_OF_THE_BENCHMARK
-from qclearn.results import BenchmarkError, Journal, column, front_ratio, plain, read_results, schema, summary
+from qclearn.results import (
+    BenchmarkError,
+    Journal,
+    column,
+    compare_fronts,
+    compare_runs,
+    front_ratio,
+    median_pair,
+    methods_and_oracles,
+    noted,
+    plain,
+    read_results,
+    schema,
+    summary,
+)
 
 RUNS = [{"name": "one", "method": "harmonic", "parameters": {}, "landmarks": "given", "sets": ["cohort"],
          "keep_field": False}]
@@ -144,8 +158,11 @@ def test_means_are_over_the_pairs_that_have_a_figure():
     table = summary(rows)
     assert table["one"]["pairs"] == 4 and table["one"]["failed"] == 1 and table["one"]["certified"] == 2
     assert table["one"]["landmark_error"] == pytest.approx(0.3)
-    assert table["one"]["sd_landmark_error"] == pytest.approx(0.1 * np.sqrt(2 / 3))
-    assert table["one"]["seconds"] == 2.0 and table["two"]["seconds"] is None
+    assert table["one"]["sd_of_landmark_error"] == pytest.approx(0.1 * np.sqrt(2 / 3))
+    assert table["one"]["seconds"] == table["one"]["stages"]["map"] == 2.0
+    assert table["two"]["seconds"] is None and table["two"]["landmark_error"] is None
+    assert table["one"]["sd_landmark_error"] == 0  # over landmarks, a figure of its own; not that over pairs
+    assert "certified" not in [key for key in table["two"] if table["two"][key] is None]
     found = column(rows, "one", "correspondence_sulci_mm")
     assert list(found) == ["a", "b", "c", "d"] and np.isnan([found["c"], found["d"]]).all() and found["a"] == 0
 
@@ -163,6 +180,45 @@ def test_a_front_is_compared_at_the_baselines_distortion():
     assert front_ratio(rows, ["one", "two"], "base") == {"a": pytest.approx(1e-2 / 2e-3)}
     rows[2]["certified"] = False
     assert front_ratio(rows, ["one", "two"], "base") == {}
+
+
+def test_fronts_are_ahead_behind_or_level_by_their_interval():
+    def rows_of(factors):
+        return [row(pair, run, mean_abs_mu=0.2, landmark_error=error) for pair, factor in zip("abcd", factors)
+                for run, error in (("fit", factor * 1e-3), ("base", 1e-3))]
+
+    found = {state: compare_fronts(rows_of(factors), ["fit"], "base", np.random.default_rng(0))
+             for state, factors in (("ahead", (0.5, 0.6, 0.5, 0.4)), ("behind", (2, 3, 2, 2)), ("level", (0.5, 2, 1, 1)))}
+    assert {state: line["state"] for state, line in found.items()} == {state: state for state in found}
+    assert found["behind"]["ratio"] == pytest.approx(24 ** 0.25) and found["ahead"]["won"] == 4
+    assert found["level"]["low"] < 1 < found["level"]["high"] and found["level"]["won"] == 1
+    nobody = compare_fronts([row("a", "fit")], ["fit"], "base", np.random.default_rng(0))
+    assert nobody["state"] == "unknown" and nobody["pairs"] == 0
+
+
+def test_runs_are_compared_on_the_pairs_that_both_have():
+    rows = [row("a", landmark_error=3.0), row("b", landmark_error=9.0), row("b", "two", landmark_error=7.0),
+            row("a", "two", landmark_error=1.0), row("c", landmark_error=100.0)]
+    assert compare_runs(rows, "one", "two", "landmark_error", np.random.default_rng(0)) == (2, 2, 2)
+
+
+def test_oracles_stand_apart():
+    truth = row("a", "oracle", landmark_error=0.1) | {"landmarks": "exact"}
+    method = row("a", landmark_error=0.1) | {"landmarks": "path"}
+    assert methods_and_oracles([truth, method]) == ([method], [truth])
+
+
+def test_the_median_pair_is_shown():
+    rows = [row(pair, landmark_error=error) for pair, error in zip("abcd", (0.4, 0.1, 0.3, 0.2))]
+    assert median_pair(rows, "one") == "d" and median_pair(rows[:3], "one") == "c"
+    with pytest.raises(BenchmarkError, match="no pair has the figure 'angles' of the run 'one'"):
+        median_pair(rows, "one", "angles")
+
+
+def test_notes_are_counted_by_their_words():
+    rows = [row("a", landmark_error=0.1, notes=["two overlaps mended", "overlap again"]), row("b", landmark_error=0.1),
+            row("c"), row("a", "two", landmark_error=0.1, notes=["an overlap"])]
+    assert noted(rows, "one", "overlap") == 1 and noted(rows, "one", "let go") == 0
 
 
 def test_the_kept_results_hold_every_run_on_every_subject():
