@@ -31,8 +31,8 @@ def check_curves(curves, moving, control):
     if isinstance(curves, dict):
         unknown = set(curves) - {"curves", "surfaces"}
         if unknown or "curves" not in curves:
-            raise LandmarkError("landmarks need the one key 'curves' and may have 'surfaces'; found "
-                                f"{sorted(map(str, curves))}")
+            raise LandmarkError(f"landmarks need the one key 'curves'; found {sorted(map(str, curves))} ('surfaces' may "
+                                "stand beside it)")
         check_surfaces(curves.get("surfaces", {}), moving, control)
         curves = curves["curves"]
     if not isinstance(curves, (list, tuple)) or not curves:
