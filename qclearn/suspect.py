@@ -25,6 +25,7 @@ LIMITS = {
     "strong_area": 0.01,  # share of the moving surface's area under it
     "better": 0.75,  # misfit of the curves concerned under another explanation, over that as given
     "plausible": 1.0,  # misfit of the curves concerned under another explanation, over their length in the disk
+    "surface_given": 0.33,  # misfit as given, over the length: with less of it the surfaces are the right ones
 }
 FEWEST = 3  # curves: with fewer, a Möbius map takes wrong ends to wrong ends as well as right ones to right ones
 STEP = 0.9  # of the misfit of all curves: what a further change of their order must come below
@@ -106,8 +107,7 @@ def mistakes(moving, control, z_moving, z_control, entries):
     """The mistakes in surfaces and landmarks that explain the curves' ends much better than the landmarks as given."""
     if len(entries) < FEWEST:
         return []
-    given = Reading(*(ends(entries, side, z) for side, z in (("moving", z_moving), ("control", z_control))),
-                    np.arange(len(entries)), np.zeros(len(entries), bool))
+    given = given_reading(z_moving, z_control, entries)
     start, words = given, []
     best = best_reading([given, *of_surfaces(given, moving, control, z_moving, z_control, entries), *of_order(given)])
     if best.reason and accepted(given, best):
@@ -118,9 +118,15 @@ def mistakes(moving, control, z_moving, z_control, entries):
     return words
 
 
-def ends(entries, side, z):
-    """First and last points of the curves of one side in its disk map, (K, 2) complex."""
-    return z[np.array([entry[side][[0, -1]] for entry in entries])]
+def given_reading(z_moving, z_control, entries):
+    """The landmarks as given."""
+    p, q = (z[ends(entries, side)] for side, z in (("moving", z_moving), ("control", z_control)))
+    return Reading(p, q, np.arange(len(entries)), np.zeros(len(entries), bool))
+
+
+def ends(entries, side):
+    """First and last vertices of the curves of one side, (K, 2) int."""
+    return np.array([entry[side][[0, -1]] for entry in entries])
 
 
 def in_order(reading):
@@ -145,16 +151,22 @@ def misfits(readings):
 
 
 def accepted(given, other):
-    """Whether another reading explains the curves that it reads otherwise: by `better` and `plausible` of LIMITS."""
-    better, plausible = compared(given, other)
-    return better < LIMITS["better"] and plausible < LIMITS["plausible"]
+    """Whether another reading explains the curves that it reads otherwise, by LIMITS."""
+    found = compared(given, other)
+    if other.reason and found["given"] < LIMITS["surface_given"]:
+        return False  # surfaces that share one numbering fit about as well exchanged
+    return found["better"] < LIMITS["better"] and found["plausible"] < LIMITS["plausible"]
 
 
 def compared(given, other):
-    """Misfit of the curves that another reading reads otherwise: over that as given, and over their length in the disk."""
+    """Misfits of the curves that another reading reads otherwise, dict.
+
+    `given` and `plausible`: as given and in the other reading, over the curves' length in the disk; `better`: over each other.
+    """
     rows = ((given.p != other.p) | (given.q != other.q)).any(1)
     before, after = np.sqrt((misfits([given, other])[:, rows] ** 2).mean(1))
-    return after / (before + ROUNDING), after / np.sqrt((abs(np.diff(other.q[rows])) ** 2).mean())
+    length = np.sqrt((abs(np.diff(other.q[rows])) ** 2).mean())
+    return {"better": float(after / (before + ROUNDING)), "given": float(before / length), "plausible": float(after / length)}
 
 
 def of_surfaces(reading, moving, control, z_moving, z_control, entries):
@@ -164,7 +176,7 @@ def of_surfaces(reading, moving, control, z_moving, z_control, entries):
 
     yield change(reading.p.conj(), reading.q, "mirror: the curves fit the mirrored moving surface much better; give "
                  "--mirror (library: qc.mirror), or leave it out if it was given: one side is a left, the other a right")
-    pairs = {side: np.array([entry[side][[0, -1]] for entry in entries]) for side in ("moving", "control")}
+    pairs = {side: ends(entries, side) for side in ("moving", "control")}
     if pairs["control"].max() < len(z_moving) and pairs["moving"].max() < len(z_control):
         yield change(z_moving[pairs["control"]], z_control[pairs["moving"]], "exchanged: the curves fit much better with "
                      "MOVING and CONTROL exchanged; exchange the two surfaces, or \"moving\" and \"control\" in the landmarks")

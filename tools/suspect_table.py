@@ -4,8 +4,9 @@
 
 Pairs are drawn from the two hemispheres of fsaverage5 (the right one mirrored) with the surfaces of --also, which carry
 curves of the same names, and from synthetic subjects, for which whole surfaces are made up that they were cut from. Four
-to eleven curves a pair, by their ends or whole, either method. Writes qclearn/kept/suspect.json, every case with its
-values, and prints how often the right word was said and the range of each value. Finished cases are kept and not run again.
+to eleven curves a pair, by their ends or whole, either method. Mistakes are looked for in all of them; so many as --registered
+says are also registered, for what their maps show. Writes qclearn/kept/suspect.json, every case with its values, and prints
+how often the right word was said and the range of each value. Finished cases are kept and not run again.
 """
 
 import json
@@ -26,8 +27,10 @@ from qclearn.provenance import commit
 
 WORDS = {"mirrored": "mirror", "exchanged": "exchanged", "whole numbers": "numbering", "all reversed": "reversed",
          "one reversed": "reversed", "two swapped": "swapped"}
-HOLDS = {"error_mm": "over", "error_share": "over", "curve_mm": "over", "curve_ratio": "over", "rows": "over",
-         "strong_area": "over", "better": "below", "plausible": "below"}
+# value -> the limit it is held against
+VALUES = {"error_mm": "error_mm", "error_share": "error_share", "curve_mm": "curve_mm", "curve_ratio": "curve_ratio", "rows": "rows",
+          "strong_area": "strong_area", "order better": "better", "surface better": "better",
+          "surface given": "surface_given", "order plausible": "plausible", "surface plausible": "plausible"}
 
 
 def hemisphere(side, surface):
@@ -76,85 +79,91 @@ def spoil(kind, rng, moving, control, curves):
     return moving, control
 
 
-def values(result, moving, control, curves):
-    """What the thresholds are held against, of one registration: for readings the least misfit by their words."""
-    report, entries = result.report, check_curves(curves, moving, control)
-    worst, median = (float(f([row["landmark_error_mm"] for row in report["curves"]])) for f in (np.max, np.median))
-    given = suspect.Reading(suspect.ends(entries, "moving", result.disk_moving),
-                            suspect.ends(entries, "control", result.disk_control), np.arange(len(entries)),
-                            np.zeros(len(entries), bool))
-    others = [*suspect.of_surfaces(given, moving, control, result.disk_moving, result.disk_control, entries),
-              *suspect.of_order(given)]
-    readings = {}
-    for other in others:
+def readings(moving, control, entries):
+    """What decides about mistakes: of each kind of reading the one that fits best, dict of dicts; and the words, list."""
+    disks = qc.disk_conformal_map(moving), qc.disk_conformal_map(control)
+    given = suspect.given_reading(*disks, entries)
+    found = {}
+    for other in [*suspect.of_surfaces(given, moving, control, *disks, entries), *suspect.of_order(given)]:
         word = other.reason.split(":")[0] or ("reversed" if other.backwards.any() else "swapped")
-        readings[word] = min(readings.get(word, (np.inf, np.inf)), suspect.compared(given, other))
-    return {"error_mm": report["landmark_error_mm"],
-            "error_share": report["landmark_error"] / report["landmark_error_before"], "curve_mm": worst,
-            "curve_ratio": worst / median, "strong_area": suspect.strong_share(moving, result.mu),
-            "rows": suspect.rows_switched([word for word in report["fallbacks"] if not word.startswith(("moving: ", "control: "))])
-            / len(moving.vertices),
-            "better": {word: float(pair[0]) for word, pair in readings.items()},
-            "plausible": {word: float(pair[1]) for word, pair in readings.items()}}
+        found[word] = min(found.get(word, {"better": np.inf}), suspect.compared(given, other), key=lambda one: one["better"])
+    return {"readings": found, "mistakes": suspect.mistakes(moving, control, *disks, entries)}
 
 
-def measure(kind, number, groups):
-    """One case, dict: what was drawn, the words that were said, the values."""
+def outcome(result, moving):
+    """What a registration's map shows: its reasons, and what the limits are held against."""
+    report = result.report
+    millimetres = [row["landmark_error_mm"] for row in report["curves"]]
+    words = [word for word in report["fallbacks"] if not word.startswith(("moving: ", "control: "))]
+    return {"suspect": report["suspect"], "bijective": report["bijective"], "error_mm": report["landmark_error_mm"],
+            "error_share": report["landmark_error"] / report["landmark_error_before"], "curve_mm": max(millimetres),
+            "curve_ratio": float(max(millimetres) / np.median(millimetres)),
+            "rows": suspect.rows_switched(words) / len(moving.vertices), "strong_area": suspect.strong_share(moving, result.mu)}
+
+
+def measure(kind, number, groups, register, known):
+    """One case, dict: what was drawn, the words that were said, the values. known: the same from before, or nothing."""
     rng = np.random.default_rng([number, *kind.encode()])
     names, moving, control, curves = draw(rng, groups)
     moving, control = spoil(kind, rng, moving, control, curves)
     method = ("exact", "network")[number % 2]
-    case = {"kind": kind, "number": number, "pair": names, "curves": [curve["name"] for curve in curves],
-            "whole": len(curves[0]["moving"]) > 2, "method": method}
+    case = known or {"kind": kind, "number": number, "pair": names, "curves": [curve["name"] for curve in curves],
+                     "whole": len(curves[0]["moving"]) > 2, "method": method}
     try:
-        result = qc.register(moving, control, curves, method=method)
+        if "readings" not in case:
+            case |= readings(moving, control, check_curves(curves, moving, control))
+        if register:
+            case |= outcome(qc.register(moving, control, curves, method=method), moving)
     except ValueError as error:
-        return case | {"refused": str(error)}
-    return case | {"suspect": result.report["suspect"], "bijective": result.report["bijective"],
-                   **values(result, moving, control, curves)}
+        case |= {"refused": str(error)}
+    return case
 
 
 def recognised(case):
     """Whether a wrong case was met by its word: as a reason, or in the message it was refused with."""
     word = WORDS[case["kind"]] + ":"
-    return word in case.get("refused", "") or any(reason.startswith(word) for reason in case.get("suspect", []))
+    return word in case.get("refused", "") or any(reason.startswith(word) for reason in case.get("mistakes", []))
 
 
-def spread(found):
-    return f"{min(found):.3g} to {max(found):.3g}" if found else "-"
+def any_word(case):
+    """Whether a case was called suspect, or refused."""
+    return bool(case.get("mistakes") or case.get("suspect") or "refused" in case)
+
+
+def found_in(case, name):
+    """The values of a case by the name of a threshold's value, list."""
+    if name in case:
+        return [case[name]]
+    group, _, key = name.partition(" ")
+    order, right = ("reversed", "swapped"), WORDS.get(case["kind"])
+    return [reading[key] for word, reading in case.get("readings", {}).items()
+            if (word in order) == (group == "order") and right in (None, word)]
 
 
 def table(cases):
     """Lines: how often each mistake was recognised, and the range of each value in good cases and in each wrong kind."""
-    good = [case for case in cases if case["kind"] == "good"]
-    yield f"{len(good)} good: {sum(bool(case.get('suspect')) for case in good)} called suspect, {sum('refused' in case for case in good)} refused"
-    for kind in WORDS:
+    for kind in ("good", *WORDS):
         own = [case for case in cases if case["kind"] == kind]
-        wrong = [case for case in own if "refused" in case]
-        yield (f"{kind:14} {len(own):3} cases, {sum(map(recognised, own)):3} by the right word ({len(wrong)} of them refused), "
-               f"{sum(bool('refused' in case or case['suspect']) for case in own):3} by any")
-    for name, limit in suspect.LIMITS.items():
-        if name not in HOLDS:
-            continue
-        yield f"{name} (limit: {HOLDS[name]} {limit:.3g})"
+        line = f"{kind:14} {len(own):3} cases, {sum('suspect' in case for case in own)} registered: {sum(map(any_word, own))} suspect"
+        yield line + f", {sum(map(recognised, own))} by the right word" * (kind in WORDS)
+    for name, limit in VALUES.items():
+        yield f"{name} (limit {suspect.LIMITS[limit]:.3g})"
         for kind in ("good", *WORDS):
-            found = [case[name] for case in cases if case["kind"] == kind and name in case]
-            if found and isinstance(found[0], dict):
-                words = [WORDS[kind]] if kind in WORDS else sorted({word for pair in found for word in pair})
-                yield f"    {kind:14} " + ", ".join(f"{word} {spread([pair[word] for pair in found if word in pair])}" for word in words)
-            else:
-                yield f"    {kind:14} {spread(found)}"
+            found = [value for case in cases if case["kind"] == kind for value in found_in(case, name)]
+            if found:
+                yield f"    {kind:14} {min(found):.3g} to {max(found):.3g}"
 
 
 @click.command(help=__doc__)
 @click.option("--good", default=200, show_default=True)
 @click.option("--wrong", default=20, show_default=True, help="Cases of each mistake.")
+@click.option("--registered", default=20, show_default=True, help="Of each kind, are also registered (good ones: ten times as many).")
 @click.option("--seeds", default="1001-1012", show_default=True, help="Of the synthetic subjects.")
 @click.option("--vertices", default=3000, show_default=True, help="Of the synthetic subjects.")
 @click.option("--data", help="Folder where synthetic subjects are kept (default: the user's cache).")
 @click.option("--also", multiple=True, help="npz surface with curves named as those of fsaverage5.")
 @click.option("--out", default=str(kept("suspect.json")), show_default=False)
-def main(good, wrong, seeds, vertices, data, also, out):
+def main(good, wrong, registered, seeds, vertices, data, also, out):
     warnings.simplefilter("ignore", qc.RepairWarning)
     first, last = map(int, seeds.split("-"))
     rng = np.random.default_rng(0)
@@ -166,8 +175,11 @@ def main(good, wrong, seeds, vertices, data, also, out):
     wanted = [("good", k) for k in range(good)] + [(kind, k) for k in range(wrong) for kind in WORDS]
     done = json.loads(Path(out).read_text())["cases"] if Path(out).is_file() else []
     done = {(case["kind"], case["number"]): case for case in done}
-    for kind, number in tqdm(sorted(set(wanted) - set(done), key=lambda task: task[1])):
-        done[kind, number] = measure(kind, number, (real, synthetic))
+    tasks = [(False, *task) for task in wanted if task not in done]
+    tasks += [(True, kind, k) for kind, k in sorted(wanted, key=lambda task: task[1] / (1 + 9 * (task[0] == "good")))
+              if k < registered * (1 + 9 * (kind == "good")) and not {"suspect", "refused"} & set(done.get((kind, k), {}))]
+    for register, kind, number in tqdm(tasks):
+        done[kind, number] = measure(kind, number, (real, synthetic), register, done.get((kind, number)))
         rows = ",\n  ".join(json.dumps(done[key]) for key in sorted(done))
         text = f'{{"commit": "{commit()}", "vertices": {vertices}, "limits": {json.dumps(suspect.LIMITS)},\n "cases": [\n  {rows}]}}\n'
         write_whole(Path(out), lambda place, text=text: place.write_text(text, encoding="utf-8"))
