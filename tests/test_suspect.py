@@ -127,6 +127,26 @@ def test_a_surface_onto_itself_is_not_suspect(sides):
     assert said(both, [entry | {"moving": entry["control"]} for entry in SULCI]) == []
 
 
+def test_surfaces_that_share_one_numbering_are_not_called_exchanged(sides):
+    """One mesh whose curves lie elsewhere in one of its disk maps, to targets that are off by as much: exchanged they fit."""
+    control, w = sides["control"]
+    paths = np.array([entry["control"] for entry in SULCI[:6]])
+    rng = np.random.default_rng(3)
+    away = 0.02 * np.exp(2j * np.pi * rng.uniform(size=paths.shape))
+    there = np.array([abs(w - place).argmin() for place in (w[paths] + away).ravel()]).reshape(paths.shape)
+    assert not set(there.ravel()) & set(paths.ravel())
+    moved = w.copy()
+    moved[paths] = w[there]  # where exchanged curves have no misfit, and the given ones twice `away`
+    moved[there] = 2 * w[there] - w[paths]
+    curves = [{"name": str(k), "moving": one.tolist(), "control": other.tolist()} for k, (one, other) in
+              enumerate(zip(paths, there))]
+    entries = check_curves(curves, control, control)
+    given = suspect.given_reading(w, moved, entries)
+    exchanged = next(other for other in suspect.of_surfaces(given, control, control, w, moved, entries) if "exchanged" in other.reason)
+    assert suspect.compared(given, exchanged)["better"] < 0.1 < suspect.compared(given, exchanged)["given"] < LIMITS["surface_given"]
+    assert mistakes(control, control, w, moved, entries) == []
+
+
 # What the map shows
 
 
@@ -147,7 +167,7 @@ def test_an_odd_curve_is_named():
 
 def test_many_switched_rows_are_counted_in_the_fits_words():
     assert list(switched_rows(["5 rows switched", "2 boundary steps raised", "gamma lowered to 1000"], 1000)) == []
-    reason, = switched_rows(["DBS-Net's map folded 9 faces: exact solver", "4 rows switched", "2 rows switched"], 1000)
+    reason, = switched_rows(["DBS-Net's map folded 9 faces: exact solver", "4 rows switched", "6 rows switched"], 1000)
     assert reason.startswith("rows: ") and "6 of 1000 vertices" in reason
 
 
@@ -177,19 +197,24 @@ def test_all_reasons_come_in_one_list(sides):
 # The measured table
 
 
-def test_the_limits_are_those_that_were_measured_and_no_good_case_passes_one():
-    measured = json.loads(kept("suspect.json").read_text(encoding="utf-8"))
+@pytest.fixture(scope="module")
+def measured():
+    return json.loads(kept("suspect.json").read_text(encoding="utf-8"))
+
+
+def test_the_limits_are_those_that_were_measured_and_no_good_case_is_suspect(measured):
     assert measured["limits"] == LIMITS
     good = [case for case in measured["cases"] if case["kind"] == "good"]
-    assert len(good) >= 100 and all(case["suspect"] == [] and case["bijective"] for case in good)
-    assert min(min(case["better"].values()) for case in good) > LIMITS["better"]
+    assert len(good) >= 200 and all(case["mistakes"] == [] for case in good)
+    registered = [case for case in good if "suspect" in case]
+    assert len(registered) >= 20 and all(case["suspect"] == [] and case["bijective"] for case in registered)
 
 
 @pytest.mark.parametrize("kind, word", [
     ("mirrored", "mirror"), ("exchanged", "exchanged"), ("whole numbers", "numbering"), ("all reversed", "reversed"),
     ("one reversed", "reversed"), ("two swapped", "swapped"),
 ])
-def test_in_the_table_each_mistake_is_recognised(kind, word):
-    cases = [case for case in json.loads(kept("suspect.json").read_text(encoding="utf-8"))["cases"] if case["kind"] == kind]
-    named = [word in words(case.get("suspect", [])) or f"{word}: " in case.get("refused", "") for case in cases]
-    assert len(cases) >= 10 and np.mean(named) >= 0.95
+def test_in_the_table_each_mistake_is_recognised(measured, kind, word):
+    cases = [case for case in measured["cases"] if case["kind"] == kind]
+    named = [word in words(case.get("mistakes", [])) or f"{word}: " in case.get("refused", "") for case in cases]
+    assert len(cases) >= 20 and np.mean(named) >= 0.95

@@ -137,15 +137,16 @@ def found_in(case, name):
     group, _, key = name.partition(" ")
     order, right = ("reversed", "swapped"), WORDS.get(case["kind"])
     return [reading[key] for word, reading in case.get("readings", {}).items()
-            if (word in order) == (group == "order") and right in (None, word)]
+            if key and (word in order) == (group == "order") and right in (None, word)]
 
 
 def table(cases):
     """Lines: how often each mistake was recognised, and the range of each value in good cases and in each wrong kind."""
     for kind in ("good", *WORDS):
         own = [case for case in cases if case["kind"] == kind]
-        line = f"{kind:14} {len(own):3} cases, {sum('suspect' in case for case in own)} registered: {sum(map(any_word, own))} suspect"
-        yield line + f", {sum(map(recognised, own))} by the right word" * (kind in WORDS)
+        right = f", {sum(map(recognised, own))} of them by the right word" if kind in WORDS else ""
+        yield (f"{kind:14} {len(own):3} cases, {sum('suspect' in case for case in own):3} registered: "
+               f"{sum(map(any_word, own)):3} suspect{right}")
     for name, limit in VALUES.items():
         yield f"{name} (limit {suspect.LIMITS[limit]:.3g})"
         for kind in ("good", *WORDS):
