@@ -112,7 +112,7 @@ def test_several_mistakes_are_told_apart(sides):
 
 def test_what_is_found_does_not_hang_on_the_disk_maps_gauge(sides):
     curves = [entry | {"moving": entry["moving"][::-1]} for entry in SULCI[:5]]
-    (moving, z), (control, w) = sides["moving"], sides["control"]
+    moving, z = sides["moving"]
     moved = {"moving": (moving, mobius(z, 0.5 - 0.3j, 2.0)), "control": sides["control"]}
     assert said(moved, curves) == said(sides, curves) != []
 
