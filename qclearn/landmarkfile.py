@@ -69,12 +69,14 @@ def _is_one(wanted, surface):
     own = fingerprint(surface)
     if wanted.get("vertices", own["vertices"]) != own["vertices"]:
         return False
-    return wanted.get("sha256", own["sha256"]) == own["sha256"] or wanted["sha256"] == fingerprint(mirror(surface))["sha256"]
+    wanted = wanted.get("sha256", own["sha256"])
+    return wanted == own["sha256"] or wanted == fingerprint(mirror(surface))["sha256"]
 
 
 def _stated(mark):
     """A side's count and hash in words."""
-    return ", ".join(f"{str(mark[key])[:12]} vertices" if key == "vertices" else f"sha256 {str(mark[key])[:12]}" for key in mark)
+    words = {"vertices": "{} vertices", "sha256": "sha256 {}"}
+    return ", ".join(words[key].format(str(value)[:12]) for key, value in mark.items())
 
 
 def _check_entry(number, entry, moving, control):
@@ -100,7 +102,9 @@ def _other_numbers(path, surface, other_side, other):
         path = np.asarray(path)
     except ValueError:
         return ""
-    if path.ndim != 1 or path.dtype.kind not in "iu" or not len(path) or path.min() < 0 or path.max() < len(surface.vertices):
+    if path.ndim != 1 or path.dtype.kind not in "iu" or not len(path):
+        return ""
+    if path.min() < 0 or path.max() < len(surface.vertices):
         return ""
     if surface.original_vertices is not None and np.isin(path, surface.original_vertices).all():
         return " numbering: all are vertices of the whole surface; give their numbers on the cut one"

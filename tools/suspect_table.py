@@ -28,8 +28,8 @@ from qclearn.provenance import commit
 WORDS = {"mirrored": "mirror", "exchanged": "exchanged", "whole numbers": "numbering", "all reversed": "reversed",
          "one reversed": "reversed", "two swapped": "swapped"}
 # value -> the limit it is held against
-VALUES = {"error_mm": "error_mm", "error_share": "error_share", "curve_mm": "curve_mm", "curve_ratio": "curve_ratio", "rows": "rows",
-          "strong_area": "strong_area", "order better": "better", "surface better": "better",
+VALUES = {"error_mm": "error_mm", "error_share": "error_share", "curve_mm": "curve_mm", "curve_ratio": "curve_ratio",
+          "rows": "rows", "strong_area": "strong_area", "order better": "better", "surface better": "better",
           "surface given": "surface_given", "order plausible": "plausible", "surface plausible": "plausible"}
 
 
@@ -58,7 +58,8 @@ def draw(rng, groups):
     def path(surface, name):
         return (surface.curves[name] if whole else surface.curves[name][[0, -1]]).tolist()
 
-    return names, moving, control, [{"name": name, "moving": path(moving, name), "control": path(control, name)} for name in chosen]
+    curves = [{"name": name, "moving": path(moving, name), "control": path(control, name)} for name in chosen]
+    return names, moving, control, curves
 
 
 def spoil(kind, rng, moving, control, curves):
@@ -69,7 +70,8 @@ def spoil(kind, rng, moving, control, curves):
     if kind == "exchanged":
         return control, moving
     if kind == "whole numbers":
-        for side, surface in ([("moving", moving), ("control", control)], [("moving", moving)], [("control", control)])[rng.integers(3)]:
+        sides = [("moving", moving), ("control", control)]
+        for side, surface in (sides, sides[:1], sides[1:])[rng.integers(3)]:
             for curve in curves:
                 curve[side] = surface.original_vertices[curve[side]].tolist()
     if kind == "two swapped":
@@ -158,7 +160,8 @@ def table(cases):
 @click.command(help=__doc__)
 @click.option("--good", default=200, show_default=True)
 @click.option("--wrong", default=20, show_default=True, help="Cases of each mistake.")
-@click.option("--registered", default=20, show_default=True, help="Of each kind, are also registered (good ones: ten times as many).")
+@click.option("--registered", default=20, show_default=True,
+              help="Of each kind, are also registered (good ones: ten times as many).")
 @click.option("--seeds", default="1001-1012", show_default=True, help="Of the synthetic subjects.")
 @click.option("--vertices", default=3000, show_default=True, help="Of the synthetic subjects.")
 @click.option("--data", help="Folder where synthetic subjects are kept (default: the user's cache).")
@@ -182,7 +185,8 @@ def main(good, wrong, registered, seeds, vertices, data, also, out):
     for register, kind, number in tqdm(tasks):
         done[kind, number] = measure(kind, number, (real, synthetic), register, done.get((kind, number)))
         rows = ",\n  ".join(json.dumps(done[key]) for key in sorted(done))
-        text = f'{{"commit": "{commit()}", "vertices": {vertices}, "limits": {json.dumps(suspect.LIMITS)},\n "cases": [\n  {rows}]}}\n'
+        head = f'"commit": "{commit()}", "vertices": {vertices}, "limits": {json.dumps(suspect.LIMITS)}'
+        text = f'{{{head},\n "cases": [\n  {rows}]}}\n'
         write_whole(Path(out), lambda place, text=text: place.write_text(text, encoding="utf-8"))
     print("\n".join(table(list(done.values()))))
 
