@@ -1,4 +1,7 @@
-"""The command line: `qclearn register`, `open`, `transfer`, `demo`, ... One line on stderr and exit code 2 for bad input."""
+"""The command line: `qclearn register`, `open`, `transfer`, `demo`, ...
+
+One line on stderr and exit code 2 for bad input; exit code 3 for a registration that is written, but suspect.
+"""
 
 import json
 import os
@@ -17,7 +20,9 @@ from tqdm import tqdm
 
 import qclearn as qc
 
+from .landmarkfile import read_landmarks
 from .landmarks import curves_of_both
+from .provenance import origin
 from .register import register as run_registration
 from .register import transfer as transfer_map
 
@@ -28,7 +33,8 @@ USER_ERRORS = (ValueError, OSError, ImportError)
 def main(arguments=None):
     """Entry point: runs a command; bad input becomes one line on stderr and exit code 2."""
     try:
-        cli.main(arguments, prog_name="qclearn", standalone_mode=False)
+        command = ["qclearn", *(sys.argv[1:] if arguments is None else arguments)]
+        cli.main(arguments, prog_name="qclearn", standalone_mode=False, obj=command)
     except click.exceptions.Exit as stop:
         sys.exit(stop.exit_code)
     except click.Abort:
@@ -81,25 +87,49 @@ def output_folder(path):
 @click.option("--gamma", type=float, default=1e5, show_default=True, help="Weight of the landmark mismatch.")
 @click.option("--sliding", is_flag=True, help="Let inner points slide along their target curves.")
 @click.option("--mirror", is_flag=True, help="Mirror the moving surface first (right onto left).")
-def register(moving, control, landmarks, out, method, tolerance, alpha, beta, gamma, sliding, mirror):
-    """Register MOVING to CONTROL along landmark curves; writes a certified point-to-point map."""
-    moving, control = qc.read_surface(moving), qc.read_surface(control)
-    curves = read_landmarks(landmarks) if landmarks else shared_curves(moving, control)
-    moving = qc.mirror(moving) if mirror else moving
-    register_into(out, moving, control, curves, method=method, alpha=alpha, beta=beta, gamma=gamma, sliding=sliding,
-                  tolerance=tolerance)
+@click.option("--accept-suspect", is_flag=True, help="End with exit code 0 where the registration is suspect.")
+def register(moving, control, landmarks, out, mirror, accept_suspect, **options):
+    """Register MOVING to CONTROL along landmark curves; writes a certified point-to-point map.
+
+    \b
+    Exit codes: 0  registered
+                2  refused: one line on stderr says what, where and what to do; nothing is written
+                3  written, but suspect: one line on stderr, and "suspect" in report.json, say why
+
+    \b
+    A registration is suspect where
+      mirror:      the curves fit the mirrored moving surface much better: --mirror was forgotten
+      exchanged:   they fit much better with MOVING and CONTROL exchanged
+      numbering:   they fit much better as vertex numbers of the whole surface, before `open` cut it
+      reversed:    a curve fits much better run from its other end
+      swapped:     curves fit much better with each other's names
+      error:       the landmarks end over 3 mm from their targets, and most of it was there before
+      curve:       one curve ends over 5 mm from its target, and five times as far as the median one
+      rows:        the map folded, and was repaired at more than 0.5 % of the vertices
+      distortion:  |mu| is over 0.9 on more than 1 % of the surface
+    """
+    inputs = {side: (path, qc.read_surface(path)) for side, path in (("moving", moving), ("control", control))}
+    surfaces = [surface for _, surface in inputs.values()]
+    curves = read_landmarks(landmarks) if landmarks else shared_curves(*surfaces)
+    surfaces[0] = qc.mirror(surfaces[0]) if mirror else surfaces[0]
+    register_into(out, *surfaces, curves, inputs, accept_suspect, **options)
 
 
 @cli.command()
 @click.option("--out", default="qclearn-demo", show_default=True, help="Folder to write to.")
-def demo(out):
+@click.option("--accept-suspect", is_flag=True, help="End with exit code 0 where the registration is suspect.")
+def demo(out, accept_suspect):
     """Register real cortex: fsaverage5's right hemisphere, mirrored, onto its left one along named sulci."""
-    moving = qc.mirror(qc.fsaverage5("right"))
-    register_into(out, moving, qc.fsaverage5("left"), qc.demo_landmarks())
+    right, left = qc.fsaverage5("right"), qc.fsaverage5("left")
+    inputs = {"moving": ("fsaverage5 right", right), "control": ("fsaverage5 left", left)}
+    register_into(out, qc.mirror(right), left, qc.demo_landmarks(), inputs, accept_suspect)
 
 
-def register_into(out, moving, control, curves, **options):
-    """Run the pipeline, write its four files together, print the report."""
+def register_into(out, moving, control, curves, inputs, accept_suspect, **options):
+    """Run the pipeline, write its four files together, print the report; exit code 3 where the result is suspect.
+
+    inputs: side -> (path, surface as read), for the report.
+    """
     from .plot import registration_figure  # here, so that the other commands do not wait for the plotting libraries
 
     with output_folder(out) as folder:
@@ -109,9 +139,12 @@ def register_into(out, moving, control, curves, **options):
         np.savez_compressed(folder / "registration.npz", points=result.points, disk_moving=result.disk_moving,
                             disk_control=result.disk_control, disk_map=result.disk_map, mu=result.mu,
                             faces_moving=result.faces_moving, faces_control=result.faces_control)
-        (folder / "report.json").write_text(json.dumps(result.report, indent=2) + "\n")
+        report = result.report | origin(inputs, curves, click.get_current_context().obj)
+        (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
         qc.write_surface(folder / "registered.surf.gii", qc.Surface(result.points, result.faces_moving))
-    print_report(result.report, out)
+    print_report(report, out)
+    if report["suspect"]:
+        fail("suspect: " + "; ".join(report["suspect"]), 0 if accept_suspect else 3)
 
 
 def print_report(report, out):
@@ -122,20 +155,9 @@ def print_report(report, out):
                f"maximum {report['max_abs_mu']:.3f}")
     click.echo(f"bijective       {'yes' if report['bijective'] else 'no'}, {report['flipped']} faces flipped")
     click.echo(f"fallbacks       {'; '.join(report['fallbacks']) or 'none'}")
+    click.echo(f"suspect         {'; '.join(word.split(':')[0] for word in report['suspect']) or 'no'}")
     click.echo(f"seconds         {report['seconds']['total']:.1f}")
     click.echo(f"written to      {out}")
-
-
-def read_landmarks(path):
-    """The contents of a landmarks file; LandmarkError if it cannot be read or is not JSON."""
-    try:
-        return json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise qc.LandmarkError(f"{path}: cannot be read ({error.strerror}); check the name") from None
-    except RecursionError:
-        raise qc.LandmarkError(f"{path}: lists nested too deeply; see the README for the format") from None
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise qc.LandmarkError(f"{path}: not a JSON file ({error}); see the README for the format") from None
 
 
 def shared_curves(moving, control):

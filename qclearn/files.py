@@ -42,9 +42,9 @@ def read_surface(path):
     else:
         raise SurfaceError(f"{path}: {_unknown_format('nor is the content a FreeSurfer surface')}")
     with explain(path, kind):
-        vertices, faces, curves = reader(path, data)
+        arrays = reader(path, data)
     try:
-        return Surface(vertices, faces, curves)
+        return Surface(*arrays)
     except SurfaceError as error:
         raise SurfaceError(f"{path}: {error}") from None
 
@@ -54,8 +54,8 @@ def write_surface(path, surface, original_vertices=None):
     suffix, gives FreeSurfer's binary); the file appears whole or not at all.
 
     Coordinates keep float64 exactly, but FreeSurfer, GIFTI and STL store float32, and STL has no vertex numbers. Only
-    npz keeps the curves and original_vertices, (V,) int, the second result of open_surface. Raises SurfaceError where
-    the format is unknown or the folder cannot be written.
+    npz keeps the curves and original_vertices, (V,) int, the second result of open_surface (by default the surface's
+    own). Raises SurfaceError where the format is unknown or the folder cannot be written.
     """
     path = Path(path)
     suffix = suffix_of(path)
@@ -137,11 +137,13 @@ def _read_npz(path, _):
         if missing:
             raise SurfaceError(f"lacks the array {' and '.join(sorted(missing))}; save vertices (V, 3), faces (F, 3).")
         curves = {key.removeprefix("curve_"): arrays[key] for key in arrays.files if key.startswith("curve_")}
-        return arrays["vertices"], arrays["faces"], curves
+        original = arrays["original_vertices"] if "original_vertices" in arrays.files else None
+        return arrays["vertices"], arrays["faces"], curves, original
 
 
 def _write_npz(path, surface, original_vertices):
     more = {f"curve_{name}": curve for name, curve in surface.curves.items()}
+    original_vertices = surface.original_vertices if original_vertices is None else original_vertices
     if original_vertices is not None:
         more["original_vertices"] = np.asarray(original_vertices)
     with path.open("wb") as file:

@@ -28,7 +28,7 @@ def fsaverage5(hemisphere="left", kind="pial"):
             f"{', '.join(_FILES)}."
         )
     vertices, faces = _opening(hemisphere)
-    return Surface(_closed(hemisphere, kind).vertices[vertices], faces)
+    return Surface(_closed(hemisphere, kind).vertices[vertices], faces, original_vertices=vertices)
 
 
 def named_sulci(hemisphere, original_indices):

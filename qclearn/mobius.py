@@ -73,3 +73,29 @@ def compose_mobius(first, second):
     a = mobius_inverse(second[0], *first)  # what the composition sends to 0
     at_one = mobius(mobius(1.0, *first), *second)
     return complex(a), float(np.angle(at_one * (1 - np.conj(a)) / (1 - a)))
+
+
+def mobius_misfits(p, q, turns=4, rounds=30):
+    """Distances |M(p) - q| (B, M) after the best disk Möbius map of each of B point sets p, q (B, M), all at once.
+
+    Damped Gauss-Newton steps from `turns` rotations. A step is a Möbius map near the identity that follows the map so
+    far, `dw = i w dtheta - da + conj(da) w^2`: `best_mobius` of hundreds of sets in the time of one; their mean squares agree to 1e-4 of themselves.
+    """
+    count, start = len(p), np.angle((p.conj() * q).sum(1))
+    w = np.concatenate([p * np.exp(1j * (start + turn))[:, None] for turn in 2 * np.pi * np.arange(turns) / turns])
+    q, damping = np.tile(q, (turns, 1)), np.full(turns * count, 1e-3)
+    cost = (abs(w - q) ** 2).sum(1)
+    for _ in range(rounds):
+        columns = np.stack([1j * w, w ** 2 - 1, -1j * (1 + w ** 2)], axis=-1)
+        normal = (columns.conj().transpose(0, 2, 1) @ columns).real
+        slope = (columns.conj().transpose(0, 2, 1) @ (w - q)[..., None]).real
+        normal += (damping * (np.trace(normal, axis1=1, axis2=2) + 1e-300))[:, None, None] * np.eye(3)
+        turn, real, imaginary = np.linalg.solve(normal, -slope)[..., 0].T
+        shift = (real + 1j * imaginary) / np.sqrt(1 + real ** 2 + imaginary ** 2)  # stays in the disk
+        moved = mobius(w, shift[:, None], turn[:, None])
+        moved_cost = (abs(moved - q) ** 2).sum(1)
+        lower = moved_cost < cost
+        damping = np.clip(np.where(lower, damping / 5, damping * 5), 1e-12, 1e6)
+        w, cost = np.where(lower[:, None], moved, w), np.where(lower, moved_cost, cost)
+    best = cost.reshape(turns, count).argmin(0) * count + np.arange(count)
+    return abs(w - q)[best]

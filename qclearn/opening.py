@@ -14,7 +14,7 @@ def open_surface(surface, mask):
     is kept; of the gaps in it the largest (by area; an input's own boundary counts as largest) becomes the opening and
     the others are filled with their own vertices; where the opening touches itself in a vertex, all fans but the
     largest go; inner edges that join two vertices of the rim are cut and the smaller side goes (ears and teeth that
-    hang by one edge). Vertices keep their places and order. Raises SurfaceError for a mask of the wrong shape, one
+    hang by one edge). Vertices keep their places and order; the indices are also the disk's `original_vertices`. Raises SurfaceError for a mask of the wrong shape, one
     that cuts all or nothing, a curve that would lose vertices, and where no disk with an inner vertex is left.
     """
     mask = _checked_mask(surface, mask)
@@ -30,7 +30,7 @@ def open_surface(surface, mask):
     new_index = np.full(len(surface.vertices), -1)
     new_index[vertices] = np.arange(len(vertices))
     curves = {name: _renumbered(name, path, new_index) for name, path in surface.curves.items()}
-    opened = Surface(surface.vertices[vertices], corners.reshape(-1, 3), curves)
+    opened = Surface(surface.vertices[vertices], corners.reshape(-1, 3), curves, vertices)
     require_disk(opened)
     if len(opened.boundary) == len(vertices):
         raise SurfaceError(

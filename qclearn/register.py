@@ -17,15 +17,16 @@ from .disk import disk_conformal_map, edge_lengths
 from .diskmesh import locate
 from .fit import LandmarkError, check_weights, sampling_matrix
 from .guard import TOLERANCE, Networks, bijective_fit, gamma_words, guarded_curves, guarded_map
-from .landmarks import check_path, detect_curves, resample, sample_curve
+from .landmarkfile import check_curves
+from .landmarks import detect_curves, resample, sample_curve
 from .metrics import coefficient_statistics, curve_rows, mean_rows
 from .mobius import best_mobius, mobius
 from .surface import require_disk, require_outward
+from .suspect import reasons
 
 STAGES = {"exact": 5, "network": 9}
 POINTS_PER_CURVE = 10
 MEETING = 1e-9  # in the unit disk: landmarks closer than this are one point
-CURVE_KEYS = {"name", "moving", "control", "detect"}
 
 
 @dataclass(frozen=True)
@@ -78,11 +79,13 @@ def register(moving, control, curves, method="exact", alpha=1.0, beta=1e-2, gamm
     """Register the moving surface to the control surface along landmark curves: a Registration, certified bijective.
 
     curves: the landmarks file as read from JSON, `{"curves": [{"name", "moving", "control"}, ...]}` with vertex
-    indices (two on a side are endpoints and that side's curve is detected, unless "detect" is false), or its list.
+    indices (two on a side are endpoints and that side's curve is detected, unless "detect" is false), or its list. A
+    file that names its "surfaces" is refused for others (`fingerprint` in provenance.py says by what they are known).
     alpha, beta, gamma: weights of |mu|, of its gradient and of the landmark mismatch (paper, eq. RegLoss).
     method: "exact" (shortest paths, Gauss-Newton fit, exact solver) or "network" (LD-Net, CP-Net, DBS-Net, whose map is
     replaced by the exact solver's where it folds and refined by Gauss-Newton steps where its landmark error in the
-    disk exceeds `tolerance`: 5e-3 unless given, inf to take what comes). What was done is in `report["fallbacks"]`.
+    disk exceeds `tolerance`: 5e-3 unless given, inf to take what comes). What was done is in `report["fallbacks"]`;
+    `report["suspect"]` lists why the result should not be trusted, empty where nothing is (see suspect.py).
     Both surfaces must be outward-oriented disks of the same handedness (`mirror` one of them otherwise).
     Errors: SurfaceError, LandmarkError; BijectivityError if no bijective map was found at any gamma; ImportError if
     the networks are asked for and torch is not installed.
@@ -107,7 +110,7 @@ def register(moving, control, curves, method="exact", alpha=1.0, beta=1e-2, gamm
         samples_moving, lines_moving = sample_side(moving, z_moving, entries, "moving", networks, fallbacks)
         samples_control, lines_control = sample_side(control, z_control, entries, "control", networks, fallbacks)
     p, q = samples_moving @ z_moving, samples_control @ z_control
-    once = distinct_landmarks(entries, p, q)
+    once, before = distinct_landmarks(entries, p, q), len(fallbacks)
     problem = z_moving, moving.faces, p[once], q[once], alpha, beta, gamma, once // POINTS_PER_CURVE
     if networks:
         fit = guarded_map(networks, *problem, tolerance, fallbacks, stages)
@@ -117,11 +120,13 @@ def register(moving, control, curves, method="exact", alpha=1.0, beta=1e-2, gamm
     with stages("pull_back"):
         points = lift(control, z_control, fit.f)
         rows = error_rows(moving, control, z_control, entries, p, q, fit.f, samples_moving, samples_control)
+    means, words = mean_rows(rows), fallbacks[before:]
     report = {
-        **mean_rows(rows), **coefficient_statistics(fit.mu), "flipped": len(fit.flipped), "bijective": fit.bijective,
+        **means, **coefficient_statistics(fit.mu), "flipped": len(fit.flipped), "bijective": fit.bijective,
         "fallbacks": fallbacks, "seconds": stages.report(), "method": method, "alpha": alpha, "beta": beta,
         "gamma": gamma, **({"tolerance": tolerance if np.isfinite(tolerance) else None} if networks else {}),
         "mobius": {"a": [fit.mobius[0].real, fit.mobius[0].imag], "theta": fit.mobius[1]}, "curves": rows,
+        "suspect": reasons(moving, control, z_moving, z_control, entries, means, rows, fit.mu, words),
         "version": version("qclearn"),
     }
     lines = {entry["name"]: pair for entry, pair in zip(entries, zip(lines_moving, lines_control))}
@@ -239,39 +244,6 @@ def true_path(surface, entry, side):
     if known is None or sorted(known[[0, -1]]) != sorted(given):
         return None
     return known if known[0] == given[0] else known[::-1]
-
-
-def check_curves(curves, moving, control):
-    """The landmarks file's curves as checked dicts with arrays and `detect` per side, or LandmarkError."""
-    if isinstance(curves, dict):
-        unknown = set(curves) - {"curves"}
-        if unknown or "curves" not in curves:
-            raise LandmarkError(f"landmarks need the one key 'curves'; found {sorted(map(str, curves))}")
-        curves = curves["curves"]
-    if not isinstance(curves, (list, tuple)) or not curves:
-        raise LandmarkError("landmarks hold no curves: give at least one {\"name\", \"moving\", \"control\"}")
-    entries = [_check_entry(number, entry, moving, control) for number, entry in enumerate(curves)]
-    names = [entry["name"] for entry in entries]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise LandmarkError(f"curve names used twice: {twice}; rename one of each")
-    return entries
-
-
-def _check_entry(number, entry, moving, control):
-    if not isinstance(entry, dict) or not {"name", "moving", "control"} <= set(entry) <= CURVE_KEYS:
-        keys = sorted(map(str, entry)) if isinstance(entry, dict) else type(entry).__name__
-        raise LandmarkError(f"curve {number} has {keys}; it needs name, moving, control and may have detect")
-    if not isinstance(entry["name"], str) or not isinstance(entry.get("detect", True), bool):
-        raise LandmarkError(f"curve {number}: name must be text and detect true or false")
-    checked = {"name": entry["name"], "detect": {}}
-    for side, surface in (("moving", moving), ("control", control)):
-        try:
-            checked[side] = check_path(surface, entry[side])
-        except LandmarkError as error:
-            raise LandmarkError(f"curve {entry['name']!r}, {side} side: {error}") from None
-        checked["detect"][side] = len(checked[side]) == 2 and entry.get("detect", True)
-    return checked
 
 
 def transfer(values, z_from, faces_from, z_to, nearest=False):

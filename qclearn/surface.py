@@ -16,15 +16,17 @@ class Surface:
 
     vertices (V, 3) float64 in any length unit; faces (F, 3) int64, orientation kept as given (outward = positive
     `volume`); curves: dict name -> (k,) int64 vertex path; edges (E, 2) int64, sorted; edge_faces (E, 2), the faces on
-    the two sides of each edge, -1 beyond the boundary. The arrays are read-only, so what was checked stays true.
+    the two sides of each edge, -1 beyond the boundary; original_vertices (V,) int64 or None: where the surface was cut
+    out of a whole one, the vertices' numbers there. The arrays are read-only, so what was checked stays true.
     """
 
-    def __init__(self, vertices, faces, curves=None):
+    def __init__(self, vertices, faces, curves=None, original_vertices=None):
         self.vertices = _frozen(_vertex_array(vertices))
         self.faces = _frozen(_face_array(faces))
         _check_faces(self.vertices, self.faces)
         self.edges, self.edge_faces, self._boundary_halfedges = _check_topology(len(self.vertices), self.faces)
         self.curves = {name: _frozen(_curve(name, path, len(self.vertices))) for name, path in (curves or {}).items()}
+        self.original_vertices = _original(original_vertices, len(self.vertices))
 
     def __repr__(self):
         curves = f", curves {', '.join(self.curves)}" if self.curves else ""
@@ -117,7 +119,8 @@ def require_outward(surface):
 def mirror(surface):
     """The surface with x negated and every face reversed, so that outward stays outward; vertices and curves keep
     their indices."""
-    return Surface(surface.vertices * [-1.0, 1.0, 1.0], surface.faces[:, ::-1], surface.curves)
+    vertices = surface.vertices * [-1.0, 1.0, 1.0]
+    return Surface(vertices, surface.faces[:, ::-1], surface.curves, surface.original_vertices)
 
 
 def _frozen(array):
@@ -134,6 +137,24 @@ def _some(items):
     items = items if isinstance(items, list) else items.tolist()
     shown = ", ".join(str(item) for item in items[:5])
     return shown + (f" and {len(items) - 5} more" if len(items) > 5 else "")
+
+
+def _original(numbers, n_vertices):
+    """original_vertices as checked integers, or None."""
+    if numbers is None:
+        return None
+    numbers = np.asarray(numbers)
+    if numbers.shape != (n_vertices,) or not np.issubdtype(numbers.dtype, np.integer):
+        raise SurfaceError(
+            f"original_vertices must be {n_vertices} whole numbers, one a vertex, not {numbers.dtype} of shape "
+            f"{numbers.shape}; give the second result of open_surface, or leave them out."
+        )
+    if numbers.min() < 0 or len(np.unique(numbers)) < n_vertices:
+        raise SurfaceError(
+            "original_vertices has negative numbers or one number twice, and a vertex of the whole surface is at most "
+            "one of the cut one; give the second result of open_surface, or leave them out."
+        )
+    return _frozen(numbers.astype(np.int64))
 
 
 def _vertex_array(vertices):

@@ -18,12 +18,14 @@ from qclearn.files import read_surface, write_surface
 from qclearn.fit import LandmarkError
 from qclearn.fsaverage import fsaverage5
 from qclearn.landmarks import detect_curves
+from qclearn.provenance import fingerprint
 from qclearn.register import register
 from qclearn.surface import Surface, SurfaceError, mirror, require_disk, require_outward
 
 FILES = ["figure.png", "registered.surf.gii", "registration.npz", "report.json"]
 REPORT = {"landmark_error_before", "landmark_error", "landmark_error_mm", "mean_abs_mu", "sd_abs_mu", "max_abs_mu",
-          "flipped", "bijective", "fallbacks", "seconds", "method", "alpha", "beta", "gamma", "mobius", "version"}
+          "flipped", "bijective", "fallbacks", "seconds", "method", "alpha", "beta", "gamma", "mobius", "version", "suspect",
+          "inputs", "landmarks", "versions", "command"}
 
 
 def run(*arguments):
@@ -57,6 +59,12 @@ CURVES = {"curves": [{"name": "east", "moving": list(range(1, 145, 24)), "contro
                      {"name": "north", "moving": list(range(7, 151, 24)), "control": list(range(6, 150, 24))}]}
 
 
+def backwards():
+    """The bowls' landmarks and a third spoke, which runs from its other end on one side."""
+    third = {"name": "south", "moving": list(range(13, 157, 24)), "control": list(range(13, 157, 24))[::-1]}
+    return {"curves": [*CURVES["curves"], third]}
+
+
 @pytest.fixture
 def folder(tmp_path):
     """A folder with two bowls that carry curves, one without, and a landmarks file."""
@@ -82,7 +90,7 @@ def test_the_demo_registers_real_cortex(demo):
     assert report["bijective"] is True and report["flipped"] == 0
     assert report["landmark_error"] < report["landmark_error_before"] / 10
     assert report["landmark_error_before"] > 0.01 and report["max_abs_mu"] < 0.8
-    assert len(report["curves"]) >= 6 and REPORT <= set(report)
+    assert len(report["curves"]) >= 6 and REPORT <= set(report) and report["suspect"] == []
 
 
 def test_the_demo_writes_four_files_that_belong_together(demo):
@@ -140,6 +148,46 @@ def test_register_is_the_library_and_mirror_mirrors(folder, capsys):
     assert report["landmark_error"] == pytest.approx(expected.report["landmark_error"])
     printed = capsys.readouterr().out
     assert "bijective       yes" in printed and f"written to      {out}" in printed
+
+
+@pytest.mark.parametrize("options, code", [([], 3), (["--accept-suspect"], 0)])
+def test_a_suspect_registration_is_written_and_says_so(folder, capsys, options, code):
+    (folder / "backwards.json").write_text(json.dumps(backwards()))
+    with pytest.raises(SystemExit) as stop:
+        run("register", folder / "moving.npz", folder / "control.npz", "--landmarks", folder / "backwards.json", "--out",
+            folder / "out", *options)
+    output = capsys.readouterr()
+    assert stop.value.code == code and everything(folder / "out") == FILES
+    report = json.loads((folder / "out" / "report.json").read_text())
+    assert report["suspect"][0].startswith("reversed: 'south' fits") and report["bijective"] is True
+    assert output.err == f"qclearn: suspect: {'; '.join(report['suspect'])}\n"
+    assert re.search(r"suspect +reversed", output.out)
+
+
+def test_the_report_says_where_it_comes_from_and_holds_the_landmarks(folder, capsys):
+    arguments = ["register", folder / "moving.npz", folder / "control.npz", "--landmarks", folder / "landmarks.json",
+                 "--mirror", "--gamma", 1e3, "--out", folder / "out"]
+    run(*arguments)
+    report = json.loads((folder / "out" / "report.json").read_text())
+    read = {side: read_surface(folder / f"{side}.npz") for side in ("moving", "control")}
+    assert report["inputs"] == {side: {"path": str(folder / f"{side}.npz")} | fingerprint(read[side]) for side in read}
+    assert report["landmarks"]["curves"] == CURVES["curves"] and report["suspect"] == []
+    assert report["command"] == ["qclearn", *map(str, arguments)]
+    assert report["versions"]["numpy"] == np.__version__ and {"python", "scipy", "qclearn"} <= set(report["versions"])
+    # which are a landmarks file, for these surfaces, mirrored or not, and for no others
+    (folder / "again.json").write_text(json.dumps(report["landmarks"]))
+    run(*[folder / "again.json" if word == folder / "landmarks.json" else word for word in arguments])
+    exchanged = [arguments[0], folder / "control.npz", folder / "moving.npz", "--landmarks", folder / "again.json"]
+    line = refused(capsys, folder, *exchanged, "--out", folder / "other")
+    assert re.search("landmarks were made for another moving surface .*exchanged: they fit the control surface", line)
+
+
+def test_every_reason_and_exit_code_is_explained_in_the_help(capsys):
+    run("register", "--help")
+    explained = capsys.readouterr().out
+    for word in ("mirror", "exchanged", "numbering", "reversed", "swapped", "error", "curve", "rows", "distortion"):
+        assert re.search(rf"^ +{word}: +\S", explained, re.MULTILINE), word
+    assert re.search(r"0 +registered\n +2 +refused: .*\n +3 +written, but suspect", explained)
 
 
 def test_the_network_method_and_its_tolerance_reach_the_pipeline(folder, monkeypatch, capsys):

@@ -1,4 +1,5 @@
 import gzip
+import hashlib
 import os
 import subprocess
 import sys
@@ -11,6 +12,7 @@ import pyvista
 from surfaces import grid
 
 from qclearn.files import read_surface, write_surface
+from qclearn.provenance import fingerprint
 from qclearn.surface import Surface, SurfaceError
 from qclearn.values import read_mask
 
@@ -50,6 +52,19 @@ def test_npz_keeps_the_original_vertex_numbers(tmp_path, tent):
         assert read_surface(tmp_path / name).faces.tolist() == tent.faces.tolist()
     with np.load(tmp_path / "a.npz") as file:
         assert file["original_vertices"].tolist() == [9, 8, 7, 5, 2]
+    again = read_surface(tmp_path / "a.npz")
+    assert again.original_vertices.tolist() == [9, 8, 7, 5, 2] and read_surface(tmp_path / "a.gii").original_vertices is None
+    write_surface(tmp_path / "b.npz", again)
+    assert read_surface(tmp_path / "b.npz").original_vertices.tolist() == [9, 8, 7, 5, 2]
+
+
+@pytest.mark.parametrize("name", ["a.npz", "a.gii", "a.ply", "a.obj", "a.off", "lh.pial"])
+def test_a_surface_is_known_by_one_hash_in_every_format_that_keeps_its_numbers(tmp_path, tent, name):
+    odd = Surface(tent.vertices / 3 * [1, 1, -1], tent.faces)  # thirds are no float32, and there are negative zeros
+    write_surface(tmp_path / name, odd)
+    stored = (np.float32(odd.vertices) + 0).astype("<f4").tobytes() + odd.faces.astype("<i8").tobytes()
+    assert fingerprint(read_surface(tmp_path / name)) == {"vertices": 5, "sha256": hashlib.sha256(stored).hexdigest()}
+    assert fingerprint(read_surface(tmp_path / name)) != fingerprint(tent)
 
 
 @pytest.mark.parametrize("name", EXACT + SINGLE)

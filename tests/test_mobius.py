@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import random_disk
 
-from qclearn.mobius import best_mobius, centring_mobius, compose_mobius, mobius, mobius_inverse
+from qclearn.mobius import best_mobius, centring_mobius, compose_mobius, mobius, mobius_inverse, mobius_misfits
 
 in_disk = st.builds(lambda r, t: r * np.exp(1j * t), st.floats(0, 0.9), st.floats(0, 2 * np.pi))
 angles = st.floats(-np.pi, np.pi)
@@ -82,3 +82,15 @@ def test_centring_of_two_far_clusters():
     points = mobius_inverse(np.concatenate([0.02 * POINTS, mobius_inverse(0.02 * POINTS, -0.9999)]), 0.999)
     a = centring_mobius(points, np.ones(len(points)))
     assert abs(mobius(points, a).mean()) < 1e-13
+
+
+def test_misfits_of_many_point_sets_are_those_of_their_best_maps():
+    """Points moved by large Möbius maps, with noise; moved by nothing; and with targets that have nothing to do with them."""
+    rng = np.random.default_rng(5)
+    p = 0.6 * np.sqrt(rng.uniform(size=(12, 9))) * np.exp(2j * np.pi * rng.uniform(size=(12, 9)))
+    q = np.concatenate([mobius(p[:4], 0.7 - 0.2j, 3.0) + 0.05 * rng.normal(size=(4, 9)), p[4:8], p[8:, ::-1].conj()])
+    expected = [abs(mobius(a, *best_mobius(a, b)) - b) for a, b in zip(p, q)]
+    found = mobius_misfits(p, q)
+    np.testing.assert_allclose(found[:8], expected[:8], atol=1e-4)
+    np.testing.assert_allclose((found ** 2).mean(1), np.mean(np.square(expected), axis=1), rtol=1e-4, atol=1e-12)
+    assert found[4:8].max() < 1e-12 and np.mean(expected[8:], axis=1).min() > 0.2

@@ -19,11 +19,12 @@ from qclearn.fit import LandmarkError, fit_landmarks
 from qclearn.guard import exact_map
 from qclearn.landmarks import detect_curves, sample_curve
 from qclearn.mobius import best_mobius, compose_mobius, mobius
+from qclearn.provenance import fingerprint
 from qclearn.register import check_curves, lift, register, transfer
 from qclearn.surface import Surface, SurfaceError, mirror
 
 REPORT = {"landmark_error_before", "landmark_error", "landmark_error_mm", "mean_abs_mu", "sd_abs_mu", "max_abs_mu",
-          "flipped", "bijective", "fallbacks", "seconds", "method", "alpha", "beta", "gamma", "mobius", "version"}
+          "flipped", "bijective", "fallbacks", "seconds", "method", "alpha", "beta", "gamma", "mobius", "version", "suspect"}
 
 
 def bowl(height, rings=14):
@@ -112,7 +113,7 @@ def test_the_report_has_the_agreed_keys_and_is_json(turned):
     report = turned[0].report
     assert REPORT <= set(report) and set(report) - REPORT == {"curves"}
     assert json.loads(json.dumps(report, allow_nan=False)) == report
-    assert report["fallbacks"] == [] and report["method"] == "exact"
+    assert report["fallbacks"] == report["suspect"] == [] and report["method"] == "exact"
     assert (report["alpha"], report["beta"], report["gamma"]) == (1.0, 1e-2, 1e5)
     stages = dict(report["seconds"])
     assert stages.pop("total") == pytest.approx(sum(stages.values()), abs=1e-3) and min(stages.values()) >= 0
@@ -154,12 +155,21 @@ def test_curves_that_meet_on_one_side_only_are_refused(side):
         register(bowl(0.6), bowl(0.9), curves)
 
 
+def test_a_curve_run_backwards_makes_the_registration_suspect():
+    curves = entries(1)
+    curves[1]["control"] = curves[1]["control"][::-1]
+    report = register(bowl(0.6), bowl(0.9), curves).report
+    assert report["bijective"] and report["suspect"][0].startswith("reversed: 'spoke 1' fits")
+    assert json.loads(json.dumps(report, allow_nan=False)) == report
+
+
 def test_impossible_landmarks_leave_an_error_and_a_certified_map():
     """Six neighbouring spokes, to be moved by five steps to either side in turn: they would have to pass each other."""
     curves = [{"name": f"{k}", "moving": spoke(2 * k), "control": spoke(2 * k + (5 if k % 2 else -5))} for k in range(6)]
     report = register(bowl(0.6), bowl(0.6), curves).report
     assert report["bijective"] and report["flipped"] == 0 and report["max_abs_mu"] < 1
     assert report["landmark_error"] > 0.05 and any("rows switched" in word for word in report["fallbacks"])
+    assert any(reason.startswith("rows: ") for reason in report["suspect"])
 
 
 @pytest.fixture
@@ -282,6 +292,17 @@ def test_the_mobius_part_is_found_after_the_network(networks, pair):
     (a, theta), (b, phi) = ((complex(*r.report["mobius"]["a"]), r.report["mobius"]["theta"]) for r in (usual, other))
     there = compose_mobius((0.2 - 0.1j, 1.0), (b, phi))
     assert there[0] == pytest.approx(a, abs=1e-3) and there[1] == pytest.approx(theta, abs=1e-3)
+
+
+@pytest.mark.filterwarnings("ignore:.*boundary steps")  # that the stand-in raises
+def test_what_networks_find_is_suspect_for_the_same_reasons(networks, pair):
+    networks()
+    moving, control, curves = pair
+    swapped = [curves[0] | {"moving": curves[1]["moving"]}, curves[1] | {"moving": curves[0]["moving"]}, curves[2]]
+    assert by_networks(pair).report["suspect"] == []
+    exact = register(moving, control, swapped).report["suspect"]
+    assert by_networks((moving, control, swapped)).report["suspect"][0] == exact[0]
+    assert exact[0].startswith("swapped: 'spoke 0' and 'spoke 1' fit")
 
 
 @pytest.mark.parametrize("solve, words", [
@@ -491,6 +512,42 @@ def test_bad_landmarks_files_are_refused(curves, message):
     surface = bowl(0.6)
     with pytest.raises(LandmarkError, match=message):
         check_curves(curves, surface, surface)
+
+
+@pytest.mark.parametrize("side, wanted, message", [
+    ("moving", {"vertices": 588}, r"another moving surface \(588 vertices; this one has 589 vertices, sha256 \w{12}\)"),
+    ("control", {"sha256": "0" * 64}, r"another control surface \(sha256 000000000000; .*: numbers of one mesh mean nothing"),
+    ("control", fingerprint(bowl(0.6)), r"another control surface .*: exchanged: they fit the moving surface; exchange MOVING"),
+    ("moving", {"vertices": 589, "md5": "0"}, "surfaces, moving: give \"vertices\" and \"sha256\", and nothing else"),
+    ("moving", 589, "surfaces, moving: give"),
+    ("both", {}, "'surfaces' must be"),
+])
+def test_landmarks_made_for_other_surfaces_are_refused(side, wanted, message):
+    curves = {"curves": entries(0), "surfaces": {"moving": fingerprint(bowl(0.6)), "control": fingerprint(bowl(0.9))}}
+    check_curves(curves, bowl(0.6), bowl(0.9))
+    with pytest.raises(LandmarkError, match=message):
+        check_curves(curves | {"surfaces": curves["surfaces"] | {side: wanted}}, bowl(0.6), bowl(0.9))
+
+
+def test_a_mirrored_surface_counts_as_the_one_that_landmarks_were_made_for():
+    curves = {"curves": entries(0), "surfaces": {"moving": fingerprint(bowl(0.6))}}
+    assert fingerprint(mirror(bowl(0.6))) != fingerprint(bowl(0.6))
+    assert len(check_curves(curves, mirror(bowl(0.6)), bowl(0.9))) == 3
+
+
+@pytest.mark.parametrize("path, table, size, hint", [
+    ([3, 590], None, 600, " exchanged: or of the control surface, which has so many? then exchange MOVING and CONTROL"),
+    ([3, 590], None, 20, ""),
+    ([10, 597], np.arange(10, 599), 600, " numbering: all are vertices of the whole surface; give their numbers on the cut one"),
+    ([3, 590], np.arange(10, 599), 20, ""),
+    ([-1, 590], None, 600, ""),
+])
+def test_numbers_out_of_range_are_met_with_what_they_may_be(path, table, size, hint):
+    moving = Surface(bowl(0.6).vertices, bowl(0.6).faces, original_vertices=table)
+    control = bowl(0.6, rings={600: 15, 20: 3}[size])
+    with pytest.raises(LandmarkError) as refusal:
+        check_curves([{"name": "a", "moving": path, "control": [0, 1]}], moving, control)
+    assert str(refusal.value).endswith("(before it was cut open, say)?" + hint)
 
 
 def test_two_vertices_are_endpoints_unless_the_file_says_otherwise():

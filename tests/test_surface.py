@@ -104,6 +104,17 @@ def test_mirror_keeps_outward_indices_and_curves():
     np.testing.assert_array_equal(mirror(image).faces, surface.faces)
 
 
+def test_numbers_in_the_whole_surface_are_kept_and_checked():
+    numbers = [7, 3, 9, 0]
+    kept = Surface(TETRAHEDRON, OUTWARD, original_vertices=numbers)
+    assert kept.original_vertices.tolist() == mirror(kept).original_vertices.tolist() == numbers
+    assert not kept.original_vertices.flags.writeable and Surface(TETRAHEDRON, OUTWARD).original_vertices is None
+    for wrong, message in (([7, 3, 9], "4 whole numbers.*shape"), ([0.5, 1, 2, 3], "float64"), ([7, 3, 9, 7], "one number twice"),
+                           ([-1, 3, 9, 7], "negative")):
+        with pytest.raises(SurfaceError, match=f"original_vertices .*{message}"):
+            Surface(TETRAHEDRON, OUTWARD, original_vertices=wrong)
+
+
 def test_wrong_arrays():
     refused("(4, 2)", "z = 0", vertices=TETRAHEDRON[:, :2])
     refused("real numbers", vertices=[["a", "b", "c"]] * 4)

@@ -1,0 +1,221 @@
+"""What a suspect registration is recognised by: six mistakes by name, and outcomes that good landmarks do not have."""
+
+import json
+from copy import deepcopy
+
+import numpy as np
+import pytest
+
+from qclearn import suspect
+from qclearn.disk import disk_conformal_map
+from qclearn.diskmesh import polar_disk
+from qclearn.fit import LandmarkError
+from qclearn.fsaverage import demo_landmarks, fsaverage5
+from qclearn.landmarkfile import check_curves
+from qclearn.mobius import mobius
+from qclearn.pages import kept
+from qclearn.surface import Surface, mirror
+from qclearn.suspect import LIMITS, large_error, mistakes, odd_curves, reasons, strong_distortion, switched_rows
+
+SULCI = demo_landmarks()["curves"]
+SUBSETS = [slice(0, 4), slice(4, 8), slice(7, 11), slice(None, None, 3), slice(2, 9), slice(None)]  # of the eleven
+
+
+@pytest.fixture(scope="module")
+def sides():
+    """fsaverage5's mirrored right hemisphere and its left one, each with its disk map."""
+    with pytest.warns(match="raised|switched"):
+        return {name: (surface, disk_conformal_map(surface)) for name, surface in
+                (("moving", mirror(fsaverage5("right"))), ("control", fsaverage5("left")))}
+
+
+def said(sides, curves):
+    """The mistakes found in curves of the two sides."""
+    (moving, z_moving), (control, z_control) = sides["moving"], sides["control"]
+    return mistakes(moving, control, z_moving, z_control, check_curves(curves, moving, control))
+
+
+def words(reasons):
+    return [reason.split(":")[0] for reason in reasons]
+
+
+@pytest.mark.parametrize("subset", SUBSETS, ids=str)
+def test_good_landmarks_are_not_suspect(sides, subset):
+    assert said(sides, SULCI[subset]) == []
+    turned = {"moving": sides["control"], "control": sides["moving"]}  # with the landmarks, so no mistake
+    back = [entry | {"moving": entry["control"], "control": entry["moving"]} for entry in SULCI[subset]]
+    assert said(turned, back) == []
+
+
+@pytest.mark.parametrize("subset", SUBSETS, ids=str)
+def test_a_forgotten_mirror_is_recognised(sides, subset):
+    moving, z = sides["moving"]
+    reason, = said(sides | {"moving": (mirror(moving), z.conj())}, SULCI[subset])
+    assert reason.startswith("mirror: ") and "--mirror" in reason
+
+
+@pytest.mark.parametrize("subset", SUBSETS, ids=str)
+def test_exchanged_surfaces_are_recognised(sides, subset):
+    reason, = said({"moving": sides["control"], "control": sides["moving"]}, SULCI[subset])
+    assert reason.startswith("exchanged: ") and "MOVING and CONTROL" in reason
+
+
+@pytest.mark.parametrize("subset", SUBSETS[:-1], ids=str)
+@pytest.mark.parametrize("wrong", [("moving",), ("control",), ("moving", "control")], ids="+".join)
+def test_numbers_of_the_whole_surface_are_recognised(sides, subset, wrong):
+    curves = deepcopy(SULCI[subset])
+    for entry in curves:
+        for side in wrong:
+            entry[side] = sides[side][0].original_vertices[entry[side]].tolist()
+    try:
+        reason, = said(sides, curves)
+    except LandmarkError as error:  # one of them is out of range on the cut surface
+        reason = str(error).partition("before it was cut open, say)? ")[2]
+        assert "collateral" in str(error)
+    assert reason.startswith("numbering: ") and "whole surface" in reason
+
+
+@pytest.mark.parametrize("subset", SUBSETS, ids=str)
+def test_curves_all_run_backwards_are_recognised(sides, subset):
+    reason, = said(sides, [entry | {"moving": entry["moving"][::-1]} for entry in SULCI[subset]])
+    assert reason.startswith("reversed: ")
+    assert all(entry["name"] in reason for entry in SULCI[subset])
+
+
+@pytest.mark.parametrize("which", range(11), ids=[entry["name"] for entry in SULCI])
+def test_one_curve_run_backwards_is_recognised_and_named(sides, which):
+    curves = deepcopy(SULCI)
+    curves[which]["control"].reverse()
+    reason, = said(sides, curves)
+    assert reason.startswith(f"reversed: {SULCI[which]['name']!r} fits")
+
+
+@pytest.mark.parametrize("first, second", [(0, 1), (2, 3), (6, 8), (0, 9), (9, 4), (5, 10)])
+def test_two_swapped_names_are_recognised_and_named(sides, first, second):
+    curves = deepcopy(SULCI)
+    curves[first]["moving"], curves[second]["moving"] = curves[second]["moving"], curves[first]["moving"]
+    reason, = said(sides, curves)
+    assert reason.startswith("swapped: ")
+    assert {entry["name"] for entry in SULCI if repr(entry["name"]) in reason} == {SULCI[k]["name"] for k in (first, second)}
+
+
+def test_several_mistakes_are_told_apart(sides):
+    """Three names in a ring, another curve backwards, and all of it mirrored."""
+    curves, (moving, z) = deepcopy(SULCI), sides["moving"]
+    for k in range(3):
+        curves[k]["moving"] = SULCI[(k + 1) % 3]["moving"]
+    curves[4]["moving"] = curves[4]["moving"][::-1]
+    mirrored, backwards, ring = said(sides | {"moving": (mirror(moving), z.conj())}, curves)
+    assert words([mirrored, backwards, ring]) == ["mirror", "reversed", "swapped"]
+    assert repr(SULCI[4]["name"]) in backwards and all(repr(SULCI[k]["name"]) in ring for k in range(3))
+
+
+def test_what_is_found_does_not_hang_on_the_disk_maps_gauge(sides):
+    curves = [entry | {"moving": entry["moving"][::-1]} for entry in SULCI[:5]]
+    moving, z = sides["moving"]
+    moved = {"moving": (moving, mobius(z, 0.5 - 0.3j, 2.0)), "control": sides["control"]}
+    assert said(moved, curves) == said(sides, curves) != []
+
+
+def test_two_curves_decide_nothing(sides):
+    """Their four ends fit a Möbius map about as well when they are wrong."""
+    assert said(sides, [entry | {"moving": entry["moving"][::-1]} for entry in SULCI[:2]]) == []
+
+
+def test_a_surface_onto_itself_is_not_suspect(sides):
+    both = {"moving": sides["control"], "control": sides["control"]}
+    assert said(both, [entry | {"moving": entry["control"]} for entry in SULCI]) == []
+
+
+def test_surfaces_that_share_one_numbering_are_not_called_exchanged(sides):
+    """One mesh whose curves lie elsewhere in one of its disk maps, to targets that are off by as much: exchanged they fit."""
+    control, w = sides["control"]
+    paths = np.array([entry["control"] for entry in SULCI[:6]])
+    rng = np.random.default_rng(3)
+    away = 0.02 * np.exp(2j * np.pi * rng.uniform(size=paths.shape))
+    there = np.array([abs(w - place).argmin() for place in (w[paths] + away).ravel()]).reshape(paths.shape)
+    assert not set(there.ravel()) & set(paths.ravel())
+    moved = w.copy()
+    moved[paths] = w[there]  # where exchanged curves have no misfit, and the given ones twice `away`
+    moved[there] = 2 * w[there] - w[paths]
+    curves = [{"name": str(k), "moving": one.tolist(), "control": other.tolist()} for k, (one, other) in
+              enumerate(zip(paths, there))]
+    entries = check_curves(curves, control, control)
+    given = suspect.given_reading(w, moved, entries)
+    others = suspect.of_surfaces(given, control, control, w, moved, entries)
+    found = suspect.compared(given, next(other for other in others if "exchanged" in other.reason))
+    assert found["better"] < 0.1 < found["given"] < LIMITS["surface_given"]
+    assert mistakes(control, control, w, moved, entries) == []
+
+
+# What the map shows
+
+
+def test_a_large_error_is_one_in_millimetres_that_the_map_has_not_reduced():
+    assert list(large_error({"landmark_error_mm": 2.9, "landmark_error": 0.1, "landmark_error_before": 0.1})) == []
+    assert list(large_error({"landmark_error_mm": 9, "landmark_error": 0.03, "landmark_error_before": 0.1})) == []
+    reason, = large_error({"landmark_error_mm": 3.1, "landmark_error": 0.05, "landmark_error_before": 0.1})
+    assert reason.startswith("error: ") and "3.1 mm" in reason and "50 %" in reason and "gamma" in reason
+
+
+def test_an_odd_curve_is_named():
+    rows = [{"name": name, "landmark_error_mm": error} for name, error in (("a", 1.0), ("b", 1.2), ("c", 6.1), ("d", 0.9))]
+    reason, = odd_curves(rows)
+    assert reason.startswith("curve: 'c' ends 6.1 mm")
+    assert list(odd_curves([row | {"landmark_error_mm": row["landmark_error_mm"] * 0.8} for row in rows])) == []
+    assert list(odd_curves([*rows, *({"name": name, "landmark_error_mm": 7.0} for name in "efg")])) == []  # all are bad
+
+
+def test_many_switched_rows_are_counted_in_the_fits_words():
+    assert list(switched_rows(["5 rows switched", "2 boundary steps raised", "gamma lowered to 1000"], 1000)) == []
+    reason, = switched_rows(["DBS-Net's map folded 9 faces: exact solver", "4 rows switched", "6 rows switched"], 1000)
+    assert reason.startswith("rows: ") and "6 of 1000 vertices" in reason
+
+
+def test_strong_distortion_is_measured_by_area_and_not_by_faces():
+    z, faces = polar_disk(10, 30)
+    surface = Surface(np.stack([z.real, z.imag, 1 - abs(z) ** 2], axis=1), faces)
+    order, mu = np.argsort(surface.face_areas), np.zeros(len(faces), complex)
+    small = order[np.cumsum(surface.face_areas[order]) < 0.009 * surface.area]
+    assert len(small) > 0.01 * len(faces)
+    mu[small] = 0.99j
+    assert list(strong_distortion(surface, mu)) == []
+    mu[order[-10:]] = -0.91
+    reason, = strong_distortion(surface, mu)
+    assert reason.startswith("distortion: ") and "|mu| is over 0.9 on" in reason
+
+
+def test_all_reasons_come_in_one_list(sides):
+    (moving, z), (control, w) = sides["moving"], sides["control"]
+    curves = check_curves([entry | {"moving": entry["moving"][::-1]} for entry in SULCI], moving, control)
+    rows = [{"name": entry["name"], "landmark_error_mm": 40.0 if k == 3 else 4.0} for k, entry in enumerate(SULCI)]
+    means = {"landmark_error_mm": 7.0, "landmark_error": 0.2, "landmark_error_before": 0.1}
+    found = reasons(moving, control, z, w, curves, means, rows, np.full(len(moving.faces), 0.95), ["1888 rows switched"])
+    assert words(found) == ["reversed", "error", "curve", "rows", "distortion"]
+    assert json.loads(json.dumps(found)) == found
+
+
+# The measured table
+
+
+@pytest.fixture(scope="module")
+def measured():
+    return json.loads(kept("suspect.json").read_text(encoding="utf-8"))
+
+
+def test_the_limits_are_those_that_were_measured_and_no_good_case_is_suspect(measured):
+    assert measured["limits"] == LIMITS
+    good = [case for case in measured["cases"] if case["kind"] == "good"]
+    assert len(good) >= 200 and all(case["mistakes"] == [] for case in good)
+    registered = [case for case in good if "suspect" in case]
+    assert len(registered) >= 20 and all(case["suspect"] == [] and case["bijective"] for case in registered)
+
+
+@pytest.mark.parametrize("kind, word", [
+    ("mirrored", "mirror"), ("exchanged", "exchanged"), ("whole numbers", "numbering"), ("all reversed", "reversed"),
+    ("one reversed", "reversed"), ("two swapped", "swapped"),
+])
+def test_in_the_table_each_mistake_is_recognised(measured, kind, word):
+    cases = [case for case in measured["cases"] if case["kind"] == kind]
+    named = [word in words(case.get("mistakes", [])) or f"{word}: " in case.get("refused", "") for case in cases]
+    assert len(cases) >= 20 and np.mean(named) >= 0.95

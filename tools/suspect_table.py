@@ -1,0 +1,195 @@
+"""Measure what suspect.py decides by: good registrations, and ones with each of six mistakes made on purpose.
+
+    python tools/suspect_table.py [--good 200] [--wrong 20] [--seeds 1001-1012] [--vertices 3000] [--also FILE.npz ...]
+
+Pairs are drawn from the two hemispheres of fsaverage5 (the right one mirrored) with the surfaces of --also, which carry
+curves of the same names, and from synthetic subjects, for which whole surfaces are made up that they were cut from. Four
+to eleven curves a pair, by their ends or whole, either method. Mistakes are looked for in all of them; so many as --registered
+says are also registered, for what their maps show. Writes qclearn/kept/suspect.json, every case with its values, and prints
+how often the right word was said and the range of each value. Finished cases are kept and not run again.
+"""
+
+import json
+import warnings
+from pathlib import Path
+
+import click
+import numpy as np
+from tqdm import tqdm
+
+import qclearn as qc
+from data_synth.cohort import hemispheres
+from qclearn import suspect
+from qclearn.files import write_whole
+from qclearn.landmarkfile import check_curves
+from qclearn.pages import kept
+from qclearn.provenance import commit
+
+WORDS = {"mirrored": "mirror", "exchanged": "exchanged", "whole numbers": "numbering", "all reversed": "reversed",
+         "one reversed": "reversed", "two swapped": "swapped"}
+# value -> the limit it is held against
+VALUES = {"error_mm": "error_mm", "error_share": "error_share", "curve_mm": "curve_mm", "curve_ratio": "curve_ratio",
+          "rows": "rows", "strong_area": "strong_area", "order better": "better", "surface better": "better",
+          "surface given": "surface_given", "order plausible": "plausible", "surface plausible": "plausible"}
+
+
+def hemisphere(side, surface):
+    """A hemisphere of fsaverage5 with its sulci as curves of two vertices, their ends."""
+    ends = {curve["name"]: curve[side] for curve in qc.demo_landmarks()["curves"]}
+    return qc.Surface(surface.vertices, surface.faces, ends, surface.original_vertices)
+
+
+def uncut(surface, rng):
+    """The surface with the numbers that its vertices might have had in a whole one of 5 % more."""
+    count = len(surface.vertices)
+    return qc.Surface(surface.vertices, surface.faces, surface.curves,
+                      np.sort(rng.choice(count + count // 20, count, replace=False)))
+
+
+def draw(rng, groups):
+    """A random pair: (names, moving, control, curves as in a landmarks file)."""
+    group = groups[int(rng.random() < 0.75)]  # synthetic ones are smaller, and there are more of them
+    names = rng.choice(sorted(group), 2, replace=False).tolist()
+    moving, control = (group[name] for name in names)
+    shared = [name for name in control.curves if name in moving.curves]
+    chosen = rng.choice(shared, rng.integers(4, min(11, len(shared)) + 1), replace=False).tolist()
+    whole = bool(rng.random() < 0.5)
+
+    def path(surface, name):
+        return (surface.curves[name] if whole else surface.curves[name][[0, -1]]).tolist()
+
+    curves = [{"name": name, "moving": path(moving, name), "control": path(control, name)} for name in chosen]
+    return names, moving, control, curves
+
+
+def spoil(kind, rng, moving, control, curves):
+    """The pair and its curves (changed in place) with a mistake: (moving, control)."""
+    one, other = rng.choice(len(curves), 2, replace=False)
+    if kind == "mirrored":
+        return qc.mirror(moving), control
+    if kind == "exchanged":
+        return control, moving
+    if kind == "whole numbers":
+        sides = [("moving", moving), ("control", control)]
+        for side, surface in (sides, sides[:1], sides[1:])[rng.integers(3)]:
+            for curve in curves:
+                curve[side] = surface.original_vertices[curve[side]].tolist()
+    if kind == "two swapped":
+        curves[one]["moving"], curves[other]["moving"] = curves[other]["moving"], curves[one]["moving"]
+    for curve in {"all reversed": curves, "one reversed": curves[one:one + 1]}.get(kind, []):
+        curve["moving"].reverse()
+    return moving, control
+
+
+def readings(moving, control, entries):
+    """What decides about mistakes: of each kind of reading the one that fits best, dict of dicts; and the words, list."""
+    disks = qc.disk_conformal_map(moving), qc.disk_conformal_map(control)
+    given = suspect.given_reading(*disks, entries)
+    found = {}
+    for other in [*suspect.of_surfaces(given, moving, control, *disks, entries), *suspect.of_order(given)]:
+        word = other.reason.split(":")[0] or ("reversed" if other.backwards.any() else "swapped")
+        found[word] = min(found.get(word, {"better": np.inf}), suspect.compared(given, other), key=lambda one: one["better"])
+    return {"readings": found, "mistakes": suspect.mistakes(moving, control, *disks, entries)}
+
+
+def outcome(result, moving):
+    """What a registration's map shows: its reasons, and what the limits are held against."""
+    report = result.report
+    millimetres = [row["landmark_error_mm"] for row in report["curves"]]
+    words = [word for word in report["fallbacks"] if not word.startswith(("moving: ", "control: "))]
+    return {"suspect": report["suspect"], "bijective": report["bijective"], "error_mm": report["landmark_error_mm"],
+            "error_share": report["landmark_error"] / report["landmark_error_before"], "curve_mm": max(millimetres),
+            "curve_ratio": float(max(millimetres) / np.median(millimetres)),
+            "rows": suspect.rows_switched(words) / len(moving.vertices), "strong_area": suspect.strong_share(moving, result.mu)}
+
+
+def measure(kind, number, groups, register, known):
+    """One case, dict: what was drawn, the words that were said, the values. known: the same from before, or nothing."""
+    rng = np.random.default_rng([number, *kind.encode()])
+    names, moving, control, curves = draw(rng, groups)
+    moving, control = spoil(kind, rng, moving, control, curves)
+    method = ("exact", "network")[number % 2]
+    case = known or {"kind": kind, "number": number, "pair": names, "curves": [curve["name"] for curve in curves],
+                     "whole": len(curves[0]["moving"]) > 2, "method": method}
+    try:
+        if "readings" not in case:
+            case |= readings(moving, control, check_curves(curves, moving, control))
+        if register:
+            case |= outcome(qc.register(moving, control, curves, method=method), moving)
+    except ValueError as error:
+        case |= {"refused": str(error)}
+    return case
+
+
+def recognised(case):
+    """Whether a wrong case was met by its word: as a reason, or in the message it was refused with."""
+    word = WORDS[case["kind"]] + ":"
+    return word in case.get("refused", "") or any(reason.startswith(word) for reason in case.get("mistakes", []))
+
+
+def any_word(case):
+    """Whether a case was called suspect, or refused."""
+    return bool(case.get("mistakes") or case.get("suspect") or "refused" in case)
+
+
+def found_in(case, name):
+    """The values of a case by the name of a threshold's value, list."""
+    if name in case:
+        return [case[name]]
+    group, _, key = name.partition(" ")
+    order, right = ("reversed", "swapped"), WORDS.get(case["kind"])
+    return [reading[key] for word, reading in case.get("readings", {}).items()
+            if key and (word in order) == (group == "order") and right in (None, word)]
+
+
+def table(cases):
+    """Lines: how often each mistake was recognised, and the range of each value in good cases and in each wrong kind."""
+    for kind in ("good", *WORDS):
+        own = [case for case in cases if case["kind"] == kind]
+        right = f", {sum(map(recognised, own))} of them by the right word" if kind in WORDS else ""
+        yield (f"{kind:14} {len(own):3} cases, {sum('suspect' in case for case in own):3} registered: "
+               f"{sum(map(any_word, own)):3} suspect{right}")
+    for name, limit in VALUES.items():
+        yield f"{name} (limit {suspect.LIMITS[limit]:.3g})"
+        for kind in ("good", *WORDS):
+            found = [value for case in cases if case["kind"] == kind for value in found_in(case, name)]
+            if found:
+                yield f"    {kind:14} {min(found):.3g} to {max(found):.3g}"
+
+
+@click.command(help=__doc__)
+@click.option("--good", default=200, show_default=True)
+@click.option("--wrong", default=20, show_default=True, help="Cases of each mistake.")
+@click.option("--registered", default=20, show_default=True,
+              help="Of each kind, are also registered (good ones: ten times as many).")
+@click.option("--seeds", default="1001-1012", show_default=True, help="Of the synthetic subjects.")
+@click.option("--vertices", default=3000, show_default=True, help="Of the synthetic subjects.")
+@click.option("--data", help="Folder where synthetic subjects are kept (default: the user's cache).")
+@click.option("--also", multiple=True, help="npz surface with curves named as those of fsaverage5.")
+@click.option("--out", default=str(kept("suspect.json")), show_default=False)
+def main(good, wrong, registered, seeds, vertices, data, also, out):
+    warnings.simplefilter("ignore", qc.RepairWarning)
+    first, last = map(int, seeds.split("-"))
+    rng = np.random.default_rng(0)
+    synthetic = {str(seed): uncut(cortex.surface, rng) for seed, cortex in
+                 zip(range(first, last + 1), hemispheres(range(first, last + 1), vertices, data))}
+    real = {"fsaverage5 right, mirrored": hemisphere("moving", qc.mirror(qc.fsaverage5("right"))),
+            "fsaverage5 left": hemisphere("control", qc.fsaverage5("left"))}
+    real |= {Path(path).stem: uncut(qc.read_surface(path), rng) for path in also}
+    wanted = [("good", k) for k in range(good)] + [(kind, k) for k in range(wrong) for kind in WORDS]
+    done = json.loads(Path(out).read_text())["cases"] if Path(out).is_file() else []
+    done = {(case["kind"], case["number"]): case for case in done}
+    tasks = [(False, *task) for task in wanted if task not in done]
+    tasks += [(True, kind, k) for kind, k in sorted(wanted, key=lambda task: task[1] / (1 + 9 * (task[0] == "good")))
+              if k < registered * (1 + 9 * (kind == "good")) and not {"suspect", "refused"} & set(done.get((kind, k), {}))]
+    for register, kind, number in tqdm(tasks):
+        done[kind, number] = measure(kind, number, (real, synthetic), register, done.get((kind, number)))
+        rows = ",\n  ".join(json.dumps(done[key]) for key in sorted(done))
+        head = f'"commit": "{commit()}", "vertices": {vertices}, "limits": {json.dumps(suspect.LIMITS)}'
+        text = f'{{{head},\n "cases": [\n  {rows}]}}\n'
+        write_whole(Path(out), lambda place, text=text: place.write_text(text, encoding="utf-8"))
+    print("\n".join(table(list(done.values()))))
+
+
+if __name__ == "__main__":
+    main()
