@@ -110,7 +110,7 @@ def register_into(out, moving, control, curves, **options):
                             disk_control=result.disk_control, disk_map=result.disk_map, mu=result.mu,
                             faces_moving=result.faces_moving, faces_control=result.faces_control)
         (folder / "report.json").write_text(json.dumps(result.report, indent=2) + "\n")
-        qc.write_surface(folder / "registered.surf.gii", qc.Surface(result.points, result.faces_moving))
+        qc.write_surface(folder / "registered.surf.gii", result.surface)
     print_report(result.report, out)
 
 
@@ -120,7 +120,8 @@ def print_report(report, out):
                f"({report['landmark_error_before']:.2e} after the best Möbius map), {report['landmark_error_mm']:.2f} mm")
     click.echo(f"|mu|            mean {report['mean_abs_mu']:.3f}, SD {report['sd_abs_mu']:.3f}, "
                f"maximum {report['max_abs_mu']:.3f}")
-    click.echo(f"bijective       {'yes' if report['bijective'] else 'no'}, {report['flipped']} faces flipped")
+    click.echo(f"bijective       {'yes' if report['bijective'] else 'no'}, {report['flipped']} faces flipped, "
+               f"{report['degenerate']} without area on the control")
     click.echo(f"fallbacks       {'; '.join(report['fallbacks']) or 'none'}")
     click.echo(f"seconds         {report['seconds']['total']:.1f}")
     click.echo(f"written to      {out}")
@@ -134,7 +135,7 @@ def read_landmarks(path):
         raise qc.LandmarkError(f"{path}: cannot be read ({error.strerror}); check the name") from None
     except RecursionError:
         raise qc.LandmarkError(f"{path}: lists nested too deeply; see the README for the format") from None
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:  # no JSON, no text, or a number of thousands of digits
         raise qc.LandmarkError(f"{path}: not a JSON file ({error}); see the README for the format") from None
 
 

@@ -52,6 +52,10 @@ def error(problem, f):
 
 # All methods but the networks
 
+# Of the Teichmüller iteration, whose mean |mu| creeps, and of a fit to landmarks that a Möbius map takes where they go.
+SAID = ("not settled after", "that map is returned")
+pytestmark = [pytest.mark.filterwarnings(f"ignore:.*{words}:qclearn.bijectivity.RepairWarning") for words in SAID]
+
 
 @each
 def test_turned_landmarks_turn_the_disk(name, mesh):
