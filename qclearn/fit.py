@@ -7,6 +7,7 @@ a disk Möbius map M after the solver's f. Objective, to second order the paper'
 
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import islice
 
 import numpy as np
 from scipy import sparse
@@ -38,7 +39,8 @@ SETTLED_ON_GRID, SETTLED = 0.8, 0.92  # a step that keeps more than this share o
 TANGENTIAL_WEIGHT = 0.1  # of a sliding landmark's residual along its target curve
 LANDMARKS_AT_ONCE = 16  # bounds the memory of the adjoint solves
 LARGEST = 1 - 1e-10  # of |mu|: tanh rounds to 1 from 19 on, where a step that is too long may lead
-DAMPINGS = 10.0 ** np.arange(-1, 5)  # of the steps of a fit that is taken up again, in parts of W
+DAMPINGS = 10.0 ** np.arange(-1, 10)  # of the steps of a fit that is taken up again, in parts of W
+TRUST, TRIES = 0.3, 4  # the largest change of nu in such a step, and how many of them are tried
 ROUNDING = 1e-9  # by which an objective may exceed another and count as equal
 MOBIUS_PRIOR = 1e-6  # weak, keeps the step of the three Möbius parameters bounded
 
@@ -273,10 +275,14 @@ def descend(newton, forward, step, nu, parameters, gamma, shares=SHARES):
 
 
 def descend_damped(newton, forward, step, nu, parameters, gamma):
-    """One Levenberg step, of the least damping that lowers the objective: (nu, parameters, f), or None where none does."""
-    before = newton.objective(nu, forward.points, gamma)
-    for damping in DAMPINGS:
-        change, da, dtheta, _ = step(nu, forward.points, damping)
+    """One Levenberg step, of the least damping that keeps it small and lowers the objective: (nu, parameters, f), or None.
+
+    Which are small enough to trust the linearisation costs no map to find out.
+    """
+    before, points = newton.objective(nu, forward.points, gamma), forward.points
+    steps = (step(nu, points, damping) for damping in DAMPINGS)
+    small = (found for found in steps if abs(found[0]).max() <= TRUST)
+    for change, da, dtheta, _ in islice(small, TRIES):
         candidate, moved = nu + change, compose_mobius(parameters, (da, dtheta))
         f = forward.map(candidate, moved)
         if newton.objective(candidate, forward.points, gamma) < before:
