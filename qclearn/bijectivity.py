@@ -9,7 +9,6 @@ from scipy import sparse
 from .beltrami import BeltramiError, Dirichlet, assemble, check_map, check_mesh
 from .diskmesh import boundary_loop
 
-
 TINY = 1e-300
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-LEAF = 60  # vertices of a part that is halved no further
+LEAF = 16  # vertices of a part that is halved no further
 
 
 def nested_dissection(matrix, points):
