@@ -242,6 +242,11 @@ def displacement(rings):
     return LandmarkSolver(disk, faces, samples, foci[1:], disk[loop]), 2 / long
 
 
+def test_a_teichmuller_iteration_that_does_not_settle_says_so(moved):
+    with pytest.warns(RepairWarning, match="not settled after 60 rounds .the mean .mu. still changes by"):
+        METHODS["teichmuller"](moved)
+
+
 def test_teichmullers_displacement_is_found_with_its_constant():
     spreads = []
     for rings in (16, 32):

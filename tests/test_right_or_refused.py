@@ -10,6 +10,7 @@ from test_register import bowl, entries, spoke
 import qclearn as qc
 from qclearn.beltrami import BeltramiError, beltrami_coefficient
 from qclearn.bijectivity import RepairWarning, check_bijective, check_embedding
+from qclearn.cli import read_landmarks
 from qclearn.diskmesh import boundary_loop, locate, polar_disk
 from qclearn.fit import LandmarkError, fit_landmarks, sampling_matrix
 from qclearn.metrics import measured_losses
@@ -154,10 +155,8 @@ def test_curves_that_pull_the_disk_onto_its_rim_are_named(side):
     rim = spoke(0, first=13, last=14)[0]
     close, apart = [rim, rim + 1], [rim, rim + 21]
     curves = [{"name": "edge", side: close, ({"moving", "control"} - {side}).pop(): apart, "detect": False}]
-    try:
-        assert register(bowl(0.6), bowl(0.9), curves).report["bijective"]
-    except LandmarkError as error:
-        assert "curve 'edge'" in str(error) and "rim" in str(error)
+    with pytest.raises(LandmarkError, match="curve 'edge' pulls the moving disk onto its rim: .* check this curve's ends"):
+        register(bowl(0.6), bowl(0.9), curves)
 
 
 def test_the_curve_at_fault_is_named_among_others():
@@ -215,6 +214,13 @@ def test_wrong_arguments_of_a_fit_are_refused_by_name(case):
     arguments = {"moving": [0.1, 0.2j], "target": [0.2, 0.1j]} | WRONG_FITS[case]
     with pytest.raises(LandmarkError):
         fit_landmarks(*SMALL, **arguments)
+
+
+def test_a_number_of_thousands_of_digits_in_a_landmarks_file_is_laid_to_the_file(tmp_path):
+    file = tmp_path / "curves.json"
+    file.write_text('{"curves": [{"name": "a", "moving": [' + "7" * 5000 + ', 2], "control": [1, 2]}]}')
+    with pytest.raises(LandmarkError, match="curves.json: not a JSON file"):
+        read_landmarks(file)
 
 
 def test_coordinates_out_of_range_are_refused():
