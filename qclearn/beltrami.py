@@ -13,16 +13,64 @@ class BeltramiError(ValueError):
     """A Beltrami coefficient, a planar mesh or a constraint that admits no quasi-conformal solution."""
 
 
+def complex_numbers(values, name):
+    """An array as complex128, or BeltramiError that calls it by its name."""
+    try:
+        values = np.asarray(values)
+        if values.dtype.kind not in "biufcO":  # no text and no dates, which NumPy would read or count
+            raise TypeError(f"they have type {values.dtype}")
+        return values.astype(complex, copy=False)
+    except (TypeError, ValueError) as error:
+        raise BeltramiError(f"{name} must be complex numbers, but {error}") from None
+
+
+def planar_points(points, name="z"):
+    """Points of the plane as complex128, (P,) or one of them alone, or BeltramiError."""
+    points = complex_numbers(points, name)
+    if points.ndim > 1:
+        raise BeltramiError(f"{name} has shape {points.shape}: give complex numbers (V,), x + iy, one a point")
+    return points
+
+
+def check_faces(faces, n_vertices=None):
+    """Triangles as int64 (F, 3), or BeltramiError: not integers, not three corners, or vertices that are not there."""
+    try:
+        faces = np.asarray(faces)
+    except ValueError:
+        raise BeltramiError("faces have rows of unequal lengths; split polygons into triangles (F, 3)") from None
+    if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu" or not len(faces):
+        raise BeltramiError(f"faces have shape {faces.shape} and type {faces.dtype}: give integers (F, 3), at least one "
+                            "triangle of vertex indices")
+    faces = faces.astype(np.int64, copy=False)  # products of indices leave the smaller types
+    if faces.min() < 0 or (n_vertices is not None and faces.max() >= n_vertices):
+        outside = np.flatnonzero(((faces < 0) | (faces >= (n_vertices or np.inf))).any(1))
+        last = "" if n_vertices is None else n_vertices - 1
+        raise BeltramiError(f"faces {outside[:5].tolist()} name vertices outside 0..{last}; do the mesh and the "
+                            "vertices belong together?")
+    return faces
+
+
+def check_mesh(z, faces):
+    """A planar mesh as complex128 (V,) and int64 (F, 3), or BeltramiError that says what it is instead."""
+    z = np.atleast_1d(planar_points(z))
+    return z, check_faces(faces, len(z))
+
+
+def check_map(f, n_vertices):
+    """A map as one number or point a vertex, complex (V,) or real (V, 3), or BeltramiError."""
+    surface = np.ndim(f) == 2 and np.shape(f)[1] == 3 and np.asarray(f).dtype.kind in "biuf"
+    f = np.asarray(f, float) if surface else np.atleast_1d(planar_points(f, "f"))
+    if len(f) != n_vertices:
+        raise BeltramiError(f"f has shape {f.shape}, but the mesh has {n_vertices} vertices: give one value a vertex")
+    return f
+
+
 def signed_areas(z, faces):
     """Signed area of each triangle, positive when counter-clockwise: Im(conj(b - a)(c - a)) / 2, shape (F,).
 
     BeltramiError where a face names a vertex that is not there.
     """
-    z, faces = np.asarray(z), np.asarray(faces)
-    outside = np.flatnonzero((faces < 0).any(1) | (faces >= len(z)).any(1))
-    if len(outside):
-        raise BeltramiError(f"faces {outside[:5].tolist()} name vertices outside 0..{len(z) - 1}; do the mesh and the "
-                            "vertices belong together?")
+    z, faces = check_mesh(z, faces)
     a, b, c = (z[faces[:, k]] for k in range(3))
     return 0.5 * ((b - a).conj() * (c - a)).imag
 
@@ -34,7 +82,10 @@ def hat_gradients(z, faces):
     paper's section on the LBS with its factor mended (divided by twice the area). Raises BeltramiError where a
     triangle of the source mesh is clockwise or has no area.
     """
-    z, faces = np.asarray(z, complex), np.asarray(faces)
+    z, faces = check_mesh(z, faces)
+    unknown = np.flatnonzero(~np.isfinite(z))
+    if len(unknown):
+        raise BeltramiError(f"z is not finite at vertices {unknown[:5].tolist()}; mend the map that made it")
     area = signed_areas(z, faces)
     bad = np.flatnonzero(~(area > 0))
     if len(bad):
@@ -50,7 +101,7 @@ def wirtinger(z, faces, f):
 
     `f` is complex (V,); a real target (V, 3) gives complex arrays (F, 3), one column a coordinate.
     """
-    gradients, corners = hat_gradients(z, faces), np.asarray(f)[np.asarray(faces)]
+    gradients, corners = hat_gradients(z, faces), check_map(f, len(np.atleast_1d(z)))[np.asarray(faces)]
     f_z = 0.5 * np.einsum("fk,fk...->f...", gradients.conj(), corners)
     f_zbar = 0.5 * np.einsum("fk,fk...->f...", gradients, corners)
     return f_z, f_zbar
@@ -58,6 +109,7 @@ def wirtinger(z, faces, f):
 
 def jacobian(z, faces, f):
     """Jacobian determinant of a planar map on each triangle, `|f_z|^2 - |f_zbar|^2`, (F,); negative where it folds."""
+    f = planar_points(f, "f")  # a surface (V, 3) has no sign to tell
     f_z, f_zbar = wirtinger(z, faces, f)
     return abs(f_z) ** 2 - abs(f_zbar) ** 2
 
@@ -69,10 +121,9 @@ def beltrami_coefficient(z, faces, f):
     `f` real (V, 3): a surface; then `mu = (E - G + 2iF) / (E + G + 2 sqrt(EG - F^2))` of the induced metric, which
     never exceeds 1 and so cannot show a fold. Source: paper, section 'Quasi-Conformal Theory'.
     """
-    f = np.asarray(f)
     f_z, f_zbar = wirtinger(z, faces, f)
     with np.errstate(divide="ignore", invalid="ignore"):
-        if f.ndim == 1:
+        if f_z.ndim == 1:
             return f_zbar / f_z
         # Summed over the three coordinates: f_zbar^2 is (E - G + 2iF)/4 and |f_z|^2 is (E + G)/4.
         difference, total = (f_zbar ** 2).sum(1), (abs(f_z) ** 2).sum(1)
@@ -82,7 +133,7 @@ def beltrami_coefficient(z, faces, f):
 
 def check_coefficient(mu, n_faces):
     """`mu` as a complex array (F,), or BeltramiError if its shape is wrong or |mu| < 1 fails anywhere."""
-    mu = np.asarray(mu, complex)
+    mu = complex_numbers(mu, "mu")
     if mu.shape != (n_faces,):
         raise BeltramiError(f"mu has shape {mu.shape}, but the mesh has {n_faces} faces: give one value a face")
     bad = np.flatnonzero(~(abs(mu) < 1))
@@ -142,7 +193,7 @@ def stiffness(z, faces, mu):
 
     `(K u)_i = 0` is the mended form of the paper's eqs. linear_system_x and linear_system_y (with the area weight).
     """
-    faces = np.asarray(faces)
+    z, faces = check_mesh(z, faces)
     mu = check_coefficient(mu, len(faces))
     return assemble(faces, stiffness_blocks(hat_gradients(z, faces), signed_areas(z, faces), mu), len(z))
 
@@ -159,26 +210,34 @@ def cotangent_stiffness(vertices, faces):
     return assemble(np.asarray(faces), blocks, len(vertices))
 
 
-def factorise(matrix):
+def factorise(matrix, ordering="MMD_AT_PLUS_A"):
     """SuperLU factors of a matrix with symmetric pattern, pivots on the diagonal.
 
     Right for SPD matrices, and for rows of averages among them: looking for larger pivots off the diagonal fills
     the factors of a mesh with slivers up to 35 times as much and is no more accurate. `relax=1`: the default joins
     columns into supernodes so freely that some meshes (fsaverage5, subdivided) fill twice as much.
     """
-    return splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, relax=1,
-                options={"SymmetricMode": True})
+    try:
+        return splu(matrix.tocsc(), permc_spec=ordering, diag_pivot_thresh=0.0, relax=1,
+                    options={"SymmetricMode": True})
+    except RuntimeError as error:
+        raise BeltramiError(f"the system of equations cannot be solved ({str(error).lower()}): some vertex is in no "
+                            "face, or triangles are too thin or too small for double precision; remesh") from None
 
 
 class Dirichlet:
-    """A stiffness matrix with values prescribed at some vertices, factored once for any values and loads."""
+    """A stiffness matrix with values prescribed at some vertices, factored once for any values and loads.
 
-    def __init__(self, matrix, pinned):
+    order: the free vertices in the order of their elimination, a good one for this pattern; without it one is sought.
+    """
+
+    def __init__(self, matrix, pinned, order=None):
         self.pinned, self.size = np.asarray(pinned), matrix.shape[0]
-        self.free = np.setdiff1d(np.arange(self.size), self.pinned)
+        self.free = np.setdiff1d(np.arange(self.size), self.pinned) if order is None else order
         rows = matrix.tocsr()[self.free]
         self.coupling = rows[:, self.pinned]
-        self.factors = factorise(rows[:, self.free]) if len(self.free) else None
+        ordering = "MMD_AT_PLUS_A" if order is None else "NATURAL"
+        self.factors = factorise(rows[:, self.free], ordering) if len(self.free) else None
 
     def solve_free(self, load):
         """Free values (len(free), ...) for a real or complex load there and zero at the pins."""
@@ -208,13 +267,22 @@ def solve_beltrami(z, faces, mu, pinned, values):
     can fold it; ask `check_bijective`. Raises BeltramiError for |mu| >= 1, a folded source or unusable pins.
     Source: paper, section 'Linear Beltrami Solver', with the errata of the chapter on it.
     """
+    z, faces = check_mesh(z, faces)
+    check_used(z, faces)
     pinned, values = check_pins(pinned, values, len(z))
     return Dirichlet(stiffness(z, faces, mu), pinned).solve(values)
 
 
+def check_used(z, faces):
+    """BeltramiError where a vertex is in no face: nothing says where it goes."""
+    unused = np.flatnonzero(np.bincount(faces.ravel(), minlength=len(z)) == 0)
+    if len(unused):
+        raise BeltramiError(f"vertices {unused[:5].tolist()} are in no face; do the mesh and the vertices belong together?")
+
+
 def check_pins(pinned, values, n_vertices):
     """`pinned` as integers and `values` as complex numbers, or BeltramiError."""
-    pinned, values = np.atleast_1d(np.asarray(pinned)), np.atleast_1d(np.asarray(values, complex))
+    pinned, values = np.atleast_1d(np.asarray(pinned)), np.atleast_1d(complex_numbers(values, "values"))
     if pinned.ndim != 1 or pinned.shape != values.shape or len(pinned) == 0:
         raise BeltramiError(f"{pinned.shape} pinned vertices with {values.shape} values: give one value a vertex, "
                             "and pin at least one vertex")

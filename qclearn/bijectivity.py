@@ -6,8 +6,10 @@ import numpy as np
 import shapely
 from scipy import sparse
 
-from .beltrami import BeltramiError, Dirichlet, assemble, signed_areas
+from .beltrami import BeltramiError, Dirichlet, assemble, check_map, check_mesh
 from .diskmesh import boundary_loop
+
+TINY = 1e-300
 
 
 class BijectivityError(ValueError):
@@ -29,22 +31,52 @@ class Certificate:
 
 def flipped_faces(faces, f):
     """Indices of the triangles that are not counter-clockwise under f beyond doubt of rounding, (k,)."""
-    a, b, c = np.asarray(f)[np.asarray(faces)].T
-    left, right = (b - a).real * (c - a).imag, (b - a).imag * (c - a).real
-    # A determinant of rounded differences is safe in sign once it exceeds this part of its terms.
-    return np.flatnonzero(~(left - right > 1e-15 * (abs(left) + abs(right))))
+    f, faces = check_mesh(f, faces)
+    a, b, c = f[faces].T
+    with np.errstate(all="ignore"):  # what overflows, or is not finite, stays in doubt
+        left, right = (b - a).real * (c - a).imag, (b - a).imag * (c - a).real
+        # A determinant of rounded differences is safe in sign once it exceeds this part of its terms (Shewchuk 1997
+        # has 3.3e-16); TINY stands for what products lose below the smallest normal number.
+        return np.flatnonzero(~(left - right > 1e-15 * (abs(left) + abs(right)) + TINY))
+
+
+def reversed_faces(faces, f):
+    """Indices of the triangles that are not counter-clockwise under f, decided exactly, (k,).
+
+    The few that rounding leaves in doubt are decided in integers: a double is one, times a power of two.
+    """
+    f, faces = check_mesh(f, faces)
+    doubt = flipped_faces(faces, f)
+    doubt_corners = f[faces[doubt]]
+    finite = np.isfinite(doubt_corners).all(1)
+    vertices, corners = np.unique(faces[doubt[finite]], return_inverse=True)
+    x, y = integers(f[vertices].real), integers(f[vertices].imag)
+    (ax, bx, cx), (ay, by, cy) = (part[corners.reshape(-1, 3).T] for part in (x, y))
+    sound = np.zeros(len(doubt), bool)
+    sound[finite] = (bx - ax) * (cy - ay) > (by - ay) * (cx - ax)
+    return doubt[~sound]
+
+
+def integers(x):
+    """Finite doubles (n,) times the power of two that makes all of them integers, as Python's, object (n,)."""
+    mantissa, exponent = np.frexp(x)
+    mantissa = np.ldexp(mantissa, 53).astype(np.int64)
+    exponent -= exponent.min(initial=0, where=mantissa != 0)  # of 0 it says nothing
+    whole = [m << max(e, 0) for m, e in zip(mantissa.tolist(), exponent.tolist())]
+    return np.array(whole, dtype=object).reshape(len(x))
 
 
 def check_bijective(z, faces, f):
     """Decide whether the piecewise linear map z -> f of a triangulated disk is a bijection onto its image.
 
     It is one when every triangle keeps its positive orientation and the image of the boundary is a simple polygon
-    run once counter-clockwise. Faces whose image is degenerate to rounding count as flipped. Raises BeltramiError
-    where the source mesh itself is folded or is not a disk. Complex z and f (V,), faces (F, 3).
+    run once counter-clockwise. Decided for the numbers as they are, without rounding: triangles in doubt in exact
+    arithmetic; one without area counts as flipped. Raises BeltramiError where the source mesh itself is folded or is
+    not a disk. Complex z and f (V,), faces (F, 3).
     """
-    if np.shape(f) != np.shape(z):
-        raise BeltramiError(f"f has shape {np.shape(f)}, but the mesh has {len(z)} vertices: give one value a vertex")
-    bad = np.flatnonzero(~(signed_areas(z, faces) > 0))
+    z, faces = check_mesh(z, faces)
+    f = check_map(f, len(z))
+    bad = reversed_faces(faces, z)
     if len(bad):
         raise BeltramiError(f"{len(bad)} triangles of the source mesh are folded or without area (first: "
                             f"{bad[:5].tolist()}): a map of it cannot be certified")
@@ -53,8 +85,8 @@ def check_bijective(z, faces, f):
 
 def check_embedding(faces, f):
     """The certificate of a planar picture f (V,) of a triangulated disk, whatever its source (a surface, say)."""
-    f, flipped = np.asarray(f), flipped_faces(faces, f)
-    loop = f[boundary_loop(faces)]
+    f, faces = check_mesh(f, faces)
+    flipped, loop = reversed_faces(faces, f), f[boundary_loop(faces)]
     simple = bool(np.isfinite(loop).all()) and _simple_and_positive(loop)
     return Certificate(simple and len(flipped) == 0, flipped, simple)
 

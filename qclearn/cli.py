@@ -141,7 +141,7 @@ def register_into(out, moving, control, curves, inputs, accept_suspect, **option
                             faces_moving=result.faces_moving, faces_control=result.faces_control)
         report = result.report | origin(inputs, curves, click.get_current_context().obj)
         (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
-        qc.write_surface(folder / "registered.surf.gii", qc.Surface(result.points, result.faces_moving))
+        qc.write_surface(folder / "registered.surf.gii", result.surface)
     print_report(report, out)
     if report["suspect"]:
         fail("suspect: " + "; ".join(report["suspect"]), 0 if accept_suspect else 3)
@@ -153,7 +153,8 @@ def print_report(report, out):
                f"({report['landmark_error_before']:.2e} after the best Möbius map), {report['landmark_error_mm']:.2f} mm")
     click.echo(f"|mu|            mean {report['mean_abs_mu']:.3f}, SD {report['sd_abs_mu']:.3f}, "
                f"maximum {report['max_abs_mu']:.3f}")
-    click.echo(f"bijective       {'yes' if report['bijective'] else 'no'}, {report['flipped']} faces flipped")
+    click.echo(f"bijective       {'yes' if report['bijective'] else 'no'}, {report['flipped']} faces flipped, "
+               f"{report['degenerate']} without area on the control")
     click.echo(f"fallbacks       {'; '.join(report['fallbacks']) or 'none'}")
     click.echo(f"suspect         {'; '.join(word.split(':')[0] for word in report['suspect']) or 'no'}")
     click.echo(f"seconds         {report['seconds']['total']:.1f}")

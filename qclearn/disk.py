@@ -14,16 +14,22 @@ from .beltrami import (
     Dirichlet,
     assemble,
     check_coefficient,
+    check_mesh,
+    check_used,
     cotangent_stiffness,
     hat_gradients,
     signed_areas,
+    stiffness,
     stiffness_blocks,
 )
-from .bijectivity import BijectivityError, RepairWarning, check_embedding, repair
+from .bijectivity import BijectivityError, RepairWarning, check_embedding, flipped_faces
+from .bijectivity import repair as switch_rows
 from .diskmesh import boundary_loop, locate
+from .dissection import nested_dissection
 from .mobius import centring_mobius, mobius, mobius_inverse
 from .surface import SurfaceError, require_disk
 
+LARGE = 20_000  # vertices from which on the order of elimination is worth its own search
 SMALLEST_STEP = 1e-3  # of the mean boundary step, where a negative weight makes the boundary run backwards
 LOST_STEP = 1e-8  # of the mean: beyond, at the end of a long peninsula, triangles are lost in the coordinates' rounding
 
@@ -55,11 +61,15 @@ class FreeBoundary:
         self.steps = self.scale * steps
         self.f = self.problem.solve(np.exp(1j * np.concatenate([[0.0], np.cumsum(self.steps[:-1])])))
 
-    def pullback(self, grad_f):
-        """Pairs (lam, x) with `dL = sum_pairs lam . dK x`, each (V, B), for gradients grad_f (V, B) with respect to f."""
+    def pullback(self, grad_f, solution=None):
+        """Pairs (lam, x) with `dL = sum_pairs lam . dK x`, each (V, B), for gradients grad_f (V, B) with respect to f.
+
+        solution: `K_ii^-1 grad_f` at the free vertices, if it is known.
+        """
         free, loop, f = self.problem.free, self.loop, self.f
         adjoint = np.zeros(grad_f.shape, complex)
-        adjoint[free] = -self.problem.solve_free(grad_f[free])
+        adjoint[free] = -(self.problem.solve_free(grad_f[free]) if solution is None else solution)
+        del solution
         grad_boundary = grad_f[loop] + self.problem.coupling.T @ adjoint[free]
         grad_theta = (grad_boundary * f[loop, None].conj()).imag
         grad_step = np.cumsum(grad_theta[::-1], axis=0)[::-1] - grad_theta  # a step moves every later angle
@@ -83,8 +93,9 @@ class BeltramiDiskSolver:
     """
 
     def __init__(self, z, faces):
-        self.z, self.faces = np.asarray(z, complex), np.asarray(faces)
-        self.areas, self.gradients = signed_areas(z, faces), hat_gradients(z, faces)
+        (self.z, self.faces), self.order = check_mesh(z, faces), None
+        check_used(self.z, self.faces)
+        self.areas, self.gradients = signed_areas(self.z, self.faces), hat_gradients(self.z, self.faces)
         loop = boundary_loop(faces)
         off = abs(abs(self.z[loop]) - 1)
         if off.max() > 1e-6:
@@ -130,7 +141,10 @@ class BeltramiDiskSolver:
 
     def _problem(self, mu):
         blocks = stiffness_blocks(self.gradients, self.areas, mu)
-        return Dirichlet(assemble(self.faces, blocks, len(self.z)), self.loop)
+        matrix = assemble(self.faces, blocks, len(self.z))
+        if self.order is None and len(self.z) > LARGE:
+            self.order = elimination_order(matrix, self.z, self.loop)
+        return Dirichlet(matrix, self.loop, self.order)
 
     def _choose_pole(self):
         interior = np.setdiff1d(np.arange(len(self.z)), self.loop)
@@ -140,7 +154,7 @@ class BeltramiDiskSolver:
 
     def solve(self, mu):
         """The map f (V,) with Beltrami coefficient mu (F,); BeltramiError unless |mu| < 1 everywhere."""
-        self.mu = check_coefficient(mu, len(self.faces))
+        self.mu, self.free_boundary = check_coefficient(mu, len(self.faces)), None  # the last factors make room
         self.free_boundary = FreeBoundary(self._problem(self.mu), self.lengths, self.pole, self.calibration)
         self.floored = int(self.free_boundary.floored.sum())
         return self.normalise(self.free_boundary.f)
@@ -166,33 +180,66 @@ class BeltramiDiskSolver:
         Both gradients are `dL/dRe + i dL/dIm` of a real L. Two rounds of solves with the kept factorisation.
         """
         grad_f = np.asarray(grad_f, complex)
-        grad_raw = self._unnormalise(np.atleast_2d(grad_f).T)
+        grad_raw, origin, grad_centre = self._unnormalise(np.atleast_2d(grad_f).T, np.arange(len(self.z)))
+        grad_raw += origin[:, None] * grad_centre
         grad_mu = np.zeros((len(self.faces), grad_raw.shape[1]), complex)
         for lam, x in self.free_boundary.pullback(grad_raw):
             some = lam.any(0)  # gradients of Re f(p) alone have no part in Im f, and the other way round
-            grad_mu[:, some] += self._block_pullback(lam[:, some], x)
+            grad_mu[:, some] += self.sensitivity(x) @ lam[:, some]
         return grad_mu.T.reshape(*grad_f.shape[:-1], len(self.faces))
 
-    def _unnormalise(self, grad_f):
-        raw, edge = self.free_boundary.f, self.loop[:2]
+    def adjoints(self, grad_f):
+        """What `pullback` sums up before it comes to the faces, for B gradients and i times each: three (V, 2 B), real.
+
+        grad_f: sparse complex (B, V). The gradient with respect to mu is `sum_k sensitivity(x_k) @ adjoint_k`, x_k of
+        `parts`. As the system is real, the solutions for i times a gradient are i times its own, up to the origin's.
+        """
+        count, free = grad_f.shape[0], self.free_boundary.problem.free
+        at = np.unique(np.concatenate([grad_f.indices, self.origin, self.loop[:2]]))
+        few = grad_f[:, at].toarray().T
+        direct, origin, grad_centre = self._unnormalise(np.concatenate([few, 1j * few], axis=1), at)
+        load = np.zeros((len(self.z), count + 1), complex)
+        load[at] = np.column_stack([direct[:, :count], origin])
+        solution = self.free_boundary.problem.solve_free(load[free])
+        del load
+        solution = np.concatenate([solution[:, :-1], 1j * solution[:, :-1]], 1) + solution[:, -1:] * grad_centre
+        grad_raw = np.zeros((len(self.z), 2 * count), complex)
+        grad_raw[at] = direct + origin[:, None] * grad_centre
+        return [lam for lam, _ in self.free_boundary.pullback(grad_raw, solution)]
+
+    @property
+    def parts(self):
+        """The three potentials (V,) that `adjoints` belong to: Re f, Im f and U of the last solution."""
+        return self.free_boundary.f.real, self.free_boundary.f.imag, self.free_boundary.U
+
+    def _unnormalise(self, grad_f, at):
+        """Gradients with respect to the raw map at the vertices `at`, sorted, as (direct, origin, grad_centre).
+
+        In all `direct + origin grad_centre`, where inside the disk `direct` is complex linear in grad_f.
+        """
+        raw, f = self.free_boundary.f[at], self.f[at]
+        edge, inner = np.searchsorted(at, self.loop[:2]), np.searchsorted(at, self.origin)
         rotation = np.exp(1j * self.turn)
         grad_w = grad_f * rotation
-        w = self.f * rotation
-        grad_turn = (grad_f.conj() * self.f[:, None]).imag.sum(0)
+        w = f * rotation
+        grad_turn = (grad_f.conj() * f[:, None]).imag.sum(0)
         grad_w[edge] += np.array([1 - self.share, self.share])[:, None] * 1j * w[edge, None] * grad_turn
         # w = (raw - a) s with s = 1 / (1 - conj(a) raw), and a solves: weighted mean of w at the origin's face = 0.
         s = 1 / (1 - np.conj(self.a) * raw)
         slope, by_conj_a = (1 - abs(self.a) ** 2) * s ** 2, w * raw * s
         grad_a = (-s.conj()[:, None] * grad_w + by_conj_a[:, None] * grad_w.conj()).sum(0)
-        P = -(self.weights * s[self.origin]).sum()
-        Q = (self.weights * by_conj_a[self.origin]).sum()
+        P = -(self.weights * s[inner]).sum()
+        Q = (self.weights * by_conj_a[inner]).sum()
         grad_centre = -(grad_a * P - grad_a.conj() * Q) / (abs(P) ** 2 - abs(Q) ** 2)
-        grad_raw = grad_w * slope.conj()[:, None]
-        grad_raw[self.origin] += (self.weights * slope[self.origin].conj())[:, None] * grad_centre
-        return grad_raw
+        origin = np.zeros(len(at), complex)
+        origin[inner] = self.weights * slope[inner].conj()
+        return grad_w * slope.conj()[:, None], origin, grad_centre
 
-    def _block_pullback(self, lam, x):
-        """Gradient of `lam . K(mu) x` with respect to mu: per face the derivative of `|T| grad lam . A(mu) grad x`."""
+    def sensitivity(self, x):
+        """Sparse (F, V): applied to lam, the gradient with respect to mu of `lam . K(mu) x`.
+
+        Per face the derivative of `|T| grad lam . A(mu) grad x`.
+        """
         mu, scale = self.mu, 1 / (1 - abs(self.mu) ** 2)
         q = np.einsum("fk,fk->f", self.gradients, x[self.faces])
         r = q + scale * ((2 - 1 / scale) * q - 2 * mu * q.conj())
@@ -201,23 +248,44 @@ class BeltramiDiskSolver:
         rows = along[:, None] * self.gradients + across[:, None] * self.gradients.conj()
         rows *= (2 * self.areas * scale)[:, None]
         starts = np.arange(0, rows.size + 1, 3)
-        return sparse.csr_array((rows.ravel(), self.faces.ravel(), starts), shape=(len(rows), len(lam))) @ lam
+        return sparse.csr_array((rows.ravel(), self.faces.ravel(), starts), shape=(len(rows), len(self.z)))
 
 
-def solve_beltrami_disk(z, faces, mu):
+def unfold(solver, f):
+    """A solver's last map f (V,), after a Möbius map or not, mended by row switching: (f, vertices of switched rows).
+
+    The mean-value rows take the triangles' lengths in the metric of mu. Not certified: a map may stay folded.
+    """
+    if not len(flipped_faces(solver.faces, f)):
+        return f, np.zeros(0, int)
+    corners = solver.z[solver.faces]
+    sides = np.roll(corners, -1, axis=1) - np.roll(corners, -2, axis=1)
+    lengths = abs(sides + solver.mu[:, None] * sides.conj())
+    f, rows, _ = switch_rows(stiffness(solver.z, solver.faces, solver.mu), solver.faces, lengths, f)
+    return f, rows
+
+
+def solve_beltrami_disk(z, faces, mu, repair=False):
     """The disk self-map with Beltrami coefficient mu (F,) and a free boundary, f(0) = 0 and f(1) = 1: complex (V,).
 
     z (V,) complex with its boundary on the unit circle. Exact up to discretisation: the flux form, one factorisation
     for the mesh (its boundary steps are calibrated at mu = 0 where they are off by more than 1 %) and one for mu.
-    Not certified: a discrete map can fold where mu varies within few triangles; ask `check_bijective`. A
-    RepairWarning says if boundary steps had to be raised. Errors: BeltramiError, SurfaceError.
-    Source: paper, theorem 1 (existence and uniqueness).
+    Not certified: a discrete map can fold where mu varies within few triangles, or where triangles are slivers; ask
+    `check_bijective`. repair: where it folds, switch rows to mean-value weights, which moves f there and nearby. A
+    RepairWarning says if boundary steps had to be raised, if rows were switched, and whether faces stay flipped.
+    Errors: BeltramiError, SurfaceError. Source: paper, theorem 1 (existence and uniqueness).
     """
     solver = BeltramiDiskSolver(z, faces)
-    f = solver.solve(mu)
+    f, words = solver.solve(mu), []
     if solver.floored:
-        warnings.warn(f"{solver.floored} boundary steps ran backwards or were lost, and were raised",
-                      RepairWarning, stacklevel=2)
+        words.append(f"{solver.floored} boundary steps ran backwards or were lost, and were raised")
+    if repair:
+        f, rows = unfold(solver, f)
+        if len(rows):
+            left = len(check_embedding(solver.faces, f).flipped)
+            words.append(f"{len(rows)} rows switched to mean-value weights, {left} faces stay flipped")
+    if words:
+        warnings.warn("; ".join(words), RepairWarning, stacklevel=2)
     return f
 
 
@@ -232,7 +300,8 @@ def disk_conformal_map(surface):
     require_disk(surface)
     faces, loop = surface.faces, surface.boundary
     matrix = cotangent_stiffness(surface.vertices, faces)
-    problem = Dirichlet(matrix, loop)
+    order = elimination_order(matrix, surface.vertices, loop) if len(surface.vertices) > LARGE else None
+    problem = Dirichlet(matrix, loop, order)
     rim = np.linalg.norm(np.roll(surface.vertices[loop], -1, axis=0) - surface.vertices[loop], axis=1)
     free = FreeBoundary(problem, rim, _central_vertex(surface, problem, rim))
     f, switched = _centre_and_unfold(surface, matrix, free.f)
@@ -245,6 +314,12 @@ def disk_conformal_map(surface):
         warnings.warn(f"conformal map: {int(free.floored.sum())} boundary steps raised, {len(switched)} rows switched "
                       "to mean-value weights to keep every triangle positive", RepairWarning, stacklevel=2)
     return f
+
+
+def elimination_order(matrix, points, loop):
+    """The vertices of a mesh without its boundary loop in an order that keeps the factors of its matrix small."""
+    inner = np.setdiff1d(np.arange(len(points)), loop)
+    return inner[nested_dissection(matrix.tocsr()[inner][:, inner], points[inner])]
 
 
 def _central_vertex(surface, problem, rim):
@@ -262,7 +337,7 @@ def _centre_and_unfold(surface, matrix, f):
     f = mobius(f, centring_mobius(f, share))
     lengths, switched = edge_lengths(surface.vertices, surface.faces), np.zeros(0, int)
     for _ in range(5):
-        f, switched, problem = repair(matrix, surface.faces, lengths, f, switched)
+        f, switched, problem = switch_rows(matrix, surface.faces, lengths, f, switched)
         if problem is None:
             break
         for _ in range(50):  # a Möbius map of the boundary values, the interior solved anew

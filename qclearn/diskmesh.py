@@ -3,7 +3,7 @@
 import numpy as np
 import shapely
 
-from .beltrami import BeltramiError
+from .beltrami import BeltramiError, check_faces, check_mesh, planar_points
 
 INSET = 1e-4  # share of the radius that points moved onto the boundary polygon stay inside it
 
@@ -69,10 +69,9 @@ def boundary_loop(faces):
 
     BeltramiError if the faces have no boundary or several, or touch in a vertex.
     """
-    faces = np.asarray(faces)
+    faces = check_faces(faces)
     tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    n = int(faces.max()) + 1
-    alone = ~np.isin(tails * n + heads, heads * n + tails)
+    alone = _alone(faces)
     following = dict(zip(tails[alone].tolist(), heads[alone].tolist()))
     loop = [min(following, default=None)]
     while len(loop) <= len(following) and following.get(loop[-1]) != loop[0]:
@@ -82,13 +81,25 @@ def boundary_loop(faces):
     return np.array(loop)
 
 
+def _alone(faces):
+    """Which of the half-edges (3 F,), 3 f + k from corner k of face f, have no opposite one: those of the boundary."""
+    tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    n = int(faces.max()) + 1
+    there, opposite = np.sort(tails * n + heads), heads * n + tails
+    return there[np.minimum(np.searchsorted(there, opposite), len(there) - 1)] != opposite
+
+
 def locate(z, faces, points):
     """Where points lie in a disk mesh: (face (P,), barycentric coordinates (P, 3), non-negative, sum 1).
 
     A point beyond the boundary polygon (between a chord and its arc, say) is first moved radially onto the polygon;
     one inside the circle stays short of it by up to INSET of its radius, so that triangles there keep an area.
+    BeltramiError for a point that is not finite.
     """
-    z, faces, points = np.asarray(z, complex), np.asarray(faces), np.atleast_1d(np.asarray(points, complex))
+    (z, faces), points = check_mesh(z, faces), np.atleast_1d(planar_points(points, "points"))
+    unknown = np.flatnonzero(~np.isfinite(points))
+    if len(unknown):
+        raise BeltramiError(f"points {unknown[:5].tolist()} are not finite: they lie nowhere in the mesh; leave them out")
     corners, wanted = _pairs(z[faces]), _pairs(points)
     low, high = wanted.min(0, initial=np.inf), wanted.max(0, initial=-np.inf)
     near = np.flatnonzero(((corners.max(1) >= low) & (corners.min(1) <= high)).all(1))
@@ -127,6 +138,7 @@ def _project_radially(z, faces, points):
     radius = abs(points)
     gap = 1 - s * radius  # between the chord and the arc: none at a boundary vertex
     s = s * (1 - INSET * np.clip(np.divide(1 - radius, gap, out=np.zeros_like(gap), where=gap > 0), 0, 1))
-    edge = {pair: f for f, triple in enumerate(faces.tolist()) for pair in zip(triple, triple[1:] + triple[:1])}
-    face = np.array([edge[int(loop[i]), int(loop[(i + 1) % len(loop)])] for i in k])
-    return face, s * points
+    rim = np.flatnonzero(_alone(faces))  # each boundary vertex begins one half-edge of the boundary
+    face = np.empty(len(z), int)
+    face[faces.ravel()[rim]] = rim // 3
+    return face[loop[k]], s * points

@@ -5,24 +5,28 @@ a disk Möbius map M after the solver's f. Objective, to second order the paper'
     `nu^* W nu + gamma mean |M(f(p)) - q|^2`,   `W = (alpha mass + beta Laplace) / pi`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import islice
 
 import numpy as np
 from scipy import sparse
 from threadpoolctl import threadpool_limits
 
 from .beltrami import (
+    BeltramiError,
     assemble,
     beltrami_coefficient,
     check_coefficient,
+    check_mesh,
+    complex_numbers,
     face_mean,
     factorise,
     signed_areas,
     stiffness,
 )
-from .bijectivity import check_bijective, flipped_faces, repair
-from .disk import BeltramiDiskSolver
+from .bijectivity import check_bijective
+from .disk import BeltramiDiskSolver, unfold
 from .diskmesh import locate, polar_disk
 from .mobius import best_mobius, compose_mobius, mobius, mobius_slope
 
@@ -30,10 +34,14 @@ FIRST_GAMMA = 1e2  # continuation: one step at each power of ten from here to ga
 STEPS_AT_GAMMA = 5
 LINEARISATIONS, CHORDS = 12, 1  # at most, on the caller's mesh: each serves a step and so many more
 SHARES, FAIR = (1.0, 0.5, 0.25, 0.125), 0.3  # of a damped step
+FEWEST_RINGS = 4  # of the polar mesh; half of them on the coarse one
 SETTLED_ON_GRID, SETTLED = 0.8, 0.92  # a step that keeps more than this share of the objective is the last one
 TANGENTIAL_WEIGHT = 0.1  # of a sliding landmark's residual along its target curve
 LANDMARKS_AT_ONCE = 16  # bounds the memory of the adjoint solves
 LARGEST = 1 - 1e-10  # of |mu|: tanh rounds to 1 from 19 on, where a step that is too long may lead
+DAMPINGS = 10.0 ** np.arange(-1, 10)  # of the steps of a fit that is taken up again, in parts of W
+TRUST, TRIES = 0.3, 4  # the largest change of nu in such a step, and how many of them are tried
+ROUNDING = 1e-9  # by which an objective may exceed another and count as equal
 MOBIUS_PRIOR = 1e-6  # weak, keeps the step of the three Möbius parameters bounded
 
 
@@ -148,13 +156,23 @@ class Forward:
 
     def gradients(self, nu):
         """Gradients of Re w and Im w of the mapped landmarks with respect to nu at the last map, complex (M, n) each."""
-        nu_faces, parts = self.to_faces @ nu, []
-        for rows in range(0, self.evaluate.shape[0], LANDMARKS_AT_ONCE):
-            points = self.evaluate[rows:rows + LANDMARKS_AT_ONCE].toarray() * self.slope.conj()
-            grad_mu = self.solver.pullback(np.concatenate([points, 1j * points]))
-            grad_nu = self.to_faces.T @ bounded_pullback(nu_faces[:, None], grad_mu.T)
-            parts.append(grad_nu.T.reshape(2, len(points), -1))
+        parts, points = [], (self.evaluate @ sparse.diags_array(self.slope.conj())).tocsr()
+        chains = [self.chain(self.to_faces @ nu, x) for x in self.solver.parts]
+        for rows in range(0, points.shape[0], LANDMARKS_AT_ONCE):
+            adjoints = self.solver.adjoints(points[rows:rows + LANDMARKS_AT_ONCE])
+            real, imaginary = np.split(sum(chain @ adjoint for chain, adjoint in zip(chains, adjoints)), 2)
+            parts.append((real + 1j * imaginary).T.reshape(2, -1, len(nu)))
         return np.concatenate(parts, axis=1)
+
+    def chain(self, nu_faces, x):
+        """Sparse real (2 N, V): from an adjoint of the potential x to the gradient with respect to nu, Re above Im.
+
+        In one product what would otherwise take a dense array of faces by landmarks.
+        """
+        by_mu = self.solver.sensitivity(x).tocoo()
+        data = bounded_pullback(nu_faces[by_mu.row], by_mu.data)
+        chain = self.to_faces.T.tocsr() @ sparse.csr_array((data, (by_mu.row, by_mu.col)), shape=by_mu.shape)
+        return sparse.vstack([chain.real, chain.imag]).tocsr()
 
     def mobius_columns(self):
         """Changes of the mapped landmarks (M, 3) with a Möbius increment (theta, Re a, Im a) after the last map.
@@ -170,19 +188,23 @@ class MeshForward(Forward):
 
     switched = 0
 
+    def plain(self, parameters):
+        """The Möbius map alone at every vertex, (V,), mended where it folds triangles; its landmarks in `points`."""
+        self.nu, self.solver.mu, self.solver.floored = None, np.zeros(len(self.faces), complex), 0
+        f = mobius(self.z, *parameters)
+        f[self.solver.loop] /= abs(f[self.solver.loop])
+        self.mapped = self.finish(f)
+        self.points = self.evaluate @ self.mapped
+        return self.mapped
+
     def words(self):
         """What the last map needed to stay one, in words, empty if nothing."""
         words = [f"{self.switched} rows switched"] * bool(self.switched)
         return (*words, *[f"{self.solver.floored} boundary steps raised"] * bool(self.solver.floored))
 
     def finish(self, f):
-        self.switched = 0
-        if len(flipped_faces(self.faces, f)):
-            mu, corners = self.solver.mu, self.z[self.faces]
-            sides = np.roll(corners, -1, axis=1) - np.roll(corners, -2, axis=1)
-            lengths = abs(sides + mu[:, None] * sides.conj())  # of the triangles in the metric of mu
-            f, rows, _ = repair(stiffness(self.z, self.faces, mu), self.faces, lengths, f)
-            self.switched = len(rows)
+        f, rows = unfold(self.solver, f)
+        self.switched = len(rows)
         return f
 
 
@@ -202,20 +224,26 @@ class GaussNewton:
         return self.prior(nu) + (self.landmarks.components(w - self.landmarks.target, gamma) ** 2).sum()
 
     def prepare(self, nu, forward, parameters, gamma):
-        """The linearisation at nu: returns `step(nu, w)`, which may be called again with later mapped points w."""
+        """The linearisation at nu: returns `step(nu, w)`, which may be called again with later mapped points w.
+
+        `step(nu, w, damping)` adds `damping (change^* W change)` to what is minimised (Levenberg), and its like for the
+        Möbius part: a shorter step, turned towards the steepest descent.
+        """
         forward.map(nu, parameters)
         J = self.landmarks.jacobian(*forward.gradients(nu), gamma)
         Jm = self.landmarks.components(forward.mobius_columns(), gamma)
         lifted = self.factors.solve(np.ascontiguousarray(J.real.T)) + 1j * self.factors.solve(
             np.ascontiguousarray(J.imag.T))
-        S = np.eye(len(J)) + (J.conj() @ lifted).real + Jm @ Jm.T / MOBIUS_PRIOR
+        gram = (J.conj() @ lifted).real
 
-        def step(nu, w):
+        def step(nu, w, damping=0.0):
+            share, weight = 1 / (1 + damping), MOBIUS_PRIOR + damping
+            S = np.eye(len(J)) + share * gram + Jm @ Jm.T / weight
             residual = self.landmarks.components(w - self.landmarks.target, gamma)
-            constant = residual - (J.conj() @ nu).real
-            y = np.linalg.solve(S, constant)  # the model's least objective is constant . y
-            turn, real, imaginary = -Jm.T @ y / MOBIUS_PRIOR
-            return -lifted @ y - nu, complex(real, imaginary), turn, constant @ y
+            constant = residual - share * (J.conj() @ nu).real
+            y = np.linalg.solve(S, constant)  # undamped, the model's least objective is constant . y
+            turn, real, imaginary = -Jm.T @ y / weight
+            return -share * (lifted @ y + nu), complex(real, imaginary), turn, constant @ y
 
         return step
 
@@ -246,36 +274,89 @@ def descend(newton, forward, step, nu, parameters, gamma, shares=SHARES):
     return None
 
 
+def descend_damped(newton, forward, step, nu, parameters, gamma):
+    """One Levenberg step, of the least damping that keeps it small and lowers the objective: (nu, parameters, f), or None.
+
+    Which are small enough to trust the linearisation costs no map to find out.
+    """
+    before, points = newton.objective(nu, forward.points, gamma), forward.points
+    steps = (step(nu, points, damping) for damping in DAMPINGS)
+    small = (found for found in steps if abs(found[0]).max() <= TRUST)
+    for change, da, dtheta, _ in islice(small, TRIES):
+        candidate, moved = nu + change, compose_mobius(parameters, (da, dtheta))
+        f = forward.map(candidate, moved)
+        if newton.objective(candidate, forward.points, gamma) < before:
+            return candidate, moved, f
+    forward.map(nu, parameters)
+    return None
+
+
 @threadpool_limits.wrap(limits=1)  # on matrices of this size BLAS threads wait for each other: up to five times slower
 def fit_landmarks(z, faces, moving, target, alpha=1.0, beta=1e-2, gamma=1e5, curve=None, sliding=False, start=None,
                   rings=None, watch=None, enough=0.0):
     """The quasi-conformal disk map that takes landmarks `moving` to `target`: a LandmarkFit, certified or reported.
 
     Minimises `alpha mean|nu|^2 + beta mean|grad nu|^2 + gamma mean|M(f(p)) - q|^2` (means over the unit disk and over
-    the M landmarks), to second order in nu the paper's L_CP. z (V,) complex with its boundary on the unit circle;
+    the M landmarks), to second order in nu the paper's L_CP. Neither this nor the mean squared distance ends above
+    that of the best Möbius map: a fit that would is taken up again from there with damped steps, or the Möbius map is
+    the result, and `fallbacks` says so. z (V,) complex with its boundary on the unit circle;
     moving, target (M,) complex in the closed disk; curve (M,) int labels, points of a curve in order; sliding lets
     inner points of a curve move along the target curve. start: mu (F,) on the faces to begin from; rings of the polar
     mesh that carries nu (default: from the mesh's size); watch() is called before each step and may raise to stop it;
     enough: landmark error below which no further step is taken on the mesh (0: steps until they settle).
     Errors: LandmarkError, BeltramiError, SurfaceError. Source: paper, eq. RegLoss; Gauss-Newton in its dual form.
     """
-    z, faces = np.asarray(z, complex), np.asarray(faces)
+    z, faces = check_mesh(z, faces)
     moving, target, curve = check_landmarks(moving, target, curve, sliding)
     check_weights(alpha, beta, gamma)
+    if rings is not None and not (isinstance(rings, (int, np.integer)) and rings >= FEWEST_RINGS):
+        raise LandmarkError(f"rings = {rings!r}: give an integer from {FEWEST_RINGS}, or None to go by the mesh's size")
     rings = rings or int(np.clip(np.sqrt(len(z) / 3), 8, 32))
     landmarks, weights = Landmarks(target, curve, sliding), (alpha, beta, gamma)
     grid, triangles = polar_disk(rings // 2, 3 * (rings // 2), power=1.4)
     newton = GaussNewton(grid, triangles, landmarks, alpha, beta)
     coarse = Forward(grid, triangles, moving, face_mean(triangles, len(grid)))
     field = partial(start_field, z, faces, start)
-    nu, parameters, steps = fit_on_grid(newton, coarse, field(coarse.z), best_mobius(moving, target), gamma / 10, watch)
+    best = best_mobius(moving, target)
+    nu, parameters, steps = fit_on_grid(newton, coarse, field(coarse.z), best, gamma / 10, watch)
     grid, triangles = polar_disk(rings, 3 * rings, power=1.4)
     newton = GaussNewton(grid, triangles, landmarks, alpha, beta)
     # Only what the steps have changed comes from the coarse mesh, so that a start keeps its details.
     nu = sampling_matrix(coarse.z, coarse.faces, grid) @ (nu - field(coarse.z)) + field(grid)
     fine = MeshForward(z, faces, moving, sampling_matrix(grid, triangles, z[faces].mean(1)))
     f, nu, parameters, polished = fit_on_mesh(newton, fine, nu, parameters, gamma, watch, enough)
-    return report_fit(newton, fine, z, faces, f, nu, parameters, (steps, polished), weights)
+    fit = report_fit(newton, fine, z, faces, f, nu, parameters, (steps, polished), weights)
+    points = fine.evaluate @ mobius(z, *best)
+    if not exceeds(newton, nu, fine.points, points, gamma):
+        return fit
+    return fit_from_mobius(newton, fine, fit, points, best, weights, watch)
+
+
+def exceeds(newton, nu, mapped, points, gamma):
+    """Whether a fit ends above the best Möbius map, which takes the landmarks to `points`: in its objective, or in the
+    mean squared distance alone."""
+    target, most = newton.landmarks.target, 1 + ROUNDING
+    objectives = newton.objective(nu, mapped, gamma), newton.objective(np.zeros_like(nu), points, gamma)
+    squares = [(abs(w - target) ** 2).mean() for w in (mapped, points)]
+    return not (objectives[0] <= most * objectives[1] and squares[0] <= most * squares[1])
+
+
+def fit_from_mobius(newton, fine, astray, points, best, weights, watch):
+    """What takes the place of a fit that ended above the best Möbius map: damped steps from there, or that map itself.
+
+    The fit that went astray is kept where the Möbius map folds the mesh and cannot be mended, but it is a bijection.
+    """
+    z, faces, gamma = fine.z, fine.faces, weights[2]
+    zero = np.zeros(newton.W.shape[0], complex)
+    f, nu, parameters, steps = fit_on_mesh(newton, fine, zero, best, gamma, watch, damped=True)
+    fit = report_fit(newton, fine, z, faces, f, nu, parameters, (astray.steps[0], astray.steps[1] + steps), weights)
+    word = "the fit ended above the best Möbius map: "
+    if fit.bijective and not exceeds(newton, nu, fine.points, points, gamma):
+        return replace(fit, fallbacks=(*fit.fallbacks, word + f"{steps} damped steps from there"))
+    fit = report_fit(newton, fine, z, faces, fine.plain(best), zero, best, (fit.steps[0], fit.steps[1]), weights)
+    if fit.bijective or not astray.bijective:
+        return replace(fit, fallbacks=(*fit.fallbacks, word + "that map is returned"))
+    return replace(astray, fallbacks=(*astray.fallbacks, word + "kept, as that map folds the mesh"))
 
 
 def fit_on_grid(newton, forward, nu, parameters, gamma, watch):
@@ -295,19 +376,23 @@ def fit_on_grid(newton, forward, nu, parameters, gamma, watch):
     return nu, parameters, taken
 
 
-def fit_on_mesh(newton, fine, nu, parameters, gamma, watch, enough=0.0):
-    """Last steps, on the caller's mesh, until they settle or the error is below `enough`: (f, nu, parameters, steps)."""
+def fit_on_mesh(newton, fine, nu, parameters, gamma, watch, enough=0.0, damped=False):
+    """Last steps, on the caller's mesh, until they settle or the error is below `enough`: (f, nu, parameters, steps).
+
+    damped: Levenberg steps, one a linearisation, for a fit that has gone astray without.
+    """
     f, steps = fine.map(nu, parameters), 0
     for _ in range(LINEARISATIONS):
         if newton.landmarks.error(fine.points) < enough:
             break
         step, start = newton.prepare(nu, fine, parameters, gamma), newton.objective(nu, fine.points, gamma)
         # A further step with the same linearisation costs one solve: it is tried whole or not at all.
-        for shares in [SHARES, *[(1.0,)] * CHORDS]:
+        for shares in [None] if damped else [SHARES, *[(1.0,)] * CHORDS]:
             if watch:
                 watch()
             before = newton.objective(nu, fine.points, gamma)
-            result = descend(newton, fine, step, nu, parameters, gamma, shares)
+            way = descend_damped if damped else partial(descend, shares=shares)
+            result = way(newton, fine, step, nu, parameters, gamma)
             if result is None:
                 break
             (nu, parameters, f), steps = result, steps + 1
@@ -340,14 +425,19 @@ def report_fit(newton, fine, z, faces, f, nu, parameters, steps, weights):
 
 def check_weights(alpha, beta, gamma):
     """LandmarkError unless alpha > 0, beta >= 0 and gamma > 0 are finite."""
-    for name, value, allowed in (("alpha", alpha, alpha > 0), ("beta", beta, beta >= 0), ("gamma", gamma, gamma > 0)):
-        if not (np.isfinite(value) and allowed):
-            raise LandmarkError(f"{name} = {value}: alpha and gamma must be positive and finite, beta not negative")
+    for name, value in (("alpha", alpha), ("beta", beta), ("gamma", gamma)):
+        number = isinstance(value, (int, float, np.integer, np.floating)) and np.isfinite(value)
+        if not (number and (value > 0 or (value == 0 and name == "beta"))):
+            raise LandmarkError(f"{name} = {value!r}: alpha and gamma must be positive and finite, beta not negative")
 
 
 def check_landmarks(moving, target, curve, sliding):
     """Landmarks as complex arrays and curve labels, or LandmarkError."""
-    moving, target = np.atleast_1d(np.asarray(moving, complex)), np.atleast_1d(np.asarray(target, complex))
+    try:
+        moving, target = (np.atleast_1d(complex_numbers(points, name)) for points, name in
+                          ((moving, "moving landmarks"), (target, "target landmarks")))
+    except BeltramiError as error:
+        raise LandmarkError(str(error)) from None
     if moving.ndim != 1 or moving.shape != target.shape or len(moving) == 0:
         raise LandmarkError(f"{moving.shape} moving and {target.shape} target landmarks: give one target a landmark")
     for name, points in (("moving", moving), ("target", target)):
@@ -363,7 +453,18 @@ def check_landmarks(moving, target, curve, sliding):
                                 "drop one of them (a bijection cannot part or merge points)")
     if curve is None and sliding:
         raise LandmarkError("sliding landmarks need the curve each belongs to: give curve (M,) of integer labels")
-    curve = np.zeros(len(moving), int) if curve is None else np.asarray(curve)
+    curve = np.zeros(len(moving), int) if curve is None else label_array(curve)
     if curve.shape != moving.shape:
         raise LandmarkError(f"{curve.shape} curve labels for {len(moving)} landmarks: give one label a landmark")
     return moving, target, curve
+
+
+def label_array(curve):
+    """Curve labels as an array of integers, or LandmarkError."""
+    try:
+        labels = np.asarray(curve)
+    except ValueError:
+        raise LandmarkError("curve labels are lists of unequal lengths: give integers (M,)") from None
+    if labels.dtype.kind not in "iu":
+        raise LandmarkError(f"curve labels have type {labels.dtype}: give integers (M,)")
+    return labels

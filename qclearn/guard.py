@@ -15,8 +15,9 @@ from scipy import sparse
 from .beltrami import beltrami_coefficient, check_coefficient
 from .bijectivity import BijectivityError, check_bijective
 from .diskmesh import boundary_loop
-from .fit import LandmarkFit, MeshForward, fit_landmarks, sampling_matrix, unbounded
+from .fit import ROUNDING, LandmarkFit, MeshForward, fit_landmarks, sampling_matrix, unbounded
 from .landmarks import detect_curves
+from .metrics import measured_losses
 from .mobius import best_mobius, mobius
 
 ON_VERTEX = 1e-6  # in the unit disk: a curve that ends no farther off its endpoint ends there
@@ -95,27 +96,43 @@ def guarded_map(networks, z, faces, p, q, alpha, beta, gamma, labels, tolerance,
     """The disk map of landmarks p -> q by CP-Net and DBS-Net, certified and within `tolerance`, as a `LandmarkFit`.
 
     A folded map: the exact solver on the same mu, mended by row switching. A mean |f(p) - q| above the tolerance, or a
-    map that stays folded: Gauss-Newton steps from mu. stages: context managers by name, which take the time.
+    map that stays folded: Gauss-Newton steps from mu. One whose measured `L_CP` or mean |f(p) - q|^2 is above that of
+    the best Möbius map: that map. stages: context managers by name, which take the time.
     """
     with stages("predict"):
         mu = networks.predict(z, faces, p, q, alpha=alpha, beta=beta, gamma=gamma, curve=labels)
     with stages("solve"):
         f = networks.solve(z, faces, mu)
     with stages("certify"):
-        fit = moved_map(z, faces, f, p, q) if np.isfinite(f).all() else None
+        evaluate = sampling_matrix(z, faces, p)
+        fit = moved_map(z, faces, f, p, q, evaluate=evaluate) if np.isfinite(f).all() else None
         if fit is None or not fit.bijective:
             fallbacks.append(f"DBS-Net's map {fold_words(fit)}: exact solver")
             fit = exact_map(z, faces, mu, p, q)
             fallbacks += fit.fallbacks
     with stages("refine"):
         if fit.bijective and fit.landmark_error <= tolerance:
-            return fit
+            return not_above_mobius(fit, z, faces, p, q, (alpha, beta, gamma), evaluate, fallbacks)
         before, words = fit, []
         fit = bijective_fit(z, faces, p, q, alpha, beta, gamma, labels, False, words, start=mu, enough=MARGIN * tolerance)
         cause = (f"landmark error {before.landmark_error:.1e} above {tolerance:.1e}" if before.bijective else
                  f"the exact solver's map {fold_words(before)}")
         fallbacks += [f"{cause}: {sum(fit.steps)} Gauss-Newton steps, to {fit.landmark_error:.1e}", *words]
         return fit
+
+
+def not_above_mobius(fit, z, faces, p, q, weights, evaluate, fallbacks):
+    """The fit of a network, or the best Möbius map where it is a bijection and better: see `guarded_map`."""
+    plain = moved_map(z, faces, z, p, q, evaluate=evaluate)
+    losses, squares = [], []
+    for candidate in (fit, plain):
+        mapped = evaluate @ candidate.f
+        losses.append(measured_losses(z, faces, candidate.mu, mapped, q, *weights)["L_CP"])
+        squares.append((abs(mapped - q) ** 2).mean())
+    if not plain.bijective or all(fitted <= (1 + ROUNDING) * best for fitted, best in (losses, squares)):
+        return fit
+    fallbacks.append("the networks' map ended above the best Möbius map: that map is returned")
+    return plain
 
 
 def gamma_words(network, alpha, beta, gamma):

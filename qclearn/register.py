@@ -2,17 +2,20 @@
 
 import time
 import warnings
+from collections.abc import Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from itertools import pairwise
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import vstack
 from tqdm import tqdm
 
 from .beltrami import cotangent_stiffness
-from .bijectivity import RepairWarning, check_embedding, repair
+from .bijectivity import RepairWarning, check_embedding, flipped_faces, repair
 from .disk import disk_conformal_map, edge_lengths
 from .diskmesh import locate
 from .fit import LandmarkError, check_weights, sampling_matrix
@@ -21,7 +24,7 @@ from .landmarkfile import check_curves
 from .landmarks import detect_curves, resample, sample_curve
 from .metrics import coefficient_statistics, curve_rows, mean_rows
 from .mobius import best_mobius, mobius
-from .surface import require_disk, require_outward
+from .surface import degenerate_faces, require_disk, require_outward
 from .suspect import reasons
 
 STAGES = {"exact": 5, "network": 9}
@@ -48,6 +51,19 @@ class Registration:
     curves: dict
     faces_moving: np.ndarray
     faces_control: np.ndarray
+
+    @property
+    def surface(self):
+        """The moving surface's faces at the registered points, for `write_surface`: an `Unchecked` surface."""
+        return Unchecked(self.points, self.faces_moving)
+
+
+class Unchecked(NamedTuple):
+    """A surface that no rule of `Surface` has judged: a face that lands on one edge of the control has no area there."""
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    curves: Mapping = MappingProxyType({})
 
 
 class Stages:
@@ -123,8 +139,9 @@ def register(moving, control, curves, method="exact", alpha=1.0, beta=1e-2, gamm
     means, words = mean_rows(rows), fallbacks[before:]
     report = {
         **means, **coefficient_statistics(fit.mu), "flipped": len(fit.flipped), "bijective": fit.bijective,
-        "fallbacks": fallbacks, "seconds": stages.report(), "method": method, "alpha": alpha, "beta": beta,
-        "gamma": gamma, **({"tolerance": tolerance if np.isfinite(tolerance) else None} if networks else {}),
+        "degenerate": len(degenerate_faces(points, moving.faces)), "fallbacks": fallbacks, "seconds": stages.report(),
+        "method": method, "alpha": alpha, "beta": beta, "gamma": gamma,
+        **({"tolerance": tolerance if np.isfinite(tolerance) else None} if networks else {}),
         "mobius": {"a": [fit.mobius[0].real, fit.mobius[0].imag], "theta": fit.mobius[1]}, "curves": rows,
         "suspect": reasons(moving, control, z_moving, z_control, entries, means, rows, fit.mu, words),
         "version": version("qclearn"),
@@ -181,7 +198,21 @@ def align(moving, z_moving, control, z_control, entries):
     if not check_embedding(moving.faces, z).bijective:
         lengths = edge_lengths(moving.vertices, moving.faces)
         z, _, _ = repair(cotangent_stiffness(moving.vertices, moving.faces), moving.faces, lengths, z)
+    steps = np.angle(np.roll(z[moving.boundary], -1) / z[moving.boundary])
+    if steps.min() <= 0 or len(flipped_faces(moving.faces, z)):
+        raise LandmarkError(f"curve {farthest_curve(entries, p, q)!r} pulls the moving disk onto its rim: the Möbius map "
+                            "that carries the given points to the control's leaves no room for the rest; check this "
+                            "curve's ends on both sides, keep them off the rim, or give curves elsewhere as well")
     return z
+
+
+def farthest_curve(entries, p, q):
+    """The name of the curve without which the best Möbius map of the others, points p, q a curve, moves 0 the least."""
+    def shift(left_out):
+        kept = [k for k in range(len(entries)) if k != left_out]
+        return abs(best_mobius(*(np.concatenate([side[k] for k in kept]) for side in (p, q)))[0]) if kept else 0.0
+
+    return entries[int(np.argmin([shift(k) for k in range(len(entries))]))]["name"]
 
 
 def sample_side(surface, z, entries, side, networks, fallbacks):

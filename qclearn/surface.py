@@ -6,6 +6,8 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spanning_tree
 
+LARGEST = 1e75  # coordinate: the areas' squares stay below the largest double
+
 
 class SurfaceError(ValueError):
     """A surface, or a file of one, that cannot be used: says what was found, where (indices) and what to do."""
@@ -166,6 +168,11 @@ def _vertex_array(vertices):
         raise SurfaceError(f"vertices must be a (V, 3) array of real numbers, but {error}.") from None
     if vertices.ndim != 2 or vertices.shape[1] != 3:
         raise SurfaceError(f"vertices must have the shape (V, 3), not {vertices.shape}; pad planar points with z = 0.")
+    if vertices.size and LARGEST < np.abs(vertices).max() < np.inf:
+        raise SurfaceError(
+            f"coordinates up to {np.abs(vertices).max():.3g}, where areas leave the range of numbers; "
+            f"give them in a unit in which they stay below {LARGEST:.0e}, millimetres say."
+        )
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if bad.size:
         raise SurfaceError(
@@ -213,7 +220,7 @@ def _check_faces(vertices, faces):
             f"{_count(unused, 'vertex', 'vertices')} in no face: {_some(unused)}. Drop them: used, corners = "
             f"numpy.unique(faces, return_inverse=True); Surface(vertices[used], corners.reshape(-1, 3))."
         )
-    degenerate = np.flatnonzero(_degenerate(vertices, faces))
+    degenerate = degenerate_faces(vertices, faces)
     if degenerate.size:
         raise SurfaceError(
             f"{_count(degenerate, 'degenerate face')} (a repeated vertex or zero area): {_some(degenerate)}. "
@@ -221,14 +228,14 @@ def _check_faces(vertices, faces):
         )
 
 
-def _degenerate(vertices, faces):
-    """Faces with a repeated vertex, or whose height over their longest side is below the coordinates' rounding."""
+def degenerate_faces(vertices, faces):
+    """Indices (k,) of the faces with a repeated vertex, or whose height over their longest side is below rounding."""
     i, j, k = faces.T
     a, b, c = vertices[i], vertices[j], vertices[k]
     sides = np.stack([_norm(b - a), _norm(c - b), _norm(a - c)])
     double_area = _norm(np.cross(b - a, c - a))
     rounding = 8 * np.finfo(float).eps * np.abs(vertices).max()
-    return (i == j) | (j == k) | (k == i) | (double_area <= rounding * sides.max(axis=0))
+    return np.flatnonzero((i == j) | (j == k) | (k == i) | (double_area <= rounding * sides.max(axis=0)))
 
 
 def _norm(vectors):

@@ -5,6 +5,7 @@ import pytest
 import torch
 from exact_maps import DISK_MAPS, SLIDING, SLIDING_THREE, TWIST, after, moebius
 from meshes import random_disk, random_mu
+from scipy import sparse
 
 from qclearn.beltrami import BeltramiError, beltrami_coefficient, signed_areas
 from qclearn.bijectivity import RepairWarning, check_bijective
@@ -333,7 +334,7 @@ def test_mesh_without_interior_vertex():
                                    lambda z, faces: (np.where(z == 0, np.nan, z), faces)], ids=["clockwise", "NaN"])
 def test_unusable_source(spoil):
     z, faces = spoil(*polar_disk(4, 12))
-    with pytest.raises(BeltramiError, match="not counter-clockwise"):
+    with pytest.raises(BeltramiError, match="not counter-clockwise|z is not finite at vertices"):
         solve_beltrami_disk(z, faces, np.zeros(len(faces)))
 
 
@@ -358,3 +359,17 @@ def test_angle_distortion_is_accurate_on_slivers():
     np.testing.assert_allclose(distortion, 0, atol=1e-12)
     flat = angle_distortion(surface, np.array([0, 1, np.exp(1j * np.pi / 3)]))
     np.testing.assert_allclose(flat, [[60, 60, -120]], atol=1e-6)
+
+
+def test_adjoints_are_those_of_the_pullback_and_of_i_times_its_gradients():
+    """The two ways to the gradient: three potentials with their sparse matrices, and face by face at once."""
+    z, faces = random_disk(2)
+    rng = np.random.default_rng(0)
+    solver = BeltramiDiskSolver(z, faces)
+    solver.solve(random_mu(rng, z, faces, 0.5))
+    grads = sparse.random_array((4, len(z)), density=0.1, rng=rng, format="csr") * (1 + 0.7j)
+    grads.data *= np.exp(6j * rng.uniform(size=grads.nnz))
+    dense = grads.toarray()
+    expected = solver.pullback(np.concatenate([dense, 1j * dense]))
+    found = sum(solver.sensitivity(x) @ lam for x, lam in zip(solver.parts, solver.adjoints(grads)))
+    np.testing.assert_allclose(found.T, expected, atol=1e-11 * abs(expected).max())

@@ -24,7 +24,8 @@ from qclearn.register import check_curves, lift, register, transfer
 from qclearn.surface import Surface, SurfaceError, mirror
 
 REPORT = {"landmark_error_before", "landmark_error", "landmark_error_mm", "mean_abs_mu", "sd_abs_mu", "max_abs_mu",
-          "flipped", "bijective", "fallbacks", "seconds", "method", "alpha", "beta", "gamma", "mobius", "version", "suspect"}
+          "flipped", "bijective", "degenerate", "fallbacks", "seconds", "method", "alpha", "beta", "gamma", "mobius", "version",
+          "suspect"}
 
 
 def bowl(height, rings=14):
@@ -104,6 +105,7 @@ def test_the_map_is_certified_and_lands_on_the_control(turned):
     certificate = check_bijective(result.disk_moving, moving.faces, result.disk_map)
     assert certificate.bijective and result.report["bijective"] and result.report["flipped"] == 0
     Surface(result.points, moving.faces)
+    assert result.report["degenerate"] == 0
     rim = result.points[moving.boundary]
     assert abs(np.hypot(rim[:, 0], rim[:, 1]) - 1).max() < 0.01  # on the control's own rim, between its vertices
     np.testing.assert_allclose(abs(result.disk_map[moving.boundary]), 1, atol=1e-12)
@@ -326,7 +328,9 @@ def test_where_the_exact_solver_folds_too_its_rows_are_switched(networks, pair):
     rough = 0.97 * np.exp(1j * np.pi * rough[0])
     networks(predict=lambda *_, **__: rough, solve=folding_solve)
     result = by_networks(pair, tolerance=np.inf)
-    folded, switched = result.report["fallbacks"]
+    folded, switched, above = result.report["fallbacks"]
+    assert above == "the networks' map ended above the best Möbius map: that map is returned"
+    assert result.report["landmark_error"] <= result.report["landmark_error_before"] * 1.01
     assert folded.startswith("DBS-Net's map folded") and re.fullmatch(r"\d+ rows switched", switched)
     assert check_bijective(result.disk_moving, pair[0].faces, result.disk_map).bijective
     assert result.report["tolerance"] is None
@@ -380,8 +384,9 @@ def test_a_curve_that_wanders_is_replaced_and_the_report_says_so(networks):
     networks(lambda surface, z, ends: [line * np.nan for line in detect_curves(surface, z, ends)], no_predict)
     curves = [{"name": "groove", "moving": ends, "control": ends}]
     result = register(surface, surface, curves, method="network", tolerance=np.inf)
-    assert result.report["fallbacks"] == [f"LD-Net's {side} curve 'groove' leaves the disk: shortest path"
-                                          for side in ("moving", "control")]
+    above = "the networks' map ended above the best Möbius map: that map is returned"  # a surface to itself: the identity
+    assert result.report["fallbacks"] == [*[f"LD-Net's {side} curve 'groove' leaves the disk: shortest path"
+                                            for side in ("moving", "control")], above]
     for line, z in zip(result.curves["groove"], (result.disk_moving, result.disk_control)):
         np.testing.assert_array_equal(line, detect_curves(surface, z, [ends])[0])
 

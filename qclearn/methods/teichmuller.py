@@ -23,7 +23,7 @@ def teichmuller(problem):
 def extremal(solver):
     """Quasi-conformal iteration: `mu <- mean|mu| mu / |mu|` (mean over the disk), then f by the solver, f(p) = q held.
 
-    Ends when the mean settles; a RepairWarning says if faces stay flipped.
+    Ends when the mean settles; a RepairWarning says if it did not within MOST_ROUNDS, or if faces stay flipped.
     """
     z, faces = solver.z, solver.faces
     areas, level = signed_areas(z, faces) / np.pi, 0.0
@@ -35,6 +35,9 @@ def extremal(solver):
         if abs(level - before) <= SETTLED * level:
             break
         f = solver.solve(level * np.divide(mu, size, out=np.zeros_like(mu), where=size > 0), HARD)
+    else:
+        warnings.warn(f"Teichmüller iteration: not settled after {MOST_ROUNDS} rounds (the mean |mu| still changes by "
+                      f"{abs(level - before) / level:.1e}, {SETTLED:.0e} ends it)", RepairWarning, stacklevel=2)
     left = len(flipped_faces(faces, f))
     if left:
         warnings.warn(f"Teichmüller iteration: {left} faces flipped", RepairWarning, stacklevel=2)

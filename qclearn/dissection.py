@@ -1,0 +1,32 @@
+"""The order in which a large mesh's unknowns are eliminated: halves first, then the line that parts them."""
+
+import numpy as np
+
+LEAF = 16  # vertices of a part that is halved no further
+
+
+def nested_dissection(matrix, points):
+    """A permutation (V,) in which the symmetric sparse matrix of a mesh has factors with few entries.
+
+    points (V,) complex or (V, d): where its vertices lie. A part is halved across its longer side; the vertices of one
+    half with a neighbour in the other come last. Source: George (1973), Nested dissection of a regular element mesh.
+    """
+    points = np.stack([points.real, points.imag], 1) if np.iscomplexobj(points) else points
+    starts, neighbours, other = matrix.indptr, matrix.indices, np.zeros(len(points), bool)
+
+    def ordered(part):
+        if len(part) <= LEAF:
+            return [part]
+        own = points[part]
+        along = own[:, np.ptp(own, axis=0).argmax()]
+        halves, middle = np.argpartition(along, len(part) // 2), len(part) // 2
+        one, two = part[halves[:middle]], part[halves[middle:]]
+        counts = starts[one + 1] - starts[one]
+        entries = np.arange(counts.sum()) + np.repeat(starts[one] - np.cumsum(counts) + counts, counts)
+        other[two] = True
+        touching = np.zeros(len(one), bool)
+        touching[np.repeat(np.arange(len(one)), counts)[other[neighbours[entries]]]] = True
+        other[two] = False
+        return [*ordered(one[~touching]), *ordered(two), one[touching]]
+
+    return np.concatenate(ordered(np.arange(len(points))))

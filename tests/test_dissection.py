@@ -1,0 +1,47 @@
+"""The order of elimination for large meshes: a permutation that saves work and changes nothing but rounding."""
+
+import numpy as np
+import pytest
+from known_surfaces import grooved_sphere
+from meshes import random_disk, random_mu
+
+from qclearn import disk
+from qclearn.beltrami import Dirichlet, stiffness
+from qclearn.disk import BeltramiDiskSolver, disk_conformal_map, elimination_order
+from qclearn.diskmesh import boundary_loop, polar_disk
+
+
+@pytest.mark.parametrize("mesh", [random_disk(2, 200), polar_disk(40, 120)], ids=["random", "polar"])
+def test_it_is_a_permutation_with_fewer_entries_in_the_factors_than_the_order_of_the_vertices(mesh):
+    z, faces = mesh
+    matrix, loop = stiffness(z, faces, np.zeros(len(faces))), boundary_loop(faces)
+    order = elimination_order(matrix, z, loop)
+    inner = np.setdiff1d(np.arange(len(z)), loop)
+    np.testing.assert_array_equal(np.sort(order), inner)
+    shuffled = np.random.default_rng(0).permutation(inner)
+    entries = [problem.factors.L.nnz for problem in (Dirichlet(matrix, loop, order), Dirichlet(matrix, loop),
+                                                     Dirichlet(matrix, loop, shuffled))]
+    assert entries[0] < 1.4 * entries[1] and entries[0] < 0.3 * entries[2]
+
+
+def test_the_solution_is_that_of_any_other_order():
+    z, faces = random_disk(3, 80)
+    matrix, loop = stiffness(z, faces, random_mu(np.random.default_rng(0), z, faces, 0.6)), boundary_loop(faces)
+    usual, ordered = Dirichlet(matrix, loop), Dirichlet(matrix, loop, elimination_order(matrix, z, loop))
+    np.testing.assert_allclose(ordered.solve(z[loop] ** 2), usual.solve(z[loop] ** 2), atol=1e-13)
+    np.testing.assert_allclose(matrix @ ordered.solve(z[loop]), matrix @ usual.solve(z[loop]), atol=1e-12)
+
+
+def test_large_meshes_are_solved_and_differentiated_as_small_ones_are(monkeypatch):
+    z, faces = random_disk(4, 60)
+    rng = np.random.default_rng(1)
+    mu, grad = random_mu(rng, z, faces, 0.5), rng.normal(size=len(z)) + 1j * rng.normal(size=len(z))
+    surface, _ = grooved_sphere()
+    small, flat = BeltramiDiskSolver(z, faces), disk_conformal_map(surface)
+    usual = small.solve(mu), small.pullback(grad)
+    monkeypatch.setattr(disk, "LARGE", 0)
+    large = BeltramiDiskSolver(z, faces)
+    np.testing.assert_allclose(large.solve(mu), usual[0], atol=1e-12)
+    np.testing.assert_allclose(large.pullback(grad), usual[1], atol=1e-10 * abs(usual[1]).max())
+    assert large.order is not None and small.order is None
+    np.testing.assert_allclose(disk_conformal_map(surface), flat, atol=1e-9)

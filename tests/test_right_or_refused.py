@@ -1,0 +1,244 @@
+"""What the main job owes every valid pair: a map that is written, never worse than doing nothing, or a named refusal."""
+
+import re
+
+import numpy as np
+import pytest
+from meshes import random_disk
+from test_register import bowl, entries, spoke
+
+import qclearn as qc
+from qclearn.beltrami import BeltramiError, beltrami_coefficient
+from qclearn.bijectivity import RepairWarning, check_bijective, check_embedding
+from qclearn.cli import read_landmarks
+from qclearn.diskmesh import boundary_loop, locate, polar_disk
+from qclearn.fit import LandmarkError, fit_landmarks, sampling_matrix
+from qclearn.metrics import measured_losses
+from qclearn.mobius import best_mobius, mobius
+from qclearn.register import register, transfer
+from qclearn.surface import Surface, SurfaceError
+
+SMALL, COARSE = polar_disk(16, 48), random_disk(0, 16)
+TURN = np.exp(2j * np.pi * np.arange(12) / 12)
+
+
+# Ragged rims
+
+
+def ragged(height, rings, seed):
+    """The bowl with one of two faces at the rim taken away, here and there: its rim has teeth, and ears among them.
+
+    An ear is a face with two edges on the rim. Vertices keep their order; returns the surface and the new numbers.
+    """
+    surface, rng = bowl(height, rings), np.random.default_rng(seed)
+    n, faces = 3 * rings, surface.faces
+    outer = faces >= len(surface.vertices) - n
+    removed = (outer.sum(1) == 2) & (rng.uniform(size=len(faces)) < 0.4)
+    kept = faces[~removed]
+    used, corners = np.unique(kept, return_inverse=True)
+    return Surface(surface.vertices[used], corners.reshape(-1, 3)), np.searchsorted(used, np.arange(len(surface.vertices)))
+
+
+def ears(surface):
+    """Faces with two edges on the rim."""
+    rim = surface.edges[surface.edge_faces[:, 1] < 0]
+    sides = np.sort(np.stack([surface.faces, np.roll(surface.faces, -1, 1)], 2), axis=2)
+    key = len(surface.vertices) * np.array([1, 0]) + np.array([0, 1])
+    return np.flatnonzero(np.isin(sides @ key, rim @ key).sum(1) == 2)
+
+
+@pytest.mark.parametrize("rings, coarse", [(14, 14), (24, 5)])
+def test_ragged_rims_with_ears_are_registered_and_written(tmp_path, rings, coarse):
+    """On both sides, also where many moving vertices land on one straight edge of the control's rim."""
+    moving, number = ragged(0.6, rings, 1)
+    control, there = ragged(0.9, coarse, 2)
+    assert len(ears(moving)) > 3 and len(ears(control)) > 0
+    reach = rings - 3, coarse - 1
+    curves = [{"name": f"spoke {k}", "detect": False, "moving": number[spoke(k * rings, rings, 2, reach[0])].tolist(),
+               "control": there[spoke(k * coarse, coarse, 1, reach[1])].tolist()} for k in range(3)]
+    result = register(moving, control, curves)
+    assert result.report["bijective"] and check_bijective(result.disk_moving, moving.faces, result.disk_map).bijective
+    a, b, c = (result.points[corner] for corner in moving.faces.T)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    assert abs(result.report["degenerate"] - (area < 1e-15).sum()) <= 1
+    if coarse < rings:
+        assert result.report["degenerate"] > 0
+        with pytest.raises(SurfaceError, match="degenerate face"):  # an input is judged as strictly as ever
+            Surface(result.points, moving.faces)
+    for name in ("r.surf.gii", "r.ply", "r.npz", "lh.r", "r.stl", "r.vtp"):
+        qc.write_surface(tmp_path / name, result.surface)
+        assert (tmp_path / name).stat().st_size > 1000
+    stored = np.load(tmp_path / "r.npz")
+    np.testing.assert_array_equal(stored["vertices"], result.points)
+    np.testing.assert_array_equal(stored["faces"], moving.faces)
+
+
+# Never above the best Möbius map
+
+
+def swapped(count=20):
+    p = 0.7 * np.sqrt((np.arange(count) + 0.5) / count) * np.exp(2.4j * np.arange(count))
+    q = p.copy()
+    q[[3, 7]] = q[[7, 3]]
+    return p, q
+
+
+ASTRAY = {
+    "two swapped": swapped(), "twisted": (swapped()[0], swapped()[0] * np.exp(3j * (1 - abs(swapped()[0])))),
+    "reversed": (0.6 * TURN, 0.6 * TURN[::-1]), "neighbours": (0.3 * TURN, 0.3 * TURN[[1, 0, *range(2, 12)]]),
+    "permuted": (0.7 * TURN, 0.7 * TURN[np.random.default_rng(0).permutation(12)]),
+    "through the centre": (0.5 * TURN, np.random.default_rng(1).uniform(-0.6, 0.6, (12, 2)) @ [1, 1j]),
+    "one": ([0.3], [0.5j]), "none needed": (0.5 * TURN, 0.5j * TURN),
+}
+
+
+@pytest.mark.parametrize("case", ASTRAY)
+@pytest.mark.parametrize("mesh, gamma", [(SMALL, 1e2), (SMALL, 1e5), (COARSE, 1e5)], ids=["low", "usual", "coarse"])
+def test_a_fit_never_ends_above_the_best_mobius_map(case, mesh, gamma):
+    p, q = (np.asarray(side, complex) for side in ASTRAY[case])
+    fit = fit_landmarks(*mesh, p, q, gamma=gamma)
+    samples, best = sampling_matrix(*mesh, p), mobius(mesh[0], *best_mobius(p, q))
+    square, floor = ((abs(samples @ f - q) ** 2).mean() for f in (fit.f, best))
+    assert square <= floor * (1 + 1e-9) and fit.losses["L_CP"] <= gamma * floor * (1 + 1e-9)
+    assert fit.bijective and check_bijective(*mesh, fit.f).bijective
+    if square == pytest.approx(floor, rel=1e-12):
+        np.testing.assert_allclose(fit.f, best, atol=1e-14)
+        assert fit.fallbacks[-1] == "the fit ended above the best Möbius map: that map is returned"
+
+
+def test_a_fit_gone_astray_is_taken_up_again_with_damped_steps():
+    """On a mesh too coarse for what the polar mesh proposes; undamped steps end far above the Möbius map there."""
+    p, q = ASTRAY["twisted"]
+    fit = fit_landmarks(*COARSE, p, q)
+    assert re.fullmatch(r"the fit ended above the best Möbius map: \d+ damped steps from there", fit.fallbacks[-1])
+    best = mobius(COARSE[0], *best_mobius(p, q))
+    assert fit.losses["L_CP"] < 0.5 * 1e5 * (abs(sampling_matrix(*COARSE, p) @ best - q) ** 2).mean()
+
+
+def test_a_damped_step_is_shorter_and_turns_to_the_steepest_descent():
+    from test_fit import small_newton
+
+    newton, forward, nu, _ = small_newton(False)
+    step = newton.prepare(nu, forward, (0.1j, 0.2), 50.0)
+    sizes = [newton.prior(step(nu, forward.points, damping)[0]) for damping in (0.0, 0.1, 1, 10, 1e3)]
+    assert (np.diff(sizes) < 0).all()
+    far, farther = (step(nu, forward.points, damping)[0] for damping in (1e8, 1e9))
+    np.testing.assert_allclose(far, 10 * farther, atol=1e-4 * abs(far).max())
+
+
+@pytest.mark.parametrize("mistake", ["swapped", "reversed"])
+def test_a_registration_never_ends_above_the_best_mobius_map(mistake):
+    curves = entries(0)
+    if mistake == "swapped":
+        curves[0]["moving"], curves[1]["moving"] = curves[1]["moving"], curves[0]["moving"]
+    else:
+        for curve in curves:
+            curve["moving"] = curve["moving"][::-1]
+    result = register(bowl(0.6), bowl(0.9), curves)
+    p, q = (np.concatenate([qc.sample_curve(surface, curve[side]) @ z for curve in curves]) for surface, z, side in (
+        (bowl(0.6), result.disk_moving, "moving"), (bowl(0.9), result.disk_control, "control")))
+    best = mobius(result.disk_moving, *best_mobius(p, q))
+    samples = sampling_matrix(result.disk_moving, result.faces_moving, p)
+    square, floor = ((abs(samples @ f - q) ** 2).mean() for f in (result.disk_map, best))
+    assert square <= floor * (1 + 1e-9)
+    losses = measured_losses(result.disk_moving, result.faces_moving, result.mu, samples @ result.disk_map, q, 1.0, 1e-2, 1e5)
+    assert losses["L_CP"] <= 1e5 * floor * (1 + 1e-3)  # as measured on the mesh, where a Möbius map has a little |mu|
+    assert result.report["bijective"]
+
+
+# Valid surfaces, impossible curves
+
+
+@pytest.mark.parametrize("side", ["moving", "control"])
+def test_curves_that_pull_the_disk_onto_its_rim_are_named(side):
+    """Both ends of a curve side by side on one rim and far apart on the other."""
+    rim = spoke(0, first=13, last=14)[0]
+    close, apart = [rim, rim + 1], [rim, rim + 21]
+    curves = [{"name": "edge", side: close, ({"moving", "control"} - {side}).pop(): apart, "detect": False}]
+    with pytest.raises(LandmarkError, match="curve 'edge' pulls the moving disk onto its rim: .* check this curve's ends"):
+        register(bowl(0.6), bowl(0.9), curves)
+
+
+def test_the_curve_at_fault_is_named_among_others():
+    rim = spoke(0, first=13, last=14)[0]
+    collapsed = [{"name": f"{k}", "moving": [rim + k, rim + k + 20], "control": [rim + k, rim + k + 1], "detect": False}
+                 for k in (0, 1)]
+    with pytest.raises(LandmarkError, match="curve '[01]' pulls the moving disk onto its rim"):
+        register(bowl(0.6), bowl(0.9), collapsed)
+
+
+# Wrong shapes and types
+
+
+Z, FACES = polar_disk(3, 8)
+FEW = np.zeros(len(FACES), complex)
+WRONG = {
+    "faces of floats": lambda: qc.signed_areas(Z, FACES.astype(float)),
+    "faces of four corners": lambda: qc.check_bijective(Z, np.pad(FACES, ((0, 0), (0, 1))), Z),
+    "ragged faces": lambda: qc.signed_areas(Z, [[0, 1, 2], [0, 1]]),
+    "no faces": lambda: qc.signed_areas(Z, np.zeros((0, 3), int)),
+    "faces beyond": lambda: qc.check_bijective(Z[:-1], FACES, Z[:-1]),
+    "negative faces": lambda: boundary_loop(-FACES),
+    "text": lambda: qc.solve_beltrami_disk("0.1", FACES, FEW),
+    "text among numbers": lambda: beltrami_coefficient(Z, FACES, ["a"] * len(Z)),
+    "NaN in z": lambda: qc.solve_beltrami_disk(np.where(Z == 0, np.nan, Z), FACES, FEW),
+    "too long z": lambda: qc.solve_beltrami_disk(np.append(Z, 0), FACES, FEW),
+    "too long z, pinned": lambda: qc.solve_beltrami(np.append(Z, 0), FACES, FEW, [1], [0]),
+    "planar points as rows": lambda: qc.stiffness(np.stack([Z.real, Z.imag], 1), FACES, FEW),
+    "f too short": lambda: beltrami_coefficient(Z, FACES, Z[:-1]),
+    "f as rows": lambda: qc.jacobian(Z, FACES, np.stack([Z.real, Z.imag], 1)),
+    "f in space": lambda: qc.jacobian(Z, FACES, np.zeros((len(Z), 3))),
+    "mu of text": lambda: qc.solve_beltrami_disk(Z, FACES, ["x"] * len(FACES)),
+    "points that are nowhere": lambda: locate(Z, FACES, [0.1, np.nan]),
+    "points of text": lambda: locate(Z, FACES, "0.1"),
+    "a map that is nowhere": lambda: transfer(np.zeros(len(Z)), Z, FACES, np.full(3, np.nan)),
+    "pinned text": lambda: qc.solve_beltrami(Z, FACES, FEW, [1], ["a"]),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_arrays_are_refused_by_name(case):
+    with pytest.raises(BeltramiError, match="give|split|do the mesh|mend|leave|must be"):
+        WRONG[case]()
+
+
+WRONG_FITS = {
+    "text": {"moving": "0.1"}, "text targets": {"target": ["a", "b"]}, "gamma": {"gamma": "5"}, "rings": {"rings": -5},
+    "rings of floats": {"rings": 8.5}, "labels": {"curve": ["a", "b"]}, "ragged labels": {"curve": [[1], [1, 2]]},
+    "alpha": {"alpha": None}, "beta": {"beta": 1j},
+}
+
+
+@pytest.mark.parametrize("case", WRONG_FITS)
+def test_wrong_arguments_of_a_fit_are_refused_by_name(case):
+    arguments = {"moving": [0.1, 0.2j], "target": [0.2, 0.1j]} | WRONG_FITS[case]
+    with pytest.raises(LandmarkError):
+        fit_landmarks(*SMALL, **arguments)
+
+
+def test_a_number_of_thousands_of_digits_in_a_landmarks_file_is_laid_to_the_file(tmp_path):
+    file = tmp_path / "curves.json"
+    file.write_text('{"curves": [{"name": "a", "moving": [' + "7" * 5000 + ', 2], "control": [1, 2]}]}')
+    with pytest.raises(LandmarkError, match="curves.json: not a JSON file"):
+        read_landmarks(file)
+
+
+def test_coordinates_out_of_range_are_refused():
+    surface = bowl(0.6)
+    with pytest.raises(SurfaceError, match="coordinates up to 1e.80.*millimetres"):
+        Surface(surface.vertices * (1e80 / surface.vertices.max()), surface.faces)
+
+
+# A solver that mends
+
+
+def test_the_solver_mends_a_fold_where_asked():
+    z, faces = random_disk(seed=1)
+    mu = 0.9 * np.exp(2j * np.pi * np.random.default_rng(0).uniform(size=len(faces)))
+    plain = qc.solve_beltrami_disk(z, faces, mu)
+    assert len(check_embedding(faces, plain).flipped) > 0
+    with pytest.warns(RepairWarning, match=r"\d+ rows switched to mean-value weights, 0 faces stay flipped"):
+        mended = qc.solve_beltrami_disk(z, faces, mu, repair=True)
+    assert check_bijective(z, faces, mended).bijective
+    gentle = np.full(len(faces), 0.2)
+    np.testing.assert_array_equal(qc.solve_beltrami_disk(z, faces, gentle, repair=True), qc.solve_beltrami_disk(z, faces, gentle))
