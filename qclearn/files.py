@@ -11,7 +11,16 @@ import nibabel
 import numpy as np
 
 from . import gifti, meshformats
-from .filesafe import FormatError, explain, is_plain_name, npz_arrays, out_of_memory, read_bytes, require_all, write_whole
+from .filesafe import (
+    FormatError,
+    explain,
+    is_plain_name,
+    npz_arrays,
+    out_of_memory,
+    read_bytes,
+    require_all,
+    write_whole,
+)
 from .surface import Surface, SurfaceError
 
 _FREESURFER_TRIANGLES = b"\xff\xff\xfe"
@@ -187,7 +196,7 @@ def _read_vtk(path, data):
     room = max(VTK_ROOM, VTK_RATIO * len(data))
     try:
         child = subprocess.run([sys.executable, "-P", script, path.resolve(), str(room)], capture_output=True,
-                               timeout=VTK_SECONDS)
+                               timeout=VTK_SECONDS, check=False)
     except subprocess.TimeoutExpired:
         raise FormatError(f"VTK's reader has not ended after {VTK_SECONDS} s") from None
     if child.returncode:

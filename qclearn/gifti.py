@@ -75,7 +75,12 @@ def parse(data):
     parser.buffer_text = True
     parser.StartElementHandler, parser.EndElementHandler = sizes.start, sizes.end
     parser.CharacterDataHandler = sizes.characters
-    parser.Parse(data, True)
+    try:
+        parser.Parse(data, True)
+    except LookupError as error:
+        if type(error) is not LookupError:  # a KeyError would be a bug here
+            raise
+        raise FormatError(str(error)[:60]) from None  # an encoding that is none
     return GiftiImage.from_bytes(data)
 
 

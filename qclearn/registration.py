@@ -39,7 +39,7 @@ def read_registration(path):
         arrays = npz_arrays(data, lambda name: True)
         missing = [name for name in _REQUIRED if name not in arrays]
         if missing:
-            raise SurfaceError(f"not a registration.npz of this program: it lacks {', '.join(missing)}; give the one that "
+            raise SurfaceError(f"not a registration.npz of this program (it lacks {', '.join(missing)}); give the one that "
                                "`qclearn register` wrote.")
         _check_version(arrays)
         for name, like, row, kinds in _SHAPES:

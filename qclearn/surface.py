@@ -6,7 +6,6 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spanning_tree
 
-
 LARGEST = 1e60  # of a coordinate: a squared area, its fourth power, is still a number
 
 
