@@ -15,7 +15,16 @@ import pytest
 
 from qclearn.files import read_surface
 from qclearn.filesafe import (
-    ROOM, FormatError, explain, npy_array, npz_arrays, own_prefix, printable, read_bytes, sweep, write_whole,
+    ROOM,
+    FormatError,
+    explain,
+    npy_array,
+    npz_arrays,
+    own_prefix,
+    printable,
+    read_bytes,
+    sweep,
+    write_whole,
 )  # fmt: skip
 from qclearn.surface import SurfaceError
 from qclearn.values import read_values, write_values

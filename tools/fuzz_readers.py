@@ -139,8 +139,8 @@ def crafted(sound, blocks=96):
     yield "s.stl", b"solid\n" + b"endsolid " * 25_000 + b"\nx"
     yield "s.stl", b"solid\n" + b"vertex" + b" " * 200_000 + b"endsolid"
     yield "s.stl", sound["s.stl"][:80] + (1).to_bytes(4, "little") + sound["s.stl"][84:]
-    yield "s.vtk", b"# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\nPOINTS 3 float\n0 0 0 1 0 0 0 1 0\n" \
-                   b"POLYGONS 400000000 1600000000\n3 0 1 2\n"
+    yield "s.vtk", (b"# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\nPOINTS 3 float\n0 0 0 1 0 0 0 1 0\n"
+                    b"POLYGONS 400000000 1600000000\n3 0 1 2\n")
     yield "s.vtp", sound["s.vtp"].replace(b'NumberOfPoints="49"', b'NumberOfPoints="400000000"')
     counts = sound["lh.pial"].index(b"\n\n") + 2
     yield "lh.pial", sound["lh.pial"][:counts] + b"\x7f\xff\xff\xff" * 2 + sound["lh.pial"][counts + 8:]
