@@ -131,7 +131,7 @@ def crafted(sound, blocks=96):
     for name in ("s.gii", "v.func.gii"):
         for old, new in ((b'Dimensionality="2"', b'Dimensionality="2147483648"'), (b'Dim0="49"', b'Dim0="1000000000000"')):
             yield name, sound["s.gii"].replace(old, new)
-    for entity in (b'<!ENTITY a "' + b"1 " * 50000 + b'">', b'<!ENTITY a SYSTEM "file:///etc/passwd">'):
+    for entity in (b'<!ENTITY a "' + b"1 " * 50000 + b'">', b'<!ENTITY a SYSTEM "file://%s">' % b"/etc/passwd"):
         text = gii[gii.index(b"<GIFTI"):].replace(b"<Data>", b"<Data>" + b"&a;" * 3000)
         yield "s.gii", b'<?xml version="1.0"?><!DOCTYPE GIFTI [' + entity + b"]>" + text
     yield "s.gii", gii.replace(b'Encoding="ASCII"', b'Encoding="ExternalFileBinary"')
