@@ -2,7 +2,7 @@
 
 import hashlib
 import os
-import tempfile
+import uuid
 import warnings
 from contextlib import contextmanager
 from errno import EISDIR
@@ -17,6 +17,7 @@ from tqdm import tqdm
 from qclearn.curvature import curvature_image, grey_levels, mean_curvature
 from qclearn.disk import disk_conformal_map
 from qclearn.diskmesh import polar_disk
+from qclearn.filesafe import full_disk, is_full, own_prefix, sweep
 from qclearn.landmarks import sample_curve
 
 from .fields import KINDS, MAX_ABS, dead_leaves, random_coefficient
@@ -178,17 +179,24 @@ def _written_whole(path):
         if path.is_dir():
             raise IsADirectoryError(EISDIR, "it is a folder")
         path.parent.mkdir(parents=True, exist_ok=True)
-        file = tempfile.NamedTemporaryFile(dir=path.parent, suffix=".partial", delete=False)  # noqa: SIM115 (closed below)
+        sweep(path.parent)
+        temporary = path.with_name(f"{own_prefix()}{uuid.uuid4().hex[:8]}-{path.name}")
+        file = temporary.open("xb")  # not tempfile's: others who share the folder may read the set
     except OSError as error:
         reason = error.strerror or error
         raise DatasetError(f"{path} cannot be written: {reason}. Choose a folder you may write.") from None
     try:
         with file:
             yield file
-        os.replace(file.name, path)
-    except BaseException:
-        os.unlink(file.name)
-        raise
+        os.replace(temporary, path)
+    except OSError as error:
+        if not is_full(error):
+            raise
+        written = temporary.stat().st_size
+        temporary.unlink()  # before the free space is asked for
+        raise DatasetError(f"{path}: {full_disk(path.parent, written)}") from None
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def _checksum(tensors):

@@ -7,10 +7,9 @@ import json
 import os
 import sys
 import tempfile
-import zipfile
-import zlib
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -20,11 +19,15 @@ from tqdm import tqdm
 
 import qclearn as qc
 
+from .files import frame_of
+from .filesafe import full_disk, is_full, own_prefix, printable, sweep
 from .landmarkfile import read_landmarks
 from .landmarks import curves_of_both
 from .provenance import origin
 from .register import register as run_registration
 from .register import transfer as transfer_map
+from .registration import read_registration, write_registration
+from .values import read_labels
 
 # SurfaceError, LandmarkError, BeltramiError and BijectivityError are ValueErrors; ImportError: torch may be missing
 USER_ERRORS = (ValueError, OSError, ImportError)
@@ -41,14 +44,21 @@ def main(arguments=None):
         fail("interrupted", 130)
     except click.ClickException as error:
         fail(f"{error.format_message()} (qclearn --help lists the commands)")
+    except MemoryError:
+        fail("there is not enough memory for this; close other programs, use a machine with more, or coarser surfaces")
     except USER_ERRORS as error:
         fail(str(error))
 
 
 def fail(message, code=2):
     """Print one line on stderr and leave."""
-    print("qclearn: " + " ".join(message.split()), file=sys.stderr)
+    print("qclearn: " + printable(message), file=sys.stderr)
     sys.exit(code)
+
+
+def say(line):
+    """Print one line on stdout, with names and paths in it made harmless to the terminal."""
+    click.echo(printable(line))
 
 
 @click.group(no_args_is_help=False)
@@ -63,14 +73,23 @@ def output_folder(path):
     path = Path(path)
     there = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
     try:
-        temporary = tempfile.TemporaryDirectory(dir=there, prefix=".qclearn-")
+        sweep(there)
+        temporary = tempfile.TemporaryDirectory(dir=there, prefix=own_prefix())
     except OSError as error:
+        if is_full(error):
+            raise OSError(f"{path}: {full_disk(there, 0)}") from None
         raise OSError(f"{path}: not a folder that can be written to ({error.strerror}); give another --out") from None
     with temporary as folder:
-        yield Path(folder)
-        path.mkdir(parents=True, exist_ok=True)
-        for file in Path(folder).iterdir():
-            os.replace(file, path / file.name)
+        try:
+            yield Path(folder)
+            path.mkdir(parents=True, exist_ok=True)
+            for file in Path(folder).iterdir():
+                os.replace(file, path / file.name)
+        except OSError as error:
+            if not is_full(error):
+                raise
+            written = sum(file.stat().st_size for file in Path(folder).iterdir())
+            raise OSError(f"{path}: {full_disk(there, written)}") from None
 
 
 @cli.command()
@@ -136,9 +155,8 @@ def register_into(out, moving, control, curves, inputs, accept_suspect, **option
         result = run_registration(moving, control, curves, progress=True, **options)
         figure = registration_figure(result, moving, control)
         figure.savefig(folder / "figure.png", dpi=150)
-        np.savez_compressed(folder / "registration.npz", points=result.points, disk_moving=result.disk_moving,
-                            disk_control=result.disk_control, disk_map=result.disk_map, mu=result.mu,
-                            faces_moving=result.faces_moving, faces_control=result.faces_control)
+        write_registration(folder / "registration.npz", {name: getattr(result, name) for name in (
+            "points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving", "faces_control")})
         report = result.report | origin(inputs, curves, click.get_current_context().obj)
         (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
         qc.write_surface(folder / "registered.surf.gii", result.surface)
@@ -171,44 +189,48 @@ def shared_curves(moving, control):
 
 @cli.command("open")
 @click.argument("surface")
-@click.option("--mask", help="Per-vertex file (.npy, .txt, .gii, morphometry): non-zero vertices are cut away.")
+@click.option("--mask", help="Per-vertex file (.npy, .txt, .gii, .mgh, morphometry): non-zero vertices are cut away.")
 @click.option("--label", help="FreeSurfer .label file: its vertices are cut away.")
 @click.option("--keep", is_flag=True, help="The file names what to keep (lh.cortex.label, thickness), not what to cut.")
 @click.option("--reverse", is_flag=True, help="Reverse every face first (for a surface that is inside out).")
+@click.option("--hemisphere", type=click.Choice(["left", "right"]), help="For GIFTI output, where the names do not say it.")
 @click.option("--out", required=True, help="File to write; an npz also keeps the original vertex numbers.")
-def open_command(surface, mask, label, keep, reverse, out):
+def open_command(surface, mask, label, keep, reverse, hemisphere, out):
     """Cut a closed hemisphere open at its medial wall, so that it becomes a disk."""
     if (mask is None) == (label is None):
         raise click.UsageError("open needs one of --mask FILE and --label FILE")
     closed = qc.read_surface(surface)
     closed = qc.Surface(closed.vertices, closed.faces[:, ::-1], closed.curves) if reverse else closed
     qc.require_outward(closed)
-    opened, original = qc.open_surface(closed, qc.read_mask(mask or label, closed, keep))
-    qc.write_surface(out, opened, original_vertices=original)
-    click.echo(f"{out}: {len(opened.vertices)} of {len(closed.vertices)} vertices, boundary of {len(opened.boundary)}")
+    mask = qc.read_mask(mask or label, closed, keep)
+    opened, original = qc.open_surface(closed, mask)
+    frame = frame_of(surface)
+    qc.write_surface(out, opened, original_vertices=original, frame=replace(frame, side=hemisphere or frame.side))
+    say(f"{out}: {len(opened.vertices)} of {len(closed.vertices)} vertices, boundary of {len(opened.boundary)}")
+    if filled := int(mask[original].sum()):
+        say(f"{filled} of the mask's {int(mask.sum())} vertices stay: holes away from the opening are filled")
 
 
 @cli.command()
 @click.argument("registration")
 @click.argument("values")
 @click.option("--to", type=click.Choice(["moving", "control"]), required=True, help="Where the values are carried.")
-@click.option("--nearest", is_flag=True, help="Take the nearest corner's value (labels) instead of interpolating.")
-@click.option("--out", required=True, help="File to write: .npy, .txt, .gii or a FreeSurfer morphometry name.")
-def transfer(registration, values, to, nearest, out):
+@click.option("--nearest", is_flag=True, help="Take the nearest corner's value instead of interpolating; whole numbers "
+              "(labels, an .annot) need it.")
+@click.option("--hemisphere", type=click.Choice(["left", "right"]), help="For GIFTI output whose name does not say it.")
+@click.option("--out", required=True, help="File to write: .npy, .txt, .gii, .mgh or a FreeSurfer morphometry name.")
+def transfer(registration, values, to, nearest, hemisphere, out):
     """Carry a per-vertex map (VALUES) over to the other surface of a REGISTRATION (registration.npz)."""
-    try:
-        with open(registration, "rb") as file:
-            maps = np.load(file)
-            disks = {"moving": (maps["disk_map"], maps["faces_moving"]),
-                     "control": (maps["disk_control"], maps["faces_control"])}
-    except OSError as error:
-        raise ValueError(f"{registration}: cannot be read ({error.strerror}); check the name") from None
-    except (ValueError, KeyError, IndexError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise ValueError(f"{registration}: not a registration.npz of this program ({error}); give the one that "
-                         "`qclearn register` wrote") from None
+    maps = read_registration(registration)
+    disks = {"moving": (maps["disk_map"], maps["faces_moving"]), "control": (maps["disk_control"], maps["faces_control"])}
     (z_from, faces_from), (z_to, _) = (disks["control"], disks["moving"])[:: 1 if to == "moving" else -1]
-    qc.write_values(out, transfer_map(qc.read_values(values), z_from, faces_from, z_to, nearest))
-    click.echo(f"{out}: {len(z_to)} values on the {to} surface")
+    given = qc.read_values(values)
+    if given.dtype.kind in "biu" and not nearest:
+        raise ValueError(f"{values}: holds whole numbers, which interpolation would blend into others; add --nearest to carry "
+                         "them as labels, or save them with a decimal point (as floats) to interpolate")
+    carried = transfer_map(given, z_from, faces_from, z_to, nearest)
+    qc.write_values(out, carried, side=hemisphere, labels=read_labels(values) if nearest else None)
+    say(f"{out}: {len(z_to)} values on the {to} surface")
 
 
 @cli.command()

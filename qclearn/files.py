@@ -1,21 +1,26 @@
 """Reading and writing surfaces; every fault of a file becomes a SurfaceError that names it."""
 
-import gzip
 import io
-import os
 import subprocess
 import sys
-import uuid
 import warnings
-import zlib
-from contextlib import contextmanager
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 
 import nibabel
 import numpy as np
 
-from . import meshformats
+from . import gifti, meshformats
+from .filesafe import (
+    FormatError,
+    explain,
+    is_plain_name,
+    npz_arrays,
+    out_of_memory,
+    read_bytes,
+    require_all,
+    write_whole,
+)
 from .surface import Surface, SurfaceError
 
 _FREESURFER_TRIANGLES = b"\xff\xff\xfe"
@@ -23,6 +28,22 @@ _FREESURFER_QUADS = (b"\xff\xff\xff", b"\xff\xff\xfd")
 _FREESURFER_SUFFIXES = (
     "", ".pial", ".white", ".inflated", ".sphere", ".reg", ".orig", ".nofix", ".smoothwm", ".midthickness", ".graymid",
 )  # fmt: skip
+# VTK may take so much memory beyond what it is born with (RATIO times the file where that is more), and so long.
+VTK_ROOM, VTK_RATIO, VTK_SECONDS = 256 << 20, 40, 60
+
+
+class SlitWarning(UserWarning):
+    """Merging the points of an STL file left a slit: neighbours that do not quite meet, by damage or by rounding."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What a file says of its coordinates beside their values, kept from one file to the next: the hemisphere ("left",
+    "right"), GIFTI's coordinate system, FreeSurfer's volume geometry; None where it does not say."""
+
+    side: str | None = None
+    space: object = None
+    volume: dict | None = None
 
 
 def read_surface(path):
@@ -30,7 +51,8 @@ def read_surface(path):
     .vtk, .vtp, or FreeSurfer's binary triangles, known by their content under any other name (lh.pial, rh.white).
 
     Coordinates come as stored: FreeSurfer's volume geometry and GIFTI's coordinate systems are not applied. Faces must
-    be triangles; STL points with equal coordinates are merged. Raises SurfaceError, naming the file and the remedy.
+    be triangles; STL points with equal coordinates are merged, and a SlitWarning says where that leaves a slit. Raises
+    SurfaceError, naming the file and the remedy, also where a file announces or unpacks to far more than its size.
     """
     path = Path(path)
     data = read_bytes(path)
@@ -44,47 +66,70 @@ def read_surface(path):
     with explain(path, kind):
         arrays = reader(path, data)
     try:
-        return Surface(*arrays)
+        surface = Surface(*arrays)
     except SurfaceError as error:
         raise SurfaceError(f"{path}: {error}") from None
+    except MemoryError:
+        raise out_of_memory(path) from None
+    if suffix == ".stl":
+        _warn_of_slits(path, surface)
+    return surface
 
 
-def write_surface(path, surface, original_vertices=None):
+def frame_of(path):
+    """The Frame of a surface's or a map's file that `read_surface` or `read_values` reads."""
+    path = Path(path)
+    side = gifti.side_of_name(path)
+    data = read_bytes(path)
+    with explain(path, "file with a coordinate system"):
+        if suffix_of(path) == ".gii":
+            image = gifti.parse(data)
+            points = image.get_arrays_from_intent("NIFTI_INTENT_POINTSET")
+            return Frame(gifti.side_of_image(image) or side, space=points[0].coordsys if points else None)
+        if data.startswith(_FREESURFER_TRIANGLES):
+            _check_freesurfer(data)
+            volume = nibabel.freesurfer.read_geometry(path, read_metadata=True)[2]
+            return Frame(side, volume=dict(volume) or None)
+    return Frame(side)
+
+
+def write_surface(path, surface, original_vertices=None, frame=None):
     """Write a surface in the format of the path's suffix (see read_surface; a FreeSurfer name such as lh.pial, or no
     suffix, gives FreeSurfer's binary); the file appears whole or not at all.
 
     Coordinates keep float64 exactly, but FreeSurfer, GIFTI and STL store float32, and STL has no vertex numbers. Only
-    npz keeps the curves and original_vertices, (V,) int, the second result of open_surface (by default the surface's
-    own). Raises SurfaceError where the format is unknown or the folder cannot be written.
+    npz keeps the curves and original_vertices, (V,) int, the second result of open_surface (by default the
+    surface's own). frame: `frame_of` the file
+    the coordinates come from: GIFTI gets its hemisphere (else the one that the name says) and coordinate system,
+    FreeSurfer its volume geometry. Raises SurfaceError where the format is unknown or the folder cannot be written.
     """
-    path = Path(path)
+    path, frame = Path(path), frame or Frame()
     suffix = suffix_of(path)
     if suffix == ".npz":
-        writer = partial(_write_npz, original_vertices=original_vertices)
+        def write(place):
+            _write_npz(place, surface, original_vertices)
+    elif suffix == ".gii":
+        def write(place):
+            side = frame.side or gifti.side_of_name(path)
+            place.write_bytes(gifti.zipped(path, gifti.surface_bytes(surface, side, frame.space)))
     elif suffix in _WRITERS:
-        writer = _WRITERS[suffix]
-    elif path.suffix.lower() in _FREESURFER_SUFFIXES or path.name.startswith(("lh.", "rh.")):
-        writer = _write_freesurfer
+        def write(place):
+            place.write_bytes(_WRITERS[suffix](surface))
+    elif path.suffix.lower() in _FREESURFER_SUFFIXES or path.name.startswith(("lh.", "rh.")) and not _foreign(path):
+        def write(place):
+            _write_freesurfer(place, surface, frame.volume)
     else:
         raise SurfaceError(f"{path}: {_unknown_format('nor is the name one of FreeSurfer, such as lh.pial')}")
-    write_whole(path, lambda temporary: writer(temporary, surface))
+    write_whole(path, write, size=surface.vertices.nbytes + surface.faces.nbytes)
 
 
-def write_whole(path, write):
-    """Let `write(temporary_path)` write a file that then takes its place in one step; SurfaceError if it cannot."""
-    temporary = path.with_name(f".{uuid.uuid4().hex}-{path.name}")  # the same folder, so that the last step is atomic
-    try:
-        temporary.touch(exist_ok=False)
-        try:
-            write(temporary)
-            os.replace(temporary, path)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise SurfaceError(
-            f"{path}: cannot be written ({error.strerror or error}); choose a file in a folder that exists and is "
-            f"writable."
-        ) from None
+# Names of files that are no FreeSurfer surface or map, whatever they begin with (lh.map.csv).
+FOREIGN_SUFFIXES = (".csv", ".tsv", ".json", ".xml", ".mat", ".nii", ".gz", ".zip", ".label", ".annot", ".mgh", ".mgz", ".npy",
+                    ".npz", ".txt", ".gii", ".xlsx", ".h5", ".png", ".ply", ".obj", ".off", ".stl", ".vtk", ".vtp", ".asc")
+
+
+def _foreign(path):
+    return path.suffix.lower() in FOREIGN_SUFFIXES
 
 
 def suffix_of(path):
@@ -99,46 +144,16 @@ def _unknown_format(content):
     )
 
 
-def read_bytes(path):
-    try:
-        data = path.read_bytes()
-        if path.suffix.lower() == ".gz":
-            data = gzip.decompress(data)
-    except (OSError, EOFError, zlib.error) as error:
-        reason = getattr(error, "strerror", None) or error  # damaged gzip has none
-        raise SurfaceError(f"{path}: cannot be read ({reason}); check the name and copy the file again.") from None
-    if not data:
-        raise SurfaceError(f"{path}: the file is empty; copy or export it again.")
-    return data
-
-
-@contextmanager
-def explain(path, kind):
-    """Turn whatever a parser raises on bad bytes into one SurfaceError; no warning of it reaches the reader."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            yield
-    except SurfaceError as error:
-        raise SurfaceError(f"{path}: {error}") from None
-    except meshformats.FormatError as error:
-        raise SurfaceError(f"{path}: not a readable {kind}: {error}; {_AGAIN}") from None
-    except Exception as error:  # the libraries raise all sorts, from EOFError to MemoryError
-        reason = " ".join(str(error).split())[:120] or type(error).__name__
-        raise SurfaceError(f"{path}: not a readable {kind} ({reason}); {_AGAIN}") from error
-
-
-_AGAIN = "it may be cut short or of another format: copy or export it again."
-
-
-def _read_npz(path, _):
-    with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-        missing = {"vertices", "faces"} - set(arrays.files)
-        if missing:
-            raise SurfaceError(f"lacks the array {' and '.join(sorted(missing))}; save vertices (V, 3), faces (F, 3).")
-        curves = {key.removeprefix("curve_"): arrays[key] for key in arrays.files if key.startswith("curve_")}
-        original = arrays["original_vertices"] if "original_vertices" in arrays.files else None
-        return arrays["vertices"], arrays["faces"], curves, original
+def _read_npz(_, data):
+    arrays = npz_arrays(data, lambda name: name in ("vertices", "faces", "original_vertices") or name.startswith("curve_"))
+    missing = {"vertices", "faces"} - set(arrays)
+    if missing:
+        raise SurfaceError(f"lacks the array {' and '.join(sorted(missing))}; save vertices (V, 3), faces (F, 3).")
+    curves = {key.removeprefix("curve_"): array for key, array in arrays.items() if key.startswith("curve_")}
+    bad = next((name for name in curves if not is_plain_name(name)), None)
+    if bad is not None:
+        raise SurfaceError(f"has a curve whose name is too long or holds control characters, {bad[:40]!r}; rename it.")
+    return arrays["vertices"], arrays["faces"], curves, arrays.get("original_vertices")
 
 
 def _write_npz(path, surface, original_vertices):
@@ -153,39 +168,42 @@ def _write_npz(path, surface, original_vertices):
 def _read_freesurfer(path, data):
     if data.startswith(_FREESURFER_QUADS):
         raise SurfaceError("holds quadrangles (FreeSurfer's old format); convert it with mris_convert to triangles.")
+    _check_freesurfer(data)
     return *nibabel.freesurfer.read_geometry(path), {}
 
 
-def _write_freesurfer(path, surface):
-    nibabel.freesurfer.write_geometry(path, surface.vertices, surface.faces, create_stamp="created by qclearn")
+def _check_freesurfer(data):
+    """FormatError unless as much is there as the counts after the two lines of the header say."""
+    counts = data[3:].split(b"\n", 2)[2:]
+    if not counts or len(counts[0]) < 8:
+        raise FormatError("the header is incomplete")
+    n_vertices, n_faces = (int(count) for count in np.frombuffer(counts[0], ">i4", 2))
+    records = (len(counts[0]) - 8) // 12
+    require_all("vertex", records, n_vertices)
+    require_all("face", records - n_vertices, n_faces)
+
+
+def _write_freesurfer(path, surface, volume):
+    nibabel.freesurfer.write_geometry(path, surface.vertices, surface.faces, create_stamp="created by qclearn",
+                                      volume_info=volume)
 
 
 def _read_gifti(_, data):
-    image = nibabel.GiftiImage.from_bytes(data)
-    points = image.get_arrays_from_intent("NIFTI_INTENT_POINTSET")
-    triangles = image.get_arrays_from_intent("NIFTI_INTENT_TRIANGLE")
-    if len(points) != 1 or len(triangles) != 1:
-        raise SurfaceError("is GIFTI, but not one surface; give a .surf.gii with one point set and its triangles.")
-    return points[0].data, triangles[0].data, {}
+    return *gifti.surface_arrays(gifti.parse(data)), {}
 
 
-def _write_gifti(path, surface):
-    points, triangles = surface.vertices.astype(np.float32), surface.faces.astype(np.int32)
-    arrays = [
-        nibabel.gifti.GiftiDataArray(points, intent="NIFTI_INTENT_POINTSET"),
-        nibabel.gifti.GiftiDataArray(triangles, intent="NIFTI_INTENT_TRIANGLE"),
-    ]
-    data = nibabel.GiftiImage(darrays=arrays).to_bytes()
-    path.write_bytes(gzip.compress(data, mtime=0) if path.suffix.lower() == ".gz" else data)
-
-
-def _read_vtk(path, _):
+def _read_vtk(path, data):
     # in a process of its own: on some damaged files VTK's readers end the process
     script = Path(__file__).with_name("vtkchild.py")
-    child = subprocess.run([sys.executable, "-P", script, path.resolve()], capture_output=True)
+    room = max(VTK_ROOM, VTK_RATIO * len(data))
+    try:
+        child = subprocess.run([sys.executable, "-P", script, path.resolve(), str(room)], capture_output=True,
+                               timeout=VTK_SECONDS, check=False)
+    except subprocess.TimeoutExpired:
+        raise FormatError(f"VTK's reader has not ended after {VTK_SECONDS} s") from None
     if child.returncode:
         reason = child.stdout.decode() if child.returncode == 1 else ""
-        raise meshformats.FormatError(reason or "VTK's reader breaks down on it")
+        raise FormatError(reason or "VTK's reader breaks down on it")
     arrays = io.BytesIO(child.stdout)
     return np.load(arrays), np.load(arrays), {}
 
@@ -220,8 +238,19 @@ def _read_plain(read):
     return lambda _, data: (*read(data), {})
 
 
-def _write_plain(write):
-    return lambda path, surface: path.write_bytes(write(surface))
+def _warn_of_slits(path, surface):
+    """A torn corner is a vertex of one face whose slit has four sides; at the rim, or where points differ by rounding
+    alone, the next but one on the rim is nearly the same point."""
+    count = np.bincount(surface.faces.ravel())
+    for loop in surface.boundary_loops:
+        here, beside, twin = (surface.vertices[np.roll(loop, -k)] for k in range(3))
+        near = np.linalg.norm(twin - here, axis=1) < 0.01 * np.linalg.norm(beside - here, axis=1)
+        torn = (count[loop] == 1) & (len(loop) == 4) & (len(surface.faces) > 2)
+        if (near | torn).any():
+            vertex = loop[near | torn][0]
+            warnings.warn(f"{path}: merging equal points leaves a slit at vertex {vertex} "
+                          f"({surface.vertices[vertex].tolist()}), where two points that should be one may differ; check "
+                          "the file, or close the slit (pyvista's clean with a tolerance).", SlitWarning, stacklevel=3)
 
 
 _READERS = {
@@ -235,11 +264,10 @@ _READERS = {
     ".vtp": ("VTP file", _read_vtk),
 }
 _WRITERS = {
-    ".gii": _write_gifti,
-    ".ply": _write_plain(meshformats.write_ply),
-    ".obj": _write_plain(meshformats.write_obj),
-    ".off": _write_plain(meshformats.write_off),
-    ".stl": _write_plain(meshformats.write_stl),
-    ".vtk": _write_plain(_write_vtk),
-    ".vtp": _write_plain(_write_vtp),
+    ".ply": meshformats.write_ply,
+    ".obj": meshformats.write_obj,
+    ".off": meshformats.write_off,
+    ".stl": meshformats.write_stl,
+    ".vtk": _write_vtk,
+    ".vtp": _write_vtp,
 }

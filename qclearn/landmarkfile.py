@@ -5,25 +5,34 @@ from pathlib import Path
 
 import numpy as np
 
+from .filesafe import is_plain_name, read_bytes
 from .fit import LandmarkError
 from .landmarks import check_path
 from .provenance import fingerprint
-from .surface import mirror
+from .surface import SurfaceError, mirror
 
 CURVE_KEYS = {"name", "moving", "control", "detect"}
 SIDES = {"moving": "control", "control": "moving"}  # each side and the other
 
 
 def read_landmarks(path):
-    """The contents of a landmarks file; LandmarkError if it cannot be read or is not JSON."""
+    """The contents of a landmarks file; LandmarkError, naming it, if it cannot be read, is not JSON, or has a curve
+    whose name is long or holds control characters."""
     try:
-        return json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise LandmarkError(f"{path}: cannot be read ({error.strerror}); check the name") from None
+        contents = json.loads(read_bytes(Path(path)).decode("utf-8-sig"))  # Windows puts a byte order mark before it
+    except SurfaceError as error:
+        raise LandmarkError(str(error)) from None
     except RecursionError:
         raise LandmarkError(f"{path}: lists nested too deeply; see the README for the format") from None
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:  # also of an integer of thousands of digits
         raise LandmarkError(f"{path}: not a JSON file ({error}); see the README for the format") from None
+    curves = contents.get("curves") if isinstance(contents, dict) else contents
+    for number, curve in enumerate(curves if isinstance(curves, list) else []):
+        name = curve.get("name") if isinstance(curve, dict) else None
+        if isinstance(name, str) and not is_plain_name(name):
+            raise LandmarkError(f"{path}: the name of curve {number} is longer than 200 characters or holds control "
+                                   f"characters: {name[:40]!r}; rename it")
+    return contents
 
 
 def check_curves(curves, moving, control):

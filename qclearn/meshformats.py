@@ -9,10 +9,7 @@ import re
 
 import numpy as np
 
-
-class FormatError(ValueError):
-    """What is wrong in the bytes of a file; `read_surface` adds the path and the remedy."""
-
+from .filesafe import FormatError, require_all
 
 _PLY_TYPES = {
     "char": "i1", "short": "i2", "int": "i4", "uchar": "u1", "ushort": "u2", "uint": "u4", "float": "f4",
@@ -28,6 +25,8 @@ def read_ply(data):
         raise FormatError("the PLY header is incomplete")
     body = body.partition(b"\n")[2]
     encoding, elements = _ply_header(header.decode("ascii", errors="replace"))
+    if len({name for name, _, _ in elements}) < len(elements) or any(count < 0 for _, count, _ in elements):
+        raise FormatError("the PLY header names an element twice, or a negative count")
     fields = {name: {field for field, *_ in properties} for name, _, properties in elements}
     if not fields.get("vertex", set()) >= set("xyz") or "corners" not in fields.get("face", ()):
         raise FormatError("the PLY file lacks vertices with x, y, z, or faces with a list vertex_indices")
@@ -50,21 +49,33 @@ def _ply_header(header):
     encoding, elements = None, []
     for line in header.splitlines():
         words = line.split()
-        if words[:1] == ["format"]:
+        if words[:1] == ["format"] and len(words) > 1:
             encoding = {"ascii": "ascii", "binary_little_endian": "<", "binary_big_endian": ">"}.get(words[1])
         elif words[:1] == ["element"] and len(words) == 3:
             elements.append((words[1], int(words[2]), []))
         elif words[:1] == ["property"]:
-            name, kinds = words[-1], [_PLY_TYPES[word] for word in words[1:-1] if word != "list"]
-            if words[1] != "list":
-                elements[-1][2].append((name, kinds[0]))
-            elif name in ("vertex_indices", "vertex_index"):
-                elements[-1][2].extend([("sides", kinds[0]), ("corners", kinds[1], (3,))])
-            else:
-                raise FormatError(f"the PLY file has a list '{name}', which is not read here")
+            if not elements:
+                raise FormatError("the PLY header has a property before any element")
+            elements[-1][2].extend(_ply_property(words))
     if encoding is None or not all(properties for _, _, properties in elements):
         raise FormatError("the PLY header names no known encoding, or an element without properties")
     return encoding, elements
+
+
+def _ply_property(words):
+    """The fields [(name, type[, shape])] of one line: `property TYPE NAME`, or the list of a face's corners."""
+    listed = words[1:2] == ["list"]
+    kinds, name = words[2 if listed else 1 : -1], words[-1]
+    if len(kinds) != 1 + listed or not all(kind in _PLY_TYPES for kind in kinds):
+        raise FormatError(f"the PLY header has a property that is not understood: {' '.join(words)[:60]!r}")
+    kinds = [_PLY_TYPES[kind] for kind in kinds]
+    if not listed:
+        return [(name, kinds[0])]
+    if name not in ("vertex_indices", "vertex_index"):
+        raise FormatError(f"the PLY file has a list {name[:40]!r}, which is not read here")
+    if "f" in "".join(kinds):
+        raise FormatError("the corners of the PLY file's faces are no whole numbers")
+    return [("sides", kinds[0]), ("corners", kinds[1], (3,))]
 
 
 def _ply_binary_table(name, count, properties, body, order):
@@ -80,17 +91,30 @@ def _ply_ascii_table(name, count, properties, rows):
     dtype = np.dtype([(field, kind, *shape) for field, kind, *shape in properties])
     if "sides" in dtype.names:
         column = next(k for k, (field, *_) in enumerate(properties) if field == "sides")
-        require_triangles(np.array([int(row[column]) for row in rows[:count]]))
+        require_triangles(_integers([row[column : column + 1] for row in rows[:count]]).ravel())
     require_all(name, len(rows[:count]), count)
-    values = np.array(rows[:count], dtype=np.float64)
+    values = np.array(rows[:count], dtype=np.float64).reshape(count, -1)
     table, column = np.empty(count, dtype=dtype), 0
-    for field, _, *shape in properties:
-        width = 3 if shape else 1
-        table[field] = values[:, column : column + width] if shape else values[:, column]
-        column += width
-    if values.shape[1] != column:
-        raise FormatError(f"the PLY {name} rows have {values.shape[1]} numbers where the header says {column}")
+    width = sum(3 if shape else 1 for _, _, *shape in properties)
+    if count and values.shape[1] != width:
+        raise FormatError(f"the PLY {name} rows have {values.shape[1]} numbers where the header says {width}")
+    for field, kind, *shape in properties:
+        part = values[:, column : column + 3] if shape else values[:, column]
+        if "f" not in kind and not _fits(part, kind):
+            raise FormatError(f"the PLY {name}'s {field!r} is no whole number of its type somewhere")
+        table[field] = part
+        column += 3 if shape else 1
     return table, rows[count:]
+
+
+def _fits(values, kind):
+    limits = np.iinfo(kind)
+    return bool(((values == np.floor(values)) & (values >= limits.min) & (values <= limits.max)).all())
+
+
+def _integers(rows):
+    """Rows of words as int64; ValueError where a word is no whole number, OverflowError for one beyond 64 bits."""
+    return np.array([[int(word) for word in row] for row in rows], dtype=np.int64)
 
 
 def write_ply(surface):
@@ -113,15 +137,17 @@ def read_off(data):
         raise FormatError("the first word is not OFF")
     rows[0] = rows[0][1:]  # the counts may stand on the first line
     rows = rows if rows[0] else rows[1:]
-    if not rows:
+    if not rows or len(rows[0]) < 2:
         raise FormatError("the OFF header is incomplete")
     n_vertices, n_faces = int(rows[0][0]), int(rows[0][1])
+    if min(n_vertices, n_faces) < 0:
+        raise FormatError("the OFF header has a negative count")
     vertex_rows, face_rows = rows[1 : 1 + n_vertices], rows[1 + n_vertices : 1 + n_vertices + n_faces]
     require_all("vertex", len(vertex_rows), n_vertices)
     require_all("face", len(face_rows), n_faces)
     require_triangles(np.array([int(words[0]) for words in face_rows]))
     vertices = np.array([words[:3] for words in vertex_rows], dtype=np.float64)
-    return vertices, np.array([words[1:4] for words in face_rows], dtype=np.int64)
+    return vertices, _integers(words[1:4] for words in face_rows)
 
 
 def write_off(surface):
@@ -170,13 +196,16 @@ def read_stl(data):
     count = int.from_bytes(data[80:84], "little")
     if data.lstrip().startswith(b"solid") and len(data) != 84 + count * _STL_RECORD.itemsize:
         numbers = re.findall(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)\s", data)
-        if not re.search(rb"endsolid[^\n]*\s*$", data) or len(numbers) != 3 * len(re.findall(rb"\sendfacet\s", data)):
+        last = data.rstrip().rpartition(b"\n")[2].lstrip()  # no expression: those that look for an end can take hours
+        if not last.startswith(b"endsolid") or len(numbers) != 3 * len(re.findall(rb"\sendfacet\s", data)):
             raise FormatError("the ASCII STL file is incomplete")
         points = np.array(numbers, dtype=np.float64).reshape(-1, 3)
     else:
         if len(data) < 84:
             raise FormatError("the STL header is incomplete")
-        require_all("face", (len(data) - 84) // _STL_RECORD.itemsize, count)
+        there = (len(data) - 84) // _STL_RECORD.itemsize
+        if there != count:
+            raise FormatError(f"{count} face records are announced, {there} are there")
         points = np.frombuffer(data, _STL_RECORD, count, 84)["corners"].reshape(-1, 3).astype(np.float64)
     unique, first, corner = np.unique(points, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)  # vertices in the order in which the file names them
@@ -193,11 +222,6 @@ def write_stl(surface):
     records["normal"] = normals / np.linalg.norm(normals, axis=1, keepdims=True)
     records["corners"] = corners
     return b"qclearn".ljust(80) + len(records).to_bytes(4, "little") + records.tobytes()
-
-
-def require_all(name, found, expected):
-    if found < expected:
-        raise FormatError(f"{expected} {name} records are announced, {found} are there")
 
 
 def require_triangles(sides):

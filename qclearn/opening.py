@@ -14,10 +14,12 @@ def open_surface(surface, mask):
     is kept; of the gaps in it the largest (by area; an input's own boundary counts as largest) becomes the opening and
     the others are filled with their own vertices; where the opening touches itself in a vertex, all fans but the
     largest go; inner edges that join two vertices of the rim are cut and the smaller side goes (ears and teeth that
-    hang by one edge). Vertices keep their places and order; the indices are also the disk's `original_vertices`. Raises SurfaceError for a mask of the wrong shape, one
-    that cuts all or nothing, a curve that would lose vertices, and where no disk with an inner vertex is left.
+    hang by one edge). Vertices keep their places and order; the indices are also the disk's `original_vertices`. Raises
+    SurfaceError for a mask of the wrong shape, one that cuts all or nothing or of which more than half would be filled, a
+    curve that would lose vertices, and where no disk with an inner vertex is left.
     """
     mask = _checked_mask(surface, mask)
+    n_masked = int(mask.sum())
     cut = mask[surface.faces].any(axis=1)
     kept = _opened(surface, ~cut)
     if kept[cut].all():
@@ -29,6 +31,12 @@ def open_surface(surface, mask):
     vertices, corners = np.unique(surface.faces[kept], return_inverse=True)
     new_index = np.full(len(surface.vertices), -1)
     new_index[vertices] = np.arange(len(vertices))
+    filled = int(mask[vertices].sum())
+    if filled > n_masked / 2:
+        raise SurfaceError(
+            f"only a pinhole would open: {filled} of the mask's {n_masked} vertices lie in holes away from the largest and "
+            f"would be filled; give a mask in one piece (the medial wall), or smooth this one."
+        )
     curves = {name: _renumbered(name, path, new_index) for name, path in surface.curves.items()}
     opened = Surface(surface.vertices[vertices], corners.reshape(-1, 3), curves, vertices)
     require_disk(opened)

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spanning_tree
 
-LARGEST = 1e75  # coordinate: the areas' squares stay below the largest double
+LARGEST = 1e60  # of a coordinate: a squared area, its fourth power, is still a number
 
 
 class SurfaceError(ValueError):
@@ -163,21 +163,25 @@ def _vertex_array(vertices):
     if np.iscomplexobj(vertices):
         raise SurfaceError("vertices are complex; give a planar mesh as numpy.stack([z.real, z.imag, 0 * z.real], 1).")
     try:
+        given = np.asarray(vertices).dtype
         vertices = np.array(vertices, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
         raise SurfaceError(f"vertices must be a (V, 3) array of real numbers, but {error}.") from None
+    if given.kind not in "fiu":
+        raise SurfaceError(f"vertices must be a (V, 3) array of real numbers, but they are of the type {given}.")
     if vertices.ndim != 2 or vertices.shape[1] != 3:
         raise SurfaceError(f"vertices must have the shape (V, 3), not {vertices.shape}; pad planar points with z = 0.")
-    if vertices.size and LARGEST < np.abs(vertices).max() < np.inf:
-        raise SurfaceError(
-            f"coordinates up to {np.abs(vertices).max():.3g}, where areas leave the range of numbers; "
-            f"give them in a unit in which they stay below {LARGEST:.0e}, millimetres say."
-        )
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if bad.size:
         raise SurfaceError(
             f"{_count(bad, 'vertex', 'vertices')} with NaN or infinite coordinates: {_some(bad)}. "
             f"Remove them with their faces, or export the surface again."
+        )
+    far = np.flatnonzero((np.abs(vertices) > LARGEST).any(axis=1))
+    if far.size:
+        raise SurfaceError(
+            f"{_count(far, 'vertex', 'vertices')} with coordinates beyond {LARGEST:g}: {_some(far)}. Areas and volumes "
+            f"would overflow; give the surface in millimetres, or export it again if it is damaged."
         )
     return vertices
 

@@ -1,9 +1,11 @@
 """Run as a script by `files.py`: reads the VTK or VTP file that is named, writes points and faces to stdout.
 
-A process of its own, because VTK's readers end the process on some damaged files. Exit code 0: two .npy arrays, points
-and polygons' corners, or 1: the reason as text.
+A process of its own, because VTK's readers end the process on some damaged files, and allocate whatever they announce.
+Arguments: the file, and how many bytes of memory it may take beyond what the process has by then. Exit code 0: two .npy
+arrays, points and polygons' corners, or 1: the reason as text.
 """
 
+import contextlib
 import io
 import sys
 
@@ -23,7 +25,7 @@ def read(path):
     reader.Update()
     mesh = reader.GetOutput()
     if complaints.GetOutput():
-        raise ValueError("VTK finds it damaged, or it holds no polygonal data")
+        raise ValueError("VTK finds it damaged, or it holds no polygonal data (an unstructured grid: extract its surface)")
     if not mesh.GetNumberOfPolys() or mesh.GetNumberOfStrips():
         raise ValueError("it holds no faces, or triangle strips (split them: pyvista's triangulate)")
     sides = np.diff(vtk_to_numpy(mesh.GetPolys().GetOffsetsArray()))
@@ -34,12 +36,23 @@ def read(path):
     return vtk_to_numpy(mesh.GetPoints().GetData()), faces
 
 
+def limit_memory(room):
+    """No more than `room` further bytes of addresses, where the system knows such limits (not on Windows or macOS)."""
+    with contextlib.suppress(ImportError, OSError, ValueError):
+        import resource
+
+        with open("/proc/self/statm", encoding="ascii") as file:
+            now = int(file.read().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (now + room, resource.getrlimit(resource.RLIMIT_AS)[1]))
+
+
 if __name__ == "__main__":
+    limit_memory(int(sys.argv[2]))
     try:
         arrays = io.BytesIO()
         for array in read(sys.argv[1]):
             np.save(arrays, array)
-    except ValueError as error:
-        sys.stdout.write(str(error))
+    except (ValueError, MemoryError) as error:
+        sys.stdout.write(str(error) or "it announces more than it holds")
         sys.exit(1)
     sys.stdout.buffer.write(arrays.getvalue())

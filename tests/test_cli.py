@@ -11,7 +11,7 @@ import pytest
 from surfaces import sphere
 
 from qclearn import read_values
-from qclearn.cli import main
+from qclearn.cli import main, read_landmarks
 from qclearn.disk import solve_beltrami_disk
 from qclearn.diskmesh import polar_disk
 from qclearn.files import read_surface, write_surface
@@ -261,6 +261,9 @@ def bad_landmarks(**changes):
     (b"\xff\xfe\x00", "landmarks.json: not a JSON file"),
     ({"Curves": []}, "one key 'curves'"),
     ({"curves": []}, "no curves"),
+    ('{"curves": [{"name": "a", "moving": [1, ' + "9" * 5000 + '], "control": [1, 2]}]}', "landmarks.json: not a JSON file"),
+    (bad_landmarks(name="A" * 10**6), "landmarks.json: the name of curve 0 is longer than 200 characters.{1,100}rename"),
+    (bad_landmarks(name="\x1b]0;x\x07"), r"landmarks.json: the name of curve 0 .*control characters: '\\x1b]0;x\\x07'"),
     (bad_landmarks(colour="red"), "curve 0 has .*'colour'"),
     (bad_landmarks(moving=[5]), "curve 'east', moving side: .*at least two vertex indices"),
     (bad_landmarks(control=[0, 10_000]), r"'east', control side: .*out of range 0..192: \[10000\]"),
@@ -414,3 +417,88 @@ def test_open_refuses_inward_surfaces_and_foreign_masks(folder, capsys):
         assert re.search(message, line)
     run("open", folder / "inside-out.ply", "--reverse", "--mask", folder / "mask.npy", "--out", folder / "open.npz")
     require_outward(read_surface(folder / "open.npz"))
+
+
+def test_open_says_what_of_the_mask_stays_and_keeps_the_hemisphere(folder, capsys):
+    ball = sphere()
+    write_surface(folder / "rh.ball.surf.gii", ball)
+    mask = ball.vertices[:, 2] < -0.5
+    mask[ball.vertices[:, 2].argmax()] = True
+    np.save(folder / "mask.npy", mask)
+    run("open", folder / "rh.ball.surf.gii", "--mask", folder / "mask.npy", "--out", folder / "open.surf.gii")
+    assert f"1 of the mask's {mask.sum()} vertices stay: holes away from the opening are filled" in capsys.readouterr().out
+    for option, structure in (([], "CortexRight"), (["--hemisphere", "left"], "CortexLeft")):
+        run("open", folder / "rh.ball.surf.gii", "--mask", folder / "mask.npy", "--out", folder / "open.surf.gii", *option)
+        assert nibabel.load(folder / "open.surf.gii").meta["AnatomicalStructurePrimary"] == structure
+
+
+def test_landmarks_with_a_byte_order_mark_are_read(folder):
+    (folder / "landmarks.json").write_bytes(b"\xef\xbb\xbf" + json.dumps(CURVES).encode())
+    assert read_landmarks(folder / "landmarks.json") == CURVES
+
+
+def test_transfer_of_whole_numbers_wants_nearest_and_names_stay(registered, capsys):
+    folder, _ = registered
+    line = refused(capsys, folder, "transfer", folder / "registration.npz", folder / "labels.npy", "--to", "moving", "--out",
+                   folder / "there.npy")
+    assert re.search("labels.npy: holds whole numbers.*--nearest.*floats", line)
+    table = np.array([[k * 40, 20, 30, 0, 0] for k in range(5)])
+    nibabel.freesurfer.write_annot(folder / "lh.a.annot", np.arange(193) % 5, table, list("abcde"), fill_ctab=True)
+    run("transfer", folder / "registration.npz", folder / "lh.a.annot", "--to", "moving", "--nearest", "--out",
+        folder / "R.there.label.gii")
+    image = nibabel.load(folder / "R.there.label.gii")
+    assert list(image.labeltable.get_labels_as_dict().values())[-5:] == list("abcde")
+    assert image.meta["AnatomicalStructurePrimary"] == "CortexRight"
+
+
+@pytest.mark.parametrize("name", ["o.csv", "o.annot", "o.dscalar.nii", "o.npz"])
+def test_transfer_refuses_what_it_cannot_write(registered, capsys, name):
+    folder, _ = registered
+    line = refused(capsys, folder, "transfer", folder / "registration.npz", folder / "map.txt", "--to", "moving", "--out",
+                   folder / name)
+    assert name in line
+
+
+def test_what_register_writes_is_checked_when_it_is_read(folder, capsys):
+    run("register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out", "--gamma", 1e3)
+    with np.load(folder / "out" / "registration.npz") as file:
+        arrays = dict(file)
+    assert {"checksum", "format_version"} <= set(arrays)
+    np.savez(folder / "changed.npz", **arrays | {"disk_map": np.roll(arrays["disk_map"], 1)})
+    np.savetxt(folder / "map.txt", bowl(0.9).vertices[:, 2])
+    line = refused(capsys, folder, "transfer", folder / "changed.npz", folder / "map.txt", "--to", "moving", "--out",
+                   folder / "there.npy")
+    assert re.search("changed.npz: not a sound registration.npz: disk_map is folded", line)
+
+
+def test_no_control_character_reaches_the_terminal(folder, capsys):
+    line = refused(capsys, folder, "register", folder / "\x1b[31mred.npz", folder / "control.npz", "--out", folder / "out")
+    assert "\x1b" not in line and r"\x1b[31mred.npz" in line
+
+
+def test_a_lack_of_memory_is_one_line(folder, capsys, monkeypatch):
+    def greedy(*_, **__):
+        raise MemoryError
+
+    monkeypatch.setattr("qclearn.cli.run_registration", greedy)
+    line = refused(capsys, folder, "register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out")
+    assert "not enough memory" in line
+
+
+def test_a_full_disk_is_one_line_with_the_folder(folder, capsys, monkeypatch):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("qclearn.cli.run_registration", full)
+    line = refused(capsys, folder, "register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out")
+    assert re.search("out: the disk is full .*MB are free; make room", line)
+
+
+def test_a_bug_is_not_called_bad_input(folder, monkeypatch):
+    """A KeyError of our own, in a reader, is a traceback for us and no advice to the user."""
+    def buggy(data):
+        return {}["vertices"]
+
+    monkeypatch.setattr("qclearn.files.npz_arrays", lambda data, wanted: buggy(data))
+    with pytest.raises(KeyError):
+        run("register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out")

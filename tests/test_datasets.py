@@ -238,6 +238,12 @@ def keep(dataset, path, **options):
     return cached(dataset, path, progress=False, **options)
 
 
+def test_a_kept_set_can_be_read_by_all_who_may_read_files(tmp_path):
+    (tmp_path / "plain").touch()
+    keep(counted(), tmp_path / "training.set")
+    assert (tmp_path / "training.set").stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
 def test_a_kept_set_is_drawn_once_and_read_back_equal(tmp_path):
     path = tmp_path / "new folder" / "training.set"
     dataset = counted()

@@ -1,6 +1,7 @@
 import gzip
 import hashlib
 import os
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +12,7 @@ import pytest
 import pyvista
 from surfaces import grid
 
-from qclearn.files import read_surface, write_surface
+from qclearn.files import SlitWarning, read_surface, write_surface
 from qclearn.provenance import fingerprint
 from qclearn.surface import Surface, SurfaceError
 from qclearn.values import read_mask
@@ -193,6 +194,73 @@ def test_stl_merges_equal_points_and_both_zeros(tmp_path):
     refused(store(tmp_path / "a.stl", *lines[:-1]), "incomplete", "copy or export it again")
 
 
+@pytest.mark.parametrize("count", [1, 3, 5])
+def test_a_binary_stl_with_another_count_is_refused(tmp_path, tent, count):
+    write_surface(tmp_path / "a.stl", tent)
+    data = (tmp_path / "a.stl").read_bytes()
+    (tmp_path / "a.stl").write_bytes(data[:80] + bytes([count, 0, 0, 0]) + data[84:])
+    refused(tmp_path / "a.stl", f"{count} face records are announced, 4 are there")
+
+
+@pytest.mark.parametrize("face, corner", [(40, 0), (0, 1)])  # inside and at the rim
+@pytest.mark.parametrize("bit", [0x01, 0x80])
+def test_merging_stl_points_that_leaves_a_slit_warns(tmp_path, face, corner, bit):
+    vertices, faces = grid(6, 6)
+    write_surface(tmp_path / "a.stl", Surface(vertices + [0.3, 0.7, 1], faces))
+    read_surface(tmp_path / "a.stl")  # without a warning
+    data = bytearray((tmp_path / "a.stl").read_bytes())
+    data[84 + 50 * face + 12 + 12 * corner + 1] ^= bit  # in the mantissa of x
+    (tmp_path / "a.stl").write_bytes(data)
+    with pytest.warns(SlitWarning, match="a.stl: merging equal points leaves a slit at vertex"):
+        assert len(read_surface(tmp_path / "a.stl").vertices) == 50
+
+
+@pytest.mark.parametrize("old, new, message", [
+    (b"element face 4", b"element face -128", "negative count"), (b"element vertex 5", b"property int q", "before any element"),
+    (b"double x", b"quad x", "not understood"), (b"uchar int vertex", b"uchar float vertex", "no whole numbers"),
+    (b"element face 4", b"element vertex 5", "twice"),
+])  # fmt: skip
+def test_ply_headers_that_make_no_sense_are_refused(tmp_path, tent, old, new, message):
+    write_surface(tmp_path / "a.ply", tent)
+    data = (tmp_path / "a.ply").read_bytes()
+    assert old in data
+    (tmp_path / "a.ply").write_bytes(data.replace(old, new))
+    refused(tmp_path / "a.ply", message)
+
+
+def test_ply_corners_with_a_fraction_or_beyond_their_type_are_refused(tmp_path):
+    for corners in ("3 2 0 1.5", "3 2 0 -1", "3 2 0 99999999999"):
+        rows = ("1 255 2 3", "4 255 5 7", "7 255 8 9", f"6 {corners}")
+        path = store(tmp_path / "a.ply", *PLY_HEADER, "property list uchar uint vertex_indices", "end_header", *rows)
+        refused(path, "no whole number of its type")
+
+
+def test_npz_curves_with_names_that_cannot_be_shown_are_refused(tmp_path, tent):
+    for name in ("\x1b]0;x", "A" * 300):
+        np.savez(tmp_path / "a.npz", vertices=tent.vertices, faces=tent.faces, **{f"curve_{name}": [1, 2]})
+        refused(tmp_path / "a.npz", "too long or holds control characters", "rename")
+
+
+def test_freesurfer_counts_are_checked_before_they_are_believed(tmp_path, tent):
+    write_surface(tmp_path / "lh.pial", tent)
+    data = (tmp_path / "lh.pial").read_bytes()
+    place = data.index(b"\n\n") + 2
+    for counts in (b"\x7f\xff\xff\xff\0\0\0\4", b"\0\0\0\5\x7f\xff\xff\xff", b"\xff\xff\xff\xff\0\0\0\4"):
+        (tmp_path / "lh.pial").write_bytes(data[:place] + counts + data[place + 8:])
+        refused(tmp_path / "lh.pial", "records are announced")
+
+
+def test_vtks_reader_has_limits_of_memory_and_time(tmp_path, tent, monkeypatch):
+    write_surface(tmp_path / "a.vtk", tent)
+    lines = ("# vtk DataFile Version 3.0", "x", "ASCII", "DATASET POLYDATA", "POINTS 3 float", "0 0 0 1 0 0 0 1 0",
+             "POLYGONS 400000000 1600000000", "3 0 1 2")
+    refused(store(tmp_path / "b.vtk", *lines), "VTK")
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+    assert peak < 900  # MB, of all children so far; without the limit 1600
+    monkeypatch.setattr("qclearn.files.VTK_SECONDS", 0.01)
+    refused(tmp_path / "a.vtk", "has not ended after 0.01 s")
+
+
 QUAD = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
 
 
@@ -365,7 +433,9 @@ def test_labels_of_another_surface_or_cut_short_are_refused(tmp_path, tent):
     path = tmp_path / "a.label"
     refused(label(path, [1, 7]), "do not exist", "7", "5 vertices", read=read_mask, surface=tent)
     refused(label(path, [1], announced=2), "2 vertex records", "1 are there", read=read_mask, surface=tent)
+    refused(label(path, [1, 2], announced=1), "1 vertex records", "2 are there", read=read_mask, surface=tent)
     refused(store(path, "#!ascii label"), "not a readable FreeSurfer label", read=read_mask, surface=tent)
+    refused(store(path, "#!ascii label", "1", "1.7 0 0 0 0"), "not a readable FreeSurfer label", read=read_mask, surface=tent)
 
 
 @pytest.mark.parametrize("name", [*VALUES, "a.label"])

@@ -65,6 +65,14 @@ def test_the_largest_gap_is_the_opening_and_the_others_are_filled():
     np.testing.assert_array_equal(index, np.flatnonzero(~large))
 
 
+def test_a_mask_of_pinholes_is_refused():
+    """Of scattered holes one would open and the others be filled: that is no medial wall."""
+    mask = np.zeros(len(sphere().vertices), dtype=bool)
+    mask[[3, 200, 400, 600]] = True
+    with pytest.raises(SurfaceError, match="only a pinhole would open: 3 of the mask's 4 vertices.*one piece.*smooth"):
+        open_surface(sphere(), mask)
+
+
 def test_the_largest_piece_is_kept():
     surface = sphere()
     belt = np.abs(height(surface) - 0.5) < 0.1

@@ -256,3 +256,17 @@ def test_checks_are_fast():
     start = time.process_time()
     Surface(vertices, faces)
     assert time.process_time() - start < 3  # a quarter of a second on a quiet machine; loops would take ten
+
+
+@pytest.mark.parametrize("vertices, message", [
+    (np.eye(3) * 1e61, "3 vertices with coordinates beyond 1e\\+60: 0, 1, 2.*millimetres"),
+    (np.eye(3).astype(str), "real numbers.*<U"), (np.eye(3).astype("M8[s]"), "real numbers.*datetime64"),
+])  # fmt: skip
+def test_coordinates_that_overflow_or_are_no_numbers_are_refused(vertices, message):
+    with pytest.raises(SurfaceError, match=message):
+        Surface(vertices, [[0, 1, 2]])
+
+
+def test_the_largest_coordinates_do_not_overflow():
+    surface = Surface(np.eye(3) * 9e59, [[0, 1, 2]])
+    assert np.isfinite([surface.area, surface.volume]).all()

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import pytest
 import torch
+from safetensors import safe_open
 from torch import nn
 from torch.utils.data import TensorDataset
 
@@ -89,6 +90,32 @@ def test_a_killed_run_goes_on_to_the_same_numbers(tmp_path):
     assert {k: v for k, v in found.items() if k != "seconds"} == {k: v for k, v in expected.items() if k != "seconds"}
     with (tmp_path / "killed" / "log.csv").open(newline="") as file:
         assert [int(row["step"]) for row in csv.DictReader(file)] == [20, 40, 60]
+
+
+def test_a_run_is_kept_between_two_rows_of_its_log(tmp_path, monkeypatch):
+    """By time: with a checkpoint after every step, a run killed at step 50 goes on from there to the same rows."""
+    monkeypatch.setattr(sys.modules["qclearn.nets.train"], "CHECKPOINT_SECONDS", 0)
+    _, expected = run(tmp_path / "whole", Line(noise=0.5))
+    with pytest.raises(Killed):
+        run(tmp_path / "killed", Fragile(noise=0.5))
+    with safe_open(tmp_path / "killed" / "checkpoint.safetensors", framework="pt") as file:
+        assert file.metadata()["step"] == "49"
+    _, found = run(tmp_path / "killed", Line(noise=0.5))
+    assert {k: v for k, v in found.items() if k != "seconds"} == {k: v for k, v in expected.items() if k != "seconds"}
+
+
+def test_a_full_disk_leaves_no_damaged_configuration(tmp_path, monkeypatch):
+    def full(path, text, **_):
+        with path.open("w") as file:
+            file.write(text[:10])
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("pathlib.Path.write_text", full)
+        with pytest.raises(TrainingError, match="config.json: the disk is full"):
+            run(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+    run(tmp_path)
 
 
 def test_a_finished_run_is_not_trained_again(tmp_path):

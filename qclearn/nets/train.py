@@ -10,7 +10,7 @@ import os
 import time
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
-from math import cos, pi
+from math import cos, inf, pi
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,9 @@ from torch.nn.parallel import DistributedDataParallel
 from tqdm import tqdm
 
 from ..files import write_whole
+from ..surface import SurfaceError
+
+CHECKPOINT_SECONDS = 10  # of training between two checkpoints at most; one takes a tenth of a second
 
 
 class TrainingError(ValueError):
@@ -33,7 +36,8 @@ class TrainConfig:
     """How a network is trained: AdamW, the rate warmed up over `warmup` steps and then lowered to 0 along a cosine.
 
     batch: items a step, over all processes; bfloat16: convolutions and matrix products in that precision; clip: largest
-    norm of the gradient; validate_every: steps between two rows of the log, each with a checkpoint.
+    norm of the gradient; validate_every: steps between two rows of the log, each with a checkpoint (and one every
+    CHECKPOINT_SECONDS, so that little of a slow or short run is lost).
     """
 
     steps: int
@@ -75,12 +79,13 @@ def train(model, training, validation, config, folder, progress=True):
         if config.bfloat16:
             model.to(memory_format=torch.channels_last)  # what the convolutions of that precision are fast in
         optimiser = torch.optim.AdamW(model.parameters(), config.rate, weight_decay=config.weight_decay)
-        step, seconds = read_checkpoint(folder, model, optimiser, device)
-        log = Log(folder, step, seconds)
+        step, seconds, sums = read_checkpoint(folder, model, optimiser, device)
+        log = Log(folder, step, seconds, sums)
         objective = Objective(model)
         objective = DistributedDataParallel(objective) if world > 1 else objective
         quiet = not progress or rank > 0
         bar = tqdm(total=config.steps, initial=step, disable=quiet or None, desc="training")  # None: unless on a terminal
+        kept = time.perf_counter()
         while step < config.steps:
             loss, figures = take_step(objective, optimiser, training, config, step, rank, world, device)
             step += 1
@@ -89,8 +94,10 @@ def train(model, training, validation, config, folder, progress=True):
             if step % config.validate_every == 0 or step == config.steps:
                 row = log.row(step, validate(model, validation, config, device), write=rank == 0)
                 bar.set_postfix(loss=f"{row['loss']:.4g}", validation=f"{row['validation_loss']:.4g}")
-                if rank == 0:
-                    write_checkpoint(folder, model, optimiser, step, row["seconds"])
+                kept = -inf
+            if rank == 0 and time.perf_counter() - kept > CHECKPOINT_SECONDS:
+                write_checkpoint(folder, model, optimiser, step, log)
+                kept = time.perf_counter()
         bar.close()
     model.eval()
     return log.last()
@@ -152,8 +159,8 @@ def validate(model, validation, config, device):
 class Log:
     """`log.csv`: means over the steps since the last row, the validation's figures, and seconds of training so far."""
 
-    def __init__(self, folder, step, seconds):
-        self.path, self.start, self.sums = folder / "log.csv", time.perf_counter() - seconds, []
+    def __init__(self, folder, step, seconds, sums):
+        self.path, self.start, self.sums = folder / "log.csv", time.perf_counter() - seconds, sums
         with self.path.open(newline="") if self.path.exists() else open(os.devnull) as file:
             self.rows = [row for row in csv.DictReader(file) if int(row["step"]) <= step]
 
@@ -162,12 +169,15 @@ class Log:
 
     def row(self, step, validation, write):
         means = {name: float(np.mean([row[name] for row in self.sums])) for name in self.sums[0]}
-        row = {"step": step, **means, **validation, "seconds": round(time.perf_counter() - self.start, 1)}
+        row = {"step": step, **means, **validation, "seconds": self.seconds()}
         self.rows.append(row)
         self.sums = []
         if write:
             write_whole(self.path, self._write)
         return row
+
+    def seconds(self):
+        return round(time.perf_counter() - self.start, 1)
 
     def _write(self, place):
         with place.open("w", newline="") as file:
@@ -223,28 +233,30 @@ def claim(folder, model, config):
                 raise TrainingError(f"{folder} holds a run with another configuration ({', '.join(changed)}); choose "
                                     "another folder, or remove it")
         else:
-            path.write_text(json.dumps(wanted, indent=2) + "\n")
+            write_whole(path, lambda place: place.write_text(json.dumps(wanted, indent=2) + "\n"))
+    except SurfaceError as error:
+        raise TrainingError(str(error)) from None
     except OSError as error:
         raise TrainingError(f"{folder}: cannot be used ({error.strerror or error}); choose another folder") from None
     except json.JSONDecodeError:
         raise TrainingError(f"{path} is damaged; remove {folder} and train again") from None
 
 
-def write_checkpoint(folder, model, optimiser, step, seconds):
-    """Parameters, the optimiser's state and the step, as one file, whole or not at all."""
+def write_checkpoint(folder, model, optimiser, step, log):
+    """Parameters, the optimiser's state, the step and the log's sums since its last row: one file, whole or not at all."""
     tensors = {f"model.{name}": tensor for name, tensor in model.state_dict().items()}
     for number, state in optimiser.state_dict()["state"].items():
         tensors |= {f"optimiser.{number}.{key}": value for key, value in state.items()}
     tensors = {name: tensor.detach().cpu().contiguous().clone() for name, tensor in tensors.items()}
-    header = {"step": str(step), "seconds": str(seconds)}
+    header = {"step": str(step), "seconds": str(log.seconds()), "sums": json.dumps(log.sums)}
     write_whole(folder / "checkpoint.safetensors", lambda place: save_file(tensors, place, header))
 
 
 def read_checkpoint(folder, model, optimiser, device):
-    """(step, seconds) of the checkpoint after loading it, (0, 0) where there is none."""
+    """(step, seconds, the log's sums) of the checkpoint after loading it, (0, 0, []) where there is none."""
     path = folder / "checkpoint.safetensors"
     if not path.exists():
-        return 0, 0.0
+        return 0, 0.0, []
     try:
         with safe_open(path, framework="pt") as file:
             header, tensors = file.metadata(), {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
@@ -258,4 +270,4 @@ def read_checkpoint(folder, model, optimiser, device):
             _, number, key = name.split(".")
             state.setdefault(int(number), {})[key] = value if key == "step" else value.to(device)
     optimiser.load_state_dict({**optimiser.state_dict(), "state": state})
-    return int(header["step"]), float(header["seconds"])
+    return int(header["step"]), float(header["seconds"]), json.loads(header.get("sums", "[]"))
