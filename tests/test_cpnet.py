@@ -14,12 +14,14 @@ from qclearn.guard import exact_map
 from qclearn.metrics import measured_losses
 from qclearn.mobius import best_mobius, mobius, mobius_slope
 from qclearn.nets import load
-from qclearn.nets.born import Born, PolarGrid, PolarMesh, bounded, fit_mobius, mobius_columns
+from qclearn.nets.born import Born
 from qclearn.nets.cpnet import BestCPNet, CPNetConfig
 from qclearn.nets.cpnet_paper import PaperCPNet
 from qclearn.nets.dbsnet import DBSNetConfig, PaperDBSNet
+from qclearn.nets.polar import PolarSolver
+from qclearn.nets.polargrid import PolarGrid, PolarMesh
+from qclearn.nets.torchplane import bounded, fit_mobius, mobius_columns
 from qclearn.nets.train import TrainConfig, train
-from qclearn.polar import PolarSolver
 from qclearn.surface import SurfaceError
 
 pytestmark = pytest.mark.usefixtures("one_thread")

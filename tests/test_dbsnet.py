@@ -23,6 +23,7 @@ from qclearn.nets.dbsnet import (
 from qclearn.nets.dbsnet_paper import FourierLayer, poisson_matrix
 from qclearn.nets.exact import exact_solve
 from qclearn.nets.layers import PolarPad
+from qclearn.nets.polar import two_steps
 from qclearn.nets.train import TrainConfig, take_step
 from qclearn.surface import SurfaceError
 

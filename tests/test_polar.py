@@ -8,7 +8,7 @@ from meshes import random_mu
 
 from qclearn.beltrami import BeltramiError
 from qclearn.disk import BeltramiDiskSolver
-from qclearn.polar import PolarSolver
+from qclearn.nets.polar import PolarSolver
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

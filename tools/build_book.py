@@ -11,9 +11,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-import nbformat
-
 import expressions  # beside this file
+import nbformat
 
 ROOT = Path(__file__).resolve().parent.parent
 # Not below _build: nbmake passes over everything there.

@@ -10,10 +10,12 @@ import torch
 from torch import nn
 
 from ..fit import LandmarkError, check_landmarks, check_weights
-from ..polar import PolarSolver
-from .born import Born, PolarGrid, PolarMesh, bounded, fit_mobius, mobius, mobius_columns
+from .born import Born
 from .cpnet_paper import PaperCPNet
 from .layers import ConditionedUNet, linked
+from .polar import PolarSolver
+from .polargrid import PolarGrid, PolarMesh
+from .torchplane import bounded, fit_mobius, mobius, mobius_columns
 from .train import TrainConfig
 
 INSIDE, LOSS = (1e-3, 8), (1e-3, 20)  # tolerance and most steps of the solver inside the network, and in the loss

@@ -7,12 +7,13 @@ from torch.nn import functional
 
 from ..fit import LandmarkError, check_landmarks, check_weights
 from ..mobius import mobius, mobius_slope
-from .born import bounded, fit_mobius
-from .born import mobius as mobius_of
 from .layers import linked
 from .losses import L_CP
+from .torchplane import bounded, fit_mobius, square_places
+from .torchplane import mobius as mobius_of
 
 NEAR = 1e-4  # in the unit disk: targets closer than this to the control's are the control's
+SCALE = 10.0  # of the landmarks' displacements, a few hundredths of the disk
 
 
 class PaperCPNet(nn.Module):
@@ -122,13 +123,3 @@ class PaperCPNet(nn.Module):
             raise LandmarkError(f"the {len(target)} targets are not the {len(control)} landmarks of the control that this "
                                 "network was trained for; the preset best takes any: load(\"cpnet\")")
         return moving[nearest]
-
-
-SCALE = 10.0  # of the landmarks' displacements, a few hundredths of the disk
-
-
-def square_places(points):
-    """Places (..., 2) in [-1, 1] on the square, column and row upwards, of complex points of the disk."""
-    size = points.abs().clamp(min=1e-12)
-    square = points * size / torch.maximum(points.real.abs(), points.imag.abs()).clamp(min=1e-12)
-    return torch.view_as_real(square)

@@ -5,14 +5,13 @@ kept exactly. Preset `paper` (`dbsnet_paper`) is the network as printed.
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import torch
 from torch.nn import functional
 
-from ..polar import IDENTITY, PolarSolver, Preconditioner, Solve, Stencil
 from .dbsnet_paper import PaperDBSNet
 from .layers import DiskNetwork, PolarFunction, PolarUNet
+from .polar import PolarSolver, harmonic_extension, two_steps
 from .train import TrainConfig
 
 TOLERANCE = 1e-5  # of the exact maps that the network learns from
@@ -131,44 +130,6 @@ class BestDBSNet(DiskNetwork):
 
     def full_z(self):
         return torch.cat([torch.zeros_like(self.z[:, :1]), self.z], 1)
-
-
-def two_steps(solver, mu):
-    """What two preconditioned steps from mu = 0 say about the maps on the polar mesh, and the residual they leave.
-
-    Returns maps (f1, f2, f3), potentials (U1, U2) of log|f|, (B, nr - 1, nt), and boundary angles (d1, d2), (B, nt).
-    Orders 1 and 2 in mu: U by conjugate gradients, whose very first step only scales the potential of mu = 0; f from
-    the harmonic map with the boundary of U2. Beyond, f3 - f2 and d2 are the preconditioned residuals of f2 and of U2,
-    as a change of the map and of the boundary angles; d1 is the change from U1 to U2.
-    """
-    spoke, _, diagonal = weights = solver._weights(mu)
-    tables, stencil = solver.tables(spoke), Stencil(*weights)
-    pole, rim = (spoke.new_zeros(len(mu), copies, solver.nr - 1, solver.nt) for copies in (1, 2))
-    pole = torch.cat([torch.full_like(pole[:, :, :1], -2 * torch.pi / solver.nt), pole], 2)
-    potentials = [Solve.apply(*weights, pole, None, IDENTITY, tables, 0.0, 2)[0]]
-    potentials.append(Solve.apply(*weights, pole, potentials[0], IDENTITY, tables, 0.0, 1)[0])
-    precondition = Preconditioner(pole, tables)
-    beyond = potentials[1] + precondition(pole - stencil.apply(potentials[1]))
-    circle = [solver._boundary(U[:, 0, -1], spoke[:, -1], diagonal[:, -1]) for U in (*potentials, beyond)]
-    angles = [torch.atan2(a[:, 0, 0] * b[:, 1, 0] - a[:, 1, 0] * b[:, 0, 0], (a * b).sum(1)[:, 0])
-              for a, b in pairwise(circle)]
-    boundary = circle[1]
-    pull = spoke[:, None, -1:] * boundary + diagonal[:, None, -1:] * boundary.roll(-1, -1)
-    pull, harmonic = (torch.cat([rim, load], 2) for load in (pull, tables["rim"] * boundary))
-    precondition = Preconditioner(harmonic, tables)
-    f, maps = precondition(harmonic), []
-    for _ in range(2):
-        f, _ = Solve.apply(*weights, pull, f, IDENTITY, tables, 0.0, 1)
-        maps.append(solver.finish(f, boundary))
-    maps.append(solver.finish(f + precondition(pull - stencil.apply(f)), boundary))
-    return maps, [U[:, 0, 1:] for U in potentials], angles
-
-
-def harmonic_extension(solver, values):
-    """Harmonic functions (B, C, nr, nt) on the rings outside the centre with values (B, C, nt) on the circle."""
-    tables, values = solver.tables(values), values[:, :, None]
-    load = torch.cat([values.new_zeros(*values.shape[:2], solver.nr - 1, solver.nt), tables["rim"] * values], 2)
-    return torch.cat([Preconditioner(load, tables)(load)[:, :, 1:], values], 2)
 
 
 def position_error(f, exact, z):

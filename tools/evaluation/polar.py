@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from qclearn.disk import BeltramiDiskSolver
-from qclearn.polar import PolarSolver
+from qclearn.nets.polar import PolarSolver
 
 SIZES = ((32, 96), (64, 192), (128, 384), (256, 768), (512, 1536))
 TOLERANCE = 1e-5
