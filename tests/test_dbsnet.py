@@ -14,13 +14,12 @@ from qclearn.fourier import fourier_coefficients
 from qclearn.nets import load
 from qclearn.nets.dbsnet import (
     BestDBSNet,
-    DBSNetConfig,
+    BestDBSNetConfig,
     PaperDBSNet,
     derivative_error,
     position_error,
-    two_steps,
 )
-from qclearn.nets.dbsnet_paper import FourierLayer, poisson_matrix
+from qclearn.nets.dbsnet_paper import FourierLayer, PaperDBSNetConfig, poisson_matrix
 from qclearn.nets.exact import exact_solve
 from qclearn.nets.layers import PolarPad
 from qclearn.nets.polar import two_steps
@@ -29,8 +28,8 @@ from qclearn.surface import SurfaceError
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
-SMALL = {"best": (BestDBSNet, DBSNetConfig("best", rings=8, spokes=16, channels=(8, 16), blocks=1)),
-         "paper": (PaperDBSNet, DBSNetConfig("paper", size=8, frequencies=2))}
+SMALL = {"best": (BestDBSNet, BestDBSNetConfig(rings=8, spokes=16, channels=(8, 16), blocks=1)),
+         "paper": (PaperDBSNet, PaperDBSNetConfig(size=8, frequencies=2))}
 
 
 def network(preset):
@@ -125,7 +124,7 @@ def test_poisson_matrix_extends_harmonically():
 
 @pytest.mark.parametrize("changes", [{"shortcut": False}, {"carry": False}])
 def test_paper_runs_without_its_options(changes):
-    net = PaperDBSNet(DBSNetConfig("paper", size=8, frequencies=2, **changes))
+    net = PaperDBSNet(PaperDBSNetConfig(size=8, frequencies=2, **changes))
     loss, _ = net.loss((batch(net),), None)
     loss.backward()
     assert loss.isfinite()
@@ -135,7 +134,7 @@ def test_paper_runs_without_its_options(changes):
 
 def test_start_is_of_second_order():
     """Halving mu divides the errors of the two approximations by 4 and by 8."""
-    net, errors = BestDBSNet(DBSNetConfig("best", rings=16, spokes=32, channels=(8, 16))), []
+    net, errors = BestDBSNet(BestDBSNetConfig(rings=16, spokes=32, channels=(8, 16))), []
     net.solver.tables(torch.zeros(1, dtype=torch.float64))
     for largest in (0.2, 0.1):
         mu = batch(net, 3, largest).to(torch.complex128)

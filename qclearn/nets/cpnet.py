@@ -11,7 +11,7 @@ from torch import nn
 
 from ..fit import LandmarkError, check_landmarks, check_weights
 from .born import Born
-from .cpnet_paper import PaperCPNet
+from .cpnet_paper import PaperCPNet, PaperCPNetConfig
 from .layers import ConditionedUNet, linked
 from .polar import PolarSolver
 from .polargrid import PolarGrid, PolarMesh
@@ -26,10 +26,10 @@ SMALL = 1e-3  # an L_CP / alpha below which the loss asks for no more: where p =
 
 
 @dataclass(frozen=True)
-class CPNetConfig:
-    """Sizes of a CP-Net; those of the other preset are not used. Ranges are of log10, three decades each."""
+class BestCPNetConfig:
+    """Sizes of the better CP-Net. Ranges are of log10, three decades each."""
 
-    preset: str
+    preset: str = "best"
     rings: int = 24
     spokes: int = 72
     modes: int = 512
@@ -37,15 +37,10 @@ class CPNetConfig:
     second: tuple = (24, 48, 64)
     blocks: int = 2
     looks: int = 0  # at the exact map; trained with one
-    stiffest: float = 5.5  # log10 of gamma / beta, see `BestCPNet.problem`
+    stiffest: float = 5.5  # log10 of gamma / beta, see `BestCPNet.gamma_used`
     most: int = 128  # landmarks
     smooth: tuple = (-2.0, 1.0)  # of beta / alpha
     match: tuple = (2.3, 5.3)  # of gamma / alpha
-    gamma: float = 1e4  # of the paper's, whose alpha and beta are 1
-    curves: int = 8
-    points: int = 10  # of each curve
-    size: int = 64  # of the paper's square, in pixels: that of its DBS-Net
-    widths: tuple = (128, 96, 64, 48, 32)  # channels, from the smallest image to the whole
 
 
 def check_count(points, most):
@@ -284,6 +279,6 @@ class Problem:
         return torch.complex(v[..., 0], v[..., 1])
 
 
-PRESETS = {"paper": (PaperCPNet, CPNetConfig("paper")), "best": (BestCPNet, CPNetConfig("best"))}
+PRESETS = {"paper": (PaperCPNet, PaperCPNetConfig()), "best": (BestCPNet, BestCPNetConfig())}
 TRAINING = {"paper": TrainConfig(steps=900, batch=16, rate=2e-3, bfloat16=True, validate_every=150),
             "best": TrainConfig(steps=4_000, batch=16, rate=1.5e-3, bfloat16=True, validate_every=250)}

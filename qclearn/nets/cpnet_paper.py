@@ -1,5 +1,7 @@
 """CP-Net as printed: the control's landmarks fixed, those of a subject in, one network for each (alpha, beta, gamma)."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import torch
 from torch import nn
@@ -14,6 +16,18 @@ from .torchplane import mobius as mobius_of
 
 NEAR = 1e-4  # in the unit disk: targets closer than this to the control's are the control's
 SCALE = 10.0  # of the landmarks' displacements, a few hundredths of the disk
+
+
+@dataclass(frozen=True)
+class PaperCPNetConfig:
+    """Sizes of the CP-Net as printed."""
+
+    preset: str = "paper"
+    gamma: float = 1e4  # alpha and beta are 1
+    curves: int = 8
+    points: int = 10  # of each curve
+    size: int = 64  # of the square, in pixels: that of its DBS-Net
+    widths: tuple = (128, 96, 64, 48, 32)  # channels, from the smallest image to the whole
 
 
 class PaperCPNet(nn.Module):

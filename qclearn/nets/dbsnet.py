@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import torch
 from torch.nn import functional
 
-from .dbsnet_paper import PaperDBSNet
+from .dbsnet_paper import PaperDBSNet, PaperDBSNetConfig
 from .layers import DiskNetwork, PolarFunction, PolarUNet
 from .polar import PolarSolver, harmonic_extension, two_steps
 from .train import TrainConfig
@@ -18,22 +18,15 @@ TOLERANCE = 1e-5  # of the exact maps that the network learns from
 
 
 @dataclass(frozen=True)
-class DBSNetConfig:
-    """Sizes of a DBS-Net; those of the other preset are not used."""
+class BestDBSNetConfig:
+    """Sizes of the better DBS-Net."""
 
-    preset: str
+    preset: str = "best"
     max_abs: tuple = (0.05, 0.6)  # of the coefficients it is trained on
     rings: int = 48
     spokes: int = 144
     channels: tuple = (24, 48, 96, 128)
     blocks: int = 3
-    size: int = 64  # of the paper's square, in pixels
-    frequencies: int = 8  # the paper's low ones: at most this, either way
-    shortcut: bool = True
-    inverse: bool = True  # of the Fourier layer, before the convolutions of the inner route
-    carry: bool = True  # the boundary's turn inwards
-    eta: float = 1.0
-    rho: float = 1e-8  # for this size: the right weight falls with the fourth power of the number of pixels
 
 
 class BestDBSNet(DiskNetwork):
@@ -166,7 +159,7 @@ def _derivatives(f, z, corners):
     return (f1 * z2.conj() - f2 * z1.conj()) / area, (f2 * z1 - f1 * z2) / area
 
 
-PRESETS = {"paper": (PaperDBSNet, DBSNetConfig("paper")), "best": (BestDBSNet, DBSNetConfig("best"))}
+PRESETS = {"paper": (PaperDBSNet, PaperDBSNetConfig()), "best": (BestDBSNet, BestDBSNetConfig())}
 TRAINING = {
     "paper": TrainConfig(steps=4000, batch=8, rate=2e-3, warmup=200, bfloat16=True),
     "best": TrainConfig(steps=7000, batch=8, rate=1e-3, warmup=200, bfloat16=True, clip=0.3, validate_every=1000),
