@@ -12,7 +12,7 @@ from torch import nn
 from ..fit import LandmarkError, check_landmarks, check_weights
 from .born import Born
 from .cpnet_paper import PaperCPNet, PaperCPNetConfig
-from .layers import ConditionedUNet, linked
+from .layers import ConditionedUNet, disk_mesh
 from .polar import PolarSolver
 from .polargrid import PolarGrid, PolarMesh
 from .torchplane import bounded, fit_mobius, mobius, mobius_columns
@@ -64,8 +64,11 @@ class BestCPNet(nn.Module):
         self.one = ConditionedUNet(10, 8, 3, config.first, config.blocks)
         self.two = ConditionedUNet(10, 8, 6, config.second, config.blocks)
         self.register_buffer("spoke", self.grid.z / self.grid.z.abs(), persistent=False)
-        self.link = None
         self.to(memory_format=torch.channels_last)
+
+    @property
+    def ranges(self):
+        return self.config.smooth, self.config.match
 
     def forward(self, p, q, mask, weights, looks=None):
         """nu (B, rings, spokes) after `looks` looks (default: the configuration's) at the exact map."""
@@ -78,7 +81,7 @@ class BestCPNet(nn.Module):
         """The problem, its Born step and the first correction."""
         kind = p.device.type
         with torch.autocast(kind, enabled=False), torch.no_grad():
-            problem = Problem(self, p, q, mask, weights)
+            problem = Linearised(self.grid, self.born, self.ranges, p, q, mask, weights)
             features, conditions = self.first_features(problem)
         change = self.one(features, conditions)
         with torch.autocast(kind, enabled=False):
@@ -164,25 +167,25 @@ class BestCPNet(nn.Module):
         slower. curve is not used. LandmarkError for bad landmarks or weights, or more than `config.most`
         landmarks; BeltramiError or SurfaceError where the mesh is no disk.
         """
-        return self.on_mesh(self(*self.problem(z, faces, moving, target, alpha, beta, gamma), looks))
+        return self.on_mesh(disk_mesh(z, faces), self(*self.problem(moving, target, alpha, beta, gamma), looks))
 
     @torch.no_grad()
     def answers(self, z, faces, moving, target, alpha=1.0, beta=1e-2, gamma=1e5, looks=3):
         """What `predict` would say after each of its stages: dict name -> mu (F,), in order."""
-        problem, born, nu = self.begin(*self.problem(z, faces, moving, target, alpha, beta, gamma))
+        mesh = disk_mesh(z, faces)
+        problem, born, nu = self.begin(*self.problem(moving, target, alpha, beta, gamma))
         found = {"Born step": born, "first correction": nu}
         for number in range(1, looks + 1):
             _, chord, nu = self.look(problem, nu)
             found |= {"chord step": chord} if number == 1 else {}
             found[f"{number} look{'s' * (number > 1)}"] = nu
-        return {name: self.on_mesh(nu) for name, nu in found.items()}
+        return {name: self.on_mesh(mesh, nu) for name, nu in found.items()}
 
-    def problem(self, z, faces, moving, target, alpha, beta, gamma):
-        """Checked input as tensors (1, ...); the mesh is kept in `link`."""
+    def problem(self, moving, target, alpha, beta, gamma):
+        """Checked input as tensors (1, ...)."""
         moving, target, _ = check_landmarks(moving, target, None, False)
         check_weights(alpha, beta, gamma)
         check_count(moving, self.config.most)
-        self.link = linked(z, faces, self.link)
         p, q = (torch.from_numpy(points)[None].to(self.grid.z) for points in (moving, target))
         ratios = torch.tensor([[beta / alpha, self.gamma_used(alpha, beta, gamma) / alpha]])
         return p, q, torch.ones_like(p.real), ratios.to(self.grid.area)
@@ -194,11 +197,9 @@ class BestCPNet(nn.Module):
         """
         return min(gamma, alpha * 10 ** self.config.stiffest * max(beta / alpha, 10 ** self.config.smooth[0]))
 
-    def on_mesh(self, nu):
-        """The coefficient mu (F,) of nu (1, rings, spokes) at the centroids of the linked mesh."""
-        if self.link.places is None:
-            self.link.places = self.grid.locate(torch.from_numpy(self.link.centroids).to(nu))
-        corners, share = self.link.places
+    def on_mesh(self, mesh, nu):
+        """The coefficient mu (F,) of nu (1, rings, spokes) at the centroids of a `DiskMesh`."""
+        corners, share = mesh.places(self, lambda: self.grid.locate(torch.from_numpy(mesh.centroids).to(nu)))
         mu = bounded((self.grid.with_centre(nu)[0, corners] * share).sum(-1))
         return mu.cpu().numpy().astype(complex)
 
@@ -251,25 +252,28 @@ class BestCPNet(nn.Module):
         return p, q, mask, 10 ** logs
 
 
-class Problem:
-    """One batch of landmark problems, linearised at the identity: the Born step `nu` and what it promises."""
+class Linearised:
+    """One batch of landmark problems, linearised at the identity: the Born step `nu` and what it promises.
 
-    def __init__(self, net, p, q, mask, weights):
-        self.net, self.p, self.q, self.mask, self.weights = net, p, q, mask, weights
+    ranges (2, 2): of log10 of beta / alpha and gamma / alpha, to which the conditions of the U-Nets are cut.
+    """
+
+    def __init__(self, grid, born, ranges, p, q, mask, weights):
+        self.p, self.q, self.mask, self.weights = p, q, mask, weights
         b, g = weights.unbind(1)
         self.parameters = a, theta = fit_mobius(p, q, mask)
         w = mobius(p, a, theta)
         self.slope = torch.exp(1j * theta)[:, None] * (1 - a.abs() ** 2)[:, None] / (1 - a.conj()[:, None] * p) ** 2
         self.scale = (g / mask.sum(1)).sqrt()[:, None] * mask
-        self.places = net.grid.locate(p)
-        self.J = net.born.jacobian(self.places)
-        self.step = net.born.prepare(self.J, self.slope, mobius_columns(w), self.scale, torch.ones_like(b), b)
+        self.places = grid.locate(p)
+        self.J = born.jacobian(self.places)
+        self.step = born.prepare(self.J, self.slope, mobius_columns(w), self.scale, torch.ones_like(b), b)
         self.residual = (w - q) * mask
         self.c, self.promised = self.step(self.residual * self.scale)
-        self.nu = net.grid.field(self.c)
+        self.nu = grid.field(self.c)
         self.displacement = (q - w) / self.slope
         self.born_displacement = self.linear(self.c)
-        low, high = torch.tensor([net.config.smooth, net.config.match]).to(weights).T
+        low, high = torch.tensor(ranges).to(weights).T
         logs = torch.log10(weights.clamp(min=1e-12)).clamp(low, high)
         self.conditions = torch.stack([logs[:, 0], logs[:, 1] - 4, torch.log10(mask.sum(1)) - 2], 1)
 

@@ -9,7 +9,7 @@ from torch.nn import functional
 
 from ..fit import LandmarkError, check_landmarks, check_weights
 from ..mobius import mobius, mobius_slope
-from .layers import linked
+from .layers import disk_mesh
 from .losses import L_CP
 from .torchplane import bounded, fit_mobius, square_places
 from .torchplane import mobius as mobius_of
@@ -51,7 +51,7 @@ class PaperCPNet(nn.Module):
         nn.init.normal_(self.head.weight, std=1e-3)
         nn.init.zeros_(self.head.bias)
         self.register_buffer("targets", torch.zeros(groups * config.points, dtype=torch.complex64))
-        self.solver, self.link = None, None
+        self.solver = None
 
     def forward(self, p):
         """mu (B, size, size) of landmarks (B, M), curve by curve."""
@@ -119,7 +119,7 @@ class PaperCPNet(nn.Module):
                                 f"({alpha:g}, {beta:g}, {gamma:g}); use the preset best for others")
         moved, mask = torch.from_numpy(p)[None].to(self.targets), torch.ones(1, len(p), device=self.targets.device)
         a, theta = (parameter.item() for parameter in fit_mobius(moved, self.targets[None], mask, steps=8))
-        self.link = mesh = linked(z, faces, self.link)
+        mesh = disk_mesh(z, faces)
         aligned = torch.from_numpy(mobius(p, a, theta))[None].to(self.targets)
         mu = self(aligned)
         places = square_places(torch.from_numpy(mobius(mesh.centroids, a, theta)).to(self.targets))[None, None]
