@@ -22,6 +22,20 @@ INSIDE, LOSS = (1e-3, 8), (1e-3, 20)  # tolerance and most steps of the solver i
 
 FIELD = 0.03  # of the U-Nets' outputs that bend the field itself
 
+# What the two corrections see on the grid, in order: name -> (how often its frame turns with the spoke, scale that brings
+# it to the size of 1, why it is shown). Complex ones make two channels.
+FIRST = {
+    "nu": (2, 1, "the Born step, which is corrected"),
+    "moved": (1, 5, "what it does to the nodes, to first order"),
+    "wanted": (1, 10, "at the landmarks: where they should go, and how many share a node"),
+    "left": (1, 10, "at the landmarks: what the Born step leaves of that"),
+}
+SECOND = {
+    "nu": (2, 1, "the first answer, which is corrected"),
+    "chord": (2, 1, "what the Born step's linearisation would change, now that the true error is known"),
+    "moved": (1, 5, "what the exact map does to the nodes"),
+    "left": (1, 50, "at the landmarks: the error of the exact map, and how many share a node"),
+}
 SMALL = 1e-3  # an L_CP / alpha below which the loss asks for no more: where p = q it is 0
 
 
@@ -115,22 +129,26 @@ class BestCPNet(nn.Module):
         return nu * (1 + FIELD * pairs[:, 2]) + FIELD * pairs[:, 3] * self.spoke ** 2
 
     def first_features(self, problem):
-        moved = self.born.moved(problem.c)
+        """FIRST as channels (B, 10, rings, spokes), and conditions (B, 3)."""
         left = problem.displacement - problem.born_displacement
-        channels = [*self.turning(problem.nu, 2), *self.turning(moved, 1, 5.0),
-                    *self.landmarks(problem, problem.displacement, 10.0), *self.landmarks(problem, left, 10.0)[:2]]
-        return self.stack(channels), problem.conditions
+        (wanted, count), (left, _) = (self.landmarks(problem, values, FIRST[name][1]) for name, values in (
+            ("wanted", problem.displacement), ("left", left)))
+        fields = {"nu": problem.nu, "moved": FIRST["moved"][1] * self.born.moved(problem.c), "wanted": wanted, "left": left}
+        channels = [part for name, field in fields.items() for part in self.turning(field, FIRST[name][0])]
+        return self.stack([*channels[:6], count, *channels[6:]]), problem.conditions
 
     def second_features(self, problem, one, f):
+        """SECOND as channels (B, 10, rings, spokes), conditions (B, 6), the chord step, and the residual, seen and linear."""
         parameters = fit_mobius(self.grid.sample(f, problem.places), problem.q, problem.mask)
         w_all = mobius(f, *parameters)
         w = self.grid.sample(w_all, problem.places)
         residual = (w - problem.q) * problem.mask
         linear = problem.slope * problem.linear(self.grid.coefficients(one))
         chord = self.grid.field(problem.step((residual - linear) * problem.scale)[0])
-        moved = (w_all - mobius(self.identity(len(w)), *problem.parameters))[:, 1:].view_as(one)
-        channels = [*self.turning(one, 2), *self.turning(chord - one, 2), *self.turning(moved, 1, 5.0),
-                    *self.landmarks(problem, -residual, 50.0)]
+        moved = (w_all - mobius(self.identity(len(w)), *problem.parameters))[:, 1:].view_as(one)  # (B, rings, spokes)
+        left, count = self.landmarks(problem, -residual, SECOND["left"][1])
+        fields = {"nu": one, "chord": chord - one, "moved": SECOND["moved"][1] * moved, "left": left}
+        channels = [part for name, field in fields.items() for part in self.turning(field, SECOND[name][0])] + [count]
         size, slope = self.grid.terms(bounded(one))
         b, g = problem.weights.unbind(1)
         count = problem.mask.sum(1)
@@ -142,19 +160,19 @@ class BestCPNet(nn.Module):
         z = torch.cat([self.grid.z.new_zeros(1), self.grid.z.flatten()])
         return z.expand(count, -1)
 
-    def turning(self, field, times, scale=1.0):
+    def turning(self, field, times):
         """Real and imaginary part of a field (B, rings, spokes) in the frame that turns so many times with the spoke."""
-        field = scale * field * self.spoke.conj() ** times
+        field = field * self.spoke.conj() ** times
         return field.real, field.imag
 
     def landmarks(self, problem, values, scale):
-        """Complex values at the landmarks and their number, on the grid: three channels."""
+        """Complex values at the landmarks as a field (B, rings, spokes), and their number at each node."""
         values = torch.stack([scale * values.real, scale * values.imag, problem.mask], 1) * problem.mask[:, None]
-        spread = self.grid.splat(values, problem.places)[:, :, 1:].unflatten(2, self.grid.z.shape)
-        return *self.turning(torch.complex(spread[:, 0], spread[:, 1]), 1), spread[:, 2]
+        spread = self.grid.splat(values, problem.places)[:, :, 1:].unflatten(2, self.grid.z.shape)  # (B, 3, rings, spokes)
+        return torch.complex(spread[:, 0], spread[:, 1]), spread[:, 2]
 
     def stack(self, channels):
-        radius = self.grid.radius[1:, None].expand_as(self.grid.area * self.grid.z.abs()).expand_as(channels[0])
+        radius = self.grid.radius[1:, None].expand_as(channels[0])  # (B, rings, spokes)
         return torch.stack([*channels, radius], 1)
 
     @torch.no_grad()

@@ -16,6 +16,24 @@ from .train import TrainConfig
 
 TOLERANCE = 1e-5  # of the exact maps that the network learns from
 
+# What the network sees, in order: name -> (scale, which brings it to the size of 1 at |mu| = 0.5; why it is shown).
+FEATURES = {
+    "inner.re": (1, "mu of each cell's face towards the centre, in the frame that turns with the spoke"),
+    "inner.im": (1, "the same, imaginary part"),
+    "outer.re": (1, "mu of each cell's face towards the circle"),
+    "outer.im": (1, "the same, imaginary part"),
+    "u": (3, "log-radius of the map after two steps, which is corrected"),
+    "v": (3, "its turn, which is corrected"),
+    "change.re": (10, "from the first step to the second: how fast u converges"),
+    "change.im": (10, "and v"),
+    "residual.re": (20, "what a third step would add to u: the error that is left, to first order"),
+    "residual.im": (20, "and to v"),
+    "U.change": (10, "from the first potential of log|f| to the second"),
+    "U.against u": (10, "two discretisations of one function: where they differ, the mesh is too coarse for mu"),
+    "rim.change": (5, "turn of the boundary from the first step to the second, carried inwards harmonically"),
+    "rim.residual": (20, "what the next step would add to it"),
+}
+
 
 @dataclass(frozen=True)
 class BestDBSNetConfig:
@@ -39,7 +57,7 @@ class BestDBSNet(DiskNetwork):
         super().__init__()
         self.config = config
         self.solver = PolarSolver(config.rings, config.spokes)
-        self.unet = PolarUNet(14, 2, config.channels, config.blocks)
+        self.unet = PolarUNet(len(FEATURES), 2, config.channels, config.blocks)
         z = torch.from_numpy(self.solver.z[1:]).reshape(1, config.rings, config.spokes)
         self.register_buffer("z", z.to(torch.complex64), persistent=False)
         self.register_buffer("radius", z.abs().float(), persistent=False)
@@ -72,21 +90,21 @@ class BestDBSNet(DiskNetwork):
             return torch.cat([f.new_zeros(len(f), 1), f.flatten(1)], 1)
 
     def features(self, mu):
-        """What is known in closed form: features (B, 14, rings, spokes) and the first u, v (B, rings, spokes)."""
+        """What is known in closed form: features (B, 14, rings, spokes), see FEATURES, and the first u, v (B, rings, spokes)."""
         maps, potentials, angles = two_steps(self.solver, mu)
-        first, second, beyond = (f[:, 1:].view(-1, *self.z.shape[1:]) for f in maps)
+        first, second, beyond = (f[:, 1:].view(-1, *self.z.shape[1:]) for f in maps)  # (B, rings, spokes)
         start, change, residual = (torch.log(a / b) for a, b in ((second, self.z), (second, first), (beyond, second)))
         u, v = start.real.clone(), start.imag
         u[:, -1] = 0
-        angles = harmonic_extension(self.solver, torch.stack(angles, 1))
+        angles = harmonic_extension(self.solver, torch.stack(angles, 1))  # (B, 2, rings, spokes)
         lower, U = (functional.pad(U - torch.log(self.radius[:, :-1]), (0, 0, 0, 1)) for U in potentials)
-        rows = mu.view(len(mu), -1, self.config.spokes)
+        rows = mu.view(len(mu), -1, self.config.spokes)  # (B, 2 rings - 1, spokes)
         turn = torch.complex(*self.solver.tables(rows.real)["turn"])
         pairs = torch.cat([rows[:, :1], rows], 1) * turn  # the two faces of each cell, those at the centre twice
-        inner, outer = pairs[:, ::2], pairs[:, 1::2]
-        known = [inner.real, inner.imag, outer.real, outer.imag, 3 * u, 3 * v, 10 * change.real, 10 * change.imag,
-                 20 * residual.real, 20 * residual.imag, 10 * (U - lower), 10 * (U - u)]
-        return torch.cat([torch.stack(known, 1), angles * angles.new_tensor([5, 20])[:, None, None]], 1), u, v
+        inner, outer = pairs[:, ::2], pairs[:, 1::2]  # (B, rings, spokes)
+        known = [inner.real, inner.imag, outer.real, outer.imag, u, v, change.real, change.imag, residual.real,
+                 residual.imag, U - lower, U - u, *angles.unbind(1)]  # (B, rings, spokes) each, as in FEATURES
+        return torch.stack([scale * x for (scale, _), x in zip(FEATURES.values(), known, strict=True)], 1), u, v
 
     def loss(self, batch, generator):
         """Position error over displacement plus relative error of the derivatives, against the exact maps."""
