@@ -4,13 +4,13 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from exact_maps import DISK_MAPS, SLIDING
 from meshes import random_disk, strip
 
 from qclearn.beltrami import BeltramiError, signed_areas, stiffness
 from qclearn.bijectivity import check_bijective, check_embedding, flipped_faces, mean_value_matrix, repair
 from qclearn.disk import BeltramiDiskSolver, edge_lengths
 from qclearn.diskmesh import boundary_loop, polar_disk
+from qclearn.exactmaps import DISK_MAPS, SLIDING
 
 DISK = random_disk(seed=1)
 

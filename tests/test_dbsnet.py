@@ -20,7 +20,6 @@ from qclearn.nets.dbsnet import (
     position_error,
 )
 from qclearn.nets.dbsnet_paper import FourierLayer, PaperDBSNetConfig, poisson_matrix
-from qclearn.nets.exact import exact_solve
 from qclearn.nets.layers import PolarPad
 from qclearn.nets.polar import two_steps
 from qclearn.nets.train import TrainConfig, take_step
@@ -199,14 +198,6 @@ def test_derivative_error_is_one_where_a_face_may_fold():
     assert excess.item() == pytest.approx(np.mean(np.maximum(d - 0.5, 0) ** 2), rel=1e-2)
     folded = flipped_faces(faces, f[0].numpy())
     assert len(folded) and (d[folded] >= 1 - 1e-5).all()
-
-
-def test_gradient_of_the_exact_solver():
-    z, faces = random_disk(0, 9)
-    solver, rng = BeltramiDiskSolver(z, faces), np.random.default_rng(0)
-    mu = torch.from_numpy(np.array([random_mu(rng, z, faces, 0.5), random_mu(rng, z, faces, 0.3)])).requires_grad_()
-    np.testing.assert_array_equal(exact_solve(solver, mu)[1].detach(), solver.solve(mu[1].detach().numpy()))
-    assert torch.autograd.gradcheck(lambda m: exact_solve(solver, m), (mu,))
 
 
 def test_shipped_networks_on_coefficients_they_have_not_seen():
