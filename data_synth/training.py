@@ -151,7 +151,7 @@ def cpnet(config, folder, quick=False):
     """
     groups, counts = (((1, 2), (3, 4)), (8, 4)) if quick else ((TRAINING_SEEDS, VALIDATION_SEEDS), (3000, 192))
     counts = (1600, 96) if config.preset == "paper" and not quick else counts
-    sets, ranges = [], (config.smooth, config.match)
+    sets = []
     for k, (seeds, count) in enumerate(zip(groups, counts)):
         curves = disk_curves(seeds, folder, quick)
         if config.preset == "paper":
@@ -159,7 +159,7 @@ def cpnet(config, folder, quick=False):
             control = disk_curves(groups[0][:1], folder, quick)[0]
             sets.append(ControlPairs(count, 7101 + k, curves[:, :, ::step], control[:, ::step], moved=0.4 * (k == 0)))
         else:
-            sets.append(Pairs(count, 7001 + k, curves, ranges, plain=k == 1))
+            sets.append(Pairs(count, 7001 + k, curves, (config.smooth, config.match), plain=k == 1))
     names = (f"cpnet-{config.preset}-{part}{'-quick' if quick else ''}.npz" for part in ("training", "validation"))
     training, validation = (cached(items, f"{folder}/{name}", progress=not quick) for items, name in zip(sets, names))
     return training, validation

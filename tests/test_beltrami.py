@@ -5,7 +5,6 @@ import lapy
 import lapy.conformal
 import numpy as np
 import pytest
-from exact_maps import DISK_MAPS, RADIAL, SLIDING, affine, after, moebius, radial_stretch, sliding_three, twist
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import random_disk, random_mu
@@ -28,6 +27,7 @@ from qclearn.beltrami import (
     wirtinger,
 )
 from qclearn.diskmesh import boundary_loop, polar_disk, square_disk
+from qclearn.exactmaps import DISK_MAPS, RADIAL, SLIDING, affine, after, moebius, radial_stretch, sliding_three, twist
 
 DISK = random_disk(seed=1)
 below_one = st.builds(lambda r, t: r * np.exp(1j * t), st.floats(0, 0.95), st.floats(0, 2 * np.pi))

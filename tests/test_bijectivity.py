@@ -5,7 +5,6 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from exact_maps import DISK_MAPS, SLIDING
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from meshes import random_disk, strip
@@ -22,6 +21,7 @@ from qclearn.bijectivity import (
 )
 from qclearn.disk import BeltramiDiskSolver, edge_lengths
 from qclearn.diskmesh import boundary_loop, polar_disk
+from qclearn.exactmaps import DISK_MAPS, SLIDING
 
 DISK = random_disk(seed=1)
 

@@ -14,18 +14,20 @@ from qclearn.guard import exact_map
 from qclearn.metrics import measured_losses
 from qclearn.mobius import best_mobius, mobius, mobius_slope
 from qclearn.nets import load
-from qclearn.nets.born import Born, PolarGrid, PolarMesh, bounded, fit_mobius, mobius_columns
-from qclearn.nets.cpnet import BestCPNet, CPNetConfig
-from qclearn.nets.cpnet_paper import PaperCPNet
-from qclearn.nets.dbsnet import DBSNetConfig, PaperDBSNet
+from qclearn.nets.born import Born
+from qclearn.nets.cpnet import BestCPNet, BestCPNetConfig
+from qclearn.nets.cpnet_paper import PaperCPNet, PaperCPNetConfig
+from qclearn.nets.dbsnet_paper import PaperDBSNet, PaperDBSNetConfig
+from qclearn.nets.polar import PolarSolver
+from qclearn.nets.polargrid import PolarGrid, PolarMesh
+from qclearn.nets.torchplane import bounded, fit_mobius, mobius_columns
 from qclearn.nets.train import TrainConfig, train
-from qclearn.polar import PolarSolver
 from qclearn.surface import SurfaceError
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
-SMALL = CPNetConfig("best", rings=12, spokes=36, modes=300, first=(8, 16), second=(8, 16), blocks=1)
-PAPER = CPNetConfig("paper", curves=2, points=4, size=16, widths=(8, 8, 8))
+SMALL = BestCPNetConfig(rings=12, spokes=36, modes=300, first=(8, 16), second=(8, 16), blocks=1)
+PAPER = PaperCPNetConfig(curves=2, points=4, size=16, widths=(8, 8, 8))
 
 
 @pytest.fixture(scope="module")
@@ -234,7 +236,7 @@ def paper():
     t = np.linspace(-0.3, 0.3, 4)
     model.targets.copy_(torch.from_numpy(np.concatenate([0.3 + 1j * t, t - 0.3j])))  # both curves hold 0.3 - 0.3j
     torch.nn.init.normal_(model.head.weight, std=0.5)
-    model.solver = [PaperDBSNet(DBSNetConfig("paper", size=16, frequencies=2))]
+    model.solver = [PaperDBSNet(PaperDBSNetConfig(size=16, frequencies=2))]
     return model
 
 

@@ -14,22 +14,21 @@ from qclearn.fourier import fourier_coefficients
 from qclearn.nets import load
 from qclearn.nets.dbsnet import (
     BestDBSNet,
-    DBSNetConfig,
+    BestDBSNetConfig,
     PaperDBSNet,
     derivative_error,
     position_error,
-    two_steps,
 )
-from qclearn.nets.dbsnet_paper import FourierLayer, poisson_matrix
-from qclearn.nets.exact import exact_solve
+from qclearn.nets.dbsnet_paper import FourierLayer, PaperDBSNetConfig, poisson_matrix
 from qclearn.nets.layers import PolarPad
+from qclearn.nets.polar import two_steps
 from qclearn.nets.train import TrainConfig, take_step
 from qclearn.surface import SurfaceError
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
-SMALL = {"best": (BestDBSNet, DBSNetConfig("best", rings=8, spokes=16, channels=(8, 16), blocks=1)),
-         "paper": (PaperDBSNet, DBSNetConfig("paper", size=8, frequencies=2))}
+SMALL = {"best": (BestDBSNet, BestDBSNetConfig(rings=8, spokes=16, channels=(8, 16), blocks=1)),
+         "paper": (PaperDBSNet, PaperDBSNetConfig(size=8, frequencies=2))}
 
 
 def network(preset):
@@ -124,7 +123,7 @@ def test_poisson_matrix_extends_harmonically():
 
 @pytest.mark.parametrize("changes", [{"shortcut": False}, {"carry": False}])
 def test_paper_runs_without_its_options(changes):
-    net = PaperDBSNet(DBSNetConfig("paper", size=8, frequencies=2, **changes))
+    net = PaperDBSNet(PaperDBSNetConfig(size=8, frequencies=2, **changes))
     loss, _ = net.loss((batch(net),), None)
     loss.backward()
     assert loss.isfinite()
@@ -134,7 +133,7 @@ def test_paper_runs_without_its_options(changes):
 
 def test_start_is_of_second_order():
     """Halving mu divides the errors of the two approximations by 4 and by 8."""
-    net, errors = BestDBSNet(DBSNetConfig("best", rings=16, spokes=32, channels=(8, 16))), []
+    net, errors = BestDBSNet(BestDBSNetConfig(rings=16, spokes=32, channels=(8, 16))), []
     net.solver.tables(torch.zeros(1, dtype=torch.float64))
     for largest in (0.2, 0.1):
         mu = batch(net, 3, largest).to(torch.complex128)
@@ -199,14 +198,6 @@ def test_derivative_error_is_one_where_a_face_may_fold():
     assert excess.item() == pytest.approx(np.mean(np.maximum(d - 0.5, 0) ** 2), rel=1e-2)
     folded = flipped_faces(faces, f[0].numpy())
     assert len(folded) and (d[folded] >= 1 - 1e-5).all()
-
-
-def test_gradient_of_the_exact_solver():
-    z, faces = random_disk(0, 9)
-    solver, rng = BeltramiDiskSolver(z, faces), np.random.default_rng(0)
-    mu = torch.from_numpy(np.array([random_mu(rng, z, faces, 0.5), random_mu(rng, z, faces, 0.3)])).requires_grad_()
-    np.testing.assert_array_equal(exact_solve(solver, mu)[1].detach(), solver.solve(mu[1].detach().numpy()))
-    assert torch.autograd.gradcheck(lambda m: exact_solve(solver, m), (mu,))
 
 
 def test_shipped_networks_on_coefficients_they_have_not_seen():

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import torch
-from exact_maps import DISK_MAPS, SLIDING, SLIDING_THREE, TWIST, after, moebius
 from meshes import random_disk, random_mu
 from scipy import sparse
 
@@ -11,6 +10,7 @@ from qclearn.beltrami import BeltramiError, beltrami_coefficient, signed_areas
 from qclearn.bijectivity import RepairWarning, check_bijective
 from qclearn.disk import BeltramiDiskSolver, angle_distortion, solve_beltrami_disk
 from qclearn.diskmesh import boundary_loop, polar_disk, square_disk
+from qclearn.exactmaps import DISK_MAPS, SLIDING, SLIDING_THREE, TWIST, after, moebius
 from qclearn.mobius import mobius
 from qclearn.surface import Surface, SurfaceError
 

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from exact_maps import TWIST
 from meshes import random_disk, random_mu
 
 from qclearn.beltrami import BeltramiError, beltrami_coefficient, signed_areas
 from qclearn.bijectivity import check_bijective
 from qclearn.disk import solve_beltrami_disk
 from qclearn.diskmesh import locate, polar_disk, square_disk
+from qclearn.exactmaps import TWIST
 from qclearn.fit import (
     MOBIUS_PRIOR,
     TANGENTIAL_WEIGHT,

@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("qclearn", "data_synth")
 # Every module of qclearn that is not named here is geometry.
-NETWORKS = {"qclearn.nets", "qclearn.polar"}
+NETWORKS = {"qclearn.nets"}
 LEAVES = {"qclearn.plot", "qclearn.canvas", "qclearn.diagrams", "qclearn.widgets", "qclearn.scenes", "qclearn.pages"}
 BENCHMARK = {"qclearn.benchmark", "qclearn.problems", "qclearn.trial"}
 TOP = {"qclearn.cli", "qclearn.training", *BENCHMARK, "qclearn.__main__", "qclearn"}

@@ -14,15 +14,15 @@ from qclearn.disk import disk_conformal_map
 from qclearn.fit import LandmarkError
 from qclearn.landmarks import curve_distance, curves_in_space, detect_curves, weigh_edges
 from qclearn.nets import load
-from qclearn.nets.ldnet import PRESETS, BestLDNet, LDNetConfig, contrast, heat_metric, refine, smoothed, some, whole
-from qclearn.nets.ldnet_paper import PaperLDNet, nearest_pixels
+from qclearn.nets.ldnet import PRESETS, BestLDNet, BestLDNetConfig, contrast, heat_metric, refine, smoothed, some, whole
+from qclearn.nets.ldnet_paper import PaperLDNet, PaperLDNetConfig, nearest_pixels
 from qclearn.nets.pictures import stamp, turn
 from qclearn.surface import SurfaceError
 from tests.surfaces import sphere
 
 pytestmark = [pytest.mark.filterwarnings("ignore::qclearn.bijectivity.RepairWarning"), pytest.mark.usefixtures("one_thread")]
-SMALL = LDNetConfig("best", size=32, widths=(16, 24, 32))
-PAPER = LDNetConfig("paper", size=32, widths=(16, 16, 16), hidden=64)
+SMALL = BestLDNetConfig(size=32, widths=(16, 24, 32))
+PAPER = PaperLDNetConfig(size=32, widths=(16, 16, 16), hidden=64)
 
 
 @pytest.fixture(scope="module")

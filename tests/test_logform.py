@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from exact_maps import DISK_MAPS, after, moebius, sliding, twist
 from meshes import random_disk, random_mu
 
 from qclearn.beltrami import BeltramiError
 from qclearn.disk import solve_beltrami_disk
 from qclearn.diskmesh import boundary_loop, polar_disk, square_disk
+from qclearn.exactmaps import DISK_MAPS, after, moebius, sliding, twist
 from qclearn.logform import mean_reciprocal, solve_beltrami_disk_log
 from qclearn.mobius import mobius
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 import torch
-from exact_maps import DISK_MAPS
 from meshes import random_disk, random_mu
 
 from qclearn.beltrami import solve_beltrami, stiffness
 from qclearn.disk import solve_beltrami_disk
 from qclearn.diskmesh import polar_disk, square_disk
+from qclearn.exactmaps import DISK_MAPS
 from qclearn.nets.losses import (
     L_CP,
     L_LBS,

@@ -4,13 +4,13 @@ from importlib import import_module
 
 import numpy as np
 import pytest
-from exact_maps import moebius
 from meshes import random_disk, random_mu
 
 from qclearn.beltrami import beltrami_coefficient, signed_areas, solve_beltrami, stiffness
 from qclearn.bijectivity import RepairWarning, check_bijective, flipped_faces
 from qclearn.disk import disk_conformal_map, solve_beltrami_disk
 from qclearn.diskmesh import boundary_loop, polar_disk
+from qclearn.exactmaps import moebius
 from qclearn.fit import LandmarkError, fit_landmarks, sampling_matrix
 from qclearn.methods import METHODS, Problem, networks
 from qclearn.methods.harmonic import harmonic, smoothed

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 import torch
-from exact_maps import DISK_MAPS
 from meshes import random_mu
 
 from qclearn.beltrami import BeltramiError
 from qclearn.disk import BeltramiDiskSolver
-from qclearn.polar import PolarSolver
+from qclearn.exactmaps import DISK_MAPS
+from qclearn.nets.polar import PolarSolver
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

@@ -1,6 +1,7 @@
 """Weights files: what is written comes back, whatever is not whole, ours or of this version is refused by name."""
 
 import json
+import sys
 from dataclasses import asdict, dataclass
 
 import pytest
@@ -8,8 +9,8 @@ import torch
 from safetensors.torch import save_file
 from torch import nn
 
-from qclearn.nets import weights
-from qclearn.nets.weights import FORMAT, WeightsError, digest, load, load_file, read_weights, save_weights, stem
+from qclearn.nets.networks import NETWORKS, Network
+from qclearn.nets.weights import FOLDER, FORMAT, WeightsError, digest, load, load_file, read_weights, save_weights, stem
 
 HEADER = {"network": "toy", "training": {}, "data": {}, "steps": 3, "commit": "", "figures": {}}
 
@@ -30,11 +31,8 @@ class Toy(nn.Module):
 @pytest.fixture(autouse=True)
 def toy(monkeypatch):
     """The network "toy" beside the real ones."""
-    module = type("module", (), {"PRESETS": {"best": (Toy, ToyConfig())}})
-    found = weights.importlib.import_module
-    monkeypatch.setattr(weights, "NETWORKS", (*weights.NETWORKS, "toy"))
-    monkeypatch.setattr(weights.importlib, "import_module",
-                        lambda name, package=None: module if name == ".toy" else found(name, package))
+    monkeypatch.setitem(sys.modules, "toy", type("module", (), {"PRESETS": {"best": (Toy, ToyConfig())}}))
+    monkeypatch.setitem(NETWORKS, "toy", Network("toy", "solve", "toy:data"))
 
 
 @pytest.fixture
@@ -141,7 +139,7 @@ def test_the_digest_sees_shape_type_and_order():
     assert len({digest(tensors) for tensors in different}) == len(different)
 
 
-SHIPPED = sorted(weights.FOLDER.glob("*.safetensors"))
+SHIPPED = sorted(FOLDER.glob("*.safetensors"))
 
 
 def test_the_shipped_weights_are_small():

@@ -23,7 +23,7 @@ def network(name, preset, gamma=None):
     """A network with its shipped weights; WeightsError if there are none, ImportError without torch."""
     from ..nets import load  # here: loads torch
 
-    return load(name, preset, gamma if name == "cpnet" and preset == "paper" else None)
+    return load(name, preset, gamma)
 
 
 def proposed(problem, mesh, preset, alpha, beta, gamma):

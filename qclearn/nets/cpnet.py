@@ -10,24 +10,40 @@ import torch
 from torch import nn
 
 from ..fit import LandmarkError, check_landmarks, check_weights
-from ..polar import PolarSolver
-from .born import Born, PolarGrid, PolarMesh, bounded, fit_mobius, mobius, mobius_columns
-from .cpnet_paper import PaperCPNet
-from .layers import ConditionedUNet, linked
+from .born import Born
+from .cpnet_paper import PaperCPNet, PaperCPNetConfig
+from .layers import ConditionedUNet, disk_mesh
+from .polar import PolarSolver
+from .polargrid import PolarGrid, PolarMesh
+from .torchplane import bounded, fit_mobius, mobius, mobius_columns
 from .train import TrainConfig
 
 INSIDE, LOSS = (1e-3, 8), (1e-3, 20)  # tolerance and most steps of the solver inside the network, and in the loss
 
 FIELD = 0.03  # of the U-Nets' outputs that bend the field itself
 
+# What the two corrections see on the grid, in order: name -> (how often its frame turns with the spoke, scale that brings
+# it to the size of 1, why it is shown). Complex ones make two channels.
+FIRST = {
+    "nu": (2, 1, "the Born step, which is corrected"),
+    "moved": (1, 5, "what it does to the nodes, to first order"),
+    "wanted": (1, 10, "at the landmarks: where they should go, and how many share a node"),
+    "left": (1, 10, "at the landmarks: what the Born step leaves of that"),
+}
+SECOND = {
+    "nu": (2, 1, "the first answer, which is corrected"),
+    "chord": (2, 1, "what the Born step's linearisation would change, now that the true error is known"),
+    "moved": (1, 5, "what the exact map does to the nodes"),
+    "left": (1, 50, "at the landmarks: the error of the exact map, and how many share a node"),
+}
 SMALL = 1e-3  # an L_CP / alpha below which the loss asks for no more: where p = q it is 0
 
 
 @dataclass(frozen=True)
-class CPNetConfig:
-    """Sizes of a CP-Net; those of the other preset are not used. Ranges are of log10, three decades each."""
+class BestCPNetConfig:
+    """Sizes of the better CP-Net. Ranges are of log10, three decades each."""
 
-    preset: str
+    preset: str = "best"
     rings: int = 24
     spokes: int = 72
     modes: int = 512
@@ -35,15 +51,10 @@ class CPNetConfig:
     second: tuple = (24, 48, 64)
     blocks: int = 2
     looks: int = 0  # at the exact map; trained with one
-    stiffest: float = 5.5  # log10 of gamma / beta, see `BestCPNet.problem`
+    stiffest: float = 5.5  # log10 of gamma / beta, see `BestCPNet.gamma_used`
     most: int = 128  # landmarks
     smooth: tuple = (-2.0, 1.0)  # of beta / alpha
     match: tuple = (2.3, 5.3)  # of gamma / alpha
-    gamma: float = 1e4  # of the paper's, whose alpha and beta are 1
-    curves: int = 8
-    points: int = 10  # of each curve
-    size: int = 64  # of the paper's square, in pixels: that of its DBS-Net
-    widths: tuple = (128, 96, 64, 48, 32)  # channels, from the smallest image to the whole
 
 
 def check_count(points, most):
@@ -67,8 +78,11 @@ class BestCPNet(nn.Module):
         self.one = ConditionedUNet(10, 8, 3, config.first, config.blocks)
         self.two = ConditionedUNet(10, 8, 6, config.second, config.blocks)
         self.register_buffer("spoke", self.grid.z / self.grid.z.abs(), persistent=False)
-        self.link = None
         self.to(memory_format=torch.channels_last)
+
+    @property
+    def ranges(self):
+        return self.config.smooth, self.config.match
 
     def forward(self, p, q, mask, weights, looks=None):
         """nu (B, rings, spokes) after `looks` looks (default: the configuration's) at the exact map."""
@@ -81,7 +95,7 @@ class BestCPNet(nn.Module):
         """The problem, its Born step and the first correction."""
         kind = p.device.type
         with torch.autocast(kind, enabled=False), torch.no_grad():
-            problem = Problem(self, p, q, mask, weights)
+            problem = Linearised(self.grid, self.born, self.ranges, p, q, mask, weights)
             features, conditions = self.first_features(problem)
         change = self.one(features, conditions)
         with torch.autocast(kind, enabled=False):
@@ -115,22 +129,26 @@ class BestCPNet(nn.Module):
         return nu * (1 + FIELD * pairs[:, 2]) + FIELD * pairs[:, 3] * self.spoke ** 2
 
     def first_features(self, problem):
-        moved = self.born.moved(problem.c)
+        """FIRST as channels (B, 10, rings, spokes), and conditions (B, 3)."""
         left = problem.displacement - problem.born_displacement
-        channels = [*self.turning(problem.nu, 2), *self.turning(moved, 1, 5.0),
-                    *self.landmarks(problem, problem.displacement, 10.0), *self.landmarks(problem, left, 10.0)[:2]]
-        return self.stack(channels), problem.conditions
+        (wanted, count), (left, _) = (self.landmarks(problem, values, FIRST[name][1]) for name, values in (
+            ("wanted", problem.displacement), ("left", left)))
+        fields = {"nu": problem.nu, "moved": FIRST["moved"][1] * self.born.moved(problem.c), "wanted": wanted, "left": left}
+        channels = [part for name, field in fields.items() for part in self.turning(field, FIRST[name][0])]
+        return self.stack([*channels[:6], count, *channels[6:]]), problem.conditions
 
     def second_features(self, problem, one, f):
+        """SECOND as channels (B, 10, rings, spokes), conditions (B, 6), the chord step, and the residual, seen and linear."""
         parameters = fit_mobius(self.grid.sample(f, problem.places), problem.q, problem.mask)
         w_all = mobius(f, *parameters)
         w = self.grid.sample(w_all, problem.places)
         residual = (w - problem.q) * problem.mask
         linear = problem.slope * problem.linear(self.grid.coefficients(one))
         chord = self.grid.field(problem.step((residual - linear) * problem.scale)[0])
-        moved = (w_all - mobius(self.identity(len(w)), *problem.parameters))[:, 1:].view_as(one)
-        channels = [*self.turning(one, 2), *self.turning(chord - one, 2), *self.turning(moved, 1, 5.0),
-                    *self.landmarks(problem, -residual, 50.0)]
+        moved = (w_all - mobius(self.identity(len(w)), *problem.parameters))[:, 1:].view_as(one)  # (B, rings, spokes)
+        left, count = self.landmarks(problem, -residual, SECOND["left"][1])
+        fields = {"nu": one, "chord": chord - one, "moved": SECOND["moved"][1] * moved, "left": left}
+        channels = [part for name, field in fields.items() for part in self.turning(field, SECOND[name][0])] + [count]
         size, slope = self.grid.terms(bounded(one))
         b, g = problem.weights.unbind(1)
         count = problem.mask.sum(1)
@@ -142,19 +160,19 @@ class BestCPNet(nn.Module):
         z = torch.cat([self.grid.z.new_zeros(1), self.grid.z.flatten()])
         return z.expand(count, -1)
 
-    def turning(self, field, times, scale=1.0):
+    def turning(self, field, times):
         """Real and imaginary part of a field (B, rings, spokes) in the frame that turns so many times with the spoke."""
-        field = scale * field * self.spoke.conj() ** times
+        field = field * self.spoke.conj() ** times
         return field.real, field.imag
 
     def landmarks(self, problem, values, scale):
-        """Complex values at the landmarks and their number, on the grid: three channels."""
+        """Complex values at the landmarks as a field (B, rings, spokes), and their number at each node."""
         values = torch.stack([scale * values.real, scale * values.imag, problem.mask], 1) * problem.mask[:, None]
-        spread = self.grid.splat(values, problem.places)[:, :, 1:].unflatten(2, self.grid.z.shape)
-        return *self.turning(torch.complex(spread[:, 0], spread[:, 1]), 1), spread[:, 2]
+        spread = self.grid.splat(values, problem.places)[:, :, 1:].unflatten(2, self.grid.z.shape)  # (B, 3, rings, spokes)
+        return torch.complex(spread[:, 0], spread[:, 1]), spread[:, 2]
 
     def stack(self, channels):
-        radius = self.grid.radius[1:, None].expand_as(self.grid.area * self.grid.z.abs()).expand_as(channels[0])
+        radius = self.grid.radius[1:, None].expand_as(channels[0])  # (B, rings, spokes)
         return torch.stack([*channels, radius], 1)
 
     @torch.no_grad()
@@ -167,25 +185,25 @@ class BestCPNet(nn.Module):
         slower. curve is not used. LandmarkError for bad landmarks or weights, or more than `config.most`
         landmarks; BeltramiError or SurfaceError where the mesh is no disk.
         """
-        return self.on_mesh(self(*self.problem(z, faces, moving, target, alpha, beta, gamma), looks))
+        return self.on_mesh(disk_mesh(z, faces), self(*self.problem(moving, target, alpha, beta, gamma), looks))
 
     @torch.no_grad()
     def answers(self, z, faces, moving, target, alpha=1.0, beta=1e-2, gamma=1e5, looks=3):
         """What `predict` would say after each of its stages: dict name -> mu (F,), in order."""
-        problem, born, nu = self.begin(*self.problem(z, faces, moving, target, alpha, beta, gamma))
+        mesh = disk_mesh(z, faces)
+        problem, born, nu = self.begin(*self.problem(moving, target, alpha, beta, gamma))
         found = {"Born step": born, "first correction": nu}
         for number in range(1, looks + 1):
             _, chord, nu = self.look(problem, nu)
             found |= {"chord step": chord} if number == 1 else {}
             found[f"{number} look{'s' * (number > 1)}"] = nu
-        return {name: self.on_mesh(nu) for name, nu in found.items()}
+        return {name: self.on_mesh(mesh, nu) for name, nu in found.items()}
 
-    def problem(self, z, faces, moving, target, alpha, beta, gamma):
-        """Checked input as tensors (1, ...); the mesh is kept in `link`."""
+    def problem(self, moving, target, alpha, beta, gamma):
+        """Checked input as tensors (1, ...)."""
         moving, target, _ = check_landmarks(moving, target, None, False)
         check_weights(alpha, beta, gamma)
         check_count(moving, self.config.most)
-        self.link = linked(z, faces, self.link)
         p, q = (torch.from_numpy(points)[None].to(self.grid.z) for points in (moving, target))
         ratios = torch.tensor([[beta / alpha, self.gamma_used(alpha, beta, gamma) / alpha]])
         return p, q, torch.ones_like(p.real), ratios.to(self.grid.area)
@@ -197,11 +215,9 @@ class BestCPNet(nn.Module):
         """
         return min(gamma, alpha * 10 ** self.config.stiffest * max(beta / alpha, 10 ** self.config.smooth[0]))
 
-    def on_mesh(self, nu):
-        """The coefficient mu (F,) of nu (1, rings, spokes) at the centroids of the linked mesh."""
-        if self.link.places is None:
-            self.link.places = self.grid.locate(torch.from_numpy(self.link.centroids).to(nu))
-        corners, share = self.link.places
+    def on_mesh(self, mesh, nu):
+        """The coefficient mu (F,) of nu (1, rings, spokes) at the centroids of a `DiskMesh`."""
+        corners, share = mesh.places(self, lambda: self.grid.locate(torch.from_numpy(mesh.centroids).to(nu)))
         mu = bounded((self.grid.with_centre(nu)[0, corners] * share).sum(-1))
         return mu.cpu().numpy().astype(complex)
 
@@ -254,25 +270,28 @@ class BestCPNet(nn.Module):
         return p, q, mask, 10 ** logs
 
 
-class Problem:
-    """One batch of landmark problems, linearised at the identity: the Born step `nu` and what it promises."""
+class Linearised:
+    """One batch of landmark problems, linearised at the identity: the Born step `nu` and what it promises.
 
-    def __init__(self, net, p, q, mask, weights):
-        self.net, self.p, self.q, self.mask, self.weights = net, p, q, mask, weights
+    ranges (2, 2): of log10 of beta / alpha and gamma / alpha, to which the conditions of the U-Nets are cut.
+    """
+
+    def __init__(self, grid, born, ranges, p, q, mask, weights):
+        self.p, self.q, self.mask, self.weights = p, q, mask, weights
         b, g = weights.unbind(1)
         self.parameters = a, theta = fit_mobius(p, q, mask)
         w = mobius(p, a, theta)
         self.slope = torch.exp(1j * theta)[:, None] * (1 - a.abs() ** 2)[:, None] / (1 - a.conj()[:, None] * p) ** 2
         self.scale = (g / mask.sum(1)).sqrt()[:, None] * mask
-        self.places = net.grid.locate(p)
-        self.J = net.born.jacobian(self.places)
-        self.step = net.born.prepare(self.J, self.slope, mobius_columns(w), self.scale, torch.ones_like(b), b)
+        self.places = grid.locate(p)
+        self.J = born.jacobian(self.places)
+        self.step = born.prepare(self.J, self.slope, mobius_columns(w), self.scale, torch.ones_like(b), b)
         self.residual = (w - q) * mask
         self.c, self.promised = self.step(self.residual * self.scale)
-        self.nu = net.grid.field(self.c)
+        self.nu = grid.field(self.c)
         self.displacement = (q - w) / self.slope
         self.born_displacement = self.linear(self.c)
-        low, high = torch.tensor([net.config.smooth, net.config.match]).to(weights).T
+        low, high = torch.tensor(ranges).to(weights).T
         logs = torch.log10(weights.clamp(min=1e-12)).clamp(low, high)
         self.conditions = torch.stack([logs[:, 0], logs[:, 1] - 4, torch.log10(mask.sum(1)) - 2], 1)
 
@@ -282,6 +301,6 @@ class Problem:
         return torch.complex(v[..., 0], v[..., 1])
 
 
-PRESETS = {"paper": (PaperCPNet, CPNetConfig("paper")), "best": (BestCPNet, CPNetConfig("best"))}
+PRESETS = {"paper": (PaperCPNet, PaperCPNetConfig()), "best": (BestCPNet, BestCPNetConfig())}
 TRAINING = {"paper": TrainConfig(steps=900, batch=16, rate=2e-3, bfloat16=True, validate_every=150),
             "best": TrainConfig(steps=4_000, batch=16, rate=1.5e-3, bfloat16=True, validate_every=250)}

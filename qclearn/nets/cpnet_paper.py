@@ -1,5 +1,7 @@
 """CP-Net as printed: the control's landmarks fixed, those of a subject in, one network for each (alpha, beta, gamma)."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import torch
 from torch import nn
@@ -7,12 +9,25 @@ from torch.nn import functional
 
 from ..fit import LandmarkError, check_landmarks, check_weights
 from ..mobius import mobius, mobius_slope
-from .born import bounded, fit_mobius
-from .born import mobius as mobius_of
-from .layers import linked
+from .layers import disk_mesh
 from .losses import L_CP
+from .torchplane import bounded, fit_mobius, square_places
+from .torchplane import mobius as mobius_of
 
 NEAR = 1e-4  # in the unit disk: targets closer than this to the control's are the control's
+SCALE = 10.0  # of the landmarks' displacements, a few hundredths of the disk
+
+
+@dataclass(frozen=True)
+class PaperCPNetConfig:
+    """Sizes of the CP-Net as printed."""
+
+    preset: str = "paper"
+    gamma: float = 1e4  # alpha and beta are 1
+    curves: int = 8
+    points: int = 10  # of each curve
+    size: int = 64  # of the square, in pixels: that of its DBS-Net
+    widths: tuple = (128, 96, 64, 48, 32)  # channels, from the smallest image to the whole
 
 
 class PaperCPNet(nn.Module):
@@ -36,7 +51,7 @@ class PaperCPNet(nn.Module):
         nn.init.normal_(self.head.weight, std=1e-3)
         nn.init.zeros_(self.head.bias)
         self.register_buffer("targets", torch.zeros(groups * config.points, dtype=torch.complex64))
-        self.solver, self.link = None, None
+        self.solver = None
 
     def forward(self, p):
         """mu (B, size, size) of landmarks (B, M), curve by curve."""
@@ -104,7 +119,7 @@ class PaperCPNet(nn.Module):
                                 f"({alpha:g}, {beta:g}, {gamma:g}); use the preset best for others")
         moved, mask = torch.from_numpy(p)[None].to(self.targets), torch.ones(1, len(p), device=self.targets.device)
         a, theta = (parameter.item() for parameter in fit_mobius(moved, self.targets[None], mask, steps=8))
-        self.link = mesh = linked(z, faces, self.link)
+        mesh = disk_mesh(z, faces)
         aligned = torch.from_numpy(mobius(p, a, theta))[None].to(self.targets)
         mu = self(aligned)
         places = square_places(torch.from_numpy(mobius(mesh.centroids, a, theta)).to(self.targets))[None, None]
@@ -122,13 +137,3 @@ class PaperCPNet(nn.Module):
             raise LandmarkError(f"the {len(target)} targets are not the {len(control)} landmarks of the control that this "
                                 "network was trained for; the preset best takes any: load(\"cpnet\")")
         return moving[nearest]
-
-
-SCALE = 10.0  # of the landmarks' displacements, a few hundredths of the disk
-
-
-def square_places(points):
-    """Places (..., 2) in [-1, 1] on the square, column and row upwards, of complex points of the disk."""
-    size = points.abs().clamp(min=1e-12)
-    square = points * size / torch.maximum(points.real.abs(), points.imag.abs()).clamp(min=1e-12)
-    return torch.view_as_real(square)

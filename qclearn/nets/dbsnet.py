@@ -5,36 +5,46 @@ kept exactly. Preset `paper` (`dbsnet_paper`) is the network as printed.
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import torch
 from torch.nn import functional
 
-from ..polar import IDENTITY, PolarSolver, Preconditioner, Solve, Stencil
-from .dbsnet_paper import PaperDBSNet
+from .dbsnet_paper import PaperDBSNet, PaperDBSNetConfig
 from .layers import DiskNetwork, PolarFunction, PolarUNet
+from .polar import PolarSolver, harmonic_extension, two_steps
 from .train import TrainConfig
 
 TOLERANCE = 1e-5  # of the exact maps that the network learns from
 
+# What the network sees, in order: name -> (scale, which brings it to the size of 1 at |mu| = 0.5; why it is shown).
+FEATURES = {
+    "inner.re": (1, "mu of each cell's face towards the centre, in the frame that turns with the spoke"),
+    "inner.im": (1, "the same, imaginary part"),
+    "outer.re": (1, "mu of each cell's face towards the circle"),
+    "outer.im": (1, "the same, imaginary part"),
+    "u": (3, "log-radius of the map after two steps, which is corrected"),
+    "v": (3, "its turn, which is corrected"),
+    "change.re": (10, "from the first step to the second: how fast u converges"),
+    "change.im": (10, "and v"),
+    "residual.re": (20, "what a third step would add to u: the error that is left, to first order"),
+    "residual.im": (20, "and to v"),
+    "U.change": (10, "from the first potential of log|f| to the second"),
+    "U.against u": (10, "two discretisations of one function: where they differ, the mesh is too coarse for mu"),
+    "rim.change": (5, "turn of the boundary from the first step to the second, carried inwards harmonically"),
+    "rim.residual": (20, "what the next step would add to it"),
+}
+
 
 @dataclass(frozen=True)
-class DBSNetConfig:
-    """Sizes of a DBS-Net; those of the other preset are not used."""
+class BestDBSNetConfig:
+    """Sizes of the better DBS-Net."""
 
-    preset: str
+    preset: str = "best"
     max_abs: tuple = (0.05, 0.6)  # of the coefficients it is trained on
     rings: int = 48
     spokes: int = 144
     channels: tuple = (24, 48, 96, 128)
     blocks: int = 3
-    size: int = 64  # of the paper's square, in pixels
-    frequencies: int = 8  # the paper's low ones: at most this, either way
-    shortcut: bool = True
-    inverse: bool = True  # of the Fourier layer, before the convolutions of the inner route
-    carry: bool = True  # the boundary's turn inwards
-    eta: float = 1.0
-    rho: float = 1e-8  # for this size: the right weight falls with the fourth power of the number of pixels
 
 
 class BestDBSNet(DiskNetwork):
@@ -47,7 +57,7 @@ class BestDBSNet(DiskNetwork):
         super().__init__()
         self.config = config
         self.solver = PolarSolver(config.rings, config.spokes)
-        self.unet = PolarUNet(14, 2, config.channels, config.blocks)
+        self.unet = PolarUNet(len(FEATURES), 2, config.channels, config.blocks)
         z = torch.from_numpy(self.solver.z[1:]).reshape(1, config.rings, config.spokes)
         self.register_buffer("z", z.to(torch.complex64), persistent=False)
         self.register_buffer("radius", z.abs().float(), persistent=False)
@@ -80,21 +90,21 @@ class BestDBSNet(DiskNetwork):
             return torch.cat([f.new_zeros(len(f), 1), f.flatten(1)], 1)
 
     def features(self, mu):
-        """What is known in closed form: features (B, 14, rings, spokes) and the first u, v (B, rings, spokes)."""
+        """What is known in closed form: features (B, 14, rings, spokes), see FEATURES, and the first u, v (B, rings, spokes)."""
         maps, potentials, angles = two_steps(self.solver, mu)
-        first, second, beyond = (f[:, 1:].view(-1, *self.z.shape[1:]) for f in maps)
+        first, second, beyond = (f[:, 1:].view(-1, *self.z.shape[1:]) for f in maps)  # (B, rings, spokes)
         start, change, residual = (torch.log(a / b) for a, b in ((second, self.z), (second, first), (beyond, second)))
         u, v = start.real.clone(), start.imag
         u[:, -1] = 0
-        angles = harmonic_extension(self.solver, torch.stack(angles, 1))
+        angles = harmonic_extension(self.solver, torch.stack(angles, 1))  # (B, 2, rings, spokes)
         lower, U = (functional.pad(U - torch.log(self.radius[:, :-1]), (0, 0, 0, 1)) for U in potentials)
-        rows = mu.view(len(mu), -1, self.config.spokes)
+        rows = mu.view(len(mu), -1, self.config.spokes)  # (B, 2 rings - 1, spokes)
         turn = torch.complex(*self.solver.tables(rows.real)["turn"])
         pairs = torch.cat([rows[:, :1], rows], 1) * turn  # the two faces of each cell, those at the centre twice
-        inner, outer = pairs[:, ::2], pairs[:, 1::2]
-        known = [inner.real, inner.imag, outer.real, outer.imag, 3 * u, 3 * v, 10 * change.real, 10 * change.imag,
-                 20 * residual.real, 20 * residual.imag, 10 * (U - lower), 10 * (U - u)]
-        return torch.cat([torch.stack(known, 1), angles * angles.new_tensor([5, 20])[:, None, None]], 1), u, v
+        inner, outer = pairs[:, ::2], pairs[:, 1::2]  # (B, rings, spokes)
+        known = [inner.real, inner.imag, outer.real, outer.imag, u, v, change.real, change.imag, residual.real,
+                 residual.imag, U - lower, U - u, *angles.unbind(1)]  # (B, rings, spokes) each, as in FEATURES
+        return torch.stack([scale * x for (scale, _), x in zip(FEATURES.values(), known, strict=True)], 1), u, v
 
     def loss(self, batch, generator):
         """Position error over displacement plus relative error of the derivatives, against the exact maps."""
@@ -133,44 +143,6 @@ class BestDBSNet(DiskNetwork):
         return torch.cat([torch.zeros_like(self.z[:, :1]), self.z], 1)
 
 
-def two_steps(solver, mu):
-    """What two preconditioned steps from mu = 0 say about the maps on the polar mesh, and the residual they leave.
-
-    Returns maps (f1, f2, f3), potentials (U1, U2) of log|f|, (B, nr - 1, nt), and boundary angles (d1, d2), (B, nt).
-    Orders 1 and 2 in mu: U by conjugate gradients, whose very first step only scales the potential of mu = 0; f from
-    the harmonic map with the boundary of U2. Beyond, f3 - f2 and d2 are the preconditioned residuals of f2 and of U2,
-    as a change of the map and of the boundary angles; d1 is the change from U1 to U2.
-    """
-    spoke, _, diagonal = weights = solver._weights(mu)
-    tables, stencil = solver.tables(spoke), Stencil(*weights)
-    pole, rim = (spoke.new_zeros(len(mu), copies, solver.nr - 1, solver.nt) for copies in (1, 2))
-    pole = torch.cat([torch.full_like(pole[:, :, :1], -2 * torch.pi / solver.nt), pole], 2)
-    potentials = [Solve.apply(*weights, pole, None, IDENTITY, tables, 0.0, 2)[0]]
-    potentials.append(Solve.apply(*weights, pole, potentials[0], IDENTITY, tables, 0.0, 1)[0])
-    precondition = Preconditioner(pole, tables)
-    beyond = potentials[1] + precondition(pole - stencil.apply(potentials[1]))
-    circle = [solver._boundary(U[:, 0, -1], spoke[:, -1], diagonal[:, -1]) for U in (*potentials, beyond)]
-    angles = [torch.atan2(a[:, 0, 0] * b[:, 1, 0] - a[:, 1, 0] * b[:, 0, 0], (a * b).sum(1)[:, 0])
-              for a, b in pairwise(circle)]
-    boundary = circle[1]
-    pull = spoke[:, None, -1:] * boundary + diagonal[:, None, -1:] * boundary.roll(-1, -1)
-    pull, harmonic = (torch.cat([rim, load], 2) for load in (pull, tables["rim"] * boundary))
-    precondition = Preconditioner(harmonic, tables)
-    f, maps = precondition(harmonic), []
-    for _ in range(2):
-        f, _ = Solve.apply(*weights, pull, f, IDENTITY, tables, 0.0, 1)
-        maps.append(solver.finish(f, boundary))
-    maps.append(solver.finish(f + precondition(pull - stencil.apply(f)), boundary))
-    return maps, [U[:, 0, 1:] for U in potentials], angles
-
-
-def harmonic_extension(solver, values):
-    """Harmonic functions (B, C, nr, nt) on the rings outside the centre with values (B, C, nt) on the circle."""
-    tables, values = solver.tables(values), values[:, :, None]
-    load = torch.cat([values.new_zeros(*values.shape[:2], solver.nr - 1, solver.nt), tables["rim"] * values], 2)
-    return torch.cat([Preconditioner(load, tables)(load)[:, :, 1:], values], 2)
-
-
 def position_error(f, exact, z):
     """Mean distance (B,) between maps (B, 1 + V) in units of the mean displacement of `exact` after the best turn."""
     exact, f = exact[:, 1:], f[:, 1:]
@@ -205,7 +177,7 @@ def _derivatives(f, z, corners):
     return (f1 * z2.conj() - f2 * z1.conj()) / area, (f2 * z1 - f1 * z2) / area
 
 
-PRESETS = {"paper": (PaperDBSNet, DBSNetConfig("paper")), "best": (BestDBSNet, DBSNetConfig("best"))}
+PRESETS = {"paper": (PaperDBSNet, PaperDBSNetConfig()), "best": (BestDBSNet, BestDBSNetConfig())}
 TRAINING = {
     "paper": TrainConfig(steps=4000, batch=8, rate=2e-3, warmup=200, bfloat16=True),
     "best": TrainConfig(steps=7000, batch=8, rate=1e-3, warmup=200, bfloat16=True, clip=0.3, validate_every=1000),

@@ -1,5 +1,7 @@
 """DBS-Net as printed: the square in place of the disk, a learnable Fourier layer, an inner and a boundary route."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import torch
 from scipy import ndimage
@@ -11,6 +13,21 @@ from ..diskmesh import disk_to_square, square_disk, square_to_disk
 from ..fourier import fourier_matrix
 from .layers import DiskNetwork
 from .losses import L_DBSNet, LossMesh
+
+
+@dataclass(frozen=True)
+class PaperDBSNetConfig:
+    """Sizes of the DBS-Net as printed, and the weights of its loss."""
+
+    preset: str = "paper"
+    max_abs: tuple = (0.05, 0.6)  # of the coefficients it is trained on
+    size: int = 64  # of the square, in pixels
+    frequencies: int = 8  # the low ones: at most this, either way
+    shortcut: bool = True
+    inverse: bool = True  # of the Fourier layer, before the convolutions of the inner route
+    carry: bool = True  # the boundary's turn inwards
+    eta: float = 1.0
+    rho: float = 1e-8  # for this size: the right weight falls with the fourth power of the number of pixels
 
 
 class FourierLayer(nn.Module):

@@ -1,6 +1,8 @@
 """What several networks share: convolutions on the polar mesh, and the crossing between NumPy and torch."""
 
+from functools import lru_cache
 from itertools import pairwise
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import torch
@@ -122,21 +124,28 @@ class ConditionedUNet(PolarUNet):
 
 
 class DiskMesh:
-    """A disk mesh that was found to be one: its boundary, its faces' centroids (F,), and `places`.
-
-    places: what links it to a network's own grid, filled in by the network and kept as long as the mesh does not change.
-    """
+    """A disk mesh that was found to be one: its boundary, its faces' centroids (F,), and where networks sample it."""
 
     def __init__(self, z, faces):
-        self.z, self.faces = np.array(z, complex), np.array(faces)
-        self.loop = BeltramiDiskSolver(self.z, self.faces).loop  # which refuses what is not a mesh of the disk
-        self.centroids, self.places = self.z[self.faces].mean(1), None
+        self.z, self.faces = z, faces
+        self.loop = BeltramiDiskSolver(z, faces).loop  # which refuses what is not a mesh of the disk
+        self.centroids, self._places = z[faces].mean(1), WeakKeyDictionary()
+
+    def places(self, network, find):
+        """What links the mesh to the grid of a network, `find()`, found once."""
+        if network not in self._places:
+            self._places[network] = find()
+        return self._places[network]
 
 
-def linked(z, faces, last):
-    """The last DiskMesh where the mesh has not changed, which takes no time; otherwise a new one."""
-    same = last is not None and np.array_equal(last.z, z) and np.array_equal(last.faces, faces)
-    return last if same else DiskMesh(z, faces)
+def disk_mesh(z, faces):
+    """The `DiskMesh` of z (V,) and faces (F, 3); of the last few that networks were used on, the one that is there."""
+    return _disk_mesh(np.asarray(z, complex).tobytes(), np.asarray(faces, np.int64).tobytes())
+
+
+@lru_cache(maxsize=4)
+def _disk_mesh(z, faces):
+    return DiskMesh(np.frombuffer(z, complex), np.frombuffer(faces, np.int64).reshape(-1, 3))
 
 
 class DiskNetwork(nn.Module):
@@ -146,8 +155,6 @@ class DiskNetwork(nn.Module):
     the map as a function of points of the disk.
     """
 
-    link = None
-
     @torch.no_grad()
     def solve(self, z, faces, mu, **options):
         """The map f (V,) that the network gives for mu (F,) on a disk mesh z (V,), faces (F, 3); deterministic.
@@ -156,10 +163,9 @@ class DiskNetwork(nn.Module):
         or |mu| >= 1, or faces that are no disk; SurfaceError where the boundary is off the unit circle.
         """
         mu = check_coefficient(mu, len(faces))
-        self.link = mesh = linked(z, faces, self.link)
-        if mesh.places is None:
-            mesh.places, _ = locate(mesh.z, mesh.faces, self.pixels)  # the faces that hold them
-        f = self.run(mu[mesh.places], **options)(mesh.z)
+        mesh = disk_mesh(z, faces)
+        holding = mesh.places(self, lambda: locate(mesh.z, mesh.faces, self.pixels)[0])  # the faces that hold them
+        f = self.run(mu[holding], **options)(mesh.z)
         f[mesh.loop] /= abs(f[mesh.loop])
         return f
 

@@ -13,7 +13,7 @@ import torch.nn.functional as F
 from torch import nn
 
 from ..landmarks import fundus_cost, fundus_path, weigh_edges
-from .ldnet_paper import PaperLDNet
+from .ldnet_paper import PaperLDNet, PaperLDNetConfig
 from .pictures import check_input, picture, stamp, turn
 from .train import TrainConfig
 
@@ -22,21 +22,14 @@ ENDS, CHORDS, FINER = 1.0, 64, 3  # pixels; points on a chord; points on a curve
 
 
 @dataclass(frozen=True)
-class LDNetConfig:
-    """Sizes of an LD-Net. size: of the image, a power of two.
+class BestLDNetConfig:
+    """Sizes of the better LD-Net. size: of the image, a power of two; widths: channels at 1/2, 1/4, ... of the size; band:
+    standard deviation of the soft band around a curve, in pixels."""
 
-    Preset `paper`: curves, points: how many curves and points on each, ends included; widths: channels of the
-    convolutions, which halve the image one by one; hidden: width of the perceptrons. Preset `best`: widths: channels at
-    1/2, 1/4, ... of the size; band: standard deviation of the soft band around a curve, in pixels.
-    """
-
-    preset: str
+    preset: str = "best"
     size: int = 128
     widths: tuple[int, ...] = (32, 64, 96, 96)
     band: float = 1.0
-    curves: int = 8
-    points: int = 10
-    hidden: int = 256
 
 
 def refine(curves, finer=FINER):
@@ -201,7 +194,7 @@ def contrast(grey, generator):
     return 255 * (grey / 255) ** (2 ** (1.4 * gamma - 0.7))
 
 
-PRESETS = {"paper": (PaperLDNet, LDNetConfig("paper", widths=(16, 32, 64, 96, 64))),
-           "best": (BestLDNet, LDNetConfig("best"))}
+PRESETS = {"paper": (PaperLDNet, PaperLDNetConfig()),
+           "best": (BestLDNet, BestLDNetConfig())}
 TRAINING = {"paper": TrainConfig(steps=5000, batch=32, rate=1e-3, weight_decay=1e-2, bfloat16=True),
             "best": TrainConfig(steps=5000, batch=16, rate=2e-3, weight_decay=1e-2, bfloat16=True)}

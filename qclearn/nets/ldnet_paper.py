@@ -1,5 +1,7 @@
 """LD-Net as printed: a fixed list of curves, a set number of points on each."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import torch
 from torch import nn
@@ -7,6 +9,20 @@ from torch import nn
 from ..fit import LandmarkError
 from .losses import L_LD
 from .pictures import check_input, picture, turn
+
+
+@dataclass(frozen=True)
+class PaperLDNetConfig:
+    """Sizes of the LD-Net as printed. size: of the image, a power of two; widths: channels of the convolutions, which
+    halve the image one by one; curves, points: how many curves and points on each, ends included; hidden: width of the
+    perceptrons."""
+
+    preset: str = "paper"
+    size: int = 128
+    widths: tuple[int, ...] = (16, 32, 64, 96, 64)
+    curves: int = 8
+    points: int = 10
+    hidden: int = 256
 
 
 class PaperLDNet(nn.Module):

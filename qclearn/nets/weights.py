@@ -1,9 +1,8 @@
 """Weights as safetensors files that say in their header what they are: network, configuration, recipe and figures."""
 
 import hashlib
-import importlib
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
 
@@ -12,63 +11,60 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 
 from ..files import write_whole
+from .networks import NETWORKS, WeightsError, gamma_fault, network
 
-FORMAT = 1  # raise it when a header's meaning or a network's layers change, so that old weights are refused
+FORMAT = 2  # raise it when a header's meaning or a network's layers change, so that old weights are refused
 FOLDER = Path(__file__).parent / "weights"
-NETWORKS = ("ldnet", "cpnet", "dbsnet")
-PAPER_GAMMAS = (1e4, 1e5, 2e5)  # the paper trains one CP-Net for each
 NEEDED = {"format", "network", "config", "training", "data", "steps", "commit", "figures", "digest"}
 
 
-class WeightsError(ValueError):
-    """A weights file that cannot be used: says which, why and what to do."""
-
-
-def build(network, config):
+def build(name, config):
     """An untrained network: `build("dbsnet", {"preset": "best", ...})`, or with the preset's name alone."""
-    if network not in NETWORKS:
-        raise WeightsError(f"no network is called {network!r}; there are {', '.join(NETWORKS)}")
-    presets = importlib.import_module(f".{network}", __package__).PRESETS
-    given = {"preset": config} if isinstance(config, str) else config
-    if given.get("preset") not in presets:
-        raise WeightsError(f"{network} has no preset {given.get('preset')!r}; there are {', '.join(presets)}")
-    network_class, default = presets[given["preset"]]
-    plain = {name: tuple(value) if isinstance(value, list) else value for name, value in given.items()}
-    return network_class(type(default)(**{**asdict(default), **plain}))
+    presets = network(name).presets
+    given = {"preset": config} if isinstance(config, str) else dict(config)
+    preset = given.pop("preset", None)
+    if preset not in presets:
+        raise WeightsError(f"{name} has no preset {preset!r}; there are {', '.join(presets)}")
+    network_class, default = presets[preset]
+    plain = {field: tuple(value) if isinstance(value, list) else value for field, value in given.items()}
+    return network_class(replace(default, **plain))
 
 
-def stem(network, preset, gamma=None):
+def stem(name, preset, gamma=None):
     """File name of a network's weights without its suffix, "cpnet-paper-g1e4"."""
-    exponent = f"-g{gamma:.0e}".replace("e+0", "e") if network == "cpnet" and preset == "paper" else ""
-    return f"{network}-{preset}{exponent}"
+    return f"{name}-{preset}" + ("" if gamma is None else f"-g{gamma:.0e}".replace("e+0", "e"))
 
 
-@cache
 def load(name, preset="best", gamma=None):
     """The shipped network `name` ("ldnet", "cpnet", "dbsnet") in evaluation mode, as NumPy callables.
 
-    preset: "best", or "paper" as printed; the paper's CP-Net has weights for one gamma each (1e4, 1e5, 2e5).
-    `load("dbsnet").solve(z, faces, mu)`, `load("cpnet").predict(z, faces, moving, target, alpha=, beta=, gamma=)`,
-    `load("ldnet").detect(surface, z, endpoints)`. WeightsError for an unknown name, preset or gamma.
+    preset: "best", or "paper" as printed; the paper's CP-Net has weights for one gamma each (1e4, 1e5, 2e5), others
+    pass over gamma. `load("dbsnet").solve(z, faces, mu)`, `load("cpnet").predict(z, faces, moving, target, alpha=,
+    beta=, gamma=)`, `load("ldnet").detect(surface, z, endpoints)`. WeightsError for an unknown name, preset or gamma.
     """
-    if name == "cpnet" and preset == "paper" and gamma not in PAPER_GAMMAS:
-        raise WeightsError(f"the paper's CP-Net has one weights file for each gamma of "
-                           f"{', '.join(f'{g:g}' for g in PAPER_GAMMAS)}; got {gamma}: name one of them")
-    path = FOLDER / f"{stem(name, preset, gamma)}.safetensors"
+    gamma = gamma if name in NETWORKS and preset in NETWORKS[name].gammas else None
+    if fault := gamma_fault(name, preset, gamma):
+        raise WeightsError(f"{fault}: name one of them")
+    return _shipped(stem(name, preset, gamma), name, preset)
+
+
+@cache
+def _shipped(stem, name, preset):
+    path = FOLDER / f"{stem}.safetensors"
     if name not in NETWORKS or not path.is_file():
         shipped = ", ".join(sorted(path.stem for path in FOLDER.glob("*.safetensors")))
         raise WeightsError(f"no weights are shipped for {name!r} with preset {preset!r}; there are {shipped or 'none'}")
     return load_file(path)
 
 
-def load_file(path, network=None):
+def load_file(path, name=None):
     """The network of a weights file, of your own training say, in evaluation mode.
 
     WeightsError if the file is damaged, not one of this program, of another version, or of another network than named.
     """
     header, state = read_weights(path)
-    if network is not None and header["network"] != network:
-        raise WeightsError(f"{path}: holds weights of {header['network']}, not of {network}; give another file")
+    if name is not None and header["network"] != name:
+        raise WeightsError(f"{path}: holds weights of {header['network']}, not of {name}; give another file")
     model = build(header["network"], header["config"])
     try:
         model.load_state_dict(state, strict=True)

@@ -21,7 +21,7 @@ from qclearn.metrics import measured_losses
 from qclearn.mobius import best_mobius, mobius
 from qclearn.nets import WeightsError, load
 from qclearn.nets.cpnet import BestCPNet
-from qclearn.nets.weights import PAPER_GAMMAS
+from qclearn.nets.networks import PAPER_GAMMAS
 
 MESH = polar_disk(32, 96, power=1.4)
 POINTS = 10  # on each curve

@@ -13,8 +13,7 @@ from qclearn.bijectivity import RepairWarning
 from qclearn.disk import BeltramiDiskSolver
 from qclearn.diskmesh import square_disk
 from qclearn.nets import WeightsError, build, load
-from qclearn.nets.dbsnet import two_steps
-from qclearn.polar import PolarSolver
+from qclearn.nets.polar import PolarSolver, two_steps
 
 from .polar import median_seconds
 

@@ -6,23 +6,11 @@ import numpy as np
 import torch
 
 from qclearn.disk import BeltramiDiskSolver
-from qclearn.polar import PolarSolver
+from qclearn.exactmaps import SLIDING, TWIST
+from qclearn.nets.polar import PolarSolver
 
 SIZES = ((32, 96), (64, 192), (128, 384), (256, 768), (512, 1536))
 TOLERANCE = 1e-5
-
-
-def twist(z):
-    """(f, mu) of `z exp(0.6 i (1 - |z|^2))`, max|mu| 0.51."""
-    c, r = 0.6, abs(z) ** 2
-    return z * np.exp(1j * c * (1 - r)), -1j * c * z ** 2 / (1 - 1j * c * r)
-
-
-def sliding(z):
-    """(f, mu) of `z exp(0.5 i Im(z) |z|)`, which slides the boundary, max|mu| 0.46."""
-    c, y, r = 0.5, z.imag, abs(z)
-    h_z = c / 2 * (-1j * r + y * z.conj() / r)  # of h = c y |z|
-    return z * np.exp(1j * c * y * r), 1j * z * h_z.conj() / (1 + 1j * z * h_z)
 
 
 def random_coefficient(seed, z, largest=0.5):
@@ -46,10 +34,10 @@ def size_row(nr, nt, seed, repeats):
     solver = PolarSolver(nr, nt)
     centre = solver.z[solver.faces].mean(1)
     row = {"nr": nr, "nt": nt, "vertices": len(solver.z)}
-    for name, closed in (("twist", twist), ("sliding", sliding)):
-        mu = torch.from_numpy(closed(centre)[1])
-        points = np.where(solver.z == 0, 1e-300, solver.z)  # h_z of `sliding` divides by |z|
-        row[f"{name}_error"] = float(abs(solver.solve(mu, TOLERANCE).numpy() - closed(points)[0]).max())
+    for name, closed in (("twist", TWIST), ("sliding", SLIDING)):
+        mu = torch.from_numpy(closed.mu(centre))
+        points = np.where(solver.z == 0, 1e-300, solver.z)  # derivatives of SLIDING divide by |z|
+        row[f"{name}_error"] = float(abs(solver.solve(mu, TOLERANCE).numpy() - closed(points)).max())
     mu = random_coefficient(seed, centre)
     row["polar_seconds"] = median_seconds(lambda: solver.solve(torch.from_numpy(mu), TOLERANCE), repeats)
     row["iterations"] = int(solver.iterations.max())

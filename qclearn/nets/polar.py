@@ -9,12 +9,15 @@ Inside, the centre is a ring like the others: nt copies of its value, and equal 
 a grid (nr, nt) of the rings inside the circle.
 """
 
+from itertools import pairwise
+
 import numpy as np
 import torch
 
-from .beltrami import BeltramiError, hat_gradients, signed_areas
-from .disk import LOST_STEP, SMALLEST_STEP
-from .diskmesh import polar_disk
+from ..beltrami import BeltramiError, hat_gradients, signed_areas
+from ..disk import LOST_STEP, SMALLEST_STEP
+from ..diskmesh import polar_disk
+from .polarcg import Preconditioner, Solve, Stencil
 
 # Corners of a face at the ends of its spoke, its arc and its diagonal edge, see the order of faces in `polar_disk`.
 POINTING_IN, POINTING_OUT = ((0, 1), (1, 2), (0, 2)), ((1, 2), (2, 0), (0, 1))
@@ -58,19 +61,14 @@ class PolarSolver:
         """
         if mu.ndim == 1:
             return self.solve(mu[None], tolerance, limit, None if start is None else start[None])[0]
-        spoke, _, diagonal = weights = self._weights(mu)
-        tables = self.tables(spoke)
-        stopping = tables, tolerance, limit
-        pole, rim = (spoke.new_zeros(len(mu), copies, self.nr - 1, self.nt) for copies in (1, 2))
-        pole = torch.cat([torch.full_like(pole[:, :, :1], -2 * torch.pi / self.nt), pole], 2)
-        U, f, rest = (None, 0, 0) if start is None else self._begin(start, spoke)
-        U, steps_U = Solve.apply(*weights, pole, U, IDENTITY, *stopping)
-        boundary = self._boundary(U[:, 0, -1], spoke[:, -1], diagonal[:, -1])
-        pull = spoke[:, None, -1:] * boundary + diagonal[:, None, -1:] * boundary.roll(-1, -1)
-        harmonic = torch.cat([rim, tables["rim"] * (boundary.detach() - rest)], 2)
-        f = f + Preconditioner(harmonic, tables)(harmonic)
-        f, steps_f = Solve.apply(*weights, torch.cat([rim, pull], 2), f, IDENTITY, *stopping)
-        self.iterations = torch.cat([steps_U, steps_f], 1)
+        system, stopping = PolarSystem(self, mu), (tolerance, limit)
+        U, f, rest = (None, 0, 0) if start is None else self._begin(start, system.spoke)
+        U, steps_U = system.solve(system.pole, U, *stopping)
+        boundary = system.boundary(U[:, 0])
+        harmonic = system.harmonic(boundary.detach() - rest)
+        f = f + system.precondition(harmonic)(harmonic)
+        f, steps_f = system.solve(system.pull(boundary), f, *stopping)
+        self.floored, self.iterations = system.floored, torch.cat([steps_U, steps_f], 1)
         return self.finish(f, boundary)
 
     def _begin(self, f, spoke):
@@ -89,30 +87,43 @@ class PolarSolver:
         inner = torch.cat([f[:, :, 0].mean(-1, keepdim=True), f[:, :, 1:].flatten(2)], 2)
         return _normalise(torch.complex(*inner.unbind(1)), torch.complex(*boundary[:, :, 0].unbind(1)))
 
-    def _weights(self, mu):
-        """Edge weights -K_ab (B, nr, nt): spokes outwards from each ring, arcs on it, diagonals outwards from it."""
-        if mu.shape[1:] != (len(self.faces),) or not mu.is_complex():
-            raise BeltramiError(f"mu has shape {tuple(mu.shape)} and type {mu.dtype}: give complex (B, F) or (F,) with "
-                                f"F = {len(self.faces)}, one value a face")
-        rows = mu.reshape(len(mu), -1, self.nt)
-        tables = self.tables(rows.real)
-        m = rows.real ** 2 + rows.imag ** 2
-        if not (m < 1).all():
-            _refuse(mu, ~(m.flatten(1) < 1))
-        cos, sin = tables["turn"]
-        re, im = rows.real * cos - rows.imag * sin, rows.real * sin + rows.imag * cos  # in the frame of the spoke
-        scale = 1 / (1 - m)
-        parts = (1 + m) * scale, 2 * scale * re, 2 * scale * im
-        spoke, arc, diagonal = (torch.addcmul(torch.addcmul(a * parts[0], b, parts[1]), c, parts[2])
-                                for a, b, c in tables["edges"])
-        fan = spoke[:, :1] + diagonal[:, :1].roll(1, -1)
-        none = torch.zeros_like(fan)
-        spoke = torch.cat([fan, spoke[:, 1::2] + spoke[:, 2::2].roll(1, -1)], 1)
-        arc = torch.cat([none, torch.cat([arc[:, :1], arc[:, 1:-2:2]], 1) + arc[:, 2::2]], 1)
-        return spoke, arc, torch.cat([none, diagonal[:, 1::2] + diagonal[:, 2::2]], 1)
 
-    def _boundary(self, U, spoke, diagonal):
-        """cos and sin (B, 2, 1, nt) of the boundary angles from U on the last inner ring (B, nt)."""
+class PolarSystem:
+    """K(mu) and the loads of one batch mu (B, F) on the mesh of a `PolarSolver`, for fields (B, S, nr, nt).
+
+    spoke, arc, diagonal (B, nr, nt): edge weights -K_ab, spokes outwards from each ring, arcs on it, diagonals outwards
+    from it; pole: the load of U; floored (B,): boundary steps that `boundary` had to raise. BeltramiError where |mu| < 1
+    fails.
+    """
+
+    def __init__(self, solver, mu):
+        if mu.shape[1:] != (len(solver.faces),) or not mu.is_complex():
+            raise BeltramiError(f"mu has shape {tuple(mu.shape)} and type {mu.dtype}: give complex (B, F) or (F,) with "
+                                f"F = {len(solver.faces)}, one value a face")
+        rows = mu.reshape(len(mu), -1, solver.nt)
+        self.nr, self.nt, self.tables = solver.nr, solver.nt, solver.tables(rows.real)
+        self.spoke, self.arc, self.diagonal = self.weights = _edge_weights(mu, rows, self.tables)
+        pole = self._zeros(1)
+        self.pole = torch.cat([torch.full_like(pole[:, :, :1], -2 * torch.pi / self.nt), pole], 2)
+
+    def _zeros(self, copies):
+        return self.spoke.new_zeros(len(self.spoke), copies, self.nr - 1, self.nt)
+
+    def solve(self, load, start, tolerance, limit):
+        """(x, steps): K x = load from start (None: from 0), 0 on the circle; see `PolarSolver.solve`. Differentiable."""
+        return Solve.apply(*self.weights, load, start, IDENTITY, self.tables, tolerance, limit)
+
+    def precondition(self, load):
+        """The inverse of K(0) for loads of this shape."""
+        return Preconditioner(load, self.tables)
+
+    def residual(self, load, x):
+        """load - K x."""
+        return load - Stencil(*self.weights).apply(x)
+
+    def boundary(self, U):
+        """cos and sin (B, 2, 1, nt) of the boundary angles from U (B, nr, nt)."""
+        spoke, diagonal, U = self.spoke[:, -1], self.diagonal[:, -1], U[:, -1]
         density = -(spoke * U + (diagonal * U).roll(1, -1)) / 2  # over two edges of the one length, which cancels
         steps, mean = density + density.roll(-1, -1), 2 * torch.pi / self.nt
         lost = steps.amin(1, keepdim=True) <= LOST_STEP * mean
@@ -122,6 +133,32 @@ class PolarSolver:
         before = torch.cat([torch.zeros_like(steps[:, :1]), steps[:, :-1].cumsum(1)], 1)
         angle = 2 * torch.pi * before / steps.sum(1, keepdim=True)
         return torch.stack([angle.cos(), angle.sin()], 1)[:, :, None]
+
+    def pull(self, boundary):
+        """The load (B, 2, nr, nt) of values (B, 2, 1, nt) on the circle, `-K_ib f_b`."""
+        pull = self.spoke[:, None, -1:] * boundary + self.diagonal[:, None, -1:] * boundary.roll(-1, -1)
+        return torch.cat([self._zeros(2), pull], 2)
+
+    def harmonic(self, boundary):
+        """The same at mu = 0, whose solution is the harmonic extension."""
+        return torch.cat([self._zeros(2), self.tables["rim"] * boundary], 2)
+
+
+def _edge_weights(mu, rows, tables):
+    m = rows.real ** 2 + rows.imag ** 2
+    if not (m < 1).all():
+        _refuse(mu, ~(m.flatten(1) < 1))
+    cos, sin = tables["turn"]
+    re, im = rows.real * cos - rows.imag * sin, rows.real * sin + rows.imag * cos  # in the frame of the spoke
+    scale = 1 / (1 - m)
+    parts = (1 + m) * scale, 2 * scale * re, 2 * scale * im
+    spoke, arc, diagonal = (torch.addcmul(torch.addcmul(a * parts[0], b, parts[1]), c, parts[2])
+                            for a, b, c in tables["edges"])
+    fan = spoke[:, :1] + diagonal[:, :1].roll(1, -1)
+    none = torch.zeros_like(fan)
+    spoke = torch.cat([fan, spoke[:, 1::2] + spoke[:, 2::2].roll(1, -1)], 1)
+    arc = torch.cat([none, torch.cat([arc[:, :1], arc[:, 1:-2:2]], 1) + arc[:, 2::2]], 1)
+    return spoke, arc, torch.cat([none, diagonal[:, 1::2] + diagonal[:, 2::2]], 1)
 
 
 def _refuse(mu, bad):
@@ -182,114 +219,34 @@ def _reduction(plain, nt):
             "rim": spoke[-1:]}
 
 
-class Preconditioner:
-    """The inverse of the matrix of mu = 0, values 0 on the circle, for loads of one shape (B, S, nr, nt).
+def two_steps(solver, mu):
+    """What two preconditioned steps from mu = 0 say about the maps on the polar mesh, and the residual they leave.
 
-    It keeps the array of modes and all views of it: on small meshes to make them would cost more than to use them.
+    Returns maps (f1, f2, f3), potentials (U1, U2) of log|f|, (B, nr - 1, nt), and boundary angles (d1, d2), (B, nt).
+    Orders 1 and 2 in mu: U by conjugate gradients, whose very first step only scales the potential of mu = 0; f from
+    the harmonic map with the boundary of U2. Beyond, f3 - f2 and d2 are the preconditioned residuals of f2 and of U2,
+    as a change of the map and of the boundary angles; d1 is the change from U1 to U2.
     """
-
-    def __init__(self, load, tables):
-        self.modes, self.pivots, self.nt = torch.fft.rfft(load), tables["pivots"], load.shape[-1]
-        self.x = torch.view_as_real(self.modes).flatten(-2)  # a view
-        self.steps, lower, stride = [], tables["lower"], 1
-        while stride < load.shape[-2]:
-            kept, gone = self.x[..., ::2 * stride, :], self.x[..., stride::2 * stride, :]
-            n_left, n_right = gone.shape[-2], kept.shape[-2] - 1
-            left, right, lower = lower.split([n_left, n_right, len(lower) - n_left - n_right])
-            self.steps += [(kept[..., :n_left, :], gone, left), (kept[..., 1:, :], gone[..., :n_right, :], right)]
-            stride *= 2
-
-    def __call__(self, r):
-        torch.fft.rfft(r, out=self.modes)
-        for kept, gone, factor in self.steps:
-            kept.addcmul_(factor, gone)
-        self.x.mul_(self.pivots)
-        for kept, gone, factor in reversed(self.steps):
-            gone.addcmul_(factor, kept)
-        return torch.fft.irfft(self.modes, self.nt)
+    system = PolarSystem(solver, mu)
+    potentials = [system.solve(system.pole, None, 0.0, 2)[0]]
+    potentials.append(system.solve(system.pole, potentials[0], 0.0, 1)[0])
+    beyond = potentials[1] + system.precondition(system.pole)(system.residual(system.pole, potentials[1]))
+    circle = [system.boundary(U[:, 0]) for U in (*potentials, beyond)]
+    angles = [torch.atan2(a[:, 0, 0] * b[:, 1, 0] - a[:, 1, 0] * b[:, 0, 0], (a * b).sum(1)[:, 0])
+              for a, b in pairwise(circle)]
+    boundary = circle[1]
+    pull, harmonic = system.pull(boundary), system.harmonic(boundary)
+    precondition = system.precondition(harmonic)
+    f, maps = precondition(harmonic), []
+    for _ in range(2):
+        f, _ = system.solve(pull, f, 0.0, 1)
+        maps.append(solver.finish(f, boundary))
+    maps.append(solver.finish(f + precondition(system.residual(pull, f)), boundary))
+    return maps, [U[:, 0, 1:] for U in potentials], angles
 
 
-class Stencil:
-    """K(mu) inside the circle, values on it held at 0, from the edge weights of `PolarSolver._weights`.
-
-    Vertices are numbered ring by ring, so that neighbours lie 1, nt and nt + 1 places apart. The diagonal that closes
-    a ring, from its last vertex to the first of the next ring, spans one place; the arc that closes it spans nt - 1.
-    """
-
-    def __init__(self, spoke, arc, diagonal):
-        spoke, arc, diagonal = spoke[:, None], arc[:, None], diagonal[:, None]
-        centre = spoke + arc + arc.roll(1, -1) + diagonal
-        centre[..., 1:, :] += spoke[..., :-1, :] + diagonal[..., :-1, :].roll(1, -1)
-        along, slanted = -arc, -diagonal[..., :-1, :]
-        along[..., :-1, -1] = slanted[..., -1]
-        slanted[..., -1] = 0
-        self.centre, self.closing = centre.flatten(2), -arc[..., -1]
-        self.places = [(1, along.flatten(2)[..., :-1]), (spoke.shape[-1], -spoke[..., :-1, :].flatten(2)),
-                       (spoke.shape[-1] + 1, slanted.flatten(2)[..., :-1])]
-
-    def apply(self, x):
-        """K x for x (B, S, nr, nt)."""
-        u = x.flatten(2)
-        v = self.centre * u
-        for shift, weight in self.places:
-            v[..., shift:].addcmul_(weight, u[..., :-shift])
-            v[..., :-shift].addcmul_(weight, u[..., shift:])
-        v = v.view(x.shape)
-        v[..., 0].addcmul_(self.closing, x[..., -1])
-        v[..., -1].addcmul_(self.closing, x[..., 0])
-        # Unequal shares would never decay in the residual, and their rounding would outgrow what does.
-        v[..., 0, :] = v[..., 0, :].mean(-1, keepdim=True)
-        return v
-
-
-def conjugate_gradients(stencil, load, start, size, tables, tolerance, limit):
-    """Solutions of K x = load (B, S, nr, nt) and the number of steps (B, S); `size` None measures against the load."""
-    precondition = Preconditioner(load, tables)
-    x = torch.zeros_like(load) if start is None else start.clone()
-    r = load.clone() if start is None else load - stencil.apply(start)
-    p = precondition(r)
-    energy = _dot(r, p)
-    goal = tolerance ** 2 * (energy if size is None else torch.full_like(energy, size ** 2))
-    active, steps = energy > goal, torch.zeros_like(energy, dtype=int)
-    for _ in range(limit):
-        if not active.any():
-            break
-        q = stencil.apply(p)
-        # A system that has converged stands still: its step is 0.
-        alpha = torch.where(active, energy / _dot(p, q), 0)
-        x.addcmul_(alpha, p)
-        r.addcmul_(alpha, q, value=-1)
-        z = precondition(r)
-        energy, previous = _dot(r, z), energy
-        steps += active
-        active = active & (energy > goal)
-        p = z.addcmul_(torch.where(active, energy / previous, 0), p)
-    return x, steps[..., 0, 0]
-
-
-def _dot(a, b):
-    return torch.linalg.vecdot(a.flatten(2), b.flatten(2))[..., None, None]
-
-
-class Solve(torch.autograd.Function):
-    """x with K x = load by conjugate gradients; its adjoint: `K lam = grad_x`, then `-(lam_a - lam_b)(x_a - x_b)`."""
-
-    @staticmethod
-    def forward(ctx, spoke, arc, diagonal, load, start, size, *stopping):
-        ctx.stencil, ctx.stopping = Stencil(spoke, arc, diagonal), stopping
-        x, steps = conjugate_gradients(ctx.stencil, load, start, size, *stopping)
-        ctx.save_for_backward(x)
-        return x, steps
-
-    @staticmethod
-    @torch.autograd.function.once_differentiable
-    def backward(ctx, grad_x, _):
-        lam, _ = conjugate_gradients(ctx.stencil, grad_x.contiguous(), None, None, *ctx.stopping)
-        ends = zip(_differences(lam), _differences(*ctx.saved_tensors))
-        return *(-(a * b).sum(1) for a, b in ends), lam, None, None, None, None, None
-
-
-def _differences(x):
-    """Differences of x (B, S, nr, nt), 0 on the circle, along spokes, arcs and diagonals."""
-    outer = torch.cat([x[..., 1:, :], torch.zeros_like(x[..., :1, :])], -2)
-    return outer - x, x.roll(-1, -1) - x, outer.roll(-1, -1) - x
+def harmonic_extension(solver, values):
+    """Harmonic functions (B, C, nr, nt) on the rings outside the centre with values (B, C, nt) on the circle."""
+    tables, values = solver.tables(values), values[:, :, None]
+    load = torch.cat([values.new_zeros(*values.shape[:2], solver.nr - 1, solver.nt), tables["rim"] * values], 2)
+    return torch.cat([Preconditioner(load, tables)(load)[:, :, 1:], values], 2)

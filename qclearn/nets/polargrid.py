@@ -1,0 +1,128 @@
+"""Points and complex fields on a polar mesh, batched: interpolation in closed form, and the mesh's eigenvectors."""
+
+import numpy as np
+import torch
+from torch import nn
+
+from ..beltrami import signed_areas, stiffness
+from ..diskmesh import polar_disk
+
+
+class PolarMesh(nn.Module):
+    """`polar_disk(nr, nt, power)` with its points located in closed form, batched."""
+
+    def __init__(self, nr, nt, power=1.4):
+        super().__init__()
+        self.nr, self.nt, self.power = nr, nt, power
+        self.mesh = polar_disk(nr, nt, power)
+        self.register_buffer("radius", as_tensor((np.arange(nr + 1) / nr) ** power), persistent=False)
+
+    def locate(self, points):
+        """Corners (..., 3), as vertices of the mesh, and barycentric weights (..., 3) of points of the disk."""
+        step = 2 * torch.pi / self.nt
+        k = torch.floor(torch.remainder(points.angle(), 2 * torch.pi) / step).long().clamp(max=self.nt - 1)
+        turned = points * torch.exp(-1j * step * k)
+        y = turned.imag / np.sin(step)  # point = x spoke_k + y spoke_(k + 1)
+        x = turned.real - y * np.cos(step)
+        shrink = 1 / (x + y).clamp(min=1)  # beyond the last chord: onto it
+        x, y = x * shrink, y * shrink
+        j = (torch.bucketize((x + y).contiguous(), self.radius, right=True) - 1).clamp(0, self.nr - 1)
+        inner, outer = self.radius[j], self.radius[j + 1]
+        out = (x + y - inner) / (outer - inner)
+        lower = (y <= outer * out) | (j == 0)
+        first = torch.where(lower, 1 - out, x / inner.clamp(min=1e-9))
+        far = torch.where(lower, y / outer, out)
+        ring, spoke = torch.stack([j, j + 1, j + lower.long()], -1), torch.stack([k, k + 1, k + 1 - lower.long()], -1)
+        corners = torch.where(ring > 0, 1 + (ring - 1) * self.nt + spoke % self.nt, 0)
+        return corners, torch.stack([first, far, 1 - first - far], -1)
+
+    def sample(self, values, places):
+        """Values (B, V) at the mesh's vertices, interpolated linearly at places (B, P) that `locate` found."""
+        corners, weights = places
+        return (values.gather(1, corners.flatten(1)).view(corners.shape) * weights).sum(-1)
+
+    def splat(self, values, places):
+        """The transpose of `sample`: real values (B, C, P) shared out to the vertices, (B, C, V)."""
+        corners, weights = places
+        spread = (values[..., None] * weights[:, None]).flatten(2)
+        out = values.new_zeros(*values.shape[:2], len(self.mesh[0]))
+        return out.scatter_add_(2, corners.flatten(1)[:, None].expand_as(spread), spread)
+
+
+class PolarGrid(PolarMesh):
+    """Complex fields nu (B, nr, nt) on the rings of a polar mesh; the centre takes the first ring's mean.
+
+    modes: how many eigenvectors E of (Laplace, lumped mass) are kept, the smoothest: `E^* A E = pi`.
+    """
+
+    def __init__(self, nr, nt, power=1.4, modes=512):
+        super().__init__(nr, nt, power)
+        z, faces = self.mesh
+        area = np.bincount(faces.ravel(), np.repeat(signed_areas(z, faces), 3))[1::nt] / 3
+        K, first = stiffness(z, faces, np.zeros(len(faces))), np.arange(nr) * nt + 1
+        spokes, arcs = -np.asarray(K[first[:-1], first[1:]]).ravel(), -np.asarray(K[first, first + 1]).ravel()
+        radial, values, kept = _eigenvectors(area, spokes, arcs, nt, modes)
+        tables = {"z": z[1:].reshape(nr, nt), "area": area[:, None], "spokes": spokes[:, None], "arcs": arcs[:, None],
+                  "radial": radial, "values": values, "kept": kept}
+        for name, table in tables.items():
+            self.register_buffer(name, as_tensor(table), persistent=False)
+
+    def terms(self, nu):
+        """`mean|nu|^2` and `mean|grad nu|^2` over the disk, (B,) each."""
+        size = (self.area * _square(nu)).sum((1, 2))
+        slope = (self.spokes * _square(nu[:, 1:] - nu[:, :-1])).sum((1, 2))
+        slope = slope + (self.arcs * _square(nu - nu.roll(-1, -1))).sum((1, 2))
+        return size / torch.pi, slope / torch.pi
+
+    def on_faces(self, nu):
+        """Means over the corners of each face of the mesh, (B, F)."""
+        following = nu.roll(-1, -1)
+        fan = nu[:, 0].mean(-1, keepdim=True) + nu[:, 0] + following[:, 0]
+        common = nu[:, :-1] + following[:, 1:]
+        bands = torch.stack([common + nu[:, 1:], common + following[:, :-1]], 2)
+        return torch.cat([fan, bands.flatten(1)], 1) / 3
+
+    def with_centre(self, nu):
+        """(B, nr, nt) as values at the mesh's vertices (B, V)."""
+        return torch.cat([nu[:, 0].mean(-1, keepdim=True), nu.flatten(1)], 1)
+
+    def gradients(self, fields):
+        """`E^* fields` (..., modes) of fields (..., nr, nt): gradients with respect to the coefficients."""
+        waves = torch.fft.fft(fields, norm="ortho").movedim(-1, -2)[..., None, :]  # (..., nt, 1, nr)
+        return (waves @ self.radial.to(waves)).flatten(-3)[..., self.kept]
+
+    def coefficients(self, nu):
+        """Coefficients (B, modes) of a field, those of its projection: `E^* A nu / pi`."""
+        return self.gradients(nu * self.area) / torch.pi
+
+    def field(self, coefficients):
+        """nu (B, nr, nt) of coefficients (B, modes)."""
+        waves = coefficients.new_zeros(*coefficients.shape[:-1], self.nr * self.nt)
+        waves = waves.index_copy(-1, self.kept, coefficients).unflatten(-1, (self.nt, 1, self.nr))
+        waves = waves @ self.radial.mT.to(waves)  # (..., nt, 1, nr)
+        return torch.fft.ifft(waves[..., 0, :].movedim(-1, -2), norm="ortho")
+
+
+def _square(x):
+    return x.real ** 2 + x.imag ** 2
+
+
+def as_tensor(table):
+    table = np.asarray(table)
+    if table.dtype.kind in "iu":
+        return torch.as_tensor(table)
+    return torch.as_tensor(table.astype(np.complex64 if np.iscomplexobj(table) else np.float32))
+
+
+def _eigenvectors(area, spokes, arcs, nt, count):
+    """Radial parts (nt, nr, nr) of all eigenvectors by angular mode; eigenvalues and places of the smoothest (count,)."""
+    nr, inner = len(area), np.arange(len(area) - 1)
+    radial = np.zeros((nr, nr))
+    radial[inner, inner + 1] = radial[inner + 1, inner] = -spokes
+    radial -= np.diag(radial.sum(1))
+    angular = 2 - 2 * np.cos(2 * np.pi * np.arange(nt) / nt)
+    root = 1 / np.sqrt(area)
+    matrices = root[:, None] * (radial + angular[:, None, None] * np.diag(arcs)) * root
+    values, vectors = np.linalg.eigh(matrices)  # (nt, nr), (nt, nr, nr)
+    kept = np.argsort(values, axis=None, kind="stable")[:count]
+    return np.sqrt(np.pi) * root[:, None] * vectors, values.ravel()[kept].clip(min=0), kept
