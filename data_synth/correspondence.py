@@ -38,6 +38,11 @@ def locate_on_sphere(template, faces, points):
 def _central_coordinates(corners, points):
     """Barycentric coordinates (..., 3) where the rays from the origin through points (..., 3) meet the triangles' planes."""
     a, b, c = np.moveaxis(corners, -2, 0)
-    weights = np.stack([np.einsum("...k,...k->...", np.broadcast_to(points, a.shape), np.cross(p, q))
-                        for p, q in ((b, c), (c, a), (a, b))], axis=-1)
+    weights = np.stack(
+        [
+            np.einsum("...k,...k->...", np.broadcast_to(points, a.shape), np.cross(p, q))
+            for p, q in ((b, c), (c, a), (a, b))
+        ],
+        axis=-1,
+    )
     return weights / weights.sum(axis=-1, keepdims=True)

@@ -147,9 +147,35 @@ def _fold(person, directions, rim, rest, faces, start, index, mechanics, clock):
     growth = 1 + (growth - 1) * (1 - m.anisotropy * parallel)
     relief = np.where(held, 0, m.noise * smooth_field(rng, directions, 0.1, 600))
     steps = round(m.steps * max(1, ratio) ** 0.5)
-    settings = (steps, m.time_step, m.damping, m.bending * ratio, m.saturation, m.outer, m.depth,
-                m.touch * rest_length.mean(), m.stiffness, m.refresh, m.settle, m.limit, m.keep)
+    settings = (
+        steps,
+        m.time_step,
+        m.damping,
+        m.bending * ratio,
+        m.saturation,
+        m.outer,
+        m.depth,
+        m.touch * rest_length.mean(),
+        m.stiffness,
+        m.refresh,
+        m.settle,
+        m.limit,
+        m.keep,
+    )
     hull = hull_distance(person.hull)
-    x = grow(rest + relief[:, None] * normal, rest, normal, start, index, rest_length, held, growth,
-             np.full(count, m.foundation / ratio), m.pull / ratio * pull, *hull, np.array(settings, dtype=float), clock)
+    x = grow(
+        rest + relief[:, None] * normal,
+        rest,
+        normal,
+        start,
+        index,
+        rest_length,
+        held,
+        growth,
+        np.full(count, m.foundation / ratio),
+        m.pull / ratio * pull,
+        *hull,
+        np.array(settings, dtype=float),
+        clock,
+    )
     return x, hull

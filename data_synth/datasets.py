@@ -124,8 +124,11 @@ class CurveDataset(_Seeded):
         unknown = [name for name in self.names if name not in known]
         if unknown or not self.names:
             raise DatasetError(f"names: no sulcus is called {unknown}; the subjects have {', '.join(known)}")
-        parts = [part for surface in surfaces
-                 for part in (surface.vertices, surface.faces, *(surface.curves[name] for name in self.names))]
+        parts = [
+            part
+            for surface in surfaces
+            for part in (surface.vertices, surface.faces, *(surface.curves[name] for name in self.names))
+        ]
         super().__init__(count, seed, size, points, max_abs, self.names, *parts)
         self.size, self.points, self.max_abs, self.surfaces = size, points, max_abs, surfaces
 
@@ -167,8 +170,13 @@ def cached(dataset, path, workers=0, progress=True):
             loader = DataLoader(dataset, batch_size=16, num_workers=workers)
             batches = list(tqdm(loader, desc=f"drawing {path.name}", delay=2, disable=not progress))
             kept = [torch.cat(column) for column in zip(*batches)]
-            np.savez(file, columns=len(kept), recipe=dataset.recipe, checksum=_checksum(kept),
-                     **{f"column_{k}": tensor.numpy() for k, tensor in enumerate(kept)})
+            np.savez(
+                file,
+                columns=len(kept),
+                recipe=dataset.recipe,
+                checksum=_checksum(kept),
+                **{f"column_{k}": tensor.numpy() for k, tensor in enumerate(kept)},
+            )
     return TensorDataset(*kept)
 
 
@@ -213,5 +221,5 @@ def _read(path, recipe):
             tensors = [torch.as_tensor(file[f"column_{k}"]) for k in range(int(file["columns"]))]
             if file["recipe"] == recipe and file["checksum"] == _checksum(tensors):
                 return tensors
-    except Exception:  # noqa: BLE001 (absent, cut short, or not ours: drawn again)
+    except Exception:
         return None

@@ -54,7 +54,7 @@ class ImageFolder:
         image = _read_grey(self.paths[rng.integers(len(self.paths))])
         side = int(min(image.shape) * rng.uniform(0.5, 1.0))
         row, column = (int(rng.integers(length - side + 1)) for length in image.shape)
-        part = image[row:row + side, column:column + side]
+        part = image[row : row + side, column : column + side]
         if np.ptp(part) == 0:  # clear sky: nothing to scale, so the whole picture serves
             part = image
         return transform.resize(part, (size, size), order=1, anti_aliasing=min(part.shape) > size)
@@ -63,7 +63,7 @@ class ImageFolder:
 def _read_grey(path):
     try:
         image = img_as_float(io.imread(BytesIO(path.read_bytes())))  # from a path, the reader may leave the file open
-    except Exception as error:  # noqa: BLE001 (the readers raise all sorts)
+    except Exception as error:
         reason = " ".join(str(error).split())[:80]
         raise ImageError(f"{path}: not a readable image ({reason}); remove or replace it") from None
     if image.ndim == 3 and image.shape[-1] <= 4:
@@ -80,7 +80,7 @@ def power_noise(size, rng, slope):
     """Periodic Gaussian noise (size, size) with amplitude |k|^-slope, mean 0 and standard deviation 1."""
     k = np.hypot(*np.meshgrid(np.fft.fftfreq(size), np.fft.rfftfreq(size), indexing="ij"))
     k[0, 0] = 1
-    spectrum = np.fft.rfft2(rng.normal(size=(size, size))) * k ** -slope
+    spectrum = np.fft.rfft2(rng.normal(size=(size, size))) * k**-slope
     spectrum[0, 0] = 0
     noise = np.fft.irfft2(spectrum, (size, size))
     return noise / noise.std()
@@ -91,11 +91,11 @@ def dead_leaves(size, rng, leaves=400):
     y, x = np.mgrid[:size, :size]
     smallest, largest = 0.015 * size, 0.5 * size
     u = rng.random(leaves)
-    radii = 1 / np.sqrt(u / largest ** 2 + (1 - u) / smallest ** 2)
+    radii = 1 / np.sqrt(u / largest**2 + (1 - u) / smallest**2)
     centres = rng.uniform(-0.1, 1.1, (leaves, 2)) * size
     image = np.full((size, size), rng.random())
     for radius, (cx, cy) in zip(radii, centres):
-        image[(x - cx) ** 2 + (y - cy) ** 2 < radius ** 2] = rng.random()
+        image[(x - cx) ** 2 + (y - cy) ** 2 < radius**2] = rng.random()
     image += 0.12 * power_noise(size, rng, 1.0)
     return np.clip(image, 0, 1)
 

@@ -65,6 +65,7 @@ def _ring_pairs(surface, rings):
 
 def _least_squares(design, target, group, n_groups):
     """Solutions (n_groups, k) of one least-squares problem a group, with a trace of ridge for deficient ones."""
+
     def total(values):
         return np.bincount(group, values, n_groups)
 
@@ -129,7 +130,7 @@ def fold_spectrum(surface, values):
 def spectral_peak(wavelengths, power):
     """Wavelength of the highest power: the vertex of the parabola through it and its neighbours, in log wavelength."""
     top = int(np.clip(np.argmax(power), 1, len(power) - 2))
-    left, middle, right = power[top - 1:top + 2]
+    left, middle, right = power[top - 1 : top + 2]
     shift = np.clip(0.5 * (left - right) / (left - 2 * middle + right), -1, 1)
     return float(wavelengths[top] * (wavelengths[1] / wavelengths[0]) ** shift)
 

@@ -76,10 +76,10 @@ def _close_pairs(x, rest, reach, apart):
                     j = order[k]
                     if j <= i:
                         continue
-                    d = (x[i, 0] - x[j, 0])**2 + (x[i, 1] - x[j, 1])**2 + (x[i, 2] - x[j, 2])**2
+                    d = (x[i, 0] - x[j, 0]) ** 2 + (x[i, 1] - x[j, 1]) ** 2 + (x[i, 2] - x[j, 2]) ** 2
                     if d >= reach * reach or count >= len(pairs):
                         continue
-                    d = (rest[i, 0] - rest[j, 0])**2 + (rest[i, 1] - rest[j, 1])**2 + (rest[i, 2] - rest[j, 2])**2
+                    d = (rest[i, 0] - rest[j, 0]) ** 2 + (rest[i, 1] - rest[j, 1]) ** 2 + (rest[i, 2] - rest[j, 2]) ** 2
                     if d > apart * apart:
                         pairs[count, 0], pairs[count, 1] = i, j
                         count += 1

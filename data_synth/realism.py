@@ -199,14 +199,17 @@ def weighted_percentiles(values, weights, percent):
 
 def score(metrics):
     """The metrics beside their ranges, a list of `Row`; what cannot be measured (NaN) is outside."""
-    return [Row(name, metrics[name], low, high, bool(low <= metrics[name] <= high))
-            for name, (low, high) in TARGETS.items()]
+    return [
+        Row(name, metrics[name], low, high, bool(low <= metrics[name] <= high)) for name, (low, high) in TARGETS.items()
+    ]
 
 
 def table(rows):
     """The rows as text, those outside their range marked, and the number inside."""
-    lines = [f"{row.name:28s}{row.value:10.4g}  {row.low:g} to {row.high:g}{'' if row.inside else '   OUTSIDE'}"
-             for row in rows]
+    lines = [
+        f"{row.name:28s}{row.value:10.4g}  {row.low:g} to {row.high:g}{'' if row.inside else '   OUTSIDE'}"
+        for row in rows
+    ]
     return "\n".join([*lines, f"{sum(row.inside for row in rows)} of {len(rows)} inside"])
 
 

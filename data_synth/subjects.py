@@ -46,13 +46,19 @@ def load_cortex(path):
         raise CortexError(f"{path} is no readable npz file ({error}); make it again with `qclearn synth`.") from None
     missing = [name for name in ("vertices", "faces", "template", "seed", "hemisphere") if name not in arrays]
     if missing:
-        raise CortexError(f"{path} is not a synthetic hemisphere: it lacks {', '.join(missing)}. Use read_surface for others.")
+        raise CortexError(
+            f"{path} is not a synthetic hemisphere: it lacks {', '.join(missing)}. Use read_surface for others."
+        )
     if not all(trait in arrays for trait in TRAITS):
-        raise CortexError(f"{path} was written before sulci were marked as interrupted or branched; make it again with "
-                          f"`qclearn synth --seed {arrays['seed']}`.")
+        raise CortexError(
+            f"{path} was written before sulci were marked as interrupted or branched; make it again with "
+            f"`qclearn synth --seed {arrays['seed']}`."
+        )
     hemisphere = str(arrays["hemisphere"])
     if hemisphere not in HEMISPHERES or arrays["template"].shape != arrays["vertices"].shape:
-        raise CortexError(f"{path} is damaged: hemisphere {hemisphere!r}, template {arrays['template'].shape}; make it again.")
+        raise CortexError(
+            f"{path} is damaged: hemisphere {hemisphere!r}, template {arrays['template'].shape}; make it again."
+        )
     curves = {name[6:]: path_ for name, path_ in arrays.items() if name.startswith("curve_")}
     try:
         surface = Surface(arrays["vertices"], arrays["faces"], curves)

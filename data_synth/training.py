@@ -76,9 +76,13 @@ def ldnet(config, folder, quick=False):
     seeds, counts = (((1,), (2,)), (8, 4)) if quick else ((TRAINING_SEEDS, VALIDATION_SEEDS), (1440, 96))
     names = (f"ldnet-{part}{'-quick' if quick else ''}.npz" for part in ("training", "validation"))
     training, validation = (
-        cached(CurveDataset(count, 6001 + k, subjects(group, folder, quick), config.size,
-                            DATA_POINTS, names=tuple(SULCI)), f"{folder}/{name}", progress=not quick)
-        for k, (group, count, name) in enumerate(zip(seeds, counts, names)))
+        cached(
+            CurveDataset(count, 6001 + k, subjects(group, folder, quick), config.size, DATA_POINTS, names=tuple(SULCI)),
+            f"{folder}/{name}",
+            progress=not quick,
+        )
+        for k, (group, count, name) in enumerate(zip(seeds, counts, names))
+    )
     return training, validation
 
 
@@ -102,7 +106,7 @@ class Pairs(_Seeded):
         moving, target = (self.subject(rng) for _ in range(2))
         count = rng.choice([4, 5, 7, 13]) if kinds[0] < 0.3 and not self.plain else 10
         step = (DATA_POINTS - 1) // (count - 1)
-        some = np.sort(rng.permutation(len(target))[:rng.integers(1, len(target) + 1)])
+        some = np.sort(rng.permutation(len(target))[: rng.integers(1, len(target) + 1)])
         some = some if kinds[1] < 0.3 and not self.plain else np.arange(len(target))
         p, q = (points[some, ::step].ravel() for points in (moving, target))
         if kinds[2] < 0.15 and not self.plain:

@@ -39,14 +39,18 @@ def check_faces(faces, n_vertices=None):
     except ValueError:
         raise BeltramiError("faces have rows of unequal lengths; split polygons into triangles (F, 3)") from None
     if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu" or not len(faces):
-        raise BeltramiError(f"faces have shape {faces.shape} and type {faces.dtype}: give integers (F, 3), at least one "
-                            "triangle of vertex indices")
+        raise BeltramiError(
+            f"faces have shape {faces.shape} and type {faces.dtype}: give integers (F, 3), at least one "
+            "triangle of vertex indices"
+        )
     faces = faces.astype(np.int64, copy=False)  # products of indices leave the smaller types
     if faces.min() < 0 or (n_vertices is not None and faces.max() >= n_vertices):
         outside = np.flatnonzero(((faces < 0) | (faces >= (n_vertices or np.inf))).any(1))
         last = "" if n_vertices is None else n_vertices - 1
-        raise BeltramiError(f"faces {outside[:5].tolist()} name vertices outside 0..{last}; do the mesh and the "
-                            "vertices belong together?")
+        raise BeltramiError(
+            f"faces {outside[:5].tolist()} name vertices outside 0..{last}; do the mesh and the "
+            "vertices belong together?"
+        )
     return faces
 
 
@@ -89,8 +93,10 @@ def hat_gradients(z, faces):
     area = signed_areas(z, faces)
     bad = np.flatnonzero(~(area > 0))
     if len(bad):
-        raise BeltramiError(f"{len(bad)} source triangles are not counter-clockwise (first: {bad[:5].tolist()}); "
-                            "use a planar mesh without folds, or reverse every face if all of them are clockwise")
+        raise BeltramiError(
+            f"{len(bad)} source triangles are not counter-clockwise (first: {bad[:5].tolist()}); "
+            "use a planar mesh without folds, or reverse every face if all of them are clockwise"
+        )
     corners = z[faces]
     opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
     return 0.5j * opposite / area[:, None]
@@ -126,8 +132,8 @@ def beltrami_coefficient(z, faces, f):
         if f_z.ndim == 1:
             return f_zbar / f_z
         # Summed over the three coordinates: f_zbar^2 is (E - G + 2iF)/4 and |f_z|^2 is (E + G)/4.
-        difference, total = (f_zbar ** 2).sum(1), (abs(f_z) ** 2).sum(1)
-        area_element = np.sqrt(np.maximum(total ** 2 - abs(difference) ** 2, 0.0))
+        difference, total = (f_zbar**2).sum(1), (abs(f_z) ** 2).sum(1)
+        area_element = np.sqrt(np.maximum(total**2 - abs(difference) ** 2, 0.0))
         return difference / (total + area_element)
 
 
@@ -138,8 +144,10 @@ def check_coefficient(mu, n_faces):
         raise BeltramiError(f"mu has shape {mu.shape}, but the mesh has {n_faces} faces: give one value a face")
     bad = np.flatnonzero(~(abs(mu) < 1))
     if len(bad):
-        raise BeltramiError(f"|mu| < 1 fails on {len(bad)} faces (first: {bad[:5].tolist()}, mu = {mu[bad[0]]:.3g}); "
-                            "no orientation-preserving map has such a coefficient: truncate or mend mu there")
+        raise BeltramiError(
+            f"|mu| < 1 fails on {len(bad)} faces (first: {bad[:5].tolist()}, mu = {mu[bad[0]]:.3g}); "
+            "no orientation-preserving map has such a coefficient: truncate or mend mu there"
+        )
     return mu
 
 
@@ -177,8 +185,9 @@ def assemble(faces, blocks, n_vertices):
 
 def corner_average(faces, n_vertices, weights):
     """Sparse (V, F): the average over the faces around each vertex, with the faces' weights (F,)."""
-    corners = sparse.csr_array((np.repeat(weights, 3), (faces.ravel(), np.repeat(np.arange(len(faces)), 3))),
-                               shape=(n_vertices, len(faces)))
+    corners = sparse.csr_array(
+        (np.repeat(weights, 3), (faces.ravel(), np.repeat(np.arange(len(faces)), 3))), shape=(n_vertices, len(faces))
+    )
     return sparse.diags_array(1 / corners.sum(1)) @ corners
 
 
@@ -218,11 +227,14 @@ def factorise(matrix, ordering="MMD_AT_PLUS_A"):
     columns into supernodes so freely that some meshes (fsaverage5, subdivided) fill twice as much.
     """
     try:
-        return splu(matrix.tocsc(), permc_spec=ordering, diag_pivot_thresh=0.0, relax=1,
-                    options={"SymmetricMode": True})
+        return splu(
+            matrix.tocsc(), permc_spec=ordering, diag_pivot_thresh=0.0, relax=1, options={"SymmetricMode": True}
+        )
     except RuntimeError as error:
-        raise BeltramiError(f"the system of equations cannot be solved ({str(error).lower()}): some vertex is in no "
-                            "face, or triangles are too thin or too small for double precision; remesh") from None
+        raise BeltramiError(
+            f"the system of equations cannot be solved ({str(error).lower()}): some vertex is in no "
+            "face, or triangles are too thin or too small for double precision; remesh"
+        ) from None
 
 
 class Dirichlet:
@@ -277,15 +289,19 @@ def check_used(z, faces):
     """BeltramiError where a vertex is in no face: nothing says where it goes."""
     unused = np.flatnonzero(np.bincount(faces.ravel(), minlength=len(z)) == 0)
     if len(unused):
-        raise BeltramiError(f"vertices {unused[:5].tolist()} are in no face; do the mesh and the vertices belong together?")
+        raise BeltramiError(
+            f"vertices {unused[:5].tolist()} are in no face; do the mesh and the vertices belong together?"
+        )
 
 
 def check_pins(pinned, values, n_vertices):
     """`pinned` as integers and `values` as complex numbers, or BeltramiError."""
     pinned, values = np.atleast_1d(np.asarray(pinned)), np.atleast_1d(complex_numbers(values, "values"))
     if pinned.ndim != 1 or pinned.shape != values.shape or len(pinned) == 0:
-        raise BeltramiError(f"{pinned.shape} pinned vertices with {values.shape} values: give one value a vertex, "
-                            "and pin at least one vertex")
+        raise BeltramiError(
+            f"{pinned.shape} pinned vertices with {values.shape} values: give one value a vertex, "
+            "and pin at least one vertex"
+        )
     if not np.issubdtype(pinned.dtype, np.integer):
         raise BeltramiError(f"pinned vertices have type {pinned.dtype}: give integer vertex indices")
     outside = pinned[(pinned < 0) | (pinned >= n_vertices)]

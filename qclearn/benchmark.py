@@ -52,7 +52,10 @@ class Run:
     keep_field: bool = False
 
 
-KNOWN, DETECTED = ("cohort", "pairs"), ("cohort", "pairs", "fsaverage5")  # sets with true curves and a true map; with ends
+KNOWN, DETECTED = (
+    ("cohort", "pairs"),
+    ("cohort", "pairs", "fsaverage5"),
+)  # sets with true curves and a true map; with ends
 FINE = {"alpha": 1.0, "beta": 1e-2, "gamma": 1e5}  # the library's default; named where a run differs
 PRINTED = {"preset": "paper", "alpha": 1.0, "beta": 1.0}
 
@@ -63,15 +66,26 @@ RUNS = (
     Run("thin plate", "thin_plate"),
     Run("QC iteration", "qc_iteration"),
     Run("Teichmüller", "teichmuller"),
-    *(Run(f"Gauss-Newton (1, 1, {gamma})", "gauss_newton", {"alpha": 1.0, "beta": 1.0, "gamma": float(gamma)})
-      for gamma in ("1e4", "1e5", "2e5")),
+    *(
+        Run(f"Gauss-Newton (1, 1, {gamma})", "gauss_newton", {"alpha": 1.0, "beta": 1.0, "gamma": float(gamma)})
+        for gamma in ("1e4", "1e5", "2e5")
+    ),
     Run("Gauss-Newton", "gauss_newton", FINE, keep_field=True),
     Run("Gauss-Newton, sliding", "gauss_newton", FINE | {"sliding": True}),
     Run("Gauss-Newton, path", "gauss_newton", FINE, "path", KNOWN),
     Run("Gauss-Newton, exact landmarks", "gauss_newton", FINE, "exact", KNOWN),
     # The paper's CP-Net has weights for one control and each gamma.
-    *(Run(f"paper's networks (1, 1, {gamma})", "cpnet_dbsnet", PRINTED | {"gamma": float(gamma)}, "given", ("cohort",),
-          gamma == "1e5") for gamma in ("1e4", "1e5", "2e5")),
+    *(
+        Run(
+            f"paper's networks (1, 1, {gamma})",
+            "cpnet_dbsnet",
+            PRINTED | {"gamma": float(gamma)},
+            "given",
+            ("cohort",),
+            gamma == "1e5",
+        )
+        for gamma in ("1e4", "1e5", "2e5")
+    ),
     Run("paper's networks (1, 1, 1e5), LD-Net", "cpnet_dbsnet", PRINTED | {"gamma": 1e5}, "ldnet_paper", ("cohort",)),
     Run("paper's networks (1, 1, 1e5), path", "cpnet_dbsnet", PRINTED | {"gamma": 1e5}, "path", ("cohort",)),
     Run("CP-Net and DBS-Net", "cpnet_dbsnet", FINE, keep_field=True),
@@ -87,10 +101,24 @@ RUNS = (
 # Fits along a front, for comparisons at equal distortion: as little of it as the harmonic maps have, hardly smoothed, and
 # as free as they on a mesh like the subject's. They take a third of the time of all runs.
 FRONT = (
-    *(Run(f"Gauss-Newton (1, 1e-4, {gamma:g})", "gauss_newton", {"alpha": 1.0, "beta": 1e-4, "gamma": gamma}, sets=KNOWN)
-      for gamma in (0.5, 2.0, 8.0)),
-    *(Run(f"Gauss-Newton (1, 1e-5, {gamma:g})", "gauss_newton", {"alpha": 1.0, "beta": 1e-5, "gamma": gamma, "rings": 64},
-          sets=KNOWN) for gamma in (0.25, 1.0, 4.0, 16.0, 64.0)),
+    *(
+        Run(
+            f"Gauss-Newton (1, 1e-4, {gamma:g})",
+            "gauss_newton",
+            {"alpha": 1.0, "beta": 1e-4, "gamma": gamma},
+            sets=KNOWN,
+        )
+        for gamma in (0.5, 2.0, 8.0)
+    ),
+    *(
+        Run(
+            f"Gauss-Newton (1, 1e-5, {gamma:g})",
+            "gauss_newton",
+            {"alpha": 1.0, "beta": 1e-5, "gamma": gamma, "rings": 64},
+            sets=KNOWN,
+        )
+        for gamma in (0.25, 1.0, 4.0, 16.0, 64.0)
+    ),
 )
 
 
@@ -106,8 +134,19 @@ class Spec:
     curves: int = 0
 
 
-def benchmark(out, subjects=24, vertices=10_000, sets=("cohort",), runs=None, methods=METHODS, scheduler=None, workers=2,
-              folder=None, progress=True, fronts=False):
+def benchmark(
+    out,
+    subjects=24,
+    vertices=10_000,
+    sets=("cohort",),
+    runs=None,
+    methods=METHODS,
+    scheduler=None,
+    workers=2,
+    folder=None,
+    progress=True,
+    fronts=False,
+):
     """Run all `runs` on all problems of `sets` and write the results file `out`: its contents.
 
     subjects: how many of the cohort's 24; runs: by default RUNS, with FRONT if `fronts`, without those whose networks
@@ -123,13 +162,19 @@ def benchmark(out, subjects=24, vertices=10_000, sets=("cohort",), runs=None, me
         runs = [run for run in table if run.name not in left_out]
     runs, specs = check_runs(runs, methods), problems(subjects, sets)
     if not FEWEST <= vertices <= MOST or workers < 1:
-        raise BenchmarkError(f"{vertices} vertices, {workers} workers: give {FEWEST:,} to {MOST:,} vertices and at least "
-                             "one worker")
+        raise BenchmarkError(
+            f"{vertices} vertices, {workers} workers: give {FEWEST:,} to {MOST:,} vertices and at least one worker"
+        )
     origin = provenance()
     settings = {
-        "sets": list(sets), "subjects": subjects, "seeds": sorted({spec.moving for spec in specs if spec.moving}),
-        "controls": sorted({spec.control for spec in specs if spec.control}), "vertices": vertices,
-        "generation": GENERATION, "commit": origin["commit"], "runs": [asdict(run) for run in runs],
+        "sets": list(sets),
+        "subjects": subjects,
+        "seeds": sorted({spec.moving for spec in specs if spec.moving}),
+        "controls": sorted({spec.control for spec in specs if spec.control}),
+        "vertices": vertices,
+        "generation": GENERATION,
+        "commit": origin["commit"],
+        "runs": [asdict(run) for run in runs],
     }
     if not out.absolute().parent.is_dir() or out.is_dir():
         raise BenchmarkError(f"{out}: not a file in a folder that exists; give another --out")
@@ -147,8 +192,11 @@ def benchmark(out, subjects=24, vertices=10_000, sets=("cohort",), runs=None, me
                 journal.append(row)
                 bar.set_postfix_str(f"{row['pair']}, {row['run']}", refresh=False)
                 bar.update()
-    return journal.finish(origin | machines | {"seconds": round(time.perf_counter() - start, 1),
-                                                     "resumed": bool(done), "left_out": left_out})
+    return journal.finish(
+        origin
+        | machines
+        | {"seconds": round(time.perf_counter() - start, 1), "resumed": bool(done), "left_out": left_out}
+    )
 
 
 def run_of(text):
@@ -175,11 +223,14 @@ def check_runs(runs, methods):
         known = list(inspect.signature(methods[run.method]).parameters)[1:]
         unknown = sorted(set(run.parameters) - set(known))
         if unknown:
-            raise BenchmarkError(f"{run.name}: {run.method} has no parameter {', '.join(unknown)}; it has "
-                                 f"{', '.join(known) or 'none'}")
+            raise BenchmarkError(
+                f"{run.name}: {run.method} has no parameter {', '.join(unknown)}; it has {', '.join(known) or 'none'}"
+            )
         if run.landmarks not in SOURCES or not set(run.sets) <= set(SETS):
-            raise BenchmarkError(f"{run.name}: no landmarks {run.landmarks!r} or sets {run.sets}; landmarks are one of "
-                                 f"{', '.join(SOURCES)}, sets some of {', '.join(SETS)}")
+            raise BenchmarkError(
+                f"{run.name}: no landmarks {run.landmarks!r} or sets {run.sets}; landmarks are one of "
+                f"{', '.join(SOURCES)}, sets some of {', '.join(SETS)}"
+            )
     names = [run.name for run in runs]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice or not names:
@@ -212,8 +263,11 @@ def problems(subjects, sets):
     if "pairs" in sets:
         specs += [Spec("pairs", f"{a} to {b}", a, b) for b in seeds for a in seeds if a != b]
     if "displacement" in sets:
-        specs += [Spec("displacement", f"{distance:g}, {curves} curves", None, CONTROL, distance, curves)
-                  for curves in CURVE_COUNTS for distance in DISTANCES]
+        specs += [
+            Spec("displacement", f"{distance:g}, {curves} curves", None, CONTROL, distance, curves)
+            for curves in CURVE_COUNTS
+            for distance in DISTANCES
+        ]
     return specs + [Spec("fsaverage5", "right to left")] * ("fsaverage5" in sets)
 
 
@@ -246,8 +300,15 @@ def finished(client, tasks, methods, vertices, folder):
             raise BenchmarkError("the scheduler was lost; what was finished is kept: run it again to go on")
         error = future.exception() if future.status == "error" else None
         row = {"status": "failed", "message": f"{type(error).__name__}: {error}"} if error else future.result()
-        yield {"set": spec.set, "pair": spec.pair, "run": run.name, "method": run.method, "parameters": run.parameters,
-               "landmarks": run.landmarks, **row}
+        yield {
+            "set": spec.set,
+            "pair": spec.pair,
+            "run": run.name,
+            "method": run.method,
+            "parameters": run.parameters,
+            "landmarks": run.landmarks,
+            **row,
+        }
 
 
 @contextmanager
@@ -260,16 +321,26 @@ def connect(scheduler, workers):
         raise ImportError("the benchmark needs dask.distributed: pip install 'qclearn[benchmark]'") from None
     if scheduler is None:
         # dask has its workers hand memory back at once, and methods then wait for pages: up to a third of their time.
-        with (dask.config.set({KEEP_MEMORY: None}),
-              LocalCluster(n_workers=workers, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0",
-                           silence_logs=50) as cluster, Client(cluster) as client):
+        with (
+            dask.config.set({KEEP_MEMORY: None}),
+            LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                host="127.0.0.1",
+                dashboard_address="127.0.0.1:0",
+                silence_logs=50,
+            ) as cluster,
+            Client(cluster) as client,
+        ):
             yield client
         return
     try:
         client = Client(scheduler, timeout=PATIENCE)
     except (OSError, ValueError, TypeError) as error:  # TypeError: an address without a port
-        raise BenchmarkError(f"{scheduler}: no dask scheduler answers there ({error}); start one with `dask scheduler` "
-                             "and give its address, tcp://HOST:8786") from None
+        raise BenchmarkError(
+            f"{scheduler}: no dask scheduler answers there ({error}); start one with `dask scheduler` "
+            "and give its address, tcp://HOST:8786"
+        ) from None
     with client:
         check_workers(client, scheduler)
         yield client
@@ -280,15 +351,22 @@ def check_workers(client, scheduler):
     try:
         client.wait_for_workers(1, timeout=PATIENCE)
     except TimeoutError:
-        raise BenchmarkError(f"{scheduler}: the scheduler has no workers; start some with `dask worker {scheduler} "
-                             "--nthreads 1`") from None
+        raise BenchmarkError(
+            f"{scheduler}: the scheduler has no workers; start some with `dask worker {scheduler} --nthreads 1`"
+        ) from None
     many = sorted(address for address, threads in client.nthreads().items() if threads != 1)
     if many:
-        raise BenchmarkError(f"workers {', '.join(many[:5])} have several threads, and times are those of one: start "
-                             "them with --nthreads 1")
+        raise BenchmarkError(
+            f"workers {', '.join(many[:5])} have several threads, and times are those of one: start "
+            "them with --nthreads 1"
+        )
     own = versions()
-    differ = [f"{address} has {name} {theirs[name]}, here {own[name]}"
-              for address, theirs in sorted(client.run(versions).items()) for name in own if theirs[name] != own[name]]
+    differ = [
+        f"{address} has {name} {theirs[name]}, here {own[name]}"
+        for address, theirs in sorted(client.run(versions).items())
+        for name in own
+        if theirs[name] != own[name]
+    ]
     if differ:
         raise BenchmarkError(f"workers have other versions ({'; '.join(differ[:5])}): install the same on all")
 

@@ -78,8 +78,10 @@ def check_bijective(z, faces, f):
     f = check_map(f, len(z))
     bad = reversed_faces(faces, z)
     if len(bad):
-        raise BeltramiError(f"{len(bad)} triangles of the source mesh are folded or without area (first: "
-                            f"{bad[:5].tolist()}): a map of it cannot be certified")
+        raise BeltramiError(
+            f"{len(bad)} triangles of the source mesh are folded or without area (first: "
+            f"{bad[:5].tolist()}): a map of it cannot be certified"
+        )
     return check_embedding(faces, f)
 
 
@@ -105,8 +107,10 @@ def mean_value_matrix(faces, lengths, n_vertices):
     opposite, left, right = lengths, np.roll(lengths, -1, axis=1), np.roll(lengths, -2, axis=1)
     # tan(a/2) = sqrt((o^2 - (l - r)^2) / ((l + r)^2 - o^2)); in a sliver rounding can make either part negative.
     smallest = 1e-24 * (left + right) ** 2
-    half = np.sqrt(np.maximum(opposite ** 2 - (left - right) ** 2, smallest)
-                   / np.maximum((left + right) ** 2 - opposite ** 2, smallest))
+    half = np.sqrt(
+        np.maximum(opposite**2 - (left - right) ** 2, smallest)
+        / np.maximum((left + right) ** 2 - opposite**2, smallest)
+    )
     blocks = np.zeros((len(faces), 3, 3))
     for corner in range(3):
         following, last = (corner + 1) % 3, (corner + 2) % 3

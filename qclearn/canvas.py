@@ -19,9 +19,20 @@ class Canvas:
         self.problem = problem
         self.scale = problem.radius.to_image if problem.radius else np.asarray
         self.figure = Figure(figsize=(9.6, 2.8 * len(solvers)), dpi=100)
-        axes = self.figure.subplots(len(solvers), 4, squeeze=False, gridspec_kw={
-            "left": 0.005, "right": 0.985, "bottom": 0.18 / len(solvers), "top": 1 - 0.09 / len(solvers),
-            "wspace": 0.03, "hspace": 0.35, "width_ratios": (1, 1, 1, 0.8)})
+        axes = self.figure.subplots(
+            len(solvers),
+            4,
+            squeeze=False,
+            gridspec_kw={
+                "left": 0.005,
+                "right": 0.985,
+                "bottom": 0.18 / len(solvers),
+                "top": 1 - 0.09 / len(solvers),
+                "wspace": 0.03,
+                "hspace": 0.35,
+                "width_ratios": (1, 1, 1, 0.8),
+            },
+        )
         lines = [problem.radius.from_image(line) if problem.radius else line for line in square_lines(15, 61)]
         self.ends = np.cumsum([len(line) for line in lines])[:-1]
         self.to_lines = sampling_matrix(problem.z, problem.faces, np.concatenate(lines))
@@ -37,19 +48,41 @@ class Canvas:
         starts = np.flatnonzero(np.diff(problem.curve)) + 1
         for points, style in ((problem.moving, "detected"), (problem.target, "target")):
             for curve in np.split(self.scale(points), starts):
-                row[0].plot(curve.real, curve.imag, color=CURVE_STYLES[style]["color"], linewidth=1,
-                            linestyle=CURVE_STYLES[style]["linestyle"])
+                row[0].plot(
+                    curve.real,
+                    curve.imag,
+                    color=CURVE_STYLES[style]["color"],
+                    linewidth=1,
+                    linestyle=CURVE_STYLES[style]["linestyle"],
+                )
         target = self.scale(problem.target)
-        row[0].plot(target.real, target.imag, "s", color=CURVE_STYLES["target"]["color"], fillstyle="none",
-                    markersize=6, label="target", zorder=6)
-        points, = row[0].plot([], [], "o", color=CURVE_STYLES["registered"]["color"], markeredgecolor="black",
-                              markersize=4, zorder=5, label="registered")
+        row[0].plot(
+            target.real,
+            target.imag,
+            "s",
+            color=CURVE_STYLES["target"]["color"],
+            fillstyle="none",
+            markersize=6,
+            label="target",
+            zorder=6,
+        )
+        (points,) = row[0].plot(
+            [],
+            [],
+            "o",
+            color=CURVE_STYLES["registered"]["color"],
+            markeredgecolor="black",
+            markersize=4,
+            zorder=5,
+            label="registered",
+        )
         row[0].legend(loc="upper center", bbox_to_anchor=(0.5, 0.03), ncols=2, frameon=False, fontsize=9)
         flipped = PolyCollection([], facecolor=FLIPPED_COLOUR, hatch="//", edgecolor="black", zorder=8)
         row[0].add_collection(flipped)
         grid = lines_plot(row[1], [problem.z[:2]], "#1F4E79")
-        colours = disk_plot(row[2], self.scale(problem.z), problem.faces, np.zeros(len(problem.faces)),
-                            cmap="YlGnBu", vmin=0, vmax=1)  # light where there is little to see: it is most of the disk
+        colours = disk_plot(
+            row[2], self.scale(problem.z), problem.faces, np.zeros(len(problem.faces)), cmap="YlGnBu", vmin=0, vmax=1
+        )  # light where there is little to see: it is most of the disk
         bar = row[2].inset_axes((0.2, -0.04, 0.6, 0.03))
         self.figure.colorbar(colours, cax=bar, orientation="horizontal", ticks=(0, 0.5, 1))
         bars = row[3].stairs(np.zeros(len(BINS) - 1), BINS, fill=True, color="#0072B2")

@@ -97,10 +97,19 @@ def output_folder(path):
 @click.argument("control")
 @click.option("--landmarks", help="JSON file of curves; without it, the curves that both npz surfaces carry.")
 @click.option("--out", required=True, help="Folder for registration.npz, report.json, registered.surf.gii, figure.png.")
-@click.option("--method", type=click.Choice(["exact", "network"]), default="exact", show_default=True,
-              help="network: LD-Net, CP-Net, DBS-Net, with the exact method where they fall short.")
-@click.option("--tolerance", type=float, help="Landmark error in the disk above which a network's map is refined by "
-              "Gauss-Newton steps (inf: never)  [default: 0.005]")
+@click.option(
+    "--method",
+    type=click.Choice(["exact", "network"]),
+    default="exact",
+    show_default=True,
+    help="network: LD-Net, CP-Net, DBS-Net, with the exact method where they fall short.",
+)
+@click.option(
+    "--tolerance",
+    type=float,
+    help="Landmark error in the disk above which a network's map is refined by "
+    "Gauss-Newton steps (inf: never)  [default: 0.005]",
+)
 @click.option("--alpha", type=float, default=1.0, show_default=True, help="Weight of |mu|^2.")
 @click.option("--beta", type=float, default=1e-2, show_default=True, help="Weight of |grad mu|^2.")
 @click.option("--gamma", type=float, default=1e5, show_default=True, help="Weight of the landmark mismatch.")
@@ -155,8 +164,13 @@ def register_into(out, moving, control, curves, inputs, accept_suspect, **option
         result = run_registration(moving, control, curves, progress=True, **options)
         figure = registration_figure(result, moving, control)
         figure.savefig(folder / "figure.png", dpi=150)
-        write_registration(folder / "registration.npz", {name: getattr(result, name) for name in (
-            "points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving", "faces_control")})
+        write_registration(
+            folder / "registration.npz",
+            {
+                name: getattr(result, name)
+                for name in ("points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving", "faces_control")
+            },
+        )
         report = result.report | origin(inputs, curves, click.get_current_context().obj)
         (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
         qc.write_surface(folder / "registered.surf.gii", result.surface)
@@ -167,12 +181,18 @@ def register_into(out, moving, control, curves, inputs, accept_suspect, **option
 
 def print_report(report, out):
     """The figures a user asks first, as a few lines."""
-    click.echo(f"landmark error  {report['landmark_error']:.2e} in the disk "
-               f"({report['landmark_error_before']:.2e} after the best Möbius map), {report['landmark_error_mm']:.2f} mm")
-    click.echo(f"|mu|            mean {report['mean_abs_mu']:.3f}, SD {report['sd_abs_mu']:.3f}, "
-               f"maximum {report['max_abs_mu']:.3f}")
-    click.echo(f"bijective       {'yes' if report['bijective'] else 'no'}, {report['flipped']} faces flipped, "
-               f"{report['degenerate']} without area on the control")
+    click.echo(
+        f"landmark error  {report['landmark_error']:.2e} in the disk "
+        f"({report['landmark_error_before']:.2e} after the best Möbius map), {report['landmark_error_mm']:.2f} mm"
+    )
+    click.echo(
+        f"|mu|            mean {report['mean_abs_mu']:.3f}, SD {report['sd_abs_mu']:.3f}, "
+        f"maximum {report['max_abs_mu']:.3f}"
+    )
+    click.echo(
+        f"bijective       {'yes' if report['bijective'] else 'no'}, {report['flipped']} faces flipped, "
+        f"{report['degenerate']} without area on the control"
+    )
     click.echo(f"fallbacks       {'; '.join(report['fallbacks']) or 'none'}")
     click.echo(f"suspect         {'; '.join(word.split(':')[0] for word in report['suspect']) or 'no'}")
     click.echo(f"seconds         {report['seconds']['total']:.1f}")
@@ -193,7 +213,9 @@ def shared_curves(moving, control):
 @click.option("--label", help="FreeSurfer .label file: its vertices are cut away.")
 @click.option("--keep", is_flag=True, help="The file names what to keep (lh.cortex.label, thickness), not what to cut.")
 @click.option("--reverse", is_flag=True, help="Reverse every face first (for a surface that is inside out).")
-@click.option("--hemisphere", type=click.Choice(["left", "right"]), help="For GIFTI output, where the names do not say it.")
+@click.option(
+    "--hemisphere", type=click.Choice(["left", "right"]), help="For GIFTI output, where the names do not say it."
+)
 @click.option("--out", required=True, help="File to write; an npz also keeps the original vertex numbers.")
 def open_command(surface, mask, label, keep, reverse, hemisphere, out):
     """Cut a closed hemisphere open at its medial wall, so that it becomes a disk."""
@@ -215,19 +237,27 @@ def open_command(surface, mask, label, keep, reverse, hemisphere, out):
 @click.argument("registration")
 @click.argument("values")
 @click.option("--to", type=click.Choice(["moving", "control"]), required=True, help="Where the values are carried.")
-@click.option("--nearest", is_flag=True, help="Take the nearest corner's value instead of interpolating; whole numbers "
-              "(labels, an .annot) need it.")
+@click.option(
+    "--nearest",
+    is_flag=True,
+    help="Take the nearest corner's value instead of interpolating; whole numbers (labels, an .annot) need it.",
+)
 @click.option("--hemisphere", type=click.Choice(["left", "right"]), help="For GIFTI output whose name does not say it.")
 @click.option("--out", required=True, help="File to write: .npy, .txt, .gii, .mgh or a FreeSurfer morphometry name.")
 def transfer(registration, values, to, nearest, hemisphere, out):
     """Carry a per-vertex map (VALUES) over to the other surface of a REGISTRATION (registration.npz)."""
     maps = read_registration(registration)
-    disks = {"moving": (maps["disk_map"], maps["faces_moving"]), "control": (maps["disk_control"], maps["faces_control"])}
+    disks = {
+        "moving": (maps["disk_map"], maps["faces_moving"]),
+        "control": (maps["disk_control"], maps["faces_control"]),
+    }
     (z_from, faces_from), (z_to, _) = (disks["control"], disks["moving"])[:: 1 if to == "moving" else -1]
     given = qc.read_values(values)
     if given.dtype.kind in "biu" and not nearest:
-        raise ValueError(f"{values}: holds whole numbers, which interpolation would blend into others; add --nearest to carry "
-                         "them as labels, or save them with a decimal point (as floats) to interpolate")
+        raise ValueError(
+            f"{values}: holds whole numbers, which interpolation would blend into others; add --nearest to carry "
+            "them as labels, or save them with a decimal point (as floats) to interpolate"
+        )
     carried = transfer_map(given, z_from, faces_from, z_to, nearest)
     qc.write_values(out, carried, side=hemisphere, labels=read_labels(values) if nearest else None)
     say(f"{out}: {len(z_to)} values on the {to} surface")
@@ -280,18 +310,30 @@ def train(network, preset, gamma, out, data, steps, seed, quick, threads):
 
     path, row = run_training(network, preset, gamma, Path(out), data, steps, seed, quick, threads)
     if path:
-        click.echo(f"{path}: validation loss {row['validation_loss']:.4g} after {row['step']:.0f} steps, "
-                   f"{row['seconds']:.0f} s")
+        click.echo(
+            f"{path}: validation loss {row['validation_loss']:.4g} after {row['step']:.0f} steps, "
+            f"{row['seconds']:.0f} s"
+        )
 
 
 @cli.command()
 @click.option("--out", required=True, help="JSON file to write; a run that was stopped goes on from FILE.partial.")
 @click.option("--subjects", type=int, default=24, show_default=True, help="How many of the synthetic cohort's 24.")
 @click.option("--vertices", type=int, default=10_000, show_default=True)
-@click.option("--set", "sets", multiple=True, default=["cohort"], show_default=True,
-              help="cohort, pairs, displacement or fsaverage5; may be repeated.")
-@click.option("--method", "methods", multiple=True, help="One method in place of all "
-              "(harmonic, harmonic:weight=2,landmarks=path); may be repeated.")
+@click.option(
+    "--set",
+    "sets",
+    multiple=True,
+    default=["cohort"],
+    show_default=True,
+    help="cohort, pairs, displacement or fsaverage5; may be repeated.",
+)
+@click.option(
+    "--method",
+    "methods",
+    multiple=True,
+    help="One method in place of all (harmonic, harmonic:weight=2,landmarks=path); may be repeated.",
+)
 @click.option("--fronts", is_flag=True, help="Also fits along a front of weights, to compare at equal distortion.")
 @click.option("--scheduler", help="Address of a dask scheduler, tcp://HOST:8786 (default: processes of this machine).")
 @click.option("--workers", type=int, default=2, show_default=True, help="Processes, without --scheduler.")
@@ -303,16 +345,19 @@ def benchmark(out, subjects, vertices, sets, methods, fronts, scheduler, workers
     from .results import summary
 
     runs = [run_of(text) for text in methods] or None
-    results = run_benchmark(out, subjects, vertices, sets, runs, scheduler=scheduler, workers=workers, folder=data,
-                            fronts=fronts)
+    results = run_benchmark(
+        out, subjects, vertices, sets, runs, scheduler=scheduler, workers=workers, folder=data, fronts=fronts
+    )
     click.echo(f"{'run':38} done  certified  landmark error  mean |mu|  near sulci, mm  seconds")
     for name in sets:
         click.echo(f"{name}:")
         for run, line in summary([row for row in results["rows"] if row["set"] == name]).items():
             figures = (line["landmark_error"], line["mean_abs_mu"], line["correspondence_sulci_mm"], line["seconds"])
             cells = [" " * 9 if value is None else f"{value:9.2g}" for value in figures]
-            click.echo(f"{run:38} {line['pairs'] - line['failed']:2}/{line['pairs']:<2}  {line['certified']:5}      "
-                       + "  ".join(cells))
+            click.echo(
+                f"{run:38} {line['pairs'] - line['failed']:2}/{line['pairs']:<2}  {line['certified']:5}      "
+                + "  ".join(cells)
+            )
     for name, reason in results["provenance"]["left_out"].items():
         click.echo(f"left out: {name}: {reason}")
 

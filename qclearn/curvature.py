@@ -50,8 +50,10 @@ def _mixed_areas(vertices, faces):
     dot = np.einsum("fck,fck->fc", to_next, to_last)
     double_area = np.linalg.norm(np.cross(to_next[:, 0], to_last[:, 0]), axis=1)[:, None]
     # the edge to the next corner lies opposite the last corner, and the other way round
-    voronoi = (np.einsum("fck,fck->fc", to_next, to_next) * np.roll(dot, 1, axis=1)
-               + np.einsum("fck,fck->fc", to_last, to_last) * np.roll(dot, -1, axis=1)) / (8 * double_area)
+    voronoi = (
+        np.einsum("fck,fck->fc", to_next, to_next) * np.roll(dot, 1, axis=1)
+        + np.einsum("fck,fck->fc", to_last, to_last) * np.roll(dot, -1, axis=1)
+    ) / (8 * double_area)
     obtuse = np.where(dot < 0, double_area / 4, double_area / 8)
     return _add_corners(faces, np.where((dot < 0).any(axis=1)[:, None], obtuse, voronoi), len(vertices))
 

@@ -99,8 +99,10 @@ class BeltramiDiskSolver:
         loop = boundary_loop(faces)
         off = abs(abs(self.z[loop]) - 1)
         if off.max() > 1e-6:
-            raise SurfaceError(f"boundary vertex {loop[off.argmax()]} is {off.max():.1e} off the unit circle; "
-                               "map the mesh onto the disk first (disk_conformal_map)")
+            raise SurfaceError(
+                f"boundary vertex {loop[off.argmax()]} is {off.max():.1e} off the unit circle; "
+                "map the mesh onto the disk first (disk_conformal_map)"
+            )
         angle = np.angle(self.z[loop]) % (2 * np.pi)
         first = int(np.argmax(np.where(angle > np.pi, angle, -1)))  # the edge loop[0], loop[1] now holds 1 inside
         self.loop = np.roll(loop, -(first + 1) if angle.min() == 0 else -first)
@@ -110,8 +112,10 @@ class BeltramiDiskSolver:
         self.lengths = abs(following - self.z[self.loop])
         steps = np.angle(following / self.z[self.loop])
         if steps.min() <= 0:  # a chord spans half of the circle or more
-            raise SurfaceError(f"the mesh does not cover 0: boundary vertex {self.loop[steps.argmin()]} and the next "
-                               "are half a turn apart or more; refine the boundary, or centre the mesh by `mobius`")
+            raise SurfaceError(
+                f"the mesh does not cover 0: boundary vertex {self.loop[steps.argmin()]} and the next "
+                "are half a turn apart or more; refine the boundary, or centre the mesh by `mobius`"
+            )
         face, weights = locate(self.z, self.faces, [0j])
         self.origin, self.weights = self.faces[face[0]], weights[0]
         self.pole = self._choose_pole()
@@ -226,7 +230,7 @@ class BeltramiDiskSolver:
         grad_w[edge] += np.array([1 - self.share, self.share])[:, None] * 1j * w[edge, None] * grad_turn
         # w = (raw - a) s with s = 1 / (1 - conj(a) raw), and a solves: weighted mean of w at the origin's face = 0.
         s = 1 / (1 - np.conj(self.a) * raw)
-        slope, by_conj_a = (1 - abs(self.a) ** 2) * s ** 2, w * raw * s
+        slope, by_conj_a = (1 - abs(self.a) ** 2) * s**2, w * raw * s
         grad_a = (-s.conj()[:, None] * grad_w + by_conj_a[:, None] * grad_w.conj()).sum(0)
         P = -(self.weights * s[inner]).sum()
         Q = (self.weights * by_conj_a[inner]).sum()
@@ -308,11 +312,17 @@ def disk_conformal_map(surface):
     f = f / f[loop[0]]
     f[loop] /= abs(f[loop])
     if not check_embedding(faces, f).bijective:
-        raise BijectivityError("the disk conformal map folds and row switching did not mend it; "
-                               "remesh the surface (its triangles may be degenerate to rounding)")
+        raise BijectivityError(
+            "the disk conformal map folds and row switching did not mend it; "
+            "remesh the surface (its triangles may be degenerate to rounding)"
+        )
     if len(switched) or free.floored.any():
-        warnings.warn(f"conformal map: {int(free.floored.sum())} boundary steps raised, {len(switched)} rows switched "
-                      "to mean-value weights to keep every triangle positive", RepairWarning, stacklevel=2)
+        warnings.warn(
+            f"conformal map: {int(free.floored.sum())} boundary steps raised, {len(switched)} rows switched "
+            "to mean-value weights to keep every triangle positive",
+            RepairWarning,
+            stacklevel=2,
+        )
     return f
 
 
@@ -357,7 +367,7 @@ def corner_angles(lengths):
     """Interior angles (F, 3) in radians from edge lengths opposite the corners (F, 3)."""
     opposite, left, right = lengths, np.roll(lengths, -1, axis=1), np.roll(lengths, -2, axis=1)
     # Half-angle form: accurate for slivers, where the law of cosines cancels.
-    upper, lower = opposite ** 2 - (left - right) ** 2, (left + right) ** 2 - opposite ** 2
+    upper, lower = opposite**2 - (left - right) ** 2, (left + right) ** 2 - opposite**2
     return 2 * np.arctan2(np.sqrt(np.maximum(upper, 0)), np.sqrt(np.maximum(lower, 0)))
 
 

@@ -59,8 +59,10 @@ def polar_disk(nr, nt, power=1.0):
     faces = [np.stack([np.zeros(nt, int), 1 + k, 1 + following], 1)]
     for j in range(nr - 1):
         inner, outer = 1 + j * nt, 1 + (j + 1) * nt
-        faces += [np.stack([inner + k, outer + k, outer + following], 1),
-                  np.stack([inner + k, outer + following, inner + following], 1)]
+        faces += [
+            np.stack([inner + k, outer + k, outer + following], 1),
+            np.stack([inner + k, outer + following, inner + following], 1),
+        ]
     return z, np.concatenate(faces)
 
 
@@ -99,7 +101,9 @@ def locate(z, faces, points):
     (z, faces), points = check_mesh(z, faces), np.atleast_1d(planar_points(points, "points"))
     unknown = np.flatnonzero(~np.isfinite(points))
     if len(unknown):
-        raise BeltramiError(f"points {unknown[:5].tolist()} are not finite: they lie nowhere in the mesh; leave them out")
+        raise BeltramiError(
+            f"points {unknown[:5].tolist()} are not finite: they lie nowhere in the mesh; leave them out"
+        )
     corners, wanted = _pairs(z[faces]), _pairs(points)
     low, high = wanted.min(0, initial=np.inf), wanted.max(0, initial=-np.inf)
     near = np.flatnonzero(((corners.max(1) >= low) & (corners.min(1) <= high)).all(1))
@@ -121,8 +125,17 @@ def _pairs(z):
 def _barycentric(corners, points):
     a, b, c = corners.T
     area = ((b - a).conj() * (c - a)).imag
-    weights = np.stack([((b - points).conj() * (c - points)).imag, ((c - points).conj() * (a - points)).imag,
-                        ((a - points).conj() * (b - points)).imag], axis=1) / area[:, None]
+    weights = (
+        np.stack(
+            [
+                ((b - points).conj() * (c - points)).imag,
+                ((c - points).conj() * (a - points)).imag,
+                ((a - points).conj() * (b - points)).imag,
+            ],
+            axis=1,
+        )
+        / area[:, None]
+    )
     weights = np.maximum(weights, 0)  # rounding, at an edge
     return weights / weights.sum(1, keepdims=True)
 

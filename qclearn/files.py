@@ -106,16 +106,20 @@ def write_surface(path, surface, original_vertices=None, frame=None):
     path, frame = Path(path), frame or Frame()
     suffix = suffix_of(path)
     if suffix == ".npz":
+
         def write(place):
             _write_npz(place, surface, original_vertices)
     elif suffix == ".gii":
+
         def write(place):
             side = frame.side or gifti.side_of_name(path)
             place.write_bytes(gifti.zipped(path, gifti.surface_bytes(surface, side, frame.space)))
     elif suffix in _WRITERS:
+
         def write(place):
             place.write_bytes(_WRITERS[suffix](surface))
-    elif path.suffix.lower() in _FREESURFER_SUFFIXES or path.name.startswith(("lh.", "rh.")) and not _foreign(path):
+    elif path.suffix.lower() in _FREESURFER_SUFFIXES or (path.name.startswith(("lh.", "rh.")) and not _foreign(path)):
+
         def write(place):
             _write_freesurfer(place, surface, frame.volume)
     else:
@@ -124,8 +128,34 @@ def write_surface(path, surface, original_vertices=None, frame=None):
 
 
 # Names of files that are no FreeSurfer surface or map, whatever they begin with (lh.map.csv).
-FOREIGN_SUFFIXES = (".csv", ".tsv", ".json", ".xml", ".mat", ".nii", ".gz", ".zip", ".label", ".annot", ".mgh", ".mgz", ".npy",
-                    ".npz", ".txt", ".gii", ".xlsx", ".h5", ".png", ".ply", ".obj", ".off", ".stl", ".vtk", ".vtp", ".asc")
+FOREIGN_SUFFIXES = (
+    ".csv",
+    ".tsv",
+    ".json",
+    ".xml",
+    ".mat",
+    ".nii",
+    ".gz",
+    ".zip",
+    ".label",
+    ".annot",
+    ".mgh",
+    ".mgz",
+    ".npy",
+    ".npz",
+    ".txt",
+    ".gii",
+    ".xlsx",
+    ".h5",
+    ".png",
+    ".ply",
+    ".obj",
+    ".off",
+    ".stl",
+    ".vtk",
+    ".vtp",
+    ".asc",
+)
 
 
 def _foreign(path):
@@ -145,7 +175,9 @@ def _unknown_format(content):
 
 
 def _read_npz(_, data):
-    arrays = npz_arrays(data, lambda name: name in ("vertices", "faces", "original_vertices") or name.startswith("curve_"))
+    arrays = npz_arrays(
+        data, lambda name: name in ("vertices", "faces", "original_vertices") or name.startswith("curve_")
+    )
     missing = {"vertices", "faces"} - set(arrays)
     if missing:
         raise SurfaceError(f"lacks the array {' and '.join(sorted(missing))}; save vertices (V, 3), faces (F, 3).")
@@ -184,8 +216,9 @@ def _check_freesurfer(data):
 
 
 def _write_freesurfer(path, surface, volume):
-    nibabel.freesurfer.write_geometry(path, surface.vertices, surface.faces, create_stamp="created by qclearn",
-                                      volume_info=volume)
+    nibabel.freesurfer.write_geometry(
+        path, surface.vertices, surface.faces, create_stamp="created by qclearn", volume_info=volume
+    )
 
 
 def _read_gifti(_, data):
@@ -197,8 +230,12 @@ def _read_vtk(path, data):
     script = Path(__file__).with_name("vtkchild.py")
     room = max(VTK_ROOM, VTK_RATIO * len(data))
     try:
-        child = subprocess.run([sys.executable, "-P", script, path.resolve(), str(room)], capture_output=True,
-                               timeout=VTK_SECONDS, check=False)
+        child = subprocess.run(
+            [sys.executable, "-P", script, path.resolve(), str(room)],
+            capture_output=True,
+            timeout=VTK_SECONDS,
+            check=False,
+        )
     except subprocess.TimeoutExpired:
         raise FormatError(f"VTK's reader has not ended after {VTK_SECONDS} s") from None
     if child.returncode:
@@ -248,9 +285,13 @@ def _warn_of_slits(path, surface):
         torn = (count[loop] == 1) & (len(loop) == 4) & (len(surface.faces) > 2)
         if (near | torn).any():
             vertex = loop[near | torn][0]
-            warnings.warn(f"{path}: merging equal points leaves a slit at vertex {vertex} "
-                          f"({surface.vertices[vertex].tolist()}), where two points that should be one may differ; check "
-                          "the file, or close the slit (pyvista's clean with a tolerance).", SlitWarning, stacklevel=3)
+            warnings.warn(
+                f"{path}: merging equal points leaves a slit at vertex {vertex} "
+                f"({surface.vertices[vertex].tolist()}), where two points that should be one may differ; check "
+                "the file, or close the slit (pyvista's clean with a tolerance).",
+                SlitWarning,
+                stacklevel=3,
+            )
 
 
 _READERS = {

@@ -83,8 +83,10 @@ def _unzipped(path, data):
 
 def out_of_memory(path):
     """The SurfaceError for a file that the memory has no room for."""
-    return SurfaceError(f"{path}: there is not enough memory to read it; close other programs, use a machine with more, "
-                        f"or give a coarser surface.")
+    return SurfaceError(
+        f"{path}: there is not enough memory to read it; close other programs, use a machine with more, "
+        f"or give a coarser surface."
+    )
 
 
 @contextmanager
@@ -129,7 +131,9 @@ def npz_arrays(data, wanted):
         members = [info for info in archive.infolist() if wanted(info.filename.removesuffix(".npy"))]
         size, most = sum(info.file_size for info in members), allowance(len(data))
         if size > most:
-            raise FormatError(f"its arrays would unpack to {size} bytes, more than {most}, which those of a surface do not")
+            raise FormatError(
+                f"its arrays would unpack to {size} bytes, more than {most}, which those of a surface do not"
+            )
         return {info.filename.removesuffix(".npy"): npy_array(archive.read(info)) for info in members}
 
 
@@ -157,7 +161,9 @@ def write_whole(path, write, size=None):
     What killed runs left in the folder goes.
     """
     sweep(path.parent)
-    temporary = path.with_name(f"{own_prefix()}{uuid.uuid4().hex[:8]}-{path.name}")  # the same folder: the last step is atomic
+    temporary = path.with_name(
+        f"{own_prefix()}{uuid.uuid4().hex[:8]}-{path.name}"
+    )  # the same folder: the last step is atomic
     written, free = 0, None
     try:
         temporary.touch(exist_ok=False)
@@ -179,7 +185,7 @@ def write_whole(path, write, size=None):
 
 def is_full(error, free=None):
     """Whether an OSError says that a disk is full; NumPy's says only how much was written, then `free` bytes decide."""
-    return error.errno in (errno.ENOSPC, errno.EDQUOT) or error.errno is None and free is not None and free < 1 << 16
+    return error.errno in (errno.ENOSPC, errno.EDQUOT) or (error.errno is None and free is not None and free < 1 << 16)
 
 
 def full_disk(folder, written, size=None):

@@ -87,7 +87,7 @@ def bounded_pullback(nu, grad_mu):
     across = np.divide(np.tanh(size), size, out=np.ones_like(size), where=size > 0)
     along = 1 - np.tanh(size) ** 2
     direction = np.divide(nu, size, out=np.ones_like(nu), where=size > 0)
-    return 0.5 * ((along + across) * grad_mu + (along - across) * direction ** 2 * np.conj(grad_mu))
+    return 0.5 * ((along + across) * grad_mu + (along - across) * direction**2 * np.conj(grad_mu))
 
 
 def sampling_matrix(z, faces, points):
@@ -131,7 +131,8 @@ class Landmarks:
         turn = self.tangent.conj()[:, None]
         along, across = self.weights[0][:, None], self.weights[1][:, None]
         return np.sqrt(gamma / len(self.target)) * np.concatenate(
-            [along * (turn.real * grad_re - turn.imag * grad_im), across * (turn.imag * grad_re + turn.real * grad_im)])
+            [along * (turn.real * grad_re - turn.imag * grad_im), across * (turn.imag * grad_re + turn.real * grad_im)]
+        )
 
 
 class Forward:
@@ -159,7 +160,7 @@ class Forward:
         parts, points = [], (self.evaluate @ sparse.diags_array(self.slope.conj())).tocsr()
         chains = [self.chain(self.to_faces @ nu, x) for x in self.solver.parts]
         for rows in range(0, points.shape[0], LANDMARKS_AT_ONCE):
-            adjoints = self.solver.adjoints(points[rows:rows + LANDMARKS_AT_ONCE])
+            adjoints = self.solver.adjoints(points[rows : rows + LANDMARKS_AT_ONCE])
             real, imaginary = np.split(sum(chain @ adjoint for chain, adjoint in zip(chains, adjoints)), 2)
             parts.append((real + 1j * imaginary).T.reshape(2, -1, len(nu)))
         return np.concatenate(parts, axis=1)
@@ -180,7 +181,7 @@ class Forward:
         As a composition: `dw = i w dtheta - da + conj(da) w^2`.
         """
         w = self.mapped
-        return self.evaluate @ np.stack([1j * w, w ** 2 - 1, -1j * (1 + w ** 2)], axis=1)
+        return self.evaluate @ np.stack([1j * w, w**2 - 1, -1j * (1 + w**2)], axis=1)
 
 
 class MeshForward(Forward):
@@ -233,7 +234,8 @@ class GaussNewton:
         J = self.landmarks.jacobian(*forward.gradients(nu), gamma)
         Jm = self.landmarks.components(forward.mobius_columns(), gamma)
         lifted = self.factors.solve(np.ascontiguousarray(J.real.T)) + 1j * self.factors.solve(
-            np.ascontiguousarray(J.imag.T))
+            np.ascontiguousarray(J.imag.T)
+        )
         gram = (J.conj() @ lifted).real
 
         def step(nu, w, damping=0.0):
@@ -266,7 +268,7 @@ def descend(newton, forward, step, nu, parameters, gamma, shares=SHARES):
         candidate, moved = nu + share * change, compose_mobius(parameters, (share * da, share * dtheta))
         f = forward.map(candidate, moved)
         gain = before - newton.objective(candidate, forward.points, gamma)
-        if gain > FAIR * (2 * share - share ** 2) * (before - promised):
+        if gain > FAIR * (2 * share - share**2) * (before - promised):
             return candidate, moved, f
     if gain > 0:
         return candidate, moved, f
@@ -292,8 +294,21 @@ def descend_damped(newton, forward, step, nu, parameters, gamma):
 
 
 @threadpool_limits.wrap(limits=1)  # on matrices of this size BLAS threads wait for each other: up to five times slower
-def fit_landmarks(z, faces, moving, target, alpha=1.0, beta=1e-2, gamma=1e5, curve=None, sliding=False, start=None,
-                  rings=None, watch=None, enough=0.0):
+def fit_landmarks(
+    z,
+    faces,
+    moving,
+    target,
+    alpha=1.0,
+    beta=1e-2,
+    gamma=1e5,
+    curve=None,
+    sliding=False,
+    start=None,
+    rings=None,
+    watch=None,
+    enough=0.0,
+):
     """The quasi-conformal disk map that takes landmarks `moving` to `target`: a LandmarkFit, certified or reported.
 
     Minimises `alpha mean|nu|^2 + beta mean|grad nu|^2 + gamma mean|M(f(p)) - q|^2` (means over the unit disk and over
@@ -371,7 +386,9 @@ def fit_on_grid(newton, forward, nu, parameters, gamma, watch):
         result = descend(newton, forward, step, nu, parameters, level)
         if result:
             nu, parameters, _ = result
-        if level == gamma and (result is None or newton.objective(nu, forward.points, gamma) > SETTLED_ON_GRID * before):
+        if level == gamma and (
+            result is None or newton.objective(nu, forward.points, gamma) > SETTLED_ON_GRID * before
+        ):
             break
     return nu, parameters, taken
 
@@ -419,8 +436,17 @@ def report_fit(newton, fine, z, faces, f, nu, parameters, steps, weights):
     terms = [float((mu.conj() @ (matrix @ mu)).real) for matrix in (newton.mass, newton.laplace)]
     terms.append(float((abs(mapped - newton.landmarks.target) ** 2).mean()))
     losses = dict(zip(("L_mu", "L_grad_mu", "L_Landmark"), terms), L_CP=float(np.dot(weights, terms)))
-    return LandmarkFit(f, beltrami_coefficient(z, faces, f), parameters, float(newton.landmarks.error(mapped)),
-                       certificate.bijective, certificate.flipped, steps, losses, fine.words())
+    return LandmarkFit(
+        f,
+        beltrami_coefficient(z, faces, f),
+        parameters,
+        float(newton.landmarks.error(mapped)),
+        certificate.bijective,
+        certificate.flipped,
+        steps,
+        losses,
+        fine.words(),
+    )
 
 
 def check_weights(alpha, beta, gamma):
@@ -434,8 +460,10 @@ def check_weights(alpha, beta, gamma):
 def check_landmarks(moving, target, curve, sliding):
     """Landmarks as complex arrays and curve labels, or LandmarkError."""
     try:
-        moving, target = (np.atleast_1d(complex_numbers(points, name)) for points, name in
-                          ((moving, "moving landmarks"), (target, "target landmarks")))
+        moving, target = (
+            np.atleast_1d(complex_numbers(points, name))
+            for points, name in ((moving, "moving landmarks"), (target, "target landmarks"))
+        )
     except BeltramiError as error:
         raise LandmarkError(str(error)) from None
     if moving.ndim != 1 or moving.shape != target.shape or len(moving) == 0:
@@ -443,14 +471,18 @@ def check_landmarks(moving, target, curve, sliding):
     for name, points in (("moving", moving), ("target", target)):
         outside = np.flatnonzero(~(abs(points) <= 1 + 1e-9))
         if len(outside):
-            raise LandmarkError(f"{name} landmarks {outside[:5].tolist()} are not in the closed unit disk "
-                                f"({points[outside[0]]:.4g}); map them with the surface's disk map first")
+            raise LandmarkError(
+                f"{name} landmarks {outside[:5].tolist()} are not in the closed unit disk "
+                f"({points[outside[0]]:.4g}); map them with the surface's disk map first"
+            )
         order = np.lexsort((points.imag, points.real))
         twice = np.flatnonzero(abs(np.diff(points[order])) < 1e-12)
         if len(twice):
-            pair = sorted(order[twice[0]:twice[0] + 2].tolist())
-            raise LandmarkError(f"{name} landmarks {pair[0]} and {pair[1]} coincide at {points[pair[0]]:.4g}; "
-                                "drop one of them (a bijection cannot part or merge points)")
+            pair = sorted(order[twice[0] : twice[0] + 2].tolist())
+            raise LandmarkError(
+                f"{name} landmarks {pair[0]} and {pair[1]} coincide at {points[pair[0]]:.4g}; "
+                "drop one of them (a bijection cannot part or merge points)"
+            )
     if curve is None and sliding:
         raise LandmarkError("sliding landmarks need the curve each belongs to: give curve (M,) of integer labels")
     curve = np.zeros(len(moving), int) if curve is None else label_array(curve)

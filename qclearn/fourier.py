@@ -92,14 +92,16 @@ def compression_effect(z, faces, mu, ks, size=128):
     for k in ks:
         smooth = compress(image, k)
         compressed = from_square(smooth, z, faces)
-        rows.append({
-            "k": k,
-            "coefficients": coefficient_count(size, k),
-            "image_error": float(np.sqrt(np.mean(abs(smooth - image) ** 2))),
-            "mu_error": float(np.sqrt(np.average(abs(compressed - mu) ** 2, weights=areas))),
-            "max_abs_mu": float(abs(compressed).max()),
-            "map_error": float(abs(solve_beltrami_disk(z, faces, compressed) - original).max()),
-        })
+        rows.append(
+            {
+                "k": k,
+                "coefficients": coefficient_count(size, k),
+                "image_error": float(np.sqrt(np.mean(abs(smooth - image) ** 2))),
+                "mu_error": float(np.sqrt(np.average(abs(compressed - mu) ** 2, weights=areas))),
+                "max_abs_mu": float(abs(compressed).max()),
+                "map_error": float(abs(solve_beltrami_disk(z, faces, compressed) - original).max()),
+            }
+        )
     return rows
 
 

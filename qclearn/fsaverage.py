@@ -53,7 +53,9 @@ def demo_landmarks():
     `mirror(fsaverage5("right"))` and `fsaverage5("left")`.
     """
     moving, control = (named_sulci(hemisphere, _opening(hemisphere)[0]) for hemisphere in ("right", "left"))
-    return {"curves": [{"name": name, "moving": list(moving[name]), "control": list(control[name])} for name in control]}
+    return {
+        "curves": [{"name": name, "moving": list(moving[name]), "control": list(control[name])} for name in control]
+    }
 
 
 def _renumbered(name, vertices, original_indices):

@@ -64,8 +64,10 @@ def _announced(attributes):
     if kind not in nibabel.nifti1.data_type_codes.keys():  # noqa: SIM118 (a Recoder has no __contains__)
         raise FormatError(f"an array has the unknown type {kind[:40]}")
     if attributes.get("Encoding") == "ExternalFileBinary":
-        raise SurfaceError("keeps its data in another file (as SPM writes it); convert it to one file, for example with "
-                           "wb_command -gifti-convert GZIP_BASE64_BINARY IN OUT.")
+        raise SurfaceError(
+            "keeps its data in another file (as SPM writes it); convert it to one file, for example with "
+            "wb_command -gifti-convert GZIP_BASE64_BINARY IN OUT."
+        )
     return math.prod(map(int, sides)) * nibabel.nifti1.data_type_codes.dtype[kind].itemsize
 
 
@@ -85,7 +87,7 @@ def parse(data):
 
 
 def side_of_name(path):
-    """"left" or "right" where a file's name says so (lh.pial, sub-01.L.midthickness.surf.gii, hemi-R), else None."""
+    """ "left" or "right" where a file's name says so (lh.pial, sub-01.L.midthickness.surf.gii, hemi-R), else None."""
     sides = {found[0].lower() for found in _SIDE.findall(Path(path).name)}
     return {"l": "left", "r": "right"}[sides.pop()] if len(sides) == 1 else None
 
@@ -109,8 +111,9 @@ def surface_arrays(image):
 def values_of(image):
     """Values (V,) or, of several arrays, (V, k) of a map's image."""
     arrays = [array.data for array in image.darrays]
-    intents = {array.intent for array in image.darrays} & {nibabel.nifti1.intent_codes[name] for name in (
-        "NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE")}
+    intents = {array.intent for array in image.darrays} & {
+        nibabel.nifti1.intent_codes[name] for name in ("NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE")
+    }
     if intents or not arrays or len({array.shape for array in arrays}) > 1:
         raise SurfaceError("holds no maps of one value a vertex; give a .func.gii, .shape.gii or .label.gii.")
     return arrays[0] if len(arrays) == 1 else np.stack(arrays, axis=-1)
@@ -118,18 +121,23 @@ def values_of(image):
 
 def labels_of(image):
     """The label table as a dict key -> (name, (red, green, blue, alpha) from 0 to 1); empty where there is none."""
-    return {label.key: (label.label or "", tuple(1.0 if part is None else part for part in label.rgba))
-            for label in image.labeltable.labels}
+    return {
+        label.key: (label.label or "", tuple(1.0 if part is None else part for part in label.rgba))
+        for label in image.labeltable.labels
+    }
 
 
 def surface_bytes(surface, side=None, space=None):
     """The bytes of a .surf.gii; side: "left" or "right", space: the coordinates' GiftiCoordSystem, both if known."""
     meta = GiftiMetaData({"AnatomicalStructurePrimary": STRUCTURES[side]} if side else {})
     points, triangles = surface.vertices.astype(np.float32), surface.faces.astype(np.int32)
-    return GiftiImage(meta=meta, darrays=[
-        GiftiDataArray(points, intent="NIFTI_INTENT_POINTSET", meta=meta, coordsys=space or GiftiCoordSystem()),
-        GiftiDataArray(triangles, intent="NIFTI_INTENT_TRIANGLE", meta=GiftiMetaData()),
-    ]).to_bytes()
+    return GiftiImage(
+        meta=meta,
+        darrays=[
+            GiftiDataArray(points, intent="NIFTI_INTENT_POINTSET", meta=meta, coordsys=space or GiftiCoordSystem()),
+            GiftiDataArray(triangles, intent="NIFTI_INTENT_TRIANGLE", meta=GiftiMetaData()),
+        ],
+    ).to_bytes()
 
 
 def values_bytes(values, side=None, labels=None):

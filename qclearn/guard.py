@@ -88,8 +88,10 @@ def bijective_fit(z, faces, p, q, alpha, beta, gamma, labels, sliding, fallbacks
             fallbacks += list(fit.fallbacks) + [f"gamma lowered to {weight:g}"] * (weight < gamma)
             return fit
         weight /= 10
-    raise BijectivityError(f"no bijective map for these landmarks down to gamma = {weight * 10:g} "
-                           f"({len(fit.flipped)} faces flipped); check that no two curves cross or are swapped")
+    raise BijectivityError(
+        f"no bijective map for these landmarks down to gamma = {weight * 10:g} "
+        f"({len(fit.flipped)} faces flipped); check that no two curves cross or are swapped"
+    )
 
 
 def guarded_map(networks, z, faces, p, q, alpha, beta, gamma, labels, tolerance, fallbacks, stages):
@@ -114,9 +116,14 @@ def guarded_map(networks, z, faces, p, q, alpha, beta, gamma, labels, tolerance,
         if fit.bijective and fit.landmark_error <= tolerance:
             return not_above_mobius(fit, z, faces, p, q, (alpha, beta, gamma), evaluate, fallbacks)
         before, words = fit, []
-        fit = bijective_fit(z, faces, p, q, alpha, beta, gamma, labels, False, words, start=mu, enough=MARGIN * tolerance)
-        cause = (f"landmark error {before.landmark_error:.1e} above {tolerance:.1e}" if before.bijective else
-                 f"the exact solver's map {fold_words(before)}")
+        fit = bijective_fit(
+            z, faces, p, q, alpha, beta, gamma, labels, False, words, start=mu, enough=MARGIN * tolerance
+        )
+        cause = (
+            f"landmark error {before.landmark_error:.1e} above {tolerance:.1e}"
+            if before.bijective
+            else f"the exact solver's map {fold_words(before)}"
+        )
         fallbacks += [f"{cause}: {sum(fit.steps)} Gauss-Newton steps, to {fit.landmark_error:.1e}", *words]
         return fit
 
@@ -172,5 +179,14 @@ def exact_map(z, faces, mu, p, q):
 def measured(z, faces, f, parameters, mapped, q, fallbacks):
     """A map as a `LandmarkFit` without steps and losses: its measured mu, landmark error and certificate."""
     certificate = check_bijective(z, faces, f)
-    return LandmarkFit(f, beltrami_coefficient(z, faces, f), parameters, float(abs(mapped - q).mean()),
-                       certificate.bijective, certificate.flipped, (0, 0), {}, tuple(fallbacks))
+    return LandmarkFit(
+        f,
+        beltrami_coefficient(z, faces, f),
+        parameters,
+        float(abs(mapped - q).mean()),
+        certificate.bijective,
+        certificate.flipped,
+        (0, 0),
+        {},
+        tuple(fallbacks),
+    )

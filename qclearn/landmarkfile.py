@@ -30,8 +30,10 @@ def read_landmarks(path):
     for number, curve in enumerate(curves if isinstance(curves, list) else []):
         name = curve.get("name") if isinstance(curve, dict) else None
         if isinstance(name, str) and not is_plain_name(name):
-            raise LandmarkError(f"{path}: the name of curve {number} is longer than 200 characters or holds control "
-                                   f"characters: {name[:40]!r}; rename it")
+            raise LandmarkError(
+                f"{path}: the name of curve {number} is longer than 200 characters or holds control "
+                f"characters: {name[:40]!r}; rename it"
+            )
     return contents
 
 
@@ -40,12 +42,14 @@ def check_curves(curves, moving, control):
     if isinstance(curves, dict):
         unknown = set(curves) - {"curves", "surfaces"}
         if unknown or "curves" not in curves:
-            raise LandmarkError(f"landmarks need the one key 'curves'; found {sorted(map(str, curves))} ('surfaces' may "
-                                "stand beside it)")
+            raise LandmarkError(
+                f"landmarks need the one key 'curves'; found {sorted(map(str, curves))} ('surfaces' may "
+                "stand beside it)"
+            )
         check_surfaces(curves.get("surfaces", {}), moving, control)
         curves = curves["curves"]
     if not isinstance(curves, (list, tuple)) or not curves:
-        raise LandmarkError("landmarks hold no curves: give at least one {\"name\", \"moving\", \"control\"}")
+        raise LandmarkError('landmarks hold no curves: give at least one {"name", "moving", "control"}')
     entries = [_check_entry(number, entry, moving, control) for number, entry in enumerate(curves)]
     names = [entry["name"] for entry in entries]
     twice = sorted({name for name in names if names.count(name) > 1})
@@ -60,18 +64,22 @@ def check_surfaces(stated, moving, control):
     Each side and each of its two keys may be missing. A surface that was mirrored after reading counts as itself.
     """
     if not isinstance(stated, dict) or not set(stated) <= set(SIDES):
-        raise LandmarkError("landmarks: 'surfaces' must be {\"moving\": {\"vertices\", \"sha256\"}, \"control\": {...}}")
+        raise LandmarkError('landmarks: \'surfaces\' must be {"moving": {"vertices", "sha256"}, "control": {...}}')
     surfaces = {"moving": moving, "control": control}
     for side, wanted in stated.items():
         if not isinstance(wanted, dict) or not set(wanted) <= {"vertices", "sha256"}:
-            raise LandmarkError(f"landmarks: surfaces, {side}: give \"vertices\" and \"sha256\", and nothing else")
+            raise LandmarkError(f'landmarks: surfaces, {side}: give "vertices" and "sha256", and nothing else')
         if not _is_one(wanted, surfaces[side]):
             other = SIDES[side]
-            hint = (f"exchanged: they fit the {other} surface; exchange MOVING and CONTROL"
-                    if wanted and _is_one(wanted, surfaces[other]) else
-                    "numbers of one mesh mean nothing on another: give the surface they were made on, or make them anew")
-            raise LandmarkError(f"the landmarks were made for another {side} surface ({_stated(wanted)}; this one has "
-                                f"{_stated(fingerprint(surfaces[side]))}): {hint}")
+            hint = (
+                f"exchanged: they fit the {other} surface; exchange MOVING and CONTROL"
+                if wanted and _is_one(wanted, surfaces[other])
+                else "numbers of one mesh mean nothing on another: give the surface they were made on, or make them anew"
+            )
+            raise LandmarkError(
+                f"the landmarks were made for another {side} surface ({_stated(wanted)}; this one has "
+                f"{_stated(fingerprint(surfaces[side]))}): {hint}"
+            )
 
 
 def _is_one(wanted, surface):

@@ -21,14 +21,19 @@ def sample_curve(surface, path, count=10):
     with fewer than two distinct points or vertices out of range.
     """
     path = check_path(surface, path)
-    corners = sparse.csr_array((np.ones(len(path)), (np.arange(len(path)), path)), shape=(len(path), len(surface.vertices)))
+    corners = sparse.csr_array(
+        (np.ones(len(path)), (np.arange(len(path)), path)), shape=(len(path), len(surface.vertices))
+    )
     return resample(surface, corners, count)
 
 
 def curves_of_both(moving, control):
     """The curves that both surfaces carry under one name, as entries of a landmarks file, not to be detected: list."""
-    return [{"name": name, "moving": path.tolist(), "control": control.curves[name].tolist(), "detect": False}
-            for name, path in moving.curves.items() if name in control.curves]
+    return [
+        {"name": name, "moving": path.tolist(), "control": control.curves[name].tolist(), "detect": False}
+        for name, path in moving.curves.items()
+        if name in control.curves
+    ]
 
 
 def resample(surface, corners, count=10):
@@ -50,12 +55,15 @@ def check_path(surface, path):
     except ValueError:
         raise LandmarkError("a curve must be a list of vertex indices; got lists of unequal lengths") from None
     if path.ndim != 1 or len(path) < 2 or not np.issubdtype(path.dtype, np.integer):
-        raise LandmarkError(f"a curve must be a list of at least two vertex indices; got {path.dtype} of the shape "
-                            f"{path.shape}")
+        raise LandmarkError(
+            f"a curve must be a list of at least two vertex indices; got {path.dtype} of the shape {path.shape}"
+        )
     outside = path[(path < 0) | (path >= len(surface.vertices))]
     if len(outside):
-        raise LandmarkError(f"curve vertices out of range 0..{len(surface.vertices) - 1}: {outside[:5].tolist()}; "
-                            "were the indices taken from another mesh (before it was cut open, say)?")
+        raise LandmarkError(
+            f"curve vertices out of range 0..{len(surface.vertices) - 1}: {outside[:5].tolist()}; "
+            "were the indices taken from another mesh (before it was cut open, say)?"
+        )
     repeated = np.flatnonzero(path[1:] == path[:-1])
     if len(repeated):
         raise LandmarkError(f"a curve repeats vertex {path[repeated[0]]} at position {repeated[0]}; drop the repeat")

@@ -42,9 +42,11 @@ def measured_losses(z, faces, mu, mapped, target, alpha, beta, gamma):
     """
     areas = signed_areas(z, faces)
     nodal = corner_average(faces, len(z), areas) @ mu
-    terms = {"L_mu": float(areas @ abs(mu) ** 2) / np.pi,
-             "L_grad_mu": float((nodal.conj() @ (stiffness(z, faces, np.zeros(len(faces))) @ nodal)).real) / np.pi,
-             "L_Landmark": float((abs(mapped - target) ** 2).mean())}
+    terms = {
+        "L_mu": float(areas @ abs(mu) ** 2) / np.pi,
+        "L_grad_mu": float((nodal.conj() @ (stiffness(z, faces, np.zeros(len(faces))) @ nodal)).real) / np.pi,
+        "L_Landmark": float((abs(mapped - target) ** 2).mean()),
+    }
     return terms | {"L_CP": alpha * terms["L_mu"] + beta * terms["L_grad_mu"] + gamma * terms["L_Landmark"]}
 
 
@@ -57,8 +59,10 @@ def coefficient_measures(surface, z, mu):
     size, result = abs(mu), {**coefficient_statistics(mu), "p95_abs_mu": float(np.percentile(abs(mu), 95))}
     for name, areas in (("disk", signed_areas(z, surface.faces)), ("area", surface.face_areas)):
         mean = np.average(size, weights=areas)
-        result |= {f"mean_abs_mu_{name}": float(mean),
-                   f"sd_abs_mu_{name}": float(np.sqrt(np.average((size - mean) ** 2, weights=areas)))}
+        result |= {
+            f"mean_abs_mu_{name}": float(mean),
+            f"sd_abs_mu_{name}": float(np.sqrt(np.average((size - mean) ** 2, weights=areas))),
+        }
     return result
 
 
@@ -70,8 +74,12 @@ def coefficient_histogram(mu, bins=50):
 def landmark_measures(mapped, target, off_mm):
     """Mean and standard deviation over landmarks of their distance from the target: in the disk, and in mm (M,)."""
     off = abs(mapped - target)
-    return {"landmark_error": float(off.mean()), "sd_landmark_error": float(off.std()),
-            "landmark_error_mm": float(np.mean(off_mm)), "sd_landmark_error_mm": float(np.std(off_mm))}
+    return {
+        "landmark_error": float(off.mean()),
+        "sd_landmark_error": float(off.std()),
+        "landmark_error_mm": float(np.mean(off_mm)),
+        "sd_landmark_error_mm": float(np.std(off_mm)),
+    }
 
 
 def near_curves(surface, curves, reach):
@@ -89,8 +97,12 @@ def correspondence_measures(points, truth, near):
     near (V,) bool: the vertices near primary sulci.
     """
     off = np.linalg.norm(points - truth, axis=1)
-    return {"correspondence_mm": float(off.mean()), "median_correspondence_mm": float(np.median(off)),
-            "p95_correspondence_mm": float(np.percentile(off, 95)), "correspondence_sulci_mm": float(off[near].mean())}
+    return {
+        "correspondence_mm": float(off.mean()),
+        "median_correspondence_mm": float(np.median(off)),
+        "p95_correspondence_mm": float(np.percentile(off, 95)),
+        "correspondence_sulci_mm": float(off[near].mean()),
+    }
 
 
 def distortion_measures(surface, points):
@@ -104,8 +116,10 @@ def distortion_measures(surface, points):
     a, b, c = (points[corner] for corner in surface.faces.T)
     areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
     ratio = np.maximum((areas / areas.sum()) / (surface.face_areas / surface.area), SMALLEST_RATIO)
-    return {"angle_distortion": float(np.degrees(abs(there - here)).mean()),
-            "area_distortion": float(np.average(abs(np.log2(ratio)), weights=surface.face_areas))}
+    return {
+        "angle_distortion": float(np.degrees(abs(there - here)).mean()),
+        "area_distortion": float(np.average(abs(np.log2(ratio)), weights=surface.face_areas)),
+    }
 
 
 def paired_difference(one, other, rng, draws=10_000, level=0.95):

@@ -41,12 +41,14 @@ def best_mobius(p, q, weights=None):
         (a, theta), s = unpack(x), x[0] + 1j * x[1]
         w, g = mobius(p, a, theta), 1 / np.sqrt(1 + abs(s) ** 2)
         by_a, by_conj_a = -np.exp(1j * theta) / (1 - np.conj(a) * p), w * p / (1 - np.conj(a) * p)
-        steps = [g * d - g ** 3 * (s.conjugate() * d).real * s for d in (1.0, 1j)]  # da for ds = 1 and i
+        steps = [g * d - g**3 * (s.conjugate() * d).real * s for d in (1.0, 1j)]  # da for ds = 1 and i
         columns = [by_a * da + by_conj_a * np.conj(da) for da in steps] + [1j * w]
         return np.stack([np.concatenate([(scale * c).real, (scale * c).imag]) for c in columns], axis=1)
 
     starts = [np.array([0.0, 0.0, turn]) for turn in np.arange(8) * np.pi / 4]
-    best = min((least_squares(residual, x, jacobian, xtol=1e-14, ftol=1e-14, gtol=1e-14) for x in starts), key=lambda s: s.cost)
+    best = min(
+        (least_squares(residual, x, jacobian, xtol=1e-14, ftol=1e-14, gtol=1e-14) for x in starts), key=lambda s: s.cost
+    )
     a, theta = unpack(best.x)
     return complex(a), float(np.angle(np.exp(1j * theta)))
 
@@ -60,7 +62,7 @@ def centring_mobius(z, weights):
     weights, a = np.asarray(weights, float) / np.sum(weights), 0j
     for _ in range(200):
         w = mobius(z, a)
-        centre, second = weights @ w, weights @ w ** 2
+        centre, second = weights @ w, weights @ w**2
         if abs(centre) < 1e-15:
             break
         step = (centre + second * np.conj(centre)) / (1 - abs(second) ** 2)
@@ -86,12 +88,12 @@ def mobius_misfits(p, q, turns=4, rounds=30):
     q, damping = np.tile(q, (turns, 1)), np.full(turns * count, 1e-3)
     cost = (abs(w - q) ** 2).sum(1)
     for _ in range(rounds):
-        columns = np.stack([1j * w, w ** 2 - 1, -1j * (1 + w ** 2)], axis=-1)
+        columns = np.stack([1j * w, w**2 - 1, -1j * (1 + w**2)], axis=-1)
         normal = (columns.conj().transpose(0, 2, 1) @ columns).real
         slope = (columns.conj().transpose(0, 2, 1) @ (w - q)[..., None]).real
         normal += (damping * (np.trace(normal, axis1=1, axis2=2) + 1e-300))[:, None, None] * np.eye(3)
         turn, real, imaginary = np.linalg.solve(normal, -slope)[..., 0].T
-        shift = (real + 1j * imaginary) / np.sqrt(1 + real ** 2 + imaginary ** 2)  # stays in the disk
+        shift = (real + 1j * imaginary) / np.sqrt(1 + real**2 + imaginary**2)  # stays in the disk
         moved = mobius(w, shift[:, None], turn[:, None])
         moved_cost = (abs(moved - q) ** 2).sum(1)
         lower = moved_cost < cost

@@ -47,8 +47,11 @@ def show_figure(picture, name, alt):
     data = base64.b64encode(png).decode()
     # The HTML is for notebooks: JupyterLab 4.6 takes no alternative text from an image's metadata.
     image = f'<img class="page-figure" width="{width}" alt="{html.escape(alt)}" src="data:image/png;base64,{data}">'
-    display({"text/html": image, "image/png": data, "text/plain": f"[{name}] {alt}"}, raw=True,
-            metadata={"scrapbook": {"name": name, "mime_prefix": ""}, "alt": alt, "image/png": {"width": width}})
+    display(
+        {"text/html": image, "image/png": data, "text/plain": f"[{name}] {alt}"},
+        raw=True,
+        metadata={"scrapbook": {"name": name, "mime_prefix": ""}, "alt": alt, "image/png": {"width": width}},
+    )
 
 
 def drawn(picture, sharpness=2):

@@ -34,8 +34,9 @@ def disk_plot(ax, z, faces, values, cmap="viridis", vmin=None, vmax=None):
     """Colour a planar mesh z (V,) by values per vertex (V,), blended, or per face (F,), flat; returns the artist."""
     shading = "gouraud" if len(values) == len(z) else "flat"
     disk_axes(ax)
-    return ax.tripcolor(z.real, z.imag, faces, values, shading=shading, cmap=cmap, vmin=vmin, vmax=vmax,
-                        rasterized=True)
+    return ax.tripcolor(
+        z.real, z.imag, faces, values, shading=shading, cmap=cmap, vmin=vmin, vmax=vmax, rasterized=True
+    )
 
 
 def polar_lines(rings=10, spokes=24, samples=181):
@@ -43,7 +44,8 @@ def polar_lines(rings=10, spokes=24, samples=181):
     turn = np.exp(2j * np.pi * np.linspace(0, 1, samples))
     along = np.linspace(0, 1, samples)
     return [r * turn for r in np.arange(1, rings + 1) / rings] + [
-        along * np.exp(2j * np.pi * k / spokes) for k in range(spokes)]
+        along * np.exp(2j * np.pi * k / spokes) for k in range(spokes)
+    ]
 
 
 def square_lines(lines=17, samples=181):
@@ -74,19 +76,41 @@ def curves_plot(ax, curves, style):
     """Draw complex curves in one of the `CURVE_STYLES`, with a dark edge so that they show on any ground."""
     look = CURVE_STYLES[style]
     for curve in curves:
-        ax.plot(curve.real, curve.imag, color="black", linewidth=2.6, zorder=4, solid_capstyle="round",
-                linestyle=look["linestyle"])
+        ax.plot(
+            curve.real,
+            curve.imag,
+            color="black",
+            linewidth=2.6,
+            zorder=4,
+            solid_capstyle="round",
+            linestyle=look["linestyle"],
+        )
         ax.plot(curve.real, curve.imag, color=look["color"], linewidth=1.7, zorder=5, linestyle=look["linestyle"])
         ends = curve[[0, -1]]
-        ax.plot(ends.real, ends.imag, look["marker"], color=look["color"], markersize=3.5, markeredgecolor="black",
-                markeredgewidth=0.6, zorder=6)
+        ax.plot(
+            ends.real,
+            ends.imag,
+            look["marker"],
+            color=look["color"],
+            markersize=3.5,
+            markeredgecolor="black",
+            markeredgewidth=0.6,
+            zorder=6,
+        )
 
 
 def curve_legend(ax, *styles):
     """A legend below the Axes for curve styles drawn in it."""
     handles = [Line2D([], [], **CURVE_STYLES[style], markeredgecolor="black", label=style) for style in styles]
-    ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.02), ncols=len(styles), frameon=False,
-              fontsize=8, handlelength=3)
+    ax.legend(
+        handles=handles,
+        loc="upper center",
+        bbox_to_anchor=(0.5, 0.02),
+        ncols=len(styles),
+        frameon=False,
+        fontsize=8,
+        handlelength=3,
+    )
 
 
 def ellipse_field(ax, z, mu, size=0.08, color="#0072B2"):
@@ -97,8 +121,16 @@ def ellipse_field(ax, z, mu, size=0.08, color="#0072B2"):
     """
     z, mu = np.asarray(z, complex), np.asarray(mu, complex)
     short = size * (1 - abs(mu)) / (1 + abs(mu))
-    ellipses = EllipseCollection(np.full(len(z), size), short, np.degrees(np.angle(mu) / 2), units="xy",
-                                 offsets=_pairs(z), offset_transform=ax.transData, facecolors=color, alpha=0.75)
+    ellipses = EllipseCollection(
+        np.full(len(z), size),
+        short,
+        np.degrees(np.angle(mu) / 2),
+        units="xy",
+        offsets=_pairs(z),
+        offset_transform=ax.transData,
+        facecolors=color,
+        alpha=0.75,
+    )
     return ax.add_collection(ellipses)
 
 
@@ -124,8 +156,19 @@ def registration_figure(registration, moving, control):
     """
     r, radius = registration, area_radius(moving, registration.disk_moving)
     figure = Figure(figsize=(16, 6.8), dpi=110)
-    rows = figure.subplots(2, 5, gridspec_kw={"left": 0.02, "right": 0.955, "bottom": 0.11, "top": 0.88,
-                                              "wspace": 0.08, "hspace": 0.1, "width_ratios": (1, 1, 1, 1, 0.8)})
+    rows = figure.subplots(
+        2,
+        5,
+        gridspec_kw={
+            "left": 0.02,
+            "right": 0.955,
+            "bottom": 0.11,
+            "top": 0.88,
+            "wspace": 0.08,
+            "hspace": 0.1,
+            "width_ratios": (1, 1, 1, 1, 0.8),
+        },
+    )
     curves = [list(side) for side in zip(*r.curves.values())]
     curvature = grey_levels(mean_curvature(moving), moving.vertex_areas)
     for axes, scale, unscale in zip(rows, (np.asarray, radius.to_image), (np.asarray, radius.from_image)):
@@ -133,12 +176,12 @@ def registration_figure(registration, moving, control):
         mapped = map_curves(r.disk_moving, moving.faces, scale(r.disk_map), curves[0] + lines)
         targets = [scale(curve) for curve in curves[1]]
         before = (scale(r.disk_moving), [scale(curve) for curve in curves[0]], "detected")
-        after = (scale(r.disk_map), mapped[:len(targets)], "registered")
+        after = (scale(r.disk_map), mapped[: len(targets)], "registered")
         for ax, (z, drawn, style) in zip(axes, (before, after)):
             disk_plot(ax, z, moving.faces, curvature, cmap="gray", vmin=-80, vmax=335)
             curves_plot(ax, drawn, style)
             curves_plot(ax, targets, "target")
-        lines_plot(disk_axes(axes[2]), mapped[len(targets):], "#1F4E79")
+        lines_plot(disk_axes(axes[2]), mapped[len(targets) :], "#1F4E79")
         colours = disk_plot(axes[3], scale(r.disk_moving), moving.faces, abs(r.mu), vmin=0, vmax=1)
     mu_histogram(rows[0, 4], r.mu)
     mu_histogram(rows[1, 4], r.mu, moving.face_areas)
@@ -147,8 +190,13 @@ def registration_figure(registration, moving, control):
 
 
 def _label_registration(figure, rows, colours, report):
-    titles = ("mean curvature, detected curves", "after the map", "polar grid after the map",
-              r"$|\mu|$ on the moving disk", r"histogram of $|\mu|$")
+    titles = (
+        "mean curvature, detected curves",
+        "after the map",
+        "polar grid after the map",
+        r"$|\mu|$ on the moving disk",
+        r"histogram of $|\mu|$",
+    )
     for ax, title in zip(rows[0], titles):
         ax.set_title(title, fontsize=11)
     for ax, text in zip(rows[:, 0], ("unit disk", "radius by cortical area")):
@@ -163,9 +211,11 @@ def _label_registration(figure, rows, colours, report):
         ax.yaxis.tick_right()
         ax.yaxis.set_label_position("right")
     state = "certified bijective" if report["bijective"] else f"{report['flipped']} faces flipped"
-    figure.suptitle(f"landmark error {report['landmark_error_before']:.2g} before, {report['landmark_error']:.2g} after "
-                    rf"({report['landmark_error_mm']:.2g} mm); mean $|\mu|$ {report['mean_abs_mu']:.3f}; {state}",
-                    fontsize=12)
+    figure.suptitle(
+        f"landmark error {report['landmark_error_before']:.2g} before, {report['landmark_error']:.2g} after "
+        rf"({report['landmark_error_mm']:.2g} mm); mean $|\mu|$ {report['mean_abs_mu']:.3f}; {state}",
+        fontsize=12,
+    )
 
 
 def surface_scene(surface, values=None, curves=(), cmap=SHADES, clim=None, title=None):
@@ -209,8 +259,13 @@ def _add_surface(plotter, surface, values, shift=(0, 0, 0), cmap=SHADES, clim=No
     colour = {"color": "lightgray"}
     if values is not None:
         mesh.point_data["values"] = np.asarray(values, np.float32)
-        colour = {"scalars": "values", "cmap": cmap, "clim": clim, "show_scalar_bar": title is not None,
-                  "scalar_bar_args": {"title": title or "", "color": "black"}}
+        colour = {
+            "scalars": "values",
+            "cmap": cmap,
+            "clim": clim,
+            "show_scalar_bar": title is not None,
+            "scalar_bar_args": {"title": title or "", "color": "black"},
+        }
     plotter.add_mesh(mesh, smooth_shading=True, ambient=0.15, **colour)
     return mesh
 
@@ -262,14 +317,14 @@ def registration_disks(axes, registration, moving, vmax=0.6):
     before, after = radius.to_image(r.disk_moving), radius.to_image(r.disk_map)
     mapped = map_curves(r.disk_moving, moving.faces, after, curves + lines)
     curvature = grey_levels(mean_curvature(moving), moving.vertex_areas)
-    drawn = [radius.to_image(curve) for curve in curves], mapped[:len(curves)]
+    drawn = [radius.to_image(curve) for curve in curves], mapped[: len(curves)]
     for ax, z, registered, title in zip(axes, (before, after), drawn, ("best Möbius map only", "registered")):
         disk_plot(ax, z, moving.faces, curvature, cmap="gray", vmin=-80, vmax=335)
         curves_plot(ax, registered, "registered")
         curves_plot(ax, [radius.to_image(curve) for curve in targets], "target")
         ax.set_title(title)
     curve_legend(axes[0], "registered", "target")
-    lines_plot(disk_axes(axes[2]), mapped[len(curves):], "#1F4E79")
+    lines_plot(disk_axes(axes[2]), mapped[len(curves) :], "#1F4E79")
     axes[2].set_title("polar grid after the map")
     axes[3].set_title(r"$|\mu|$")
     return disk_plot(axes[3], before, moving.faces, abs(r.mu), vmin=0, vmax=vmax)
@@ -287,8 +342,11 @@ def registration_scene(registration, shape, registered=True, **more):
     moving, targets = (list(side) for side in zip(*r.curves.values()))
     if registered:
         moving = map_curves(r.disk_moving, r.faces_moving, r.disk_map, moving)
-    curves = [(lift(shape, r.disk_control, curve), style)
-              for side, style in ((targets, "target"), (moving, "registered")) for curve in side]
+    curves = [
+        (lift(shape, r.disk_control, curve), style)
+        for side, style in ((targets, "target"), (moving, "registered"))
+        for curve in side
+    ]
     return surface_scene(shape, curves=curves, **more)
 
 

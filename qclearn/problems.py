@@ -79,7 +79,7 @@ class Prepared:
 
 def mapped_subject(seed, n_vertices, folder=None):
     """The synthetic left hemisphere of a seed, grown or read from `folder`, with its disk map."""
-    subject, = hemispheres([seed], n_vertices, folder, progress=False, workers=1)
+    (subject,) = hemispheres([seed], n_vertices, folder, progress=False, workers=1)
     return replace(mapped(subject.surface), template=subject.template)
 
 
@@ -99,8 +99,13 @@ def cohort_pair(moving, control):
     face, weights = locate_on_sphere(control.template, control.surface.faces, moving.template)
     corners = control.surface.faces[face]
     truth = np.einsum("pk,pkd->pd", weights, control.surface.vertices[corners])
-    return Pair(moving, control, tuple(curves_of_both(moving.surface, control.surface)), truth,
-                np.einsum("pk,pk->p", weights, control.z[corners]))
+    return Pair(
+        moving,
+        control,
+        tuple(curves_of_both(moving.surface, control.surface)),
+        truth,
+        np.einsum("pk,pk->p", weights, control.z[corners]),
+    )
 
 
 def displacement_pair(control, distance, n_curves, seed):

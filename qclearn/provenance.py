@@ -8,10 +8,12 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import numpy as np
+import contextlib
 
 
 def commit():
     """The commit of the checkout this runs from, with "+changes" where files differ from it; "" outside of one."""
+
     def git(*words):
         return subprocess.run(["git", "-C", Path(__file__).parent, *words], capture_output=True, text=True, check=False)
 
@@ -35,10 +37,8 @@ def versions(*packages):
     """Versions of Python and of packages, dict; without those that are not installed."""
     found = {"python": platform.python_version()}
     for package in packages:
-        try:
+        with contextlib.suppress(PackageNotFoundError):
             found[package] = version(package)
-        except PackageNotFoundError:
-            pass
     return found
 
 

@@ -90,8 +90,18 @@ class Stages:
         return {**self.seconds, "total": round(sum(self.seconds.values()), 4)}
 
 
-def register(moving, control, curves, method="exact", alpha=1.0, beta=1e-2, gamma=1e5, sliding=False, progress=False,
-             tolerance=None):
+def register(
+    moving,
+    control,
+    curves,
+    method="exact",
+    alpha=1.0,
+    beta=1e-2,
+    gamma=1e5,
+    sliding=False,
+    progress=False,
+    tolerance=None,
+):
     """Register the moving surface to the control surface along landmark curves: a Registration, certified bijective.
 
     curves: the landmarks file as read from JSON, `{"curves": [{"name", "moving", "control"}, ...]}` with vertex
@@ -138,11 +148,20 @@ def register(moving, control, curves, method="exact", alpha=1.0, beta=1e-2, gamm
         rows = error_rows(moving, control, z_control, entries, p, q, fit.f, samples_moving, samples_control)
     means, words = mean_rows(rows), fallbacks[before:]
     report = {
-        **means, **coefficient_statistics(fit.mu), "flipped": len(fit.flipped), "bijective": fit.bijective,
-        "degenerate": len(degenerate_faces(points, moving.faces)), "fallbacks": fallbacks, "seconds": stages.report(),
-        "method": method, "alpha": alpha, "beta": beta, "gamma": gamma,
+        **means,
+        **coefficient_statistics(fit.mu),
+        "flipped": len(fit.flipped),
+        "bijective": fit.bijective,
+        "degenerate": len(degenerate_faces(points, moving.faces)),
+        "fallbacks": fallbacks,
+        "seconds": stages.report(),
+        "method": method,
+        "alpha": alpha,
+        "beta": beta,
+        "gamma": gamma,
         **({"tolerance": tolerance if np.isfinite(tolerance) else None} if networks else {}),
-        "mobius": {"a": [fit.mobius[0].real, fit.mobius[0].imag], "theta": fit.mobius[1]}, "curves": rows,
+        "mobius": {"a": [fit.mobius[0].real, fit.mobius[0].imag], "theta": fit.mobius[1]},
+        "curves": rows,
         "suspect": reasons(moving, control, z_moving, z_control, entries, means, rows, fit.mu, words),
         "version": version("qclearn"),
     }
@@ -155,8 +174,10 @@ def check_method(method, sliding, tolerance):
     if method not in STAGES:
         raise ValueError(f"unknown method {method!r}; this version has: {', '.join(STAGES)}")
     if method == "exact" and tolerance is not None:
-        raise ValueError("tolerance belongs to method 'network'; the exact fit steps until it settles: raise gamma for "
-                         "a smaller landmark error")
+        raise ValueError(
+            "tolerance belongs to method 'network'; the exact fit steps until it settles: raise gamma for "
+            "a smaller landmark error"
+        )
     if method == "network" and sliding:
         raise ValueError("sliding belongs to method 'exact': CP-Net takes points to points")
     tolerance = TOLERANCE if tolerance is None else tolerance
@@ -172,8 +193,10 @@ def load(name):
     except ModuleNotFoundError as error:
         if error.name not in ("torch", "safetensors"):
             raise
-        raise ImportError(f"the networks need {error.name}, which is not installed: pip install 'qclearn[nets]', or "
-                          "pip install torch safetensors") from None
+        raise ImportError(
+            f"the networks need {error.name}, which is not installed: pip install 'qclearn[nets]', or "
+            "pip install torch safetensors"
+        ) from None
     return load_network(name)
 
 
@@ -200,14 +223,17 @@ def align(moving, z_moving, control, z_control, entries):
         z, _, _ = repair(cotangent_stiffness(moving.vertices, moving.faces), moving.faces, lengths, z)
     steps = np.angle(np.roll(z[moving.boundary], -1) / z[moving.boundary])
     if steps.min() <= 0 or len(flipped_faces(moving.faces, z)):
-        raise LandmarkError(f"curve {farthest_curve(entries, p, q)!r} pulls the moving disk onto its rim: the Möbius map "
-                            "that carries the given points to the control's leaves no room for the rest; check this "
-                            "curve's ends on both sides, keep them off the rim, or give curves elsewhere as well")
+        raise LandmarkError(
+            f"curve {farthest_curve(entries, p, q)!r} pulls the moving disk onto its rim: the Möbius map "
+            "that carries the given points to the control's leaves no room for the rest; check this "
+            "curve's ends on both sides, keep them off the rim, or give curves elsewhere as well"
+        )
     return z
 
 
 def farthest_curve(entries, p, q):
     """The name of the curve without which the best Möbius map of the others, points p, q a curve, moves 0 the least."""
+
     def shift(left_out):
         kept = [k for k in range(len(entries)) if k != left_out]
         return abs(best_mobius(*(np.concatenate([side[k] for k in kept]) for side in (p, q)))[0]) if kept else 0.0
@@ -239,8 +265,10 @@ def distinct_landmarks(entries, p, q):
     if len(torn):
         first, second = (entries[k // POINTS_PER_CURVE]["name"] for k in torn[0])
         side = "moving" if meet_p[tuple(torn[0])] else "control"
-        raise LandmarkError(f"curves {first!r} and {second!r} share a point on the {side} side only, and a bijection "
-                            "can neither part nor merge points; let them meet on both sides or on neither")
+        raise LandmarkError(
+            f"curves {first!r} and {second!r} share a point on the {side} side only, and a bijection "
+            "can neither part nor merge points; let them meet on both sides or on neither"
+        )
     return np.flatnonzero(~meet_p.any(axis=0))
 
 
@@ -262,7 +290,9 @@ def error_rows(moving, control, z_control, entries, p, q, f, samples_moving, sam
     for row, entry in zip(rows, entries):
         paths = true_path(moving, entry, "moving"), true_path(control, entry, "control")
         if any(entry["detect"].values()) and all(path is not None for path in paths):
-            true_p, true_q = (sample_curve(surface, path, POINTS_PER_CURVE) for surface, path in zip((moving, control), paths))
+            true_p, true_q = (
+                sample_curve(surface, path, POINTS_PER_CURVE) for surface, path in zip((moving, control), paths)
+            )
             row["landmark_error_true"] = float(abs(true_p @ f - true_q @ z_control).mean())
     return rows
 
@@ -286,8 +316,10 @@ def transfer(values, z_from, faces_from, z_to, nearest=False):
     """
     values = np.asarray(values)
     if len(values) != len(z_from):
-        raise ValueError(f"{len(values)} values for {len(z_from)} vertices: give one a vertex of the surface they "
-                         "come from (the cut-open one, if it was cut)")
+        raise ValueError(
+            f"{len(values)} values for {len(z_from)} vertices: give one a vertex of the surface they "
+            "come from (the cut-open one, if it was cut)"
+        )
     face, weights = locate(z_from, faces_from, z_to)
     corners = np.asarray(faces_from)[face]
     if nearest:

@@ -13,9 +13,15 @@ from .surface import SurfaceError
 FORMAT_VERSION = 1  # raise it when an array's meaning changes, so that old programs do not misread new files
 _REQUIRED = ("disk_map", "faces_moving", "disk_control", "faces_control")
 # (array, the array whose length is its count, shape of one row, kinds of numbers)
-_SHAPES = (("disk_map", "disk_map", (), "c"), ("disk_control", "disk_control", (), "c"), ("faces_moving", "faces_moving", (3,), "iu"),
-           ("faces_control", "faces_control", (3,), "iu"), ("disk_moving", "disk_map", (), "c"),
-           ("points", "disk_map", (3,), "f"), ("mu", "faces_moving", (), "c"))
+_SHAPES = (
+    ("disk_map", "disk_map", (), "c"),
+    ("disk_control", "disk_control", (), "c"),
+    ("faces_moving", "faces_moving", (3,), "iu"),
+    ("faces_control", "faces_control", (3,), "iu"),
+    ("disk_moving", "disk_map", (), "c"),
+    ("points", "disk_map", (3,), "f"),
+    ("mu", "faces_moving", (), "c"),
+)
 
 
 def write_registration(path, arrays):
@@ -39,8 +45,10 @@ def read_registration(path):
         arrays = npz_arrays(data, lambda name: True)
         missing = [name for name in _REQUIRED if name not in arrays]
         if missing:
-            raise SurfaceError(f"not a registration.npz of this program (it lacks {', '.join(missing)}); give the one that "
-                               "`qclearn register` wrote.")
+            raise SurfaceError(
+                f"not a registration.npz of this program (it lacks {', '.join(missing)}); give the one that "
+                "`qclearn register` wrote."
+            )
         _check_version(arrays)
         for name, like, row, kinds in _SHAPES:
             if name in arrays:
@@ -57,7 +65,9 @@ def _check_version(arrays):
     if version.shape != () or version.dtype.kind not in "iu" or version < 1:
         raise _damaged("its format_version is no number")
     if version > FORMAT_VERSION:
-        raise SurfaceError(f"written by a newer version of this program (format {version}, here {FORMAT_VERSION}); update qclearn.")
+        raise SurfaceError(
+            f"written by a newer version of this program (format {version}, here {FORMAT_VERSION}); update qclearn."
+        )
 
 
 def _check_shape(name, array, shape, kinds):

@@ -31,7 +31,7 @@ class Journal:
         self.settings = plain(settings)
         head = {"schema_version": SCHEMA_VERSION, "settings": self.settings}
         data = self.path.read_bytes() if self.path.is_file() else b""
-        whole = data[:data.rfind(b"\n") + 1]
+        whole = data[: data.rfind(b"\n") + 1]
         self.resume(whole or data, head)  # which refuses a file that is not its own, before anything of it is cut off
         if len(whole) < len(data):
             os.truncate(self.path, len(whole))
@@ -44,14 +44,19 @@ class Journal:
         try:
             lines = [json.loads(line) for line in data.splitlines()]
         except (ValueError, UnicodeDecodeError) as error:
-            raise BenchmarkError(f"{self.path}: not a journal of this program ({error}); move it away, or give another "
-                                 "--out") from None
+            raise BenchmarkError(
+                f"{self.path}: not a journal of this program ({error}); move it away, or give another --out"
+            ) from None
         check_version(self.path, lines[0])
         there = lines[0].get("settings", {})
-        differ = sorted(key for key in set(head["settings"]) | set(there) if there.get(key) != head["settings"].get(key))
+        differ = sorted(
+            key for key in set(head["settings"]) | set(there) if there.get(key) != head["settings"].get(key)
+        )
         if differ:
-            raise BenchmarkError(f"{self.path}: begun with other settings ({', '.join(differ)} differ): give the same "
-                                 "ones to go on with it, delete it to begin again, or give another --out")
+            raise BenchmarkError(
+                f"{self.path}: begun with other settings ({', '.join(differ)} differ): give the same "
+                "ones to go on with it, delete it to begin again, or give another --out"
+            )
         self.rows = lines[1:]
 
     def append(self, row):
@@ -73,16 +78,22 @@ class Journal:
             finally:
                 os.close(file)
         except OSError as error:
-            raise BenchmarkError(f"{self.path}: cannot be written ({error.strerror or error}); what was finished is kept: "
-                                 "make room or choose another folder, and run it again to go on") from None
+            raise BenchmarkError(
+                f"{self.path}: cannot be written ({error.strerror or error}); what was finished is kept: "
+                "make room or choose another folder, and run it again to go on"
+            ) from None
 
     def finish(self, provenance):
         """Write the results file, whole or not at all, and drop the journal: the results."""
         runs = [run["name"] for run in self.settings["runs"]]
         last = {(row["set"], row["pair"], row["run"]): row for row in self.rows}  # of a task that was tried again
         order = sorted(last.values(), key=lambda row: (row["set"], row["pair"], runs.index(row["run"])))
-        results = {"schema_version": SCHEMA_VERSION, "settings": self.settings, "provenance": plain(provenance),
-                   "rows": order}
+        results = {
+            "schema_version": SCHEMA_VERSION,
+            "settings": self.settings,
+            "provenance": plain(provenance),
+            "rows": order,
+        }
         write_results(self.out, results)
         self.path.unlink(missing_ok=True)
         return results
@@ -133,8 +144,10 @@ def check_version(path, results):
     version = results.get("schema_version") if isinstance(results, dict) else None
     if version != SCHEMA_VERSION:
         found = "no results of this program" if version is None else f"results of schema version {version}"
-        raise BenchmarkError(f"{path}: {found}; this version reads {SCHEMA_VERSION}: run the benchmark again, or use the "
-                             "version that wrote the file")
+        raise BenchmarkError(
+            f"{path}: {found}; this version reads {SCHEMA_VERSION}: run the benchmark again, or use the "
+            "version that wrote the file"
+        )
 
 
 def schema():
@@ -149,8 +162,9 @@ def check_schema(path, results):
         raise ImportError("the benchmark needs jsonschema: pip install 'qclearn[benchmark]'") from None
     error = next(Draft202012Validator(schema()).iter_errors(results), None)
     if error:
-        raise BenchmarkError(f"{path}: not a valid results file: {error.json_path}: {error.message[:200]}; run the "
-                             "benchmark again")
+        raise BenchmarkError(
+            f"{path}: not a valid results file: {error.json_path}: {error.message[:200]}; run the benchmark again"
+        )
 
 
 def column(rows, run, key):
@@ -168,8 +182,11 @@ def front_ratio(rows, front, baseline, size="mean_abs_mu", error="landmark_error
     """
     found = {}
     for row in (row for row in rows if row["run"] == baseline and row.get("certified")):
-        points = sorted((other[size], other[error]) for other in rows
-                        if other["pair"] == row["pair"] and other["run"] in front and other.get("certified"))
+        points = sorted(
+            (other[size], other[error])
+            for other in rows
+            if other["pair"] == row["pair"] and other["run"] in front and other.get("certified")
+        )
         best = [point for k, point in enumerate(points) if all(point[1] < other[1] for other in points[:k])]
         sizes, errors = np.array(best).reshape(-1, 2).T
         inside = len(best) and sizes[0] <= row[size]
@@ -186,8 +203,14 @@ def compare_fronts(rows, front, baseline, rng, size="mean_abs_mu", error="landma
     ratios = np.array(list(front_ratio(rows, front, baseline, size, error).values()))
     ratio, low, high = np.exp(paired_difference(np.log(ratios), np.zeros(len(ratios)), rng)).tolist()
     state = "ahead" if high < 1 else "behind" if low > 1 else "level" if low <= 1 <= high else "unknown"
-    return {"ratio": ratio, "low": low, "high": high, "won": int((ratios < 1).sum()),
-            "pairs": int(np.isfinite(ratios).sum()), "state": state}
+    return {
+        "ratio": ratio,
+        "low": low,
+        "high": high,
+        "won": int((ratios < 1).sum()),
+        "pairs": int(np.isfinite(ratios).sum()),
+        "state": state,
+    }
 
 
 def compare_runs(rows, one, other, key, rng):

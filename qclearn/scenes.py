@@ -55,8 +55,10 @@ def require_renderer():
     elif _loads("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so"):
         os.environ["VTK_DEFAULT_OPENGL_WINDOW"] = "vtkOSOpenGLRenderWindow"
     else:
-        raise RendererError("no screen, and neither EGL nor OSMesa to draw without one; "
-                            "on Debian: apt-get install libegl1 libegl-mesa0 (or libosmesa6)")
+        raise RendererError(
+            "no screen, and neither EGL nor OSMesa to draw without one; "
+            "on Debian: apt-get install libegl1 libegl-mesa0 (or libosmesa6)"
+        )
 
 
 class Scene:
@@ -86,16 +88,22 @@ class Scene:
         if self.picture is None:
             return f'<iframe class="scene" title="{title}" height="{self.height}" srcdoc="{page}"></iframe>'
         load = "const f=this.nextElementSibling;f.srcdoc=f.dataset.page;f.hidden=false;this.remove()"
-        return (f'<button class="scene-poster" type="button" onclick="{load}">'
-                f'<img alt="{title}" src="data:image/png;base64,{self.picture}"><span>turn it in 3-D</span></button>'
-                f'<iframe class="scene" title="{title}" height="{self.height}" data-page="{page}" hidden></iframe>')
+        return (
+            f'<button class="scene-poster" type="button" onclick="{load}">'
+            f'<img alt="{title}" src="data:image/png;base64,{self.picture}"><span>turn it in 3-D</span></button>'
+            f'<iframe class="scene" title="{title}" height="{self.height}" data-page="{page}" hidden></iframe>'
+        )
 
 
 def _legend(colours):
-    rows = "".join(f'<div><span style="color:{colour}" aria-hidden="true">\u25a0</span> {html.escape(label)}</div>'
-                   for label, colour in colours.items())
-    return (f'<div style="position:fixed;left:8px;bottom:8px;padding:4px 8px;background:white;color:black;'
-            f'font:14px sans-serif;pointer-events:none">{rows}</div>')
+    rows = "".join(
+        f'<div><span style="color:{colour}" aria-hidden="true">\u25a0</span> {html.escape(label)}</div>'
+        for label, colour in colours.items()
+    )
+    return (
+        f'<div style="position:fixed;left:8px;bottom:8px;padding:4px 8px;background:white;color:black;'
+        f'font:14px sans-serif;pointer-events:none">{rows}</div>'
+    )
 
 
 def _png(plotter):

@@ -54,8 +54,11 @@ def reasons(moving, control, z_moving, z_control, entries, means, rows, mu, word
     `error_rows` and their `mean_rows`; mu (F,): measured coefficient; words: the fallbacks of the fit.
     """
     return [
-        *mistakes(moving, control, z_moving, z_control, entries), *large_error(means), *odd_curves(rows),
-        *switched_rows(words, len(moving.vertices)), *strong_distortion(moving, mu),
+        *mistakes(moving, control, z_moving, z_control, entries),
+        *large_error(means),
+        *odd_curves(rows),
+        *switched_rows(words, len(moving.vertices)),
+        *strong_distortion(moving, mu),
     ]
 
 
@@ -63,8 +66,10 @@ def large_error(means):
     """`error:` where the map leaves the landmarks far from their targets."""
     found, share = means["landmark_error_mm"], means["landmark_error"] / max(means["landmark_error_before"], ROUNDING)
     if found > LIMITS["error_mm"] and share > LIMITS["error_share"]:
-        yield (f"error: the landmarks end {found:.1f} mm from their targets on average, and {100 * share:.0f} % of what "
-               "the best Möbius map leaves stays; check the curves, or raise gamma if it was lowered")
+        yield (
+            f"error: the landmarks end {found:.1f} mm from their targets on average, and {100 * share:.0f} % of what "
+            "the best Möbius map leaves stays; check the curves, or raise gamma if it was lowered"
+        )
 
 
 def odd_curves(rows):
@@ -73,8 +78,10 @@ def odd_curves(rows):
     median = np.median(errors)
     for row, error in zip(rows, errors):
         if error > LIMITS["curve_mm"] and error > LIMITS["curve_ratio"] * median:
-            yield (f"curve: {row['name']!r} ends {error:.1f} mm from its target, the median curve {median:.1f} mm; check "
-                   "its vertices, their order and its name, or leave it out")
+            yield (
+                f"curve: {row['name']!r} ends {error:.1f} mm from its target, the median curve {median:.1f} mm; check "
+                "its vertices, their order and its name, or leave it out"
+            )
 
 
 def rows_switched(words):
@@ -86,8 +93,10 @@ def switched_rows(words, n_vertices):
     """`rows:` where the map had to be repaired at many vertices."""
     count = rows_switched(words)
     if count > LIMITS["rows"] * n_vertices:
-        yield (f"rows: the map folded and was repaired at {count} of {n_vertices} vertices; no good landmarks ask for "
-               "that: check the order, the names and the ends of the curves")
+        yield (
+            f"rows: the map folded and was repaired at {count} of {n_vertices} vertices; no good landmarks ask for "
+            "that: check the order, the names and the ends of the curves"
+        )
 
 
 def strong_share(moving, mu):
@@ -99,8 +108,10 @@ def strong_distortion(moving, mu):
     """`distortion:` where much of the surface is stretched beyond what folding explains."""
     share = strong_share(moving, mu)
     if share > LIMITS["strong_area"]:
-        yield (f"distortion: |mu| is over {LIMITS['strong_mu']} on {100 * share:.1f} % of the moving surface; check the "
-               "curves, or lower gamma")
+        yield (
+            f"distortion: |mu| is over {LIMITS['strong_mu']} on {100 * share:.1f} % of the moving surface; check the "
+            "curves, or lower gamma"
+        )
 
 
 def mistakes(moving, control, z_moving, z_control, entries):
@@ -147,7 +158,7 @@ def misfits(readings):
     """Root mean square distance of each curve's ends after each reading's best Möbius map, (readings, K)."""
     p, q = (np.stack([getattr(reading, side) for reading in readings]) for side in ("p", "q"))
     off = mobius_misfits(p.reshape(len(p), -1), q.reshape(len(q), -1)).reshape(p.shape)
-    return np.sqrt((off ** 2).mean(2))
+    return np.sqrt((off**2).mean(2))
 
 
 def accepted(given, other):
@@ -166,28 +177,43 @@ def compared(given, other):
     rows = ((given.p != other.p) | (given.q != other.q)).any(1)
     before, after = np.sqrt((misfits([given, other])[:, rows] ** 2).mean(1))
     length = np.sqrt((abs(np.diff(other.q[rows])) ** 2).mean())
-    return {"better": float(after / (before + ROUNDING)), "given": float(before / length), "plausible": float(after / length)}
+    return {
+        "better": float(after / (before + ROUNDING)),
+        "given": float(before / length),
+        "plausible": float(after / length),
+    }
 
 
 def of_surfaces(reading, moving, control, z_moving, z_control, entries):
     """Readings in which the surfaces are not those that the landmarks mean."""
+
     def change(p, q, reason):
         return replace(reading, p=p, q=q, reason=reason)
 
-    yield change(reading.p.conj(), reading.q, "mirror: the curves fit the mirrored moving surface much better; give "
-                 "--mirror (library: qc.mirror), or leave it out if it was given: one side is a left, the other a right")
+    yield change(
+        reading.p.conj(),
+        reading.q,
+        "mirror: the curves fit the mirrored moving surface much better; give "
+        "--mirror (library: qc.mirror), or leave it out if it was given: one side is a left, the other a right",
+    )
     pairs = {side: ends(entries, side) for side in ("moving", "control")}
     if pairs["control"].max() < len(z_moving) and pairs["moving"].max() < len(z_control):
-        yield change(z_moving[pairs["control"]], z_control[pairs["moving"]], "exchanged: the curves fit much better with "
-                     "MOVING and CONTROL exchanged; exchange the two surfaces, or \"moving\" and \"control\" in the landmarks")
+        yield change(
+            z_moving[pairs["control"]],
+            z_control[pairs["moving"]],
+            "exchanged: the curves fit much better with "
+            'MOVING and CONTROL exchanged; exchange the two surfaces, or "moving" and "control" in the landmarks',
+        )
     cut = {side: cut_numbers(surface, pairs[side]) for side, surface in (("moving", moving), ("control", control))}
     for sides in (("moving",), ("control",), ("moving", "control")):
         if all(cut[side] is not None for side in sides):
-            yield change(z_moving[cut["moving"]] if "moving" in sides else reading.p,
-                         z_control[cut["control"]] if "control" in sides else reading.q,
-                         f"numbering: the {' and '.join(sides)} vertices fit much better as those of the whole surface, "
-                         "before it was cut open; give those of the cut one: the positions of your numbers in "
-                         "original_vertices, which `qclearn open` keeps in the npz")
+            yield change(
+                z_moving[cut["moving"]] if "moving" in sides else reading.p,
+                z_control[cut["control"]] if "control" in sides else reading.q,
+                f"numbering: the {' and '.join(sides)} vertices fit much better as those of the whole surface, "
+                "before it was cut open; give those of the cut one: the positions of your numbers in "
+                "original_vertices, which `qclearn open` keeps in the npz",
+            )
 
 
 def cut_numbers(surface, numbers):
@@ -209,7 +235,9 @@ def of_order(reading):
     for pair in combinations(range(count), 2):
         rows = np.arange(count)
         rows[list(pair)] = pair[::-1]
-        yield replace(reading, p=reading.p[rows], order=reading.order[rows], backwards=reading.backwards[rows], reason="")
+        yield replace(
+            reading, p=reading.p[rows], order=reading.order[rows], backwards=reading.backwards[rows], reason=""
+        )
 
 
 def order_words(reading, names):
@@ -217,16 +245,20 @@ def order_words(reading, names):
     words, left = [], dict(enumerate(reading.order.tolist()))
     turned = [names[k] for k in sorted(reading.order[reading.backwards])]
     if turned:
-        words.append(f"reversed: {listed(turned)} {'fit' if len(turned) > 1 else 'fits'} much better run from the other "
-                     "end; exchange first and last vertex on one side")
+        words.append(
+            f"reversed: {listed(turned)} {'fit' if len(turned) > 1 else 'fits'} much better run from the other "
+            "end; exchange first and last vertex on one side"
+        )
     while left:
         row, cycle = next(iter(left)), []
         while row in left:
             cycle.append(names[row])
             row = left.pop(row)
         if len(cycle) > 1:
-            words.append(f"swapped: {listed(cycle)} fit much better with each other's vertices; exchange their names or "
-                         "their vertices on one side")
+            words.append(
+                f"swapped: {listed(cycle)} fit much better with each other's vertices; exchange their names or "
+                "their vertices on one side"
+            )
     return words
 
 

@@ -17,8 +17,9 @@ from .nets.weights import digest, stem
 from .provenance import commit
 
 
-def run_training(network, preset="best", gamma=None, out=Path("run"), data=None, steps=None, seed=None, quick=False,
-                 threads=None):
+def run_training(
+    network, preset="best", gamma=None, out=Path("run"), data=None, steps=None, seed=None, quick=False, threads=None
+):
     """Train `network` by its recipe: (path of its weights file, last row of the log); (None, row) off the first process.
 
     The recipe is the network's row in `nets.networks`: `TRAINING[preset]` of its module and the function of its data;
@@ -48,10 +49,22 @@ def header(network, recipe, training, quick, last):
     """What a weights file says of its origin."""
     row = row_of(network)
     return {
-        "network": network, "training": asdict(recipe), "seed": recipe.seed, "steps": int(last["step"]),
-        "data": {"recipe": row.data.replace(":", "."), "what": row.draw.__doc__.splitlines()[0], "quick": quick,
-                 "items": len(training), "digest": digest(training.tensors)},
-        "commit": commit(), "version": version("qclearn"), "torch": torch.__version__, "date": date.today().isoformat(),
-        "machine": f"{platform.machine()}, {torch.get_num_threads()} threads", "seconds": last["seconds"],
+        "network": network,
+        "training": asdict(recipe),
+        "seed": recipe.seed,
+        "steps": int(last["step"]),
+        "data": {
+            "recipe": row.data.replace(":", "."),
+            "what": row.draw.__doc__.splitlines()[0],
+            "quick": quick,
+            "items": len(training),
+            "digest": digest(training.tensors),
+        },
+        "commit": commit(),
+        "version": version("qclearn"),
+        "torch": torch.__version__,
+        "date": date.today().isoformat(),
+        "machine": f"{platform.machine()}, {torch.get_num_threads()} threads",
+        "seconds": last["seconds"],
         "figures": {name: value for name, value in last.items() if name.startswith("validation_")},
     }

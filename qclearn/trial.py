@@ -30,8 +30,16 @@ LONG, REPETITIONS = 2.0, 3  # seconds after which a map is not computed again fo
 NEAR = 10.0  # mm along the surface: what counts as near a sulcus
 FINE = 400  # points on a curve where it is compared as a curve
 ON_CIRCLE = 1e-6
-WITHOUT_TRUTH = dict.fromkeys(("correspondence_mm", "median_correspondence_mm", "p95_correspondence_mm",
-                               "correspondence_sulci_mm", "floor_mm", "floor_curve_mm"))
+WITHOUT_TRUTH = dict.fromkeys(
+    (
+        "correspondence_mm",
+        "median_correspondence_mm",
+        "p95_correspondence_mm",
+        "correspondence_sulci_mm",
+        "floor_mm",
+        "floor_curve_mm",
+    )
+)
 
 
 def trial(pair, run, method):
@@ -44,13 +52,20 @@ def trial(pair, run, method):
             f, costs = timed(method, prepared.problem, run.parameters)
             start = time.perf_counter()
             points = lift(pair.control.surface, pair.control.z, f)
-            costs["seconds"] |= {"disk_moving": pair.moving.seconds, "disk_control": pair.control.seconds,
-                                 "landmarks": prepared.seconds, "pull_back": time.perf_counter() - start}
+            costs["seconds"] |= {
+                "disk_moving": pair.moving.seconds,
+                "disk_control": pair.control.seconds,
+                "landmarks": prepared.seconds,
+                "pull_back": time.perf_counter() - start,
+            }
             sides = {"moving": pair.moving.notes, "control": pair.control.notes}
-            costs["notes"] = [*[f"{side}: {note}" for side, notes in sides.items() for note in notes], *prepared.notes,
-                              *costs["notes"]]
+            costs["notes"] = [
+                *[f"{side}: {note}" for side, notes in sides.items() for note in notes],
+                *prepared.notes,
+                *costs["notes"],
+            ]
             return {"status": "done", **measured(pair, prepared, f, points, run.keep_field), **costs}
-    except Exception as error:  # noqa: BLE001 (whatever a method raises, the others go on)
+    except Exception as error:
         return {"status": "failed", "message": f"{type(error).__name__}: {error}"}
 
 
@@ -76,10 +91,16 @@ def timed(method, problem, parameters):
         notes = [str(warning.message) for warning in caught if issubclass(warning.category, RepairWarning)]
     f = np.asarray(f, complex)
     if f.shape != problem.z.shape or not np.isfinite(f).all():
-        raise ValueError(f"the method returned an array of shape {f.shape} with {(~np.isfinite(f)).sum()} values that "
-                         f"are not finite; expected {problem.z.shape}, one point of the disk a vertex")
-    return f, {"seconds": {"map": float(np.median(seconds[1:] or seconds))}, "repetitions": len(seconds), "notes": notes,
-               "peak_memory_mb": None if peak is None or before is None else max(0.0, peak - before)}
+        raise ValueError(
+            f"the method returned an array of shape {f.shape} with {(~np.isfinite(f)).sum()} values that "
+            f"are not finite; expected {problem.z.shape}, one point of the disk a vertex"
+        )
+    return f, {
+        "seconds": {"map": float(np.median(seconds[1:] or seconds))},
+        "repetitions": len(seconds),
+        "notes": notes,
+        "peak_memory_mb": None if peak is None or before is None else max(0.0, peak - before),
+    }
 
 
 def one_thread():
@@ -108,10 +129,16 @@ def measured(pair, prepared, f, points, keep_field):
     mapped = prepared.samples @ f
     off = np.linalg.norm(lift(control, pair.control.z, mapped) - prepared.target_mm, axis=1)
     figures = {
-        **coefficient_measures(moving, problem.z, mu), **landmark_measures(mapped, prepared.target, off),
-        **true_errors(pair, f), **distortion_measures(moving, points), **WITHOUT_TRUTH,
-        "flipped": len(certificate.flipped), "bijective": certificate.bijective, "off_circle": off_circle,
-        "certified": certificate.bijective and off_circle < ON_CIRCLE, "histogram": coefficient_histogram(mu),
+        **coefficient_measures(moving, problem.z, mu),
+        **landmark_measures(mapped, prepared.target, off),
+        **true_errors(pair, f),
+        **distortion_measures(moving, points),
+        **WITHOUT_TRUTH,
+        "flipped": len(certificate.flipped),
+        "bijective": certificate.bijective,
+        "off_circle": off_circle,
+        "certified": certificate.bijective and off_circle < ON_CIRCLE,
+        "histogram": coefficient_histogram(mu),
     }
     if pair.truth is not None:
         near = near_curves(moving, [curve["moving"] for curve in pair.curves], NEAR)
@@ -130,7 +157,9 @@ def true_errors(pair, f):
     moving, control = pair.moving.surface, pair.control.surface
     mapped = np.concatenate([sample_curve(moving, curve["moving"], POINTS_PER_CURVE) @ f for curve in whole])
     there = [sample_curve(control, curve["control"], POINTS_PER_CURVE) for curve in whole]
-    target, target_mm = (np.concatenate([samples @ data for samples in there]) for data in (pair.control.z, control.vertices))
+    target, target_mm = (
+        np.concatenate([samples @ data for samples in there]) for data in (pair.control.z, control.vertices)
+    )
     off = np.linalg.norm(lift(control, pair.control.z, mapped) - target_mm, axis=1)
     return {"landmark_error_true": float(abs(mapped - target).mean()), "landmark_error_true_mm": float(off.mean())}
 
@@ -148,5 +177,7 @@ def floors(pair):
         for count, collect in ((POINTS_PER_CURVE, off), (FINE, apart)):
             image = sample_curve(pair.moving.surface, curve["moving"], count) @ pair.truth
             there = sample_curve(pair.control.surface, curve["control"], count) @ pair.control.surface.vertices
-            collect.append(curve_distance(image, there) if collect is apart else np.linalg.norm(image - there, axis=1).mean())
+            collect.append(
+                curve_distance(image, there) if collect is apart else np.linalg.norm(image - there, axis=1).mean()
+            )
     return {"floor_mm": float(np.mean(off)), "floor_curve_mm": float(np.mean(apart))}

@@ -13,15 +13,29 @@ from .filesafe import FormatError, explain, npy_array, read_bytes, require_all, 
 from .surface import SurfaceError
 
 _MORPHOMETRY = b"\xff\xff\xff"
-_MORPHOMETRY_SUFFIXES = ("", ".thickness", ".curv", ".avg_curv", ".sulc", ".area", ".volume", ".mid", ".pial", ".w-g", ".pct")
+_MORPHOMETRY_SUFFIXES = (
+    "",
+    ".thickness",
+    ".curv",
+    ".avg_curv",
+    ".sulc",
+    ".area",
+    ".volume",
+    ".mid",
+    ".pial",
+    ".w-g",
+    ".pct",
+)
 _MGH_BYTES = {0: 1, 1: 4, 3: 4, 4: 2}  # of a voxel, by MGH's type
-_FORMATS = (".npy, .txt, .gii (.shape.gii, .func.gii, .label.gii, also gzipped), .mgh, .mgz, .annot or FreeSurfer morphometry "
-            "(lh.thickness)")
+_FORMATS = (
+    ".npy, .txt, .gii (.shape.gii, .func.gii, .label.gii, also gzipped), .mgh, .mgz, .annot or FreeSurfer morphometry "
+    "(lh.thickness)"
+)
 # Formats that are known and not read or written here: what to do instead.
 _REFUSED = {
     ".nii": "CIFTI holds both hemispheres and volumes at once: take one surface's map out, wb_command -cifti-separate IN COLUMN "
-            "-metric CORTEX_LEFT OUT.func.gii (-label for a .dlabel.nii); a volume: mri_vol2surf or wb_command "
-            "-volume-to-surface-mapping",
+    "-metric CORTEX_LEFT OUT.func.gii (-label for a .dlabel.nii); a volume: mri_vol2surf or wb_command "
+    "-volume-to-surface-mapping",
     ".label": "a label lists vertices and gives no value to each: `qclearn open --label` takes it",
     ".npz": "an npz holds several arrays: save one as .npy",
 }
@@ -44,8 +58,10 @@ def read_mask(path, surface, keep=False):
             raise SurfaceError(f"{path}: names vertices that do not exist, the first {bad[0]}; {_other(n_vertices)}")
         mask = np.bincount(values, minlength=n_vertices) > 0
     elif suffix_of(path) == ".annot":
-        raise SurfaceError(f"{path}: an annotation names regions and does not say which to cut; give the subject's cortex "
-                           f"label (lh.cortex.label, with --keep), or a mask of the regions to cut.")
+        raise SurfaceError(
+            f"{path}: an annotation names regions and does not say which to cut; give the subject's cortex "
+            f"label (lh.cortex.label, with --keep), or a mask of the regions to cut."
+        )
     else:
         values = read_values(path)
         if values.shape != (n_vertices,):
@@ -77,14 +93,18 @@ def read_values(path):
     _require_known(path, suffix, "read")
     data = read_bytes(path)
     if suffix not in _READERS and not data.startswith(_MORPHOMETRY):
-        raise SurfaceError(f"{path}: no per-vertex file that is read here, which are {_FORMATS}; convert it to one of them.")
+        raise SurfaceError(
+            f"{path}: no per-vertex file that is read here, which are {_FORMATS}; convert it to one of them."
+        )
     kind, reader = _READERS.get(suffix, ("FreeSurfer morphometry file", _read_morphometry))
     with explain(path, kind):
         values = np.asarray(reader(path, data))
         if values.dtype.kind not in "biuf":
             raise SurfaceError(f"holds {values.dtype}, not real numbers; save one real number a vertex.")
         if values.ndim not in (1, 2) or not values.size:
-            raise SurfaceError(f"holds an array of the shape {values.shape}, not (V,) or (V, k); save one number a vertex.")
+            raise SurfaceError(
+                f"holds an array of the shape {values.shape}, not (V,) or (V, k); save one number a vertex."
+            )
     return values.astype(values.dtype.newbyteorder("="))
 
 
@@ -117,8 +137,10 @@ def write_values(path, values, side=None, labels=None):
     suffix = suffix_of(path)
     _require_known(path, suffix, "written")
     if values.dtype.kind not in "biuf" or values.ndim not in (1, 2):
-        raise SurfaceError(f"{path}: values of the type {values.dtype} and shape {values.shape} cannot be written; give real "
-                           "numbers (V,) or (V, k): the real and imaginary parts of complex ones, say.")
+        raise SurfaceError(
+            f"{path}: values of the type {values.dtype} and shape {values.shape} cannot be written; give real "
+            "numbers (V,) or (V, k): the real and imaginary parts of complex ones, say."
+        )
     if suffix == ".gii":
         side = side or gifti.side_of_name(path)
         data = gifti.zipped(path, gifti.values_bytes(_fitting(path, values), side, labels))
@@ -128,12 +150,14 @@ def write_values(path, values, side=None, labels=None):
         write_whole(path, lambda place: place.write_bytes(data), len(data))
     elif suffix in (".npy", ".txt"):
         write_whole(path, lambda place: _WRITERS[suffix](place, values), values.nbytes)
-    elif suffix in _MORPHOMETRY_SUFFIXES or path.name.startswith(("lh.", "rh.")) and suffix not in FOREIGN_SUFFIXES:
+    elif suffix in _MORPHOMETRY_SUFFIXES or (path.name.startswith(("lh.", "rh.")) and suffix not in FOREIGN_SUFFIXES):
         numbers = _fitting(path, values, whole=False)
         write_whole(path, lambda place: nibabel.freesurfer.write_morph_data(place, numbers), numbers.nbytes)
     else:
-        raise SurfaceError(f"{path}: not a format that is written here, which are {_FORMATS.replace(' .annot or', ' or')}; "
-                           "choose another name.")
+        raise SurfaceError(
+            f"{path}: not a format that is written here, which are {_FORMATS.replace(' .annot or', ' or')}; "
+            "choose another name."
+        )
 
 
 def _require_known(path, suffix, done):
@@ -141,21 +165,27 @@ def _require_known(path, suffix, done):
     if known in _REFUSED:
         raise SurfaceError(f"{path}: {known} files are not {done} here; {_REFUSED[known]}.")
     if known == ".annot" and done == "written":
-        raise SurfaceError(f"{path}: .annot files are not written here; write a .label.gii and convert it, mris_convert --annot.")
+        raise SurfaceError(
+            f"{path}: .annot files are not written here; write a .label.gii and convert it, mris_convert --annot."
+        )
 
 
 def _fitting(path, values, whole=True):
     """Values as int32 or float32; SurfaceError where one would change. whole=False: the format has float32 alone."""
     if values.ndim == 2 and not whole:
-        raise SurfaceError(f"{path}: FreeSurfer morphometry holds one map, not {values.shape[1]}; choose .mgh or .func.gii.")
+        raise SurfaceError(
+            f"{path}: FreeSurfer morphometry holds one map, not {values.shape[1]}; choose .mgh or .func.gii."
+        )
     integers = values.dtype.kind in "biu"
     largest = np.iinfo(np.int32).max if whole else 1 << 24  # float32 has every integer up to there
     largest = largest if integers else float(np.finfo(np.float32).max)
     bad = np.argwhere(np.isfinite(values) & ((values > largest) | (values < -largest)))
     if bad.size:
         value = values[tuple(bad[0])]
-        raise SurfaceError(f"{path}: {value} at vertex {bad[0][0]} does not fit the format (which goes up to {largest:.10g}); "
-                           "choose .npy or .txt.")
+        raise SurfaceError(
+            f"{path}: {value} at vertex {bad[0][0]} does not fit the format (which goes up to {largest:.10g}); "
+            "choose .npy or .txt."
+        )
     return values.astype(np.int32 if integers and whole else np.float32)
 
 
@@ -221,8 +251,10 @@ def _read_mgh(_, data):
     if header[0] != 1 or size is None or min(shape) < 1:
         raise FormatError("its header is none of MGH")
     if sum(side > 1 for side in shape[:3]) > 1:
-        raise SurfaceError(f"holds a volume of {' x '.join(map(str, shape[:3]))}, not a map on a surface; sample it there "
-                           "with mri_vol2surf.")
+        raise SurfaceError(
+            f"holds a volume of {' x '.join(map(str, shape[:3]))}, not a map on a surface; sample it there "
+            "with mri_vol2surf."
+        )
     require_all("value", (len(data) - 284) // size, math.prod(shape))
     values = np.asarray(nibabel.MGHImage.from_bytes(data).dataobj).reshape(-1, shape[3], order="F")
     return values[:, 0] if shape[3] == 1 else values

@@ -25,7 +25,9 @@ def read(path):
     reader.Update()
     mesh = reader.GetOutput()
     if complaints.GetOutput():
-        raise ValueError("VTK finds it damaged, or it holds no polygonal data (an unstructured grid: extract its surface)")
+        raise ValueError(
+            "VTK finds it damaged, or it holds no polygonal data (an unstructured grid: extract its surface)"
+        )
     if not mesh.GetNumberOfPolys() or mesh.GetNumberOfStrips():
         raise ValueError("it holds no faces, or triangle strips (split them: pyvista's triangulate)")
     sides = np.diff(vtk_to_numpy(mesh.GetPolys().GetOffsetsArray()))

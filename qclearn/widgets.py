@@ -76,8 +76,9 @@ def cortex_problem(name, moving, control, curves, vertices=None, points=5):
     landmarks = []
     for surface, z, side in ((moving, z_moving, "moving"), (control, z_control, "control")):
         metric = fundus_metric(surface)
-        paths = [fundus_path(surface, *entry[side], metric) if entry["detect"][side] else entry[side]
-                 for entry in entries]
+        paths = [
+            fundus_path(surface, *entry[side], metric) if entry["detect"][side] else entry[side] for entry in entries
+        ]
         landmarks.append([sample_curve(surface, path, points) @ z for path in paths])
     z, faces = MESH
     if vertices is not None:
@@ -118,8 +119,19 @@ class FitState:
 
 def exact_fit(problem, alpha, beta, gamma, sliding=False, watch=None):
     """`fit_landmarks` on a Problem."""
-    return fit_landmarks(problem.z, problem.faces, problem.moving, problem.target, alpha, beta, gamma, problem.curve, sliding,
-                         rings=RINGS, watch=watch)
+    return fit_landmarks(
+        problem.z,
+        problem.faces,
+        problem.moving,
+        problem.target,
+        alpha,
+        beta,
+        gamma,
+        problem.curve,
+        sliding,
+        rings=RINGS,
+        watch=watch,
+    )
 
 
 def network_fit(problem, alpha, beta, gamma, sliding=False, watch=None):
@@ -130,8 +142,16 @@ def network_fit(problem, alpha, beta, gamma, sliding=False, watch=None):
     network = load("cpnet")
     if watch:
         watch()
-    mu = network.predict(problem.z, problem.faces, problem.moving, problem.target, alpha=alpha, beta=beta, gamma=gamma,
-                         curve=problem.curve)
+    mu = network.predict(
+        problem.z,
+        problem.faces,
+        problem.moving,
+        problem.target,
+        alpha=alpha,
+        beta=beta,
+        gamma=gamma,
+        curve=problem.curve,
+    )
     fit = exact_map(problem.z, problem.faces, mu, problem.moving, problem.target)
     return replace(fit, fallbacks=(*gamma_words(network, alpha, beta, gamma), *fit.fallbacks))
 
@@ -154,8 +174,11 @@ def fit_state(problem, alpha, beta, gamma, sliding=False, solver=exact_fit, watc
     losses = measured_losses(problem.z, problem.faces, fit.mu, mapped, problem.target, alpha, beta, gamma)
     weights = {"L_mu": alpha, "L_grad_mu": beta, "L_Landmark": gamma}
     terms = {name: (losses[name], weight, weight * losses[name]) for name, weight in weights.items()}
-    certificate = ("certified bijective" if fit.bijective else
-                   f"not bijective: {len(fit.flipped)} of {len(problem.faces)} triangles flipped")
+    certificate = (
+        "certified bijective"
+        if fit.bijective
+        else f"not bijective: {len(fit.flipped)} of {len(problem.faces)} triangles flipped"
+    )
     return FitState(fit, terms, seconds, "; ".join([certificate, *fit.fallbacks]))
 
 
@@ -164,22 +187,29 @@ def describe(state):
     if state.fit is None:
         return f"No map: {state.message}"
     size = abs(state.fit.mu)
-    return (f"landmark error {state.fit.landmark_error:.2e}, mean |μ| {size.mean():.3f}, largest {size.max():.3f}; "
-            f"{state.message}; {1000 * state.seconds:.0f} ms")
+    return (
+        f"landmark error {state.fit.landmark_error:.2e}, mean |μ| {size.mean():.3f}, largest {size.max():.3f}; "
+        f"{state.message}; {1000 * state.seconds:.0f} ms"
+    )
 
 
 def gaps(states):
     """One sentence for each solver after the first that has a map: its L_CP beside that of the first."""
     (name, first), *others = states.items()
-    return [f"L_CP of {other} is {state.loss / first.loss:.3g} times that of {name}"
-            for other, state in others if state.fit is not None and first.fit is not None]
+    return [
+        f"L_CP of {other} is {state.loss / first.loss:.3g} times that of {name}"
+        for other, state in others
+        if state.fit is not None and first.fit is not None
+    ]
 
 
 def table(states):
     """States (dict solver name -> FitState) as HTML: a sentence each, their loss terms side by side, and the gaps."""
     shown = {name: state for name, state in states.items() if state.fit is not None}
     parts = [f"<p><b>{html.escape(name)}</b>: {html.escape(describe(state))}</p>" for name, state in states.items()]
-    return "".join([*parts, loss_table(shown) if shown else "", *(f"<p>{html.escape(gap)}.</p>" for gap in gaps(states))])
+    return "".join(
+        [*parts, loss_table(shown) if shown else "", *(f"<p>{html.escape(gap)}.</p>" for gap in gaps(states))]
+    )
 
 
 def loss_table(states):
@@ -188,10 +218,19 @@ def loss_table(states):
     rows = []
     for key, symbol in symbols.items():
         terms = [state.terms[key] for state in states.values()]
-        rows.append([symbol, f"{terms[0][1]:.3g}", *(f"{number:.3g}" for value, _, product in terms for number in (value, product))])
+        rows.append(
+            [
+                symbol,
+                f"{terms[0][1]:.3g}",
+                *(f"{number:.3g}" for value, _, product in terms for number in (value, product)),
+            ]
+        )
     rows.append(["L<sub>CP</sub>", "", *(cell for state in states.values() for cell in ("", f"{state.loss:.3g}"))])
     head = ["term", "weight", *(cell for name in states for cell in (html.escape(name), "weighted"))]
-    lines = ["".join(f"<th>{cell}</th>" for cell in head), *("".join(f"<td>{cell}</td>" for cell in row) for row in rows)]
+    lines = [
+        "".join(f"<th>{cell}</th>" for cell in head),
+        *("".join(f"<td>{cell}</td>" for cell in row) for row in rows),
+    ]
     body = "".join(f"<tr>{line}</tr>" for line in lines)
     return f"<table style='border-collapse: separate; border-spacing: 1.5em 0'>{body}</table>"
 
@@ -254,10 +293,12 @@ class Tuner(ipywidgets.VBox):
     def __init__(self, problems, solvers=None):
         self.problems, self.solvers = {problem.name: problem for problem in problems}, solvers or SOLVERS
         self.canvas, names = None, list(self.problems)
-        self.problem = ipywidgets.Dropdown(options=names, value=names[0], description="problem",
-                                           layout={"width": "34em"})
-        self.landmarks = ipywidgets.Dropdown(options=["points", "sliding"], description="landmarks",
-                                             layout={"width": "34em"})
+        self.problem = ipywidgets.Dropdown(
+            options=names, value=names[0], description="problem", layout={"width": "34em"}
+        )
+        self.landmarks = ipywidgets.Dropdown(
+            options=["points", "sliding"], description="landmarks", layout={"width": "34em"}
+        )
         self.alpha = self._slider("α", 1.0, -2, 2, "weight of |μ|²")
         self.beta = self._slider("β", 1e-2, -4, 1, "weight of |∇μ|²")
         self.gamma = self._slider("γ", 1e5, 0, 7, "weight of the landmark mismatch")
@@ -272,20 +313,35 @@ class Tuner(ipywidgets.VBox):
 
     @staticmethod
     def _slider(name, value, low, high, tooltip):
-        return ipywidgets.FloatLogSlider(value=value, min=low, max=high, step=0.1, description=name, tooltip=tooltip,
-                                         readout_format=".1e", layout={"width": "34em"})
+        return ipywidgets.FloatLogSlider(
+            value=value,
+            min=low,
+            max=high,
+            step=0.1,
+            description=name,
+            tooltip=tooltip,
+            readout_format=".1e",
+            layout={"width": "34em"},
+        )
 
     def setting(self):
         """What the controls say: (problem name, alpha, beta, gamma, sliding)."""
-        return (self.problem.value, self.alpha.value, self.beta.value, self.gamma.value,
-                self.landmarks.value == "sliding")
+        return (
+            self.problem.value,
+            self.alpha.value,
+            self.beta.value,
+            self.gamma.value,
+            self.landmarks.value == "sliding",
+        )
 
     def answer(self, name, alpha, beta, gamma, sliding, watch=None):
         """(picture, text) as HTML for one setting; an error becomes text without a picture, never a traceback."""
         try:
             problem = self.problems[name]
-            states = {solver: fit_state(problem, alpha, beta, gamma, sliding, solve, watch)
-                      for solver, solve in self.solvers.items()}
+            states = {
+                solver: fit_state(problem, alpha, beta, gamma, sliding, solve, watch)
+                for solver, solve in self.solvers.items()
+            }
             if self.canvas is None or self.canvas.problem is not problem:
                 self.canvas = Canvas(problem, list(self.solvers))
             words = "; ".join([f"{solver}: {describe(state)}" for solver, state in states.items()] + gaps(states))
@@ -294,7 +350,7 @@ class Tuner(ipywidgets.VBox):
             return f'<img alt="{alternative}" src="data:image/png;base64,{data}">', table(states)
         except Superseded:
             raise
-        except Exception as error:  # noqa: BLE001 - whatever is raised must reach the reader, who then moves on
+        except Exception as error:
             return "", f"<p><b>Error</b>: {html.escape(f'{type(error).__name__}: {error}')}</p>"
 
     def show(self, answer):

@@ -24,7 +24,7 @@ def random_disk(seed, n_boundary=48):
 def random_mu(rng, z, faces, largest):
     """Smooth random coefficient on the faces with max|mu| = largest, complex (F,)."""
     centre = z[faces].mean(1)
-    powers = np.stack([centre ** j * centre.conj() ** k for j in range(4) for k in range(4)])
+    powers = np.stack([centre**j * centre.conj() ** k for j in range(4) for k in range(4)])
     mu = (rng.normal(size=16) + 1j * rng.normal(size=16)) @ powers
     return largest * mu / abs(mu).max()
 

@@ -15,16 +15,24 @@ NO_PROSE = [
     r"\$[^$]+\$",
     r"\{[\w:-]+\}(?P<r>`+).*?(?P=r)",  # a role
     r"(?P<c>`+)(?!\{).*?(?P=c)",
-    r"^:{3,}\{(?:figure|image)\}.*$", r"^:[\w-]+:.*$", r"^\([\w:-]+\)=[ \t]*$",  # a file, an option, a label
-    r"(?<=\])\([^)\s]*\)", r"<https?://[^>]*>", r"https?://\S+", r"(?s)<!--.*?-->",
+    r"^:{3,}\{(?:figure|image)\}.*$",
+    r"^:[\w-]+:.*$",
+    r"^\([\w:-]+\)=[ \t]*$",  # a file, an option, a label
+    r"(?<=\])\([^)\s]*\)",
+    r"<https?://[^>]*>",
+    r"https?://\S+",
+    r"(?s)<!--.*?-->",
 ]
 WORD = "two|three|four|five|six|seven|eight|nine|ten|twelve|twenty|thirty|forty|fifty|hundred|thousand|million"
-UNIT = ("mm|cm|µm|nm|m|km|ms|µs|s|sec|min|h|seconds?|minutes?|hours?|days?|weeks?|months?|years?|kB|MB|GB|kilobytes?|"
-        "megabytes?|gigabytes?|Hz|degrees?|°|millimetres?|centimetres?|metres?|milliseconds?|microseconds?|percent|per cent")
+UNIT = (
+    "mm|cm|µm|nm|m|km|ms|µs|s|sec|min|h|seconds?|minutes?|hours?|days?|weeks?|months?|years?|kB|MB|GB|kilobytes?|"
+    "megabytes?|gigabytes?|Hz|degrees?|°|millimetres?|centimetres?|metres?|milliseconds?|microseconds?|percent|per cent"
+)
 NUMBER = r"(?<![\w.])\d+(?:[.,]\d+)*(?:[eE][-+]?\d+)?"
 RESULT = re.compile(
     rf"(?<![\w.])\d+\.\d+(?:[eE][-+]?\d+)?(?![\w.]*\d)|{NUMBER}\s?%|{NUMBER}(?:\s|-)?(?:{UNIT})(?![\w])"
-    rf"|(?:{NUMBER}|\b(?:{WORD}))(?:\s|-)?(?:times|fold)\b|{NUMBER}\s?×(?!\s?\d)")
+    rf"|(?:{NUMBER}|\b(?:{WORD}))(?:\s|-)?(?:times|fold)\b|{NUMBER}\s?×(?!\s?\d)"
+)
 
 
 def text_of(path):
@@ -46,7 +54,7 @@ def typed_results(text, literals):
     unused = [phrase for phrase in literals if phrase not in text]
     for phrase in sorted(literals, key=len, reverse=True):
         text = text.replace(phrase, MASK)
-    return [text[max(0, match.start() - 30):match.end() + 20] for match in RESULT.finditer(text)], unused
+    return [text[max(0, match.start() - 30) : match.end() + 20] for match in RESULT.finditer(text)], unused
 
 
 def pages(book):

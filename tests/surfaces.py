@@ -15,10 +15,12 @@ def grid(n, m, hole=()):
     cells = [(i, j) for i in range(n) for j in range(m) if (i, j) not in hole]
     corner = np.array([i * (m + 1) + j for i, j in cells])
     right, up = m + 1, 1
-    faces = np.concatenate([
-        np.stack([corner, corner + right, corner + right + up], axis=1),
-        np.stack([corner, corner + right + up, corner + up], axis=1),
-    ])
+    faces = np.concatenate(
+        [
+            np.stack([corner, corner + right, corner + right + up], axis=1),
+            np.stack([corner, corner + right + up, corner + up], axis=1),
+        ]
+    )
     return vertices, faces
 
 

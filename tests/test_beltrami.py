@@ -39,8 +39,13 @@ def space(z):
 
 # The catalogue itself: derivatives against central differences, largest |mu| against a fine sampling.
 
-CATALOGUE = DISK_MAPS + [affine(2 + 1j, 0.7 - 0.4j, 3), moebius(0.3 - 0.4j, 1.1), after(moebius(0.5j, 0.3), SLIDING),
-                         after(RADIAL, twist(-0.4)), after(sliding_three(0.2), SLIDING)]
+CATALOGUE = DISK_MAPS + [
+    affine(2 + 1j, 0.7 - 0.4j, 3),
+    moebius(0.3 - 0.4j, 1.1),
+    after(moebius(0.5j, 0.3), SLIDING),
+    after(RADIAL, twist(-0.4)),
+    after(sliding_three(0.2), SLIDING),
+]
 
 
 @pytest.mark.parametrize("exact", CATALOGUE, ids=lambda exact: exact.name)
@@ -70,6 +75,7 @@ def test_catalogue_disk_maps_hold_0_1_and_the_circle(exact):
 
 
 # Derivatives.
+
 
 def test_signed_areas():
     z, faces = np.array([0, 2, 3j]), np.array([[0, 1, 2], [0, 2, 1]])
@@ -109,7 +115,7 @@ def test_coefficient_of_the_interpolant_converges(exact):
     for n in (16, 32):
         z, faces = square_disk(n)
         error = abs(beltrami_coefficient(z, faces, exact(z)) - exact.on_faces(z, faces))
-        errors.append(np.sqrt(np.average(error ** 2, weights=signed_areas(z, faces))))
+        errors.append(np.sqrt(np.average(error**2, weights=signed_areas(z, faces))))
     assert errors[1] < 0.025 and np.log2(errors[0] / errors[1]) > 0.85
 
 
@@ -129,6 +135,7 @@ def test_coefficient_of_an_anticonformal_map_is_infinite():
 
 
 # Surface targets.
+
 
 def turned_in_space():
     return np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
@@ -156,29 +163,44 @@ def test_surface_target_of_a_linear_map_into_space():
 
 def test_surface_target_is_the_papers_formula_and_hides_folds():
     z, faces = DISK
-    points = np.stack([z.real, z.imag + z.real ** 2, np.sin(3 * z.imag)], 1)
+    points = np.stack([z.real, z.imag + z.real**2, np.sin(3 * z.imag)], 1)
     gradients = hat_gradients(z, faces)
     x, y = (np.einsum("fk,fkc->fc", part, points[faces]) for part in (gradients.real, gradients.imag))
     E, F, G = (x * x).sum(1), (x * y).sum(1), (y * y).sum(1)
-    expected = (E - G + 2j * F) / (E + G + 2 * np.sqrt(E * G - F ** 2))
+    expected = (E - G + 2j * F) / (E + G + 2 * np.sqrt(E * G - F**2))
     np.testing.assert_allclose(beltrami_coefficient(z, faces, points), expected, atol=1e-12)
     assert abs(beltrami_coefficient(z, faces, space(np.conj(SLIDING(z))))).max() < 1
 
 
 # Composition and inverse.
 
-@pytest.mark.parametrize("f, g", [(RADIAL, SLIDING), (SLIDING, RADIAL), (twist(0.6), sliding_three(0.2)),
-                                  (SLIDING, moebius(0.3 + 0.4j, 2.0)), (moebius(0.3 + 0.4j, 2.0), SLIDING)],
-                         ids=lambda exact: exact.name)
+
+@pytest.mark.parametrize(
+    "f, g",
+    [
+        (RADIAL, SLIDING),
+        (SLIDING, RADIAL),
+        (twist(0.6), sliding_three(0.2)),
+        (SLIDING, moebius(0.3 + 0.4j, 2.0)),
+        (moebius(0.3 + 0.4j, 2.0), SLIDING),
+    ],
+    ids=lambda exact: exact.name,
+)
 def test_composition_against_the_chain_rule(f, g):
     z = DISK[0][abs(DISK[0]) > 0.05]
     composed = compose_coefficients(f.mu(z), f.f_z(z), g.mu(f(z)))
     np.testing.assert_allclose(composed, after(g, f).mu(z), atol=1e-12)
 
 
-@pytest.mark.parametrize("f, inverse", [(RADIAL, radial_stretch(1 / 1.5)), (twist(0.6), twist(-0.6)),
-                                        (affine(1, 0.3j), affine(1 / (1 - 0.09), -0.3j / (1 - 0.09)))],
-                         ids=lambda exact: exact.name)
+@pytest.mark.parametrize(
+    "f, inverse",
+    [
+        (RADIAL, radial_stretch(1 / 1.5)),
+        (twist(0.6), twist(-0.6)),
+        (affine(1, 0.3j), affine(1 / (1 - 0.09), -0.3j / (1 - 0.09))),
+    ],
+    ids=lambda exact: exact.name,
+)
 def test_inverse_against_closed_forms(f, inverse):
     z = DISK[0][abs(DISK[0]) > 0.05]
     np.testing.assert_allclose(inverse(f(z)), z, atol=1e-12)
@@ -202,11 +224,12 @@ def test_moebius_after_the_map_leaves_the_coefficient():
 
 # The matrix.
 
+
 @settings(max_examples=50, deadline=None)
 @given(below_one, st.complex_numbers(max_magnitude=10))
 def test_diffusion_is_the_papers_matrix_with_determinant_one(mu, gradient):
     x, y = mu.real, mu.imag
-    matrix = np.array([[(x - 1) ** 2 + y ** 2, -2 * y], [-2 * y, (x + 1) ** 2 + y ** 2]]) / (1 - x * x - y * y)
+    matrix = np.array([[(x - 1) ** 2 + y**2, -2 * y], [-2 * y, (x + 1) ** 2 + y**2]]) / (1 - x * x - y * y)
     columns = np.array([[diffuse(mu, 1).real, diffuse(mu, 1j).real], [diffuse(mu, 1).imag, diffuse(mu, 1j).imag]])
     np.testing.assert_allclose(columns, matrix, rtol=1e-11, atol=1e-11)
     assert np.linalg.det(columns) == pytest.approx(1, rel=1e-9)
@@ -291,6 +314,7 @@ def test_assemble_sums_element_matrices():
 
 # The Linear Beltrami Solver.
 
+
 def interior_share(z, faces, share, seed=0):
     """The boundary and a few pins inside."""
     inside = np.setdiff1d(np.arange(len(z)), boundary_loop(faces))
@@ -337,8 +361,9 @@ def test_solver_equals_lapy():
     mu = random_mu(np.random.default_rng(4), z, faces, 0.7)
     pinned = interior_share(z, faces, 0.05)
     values = z[pinned] + 0.1 * np.sin(3 * z[pinned].imag)
-    theirs = lapy.conformal.linear_beltrami_solver(lapy.TriaMesh(space(z), faces), mu, pinned,
-                                                   np.stack([values.real, values.imag], 1))
+    theirs = lapy.conformal.linear_beltrami_solver(
+        lapy.TriaMesh(space(z), faces), mu, pinned, np.stack([values.real, values.imag], 1)
+    )
     ours = solve_beltrami(z, faces, mu, pinned, values)
     np.testing.assert_allclose(ours, theirs[:, 0] + 1j * theirs[:, 1], atol=1e-10)
 
@@ -358,17 +383,25 @@ def test_factored_problem_takes_real_complex_and_many_loads():
 
 # Bad input.
 
+
 def spoiled(position, value):
     mu = np.zeros(len(DISK[1]), complex)
     mu[position] = value
     return mu
 
 
-@pytest.mark.parametrize("mu, message", [
-    (spoiled(4, 1.0), r"1 faces \(first: \[4\]"), (spoiled(9, -1.2j), r"\[9\]"), (spoiled(0, np.nan), r"\[0\]"),
-    (spoiled(2, complex(0, np.inf)), r"\[2\]"), (spoiled([3, 5], 2), r"2 faces \(first: \[3, 5\]"),
-    (np.zeros(3), r"shape \(3,\)"), (np.zeros((len(DISK[1]), 2)), "one value a face"),
-])
+@pytest.mark.parametrize(
+    "mu, message",
+    [
+        (spoiled(4, 1.0), r"1 faces \(first: \[4\]"),
+        (spoiled(9, -1.2j), r"\[9\]"),
+        (spoiled(0, np.nan), r"\[0\]"),
+        (spoiled(2, complex(0, np.inf)), r"\[2\]"),
+        (spoiled([3, 5], 2), r"2 faces \(first: \[3, 5\]"),
+        (np.zeros(3), r"shape \(3,\)"),
+        (np.zeros((len(DISK[1]), 2)), "one value a face"),
+    ],
+)
 def test_unusable_coefficients(mu, message):
     with pytest.raises(BeltramiError, match=message):
         stiffness(*DISK, mu)
@@ -376,21 +409,36 @@ def test_unusable_coefficients(mu, message):
         solve_beltrami(*DISK, mu, [0], [0])
 
 
-@pytest.mark.parametrize("pinned, values, message", [
-    ([len(DISK[0])], [1], "out of range"), ([-1], [1], r"out of range .*: \[-1\]"), ([3, 3], [1, 1], r"once: \[3\]"),
-    ([1, 2], [1], "one value a vertex"), ([], [], "at least one"), ([1], [np.nan], r"not finite at pins \[0\]"),
-    ([1.5], [1], "integer"), ([True, False], [1, 1], "integer"), ([[1, 2]], [[1, 1]], "one value a vertex"),
-])
+@pytest.mark.parametrize(
+    "pinned, values, message",
+    [
+        ([len(DISK[0])], [1], "out of range"),
+        ([-1], [1], r"out of range .*: \[-1\]"),
+        ([3, 3], [1, 1], r"once: \[3\]"),
+        ([1, 2], [1], "one value a vertex"),
+        ([], [], "at least one"),
+        ([1], [np.nan], r"not finite at pins \[0\]"),
+        ([1.5], [1], "integer"),
+        ([True, False], [1, 1], "integer"),
+        ([[1, 2]], [[1, 1]], "one value a vertex"),
+    ],
+)
 def test_unusable_pins(pinned, values, message):
     z, faces = DISK
     with pytest.raises(BeltramiError, match=message):
         solve_beltrami(z, faces, np.zeros(len(faces)), pinned, values)
 
 
-@pytest.mark.parametrize("spoil", [lambda z, faces: (np.conj(z), faces), lambda z, faces: (z, faces[:, ::-1]),
-                                   lambda z, faces: (np.where(np.arange(len(z)) == faces[0, 0], np.nan, z), faces),
-                                   lambda z, faces: (np.where(np.arange(len(z)) == faces[0, 0], 9, z), faces)],
-                         ids=["mirrored", "reversed", "NaN", "folded"])
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda z, faces: (np.conj(z), faces),
+        lambda z, faces: (z, faces[:, ::-1]),
+        lambda z, faces: (np.where(np.arange(len(z)) == faces[0, 0], np.nan, z), faces),
+        lambda z, faces: (np.where(np.arange(len(z)) == faces[0, 0], 9, z), faces),
+    ],
+    ids=["mirrored", "reversed", "NaN", "folded"],
+)
 def test_unusable_source_meshes(spoil):
     z, faces = spoil(*DISK)
     message = "z is not finite at vertices" if np.isnan(z).any() else "not counter-clockwise"

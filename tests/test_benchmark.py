@@ -62,6 +62,7 @@ def client():
 @pytest.fixture
 def inside(client, monkeypatch):
     """What is asked of processes of this machine is done inside this one."""
+
     @contextmanager
     def connect(scheduler, workers):
         if scheduler is None:
@@ -88,7 +89,10 @@ def test_a_method_of_ones_own_joins_and_a_broken_one_stops_nobody(tmp_path, fold
     results = small(tmp_path / "r.json", folder, runs)
     assert read_results(tmp_path / "r.json") == results
     assert {(row["pair"], row["run"]): row["status"] for row in results["rows"]} == {
-        (f"{seed} to 2001", run.name): "failed" if run.name == "broken" else "done" for seed in (1001, 1002) for run in runs}
+        (f"{seed} to 2001", run.name): "failed" if run.name == "broken" else "done"
+        for seed in (1001, 1002)
+        for run in runs
+    }
     rows = {row["run"]: row for row in results["rows"] if row["pair"] == "1001 to 2001"}
     assert rows["broken"]["message"] == "RuntimeError: no such luck"
     assert rows["mine"]["landmark_error"] > rows["Möbius"]["landmark_error"] > 0
@@ -111,7 +115,9 @@ def test_a_stopped_run_goes_on(tmp_path, folder, inside, monkeypatch):
     kept = Path(f"{out}.partial").read_text().splitlines()
     assert len(kept) == 2 and not out.exists()
     tasks = []
-    monkeypatch.setattr(module, "finished", lambda client, wanted, *rest: tasks.extend(wanted) or rows(client, wanted, *rest))
+    monkeypatch.setattr(
+        module, "finished", lambda client, wanted, *rest: tasks.extend(wanted) or rows(client, wanted, *rest)
+    )
     results = small(out, folder, runs, subjects=1)
     assert len(tasks) == 1 and len(results["rows"]) == 2 and results["provenance"]["resumed"]
     assert json.loads(kept[1]) in results["rows"] and not Path(f"{out}.partial").exists()
@@ -124,8 +130,13 @@ def cluster(tmp_path):
     processes = []
 
     def start(*words):
-        process = subprocess.Popen([sys.executable, "-m", "distributed.cli." + words[0], *words[1:]], env=environment,
-                                   cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        process = subprocess.Popen(
+            [sys.executable, "-m", "distributed.cli." + words[0], *words[1:]],
+            env=environment,
+            cwd=tmp_path,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
         processes.append(process)
         return process
 
@@ -136,8 +147,10 @@ def cluster(tmp_path):
             break
         time.sleep(0.1)
     address = json.loads(place.read_text())["address"]
-    yield address, lambda *options: start("dask_worker", address, "--no-nanny", "--host", "127.0.0.1", "--no-dashboard",
-                                          *options)
+    yield (
+        address,
+        lambda *options: start("dask_worker", address, "--no-nanny", "--host", "127.0.0.1", "--no-dashboard", *options),
+    )
     for process in processes:
         process.kill()
         process.wait()
@@ -203,13 +216,16 @@ def test_an_unreachable_scheduler_is_named(tmp_path, folder, monkeypatch, addres
 # What is asked for, before anything runs
 
 
-@pytest.mark.parametrize("run, message", [
-    (Run("a", "magic"), "there is no method 'magic'; there are mobius_only, harmonic"),
-    (Run("a", "harmonic", {"lambda": 1}), "harmonic has no parameter lambda; it has weight, correct"),
-    (Run("a", "mobius_only", {"weight": 1}), "mobius_only has no parameter weight; it has none"),
-    (Run("a", "harmonic", landmarks="guessed"), "no landmarks 'guessed'"),
-    (Run("a", "harmonic", sets=("cohort", "mars")), "sets some of cohort, pairs"),
-])
+@pytest.mark.parametrize(
+    "run, message",
+    [
+        (Run("a", "magic"), "there is no method 'magic'; there are mobius_only, harmonic"),
+        (Run("a", "harmonic", {"lambda": 1}), "harmonic has no parameter lambda; it has weight, correct"),
+        (Run("a", "mobius_only", {"weight": 1}), "mobius_only has no parameter weight; it has none"),
+        (Run("a", "harmonic", landmarks="guessed"), "no landmarks 'guessed'"),
+        (Run("a", "harmonic", sets=("cohort", "mars")), "sets some of cohort, pairs"),
+    ],
+)
 def test_unknown_things_are_refused(run, message):
     with pytest.raises(BenchmarkError, match=message):
         check_runs([run], METHODS)
@@ -220,10 +236,17 @@ def test_names_serve_once():
         check_runs([Run("a", "harmonic"), Run("a", "mobius_only")], METHODS)
 
 
-@pytest.mark.parametrize("subjects, sets, message", [
-    (0, ["cohort"], "0 subjects"), (25, ["cohort"], "1 to 24"), (1, ["pairs"], "at least 2"), ("3", ["cohort"], "'3' subj"),
-    (1, ["mars"], "no set of problems mars; there are cohort, pairs"), (1, [], "no set of problems given"),
-])
+@pytest.mark.parametrize(
+    "subjects, sets, message",
+    [
+        (0, ["cohort"], "0 subjects"),
+        (25, ["cohort"], "1 to 24"),
+        (1, ["pairs"], "at least 2"),
+        ("3", ["cohort"], "'3' subj"),
+        (1, ["mars"], "no set of problems mars; there are cohort, pairs"),
+        (1, [], "no set of problems given"),
+    ],
+)
 def test_other_counts_and_sets_are_refused(subjects, sets, message):
     with pytest.raises(BenchmarkError, match=message):
         problems(subjects, sets)
@@ -254,17 +277,22 @@ def test_runs_whose_networks_are_missing_say_why(monkeypatch):
     assert reasons["CP-Net, 1 step"] == reasons["guarded networks"] == "no cpnet"
 
 
-@pytest.mark.parametrize("text, parameters", [
-    ("harmonic", {}), ("harmonic:weight=2,correct=false", {"weight": 2, "correct": False}),
-    ("cpnet_exact:preset=paper,gamma=1e4", {"preset": "paper", "gamma": 1e4}),
-])
+@pytest.mark.parametrize(
+    "text, parameters",
+    [
+        ("harmonic", {}),
+        ("harmonic:weight=2,correct=false", {"weight": 2, "correct": False}),
+        ("cpnet_exact:preset=paper,gamma=1e4", {"preset": "paper", "gamma": 1e4}),
+    ],
+)
 def test_a_run_is_read_from_the_command_line(text, parameters):
     assert run_of(text) == Run(text, text.partition(":")[0], parameters)
 
 
 def test_the_command_line_names_the_landmarks_source():
     assert run_of("gauss_newton:gamma=1e4,landmarks=path") == Run(
-        "gauss_newton:gamma=1e4,landmarks=path", "gauss_newton", {"gamma": 1e4}, "path")
+        "gauss_newton:gamma=1e4,landmarks=path", "gauss_newton", {"gamma": 1e4}, "path"
+    )
 
 
 def test_a_parameter_without_a_value_is_refused():
@@ -272,12 +300,15 @@ def test_a_parameter_without_a_value_is_refused():
         run_of("harmonic:weight")
 
 
-@pytest.mark.parametrize("arguments, message", [
-    (["--method", "magic"], "there is no method 'magic'"),
-    (["--subjects", "99"], "the cohort has 1 to 24"),
-    (["--vertices", "10"], "10 vertices"),
-    (["--workers", "0"], "at least one worker"),
-])
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        (["--method", "magic"], "there is no method 'magic'"),
+        (["--subjects", "99"], "the cohort has 1 to 24"),
+        (["--vertices", "10"], "10 vertices"),
+        (["--workers", "0"], "at least one worker"),
+    ],
+)
 def test_the_command_says_what_is_wrong_in_one_line(tmp_path, capsys, arguments, message):
     given = ["--method", "mobius_only", *arguments] if "--method" not in arguments else arguments
     with pytest.raises(SystemExit) as stop:
@@ -295,8 +326,25 @@ def test_an_out_that_cannot_be_written_is_named_before_anything_runs(tmp_path):
 
 def test_the_command_writes_the_file_and_prints_a_table(tmp_path, folder, capsys):
     out = tmp_path / "r.json"
-    main(["benchmark", "--out", str(out), "--subjects", "1", "--vertices", str(SIZE), "--workers", "1", "--data", folder,
-          "--method", "mobius_only", "--method", "harmonic:weight=5"])
+    main(
+        [
+            "benchmark",
+            "--out",
+            str(out),
+            "--subjects",
+            "1",
+            "--vertices",
+            str(SIZE),
+            "--workers",
+            "1",
+            "--data",
+            folder,
+            "--method",
+            "mobius_only",
+            "--method",
+            "harmonic:weight=5",
+        ]
+    )
     printed = capsys.readouterr().out
     assert "harmonic:weight=5" in printed and "1/1" in printed
     rows = {row["run"]: row for row in read_results(out)["rows"]}

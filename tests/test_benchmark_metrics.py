@@ -40,16 +40,23 @@ def test_the_histogram_counts_every_face_and_folded_ones_last():
 
 def test_landmark_errors_have_mean_and_spread():
     found = landmark_measures(np.array([0.1, 0.2j]), np.array([0.1 + 0.1j, 0.5j]), np.array([1.0, 5.0]))
-    assert found == pytest.approx({"landmark_error": 0.2, "sd_landmark_error": 0.1, "landmark_error_mm": 3.0,
-                                   "sd_landmark_error_mm": 2.0})
+    assert found == pytest.approx(
+        {"landmark_error": 0.2, "sd_landmark_error": 0.1, "landmark_error_mm": 3.0, "sd_landmark_error_mm": 2.0}
+    )
 
 
 def test_correspondence_is_measured_everywhere_and_near_sulci():
     truth = np.zeros((4, 3))
     points = np.array([[3.0, 4, 0], [0, 0, 1], [0, 2, 0], [0, 0, 0]])
     found = correspondence_measures(points, truth, np.array([True, False, True, False]))
-    assert found == pytest.approx({"correspondence_mm": 2.0, "median_correspondence_mm": 1.5,
-                                   "p95_correspondence_mm": 2 + 0.85 * 3, "correspondence_sulci_mm": 3.5})
+    assert found == pytest.approx(
+        {
+            "correspondence_mm": 2.0,
+            "median_correspondence_mm": 1.5,
+            "p95_correspondence_mm": 2 + 0.85 * 3,
+            "correspondence_sulci_mm": 3.5,
+        }
+    )
 
 
 def test_nearness_is_measured_along_edges():

@@ -33,6 +33,7 @@ def bent(w, turns):
 
 # The certificate.
 
+
 @pytest.mark.parametrize("exact", DISK_MAPS, ids=lambda exact: exact.name)
 def test_bijections_are_certified(exact):
     z, faces = DISK
@@ -59,7 +60,7 @@ def test_reflection_flips_every_face():
 
 def test_boundary_wound_twice_is_found_though_every_triangle_is_positive():
     z, faces = polar_disk(4, 25)
-    doubled = np.divide(z ** 2, abs(z), out=np.zeros_like(z), where=z != 0)
+    doubled = np.divide(z**2, abs(z), out=np.zeros_like(z), where=z != 0)
     assert (signed_areas(doubled, faces) > 0).all()
     certificate = check_bijective(z, faces, doubled)
     assert len(certificate.flipped) == 0 and not certificate.boundary and not certificate.bijective
@@ -132,6 +133,7 @@ def test_embedding_needs_a_disk():
 
 # Rounding: the sign of a nearly flat triangle, decided in rational numbers.
 
+
 def exact_double_area(a, b, c):
     (ax, ay), (bx, by), (cx, cy) = ((Fraction(float(p.real)), Fraction(float(p.imag))) for p in (a, b, c))
     return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
@@ -169,7 +171,9 @@ STAR = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
 def stars(count, seed, scales=(-160.0, -9.0, 0.0, 9.0, 150.0)):
     """Quadrangles with a vertex on one of their sides, to within a few units in the last place: complex (count, 5)."""
     rng = np.random.default_rng(seed)
-    rim = np.array([0, 1.3, 1.2 + 1.1j, -0.1 + 1j]) + 0.1 * (rng.normal(size=(count, 4)) + 1j * rng.normal(size=(count, 4)))
+    rim = np.array([0, 1.3, 1.2 + 1.1j, -0.1 + 1j]) + 0.1 * (
+        rng.normal(size=(count, 4)) + 1j * rng.normal(size=(count, 4))
+    )
     side, share = rng.integers(0, 4, count), rng.uniform(0.05, 0.95, count)
     a, b = (np.take_along_axis(rim, ((side + k) % 4)[:, None], 1)[:, 0] for k in (0, 1))
     inner = a + share * (b - a) + 1j * (b - a) * rng.integers(-3, 4, count) * 2.0 ** -rng.integers(51, 56, count)
@@ -237,8 +241,9 @@ def test_a_whole_mesh_in_doubt_is_decided_in_a_second():
     assert time.process_time() - start < 5  # 1 s on a machine of its own
 
 
-@pytest.mark.parametrize("scale, shift, height", [(1, 0, 1e-13), (1e-8, 0, 1e-13), (1e8, 0, 1e-13),
-                                                  (1e-6, 0.7 - 0.2j, 1e-8)])
+@pytest.mark.parametrize(
+    "scale, shift, height", [(1, 0, 1e-13), (1e-8, 0, 1e-13), (1e8, 0, 1e-13), (1e-6, 0.7 - 0.2j, 1e-8)]
+)
 def test_thin_triangles_beyond_doubt_are_not_flipped(scale, shift, height):
     """Wherever a triangle lies, as long as its coordinates resolve its height (in parts of its length)."""
     f = shift + scale * np.exp(0.4j) * np.array([0, 1, 0.4 + 1j * height, 0.4 - 1j * height])
@@ -246,6 +251,7 @@ def test_thin_triangles_beyond_doubt_are_not_flipped(scale, shift, height):
 
 
 # The mean-value matrix.
+
 
 def test_mean_value_rows_are_averages():
     z, faces = DISK
@@ -283,6 +289,7 @@ def test_edge_lengths_lie_opposite_their_corners():
 
 
 # The repair.
+
 
 def folding_problem(seed):
     """A coefficient that jumps from face to face and folds the disk map: (z, faces, mu, f, metric edge lengths)."""

@@ -33,7 +33,9 @@ def test_only_pages_that_are_out_of_date_are_executed(tmp_path, monkeypatch):
     ran = []
     monkeypatch.setattr(execute_pages, "STAMPS", tmp_path / "stamps.json")
     monkeypatch.setattr(execute_pages, "run", lambda pages, jobs, seconds: ran.append(pages))
-    (tmp_path / "stamps.json").write_text(json.dumps({"lbs": execute_pages.stamp("lbs"), "fourier": "of an older page"}))
+    (tmp_path / "stamps.json").write_text(
+        json.dumps({"lbs": execute_pages.stamp("lbs"), "fourier": "of an older page"})
+    )
     execute_pages.execute_outdated(["lbs", "fourier", "index"], 2)
     execute_pages.execute_outdated(["lbs"], 2)
     assert ran == [["fourier", "index"]]

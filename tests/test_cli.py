@@ -23,9 +23,29 @@ from qclearn.register import register
 from qclearn.surface import Surface, SurfaceError, mirror, require_disk, require_outward
 
 FILES = ["figure.png", "registered.surf.gii", "registration.npz", "report.json"]
-REPORT = {"landmark_error_before", "landmark_error", "landmark_error_mm", "mean_abs_mu", "sd_abs_mu", "max_abs_mu",
-          "flipped", "bijective", "fallbacks", "seconds", "method", "alpha", "beta", "gamma", "mobius", "version", "suspect",
-          "inputs", "landmarks", "versions", "command"}
+REPORT = {
+    "landmark_error_before",
+    "landmark_error",
+    "landmark_error_mm",
+    "mean_abs_mu",
+    "sd_abs_mu",
+    "max_abs_mu",
+    "flipped",
+    "bijective",
+    "fallbacks",
+    "seconds",
+    "method",
+    "alpha",
+    "beta",
+    "gamma",
+    "mobius",
+    "version",
+    "suspect",
+    "inputs",
+    "landmarks",
+    "versions",
+    "command",
+}
 
 
 def run(*arguments):
@@ -55,8 +75,12 @@ def bowl(height):
     return Surface(np.stack([z.real, z.imag, height * (1 - abs(z) ** 2) * (1 + 0.4 * z.real)], axis=1), faces, spokes)
 
 
-CURVES = {"curves": [{"name": "east", "moving": list(range(1, 145, 24)), "control": list(range(2, 146, 24))},
-                     {"name": "north", "moving": list(range(7, 151, 24)), "control": list(range(6, 150, 24))}]}
+CURVES = {
+    "curves": [
+        {"name": "east", "moving": list(range(1, 145, 24)), "control": list(range(2, 146, 24))},
+        {"name": "north", "moving": list(range(7, 151, 24)), "control": list(range(6, 150, 24))},
+    ]
+}
 
 
 def backwards():
@@ -90,11 +114,13 @@ def test_the_demo_registers_real_cortex(demo):
     assert report["bijective"] is True and report["flipped"] == 0
     assert report["landmark_error"] < report["landmark_error_before"] / 10
     assert report["landmark_error_before"] > 0.01 and report["max_abs_mu"] < 0.8
-    assert len(report["curves"]) >= 6 and REPORT <= set(report) and report["suspect"] == []
+    assert len(report["curves"]) >= 6 and set(report) >= REPORT and report["suspect"] == []
 
 
 def test_the_demo_writes_four_files_that_belong_together(demo):
-    assert everything(demo) == FILES and everything(demo.parent) == ["qclearn-demo"] + [f"qclearn-demo/{f}" for f in FILES]
+    assert everything(demo) == FILES and everything(demo.parent) == ["qclearn-demo"] + [
+        f"qclearn-demo/{f}" for f in FILES
+    ]
     assert (demo / "figure.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
     maps, moving = np.load(demo / "registration.npz"), mirror(fsaverage5("right"))
     points, triangles = (array.data for array in nibabel.load(demo / "registered.surf.gii").darrays)
@@ -103,17 +129,29 @@ def test_the_demo_writes_four_files_that_belong_together(demo):
     require_outward(read_surface(demo / "registered.surf.gii"))
     assert {"points", "disk_moving", "disk_control", "disk_map", "mu"} <= set(maps.files)
     assert maps["disk_map"].shape == maps["disk_moving"].shape == (len(moving.vertices),)
-    assert maps["disk_control"].shape == (len(fsaverage5("left").vertices),) and maps["mu"].shape == (len(moving.faces),)
+    assert maps["disk_control"].shape == (len(fsaverage5("left").vertices),) and maps["mu"].shape == (
+        len(moving.faces),
+    )
 
 
 def test_maps_are_carried_over_on_real_cortex(demo, tmp_path):
     """The control's coordinates arrive at the moving vertices as `points`; and a map goes there and back."""
     control, maps = fsaverage5("left"), np.load(demo / "registration.npz")
     np.save(tmp_path / "height.npy", control.vertices[:, 2])
-    run("transfer", demo / "registration.npz", tmp_path / "height.npy", "--to", "moving", "--out", tmp_path / "there.npy")
+    run(
+        "transfer",
+        demo / "registration.npz",
+        tmp_path / "height.npy",
+        "--to",
+        "moving",
+        "--out",
+        tmp_path / "there.npy",
+    )
     there = np.load(tmp_path / "there.npy")
     np.testing.assert_allclose(there, maps["points"][:, 2], atol=1e-9)
-    run("transfer", demo / "registration.npz", tmp_path / "there.npy", "--to", "control", "--out", tmp_path / "back.npy")
+    run(
+        "transfer", demo / "registration.npz", tmp_path / "there.npy", "--to", "control", "--out", tmp_path / "back.npy"
+    )
     off = abs(np.load(tmp_path / "back.npy") - control.vertices[:, 2])
     assert np.median(off) < 0.3 and off.max() < 15  # mm; edges are 4 mm long
 
@@ -139,8 +177,23 @@ def test_a_closed_hemisphere_gets_in(tmp_path, capsys):
 
 def test_register_is_the_library_and_mirror_mirrors(folder, capsys):
     out = folder / "out"
-    run("register", folder / "moving.npz", folder / "control.npz", "--landmarks", folder / "landmarks.json", "--mirror",
-        "--out", out, "--alpha", 2, "--beta", 0.1, "--gamma", 1e3, "--sliding")
+    run(
+        "register",
+        folder / "moving.npz",
+        folder / "control.npz",
+        "--landmarks",
+        folder / "landmarks.json",
+        "--mirror",
+        "--out",
+        out,
+        "--alpha",
+        2,
+        "--beta",
+        0.1,
+        "--gamma",
+        1e3,
+        "--sliding",
+    )
     expected = register(mirror(bowl(0.6)), bowl(0.9), CURVES, alpha=2.0, beta=0.1, gamma=1e3, sliding=True)
     np.testing.assert_allclose(np.load(out / "registration.npz")["points"], expected.points, atol=1e-9)
     report = json.loads((out / "report.json").read_text())
@@ -154,8 +207,16 @@ def test_register_is_the_library_and_mirror_mirrors(folder, capsys):
 def test_a_suspect_registration_is_written_and_says_so(folder, capsys, options, code):
     (folder / "backwards.json").write_text(json.dumps(backwards()))
     with pytest.raises(SystemExit) as stop:
-        run("register", folder / "moving.npz", folder / "control.npz", "--landmarks", folder / "backwards.json", "--out",
-            folder / "out", *options)
+        run(
+            "register",
+            folder / "moving.npz",
+            folder / "control.npz",
+            "--landmarks",
+            folder / "backwards.json",
+            "--out",
+            folder / "out",
+            *options,
+        )
     output = capsys.readouterr()
     assert stop.value.code == code and everything(folder / "out") == FILES
     report = json.loads((folder / "out" / "report.json").read_text())
@@ -165,8 +226,18 @@ def test_a_suspect_registration_is_written_and_says_so(folder, capsys, options, 
 
 
 def test_the_report_says_where_it_comes_from_and_holds_the_landmarks(folder, capsys):
-    arguments = ["register", folder / "moving.npz", folder / "control.npz", "--landmarks", folder / "landmarks.json",
-                 "--mirror", "--gamma", 1e3, "--out", folder / "out"]
+    arguments = [
+        "register",
+        folder / "moving.npz",
+        folder / "control.npz",
+        "--landmarks",
+        folder / "landmarks.json",
+        "--mirror",
+        "--gamma",
+        1e3,
+        "--out",
+        folder / "out",
+    ]
     run(*arguments)
     report = json.loads((folder / "out" / "report.json").read_text())
     read = {side: read_surface(folder / f"{side}.npz") for side in ("moving", "control")}
@@ -191,13 +262,28 @@ def test_every_reason_and_exit_code_is_explained_in_the_help(capsys):
 
 
 def test_the_network_method_and_its_tolerance_reach_the_pipeline(folder, monkeypatch, capsys):
-    blocks = SimpleNamespace(detect=detect_curves, predict=lambda z, faces, *_, **__: np.zeros(len(faces), complex),
-                             solve=solve_beltrami_disk, gamma_used=lambda alpha, beta, gamma: gamma)
+    blocks = SimpleNamespace(
+        detect=detect_curves,
+        predict=lambda z, faces, *_, **__: np.zeros(len(faces), complex),
+        solve=solve_beltrami_disk,
+        gamma_used=lambda alpha, beta, gamma: gamma,
+    )
     monkeypatch.setattr(sys.modules["qclearn.register"], "load", lambda name: blocks)
-    for tolerance, words in (("inf", "the networks' map ended above the best Möbius map"),
-                             ("5e-3", "landmark error .* above 5.0e-03: .* Gauss-Newton steps")):
-        run("register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out", "--method", "network",
-            "--tolerance", tolerance)
+    for tolerance, words in (
+        ("inf", "the networks' map ended above the best Möbius map"),
+        ("5e-3", "landmark error .* above 5.0e-03: .* Gauss-Newton steps"),
+    ):
+        run(
+            "register",
+            folder / "moving.npz",
+            folder / "control.npz",
+            "--out",
+            folder / "out",
+            "--method",
+            "network",
+            "--tolerance",
+            tolerance,
+        )
         assert json.loads((folder / "out" / "report.json").read_text())["method"] == "network"
         assert re.search(f"fallbacks +{words}", capsys.readouterr().out)
 
@@ -206,8 +292,17 @@ def test_the_network_method_without_torch_is_one_line(folder, monkeypatch, capsy
     for name in [name for name in sys.modules if name.startswith(("qclearn.nets", "torch.", "safetensors"))]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "torch", None)
-    line = refused(capsys, folder, "register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out",
-                   "--method", "network")
+    line = refused(
+        capsys,
+        folder,
+        "register",
+        folder / "moving.npz",
+        folder / "control.npz",
+        "--out",
+        folder / "out",
+        "--method",
+        "network",
+    )
     assert re.search(r"torch, which is not installed: pip install 'qclearn\[nets\]'", line)
 
 
@@ -224,23 +319,32 @@ def test_a_second_run_replaces_the_files_of_the_first(folder):
     assert json.loads((folder / "out" / "report.json").read_text())["gamma"] == 1000
 
 
-@pytest.mark.parametrize("arguments, message", [
-    ([], "Missing command"),
-    (["demonstrate"], "No such command 'demonstrate'"),
-    (["register"], "Missing argument 'MOVING'"),
-    (["register", "a.npz"], "Missing argument 'CONTROL'"),
-    (["register", "a.npz", "b.npz"], "Missing option '--out'"),
-    (["register", "a.npz", "b.npz", "--out", "x", "--gamma", "many"], "'many' is not a valid float"),
-    (["register", "a.npz", "b.npz", "--out", "x", "--method", "magic"], "'magic' is not"),
-    (["register", "a.npz", "b.npz", "--out", "x", "--delta", "1"], "No such option"),
-    (["register", "moving.npz", "control.npz", "--out", "x", "--tolerance", "1e-3"], "tolerance belongs to method 'network'"),
-    (["register", "moving.npz", "control.npz", "--out", "x", "--method", "network", "--sliding"], "sliding belongs to"),
-    (["register", "a.npz", "b.npz", "--out", "x"], "a.npz: cannot be read"),
-    (["open", "a.gii", "--out", "x.npz"], "one of --mask FILE and --label FILE"),
-    (["open", "a.gii", "--mask", "m", "--label", "l", "--out", "x.npz"], "one of --mask FILE and --label FILE"),
-    (["transfer", "r.npz", "v.npy", "--out", "x.npy"], "Missing option '--to'"),
-    (["transfer", "r.npz", "v.npy", "--to", "moving", "--out", "x.npy"], "r.npz: cannot be read .*check the name"),
-])
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        ([], "Missing command"),
+        (["demonstrate"], "No such command 'demonstrate'"),
+        (["register"], "Missing argument 'MOVING'"),
+        (["register", "a.npz"], "Missing argument 'CONTROL'"),
+        (["register", "a.npz", "b.npz"], "Missing option '--out'"),
+        (["register", "a.npz", "b.npz", "--out", "x", "--gamma", "many"], "'many' is not a valid float"),
+        (["register", "a.npz", "b.npz", "--out", "x", "--method", "magic"], "'magic' is not"),
+        (["register", "a.npz", "b.npz", "--out", "x", "--delta", "1"], "No such option"),
+        (
+            ["register", "moving.npz", "control.npz", "--out", "x", "--tolerance", "1e-3"],
+            "tolerance belongs to method 'network'",
+        ),
+        (
+            ["register", "moving.npz", "control.npz", "--out", "x", "--method", "network", "--sliding"],
+            "sliding belongs to",
+        ),
+        (["register", "a.npz", "b.npz", "--out", "x"], "a.npz: cannot be read"),
+        (["open", "a.gii", "--out", "x.npz"], "one of --mask FILE and --label FILE"),
+        (["open", "a.gii", "--mask", "m", "--label", "l", "--out", "x.npz"], "one of --mask FILE and --label FILE"),
+        (["transfer", "r.npz", "v.npy", "--out", "x.npy"], "Missing option '--to'"),
+        (["transfer", "r.npz", "v.npy", "--to", "moving", "--out", "x.npy"], "r.npz: cannot be read .*check the name"),
+    ],
+)
 def test_wrong_usage_is_one_line(arguments, message, folder, capsys, monkeypatch):
     monkeypatch.chdir(folder)
     assert re.search(message, refused(capsys, folder, *arguments))
@@ -256,36 +360,70 @@ def bad_landmarks(**changes):
     return {"curves": [CURVES["curves"][0] | changes]}
 
 
-@pytest.mark.parametrize("content, message", [
-    ("{", "landmarks.json: not a JSON file"),
-    (b"\xff\xfe\x00", "landmarks.json: not a JSON file"),
-    ({"Curves": []}, "one key 'curves'"),
-    ({"curves": []}, "no curves"),
-    ('{"curves": [{"name": "a", "moving": [1, ' + "9" * 5000 + '], "control": [1, 2]}]}', "landmarks.json: not a JSON file"),
-    (bad_landmarks(name="A" * 10**6), "landmarks.json: the name of curve 0 is longer than 200 characters.{1,100}rename"),
-    (bad_landmarks(name="\x1b]0;x\x07"), r"landmarks.json: the name of curve 0 .*control characters: '\\x1b]0;x\\x07'"),
-    (bad_landmarks(colour="red"), "curve 0 has .*'colour'"),
-    (bad_landmarks(moving=[5]), "curve 'east', moving side: .*at least two vertex indices"),
-    (bad_landmarks(control=[0, 10_000]), r"'east', control side: .*out of range 0..192: \[10000\]"),
-    ({"curves": CURVES["curves"][:1] * 2}, "names used twice"),
-])
+@pytest.mark.parametrize(
+    "content, message",
+    [
+        ("{", "landmarks.json: not a JSON file"),
+        (b"\xff\xfe\x00", "landmarks.json: not a JSON file"),
+        ({"Curves": []}, "one key 'curves'"),
+        ({"curves": []}, "no curves"),
+        (
+            '{"curves": [{"name": "a", "moving": [1, ' + "9" * 5000 + '], "control": [1, 2]}]}',
+            "landmarks.json: not a JSON file",
+        ),
+        (
+            bad_landmarks(name="A" * 10**6),
+            "landmarks.json: the name of curve 0 is longer than 200 characters.{1,100}rename",
+        ),
+        (
+            bad_landmarks(name="\x1b]0;x\x07"),
+            r"landmarks.json: the name of curve 0 .*control characters: '\\x1b]0;x\\x07'",
+        ),
+        (bad_landmarks(colour="red"), "curve 0 has .*'colour'"),
+        (bad_landmarks(moving=[5]), "curve 'east', moving side: .*at least two vertex indices"),
+        (bad_landmarks(control=[0, 10_000]), r"'east', control side: .*out of range 0..192: \[10000\]"),
+        ({"curves": CURVES["curves"][:1] * 2}, "names used twice"),
+    ],
+)
 def test_bad_landmarks_files_are_one_line(content, message, folder, capsys):
-    text = content if isinstance(content, bytes) else (content if isinstance(content, str) else json.dumps(content)).encode()
+    text = (
+        content
+        if isinstance(content, bytes)
+        else (content if isinstance(content, str) else json.dumps(content)).encode()
+    )
     (folder / "landmarks.json").write_bytes(text)
-    line = refused(capsys, folder, "register", folder / "moving.npz", folder / "control.npz", "--landmarks",
-                   folder / "landmarks.json", "--out", folder / "deep" / "out")
+    line = refused(
+        capsys,
+        folder,
+        "register",
+        folder / "moving.npz",
+        folder / "control.npz",
+        "--landmarks",
+        folder / "landmarks.json",
+        "--out",
+        folder / "deep" / "out",
+    )
     assert re.search(message, line)
 
 
 def test_bad_surfaces_are_one_line(folder, capsys):
     good = bowl(0.6)
     (folder / "cut.npz").write_bytes((folder / "moving.npz").read_bytes()[:200])
-    np.savez(folder / "nan.npz", vertices=np.where(np.arange(193)[:, None] == 7, np.nan, good.vertices), faces=good.faces)
+    np.savez(
+        folder / "nan.npz", vertices=np.where(np.arange(193)[:, None] == 7, np.nan, good.vertices), faces=good.faces
+    )
     np.savez(folder / "inward.npz", vertices=good.vertices, faces=good.faces[:, ::-1])
     landmarks = ["--landmarks", folder / "landmarks.json", "--out", folder / "out"]
-    for name, message in (("cut.npz", "cut.npz: not a readable npz"), ("nan.npz", "nan.npz: .*7"), ("no.ply", "no.ply"),
-                          ("inward.npz", r"reverse|mirror|::-1"), ("landmarks.json", "suffix")):
-        assert re.search(message, refused(capsys, folder, "register", folder / name, folder / "control.npz", *landmarks))
+    for name, message in (
+        ("cut.npz", "cut.npz: not a readable npz"),
+        ("nan.npz", "nan.npz: .*7"),
+        ("no.ply", "no.ply"),
+        ("inward.npz", r"reverse|mirror|::-1"),
+        ("landmarks.json", "suffix"),
+    ):
+        assert re.search(
+            message, refused(capsys, folder, "register", folder / name, folder / "control.npz", *landmarks)
+        )
 
 
 def test_surfaces_without_shared_curves_need_landmarks(folder, capsys):
@@ -294,14 +432,27 @@ def test_surfaces_without_shared_curves_need_landmarks(folder, capsys):
 
 
 def test_landmarks_that_are_missing_are_one_line(folder, capsys):
-    line = refused(capsys, folder, "register", folder / "moving.npz", folder / "control.npz", "--landmarks",
-                   folder / "no.json", "--out", folder / "out")
+    line = refused(
+        capsys,
+        folder,
+        "register",
+        folder / "moving.npz",
+        folder / "control.npz",
+        "--landmarks",
+        folder / "no.json",
+        "--out",
+        folder / "out",
+    )
     assert re.search("no.json: cannot be read .*check the name", line)
 
 
-@pytest.mark.parametrize("weights, name", [(["--alpha", "0"], "alpha"), (["--beta", "-1"], "beta"), (["--gamma", "nan"], "gamma")])
+@pytest.mark.parametrize(
+    "weights, name", [(["--alpha", "0"], "alpha"), (["--beta", "-1"], "beta"), (["--gamma", "nan"], "gamma")]
+)
 def test_bad_weights_are_one_line(weights, name, folder, capsys):
-    line = refused(capsys, folder, "register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out", *weights)
+    line = refused(
+        capsys, folder, "register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out", *weights
+    )
     assert f"{name} = " in line
 
 
@@ -313,6 +464,7 @@ def test_a_file_where_the_folder_should_be_is_one_line(out, folder, capsys):
 
 def test_a_folder_that_cannot_be_written_is_one_line(folder, capsys, monkeypatch):
     """The system's refusal is imitated: whoever runs the tests may be allowed to write everywhere."""
+
     def refuse(**_):
         raise PermissionError(13, "Permission denied")
 
@@ -323,12 +475,22 @@ def test_a_folder_that_cannot_be_written_is_one_line(folder, capsys, monkeypatch
 
 def test_a_failure_at_the_end_leaves_nothing(folder, capsys, monkeypatch):
     """Three of the four files are written when the last one fails."""
+
     def fail(*_, **__):
         raise SurfaceError("the disk is full")
 
     monkeypatch.setattr("qclearn.cli.qc.write_surface", fail)
-    line = refused(capsys, folder, "register", folder / "moving.npz", folder / "control.npz", "--out", folder / "deep" / "out",
-                   "--gamma", 100)
+    line = refused(
+        capsys,
+        folder,
+        "register",
+        folder / "moving.npz",
+        folder / "control.npz",
+        "--out",
+        folder / "deep" / "out",
+        "--gamma",
+        100,
+    )
     assert "the disk is full" in line
 
 
@@ -362,8 +524,13 @@ def test_the_progress_bar_is_gone_before_the_message(folder, capsys, monkeypatch
 def registered(folder):
     """The folder of a finished registration of the two bowls, and a map on each of them."""
     result = register(bowl(0.6), bowl(0.9), CURVES, gamma=1e3)
-    np.savez(folder / "registration.npz", disk_map=result.disk_map, disk_control=result.disk_control,
-             faces_moving=result.faces_moving, faces_control=result.faces_control)
+    np.savez(
+        folder / "registration.npz",
+        disk_map=result.disk_map,
+        disk_control=result.disk_control,
+        faces_moving=result.faces_moving,
+        faces_control=result.faces_control,
+    )
     np.savetxt(folder / "map.txt", bowl(0.9).vertices[:, 2])
     np.save(folder / "labels.npy", np.arange(193) % 5)
     return folder, result
@@ -380,8 +547,16 @@ def test_transfer_writes_every_format(registered, name):
 
 def test_transfer_of_labels_makes_no_new_labels(registered):
     folder, _ = registered
-    run("transfer", folder / "registration.npz", folder / "labels.npy", "--to", "moving", "--nearest", "--out",
-        folder / "there.npy")
+    run(
+        "transfer",
+        folder / "registration.npz",
+        folder / "labels.npy",
+        "--to",
+        "moving",
+        "--nearest",
+        "--out",
+        folder / "there.npy",
+    )
     there = np.load(folder / "there.npy")
     assert set(there.tolist()) == set(range(5)) and len(there) == 193
 
@@ -391,18 +566,37 @@ def test_transfer_refuses_what_does_not_belong_together(registered, capsys):
     np.save(folder / "short.npy", np.zeros(5))
     (folder / "cut.npz").write_bytes((folder / "registration.npz").read_bytes()[:300])
     for registration, values, message in (
-            ("registration.npz", "short.npy", "5 values for 193 vertices"),
-            ("registration.npz", "no.npy", "no.npy"),
-            ("registration.npz", "landmarks.json", "landmarks.json"),
-            ("moving.npz", "map.txt", "moving.npz: not a registration.npz of this program .*qclearn register"),
-            ("labels.npy", "map.txt", "labels.npy: not a registration.npz"),
-            ("cut.npz", "map.txt", "cut.npz: not a registration.npz"),
-            ("map.txt", "map.txt", "map.txt: not a registration.npz")):
-        line = refused(capsys, folder, "transfer", folder / registration, folder / values, "--to", "moving", "--out",
-                       folder / "there.npy")
+        ("registration.npz", "short.npy", "5 values for 193 vertices"),
+        ("registration.npz", "no.npy", "no.npy"),
+        ("registration.npz", "landmarks.json", "landmarks.json"),
+        ("moving.npz", "map.txt", "moving.npz: not a registration.npz of this program .*qclearn register"),
+        ("labels.npy", "map.txt", "labels.npy: not a registration.npz"),
+        ("cut.npz", "map.txt", "cut.npz: not a registration.npz"),
+        ("map.txt", "map.txt", "map.txt: not a registration.npz"),
+    ):
+        line = refused(
+            capsys,
+            folder,
+            "transfer",
+            folder / registration,
+            folder / values,
+            "--to",
+            "moving",
+            "--out",
+            folder / "there.npy",
+        )
         assert re.search(message, line)
-    line = refused(capsys, folder, "transfer", folder / "registration.npz", folder / "map.txt", "--to", "moving", "--out",
-                   folder / "no" / "there.npy")
+    line = refused(
+        capsys,
+        folder,
+        "transfer",
+        folder / "registration.npz",
+        folder / "map.txt",
+        "--to",
+        "moving",
+        "--out",
+        folder / "no" / "there.npy",
+    )
     assert "there.npy: cannot be written" in line
 
 
@@ -412,7 +606,10 @@ def test_open_refuses_inward_surfaces_and_foreign_masks(folder, capsys):
     write_surface(folder / "inside-out.ply", Surface(ball.vertices, ball.faces[:, ::-1]))
     np.save(folder / "mask.npy", ball.vertices[:, 2] < -0.5)
     np.save(folder / "foreign.npy", np.ones(7))
-    for surface, mask, message in (("inside-out.ply", "mask.npy", "--reverse|reverse"), ("ball.ply", "foreign.npy", "foreign.npy")):
+    for surface, mask, message in (
+        ("inside-out.ply", "mask.npy", "--reverse|reverse"),
+        ("ball.ply", "foreign.npy", "foreign.npy"),
+    ):
         line = refused(capsys, folder, "open", folder / surface, "--mask", folder / mask, "--out", folder / "open.npz")
         assert re.search(message, line)
     run("open", folder / "inside-out.ply", "--reverse", "--mask", folder / "mask.npy", "--out", folder / "open.npz")
@@ -426,9 +623,19 @@ def test_open_says_what_of_the_mask_stays_and_keeps_the_hemisphere(folder, capsy
     mask[ball.vertices[:, 2].argmax()] = True
     np.save(folder / "mask.npy", mask)
     run("open", folder / "rh.ball.surf.gii", "--mask", folder / "mask.npy", "--out", folder / "open.surf.gii")
-    assert f"1 of the mask's {mask.sum()} vertices stay: holes away from the opening are filled" in capsys.readouterr().out
+    assert (
+        f"1 of the mask's {mask.sum()} vertices stay: holes away from the opening are filled" in capsys.readouterr().out
+    )
     for option, structure in (([], "CortexRight"), (["--hemisphere", "left"], "CortexLeft")):
-        run("open", folder / "rh.ball.surf.gii", "--mask", folder / "mask.npy", "--out", folder / "open.surf.gii", *option)
+        run(
+            "open",
+            folder / "rh.ball.surf.gii",
+            "--mask",
+            folder / "mask.npy",
+            "--out",
+            folder / "open.surf.gii",
+            *option,
+        )
         assert nibabel.load(folder / "open.surf.gii").meta["AnatomicalStructurePrimary"] == structure
 
 
@@ -439,13 +646,30 @@ def test_landmarks_with_a_byte_order_mark_are_read(folder):
 
 def test_transfer_of_whole_numbers_wants_nearest_and_names_stay(registered, capsys):
     folder, _ = registered
-    line = refused(capsys, folder, "transfer", folder / "registration.npz", folder / "labels.npy", "--to", "moving", "--out",
-                   folder / "there.npy")
+    line = refused(
+        capsys,
+        folder,
+        "transfer",
+        folder / "registration.npz",
+        folder / "labels.npy",
+        "--to",
+        "moving",
+        "--out",
+        folder / "there.npy",
+    )
     assert re.search("labels.npy: holds whole numbers.*--nearest.*floats", line)
     table = np.array([[k * 40, 20, 30, 0, 0] for k in range(5)])
     nibabel.freesurfer.write_annot(folder / "lh.a.annot", np.arange(193) % 5, table, list("abcde"), fill_ctab=True)
-    run("transfer", folder / "registration.npz", folder / "lh.a.annot", "--to", "moving", "--nearest", "--out",
-        folder / "R.there.label.gii")
+    run(
+        "transfer",
+        folder / "registration.npz",
+        folder / "lh.a.annot",
+        "--to",
+        "moving",
+        "--nearest",
+        "--out",
+        folder / "R.there.label.gii",
+    )
     image = nibabel.load(folder / "R.there.label.gii")
     assert list(image.labeltable.get_labels_as_dict().values())[-5:] == list("abcde")
     assert image.meta["AnatomicalStructurePrimary"] == "CortexRight"
@@ -454,8 +678,17 @@ def test_transfer_of_whole_numbers_wants_nearest_and_names_stay(registered, caps
 @pytest.mark.parametrize("name", ["o.csv", "o.annot", "o.dscalar.nii", "o.npz"])
 def test_transfer_refuses_what_it_cannot_write(registered, capsys, name):
     folder, _ = registered
-    line = refused(capsys, folder, "transfer", folder / "registration.npz", folder / "map.txt", "--to", "moving", "--out",
-                   folder / name)
+    line = refused(
+        capsys,
+        folder,
+        "transfer",
+        folder / "registration.npz",
+        folder / "map.txt",
+        "--to",
+        "moving",
+        "--out",
+        folder / name,
+    )
     assert name in line
 
 
@@ -466,13 +699,24 @@ def test_what_register_writes_is_checked_when_it_is_read(folder, capsys):
     assert {"checksum", "format_version"} <= set(arrays)
     np.savez(folder / "changed.npz", **arrays | {"disk_map": np.roll(arrays["disk_map"], 1)})
     np.savetxt(folder / "map.txt", bowl(0.9).vertices[:, 2])
-    line = refused(capsys, folder, "transfer", folder / "changed.npz", folder / "map.txt", "--to", "moving", "--out",
-                   folder / "there.npy")
+    line = refused(
+        capsys,
+        folder,
+        "transfer",
+        folder / "changed.npz",
+        folder / "map.txt",
+        "--to",
+        "moving",
+        "--out",
+        folder / "there.npy",
+    )
     assert re.search("changed.npz: not a sound registration.npz: disk_map is folded", line)
 
 
 def test_no_control_character_reaches_the_terminal(folder, capsys):
-    line = refused(capsys, folder, "register", folder / "\x1b[31mred.npz", folder / "control.npz", "--out", folder / "out")
+    line = refused(
+        capsys, folder, "register", folder / "\x1b[31mred.npz", folder / "control.npz", "--out", folder / "out"
+    )
     assert "\x1b" not in line and r"\x1b[31mred.npz" in line
 
 
@@ -496,6 +740,7 @@ def test_a_full_disk_is_one_line_with_the_folder(folder, capsys, monkeypatch):
 
 def test_a_bug_is_not_called_bad_input(folder, monkeypatch):
     """A KeyError of our own, in a reader, is a traceback for us and no advice to the user."""
+
     def buggy(data):
         return {}["vertices"]
 

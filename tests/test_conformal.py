@@ -39,9 +39,10 @@ def test_fsaverage5(hemisphere, kind):
 
 # Surfaces whose conformal map is known.
 
+
 def curved(z, height=0.4):
     """A surface over a disk mesh, curved in both directions."""
-    return np.stack([z.real, z.imag, height * (z ** 2).real + 0.3 * z.imag], 1)
+    return np.stack([z.real, z.imag, height * (z**2).real + 0.3 * z.imag], 1)
 
 
 def test_flat_disk_is_left_alone_but_for_the_gauge():
@@ -111,6 +112,7 @@ def test_long_strip(length):
 
 # Stress: what acquisition, cutting and remeshing do to a hemisphere.
 
+
 def largest_disk(vertices, faces):
     """The largest piece without bow-ties of what is left of a disk after faces at its rim were taken away."""
     n = len(vertices)
@@ -118,9 +120,10 @@ def largest_disk(vertices, faces):
         tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
         edge = np.unique(np.minimum(tails, heads) * n + np.maximum(tails, heads), return_inverse=True)[1]
         nodes = len(faces) + edge.max() + 1  # faces and edges
-        link = sparse.coo_array((np.ones(edge.size), (np.repeat(np.arange(len(faces)), 3), len(faces) + edge)),
-                                shape=(nodes, nodes))
-        piece = sparse.csgraph.connected_components(link, directed=False)[1][:len(faces)]
+        link = sparse.coo_array(
+            (np.ones(edge.size), (np.repeat(np.arange(len(faces)), 3), len(faces) + edge)), shape=(nodes, nodes)
+        )
+        piece = sparse.csgraph.connected_components(link, directed=False)[1][: len(faces)]
         kept = piece == np.bincount(piece).argmax()
         rim = tails[(np.bincount(edge)[edge] == 1) & np.repeat(kept, 3)]
         bow_ties = np.bincount(rim, minlength=n) > 1
@@ -165,8 +168,9 @@ def with_slivers(surface, rng, count, flatness):
     points = np.einsum("k,fkc->fc", weights, surface.vertices[surface.faces[chosen]])
     new = len(surface.vertices) + np.arange(count)
     parts = np.concatenate([np.stack(part, 1) for part in ((a, b, new), (b, c, new), (c, a, new))])
-    return Surface(np.concatenate([surface.vertices, points]),
-                   np.concatenate([np.delete(surface.faces, chosen, axis=0), parts]))
+    return Surface(
+        np.concatenate([surface.vertices, points]), np.concatenate([np.delete(surface.faces, chosen, axis=0), parts])
+    )
 
 
 def decimated(surface, rng, kept):
@@ -181,8 +185,9 @@ def peninsula(surface, rng, steps):
     start = surface.boundary[int(rng.integers(len(surface.boundary)))]
     away = sparse.csgraph.dijkstra(graph, directed=False, indices=start, unweighted=True)
     inside = np.flatnonzero(depth >= steps)
-    previous = sparse.csgraph.dijkstra(graph, directed=False, indices=start, unweighted=True,
-                                       return_predecessors=True)[1]
+    previous = sparse.csgraph.dijkstra(graph, directed=False, indices=start, unweighted=True, return_predecessors=True)[
+        1
+    ]
     path = [inside[away[inside].argmin()]]
     while path[-1] != start:
         path.append(previous[path[-1]])
@@ -196,8 +201,13 @@ STRESS = [(without_rings, k) for k in (1, 2, 4, 8)] + [(ragged, k) for k in (1, 
 STRESS += [(noisy, amount) for amount in (0.1, 0.25, 0.5, 0.5, 0.5)]
 STRESS += [(with_slivers, 600, flatness) for flatness in (0.1, 0.01, 1e-3, 1e-5)]
 STRESS += [(decimated, kept) for kept in (0.5, 0.3, 0.2, 0.1, 0.05)] + [(peninsula, steps) for steps in (6, 10, 14)]
-COMBINED = [((ragged, 3), (noisy, 0.5)), ((decimated, 0.2), (ragged, 3)), ((decimated, 0.2), (noisy, 0.3)),
-            ((ragged, 4), (with_slivers, 600, 1e-3)), ((noisy, 0.3), (with_slivers, 300, 1e-2))]
+COMBINED = [
+    ((ragged, 3), (noisy, 0.5)),
+    ((decimated, 0.2), (ragged, 3)),
+    ((decimated, 0.2), (noisy, 0.3)),
+    ((ragged, 4), (with_slivers, 600, 1e-3)),
+    ((noisy, 0.3), (with_slivers, 300, 1e-2)),
+]
 VARIANTS = [(step,) for step in STRESS] + COMBINED
 FOUR = [(hemisphere, kind) for hemisphere in ("left", "right") for kind in ("pial", "white")]
 
@@ -209,8 +219,11 @@ def stressed(surface, variant, seed):
     return surface
 
 
-@pytest.mark.parametrize("number", range(len(VARIANTS)), ids=lambda number: "-".join(
-    f"{change.__name__} {arguments[-1]}" for change, *arguments in VARIANTS[number]))
+@pytest.mark.parametrize(
+    "number",
+    range(len(VARIANTS)),
+    ids=lambda number: "-".join(f"{change.__name__} {arguments[-1]}" for change, *arguments in VARIANTS[number]),
+)
 def test_stressed_cortex_has_no_flipped_triangle(number):
     mapped(stressed(fsaverage5(*FOUR[number % 4]), VARIANTS[number], number))
 
@@ -221,6 +234,7 @@ def test_repair_is_reported():
 
 
 # Bad input.
+
 
 def test_what_is_no_disk():
     z, faces = polar_disk(3, 8)

@@ -90,8 +90,10 @@ def test_paths_are_cut_at_their_shallow_ends():
 
 def test_curves_lie_where_anatomy_has_them():
     surface = subject().surface  # left: lateral is negative x
-    place = {name: surface.vertices[path].mean(axis=0) - surface.vertices.mean(axis=0)
-             for name, path in surface.curves.items()}
+    place = {
+        name: surface.vertices[path].mean(axis=0) - surface.vertices.mean(axis=0)
+        for name, path in surface.curves.items()
+    }
     assert place["calcarine sulcus"][1] < place["central sulcus"][1] < place["superior frontal sulcus"][1]
     assert place["superior temporal sulcus"][2] < place["sylvian fissure"][2] < place["intraparietal sulcus"][2]
     assert place["superior temporal sulcus"][0] < place["cingulate sulcus"][0]
@@ -100,8 +102,10 @@ def test_curves_lie_where_anatomy_has_them():
 
 def test_curves_follow_the_courses_on_the_template():
     names = list(SULCI)
-    centre = {seed: np.stack([subject(seed).template[subject(seed).curves[name]].mean(axis=0) for name in names])
-              for seed in (1, 2)}
+    centre = {
+        seed: np.stack([subject(seed).template[subject(seed).curves[name]].mean(axis=0) for name in names])
+        for seed in (1, 2)
+    }
     apart = np.linalg.norm(centre[1][:, None] - centre[2][None], axis=2)
     assert (apart.argmin(axis=1) == np.arange(len(names))).all()
 
@@ -247,8 +251,21 @@ def _grow_sphere(growth, steps=300):
     settings = np.array([steps, 0.2, 0.25, 0.0, 0.2, 0.005, 0.3, 0.5 * length.mean(), 3.0, 10, 1.0, 0.4, 0.0])
     field = hull_distance(lambda u: np.full(len(u), 0.5))
     clock = np.zeros(2, dtype=np.int64)
-    x = grow(rest.copy(), rest, mesh.vertices, start, index, length, np.zeros(len(rest), bool),
-             np.full(len(index), growth), np.full(len(rest), 0.01), np.zeros(len(rest)), *field, settings, clock)
+    x = grow(
+        rest.copy(),
+        rest,
+        mesh.vertices,
+        start,
+        index,
+        length,
+        np.zeros(len(rest), bool),
+        np.full(len(index), growth),
+        np.full(len(rest), 0.01),
+        np.zeros(len(rest)),
+        *field,
+        settings,
+        clock,
+    )
     assert (clock == [steps - 1, steps]).all()
     return rest, x, depth_below(x, *field)
 
@@ -261,8 +278,10 @@ def test_without_growth_the_shell_rests():
 def test_growth_buckles_the_shell_inward_below_its_hull():
     rest, x, depth = _grow_sphere(1.5)
     faces = sphere().faces
-    area = [np.linalg.norm(np.cross(p[faces[:, 1]] - p[faces[:, 0]], p[faces[:, 2]] - p[faces[:, 0]]), axis=1).sum()
-            for p in (rest, x)]
+    area = [
+        np.linalg.norm(np.cross(p[faces[:, 1]] - p[faces[:, 0]], p[faces[:, 2]] - p[faces[:, 0]]), axis=1).sum()
+        for p in (rest, x)
+    ]
     assert area[1] > 1.4 * area[0]
     assert depth.max() > 0.08 and depth.min() > -0.06
 

@@ -99,8 +99,10 @@ def test_the_response_is_the_derivative_of_the_exact_map(grid, born):
     mu = bounded(grid.on_faces(grid.field(c))).to(torch.complex128)
     moved = solver.solve(mu, 1e-9) - torch.from_numpy(solver.z)
     J = torch.einsum("bmkn,bn->bmk", born.jacobian(places).conj(), c).real
-    for linear, exact, at in ((torch.complex(J[..., 0], J[..., 1]), grid.sample(moved, places), points),
-                              (born.moved(c).flatten(1), moved[:, 1:], grid.z.flatten()[None])):
+    for linear, exact, at in (
+        (torch.complex(J[..., 0], J[..., 1]), grid.sample(moved, places), points),
+        (born.moved(c).flatten(1), moved[:, 1:], grid.z.flatten()[None]),
+    ):
         columns = mobius_columns(at.to(torch.complex128))
         columns = torch.view_as_real(columns).mT.flatten(1, 2)
         one, two = (torch.view_as_real(x.to(torch.complex128)).flatten(1)[..., None] for x in (linear, exact))
@@ -126,9 +128,11 @@ def test_the_born_step_is_the_first_step_of_the_fit(net, landmarks):
 def test_fit_mobius_is_best_mobius(landmarks):
     p, _ = landmarks
     for a, theta in ((0.3 - 0.2j, 2.0), (0.6j, -1.0)):
-        q = mobius(p, a, theta) + 0.01 * p ** 2
+        q = mobius(p, a, theta) + 0.01 * p**2
         found = fit_mobius(*tensors(p, q, np.ones(len(p))), steps=8)
-        np.testing.assert_allclose(mobius(p, found[0].item(), found[1].item()), mobius(p, *best_mobius(p, q)), atol=1e-4)
+        np.testing.assert_allclose(
+            mobius(p, found[0].item(), found[1].item()), mobius(p, *best_mobius(p, q)), atol=1e-4
+        )
 
 
 def test_an_untrained_network_is_its_closed_form_steps(net, landmarks):
@@ -138,8 +142,9 @@ def test_an_untrained_network_is_its_closed_form_steps(net, landmarks):
     np.testing.assert_allclose(answers["1 look"], answers["chord step"], atol=1e-5)
     np.testing.assert_array_equal(answers["2 looks"], net.predict(z, faces, *landmarks, 1.0, 0.1, 1e3, looks=2))
     fit = fit_landmarks(z, faces, *landmarks, 1.0, 0.1, 1e3)
-    born, once, twice = (exact_map(z, faces, answers[name], *landmarks).landmark_error
-                         for name in ("Born step", "1 look", "2 looks"))
+    born, once, twice = (
+        exact_map(z, faces, answers[name], *landmarks).landmark_error for name in ("Born step", "1 look", "2 looks")
+    )
     assert twice < 1.1 * fit.landmark_error < 0.5 * abs(landmarks[0] - landmarks[1]).mean()
     assert abs(once - fit.landmark_error) < abs(born - fit.landmark_error)
 
@@ -159,7 +164,7 @@ def test_a_turn_of_the_disk_turns_the_answer(net, landmarks):
     turn = np.exp(2j * np.pi * 5 / 36)  # by whole spokes
     for model in (net, stirred(net)):
         straight, turned = (model.predict(x * z, faces, x * p, x * q, 1.0, 0.1, 1e3) for x in (1, turn))
-        np.testing.assert_allclose(turned, straight * turn ** 2, atol=0.02 * abs(straight).max())
+        np.testing.assert_allclose(turned, straight * turn**2, atol=0.02 * abs(straight).max())
 
 
 def test_absent_landmarks_change_nothing(net, landmarks):
@@ -176,7 +181,9 @@ def test_the_answer_is_a_coefficient_on_any_mesh(net, landmarks):
         mu = model.predict(z, faces, *landmarks)
         assert mu.shape == (len(faces),) and mu.dtype == complex and abs(mu).max() < 1
         np.testing.assert_array_equal(mu, model.predict(z, faces, *landmarks))
-        np.testing.assert_allclose(model.predict(z, faces, *landmarks, 10.0, 0.1, 1e6), mu, atol=1e-5)  # only ratios count
+        np.testing.assert_allclose(
+            model.predict(z, faces, *landmarks, 10.0, 0.1, 1e6), mu, atol=1e-5
+        )  # only ratios count
     for count in (1, 2):
         mu = model.predict(z, faces, *(x[:count] for x in landmarks))
         assert np.isfinite(mu).all()
@@ -205,7 +212,9 @@ def problems(count=3, plain=False):
     t = np.linspace(-1, 1, DATA_POINTS)
     middles = np.array([0.4, -0.35 + 0.3j, -0.1 - 0.45j])
     curves = middles[:, None] + np.array([0.2j, 0.2, 0.15 - 0.15j])[:, None] * t
-    subjects = np.array([curves + 0.05 * (rng.random((3, 1)) - 0.5) * (1 + 1j) + 0.05 * rng.random() * t for _ in range(4)])
+    subjects = np.array(
+        [curves + 0.05 * (rng.random((3, 1)) - 0.5) * (1 + 1j) + 0.05 * rng.random() * t for _ in range(4)]
+    )
     return Pairs(count, 1, subjects, (SMALL.smooth, SMALL.match), plain)
 
 
@@ -225,7 +234,9 @@ def test_one_batch_is_overfitted(tmp_path):
     items = torch.utils.data.TensorDataset(*(torch.stack(column) for column in zip(*problems(2))))
     model.draw = lambda batch, generator, draw=model.draw: draw(batch, None)  # the same problems at every step
     before = model.loss(items.tensors, None)[0].item()
-    row = train(model, items, items, TrainConfig(steps=8, batch=2, rate=3e-3, warmup=1, validate_every=8), tmp_path, False)
+    row = train(
+        model, items, items, TrainConfig(steps=8, batch=2, rate=3e-3, warmup=1, validate_every=8), tmp_path, False
+    )
     assert row["validation_loss"] < before - 0.01
 
 
@@ -307,7 +318,7 @@ def test_the_papers_examples_have_one_control():
 def test_the_shipped_network_is_better_than_its_linear_start():
     net, t = load("cpnet"), np.linspace(-1, 1, 10)
     p = np.concatenate([0.4 + 0.25j * t, -0.3 - 0.1j + 0.25 * t, 0.35j + 0.2 * t])
-    q = p * np.exp(0.5j * (1 - abs(p) ** 2)) + 0.05j * p ** 2
+    q = p * np.exp(0.5j * (1 - abs(p) ** 2)) + 0.05j * p**2
     z, faces = polar_disk(32, 96, 1.4)
     answers, losses = net.answers(z, faces, p, q, 1.0, 0.1, 1e4, looks=1), {}
     for name, mu in answers.items():

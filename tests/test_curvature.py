@@ -68,7 +68,7 @@ def test_curvature_survives_the_rim_and_slivers():
     points = np.concatenate([vertices, np.tensordot([0.5 - 1e-9, 0.5 - 1e-9, 2e-9], vertices[split], (0, 1))])
     parts = [np.stack(corners, 1) for corners in ((a, b, new), (b, c, new), (c, a, new))]
     curvature = mean_curvature(Surface(points, np.concatenate([np.delete(faces, np.s_[::10], 0), *parts])))
-    assert -1e-3 < curvature.min() and curvature.max() < 4 and np.median(curvature) == pytest.approx(1, abs=0.05)
+    assert curvature.min() > -1e-3 and curvature.max() < 4 and np.median(curvature) == pytest.approx(1, abs=0.05)
 
 
 def test_curvature_without_inner_vertex_is_refused():
@@ -137,14 +137,14 @@ def test_image_has_its_axes_right(crowded):
     centres = pixel_centres(32)
     assert centres[0, 0] == (-1 - 1j) * 31 / 32 and centres[0, 1].real > centres[0, 0].real
     for part in (np.real, np.imag):
-        image, radius = curvature_image(surface, z, 32, values=part(w))
+        image, _radius = curvature_image(surface, z, 32, values=part(w))
         assert (np.isnan(image) == (abs(centres) > 1)).all()
         inside = ~np.isnan(image)
         np.testing.assert_allclose(image[inside], part(centres)[inside], atol=0.015)
 
 
 def test_area_under_pixels(crowded):
-    surface, w, z = crowded
+    surface, _w, z = crowded
     areas = area_under_pixels(surface, z, area_radius(surface, z), 16)
     assert areas.sum() == pytest.approx(surface.area, rel=1e-12)
     inside = abs(pixel_centres(16)) < 1 - 2 / 16

@@ -32,8 +32,11 @@ def subjects():
 
 @pytest.fixture(scope="module")
 def datasets(subjects):
-    return {"coefficients": CoefficientDataset(6, 5, **SMALL), "landmarks": LandmarkDataset(6, 5, TARGETS, **SMALL),
-            "curves": CurveDataset(6, 5, subjects, size=32)}
+    return {
+        "coefficients": CoefficientDataset(6, 5, **SMALL),
+        "landmarks": LandmarkDataset(6, 5, TARGETS, **SMALL),
+        "curves": CurveDataset(6, 5, subjects, size=32),
+    }
 
 
 each = pytest.mark.parametrize("name", ["coefficients", "landmarks", "curves"])
@@ -56,8 +59,11 @@ def test_an_item_is_its_indexs_alone(datasets, name):
 
 @each
 def test_another_seed_gives_other_items(datasets, name, subjects):
-    other = {"coefficients": lambda: CoefficientDataset(6, 6, **SMALL), "curves": lambda: CurveDataset(6, 6, subjects, 32),
-             "landmarks": lambda: LandmarkDataset(6, 6, TARGETS, **SMALL)}[name]()
+    other = {
+        "coefficients": lambda: CoefficientDataset(6, 6, **SMALL),
+        "curves": lambda: CurveDataset(6, 6, subjects, 32),
+        "landmarks": lambda: LandmarkDataset(6, 6, TARGETS, **SMALL),
+    }[name]()
     assert not same(other[0], datasets[name][0])
     assert not same(other[0], datasets[name][1])  # the seed is no offset of the index
 
@@ -126,7 +132,10 @@ def test_a_folder_of_images_feeds_the_training_sets(tmp_path):
     for name in "ab":
         io.imsave(tmp_path / f"{name}.png", rng.integers(0, 256, (40, 40)).astype(np.uint8))
     source = ImageFolder(tmp_path)
-    for dataset in (CoefficientDataset(8, 1, source=source, **SMALL), LandmarkDataset(8, 1, TARGETS, source=source, **SMALL)):
+    for dataset in (
+        CoefficientDataset(8, 1, source=source, **SMALL),
+        LandmarkDataset(8, 1, TARGETS, source=source, **SMALL),
+    ):
         assert all(torch.isfinite(part).all() for item in dataset for part in item)
     leaves = CoefficientDataset(8, 1, **SMALL)
     differ = [not same(a, b) for a, b in zip(CoefficientDataset(8, 1, source=source, **SMALL), leaves, strict=True)]
@@ -159,7 +168,7 @@ def test_curves_lie_in_the_dark_of_their_image(subjects):
 def test_an_undistorted_item_is_the_subjects_own_image_turned(subjects):
     dataset = CurveDataset(3, 4, subjects[:1], size=32, max_abs=(0.0, 0.0))
     surface, grey, maps, _ = dataset.subjects[0]
-    for image, ends, curves in dataset:
+    for image, _ends, curves in dataset:
         flat = maps.solve(np.zeros(len(surface.faces)))
         own_image, radius = curvature_image(surface, flat, 32, grey)
         own = np.stack([radius.to_image(sample_curve(surface, surface.curves[name]) @ flat) for name in dataset.names])
@@ -198,18 +207,24 @@ def test_the_order_of_the_curves_is_that_of_the_names(subjects):
     assert all(same(a, b) for a, b in zip(one, other, strict=True))
 
 
-@pytest.mark.parametrize("make, message", [
-    (lambda subjects: CoefficientDataset(0, 1), "count is 0; give a whole number from 1"),
-    (lambda subjects: CoefficientDataset(2.5, 1), "count is 2.5"),
-    (lambda subjects: CoefficientDataset(3, -1), "seed is -1"),
-    (lambda subjects: LandmarkDataset(3, 1, []), "targets"),
-    (lambda subjects: LandmarkDataset(3, 1, [0.5, 1.5j]), "targets: .*unit disk"),
-    (lambda subjects: LandmarkDataset(3, 1, [0.5, np.nan]), "targets"),
-    (lambda subjects: CurveDataset(3, 1, []), "subjects: give at least one"),
-    (lambda subjects: CurveDataset(3, 1, subjects, names=["central sulcus", "silver sulcus"]), "silver sulcus.*central"),
-    (lambda subjects: CurveDataset(3, 1, [subjects[0], without_curves(subjects[1])]), "same named curves"),
-    (lambda subjects: CurveDataset(3, 1, [without_curves(subjects[1])]), "named curves"),
-])
+@pytest.mark.parametrize(
+    "make, message",
+    [
+        (lambda subjects: CoefficientDataset(0, 1), "count is 0; give a whole number from 1"),
+        (lambda subjects: CoefficientDataset(2.5, 1), "count is 2.5"),
+        (lambda subjects: CoefficientDataset(3, -1), "seed is -1"),
+        (lambda subjects: LandmarkDataset(3, 1, []), "targets"),
+        (lambda subjects: LandmarkDataset(3, 1, [0.5, 1.5j]), "targets: .*unit disk"),
+        (lambda subjects: LandmarkDataset(3, 1, [0.5, np.nan]), "targets"),
+        (lambda subjects: CurveDataset(3, 1, []), "subjects: give at least one"),
+        (
+            lambda subjects: CurveDataset(3, 1, subjects, names=["central sulcus", "silver sulcus"]),
+            "silver sulcus.*central",
+        ),
+        (lambda subjects: CurveDataset(3, 1, [subjects[0], without_curves(subjects[1])]), "same named curves"),
+        (lambda subjects: CurveDataset(3, 1, [without_curves(subjects[1])]), "named curves"),
+    ],
+)
 def test_impossible_sets(subjects, make, message):
     with pytest.raises(DatasetError, match=message):
         make(subjects)
@@ -270,7 +285,7 @@ def test_a_damaged_file_is_drawn_again_with_a_warning(tmp_path, damage):
     whole = path.read_bytes()
     if damage == "flipped bit":
         middle = len(whole) // 2
-        path.write_bytes(whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1:])
+        path.write_bytes(whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1 :])
     elif damage == "another archive":
         np.savez(path, vertices=np.zeros(3))
     else:
@@ -294,8 +309,9 @@ def test_a_wrong_number_under_a_right_archive_is_found(tmp_path):
         keep(counted(), path)
 
 
-@pytest.mark.parametrize("change", [
-    {"count": 6}, {"seed": 4}, {"rings": 3, "spokes": 16}, {"max_abs": (0.05, 0.61)}, {"source": np.ones}])
+@pytest.mark.parametrize(
+    "change", [{"count": 6}, {"seed": 4}, {"rings": 3, "spokes": 16}, {"max_abs": (0.05, 0.61)}, {"source": np.ones}]
+)
 def test_another_recipe_is_drawn_again(tmp_path, change):
     """Three rings of sixteen have as many vertices as four of twelve."""
     path = tmp_path / "set.npz"
@@ -316,9 +332,13 @@ def test_recipes_see_targets_subjects_and_pictures(subjects, tmp_path):
 
     first, second = subjects
     surface = first.surface
-    shorter = type(surface)(surface.vertices, surface.faces, surface.curves | {"calcarine sulcus": surface.curves["calcarine sulcus"][:-1]})
-    recipes = [CurveDataset(2, 1, [subject]).recipe for subject in (
-        first, second, type(first)(shorter, first.template, first.seed, first.hemisphere))]
+    shorter = type(surface)(
+        surface.vertices, surface.faces, surface.curves | {"calcarine sulcus": surface.curves["calcarine sulcus"][:-1]}
+    )
+    recipes = [
+        CurveDataset(2, 1, [subject]).recipe
+        for subject in (first, second, type(first)(shorter, first.template, first.seed, first.hemisphere))
+    ]
     assert len(set(recipes)) == 3 and CurveDataset(2, 1, [first], points=9).recipe not in recipes
 
     pictures = []

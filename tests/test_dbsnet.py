@@ -27,8 +27,10 @@ from qclearn.surface import SurfaceError
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
-SMALL = {"best": (BestDBSNet, BestDBSNetConfig(rings=8, spokes=16, channels=(8, 16), blocks=1)),
-         "paper": (PaperDBSNet, PaperDBSNetConfig(size=8, frequencies=2))}
+SMALL = {
+    "best": (BestDBSNet, BestDBSNetConfig(rings=8, spokes=16, channels=(8, 16), blocks=1)),
+    "paper": (PaperDBSNet, PaperDBSNetConfig(size=8, frequencies=2)),
+}
 
 
 def network(preset):
@@ -52,8 +54,11 @@ def batch(net, count=4, largest=0.5):
 
 # By construction.
 
+
 @pytest.mark.parametrize("preset", SMALL)
-@pytest.mark.parametrize("mesh", [polar_disk(8, 16), square_disk(10), random_disk(3, 40)], ids=["own", "square", "random"])
+@pytest.mark.parametrize(
+    "mesh", [polar_disk(8, 16), square_disk(10), random_disk(3, 40)], ids=["own", "square", "random"]
+)
 def test_solve_keeps_the_circle_and_the_fixed_points_on_any_mesh(preset, mesh):
     z, faces = mesh
     net, mu = network(preset), random_mu(np.random.default_rng(1), z, faces, 0.6)
@@ -117,8 +122,9 @@ def test_fourier_layer_starts_as_the_truncated_transform():
 def test_poisson_matrix_extends_harmonically():
     angle = 2 * np.pi * np.arange(64) / 64
     z = np.array([0, 0.5, 0.3j, -0.6 + 0.2j])
-    np.testing.assert_allclose(np.cos(3 * angle + 1) @ poisson_matrix(z, np.exp(1j * angle)),
-                               (z ** 3 * np.exp(1j)).real, atol=1e-6)
+    np.testing.assert_allclose(
+        np.cos(3 * angle + 1) @ poisson_matrix(z, np.exp(1j * angle)), (z**3 * np.exp(1j)).real, atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("changes", [{"shortcut": False}, {"carry": False}])
@@ -130,6 +136,7 @@ def test_paper_runs_without_its_options(changes):
 
 
 # Against the exact solver.
+
 
 def test_start_is_of_second_order():
     """Halving mu divides the errors of the two approximations by 4 and by 8."""
@@ -194,7 +201,7 @@ def test_derivative_error_is_one_where_a_face_may_fold():
     (e_z, e_zbar), (f_z, f_zbar) = (wirtinger(z, faces, x[0].numpy()) for x in (f - exact, exact))
     d = (abs(e_z) + abs(e_zbar)) / np.maximum(abs(f_z) - abs(f_zbar), 0.05)
     size, excess = derivative_error(net.full(f), net.full(exact), net.full_z())
-    assert size.item() == pytest.approx(np.sqrt(np.mean(d ** 2)), rel=1e-3)
+    assert size.item() == pytest.approx(np.sqrt(np.mean(d**2)), rel=1e-3)
     assert excess.item() == pytest.approx(np.mean(np.maximum(d - 0.5, 0) ** 2), rel=1e-2)
     folded = flipped_faces(faces, f[0].numpy())
     assert len(folded) and (d[folded] >= 1 - 1e-5).all()
@@ -219,6 +226,7 @@ def test_shipped_networks_on_coefficients_they_have_not_seen():
 
 # Bad input.
 
+
 @pytest.mark.parametrize("preset", SMALL)
 @pytest.mark.parametrize("value", [np.nan, 1.0, 2j])
 def test_impossible_coefficients_are_refused(preset, value):
@@ -235,7 +243,7 @@ def test_meshes_that_are_no_disk_are_refused(preset):
     net = network(preset)
     with pytest.raises(SurfaceError, match="off the unit circle"):
         net.solve(2 * z, faces, np.zeros(len(faces), complex))
-    holed = faces[len(faces) // 3:]
+    holed = faces[len(faces) // 3 :]
     with pytest.raises(BeltramiError):
         net.solve(z, holed, np.zeros(len(holed), complex))
     with pytest.raises(BeltramiError):

@@ -20,8 +20,14 @@ def moved_disk(nr, nt, a=0.4 - 0.3j, theta=0.7):
     return mobius(z, a, theta), faces
 
 
-MESHES = {"square": square_disk(12), "polar": polar_disk(6, 18), "turned": moved_disk(6, 18, 0, 1.1),
-          "moved": moved_disk(10, 30), "random": random_disk(seed=4), "random 2": random_disk(seed=5)}
+MESHES = {
+    "square": square_disk(12),
+    "polar": polar_disk(6, 18),
+    "turned": moved_disk(6, 18, 0, 1.1),
+    "moved": moved_disk(10, 30),
+    "random": random_disk(seed=4),
+    "random 2": random_disk(seed=5),
+}
 
 
 @pytest.fixture(params=MESHES, ids=str)
@@ -32,8 +38,11 @@ def mesh(request):
 # Accuracy: largest error over all vertices, as measured when the method was worked out.
 
 MEASURED = {  # square grid 32 and 64, polar 32 x 96 and 64 x 192
-    "radial stretch": (3.8e-4, 1.3e-4, 1.2e-4, 3.1e-5), "twist": (8.6e-4, 2.2e-4, 2.5e-4, 6.3e-5),
-    "sliding": (6.3e-4, 1.8e-4, 7.7e-4, 1.9e-4), "sliding 3": (7.2e-4, 1.8e-4, 1.1e-3, 2.9e-4)}
+    "radial stretch": (3.8e-4, 1.3e-4, 1.2e-4, 3.1e-5),
+    "twist": (8.6e-4, 2.2e-4, 2.5e-4, 6.3e-5),
+    "sliding": (6.3e-4, 1.8e-4, 7.7e-4, 1.9e-4),
+    "sliding 3": (7.2e-4, 1.8e-4, 1.1e-3, 2.9e-4),
+}
 
 
 @pytest.mark.parametrize("exact", DISK_MAPS, ids=lambda exact: exact.name)
@@ -65,8 +74,12 @@ def square_with_ears(n):
     a = row * (n + 1) + column
     b, c, d = a + 1, a + n + 2, a + n + 1
     rising = ((row < n // 2) == (column >= n // 2))[:, None]
-    return z, np.concatenate([np.where(rising, np.stack([a, b, c], 1), np.stack([a, b, d], 1)),
-                              np.where(rising, np.stack([a, c, d], 1), np.stack([b, c, d], 1))])
+    return z, np.concatenate(
+        [
+            np.where(rising, np.stack([a, b, c], 1), np.stack([a, b, d], 1)),
+            np.where(rising, np.stack([a, c, d], 1), np.stack([b, c, d], 1)),
+        ]
+    )
 
 
 @pytest.mark.parametrize("exact", DISK_MAPS, ids=lambda exact: exact.name)
@@ -105,12 +118,21 @@ def test_measured_coefficient_is_the_one_that_went_in():
 
 # Normalisation.
 
+
 def value_at(z, faces, f, point):
     """The piecewise linear f at a point, by a search over all faces (not by `locate`)."""
     a, b, c = z[faces].T
     area = ((b - a).conj() * (c - a)).imag
-    weights = np.stack([((b - point).conj() * (c - point)).imag, ((c - point).conj() * (a - point)).imag,
-                        ((a - point).conj() * (b - point)).imag]) / area
+    weights = (
+        np.stack(
+            [
+                ((b - point).conj() * (c - point)).imag,
+                ((c - point).conj() * (a - point)).imag,
+                ((a - point).conj() * (b - point)).imag,
+            ]
+        )
+        / area
+    )
     face = weights.min(0).argmax()
     return weights[:, face] @ f[faces[face]]
 
@@ -151,6 +173,7 @@ def test_identity_is_exact_on_the_boundary_of_a_polar_mesh():
 
 # Symmetries.
 
+
 @pytest.mark.parametrize("phi", [0.3, 2.0, -2.9])
 def test_rotation_of_the_source(mesh, phi):
     """f~(z) = f(exp(-i phi) z) up to the rotation that brings 1 to 1; mu turns with exp(2i phi)."""
@@ -178,6 +201,7 @@ def test_vertex_numbering_does_not_matter():
 
 
 # The route through the boundary.
+
 
 def test_fluxes_sum_to_a_turn_and_the_boundary_only_goes_forwards(mesh):
     z, faces = mesh
@@ -221,6 +245,7 @@ def test_boundary_goes_forwards_even_where_0_leaves_the_disk():
 
 
 # The adjoint.
+
 
 def directional(solver, mu, grad_f, change, step=1e-5):
     """Central difference of Re sum conj(grad_f) f(mu) in the direction `change`, of fourth order."""
@@ -303,6 +328,7 @@ def test_gradcheck(name):
 
 # Bad input.
 
+
 @pytest.mark.parametrize("value", [1.0, -1.5j, np.nan, np.inf])
 def test_unusable_coefficient(value):
     z, faces = MESHES["random"]
@@ -330,8 +356,11 @@ def test_mesh_without_interior_vertex():
         BeltramiDiskSolver(np.exp(2j * np.pi * np.arange(3) / 3), np.array([[0, 1, 2]]))
 
 
-@pytest.mark.parametrize("spoil", [lambda z, faces: (z.conj(), faces),
-                                   lambda z, faces: (np.where(z == 0, np.nan, z), faces)], ids=["clockwise", "NaN"])
+@pytest.mark.parametrize(
+    "spoil",
+    [lambda z, faces: (z.conj(), faces), lambda z, faces: (np.where(z == 0, np.nan, z), faces)],
+    ids=["clockwise", "NaN"],
+)
 def test_unusable_source(spoil):
     z, faces = spoil(*polar_disk(4, 12))
     with pytest.raises(BeltramiError, match="not counter-clockwise|z is not finite at vertices"):
@@ -345,6 +374,7 @@ def test_mesh_that_does_not_cover_zero():
 
 
 # Angles.
+
 
 def test_angle_distortion_has_the_angle_of_its_own_corner():
     surface = Surface([[0, 0, 0], [2, 0, 0], [0, 2, 0]], [[1, 2, 0]])

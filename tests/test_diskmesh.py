@@ -8,8 +8,14 @@ from qclearn.beltrami import signed_areas
 from qclearn.diskmesh import INSET, boundary_loop, disk_to_square, locate, polar_disk, square_disk, square_to_disk
 from qclearn.mobius import mobius
 
-MESHES = {"square 2": square_disk(2), "square 16": square_disk(16), "polar 1 x 3": polar_disk(1, 3),
-          "polar 8 x 24": polar_disk(8, 24), "graded": polar_disk(8, 24, 1.5), "random": random_disk(seed=3)}
+MESHES = {
+    "square 2": square_disk(2),
+    "square 16": square_disk(16),
+    "polar 1 x 3": polar_disk(1, 3),
+    "polar 8 x 24": polar_disk(8, 24),
+    "graded": polar_disk(8, 24, 1.5),
+    "random": random_disk(seed=3),
+}
 
 
 @pytest.fixture(params=MESHES, ids=str)
@@ -143,8 +149,11 @@ def test_locate_moves_points_beyond_a_chord_radially_onto_it(mesh):
     found = (barycentric * z[faces[face]]).sum(1)
     np.testing.assert_allclose(np.angle(found / points), 0, atol=1e-13)
     loop = set(boundary_loop(faces).tolist())
-    on_rim = [(barycentric[k] > 1e-12).sum() <= 2 and {int(v) for v, b in zip(faces[face[k]], barycentric[k])
-                                                        if b > 1e-12} <= loop for k in range(400)]
+    on_rim = [
+        (barycentric[k] > 1e-12).sum() <= 2
+        and {int(v) for v, b in zip(faces[face[k]], barycentric[k]) if b > 1e-12} <= loop
+        for k in range(400)
+    ]
     assert all(on_rim)
 
 

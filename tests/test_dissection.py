@@ -19,8 +19,10 @@ def test_it_is_a_permutation_with_fewer_entries_in_the_factors_than_the_order_of
     inner = np.setdiff1d(np.arange(len(z)), loop)
     np.testing.assert_array_equal(np.sort(order), inner)
     shuffled = np.random.default_rng(0).permutation(inner)
-    entries = [problem.factors.L.nnz for problem in (Dirichlet(matrix, loop, order), Dirichlet(matrix, loop),
-                                                     Dirichlet(matrix, loop, shuffled))]
+    entries = [
+        problem.factors.L.nnz
+        for problem in (Dirichlet(matrix, loop, order), Dirichlet(matrix, loop), Dirichlet(matrix, loop, shuffled))
+    ]
     assert entries[0] < 1.4 * entries[1] and entries[0] < 0.3 * entries[2]
 
 

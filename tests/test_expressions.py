@@ -42,8 +42,9 @@ def test_answers_are_stored_where_jupyterlab_reads_them():
 
 
 def test_a_failing_expression_is_named_with_its_cell():
-    notebook = executed(new_code_cell("1"), new_markdown_cell("{eval}`num.count`", id="prose"),
-                        answers=[[FAILURE]], end=[result("1")])
+    notebook = executed(
+        new_code_cell("1"), new_markdown_cell("{eval}`num.count`", id="prose"), answers=[[FAILURE]], end=[result("1")]
+    )
     [line] = expressions.store(notebook)
     assert line.startswith("cell 2 (prose): ") and "num.count" in line and "AttributeError" in line
 

@@ -126,8 +126,10 @@ def right_half(size, rng):
 
 def test_no_direction_is_preferred():
     """Both parts from one picture: without the turn, mu would point along one diagonal."""
-    at_zero = [random_coefficient(*MESH, np.random.default_rng(s), kind="image", size=24, source=right_half)[0]
-               for s in range(150)]
+    at_zero = [
+        random_coefficient(*MESH, np.random.default_rng(s), kind="image", size=24, source=right_half)[0]
+        for s in range(150)
+    ]
     assert stats.kstest(np.angle(at_zero), stats.uniform(-np.pi, 2 * np.pi).cdf).pvalue > 0.01
 
 
@@ -147,10 +149,15 @@ def test_the_generator_decides_everything():
     assert abs(draws[0] - draws[2]).mean() > 0.01
 
 
-@pytest.mark.parametrize("options, message", [
-    ({"kind": "photo"}, "unknown kind 'photo'; there are image, smooth"),
-    ({"max_abs": (0.2, 1.0)}, "within"), ({"max_abs": (0.5, 0.2)}, "within"), ({"max_abs": (-0.1, 0.2)}, "within"),
-])
+@pytest.mark.parametrize(
+    "options, message",
+    [
+        ({"kind": "photo"}, "unknown kind 'photo'; there are image, smooth"),
+        ({"max_abs": (0.2, 1.0)}, "within"),
+        ({"max_abs": (0.5, 0.2)}, "within"),
+        ({"max_abs": (-0.1, 0.2)}, "within"),
+    ],
+)
 def test_impossible_fields(options, message):
     with pytest.raises(ValueError, match=message):
         random_coefficient(*MESH, np.random.default_rng(0), **options)
@@ -171,11 +178,17 @@ def test_a_part_keeps_the_proportions_and_the_orientation(tmp_path):
     for seed in range(10):
         part = ImageFolder(tmp_path)(20, np.random.default_rng(seed))
         down, right = (np.diff(part, axis=axis)[3:-3, 3:-3].mean() for axis in (0, 1))
-        assert down == pytest.approx(right, rel=0.05) and 0.5 * 60 / 20 <= down * 255 * 1.05 and down * 255 <= 60 / 20 * 1.05
+        assert (
+            down == pytest.approx(right, rel=0.05)
+            and down * 255 * 1.05 >= 0.5 * 60 / 20
+            and down * 255 <= 60 / 20 * 1.05
+        )
 
 
 def test_the_papers_recipe_over_a_folder(folder):
-    mu = [random_coefficient(*MESH, np.random.default_rng(s), kind="image", source=ImageFolder(folder)) for s in (1, 1, 2)]
+    mu = [
+        random_coefficient(*MESH, np.random.default_rng(s), kind="image", source=ImageFolder(folder)) for s in (1, 1, 2)
+    ]
     assert np.array_equal(mu[0], mu[1]) and abs(mu[0] - mu[2]).max() > 0.05
     assert np.isfinite(mu[0]).all() and MAX_ABS[0] <= abs(mu[0]).max() <= MAX_ABS[1]
     f = solve_beltrami_disk(*MESH, mu[0])
@@ -185,8 +198,11 @@ def test_the_papers_recipe_over_a_folder(folder):
 @pytest.mark.parametrize("channels", [2, 4])
 def test_opacity_is_no_part_of_the_picture(tmp_path, channels):
     grey = photograph(30, 30, 4, 1)
-    io.imsave(tmp_path / "opaque.png", np.concatenate([grey.repeat(channels - 1, 2), np.full((30, 30, 1), 7, np.uint8)], 2),
-              check_contrast=False)
+    io.imsave(
+        tmp_path / "opaque.png",
+        np.concatenate([grey.repeat(channels - 1, 2), np.full((30, 30, 1), 7, np.uint8)], 2),
+        check_contrast=False,
+    )
     plain = tmp_path / "plain"
     plain.mkdir()
     io.imsave(plain / "grey.png", grey[..., 0])

@@ -54,7 +54,10 @@ def test_npz_keeps_the_original_vertex_numbers(tmp_path, tent):
     with np.load(tmp_path / "a.npz") as file:
         assert file["original_vertices"].tolist() == [9, 8, 7, 5, 2]
     again = read_surface(tmp_path / "a.npz")
-    assert again.original_vertices.tolist() == [9, 8, 7, 5, 2] and read_surface(tmp_path / "a.gii").original_vertices is None
+    assert (
+        again.original_vertices.tolist() == [9, 8, 7, 5, 2]
+        and read_surface(tmp_path / "a.gii").original_vertices is None
+    )
     write_surface(tmp_path / "b.npz", again)
     assert read_surface(tmp_path / "b.npz").original_vertices.tolist() == [9, 8, 7, 5, 2]
 
@@ -246,14 +249,22 @@ def test_freesurfer_counts_are_checked_before_they_are_believed(tmp_path, tent):
     data = (tmp_path / "lh.pial").read_bytes()
     place = data.index(b"\n\n") + 2
     for counts in (b"\x7f\xff\xff\xff\0\0\0\4", b"\0\0\0\5\x7f\xff\xff\xff", b"\xff\xff\xff\xff\0\0\0\4"):
-        (tmp_path / "lh.pial").write_bytes(data[:place] + counts + data[place + 8:])
+        (tmp_path / "lh.pial").write_bytes(data[:place] + counts + data[place + 8 :])
         refused(tmp_path / "lh.pial", "records are announced")
 
 
 def test_vtks_reader_has_limits_of_memory_and_time(tmp_path, tent, monkeypatch):
     write_surface(tmp_path / "a.vtk", tent)
-    lines = ("# vtk DataFile Version 3.0", "x", "ASCII", "DATASET POLYDATA", "POINTS 3 float", "0 0 0 1 0 0 0 1 0",
-             "POLYGONS 400000000 1600000000", "3 0 1 2")
+    lines = (
+        "# vtk DataFile Version 3.0",
+        "x",
+        "ASCII",
+        "DATASET POLYDATA",
+        "POINTS 3 float",
+        "0 0 0 1 0 0 0 1 0",
+        "POLYGONS 400000000 1600000000",
+        "3 0 1 2",
+    )
     refused(store(tmp_path / "b.vtk", *lines), "VTK")
     peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
     assert peak < 900  # MB, of all children so far; without the limit 1600
@@ -435,7 +446,12 @@ def test_labels_of_another_surface_or_cut_short_are_refused(tmp_path, tent):
     refused(label(path, [1], announced=2), "2 vertex records", "1 are there", read=read_mask, surface=tent)
     refused(label(path, [1, 2], announced=1), "1 vertex records", "2 are there", read=read_mask, surface=tent)
     refused(store(path, "#!ascii label"), "not a readable FreeSurfer label", read=read_mask, surface=tent)
-    refused(store(path, "#!ascii label", "1", "1.7 0 0 0 0"), "not a readable FreeSurfer label", read=read_mask, surface=tent)
+    refused(
+        store(path, "#!ascii label", "1", "1.7 0 0 0 0"),
+        "not a readable FreeSurfer label",
+        read=read_mask,
+        surface=tent,
+    )
 
 
 @pytest.mark.parametrize("name", [*VALUES, "a.label"])

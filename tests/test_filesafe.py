@@ -103,9 +103,11 @@ def test_what_a_library_or_bad_numbers_raise_is_bad_input():
 def test_killed_runs_leave_nothing_for_long(tmp_path):
     """A process that is killed while it writes leaves a file and a folder; the next write takes them away, and nothing
     that belongs to a running process, to another machine or to others."""
-    code = ("import os, sys; from pathlib import Path; from qclearn.filesafe import own_prefix, write_whole\n"
-            "os.makedirs(sys.argv[1] + '/' + own_prefix() + 'abcdefgh/inner')\n"
-            "write_whole(Path(sys.argv[1], 'v.npy'), lambda place: os.kill(os.getpid(), 9))")
+    code = (
+        "import os, sys; from pathlib import Path; from qclearn.filesafe import own_prefix, write_whole\n"
+        "os.makedirs(sys.argv[1] + '/' + own_prefix() + 'abcdefgh/inner')\n"
+        "write_whole(Path(sys.argv[1], 'v.npy'), lambda place: os.kill(os.getpid(), 9))"
+    )
     killed = subprocess.run([sys.executable, "-c", code, tmp_path], check=False)
     assert killed.returncode == -9 and len(list(tmp_path.iterdir())) == 2
     own = tmp_path / f"{own_prefix()}abcdefgh"
@@ -124,8 +126,11 @@ def test_a_full_disk_says_what_is_needed_and_missing(tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr("shutil.disk_usage", lambda folder: SimpleNamespace(free=500_000))
-    with pytest.raises(SurfaceError, match=r"x.npz: the disk is full .*No space left.*about 3.00 MB are needed, 0.50 MB are free, "
-                                           "2.50 MB are missing; make room"):
+    with pytest.raises(
+        SurfaceError,
+        match=r"x.npz: the disk is full .*No space left.*about 3.00 MB are needed, 0.50 MB are free, "
+        "2.50 MB are missing; make room",
+    ):
         write_whole(tmp_path / "x.npz", full, size=3_000_000)
     with pytest.raises(SurfaceError, match="2.00 MB were written and more is needed"):
         write_whole(tmp_path / "x.npz", full)

@@ -35,8 +35,11 @@ def smooth_problem(seed, count=60):
     """Landmarks (count,) and their images under a smooth random map of the disk with a Möbius part."""
     rng = np.random.default_rng(seed)
     z, faces = polar_disk(48, 144)
-    f = mobius(solve_beltrami_disk(z, faces, random_mu(rng, z, faces, 0.45)), 0.08 * complex_normal(rng)[()],
-               0.15 * rng.normal())
+    f = mobius(
+        solve_beltrami_disk(z, faces, random_mu(rng, z, faces, 0.45)),
+        0.08 * complex_normal(rng)[()],
+        0.15 * rng.normal(),
+    )
     p = np.sqrt(rng.uniform(0, 0.8, count)) * np.exp(2j * np.pi * rng.uniform(size=count))
     return p, sampling_matrix(z, faces, p) @ f
 
@@ -145,23 +148,23 @@ def test_the_dual_step_is_the_gauss_newton_step(sliding):
 
     def at(x):
         moved = compose_mobius(parameters, (complex(x[2 * n], x[2 * n + 1]), x[2 * n + 2]))
-        return residual(newton, forward, nu + x[:n] + 1j * x[n:2 * n], moved, gamma)
+        return residual(newton, forward, nu + x[:n] + 1j * x[n : 2 * n], moved, gamma)
 
     J = np.stack([(at(step * unit) - at(-step * unit)) / (2 * step) for unit in np.eye(2 * n + 3)], axis=1)
     W = newton.W.toarray()
     prior = np.zeros((2 * n + 3, 2 * n + 3))
-    prior[:n, :n] = prior[n:2 * n, n:2 * n] = W
-    prior[2 * n:, 2 * n:] = MOBIUS_PRIOR * np.eye(3)
+    prior[:n, :n] = prior[n : 2 * n, n : 2 * n] = W
+    prior[2 * n :, 2 * n :] = MOBIUS_PRIOR * np.eye(3)
     pull = np.concatenate([W @ nu.real, W @ nu.imag, np.zeros(3)]) + J.T @ at(np.zeros(2 * n + 3))
     expected = -np.linalg.solve(J.T @ J + prior, pull)
 
     take = newton.prepare(nu, forward, parameters, gamma)
     change, da, dtheta, promised = take(nu, forward.points)
     scale = abs(expected).max()
-    np.testing.assert_allclose(change, expected[:n] + 1j * expected[n:2 * n], atol=1e-5 * scale)
-    np.testing.assert_allclose([da.real, da.imag, dtheta], expected[2 * n:], atol=1e-5 * scale)
+    np.testing.assert_allclose(change, expected[:n] + 1j * expected[n : 2 * n], atol=1e-5 * scale)
+    np.testing.assert_allclose([da.real, da.imag, dtheta], expected[2 * n :], atol=1e-5 * scale)
     model = at(np.zeros(2 * n + 3)) + J @ expected
-    least = newton.prior(nu + change) + model @ model + MOBIUS_PRIOR * (expected[2 * n:] ** 2).sum()
+    least = newton.prior(nu + change) + model @ model + MOBIUS_PRIOR * (expected[2 * n :] ** 2).sum()
     assert promised == pytest.approx(least, rel=1e-5)
 
 
@@ -250,8 +253,10 @@ def test_gamma_buys_landmarks_with_distortion():
 @pytest.mark.parametrize("weight, loss", [("alpha", "L_mu"), ("beta", "L_grad_mu")])
 def test_alpha_and_beta_lower_their_own_term(weight, loss):
     weights = {"alpha": 1.0, "beta": 1e-2, "gamma": 1e3}
-    usual, strict = (fit_landmarks(*SMALL, *smooth_problem(3, 30), **weights | {weight: factor * weights[weight]})
-                     for factor in (1, 100))
+    usual, strict = (
+        fit_landmarks(*SMALL, *smooth_problem(3, 30), **weights | {weight: factor * weights[weight]})
+        for factor in (1, 100)
+    )
     assert strict.losses[loss] < usual.losses[loss] and strict.landmark_error > usual.landmark_error
 
 
@@ -348,8 +353,10 @@ def test_bad_landmarks_are_refused(landmarks, message):
         fit_landmarks(*SMALL, *landmarks)
 
 
-@pytest.mark.parametrize("weights", [{"alpha": 0}, {"alpha": np.nan}, {"beta": -1}, {"beta": np.inf}, {"gamma": 0},
-                                     {"gamma": -1e5}, {"gamma": np.nan}])
+@pytest.mark.parametrize(
+    "weights",
+    [{"alpha": 0}, {"alpha": np.nan}, {"beta": -1}, {"beta": np.inf}, {"gamma": 0}, {"gamma": -1e5}, {"gamma": np.nan}],
+)
 def test_bad_weights_are_refused(weights):
     with pytest.raises(LandmarkError, match=f"{next(iter(weights))} = .*must be positive and finite"):
         fit_landmarks(*SMALL, GOOD, GOOD, **weights)

@@ -55,16 +55,21 @@ def test_attacks_are_refused_within_bounds(fuzz, sound, tmp_path):
     """Bombs, announced sizes, entities, pickles: in a process with limits, as in the tool."""
     attacks = list(fuzz.crafted(sound, blocks=6))
     assert len(attacks) > 25
-    found = {number: fuzz.guarded(fuzz.write(tmp_path / name, data), 1 << 40) for number, (name, data) in enumerate(attacks)}
+    found = {
+        number: fuzz.guarded(fuzz.write(tmp_path / name, data), 1 << 40) for number, (name, data) in enumerate(attacks)
+    }
     assert {attacks[case][0]: result for case, result in found.items() if result[0] in fuzz.FAULTS} == {}
 
 
 def test_a_planted_bug_is_seen_as_one(fuzz, sound, tmp_path, monkeypatch):
     """The tool would find a reader's own KeyError, and the reader does not call it bad input."""
+
     def buggy(data):
         return {}["vertices"]
 
-    monkeypatch.setitem(importlib.import_module("qclearn.files")._READERS, ".ply", ("PLY file", lambda path, data: buggy(data)))
+    monkeypatch.setitem(
+        importlib.import_module("qclearn.files")._READERS, ".ply", ("PLY file", lambda path, data: buggy(data))
+    )
     path = fuzz.write(tmp_path / "s.ply", sound["s.ply"])
     with pytest.raises(KeyError):
         fuzz.qc.read_surface(path)

@@ -25,12 +25,17 @@ def test_the_hemisphere_is_read_from_a_name_that_says_it(name, side):
 def test_a_surface_names_its_hemisphere_and_coordinate_system(tmp_path):
     surface = Surface(*grid(3, 3))
     space = nibabel.gifti.GiftiCoordSystem("NIFTI_XFORM_SCANNER_ANAT", "NIFTI_XFORM_TALAIRACH", CENTRE)
-    for name, frame, structure in (("lh.a.surf.gii", None, "CortexLeft"), ("a.surf.gii", None, None),
-                                   ("b.surf.gii.gz", Frame("right", space), "CortexRight")):
+    for name, frame, structure in (
+        ("lh.a.surf.gii", None, "CortexLeft"),
+        ("a.surf.gii", None, None),
+        ("b.surf.gii.gz", Frame("right", space), "CortexRight"),
+    ):
         write_surface(tmp_path / name, surface, frame=frame)
         image = nibabel.load(tmp_path / name)
         points = image.get_arrays_from_intent("NIFTI_INTENT_POINTSET")[0]
-        assert points.meta.get("AnatomicalStructurePrimary") == image.meta.get("AnatomicalStructurePrimary") == structure
+        assert (
+            points.meta.get("AnatomicalStructurePrimary") == image.meta.get("AnatomicalStructurePrimary") == structure
+        )
         assert nibabel.nifti1.xform_codes.label[points.coordsys.dataspace] == ("scanner" if frame else "unknown")
     np.testing.assert_array_equal(points.coordsys.xform, CENTRE)
     again = frame_of(tmp_path / "b.surf.gii.gz")
@@ -40,8 +45,17 @@ def test_a_surface_names_its_hemisphere_and_coordinate_system(tmp_path):
 
 
 def test_freesurfers_volume_geometry_is_kept(tmp_path):
-    geometry = {"head": np.array([2, 0, 20]), "valid": "1  # volume info valid", "filename": "orig.mgz", "volume": [256, 256, 256],
-                "voxelsize": [1, 1, 1], "xras": [-1, 0, 0], "yras": [0, 0, -1], "zras": [0, 1, 0], "cras": [10, 20, 30]}
+    geometry = {
+        "head": np.array([2, 0, 20]),
+        "valid": "1  # volume info valid",
+        "filename": "orig.mgz",
+        "volume": [256, 256, 256],
+        "voxelsize": [1, 1, 1],
+        "xras": [-1, 0, 0],
+        "yras": [0, 0, -1],
+        "zras": [0, 1, 0],
+        "cras": [10, 20, 30],
+    }
     vertices, faces = grid(3, 3)
     nibabel.freesurfer.write_geometry(tmp_path / "lh.pial", vertices, faces, volume_info=geometry)
     write_surface(tmp_path / "lh.open", read_surface(tmp_path / "lh.pial"), frame=frame_of(tmp_path / "lh.pial"))
@@ -52,7 +66,9 @@ def test_freesurfers_volume_geometry_is_kept(tmp_path):
 
 def test_labels_keep_their_names_and_colours(tmp_path):
     labels, table = np.array([0, 1, 2, -1, 1]), np.array([[25, 5, 25, 0, 0], [100, 20, 30, 0, 0], [20, 220, 60, 0, 0]])
-    nibabel.freesurfer.write_annot(tmp_path / "lh.aparc.annot", labels, table, ["unknown", "insula", "cuneus"], fill_ctab=True)
+    nibabel.freesurfer.write_annot(
+        tmp_path / "lh.aparc.annot", labels, table, ["unknown", "insula", "cuneus"], fill_ctab=True
+    )
     found = read_values(tmp_path / "lh.aparc.annot")
     np.testing.assert_array_equal(found, labels)
     write_values(tmp_path / "a.label.gii", found, side="left", labels=read_labels(tmp_path / "lh.aparc.annot"))

@@ -33,7 +33,12 @@ def guarded(detect, entries):
 
 
 def test_given_curves_stay_and_good_ones_are_used():
-    entries = [entry("given", spoke(0)), entry("first", spoke(10), True), entry("bent", spoke(20)), entry("last", spoke(30), True)]
+    entries = [
+        entry("given", spoke(0)),
+        entry("first", spoke(10), True),
+        entry("bent", spoke(20)),
+        entry("last", spoke(30), True),
+    ]
     lines, fallbacks = guarded(straight(), entries)
     assert fallbacks == []
     for place, angle in ((0, 0), (2, 20)):
@@ -53,16 +58,19 @@ def test_nothing_is_detected_where_all_is_given():
     assert fallbacks == []
 
 
-@pytest.mark.parametrize("change, fault", [
-    (lambda line: line * np.nan, "leaves the disk"),
-    (lambda line: np.concatenate([line[:1], [1.5j], line[-1:]]), "leaves the disk"),
-    (lambda line: line[:0], "leaves the disk"),
-    (lambda line: line[:1], "leaves the disk"),
-    (lambda line: line[:-1], "misses its endpoints"),
-    (lambda line: line[::-1], "misses its endpoints"),
-    (lambda line: np.concatenate([line[:9], [line[2] + 0.02j, line[2] - 0.02j], line[9:]]), "crosses itself"),
-    (lambda line: np.concatenate([line[:9], [line[9] * 1j], line[9:]]), "crosses or touches 'other'"),
-])
+@pytest.mark.parametrize(
+    "change, fault",
+    [
+        (lambda line: line * np.nan, "leaves the disk"),
+        (lambda line: np.concatenate([line[:1], [1.5j], line[-1:]]), "leaves the disk"),
+        (lambda line: line[:0], "leaves the disk"),
+        (lambda line: line[:1], "leaves the disk"),
+        (lambda line: line[:-1], "misses its endpoints"),
+        (lambda line: line[::-1], "misses its endpoints"),
+        (lambda line: np.concatenate([line[:9], [line[2] + 0.02j, line[2] - 0.02j], line[9:]]), "crosses itself"),
+        (lambda line: np.concatenate([line[:9], [line[9] * 1j], line[9:]]), "crosses or touches 'other'"),
+    ],
+)
 def test_a_curve_that_wanders_is_replaced_by_the_shortest_path(change, fault):
     entries = [entry("other", spoke(5)), entry("wanderer", spoke(0), True)]
     (other, line), fallbacks = guarded(straight(change), entries)
@@ -77,9 +85,11 @@ def test_several_faults_and_of_two_detected_curves_that_cross_both_are_replaced(
     lines, fallbacks = guarded(straight(lambda line: line[: len(line) - (line[0] == Z[spoke(36)[0]])]), entries)
     for line, path in zip(lines, [*crossed, spoke(36)], strict=True):
         np.testing.assert_array_equal(line, detect_curves(BOWL, Z, [path[[0, -1]]])[0])
-    assert fallbacks == ["LD-Net's moving curve 'apart' misses its endpoints: shortest path",
-                         "LD-Net's moving curve 'one' crosses or touches 'two': shortest path",
-                         "LD-Net's moving curve 'two' crosses or touches 'one': shortest path"]
+    assert fallbacks == [
+        "LD-Net's moving curve 'apart' misses its endpoints: shortest path",
+        "LD-Net's moving curve 'one' crosses or touches 'two': shortest path",
+        "LD-Net's moving curve 'two' crosses or touches 'one': shortest path",
+    ]
 
 
 def test_curves_that_meet_in_an_endpoint_do_not_cross():

@@ -10,7 +10,9 @@ CAPTION = ":::{figure}\n:name: fig-a\n\nA caption.\n\n:::\n"
 
 def found(*cells):
     kinds = [new_markdown_cell if "{figure}" in cell or cell == "Text." else new_code_cell for cell in cells]
-    return guards.check(new_notebook(cells=[kind(cell, id=f"c{i}") for i, (kind, cell) in enumerate(zip(kinds, cells), 1)]))
+    return guards.check(
+        new_notebook(cells=[kind(cell, id=f"c{i}") for i, (kind, cell) in enumerate(zip(kinds, cells), 1)])
+    )
 
 
 def test_a_figure_with_its_caption_is_right():
@@ -21,18 +23,22 @@ def test_a_figure_with_a_file_needs_no_cell():
     assert found("1", ":::{figure} _assets/a.svg\n:name: fig-a\n\nA caption.\n\n:::") == []
 
 
-@pytest.mark.parametrize("cells, says", [
-    ([SHOW, "Text."], "cell 2 (c2): it has to open with the caption of the figure 'fig-a'"),
-    ([SHOW], "the figure 'fig-a' has no caption"),
-    ([SHOW, "1", CAPTION], "cell 2 (c2): it has to open with"),
-    ([SHOW, "Text.\n\n" + CAPTION], "cell 2 (c2): it has to open with"),
-    (["1", CAPTION], "cell 2 (c2): the caption 'fig-a' does not stand below its figure"),
-    ([SHOW, CAPTION + CAPTION.replace("fig-a", "fig-b")], "the caption 'fig-b' does not stand below"),
-    ([SHOW, CAPTION.replace("fig-a", "fig-b")], "cell 2 (c2): it has to open with"),
-    ([SHOW + "\nprint(1)", CAPTION], "cell 1 (c1): show_figure(...) has to be its last statement"),
-    ([SHOW.replace('"fig-a"', "name"), CAPTION], "in quotes"),
-    ([SHOW + "\n" + SHOW, CAPTION], "two figures"),
-    ([SHOW, CAPTION, "keep(m=1, n=2)"], "cell 3 (c3): the key 'n' is kept already by cell 1 (c1)")])
+@pytest.mark.parametrize(
+    "cells, says",
+    [
+        ([SHOW, "Text."], "cell 2 (c2): it has to open with the caption of the figure 'fig-a'"),
+        ([SHOW], "the figure 'fig-a' has no caption"),
+        ([SHOW, "1", CAPTION], "cell 2 (c2): it has to open with"),
+        ([SHOW, "Text.\n\n" + CAPTION], "cell 2 (c2): it has to open with"),
+        (["1", CAPTION], "cell 2 (c2): the caption 'fig-a' does not stand below its figure"),
+        ([SHOW, CAPTION + CAPTION.replace("fig-a", "fig-b")], "the caption 'fig-b' does not stand below"),
+        ([SHOW, CAPTION.replace("fig-a", "fig-b")], "cell 2 (c2): it has to open with"),
+        ([SHOW + "\nprint(1)", CAPTION], "cell 1 (c1): show_figure(...) has to be its last statement"),
+        ([SHOW.replace('"fig-a"', "name"), CAPTION], "in quotes"),
+        ([SHOW + "\n" + SHOW, CAPTION], "two figures"),
+        ([SHOW, CAPTION, "keep(m=1, n=2)"], "cell 3 (c3): the key 'n' is kept already by cell 1 (c1)"),
+    ],
+)
 def test_a_mistake_is_named(cells, says):
     assert any(says in line for line in found(*cells)), found(*cells)
 

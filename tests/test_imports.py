@@ -36,7 +36,7 @@ def imports_of(path):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
-            base = list(package[:len(package) - node.level + 1]) if node.level else []
+            base = list(package[: len(package) - node.level + 1]) if node.level else []
             base += node.module.split(".") if node.module else []
             names = [".".join(base), *(".".join([*base, alias.name]) for alias in node.names)]
         else:
@@ -65,7 +65,7 @@ def forbidden(module, name, at_top):
     if belongs(module, NETWORKS):
         return "networks show nothing" if not own and belongs(name, SHOWING) else None
     if belongs(name, NETWORKS):
-        return None if module in CALLERS and not at_top or module in LEAVES else "geometry knows no networks"
+        return None if (module in CALLERS and not at_top) or module in LEAVES else "geometry knows no networks"
     if not own and belongs(name, LEARNING) and module not in DATASETS:
         return "geometry is NumPy and SciPy"
     if not own and belongs(name, SHOWING) and module not in LEAVES:
@@ -73,27 +73,43 @@ def forbidden(module, name, at_top):
     return None
 
 
-@pytest.mark.parametrize("path", [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))],
-                         ids=module_of)
+@pytest.mark.parametrize(
+    "path", [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))], ids=module_of
+)
 def test_imports_point_one_way(path):
     module = module_of(path)
     found = {name: forbidden(module, name, at_top) for name, at_top in imports_of(path)}
     assert {name: reason for name, reason in found.items() if reason} == {}
 
 
-@pytest.mark.parametrize("module, name, at_top", [
-    ("qclearn.disk", "torch", True), ("qclearn.disk", "qclearn.plot", False), ("qclearn.fit", "qclearn.register", True),
-    ("qclearn.register", "qclearn.nets", True), ("qclearn.fourier", "data_synth", True), ("qclearn", "qclearn.nets", True),
-    ("data_synth.cortex", "qclearn.plot", True), ("data_synth.cortex", "torch", True), ("qclearn.nets.train", "data_synth", False),
-])
+@pytest.mark.parametrize(
+    "module, name, at_top",
+    [
+        ("qclearn.disk", "torch", True),
+        ("qclearn.disk", "qclearn.plot", False),
+        ("qclearn.fit", "qclearn.register", True),
+        ("qclearn.register", "qclearn.nets", True),
+        ("qclearn.fourier", "data_synth", True),
+        ("qclearn", "qclearn.nets", True),
+        ("data_synth.cortex", "qclearn.plot", True),
+        ("data_synth.cortex", "torch", True),
+        ("qclearn.nets.train", "data_synth", False),
+    ],
+)
 def test_the_rule_refuses(module, name, at_top):
     assert forbidden(module, name, at_top)
 
 
-@pytest.mark.parametrize("module, name", [
-    ("qclearn.register", "qclearn.nets"), ("qclearn.cli", "data_synth"), ("qclearn.nets.cpnet", "qclearn.disk"),
-    ("data_synth.cortex", "qclearn.surface"), ("qclearn.widgets", "qclearn.plot"),
-])
+@pytest.mark.parametrize(
+    "module, name",
+    [
+        ("qclearn.register", "qclearn.nets"),
+        ("qclearn.cli", "data_synth"),
+        ("qclearn.nets.cpnet", "qclearn.disk"),
+        ("data_synth.cortex", "qclearn.surface"),
+        ("qclearn.widgets", "qclearn.plot"),
+    ],
+)
 def test_the_rule_allows(module, name):
     assert forbidden(module, name, at_top=False) is None
 

@@ -10,9 +10,14 @@ from plain import for_plain_viewers
 from readable import Readable, as_notebook, for_jupyterlab
 from references import Literature, Target
 
-TARGETS = {"eq-here": Target("here", "equation", "(2.1)"), "eq-there": Target("there", "equation", "(3.4)"),
-           "fig-there": Target("there", "figure", "Fig. 3.1"), "thm-there": Target("there", "theorem", "Theorem 3.2"),
-           "ex-here": Target("here", "exercise", "Exercise 2.1"), "erratum-3": Target("errata", "section", "E3 The weight")}
+TARGETS = {
+    "eq-here": Target("here", "equation", "(2.1)"),
+    "eq-there": Target("there", "equation", "(3.4)"),
+    "fig-there": Target("there", "figure", "Fig. 3.1"),
+    "thm-there": Target("there", "theorem", "Theorem 3.2"),
+    "ex-here": Target("here", "exercise", "Exercise 2.1"),
+    "erratum-3": Target("errata", "section", "E3 The weight"),
+}
 
 
 @pytest.fixture(scope="module")
@@ -25,18 +30,27 @@ def lab(literature):
     return Readable("here", TARGETS, literature).text
 
 
-@pytest.mark.parametrize("source, copy", [
-    ("By {eq}`eq-here`.", "By {eq}`eq-here`."),
-    ("By {eq}`eq-there`.", "By [(3.4)](there.ipynb)."),
-    ("By {prf:ref}`the theorem <thm-there>`.", "By [the theorem](there.ipynb)."),
-    ("In {numref}`picture %s <fig-there>` and {numref}`fig-there`.", "In [picture 3.1](there.ipynb) and [Fig. 3.1](there.ipynb)."),
-    ("See [E3](#erratum-3) and [this](#eq-here).", "See [E3](errata.ipynb) and [this](#eq-here)."),
-    ("A {term}`gyrus`, two {term}`sulci <sulcus>`.", "A [gyrus](glossary.ipynb), two [sulci](glossary.ipynb)."),
-    ("{eval}`n` [notes](notation.md)", "{eval}`n` [notes](notation.ipynb)"),
-    ("{cite:t}`guo2023automatic` say", "[Guo *et al.* \\[2023\\]](bibliography.ipynb) say"),
-    ("{cite:p}`guo2023automatic,pinkall1993computing`",
-     "\\[[Guo *et al.*, 2023](bibliography.ipynb), [Pinkall and Polthier, 1993](bibliography.ipynb)\\]"),
-    ("```text\n{eq}`eq-there`\n```", "```text\n{eq}`eq-there`\n```")])
+@pytest.mark.parametrize(
+    "source, copy",
+    [
+        ("By {eq}`eq-here`.", "By {eq}`eq-here`."),
+        ("By {eq}`eq-there`.", "By [(3.4)](there.ipynb)."),
+        ("By {prf:ref}`the theorem <thm-there>`.", "By [the theorem](there.ipynb)."),
+        (
+            "In {numref}`picture %s <fig-there>` and {numref}`fig-there`.",
+            "In [picture 3.1](there.ipynb) and [Fig. 3.1](there.ipynb).",
+        ),
+        ("See [E3](#erratum-3) and [this](#eq-here).", "See [E3](errata.ipynb) and [this](#eq-here)."),
+        ("A {term}`gyrus`, two {term}`sulci <sulcus>`.", "A [gyrus](glossary.ipynb), two [sulci](glossary.ipynb)."),
+        ("{eval}`n` [notes](notation.md)", "{eval}`n` [notes](notation.ipynb)"),
+        ("{cite:t}`guo2023automatic` say", "[Guo *et al.* \\[2023\\]](bibliography.ipynb) say"),
+        (
+            "{cite:p}`guo2023automatic,pinkall1993computing`",
+            "\\[[Guo *et al.*, 2023](bibliography.ipynb), [Pinkall and Polthier, 1993](bibliography.ipynb)\\]",
+        ),
+        ("```text\n{eq}`eq-there`\n```", "```text\n{eq}`eq-there`\n```"),
+    ],
+)
 def test_what_jupyterlab_does_not_know_becomes_text_with_a_link(lab, source, copy):
     assert lab(source) == copy
 
@@ -54,13 +68,19 @@ def test_what_leads_nowhere_is_named(lab, source, says):
 
 def executed():
     value = {"status": "ok", "data": {"text/plain": "'0.5'"}}
-    text = ("# Here\n\n$$ x $$ (eq-here)\n\nFrom {eq}`eq-here`: {eval}`n` by {cite:t}`guo2023automatic`.\n\n"
-            ":::{prf:theorem} Name\n:label: thm-here\n\nText.\n\n:::\n\n:::{exercise} Title\n:label: ex-here\n\nDo.\n\n:::\n\n"
-            ":::{solution} ex-here\n:class: dropdown\n\n```python\nprint(':::')\n```\n\n:::\n")
+    text = (
+        "# Here\n\n$$ x $$ (eq-here)\n\nFrom {eq}`eq-here`: {eval}`n` by {cite:t}`guo2023automatic`.\n\n"
+        ":::{prf:theorem} Name\n:label: thm-here\n\nText.\n\n:::\n\n:::{exercise} Title\n:label: ex-here\n\nDo.\n\n:::\n\n"
+        ":::{solution} ex-here\n:class: dropdown\n\n```python\nprint(':::')\n```\n\n:::\n"
+    )
     caption = ":::{figure}\n:name: fig-here\n\nA caption.\n\n:::\n\nMore."
-    return new_notebook(cells=[
-        new_markdown_cell(text, metadata={"user_expressions": [{"expression": "n", "result": value}]}),
-        new_code_cell("keep(n=1)", metadata={"tags": ["hide-input"]}), new_markdown_cell(caption)])
+    return new_notebook(
+        cells=[
+            new_markdown_cell(text, metadata={"user_expressions": [{"expression": "n", "result": value}]}),
+            new_code_cell("keep(n=1)", metadata={"tags": ["hide-input"]}),
+            new_markdown_cell(caption),
+        ]
+    )
 
 
 def test_the_lab_copy_counts_as_the_book_and_folds_what_is_hidden(literature):

@@ -20,7 +20,10 @@ from qclearn.nets.pictures import stamp, turn
 from qclearn.surface import SurfaceError
 from tests.surfaces import sphere
 
-pytestmark = [pytest.mark.filterwarnings("ignore::qclearn.bijectivity.RepairWarning"), pytest.mark.usefixtures("one_thread")]
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::qclearn.bijectivity.RepairWarning"),
+    pytest.mark.usefixtures("one_thread"),
+]
 SMALL = BestLDNetConfig(size=32, widths=(16, 24, 32))
 PAPER = PaperLDNetConfig(size=32, widths=(16, 16, 16), hidden=64)
 
@@ -62,7 +65,9 @@ def test_symmetries_move_points_with_their_pixels():
     images = stamp(points, torch.ones(64, 5, dtype=torch.bool), 32, 1.0)[:, None]
     turned, moved = turn(images, points, generator)
     torch.testing.assert_close(turned[:, 0], stamp(moved, torch.ones(64, 5, dtype=torch.bool), 32, 1.0))
-    constant = [abs(ratio - ratio.mean(1, keepdim=True)).amax(1) < 1e-3 for ratio in (moved / points, moved / points.conj())]
+    constant = [
+        abs(ratio - ratio.mean(1, keepdim=True)).amax(1) < 1e-3 for ratio in (moved / points, moved / points.conj())
+    ]
     assert (constant[0] ^ constant[1]).all() and 16 < constant[0].sum() < 48  # turns and reflections
     turns = (moved / points)[constant[0]].mean(1)
     assert len(set(np.round(turns.numpy(), 3))) == 4
@@ -74,8 +79,10 @@ def test_some_curves_and_parts_of_curves_are_shown():
     assert (first >= 0).all() and (last <= 36).all() and (last - first >= 9).all()
     assert shown.any(1).all() and 0.2 < shown.all(1).float().mean() < 0.5
     assert 0.1 < ((first > 0) | (last < 36)).float().mean() < 0.3
-    assert all(torch.equal(a[0], b) for a, b in zip(whole(curves), (torch.zeros(8).long(), torch.full((8,), 36),
-                                                                    torch.ones(8, dtype=torch.bool))))
+    assert all(
+        torch.equal(a[0], b)
+        for a, b in zip(whole(curves), (torch.zeros(8).long(), torch.full((8,), 36), torch.ones(8, dtype=torch.bool)))
+    )
 
 
 def test_contrast_keeps_black_white_and_the_order_of_greys():
@@ -227,8 +234,13 @@ def test_the_shipped_weights_find_sulci():
     surface, z = cortex.surface, disk_conformal_map(cortex.surface)
     ends = np.array([path[[0, -1]] for path in cortex.curves.values()])
     detectors = load("ldnet").detect, load("ldnet", "paper").detect, detect_curves
-    truth, *found = (curves_in_space(surface, z, curves) for curves in (
-        [z[path] for path in cortex.curves.values()], *(detect(surface, z, ends) for detect in detectors)))
+    truth, *found = (
+        curves_in_space(surface, z, curves)
+        for curves in (
+            [z[path] for path in cortex.curves.values()],
+            *(detect(surface, z, ends) for detect in detectors),
+        )
+    )
     best, paper, twin = (np.mean([curve_distance(*pair) for pair in zip(truth, part)]) for part in found)
     assert best < 2.5 and best < twin and best < paper < 6
 

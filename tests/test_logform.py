@@ -12,8 +12,11 @@ from qclearn.logform import mean_reciprocal, solve_beltrami_disk_log
 from qclearn.mobius import mobius
 
 MEASURED = {  # largest error over the vertices: square grid 32 and 64, polar 32 x 96 and 64 x 192
-    "radial stretch": (1.7e-4, 5.7e-5, 1.1e-4, 3.6e-5), "twist": (1.8e-3, 5.8e-4, 2.7e-4, 6.8e-5),
-    "sliding": (7.4e-4, 2.3e-4, 4.3e-4, 1.1e-4), "sliding 3": (8.2e-4, 2.3e-4, 2.8e-4, 7.1e-5)}
+    "radial stretch": (1.7e-4, 5.7e-5, 1.1e-4, 3.6e-5),
+    "twist": (1.8e-3, 5.8e-4, 2.7e-4, 6.8e-5),
+    "sliding": (7.4e-4, 2.3e-4, 4.3e-4, 1.1e-4),
+    "sliding 3": (8.2e-4, 2.3e-4, 2.8e-4, 7.1e-5),
+}
 
 
 @pytest.mark.parametrize("exact", DISK_MAPS, ids=lambda exact: exact.name)
@@ -82,8 +85,13 @@ def test_mean_reciprocal_against_subdivision():
     z, faces = random_disk(seed=1, n_boundary=24)
     L = z - (0.03 + 0.02j) + (0.3 - 0.4j) * np.conj(z - (0.03 + 0.02j))
     far = abs(L[faces]).min(1) > 0.3
-    weights = np.array([[i + 1 / 3, j + 1 / 3, 64 - i - j - 2 / 3] for i in range(64) for j in range(64 - i)]
-                       + [[i + 2 / 3, j + 2 / 3, 64 - i - j - 4 / 3] for i in range(63) for j in range(63 - i)]) / 64
+    weights = (
+        np.array(
+            [[i + 1 / 3, j + 1 / 3, 64 - i - j - 2 / 3] for i in range(64) for j in range(64 - i)]
+            + [[i + 2 / 3, j + 2 / 3, 64 - i - j - 4 / 3] for i in range(63) for j in range(63 - i)]
+        )
+        / 64
+    )
     expected = (1 / (L[faces[far]] @ weights.T)).mean(1)
     np.testing.assert_allclose(mean_reciprocal(L, faces)[far], expected, rtol=1e-5)
 

@@ -43,6 +43,7 @@ def perturbed(f, size=0.05):
 
 # L_LBS.
 
+
 def test_matrix_equals_the_assembled_one(problem):
     mesh, mu, f, z, faces = problem
     w = perturbed(f)
@@ -53,10 +54,10 @@ def test_matrix_equals_the_assembled_one(problem):
 def test_corrected_loss_is_the_gradient_of_energy_minus_area(problem):
     mesh, mu, f, *_ = problem
     w = perturbed(f).requires_grad_()
-    gradient, = torch.autograd.grad((energy(mesh, mu, w) - area(mesh, w)).sum(), w)
+    (gradient,) = torch.autograd.grad((energy(mesh, mu, w) - area(mesh, w)).sum(), w)
     size = 0.5 * (gradient.real.abs() + gradient.imag.abs()).mean(1)
     torch.testing.assert_close(L_LBS(mesh, mu, w.detach()), size)
-    energy_alone, = torch.autograd.grad(energy(mesh, mu, w).sum(), w)
+    (energy_alone,) = torch.autograd.grad(energy(mesh, mu, w).sum(), w)
     size = 0.5 * (energy_alone.real.abs() + energy_alone.imag.abs()).mean(1)
     torch.testing.assert_close(L_LBS_printed(mesh, mu, w.detach()), size)
 
@@ -92,12 +93,15 @@ def test_printed_loss_allows_the_collapse_and_the_corrected_one_does_not():
 
 # The other losses against their printed sums.
 
+
 def test_boundary_loss_is_least_for_equal_angles():
     n = 12
     equal = torch.full((1, n), 2 * np.pi / n, dtype=torch.float64)
     tilted = equal + torch.linspace(-0.1, 0.1, n, dtype=torch.float64)
-    assert L_Boundary(equal).item() == pytest.approx(n ** 2 / (2 * np.pi))
-    assert L_Boundary(tilted).item() == pytest.approx(float((1 / tilted).sum())) and L_Boundary(tilted) > L_Boundary(equal)
+    assert L_Boundary(equal).item() == pytest.approx(n**2 / (2 * np.pi))
+    assert L_Boundary(tilted).item() == pytest.approx(float((1 / tilted).sum())) and L_Boundary(tilted) > L_Boundary(
+        equal
+    )
 
 
 def test_dbsnet_loss_weighs_its_parts(problem):
@@ -130,5 +134,6 @@ def test_cp_loss_weighs_its_parts(problem):
     mesh, mu, f, *_ = problem
     points, target = f[:, :4], f[:, 4:8]
     parts = L_mu(mu), L_grad_mu(mesh, mu), L_Landmark(points, target)
-    torch.testing.assert_close(L_CP(mesh, mu, points, target, 2.0, 3.0, torch.tensor([5.0])),
-                               2 * parts[0] + 3 * parts[1] + 5 * parts[2])
+    torch.testing.assert_close(
+        L_CP(mesh, mu, points, target, 2.0, 3.0, torch.tensor([5.0])), 2 * parts[0] + 3 * parts[1] + 5 * parts[2]
+    )

@@ -62,7 +62,9 @@ def test_turned_landmarks_turn_the_disk(name, mesh):
     p, curve = four_curves()
     f = METHODS[name](Problem(*mesh, p, np.exp(0.7j) * p, curve))
     # The free boundary of the fits is exact up to discretisation even for mu = 0.
-    np.testing.assert_allclose(f, np.exp(0.7j) * mesh[0], atol=2e-3 if name in ("gauss_newton", "coarse_steps") else 1e-6)
+    np.testing.assert_allclose(
+        f, np.exp(0.7j) * mesh[0], atol=2e-3 if name in ("gauss_newton", "coarse_steps") else 1e-6
+    )
 
 
 @pytest.mark.parametrize("name", ["mobius_only", "harmonic", "thin_plate", "gauss_newton"])
@@ -149,8 +151,12 @@ def crossing(mesh, shift=0.35):
     along = 0.1j * np.linspace(-1, 1, 6)
     p, curve = np.concatenate([along - 0.15, along + 0.15]), np.repeat([0, 1], 6)
     turn = np.exp(2j * np.pi * shift)
-    return Problem(*mesh, np.concatenate([p, np.exp(1j * np.arange(8) * np.pi / 4) * 0.9]),
-                   np.concatenate([turn * p, np.exp(1j * np.arange(8) * np.pi / 4) * 0.9]), np.append(curve, [2] * 8))
+    return Problem(
+        *mesh,
+        np.concatenate([p, np.exp(1j * np.arange(8) * np.pi / 4) * 0.9]),
+        np.concatenate([turn * p, np.exp(1j * np.arange(8) * np.pi / 4) * 0.9]),
+        np.append(curve, [2] * 8),
+    )
 
 
 def test_a_heavier_weight_brings_landmarks_nearer_and_distorts_more(moved):
@@ -295,6 +301,7 @@ class Twins:
 @pytest.fixture
 def twins(monkeypatch):
     """twins(quality) puts stand-ins in the networks' place and returns the list of what was asked for."""
+
     def put(quality):
         asked = []
         monkeypatch.setattr(networks, "network", lambda *words: asked.append(words) or Twins(quality))

@@ -27,8 +27,8 @@ def test_linear_coefficients_have_the_gradient_of_their_slope():
     """|grad (a z + b conj z)|^2 = 2 |a|^2 + 2 |b|^2 and the mean of |z|^2 over the disk is 1/2."""
     for mu, slope in ((0.5 * CENTRES, 0.5), (0.3j * CENTRES.conj(), 0.3)):
         found = measured(mu)
-        assert found["L_grad_mu"] == pytest.approx(2 * slope ** 2, rel=0.03)  # the averages at the rim lie inwards
-        assert found["L_mu"] == pytest.approx(slope ** 2 / 2, rel=5e-3)
+        assert found["L_grad_mu"] == pytest.approx(2 * slope**2, rel=0.03)  # the averages at the rim lie inwards
+        assert found["L_mu"] == pytest.approx(slope**2 / 2, rel=5e-3)
 
 
 def test_the_sum_is_weighted_and_landmarks_count_by_their_squared_distance():
@@ -45,22 +45,41 @@ def test_the_losses_are_those_that_networks_are_trained_with():
     mapped = POINTS + 0.01 * rng.normal(size=3)
     mesh = losses.LossMesh(Z, FACES, torch.float64)
     faces = torch.from_numpy(signed_areas(Z, FACES) / np.pi)
-    tensor = losses.L_CP(mesh, torch.from_numpy(mu)[None], torch.from_numpy(mapped)[None], torch.from_numpy(POINTS)[None],
-                         2.0, 0.1, 1e4, weights=faces)
+    tensor = losses.L_CP(
+        mesh,
+        torch.from_numpy(mu)[None],
+        torch.from_numpy(mapped)[None],
+        torch.from_numpy(POINTS)[None],
+        2.0,
+        0.1,
+        1e4,
+        weights=faces,
+    )
     assert measured(mu, mapped, (2.0, 0.1, 1e4))["L_CP"] == pytest.approx(float(tensor[0]), rel=1e-12)
 
 
 def test_rows_hold_means_curve_by_curve_and_their_mean_is_over_those_that_have_one():
     errors = np.repeat([1.0, 3.0], 10) + np.tile(np.linspace(-0.5, 0.5, 10), 2)
     rows = curve_rows(["a", "b"], errors, errors / 10, 2 * errors)
-    assert rows[1] == {"name": "b", "landmark_error_before": pytest.approx(3), "landmark_error": pytest.approx(0.3),
-                       "landmark_error_mm": pytest.approx(6)}
+    assert rows[1] == {
+        "name": "b",
+        "landmark_error_before": pytest.approx(3),
+        "landmark_error": pytest.approx(0.3),
+        "landmark_error_mm": pytest.approx(6),
+    }
     assert "landmark_error_true" not in mean_rows(rows)
     rows[0]["landmark_error_true"] = 0.5
-    assert mean_rows(rows) == {"landmark_error_before": pytest.approx(2), "landmark_error": pytest.approx(0.2),
-                               "landmark_error_mm": pytest.approx(4), "landmark_error_true": 0.5}
+    assert mean_rows(rows) == {
+        "landmark_error_before": pytest.approx(2),
+        "landmark_error": pytest.approx(0.2),
+        "landmark_error_mm": pytest.approx(4),
+        "landmark_error_true": 0.5,
+    }
 
 
 def test_statistics_are_over_faces():
     assert coefficient_statistics(np.array([0.6j, 0.2])) == {
-        "mean_abs_mu": pytest.approx(0.4), "sd_abs_mu": pytest.approx(0.2), "max_abs_mu": pytest.approx(0.6)}
+        "mean_abs_mu": pytest.approx(0.4),
+        "sd_abs_mu": pytest.approx(0.2),
+        "max_abs_mu": pytest.approx(0.6),
+    }

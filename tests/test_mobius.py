@@ -92,5 +92,5 @@ def test_misfits_of_many_point_sets_are_those_of_their_best_maps():
     expected = [abs(mobius(a, *best_mobius(a, b)) - b) for a, b in zip(p, q)]
     found = mobius_misfits(p, q)
     np.testing.assert_allclose(found[:8], expected[:8], atol=1e-4)
-    np.testing.assert_allclose((found ** 2).mean(1), np.mean(np.square(expected), axis=1), rtol=1e-4, atol=1e-12)
+    np.testing.assert_allclose((found**2).mean(1), np.mean(np.square(expected), axis=1), rtol=1e-4, atol=1e-12)
     assert found[4:8].max() < 1e-12 and np.mean(expected[8:], axis=1).min() > 0.2

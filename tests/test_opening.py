@@ -61,7 +61,7 @@ def test_the_largest_gap_is_the_opening_and_the_others_are_filled():
     surface = sphere()
     large, small = height(surface) > 0.8, height(surface) < -0.95
     assert small.sum() > 1
-    opened, index = open_surface(surface, large | small)
+    _opened, index = open_surface(surface, large | small)
     np.testing.assert_array_equal(index, np.flatnonzero(~large))
 
 

@@ -42,8 +42,10 @@ def registered():
     moving, control = bowl(0.5), bowl(0.7)
     path = [1 + 24 * ring for ring in range(6)]
     turned = [vertex + 1 for vertex in path]
-    curves = [{"name": "spoke", "moving": path, "control": turned},
-              {"name": "ring", "moving": list(range(80, 88)), "control": list(range(82, 90))}]
+    curves = [
+        {"name": "spoke", "moving": path, "control": turned},
+        {"name": "ring", "moving": list(range(80, 88)), "control": list(range(82, 90))},
+    ]
     return register(moving, control, curves, gamma=1e3), moving, control
 
 
@@ -126,8 +128,11 @@ def test_registration_figure_draws_before_and_after(registered, tmp_path):
 
     def drawn(ax, style):
         colour = CURVE_STYLES[style]["color"]
-        return [line.get_xydata() @ [1, 1j] for line in ax.lines
-                if line.get_color() == colour and line.get_linestyle() != "None"]
+        return [
+            line.get_xydata() @ [1, 1j]
+            for line in ax.lines
+            if line.get_color() == colour and line.get_linestyle() != "None"
+        ]
 
     first, second = figure.axes[0], figure.axes[1]
     (spoke, _), (spoke_after, _) = drawn(first, "detected"), drawn(second, "registered")
@@ -189,7 +194,8 @@ def test_the_scene_of_a_registration_shows_curves_before_and_after(registered):
         plotter = registration_scene(registration, control, done)
         meshes = [actor.mapper.dataset for actor in plotter.actors.values() if hasattr(actor, "mapper")]
         targets, curves = meshes[1:3], meshes[3:5]
-        apart = max(np.linalg.norm(curve.center_of_mass() - target.center_of_mass())
-                    for curve, target in zip(curves, targets))
+        apart = max(
+            np.linalg.norm(curve.center_of_mass() - target.center_of_mass()) for curve, target in zip(curves, targets)
+        )
         assert apart < farthest if done else apart > 0.05
         plotter.close()

@@ -12,7 +12,13 @@ from qclearn.nets.polar import PolarSolver
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
-SIZES = {"least": (2, 3, 1.0), "small": (3, 7, 1.0), "even": (8, 24, 1.0), "odd": (13, 29, 1.0), "graded": (12, 30, 1.5)}
+SIZES = {
+    "least": (2, 3, 1.0),
+    "small": (3, 7, 1.0),
+    "even": (8, 24, 1.0),
+    "odd": (13, 29, 1.0),
+    "graded": (12, 30, 1.5),
+}
 DEVICES = ["cpu"] + ["cuda"] * torch.cuda.is_available()
 
 
@@ -48,6 +54,7 @@ def assert_same_as_factored(solver, mu):
 
 # Against the factored solver and closed forms.
 
+
 def test_map_and_gradient_equal_the_factored_solver(solver):
     assert_same_as_factored(solver, coefficients(solver, 0.5, 0.0, 0.8))
 
@@ -78,8 +85,11 @@ def test_hopeless_coefficient_equals_the_factored_solver():
 
 
 MEASURED = {  # of the flux form when the method was worked out: 32 x 96 and 64 x 192
-    "radial stretch": (1.2e-4, 3.1e-5), "twist": (2.5e-4, 6.3e-5), "sliding": (7.7e-4, 1.9e-4),
-    "sliding 3": (1.1e-3, 2.9e-4)}
+    "radial stretch": (1.2e-4, 3.1e-5),
+    "twist": (2.5e-4, 6.3e-5),
+    "sliding": (7.7e-4, 1.9e-4),
+    "sliding 3": (1.1e-3, 2.9e-4),
+}
 
 
 @pytest.mark.parametrize("exact", DISK_MAPS, ids=lambda exact: exact.name)
@@ -115,6 +125,7 @@ def test_one_coefficient_without_a_batch(solver):
 
 
 # Stopping.
+
 
 def test_no_coefficient_needs_no_iteration(solver):
     """The preconditioner is the inverse at mu = 0: one step for U, which starts at 0, and none for f."""
@@ -166,6 +177,7 @@ def test_limit():
 
 # The adjoint.
 
+
 @pytest.mark.parametrize("size, largest", [((2, 4, 1.0), (0.5, 0.3)), ((3, 4, 1.4), (0.5,))], ids=str)
 def test_gradcheck(size, largest):
     solver = PolarSolver(*size)
@@ -182,6 +194,7 @@ def test_sample_without_a_gradient_beside_one_with():
 
 # Bad input.
 
+
 @pytest.mark.parametrize("value", [1.0, -1.5j, complex("nan"), complex("inf")])
 def test_unusable_coefficient(value):
     solver = PolarSolver(4, 12)
@@ -191,8 +204,16 @@ def test_unusable_coefficient(value):
         solver.solve(mu)
 
 
-@pytest.mark.parametrize("mu", [torch.zeros(49), torch.zeros(2, 49, dtype=torch.complex64),
-                                torch.zeros(1, 2, 84, dtype=torch.complex64), torch.zeros(84)], ids=lambda mu: str(mu.shape))
+@pytest.mark.parametrize(
+    "mu",
+    [
+        torch.zeros(49),
+        torch.zeros(2, 49, dtype=torch.complex64),
+        torch.zeros(1, 2, 84, dtype=torch.complex64),
+        torch.zeros(84),
+    ],
+    ids=lambda mu: str(mu.shape),
+)
 def test_one_complex_value_a_face(mu):
     with pytest.raises(BeltramiError, match="one value a face"):
         PolarSolver(4, 12).solve(mu)

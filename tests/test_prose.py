@@ -20,21 +20,55 @@ def test_numbers_in_the_text_are_computed(path):
 
 def test_literals_belong_to_pages_and_have_reasons():
     assert set(LITERALS) <= {path.stem for path in PAGES}
-    assert [phrase for section in LITERALS.values() for phrase, reason in section.items() if len(reason.split()) < 2] == []
+    assert [
+        phrase for section in LITERALS.values() for phrase, reason in section.items() if len(reason.split()) < 2
+    ] == []
 
 
-@pytest.mark.parametrize("text", [
-    "an error of 0.90 mm", "an error of 1.4", "20 mm long", "within 5 %", "within 5% of it", "7 times faster", "a 3-fold gain",
-    "ten times slower", "it takes 12 seconds", "it takes\n12 seconds", "2e-3 s", "(0.5)", "**17** and **0.93**", "4×",
-    ":::{figure}\n:name: fig-a\n\nAn error of 0.3.\n\n:::", "| 0.25 |", "turned by 30 degrees"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "an error of 0.90 mm",
+        "an error of 1.4",
+        "20 mm long",
+        "within 5 %",
+        "within 5% of it",
+        "7 times faster",
+        "a 3-fold gain",
+        "ten times slower",
+        "it takes 12 seconds",
+        "it takes\n12 seconds",
+        "2e-3 s",
+        "(0.5)",
+        "**17** and **0.93**",
+        "4×",
+        ":::{figure}\n:name: fig-a\n\nAn error of 0.3.\n\n:::",
+        "| 0.25 |",
+        "turned by 30 degrees",
+    ],
+)
 def test_a_typed_result_is_found(text):
     assert len(typed_results(text, {})[0]) == 1
 
 
-@pytest.mark.parametrize("text", [
-    "an error of {eval}`f\"{num.x:.2f}\"` mm", "for $t = 0.5$ s", "$$\nx = 0.5\n$$ (eq-a)", "`gamma=0.5`", "17 chapters, in 2023",
-    "```python\nx = 0.5\n```", "see [the paper](https://doi.org/10.1016/j.x)", ":::{figure} _assets/v1.5.png\n:width: 0.5\n:::",
-    "128 × 128 pixels", "fsaverage5 surface", "E3, chapter 4", "$\\mu = 0.3$ and\n$\\nu = 0.4$", "\\begin{align}\n0.5\n\\end{align}"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        'an error of {eval}`f"{num.x:.2f}"` mm',
+        "for $t = 0.5$ s",
+        "$$\nx = 0.5\n$$ (eq-a)",
+        "`gamma=0.5`",
+        "17 chapters, in 2023",
+        "```python\nx = 0.5\n```",
+        "see [the paper](https://doi.org/10.1016/j.x)",
+        ":::{figure} _assets/v1.5.png\n:width: 0.5\n:::",
+        "128 × 128 pixels",
+        "fsaverage5 surface",
+        "E3, chapter 4",
+        "$\\mu = 0.3$ and\n$\\nu = 0.4$",
+        "\\begin{align}\n0.5\n\\end{align}",
+    ],
+)
 def test_other_numbers_are_left_alone(text):
     assert typed_results(text, {})[0] == []
 

@@ -10,7 +10,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def test_the_example_runs_as_printed(tmp_path):
-    example, = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    (example,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
     ran = subprocess.run([sys.executable, "-c", example], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stderr
     before, after = map(float, re.search(r"landmark error ([\d.]+) -> ([\d.]+)", ran.stdout).groups())
@@ -27,6 +27,8 @@ def test_links_and_pictures_exist():
 
 
 def test_named_commands_exist():
-    listed = subprocess.run([sys.executable, "-m", "qclearn", "--help"], capture_output=True, text=True, check=True).stdout
+    listed = subprocess.run(
+        [sys.executable, "-m", "qclearn", "--help"], capture_output=True, text=True, check=True
+    ).stdout
     for command in set(re.findall(r"^\| `qclearn (\w+)", README, re.MULTILINE)):
         assert re.search(rf"^  {command}\b", listed, re.MULTILINE), command

@@ -34,8 +34,19 @@ def test_sphere_cap_in_closed_form():
     for name in ("curvature_5", "curvature_50", "curvature_95", "curvedness_50", "curvedness_95"):
         assert metrics[name] == pytest.approx(length, rel=0.03), name
     assert metrics["gyrification_index"] == pytest.approx(2 * 1.8 / (2 * 1.8 + 0.36), rel=0.02)  # zone over zone + lid
-    for name in ("concave_area", "buried_area", "occluded_area", "pits", "fundus_length", "self_intersecting_faces",
-                 "dihedral_flips", "degenerate_faces", "nonmanifold_edges", "saddle_area", "saddle_ridge_area"):
+    for name in (
+        "concave_area",
+        "buried_area",
+        "occluded_area",
+        "pits",
+        "fundus_length",
+        "self_intersecting_faces",
+        "dihedral_flips",
+        "degenerate_faces",
+        "nonmanifold_edges",
+        "saddle_area",
+        "saddle_ridge_area",
+    ):
         assert metrics[name] == 0, name
     assert (metrics["euler_characteristic"], metrics["boundary_loops"]) == (1, 1)
     assert metrics["mean_depth"] < 1e-3 and np.isnan(metrics["sulcal_width"])
@@ -75,7 +86,7 @@ def test_score_marks_what_is_outside():
 def test_mesh_metrics_see_what_is_wrong():
     flat, *_ = sheet(21)
     assert mesh_metrics(flat)["minimum_angle_5"] == pytest.approx(45)
-    tent, x, y = sheet(21, height=lambda x, y: 6 * abs(x - 0.5))  # one crease of 21 edges, bent by 161 degrees
+    tent, _x, _y = sheet(21, height=lambda x, y: 6 * abs(x - 0.5))  # one crease of 21 edges, bent by 161 degrees
     inner_edges = len(tent.edges) - 80
     assert mesh_metrics(tent)["dihedral_flips"] == pytest.approx(20 / inner_edges)
     roof, *_ = sheet(21, height=lambda x, y: 1.3 * abs(x - 0.5))  # bent by 105 degrees
@@ -164,7 +175,7 @@ def test_facing_distance():
 
 @pytest.mark.parametrize("waves", [6, 9])
 def test_spectrum_finds_the_wavelength(waves):
-    surface, x, y = sheet(81, width=3.0)
+    surface, x, _y = sheet(81, width=3.0)
     values = 5 + np.cos(2 * np.pi * waves * x / 3)  # no normal derivative at the rim
     wavelengths, power = fold_spectrum(surface, values)
     assert power.sum() == pytest.approx(1)

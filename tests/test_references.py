@@ -4,8 +4,14 @@ import pytest
 import references
 from references import Literature, Target, numbered, pages_of
 
-CONTENTS = {"root": "index", "parts": [{"numbered": True, "chapters": [{"file": "a"}]}, {"chapters": [{"file": "b"}]},
-                                       {"numbered": True, "chapters": [{"file": "c"}]}]}
+CONTENTS = {
+    "root": "index",
+    "parts": [
+        {"numbered": True, "chapters": [{"file": "a"}]},
+        {"chapters": [{"file": "b"}]},
+        {"numbered": True, "chapters": [{"file": "c"}]},
+    ],
+}
 TEXT = """
 $$
 no = label
@@ -61,8 +67,15 @@ def test_parts_are_numbered_through():
 
 def test_labels_have_the_numbers_of_the_book():
     assert {label: target.text for label, target in numbered(TEXT, "page", 4)} == {
-        "eq-one": "(4.1)", "eq-two": "(4.2)", "thm-one": "Theorem 4.1", "lem-one": "Lemma 4.1", "thm-two": "Theorem 4.2",
-        "fig-one": "Fig. 4.1", "ex-one": "Exercise 4.1", "sec-one": "A heading"}
+        "eq-one": "(4.1)",
+        "eq-two": "(4.2)",
+        "thm-one": "Theorem 4.1",
+        "lem-one": "Lemma 4.1",
+        "thm-two": "Theorem 4.2",
+        "fig-one": "Fig. 4.1",
+        "ex-one": "Exercise 4.1",
+        "sec-one": "A heading",
+    }
 
 
 def test_a_page_without_a_chapter_counts_from_one():
@@ -72,15 +85,22 @@ def test_a_page_without_a_chapter_counts_from_one():
 @pytest.fixture
 def literature(tmp_path):
     (tmp_path / "some.bib").write_text(
-        '@article{one, author={Gödel, Kurt}, title={A}, journal={J}, year={1931}}\n'
-        '@article{two, author={Ahlfors, Lars and Bers, Lipman}, title={B}, journal={J}, year={1960}}\n'
-        '@book{many, editor={M{\\"u}ller, A and B, B and C, C}, title={C}, publisher={P}, year={2000}}\n', encoding="utf-8")
+        "@article{one, author={Gödel, Kurt}, title={A}, journal={J}, year={1931}}\n"
+        "@article{two, author={Ahlfors, Lars and Bers, Lipman}, title={B}, journal={J}, year={1960}}\n"
+        '@book{many, editor={M{\\"u}ller, A and B, B and C, C}, title={C}, publisher={P}, year={2000}}\n',
+        encoding="utf-8",
+    )
     return Literature(tmp_path / "some.bib")
 
 
-@pytest.mark.parametrize("key, sentence, brackets", [
-    ("one", "Gödel \\[1931\\]", "Gödel, 1931"), ("two", "Ahlfors and Bers \\[1960\\]", "Ahlfors and Bers, 1960"),
-    ("many", "Müller *et al.* \\[2000\\]", "Müller *et al.*, 2000")])
+@pytest.mark.parametrize(
+    "key, sentence, brackets",
+    [
+        ("one", "Gödel \\[1931\\]", "Gödel, 1931"),
+        ("two", "Ahlfors and Bers \\[1960\\]", "Ahlfors and Bers, 1960"),
+        ("many", "Müller *et al.* \\[2000\\]", "Müller *et al.*, 2000"),
+    ],
+)
 def test_citations(literature, key, sentence, brackets):
     assert (literature.cited(key, True), literature.cited(key, False)) == (sentence, brackets)
 

@@ -11,8 +11,14 @@ from qclearn.surface import SurfaceError
 @pytest.fixture
 def arrays():
     z, faces = polar_disk(3, 9)
-    return {"disk_map": z * np.exp(0.5j), "disk_control": z, "faces_moving": faces, "faces_control": faces,
-            "points": np.zeros((len(z), 3)), "mu": np.zeros(len(faces), complex)}
+    return {
+        "disk_map": z * np.exp(0.5j),
+        "disk_control": z,
+        "faces_moving": faces,
+        "faces_control": faces,
+        "points": np.zeros((len(z), 3)),
+        "mu": np.zeros(len(faces), complex),
+    }
 
 
 def test_it_comes_back_with_or_without_a_checksum(tmp_path, arrays):

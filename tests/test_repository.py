@@ -44,8 +44,13 @@ def code_of(cell, number):
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_code_is_narrow(path):
     cells = nbformat.read(path, as_version=4).cells
-    wide = [(place, line) for number, cell in enumerate(cells, 1) for place, code in code_of(cell, number)
-            for line in code.splitlines() if len(line) > WIDEST_LINE]
+    wide = [
+        (place, line)
+        for number, cell in enumerate(cells, 1)
+        for place, code in code_of(cell, number)
+        for line in code.splitlines()
+        if len(line) > WIDEST_LINE
+    ]
     assert wide == []
 
 

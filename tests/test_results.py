@@ -25,12 +25,37 @@ from qclearn.results import (
     summary,
 )
 
-RUNS = [{"name": "one", "method": "harmonic", "parameters": {}, "landmarks": "given", "sets": ["cohort"],
-         "keep_field": False}]
-SETTINGS = {"sets": ["cohort"], "subjects": 2, "seeds": [1001, 1002], "controls": [1000], "vertices": 1000,
-            "generation": 2, "commit": "c0ffee", "runs": RUNS}
-PROVENANCE = {"commit": "c0ffee", "date": "2026-01-01", "versions": {"qclearn": "0"}, "processors": ["p"], "workers": 1,
-              "threads_per_task": 1, "seconds": 1.0, "resumed": False, "left_out": {}}
+RUNS = [
+    {
+        "name": "one",
+        "method": "harmonic",
+        "parameters": {},
+        "landmarks": "given",
+        "sets": ["cohort"],
+        "keep_field": False,
+    }
+]
+SETTINGS = {
+    "sets": ["cohort"],
+    "subjects": 2,
+    "seeds": [1001, 1002],
+    "controls": [1000],
+    "vertices": 1000,
+    "generation": 2,
+    "commit": "c0ffee",
+    "runs": RUNS,
+}
+PROVENANCE = {
+    "commit": "c0ffee",
+    "date": "2026-01-01",
+    "versions": {"qclearn": "0"},
+    "processors": ["p"],
+    "workers": 1,
+    "threads_per_task": 1,
+    "seconds": 1.0,
+    "resumed": False,
+    "left_out": {},
+}
 
 
 def row(pair="a", run="one", **figures):
@@ -39,8 +64,15 @@ def row(pair="a", run="one", **figures):
     if not figures:
         return base | {"status": "failed", "message": "it broke"}
     stages = ("disk_moving", "disk_control", "landmarks", "map", "pull_back")
-    rest = {"flipped": 0, "bijective": True, "certified": True, "histogram": [0] * 50, "repetitions": 1, "notes": [],
-            "seconds": dict.fromkeys(stages, figures.pop("seconds", 1.0))}
+    rest = {
+        "flipped": 0,
+        "bijective": True,
+        "certified": True,
+        "histogram": [0] * 50,
+        "repetitions": 1,
+        "notes": [],
+        "seconds": dict.fromkeys(stages, figures.pop("seconds", 1.0)),
+    }
     needed = schema()["properties"]["rows"]["items"]["then"]["required"]
     return base | {"status": "done"} | dict.fromkeys(needed, 0.0) | rest | figures
 
@@ -118,11 +150,16 @@ def test_a_disk_that_fills_within_a_line_leaves_no_half_of_it(out, monkeypatch):
     assert journal.path.read_bytes() == before
 
 
-@pytest.mark.parametrize("content, message", [
-    (None, "cannot be read"), ("{", "not a JSON file"), ("[1]", "no results of this program"),
-    ('{"schema_version": 99}', "schema version 99; this version reads 1"),
-    ('{"schema_version": 1}', r"not a valid results file: \$: 'settings' is a required property"),
-])
+@pytest.mark.parametrize(
+    "content, message",
+    [
+        (None, "cannot be read"),
+        ("{", "not a JSON file"),
+        ("[1]", "no results of this program"),
+        ('{"schema_version": 99}', "schema version 99; this version reads 1"),
+        ('{"schema_version": 1}', r"not a valid results file: \$: 'settings' is a required property"),
+    ],
+)
 def test_other_files_are_refused(out, content, message):
     if content is not None:
         out.write_text(content)
@@ -153,8 +190,13 @@ def test_plain_values_are_json():
 
 
 def test_means_are_over_the_pairs_that_have_a_figure():
-    rows = [row("a", landmark_error=0.2, seconds=1.0, certified=False), row("b", landmark_error=0.4, seconds=5.0),
-            row("c"), row("d", landmark_error=0.3, correspondence_sulci_mm=None, seconds=2.0), row("a", "two")]
+    rows = [
+        row("a", landmark_error=0.2, seconds=1.0, certified=False),
+        row("b", landmark_error=0.4, seconds=5.0),
+        row("c"),
+        row("d", landmark_error=0.3, correspondence_sulci_mm=None, seconds=2.0),
+        row("a", "two"),
+    ]
     table = summary(rows)
     assert table["one"]["pairs"] == 4 and table["one"]["failed"] == 1 and table["one"]["certified"] == 2
     assert table["one"]["landmark_error"] == pytest.approx(0.3)
@@ -184,21 +226,31 @@ def test_a_front_is_compared_at_the_baselines_distortion():
 
 def test_fronts_are_ahead_behind_or_level_by_their_interval():
     def rows_of(factors):
-        return [row(pair, run, mean_abs_mu=0.2, landmark_error=error) for pair, factor in zip("abcd", factors)
-                for run, error in (("fit", factor * 1e-3), ("base", 1e-3))]
+        return [
+            row(pair, run, mean_abs_mu=0.2, landmark_error=error)
+            for pair, factor in zip("abcd", factors)
+            for run, error in (("fit", factor * 1e-3), ("base", 1e-3))
+        ]
 
-    found = {state: compare_fronts(rows_of(factors), ["fit"], "base", np.random.default_rng(0))
-             for state, factors in (("ahead", (0.5, 0.6, 0.5, 0.4)), ("behind", (2, 3, 2, 2)), ("level", (0.5, 2, 1, 1)))}
+    found = {
+        state: compare_fronts(rows_of(factors), ["fit"], "base", np.random.default_rng(0))
+        for state, factors in (("ahead", (0.5, 0.6, 0.5, 0.4)), ("behind", (2, 3, 2, 2)), ("level", (0.5, 2, 1, 1)))
+    }
     assert {state: line["state"] for state, line in found.items()} == {state: state for state in found}
-    assert found["behind"]["ratio"] == pytest.approx(24 ** 0.25) and found["ahead"]["won"] == 4
+    assert found["behind"]["ratio"] == pytest.approx(24**0.25) and found["ahead"]["won"] == 4
     assert found["level"]["low"] < 1 < found["level"]["high"] and found["level"]["won"] == 1
     nobody = compare_fronts([row("a", "fit")], ["fit"], "base", np.random.default_rng(0))
     assert nobody["state"] == "unknown" and nobody["pairs"] == 0
 
 
 def test_runs_are_compared_on_the_pairs_that_both_have():
-    rows = [row("a", landmark_error=3.0), row("b", landmark_error=9.0), row("b", "two", landmark_error=7.0),
-            row("a", "two", landmark_error=1.0), row("c", landmark_error=100.0)]
+    rows = [
+        row("a", landmark_error=3.0),
+        row("b", landmark_error=9.0),
+        row("b", "two", landmark_error=7.0),
+        row("a", "two", landmark_error=1.0),
+        row("c", landmark_error=100.0),
+    ]
     assert compare_runs(rows, "one", "two", "landmark_error", np.random.default_rng(0)) == (2, 2, 2)
 
 
@@ -216,8 +268,12 @@ def test_the_median_pair_is_shown():
 
 
 def test_notes_are_counted_by_their_words():
-    rows = [row("a", landmark_error=0.1, notes=["two overlaps mended", "overlap again"]), row("b", landmark_error=0.1),
-            row("c"), row("a", "two", landmark_error=0.1, notes=["an overlap"])]
+    rows = [
+        row("a", landmark_error=0.1, notes=["two overlaps mended", "overlap again"]),
+        row("b", landmark_error=0.1),
+        row("c"),
+        row("a", "two", landmark_error=0.1, notes=["an overlap"]),
+    ]
     assert noted(rows, "one", "overlap") == 1 and noted(rows, "one", "let go") == 0
 
 

@@ -36,7 +36,9 @@ def ragged(height, rings, seed):
     removed = (outer.sum(1) == 2) & (rng.uniform(size=len(faces)) < 0.4)
     kept = faces[~removed]
     used, corners = np.unique(kept, return_inverse=True)
-    return Surface(surface.vertices[used], corners.reshape(-1, 3)), np.searchsorted(used, np.arange(len(surface.vertices)))
+    return Surface(surface.vertices[used], corners.reshape(-1, 3)), np.searchsorted(
+        used, np.arange(len(surface.vertices))
+    )
 
 
 def ears(surface):
@@ -54,8 +56,15 @@ def test_ragged_rims_with_ears_are_registered_and_written(tmp_path, rings, coars
     control, there = ragged(0.9, coarse, 2)
     assert len(ears(moving)) > 3 and len(ears(control)) > 0
     reach = rings - 3, coarse - 1
-    curves = [{"name": f"spoke {k}", "detect": False, "moving": number[spoke(k * rings, rings, 2, reach[0])].tolist(),
-               "control": there[spoke(k * coarse, coarse, 1, reach[1])].tolist()} for k in range(3)]
+    curves = [
+        {
+            "name": f"spoke {k}",
+            "detect": False,
+            "moving": number[spoke(k * rings, rings, 2, reach[0])].tolist(),
+            "control": there[spoke(k * coarse, coarse, 1, reach[1])].tolist(),
+        }
+        for k in range(3)
+    ]
     result = register(moving, control, curves)
     assert result.report["bijective"] and check_bijective(result.disk_moving, moving.faces, result.disk_map).bijective
     a, b, c = (result.points[corner] for corner in moving.faces.T)
@@ -84,11 +93,14 @@ def swapped(count=20):
 
 
 ASTRAY = {
-    "two swapped": swapped(), "twisted": (swapped()[0], swapped()[0] * np.exp(3j * (1 - abs(swapped()[0])))),
-    "reversed": (0.6 * TURN, 0.6 * TURN[::-1]), "neighbours": (0.3 * TURN, 0.3 * TURN[[1, 0, *range(2, 12)]]),
+    "two swapped": swapped(),
+    "twisted": (swapped()[0], swapped()[0] * np.exp(3j * (1 - abs(swapped()[0])))),
+    "reversed": (0.6 * TURN, 0.6 * TURN[::-1]),
+    "neighbours": (0.3 * TURN, 0.3 * TURN[[1, 0, *range(2, 12)]]),
     "permuted": (0.7 * TURN, 0.7 * TURN[np.random.default_rng(0).permutation(12)]),
     "through the centre": (0.5 * TURN, np.random.default_rng(1).uniform(-0.6, 0.6, (12, 2)) @ [1, 1j]),
-    "one": ([0.3], [0.5j]), "none needed": (0.5 * TURN, 0.5j * TURN),
+    "one": ([0.3], [0.5j]),
+    "none needed": (0.5 * TURN, 0.5j * TURN),
 }
 
 
@@ -135,13 +147,17 @@ def test_a_registration_never_ends_above_the_best_mobius_map(mistake):
         for curve in curves:
             curve["moving"] = curve["moving"][::-1]
     result = register(bowl(0.6), bowl(0.9), curves)
-    p, q = (np.concatenate([qc.sample_curve(surface, curve[side]) @ z for curve in curves]) for surface, z, side in (
-        (bowl(0.6), result.disk_moving, "moving"), (bowl(0.9), result.disk_control, "control")))
+    p, q = (
+        np.concatenate([qc.sample_curve(surface, curve[side]) @ z for curve in curves])
+        for surface, z, side in ((bowl(0.6), result.disk_moving, "moving"), (bowl(0.9), result.disk_control, "control"))
+    )
     best = mobius(result.disk_moving, *best_mobius(p, q))
     samples = sampling_matrix(result.disk_moving, result.faces_moving, p)
     square, floor = ((abs(samples @ f - q) ** 2).mean() for f in (result.disk_map, best))
     assert square <= floor * (1 + 1e-9)
-    losses = measured_losses(result.disk_moving, result.faces_moving, result.mu, samples @ result.disk_map, q, 1.0, 1e-2, 1e5)
+    losses = measured_losses(
+        result.disk_moving, result.faces_moving, result.mu, samples @ result.disk_map, q, 1.0, 1e-2, 1e5
+    )
     assert losses["L_CP"] <= 1e5 * floor * (1 + 1e-3)  # as measured on the mesh, where a Möbius map has a little |mu|
     assert result.report["bijective"]
 
@@ -155,14 +171,18 @@ def test_curves_that_pull_the_disk_onto_its_rim_are_named(side):
     rim = spoke(0, first=13, last=14)[0]
     close, apart = [rim, rim + 1], [rim, rim + 21]
     curves = [{"name": "edge", side: close, ({"moving", "control"} - {side}).pop(): apart, "detect": False}]
-    with pytest.raises(LandmarkError, match="curve 'edge' pulls the moving disk onto its rim: .* check this curve's ends"):
+    with pytest.raises(
+        LandmarkError, match="curve 'edge' pulls the moving disk onto its rim: .* check this curve's ends"
+    ):
         register(bowl(0.6), bowl(0.9), curves)
 
 
 def test_the_curve_at_fault_is_named_among_others():
     rim = spoke(0, first=13, last=14)[0]
-    collapsed = [{"name": f"{k}", "moving": [rim + k, rim + k + 20], "control": [rim + k, rim + k + 1], "detect": False}
-                 for k in (0, 1)]
+    collapsed = [
+        {"name": f"{k}", "moving": [rim + k, rim + k + 20], "control": [rim + k, rim + k + 1], "detect": False}
+        for k in (0, 1)
+    ]
     with pytest.raises(LandmarkError, match="curve '[01]' pulls the moving disk onto its rim"):
         register(bowl(0.6), bowl(0.9), collapsed)
 
@@ -203,9 +223,15 @@ def test_wrong_arrays_are_refused_by_name(case):
 
 
 WRONG_FITS = {
-    "text": {"moving": "0.1"}, "text targets": {"target": ["a", "b"]}, "gamma": {"gamma": "5"}, "rings": {"rings": -5},
-    "rings of floats": {"rings": 8.5}, "labels": {"curve": ["a", "b"]}, "ragged labels": {"curve": [[1], [1, 2]]},
-    "alpha": {"alpha": None}, "beta": {"beta": 1j},
+    "text": {"moving": "0.1"},
+    "text targets": {"target": ["a", "b"]},
+    "gamma": {"gamma": "5"},
+    "rings": {"rings": -5},
+    "rings of floats": {"rings": 8.5},
+    "labels": {"curve": ["a", "b"]},
+    "ragged labels": {"curve": [[1], [1, 2]]},
+    "alpha": {"alpha": None},
+    "beta": {"beta": 1j},
 }
 
 
@@ -241,4 +267,6 @@ def test_the_solver_mends_a_fold_where_asked():
         mended = qc.solve_beltrami_disk(z, faces, mu, repair=True)
     assert check_bijective(z, faces, mended).bijective
     gentle = np.full(len(faces), 0.2)
-    np.testing.assert_array_equal(qc.solve_beltrami_disk(z, faces, gentle, repair=True), qc.solve_beltrami_disk(z, faces, gentle))
+    np.testing.assert_array_equal(
+        qc.solve_beltrami_disk(z, faces, gentle, repair=True), qc.solve_beltrami_disk(z, faces, gentle)
+    )

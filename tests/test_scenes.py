@@ -40,8 +40,8 @@ def test_digits_that_nobody_sees_do_not_travel():
 
 def test_legend_is_written_over_the_scene():
     page = Scene(ball()[1], "a ball", legend={"target <1>": "#D62728"}).page
-    legend = page[page.index("OfflineLocalView.load(container"):]
-    assert 'color:#D62728' in legend and "target &lt;1&gt;</div>" in legend and legend.rstrip().endswith("</html>")
+    legend = page[page.index("OfflineLocalView.load(container") :]
+    assert "color:#D62728" in legend and "target &lt;1&gt;</div>" in legend and legend.rstrip().endswith("</html>")
     assert "D62728" not in Scene(ball()[1], "a ball").page
 
 
@@ -62,8 +62,10 @@ def test_only_what_is_shown_travels():
     scenes._keep_what_is_shown(plotter)
     points, arrays = shown_arrays(plotter)
     assert points.dtype == arrays["height"].dtype == np.float32 and list(arrays) == ["height"]
-    for shown, exact, steps in ((points, surface.points, scenes.POINT_STEPS),
-                                (arrays["height"], surface["height"], scenes.VALUE_STEPS)):
+    for shown, exact, steps in (
+        (points, surface.points, scenes.POINT_STEPS),
+        (arrays["height"], surface["height"], scenes.VALUE_STEPS),
+    ):
         assert abs(shown - exact).max() <= np.ptp(exact) / steps / 2 + 1e-7
     assert "noise" in surface.point_data, "the caller's surface was changed"
     plotter.close()
@@ -88,8 +90,10 @@ def without_screen(monkeypatch, libraries, egl_device):
     monkeypatch.setattr(scenes, "_loads", lambda *names: next((name for name in names if name in libraries), None))
 
 
-@pytest.mark.parametrize("libraries, egl_device, window", [
-    ([], True, "vtkEGLRenderWindow"), (["libOSMesa.so.8"], False, "vtkOSOpenGLRenderWindow")])
+@pytest.mark.parametrize(
+    "libraries, egl_device, window",
+    [([], True, "vtkEGLRenderWindow"), (["libOSMesa.so.8"], False, "vtkOSOpenGLRenderWindow")],
+)
 def test_what_can_draw_is_chosen(monkeypatch, libraries, egl_device, window):
     without_screen(monkeypatch, libraries, egl_device)
     require_renderer()

@@ -109,8 +109,12 @@ def test_numbers_in_the_whole_surface_are_kept_and_checked():
     kept = Surface(TETRAHEDRON, OUTWARD, original_vertices=numbers)
     assert kept.original_vertices.tolist() == mirror(kept).original_vertices.tolist() == numbers
     assert not kept.original_vertices.flags.writeable and Surface(TETRAHEDRON, OUTWARD).original_vertices is None
-    for wrong, message in (([7, 3, 9], "4 whole numbers.*shape"), ([0.5, 1, 2, 3], "float64"), ([7, 3, 9, 7], "one number twice"),
-                           ([-1, 3, 9, 7], "negative")):
+    for wrong, message in (
+        ([7, 3, 9], "4 whole numbers.*shape"),
+        ([0.5, 1, 2, 3], "float64"),
+        ([7, 3, 9, 7], "one number twice"),
+        ([-1, 3, 9, 7], "negative"),
+    ):
         with pytest.raises(SurfaceError, match=f"original_vertices .*{message}"):
             Surface(TETRAHEDRON, OUTWARD, original_vertices=wrong)
 

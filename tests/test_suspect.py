@@ -25,8 +25,10 @@ SUBSETS = [slice(0, 4), slice(4, 8), slice(7, 11), slice(None, None, 3), slice(2
 def sides():
     """fsaverage5's mirrored right hemisphere and its left one, each with its disk map."""
     with pytest.warns(match="raised|switched"):
-        return {name: (surface, disk_conformal_map(surface)) for name, surface in
-                (("moving", mirror(fsaverage5("right"))), ("control", fsaverage5("left")))}
+        return {
+            name: (surface, disk_conformal_map(surface))
+            for name, surface in (("moving", mirror(fsaverage5("right"))), ("control", fsaverage5("left")))
+        }
 
 
 def said(sides, curves):
@@ -50,13 +52,13 @@ def test_good_landmarks_are_not_suspect(sides, subset):
 @pytest.mark.parametrize("subset", SUBSETS, ids=str)
 def test_a_forgotten_mirror_is_recognised(sides, subset):
     moving, z = sides["moving"]
-    reason, = said(sides | {"moving": (mirror(moving), z.conj())}, SULCI[subset])
+    (reason,) = said(sides | {"moving": (mirror(moving), z.conj())}, SULCI[subset])
     assert reason.startswith("mirror: ") and "--mirror" in reason
 
 
 @pytest.mark.parametrize("subset", SUBSETS, ids=str)
 def test_exchanged_surfaces_are_recognised(sides, subset):
-    reason, = said({"moving": sides["control"], "control": sides["moving"]}, SULCI[subset])
+    (reason,) = said({"moving": sides["control"], "control": sides["moving"]}, SULCI[subset])
     assert reason.startswith("exchanged: ") and "MOVING and CONTROL" in reason
 
 
@@ -68,7 +70,7 @@ def test_numbers_of_the_whole_surface_are_recognised(sides, subset, wrong):
         for side in wrong:
             entry[side] = sides[side][0].original_vertices[entry[side]].tolist()
     try:
-        reason, = said(sides, curves)
+        (reason,) = said(sides, curves)
     except LandmarkError as error:  # one of them is out of range on the cut surface
         reason = str(error).partition("before it was cut open, say)? ")[2]
         assert "collateral" in str(error)
@@ -77,7 +79,7 @@ def test_numbers_of_the_whole_surface_are_recognised(sides, subset, wrong):
 
 @pytest.mark.parametrize("subset", SUBSETS, ids=str)
 def test_curves_all_run_backwards_are_recognised(sides, subset):
-    reason, = said(sides, [entry | {"moving": entry["moving"][::-1]} for entry in SULCI[subset]])
+    (reason,) = said(sides, [entry | {"moving": entry["moving"][::-1]} for entry in SULCI[subset]])
     assert reason.startswith("reversed: ")
     assert all(entry["name"] in reason for entry in SULCI[subset])
 
@@ -86,7 +88,7 @@ def test_curves_all_run_backwards_are_recognised(sides, subset):
 def test_one_curve_run_backwards_is_recognised_and_named(sides, which):
     curves = deepcopy(SULCI)
     curves[which]["control"].reverse()
-    reason, = said(sides, curves)
+    (reason,) = said(sides, curves)
     assert reason.startswith(f"reversed: {SULCI[which]['name']!r} fits")
 
 
@@ -94,9 +96,11 @@ def test_one_curve_run_backwards_is_recognised_and_named(sides, which):
 def test_two_swapped_names_are_recognised_and_named(sides, first, second):
     curves = deepcopy(SULCI)
     curves[first]["moving"], curves[second]["moving"] = curves[second]["moving"], curves[first]["moving"]
-    reason, = said(sides, curves)
+    (reason,) = said(sides, curves)
     assert reason.startswith("swapped: ")
-    assert {entry["name"] for entry in SULCI if repr(entry["name"]) in reason} == {SULCI[k]["name"] for k in (first, second)}
+    assert {entry["name"] for entry in SULCI if repr(entry["name"]) in reason} == {
+        SULCI[k]["name"] for k in (first, second)
+    }
 
 
 def test_several_mistakes_are_told_apart(sides):
@@ -138,8 +142,10 @@ def test_surfaces_that_share_one_numbering_are_not_called_exchanged(sides):
     moved = w.copy()
     moved[paths] = w[there]  # where exchanged curves have no misfit, and the given ones twice `away`
     moved[there] = 2 * w[there] - w[paths]
-    curves = [{"name": str(k), "moving": one.tolist(), "control": other.tolist()} for k, (one, other) in
-              enumerate(zip(paths, there))]
+    curves = [
+        {"name": str(k), "moving": one.tolist(), "control": other.tolist()}
+        for k, (one, other) in enumerate(zip(paths, there))
+    ]
     entries = check_curves(curves, control, control)
     given = suspect.given_reading(w, moved, entries)
     others = suspect.of_surfaces(given, control, control, w, moved, entries)
@@ -154,13 +160,15 @@ def test_surfaces_that_share_one_numbering_are_not_called_exchanged(sides):
 def test_a_large_error_is_one_in_millimetres_that_the_map_has_not_reduced():
     assert list(large_error({"landmark_error_mm": 2.9, "landmark_error": 0.1, "landmark_error_before": 0.1})) == []
     assert list(large_error({"landmark_error_mm": 9, "landmark_error": 0.03, "landmark_error_before": 0.1})) == []
-    reason, = large_error({"landmark_error_mm": 3.1, "landmark_error": 0.05, "landmark_error_before": 0.1})
+    (reason,) = large_error({"landmark_error_mm": 3.1, "landmark_error": 0.05, "landmark_error_before": 0.1})
     assert reason.startswith("error: ") and "3.1 mm" in reason and "50 %" in reason and "gamma" in reason
 
 
 def test_an_odd_curve_is_named():
-    rows = [{"name": name, "landmark_error_mm": error} for name, error in (("a", 1.0), ("b", 1.2), ("c", 6.1), ("d", 0.9))]
-    reason, = odd_curves(rows)
+    rows = [
+        {"name": name, "landmark_error_mm": error} for name, error in (("a", 1.0), ("b", 1.2), ("c", 6.1), ("d", 0.9))
+    ]
+    (reason,) = odd_curves(rows)
     assert reason.startswith("curve: 'c' ends 6.1 mm")
     assert list(odd_curves([row | {"landmark_error_mm": row["landmark_error_mm"] * 0.8} for row in rows])) == []
     assert list(odd_curves([*rows, *({"name": name, "landmark_error_mm": 7.0} for name in "efg")])) == []  # all are bad
@@ -168,7 +176,9 @@ def test_an_odd_curve_is_named():
 
 def test_many_switched_rows_are_counted_in_the_fits_words():
     assert list(switched_rows(["5 rows switched", "2 boundary steps raised", "gamma lowered to 1000"], 1000)) == []
-    reason, = switched_rows(["DBS-Net's map folded 9 faces: exact solver", "4 rows switched", "6 rows switched"], 1000)
+    (reason,) = switched_rows(
+        ["DBS-Net's map folded 9 faces: exact solver", "4 rows switched", "6 rows switched"], 1000
+    )
     assert reason.startswith("rows: ") and "6 of 1000 vertices" in reason
 
 
@@ -181,7 +191,7 @@ def test_strong_distortion_is_measured_by_area_and_not_by_faces():
     mu[small] = 0.99j
     assert list(strong_distortion(surface, mu)) == []
     mu[order[-10:]] = -0.91
-    reason, = strong_distortion(surface, mu)
+    (reason,) = strong_distortion(surface, mu)
     assert reason.startswith("distortion: ") and "|mu| is over 0.9 on" in reason
 
 
@@ -190,7 +200,9 @@ def test_all_reasons_come_in_one_list(sides):
     curves = check_curves([entry | {"moving": entry["moving"][::-1]} for entry in SULCI], moving, control)
     rows = [{"name": entry["name"], "landmark_error_mm": 40.0 if k == 3 else 4.0} for k, entry in enumerate(SULCI)]
     means = {"landmark_error_mm": 7.0, "landmark_error": 0.2, "landmark_error_before": 0.1}
-    found = reasons(moving, control, z, w, curves, means, rows, np.full(len(moving.faces), 0.95), ["1888 rows switched"])
+    found = reasons(
+        moving, control, z, w, curves, means, rows, np.full(len(moving.faces), 0.95), ["1888 rows switched"]
+    )
     assert words(found) == ["reversed", "error", "curve", "rows", "distortion"]
     assert json.loads(json.dumps(found)) == found
 
@@ -211,10 +223,17 @@ def test_the_limits_are_those_that_were_measured_and_no_good_case_is_suspect(mea
     assert len(registered) >= 20 and all(case["suspect"] == [] and case["bijective"] for case in registered)
 
 
-@pytest.mark.parametrize("kind, word", [
-    ("mirrored", "mirror"), ("exchanged", "exchanged"), ("whole numbers", "numbering"), ("all reversed", "reversed"),
-    ("one reversed", "reversed"), ("two swapped", "swapped"),
-])
+@pytest.mark.parametrize(
+    "kind, word",
+    [
+        ("mirrored", "mirror"),
+        ("exchanged", "exchanged"),
+        ("whole numbers", "numbering"),
+        ("all reversed", "reversed"),
+        ("one reversed", "reversed"),
+        ("two swapped", "swapped"),
+    ],
+)
 def test_in_the_table_each_mistake_is_recognised(measured, kind, word):
     cases = [case for case in measured["cases"] if case["kind"] == kind]
     named = [word in words(case.get("mistakes", [])) or f"{word}: " in case.get("refused", "") for case in cases]

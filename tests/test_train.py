@@ -55,7 +55,9 @@ def run(folder, model=None, config=CONFIG, count=30):
 
 def test_it_learns_and_logs(tmp_path):
     model, last = run(tmp_path)
-    assert model.layer.weight.item() == pytest.approx(3, abs=0.3) and model.layer.bias.item() == pytest.approx(-1, abs=0.3)
+    assert model.layer.weight.item() == pytest.approx(3, abs=0.3) and model.layer.bias.item() == pytest.approx(
+        -1, abs=0.3
+    )
     assert not model.training
     with (tmp_path / "log.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
@@ -144,10 +146,15 @@ def test_the_seed_decides(tmp_path):
     assert not torch.equal(a.layer.weight, b.layer.weight)
 
 
-@pytest.mark.parametrize("change, words", [
-    ({"steps": 0}, "steps is 0"), ({"batch": 0}, "batch is 0"), ({"rate": 0.0}, "rate is 0.0"),
-    ({"rate": 1e30, "clip": 1e30}, "loss is .* at step"),
-])
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        ({"steps": 0}, "steps is 0"),
+        ({"batch": 0}, "batch is 0"),
+        ({"rate": 0.0}, "rate is 0.0"),
+        ({"rate": 1e30, "clip": 1e30}, "loss is .* at step"),
+    ],
+)
 def test_what_cannot_run_is_refused(tmp_path, change, words):
     with pytest.raises(TrainingError, match=words):
         run(tmp_path, config=replace(CONFIG, **change))
@@ -199,10 +206,22 @@ def test_two_processes_share_the_batch_and_agree_with_one(tmp_path):
     model, _ = run(tmp_path / "one")
     script = tmp_path / "program.py"
     script.write_text(PROGRAM)
-    command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2", script,
-               os.path.dirname(__file__), tmp_path / "two"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120,
-                          env={**os.environ, "OMP_NUM_THREADS": "1"}, check=False)
+    command = [
+        sys.executable,
+        "-m",
+        "torch.distributed.run",
+        "--standalone",
+        "--nproc-per-node",
+        "2",
+        script,
+        os.path.dirname(__file__),
+        tmp_path / "two",
+    ]
+    done = subprocess.run(
+        command, capture_output=True, text=True, timeout=120, env={**os.environ, "OMP_NUM_THREADS": "1"}, check=False
+    )
     assert done.returncode == 0, done.stderr
-    first, second = ([float(word) for word in (tmp_path / "two" / name).read_text().split()] for name in ("rank0", "rank1"))
+    first, second = (
+        [float(word) for word in (tmp_path / "two" / name).read_text().split()] for name in ("rank0", "rank1")
+    )
     assert first == second == pytest.approx([model.layer.weight.item(), model.layer.bias.item()], abs=1e-5)

@@ -16,8 +16,14 @@ from qclearn.training import run_training
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
-RECIPES = [("ldnet", "best", None), ("ldnet", "paper", None), ("cpnet", "best", None), ("cpnet", "paper", 1e4),
-           ("dbsnet", "best", None), ("dbsnet", "paper", None)]
+RECIPES = [
+    ("ldnet", "best", None),
+    ("ldnet", "paper", None),
+    ("cpnet", "best", None),
+    ("cpnet", "paper", 1e4),
+    ("dbsnet", "best", None),
+    ("dbsnet", "paper", None),
+]
 
 
 @pytest.fixture(scope="module")
@@ -70,17 +76,39 @@ run_training("dbsnet", out=Path(sys.argv[1]), data=sys.argv[2], quick=True, step
 
 def test_two_processes_train_together(tmp_path, data):
     run_training("dbsnet", out=tmp_path / "draw", data=data, steps=1, quick=True)  # the set is there for both
-    command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2", "-m", "qclearn",
-               "train", "dbsnet", "--out", tmp_path / "run", "--data", data, "--steps", "2", "--quick", "--threads", "1"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=180, env={**os.environ, "OMP_NUM_THREADS": "1"},
-                          check=False)
+    command = [
+        sys.executable,
+        "-m",
+        "torch.distributed.run",
+        "--standalone",
+        "--nproc-per-node",
+        "2",
+        "-m",
+        "qclearn",
+        "train",
+        "dbsnet",
+        "--out",
+        tmp_path / "run",
+        "--data",
+        data,
+        "--steps",
+        "2",
+        "--quick",
+        "--threads",
+        "1",
+    ]
+    done = subprocess.run(
+        command, capture_output=True, text=True, timeout=180, env={**os.environ, "OMP_NUM_THREADS": "1"}, check=False
+    )
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("validation loss") == 1  # the first process alone writes and speaks
     assert load_file(tmp_path / "run" / "dbsnet-best.safetensors", "dbsnet").header["steps"] == 2
 
 
-@pytest.mark.parametrize("network, preset, gamma", [("cpnet", "paper", None), ("cpnet", "best", 1e4), ("dbsnet", "best", 1e4),
-                                                    ("cpnet", "paper", 3e4)])
+@pytest.mark.parametrize(
+    "network, preset, gamma",
+    [("cpnet", "paper", None), ("cpnet", "best", 1e4), ("dbsnet", "best", 1e4), ("cpnet", "paper", 3e4)],
+)
 def test_gamma_belongs_to_the_papers_cpnet_alone(tmp_path, network, preset, gamma):
     with pytest.raises(TrainingError, match="needs one of 10000, 100000, 200000"):
         run_training(network, preset, gamma, tmp_path)

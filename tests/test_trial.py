@@ -27,8 +27,9 @@ def dome(height=1.0, turn=0.0, power=1.0):
     spokes = [1 + SPOKES * np.arange(3, 9) + spoke for spoke in (4, 20)]
     curves = dict(zip(("first", "second"), spokes)) | {"third": 1 + SPOKES * 6 + np.arange(28, 38)}
     template = np.stack([z.real, z.imag, 1.2 - abs(z) ** 2], 1)
-    return replace(mapped(Surface(vertices, faces, curves)),
-                   template=template / np.linalg.norm(template, axis=1, keepdims=True))
+    return replace(
+        mapped(Surface(vertices, faces, curves)), template=template / np.linalg.norm(template, axis=1, keepdims=True)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -54,8 +55,11 @@ def test_landmarks_are_the_curves_matched_by_arc_length_or_their_true_images(pai
     np.testing.assert_allclose(given.target[ends], exact.target[ends], atol=1e-9)
     assert abs(given.target - exact.target).max() > 1e-3  # between the ends the arc lengths differ
     np.testing.assert_allclose(exact.target, exact.samples @ pair.truth_disk)
-    np.testing.assert_allclose(given.target_mm[ends], pair.control.surface.vertices[[curve["control"][k] for curve in
-                               pair.curves[:2] for k in (0, -1)]], atol=1e-9)
+    np.testing.assert_allclose(
+        given.target_mm[ends],
+        pair.control.surface.vertices[[curve["control"][k] for curve in pair.curves[:2] for k in (0, -1)]],
+        atol=1e-9,
+    )
 
 
 def test_detected_curves_are_found_between_the_moving_ends(pair):
@@ -63,8 +67,11 @@ def test_detected_curves_are_found_between_the_moving_ends(pair):
     given = prepare(pair)
     np.testing.assert_allclose(found.target, given.target)
     moving = pair.moving.surface.vertices
-    np.testing.assert_allclose((found.samples @ moving)[[0, 9]], moving[list(pair.curves[0]["moving"])[::len(
-        pair.curves[0]["moving"]) - 1]], atol=1e-9)
+    np.testing.assert_allclose(
+        (found.samples @ moving)[[0, 9]],
+        moving[list(pair.curves[0]["moving"])[:: len(pair.curves[0]["moving"]) - 1]],
+        atol=1e-9,
+    )
 
 
 @pytest.mark.parametrize("distance", [0.05, 0.3])
@@ -94,7 +101,9 @@ def test_the_true_map_is_measured_as_one(pair):
     assert row["correspondence_mm"] < 1e-3 and row["correspondence_sulci_mm"] < 1e-9  # rim points are set in by 1e-4
     assert row["certified"] and row["flipped"] == 0 and sum(row["histogram"]) == len(pair.moving.surface.faces)
     assert row["landmark_error_true"] > 1e-4  # between their ends the curves' arc lengths do not correspond
-    assert 0 < row["floor_curve_mm"] < row["floor_mm"] < 5  # curves correspond as sets, up to their shape between vertices
+    assert (
+        0 < row["floor_curve_mm"] < row["floor_mm"] < 5
+    )  # curves correspond as sets, up to their shape between vertices
 
 
 def test_a_shifted_map_is_off_by_its_shift(pair):
@@ -116,11 +125,14 @@ def test_a_folded_map_is_not_certified_and_one_off_the_circle_neither(pair):
     assert row["bijective"] and row["off_circle"] == pytest.approx(0.1) and not row["certified"]
 
 
-@pytest.mark.parametrize("method, message", [
-    (lambda problem: 1 / 0, "ZeroDivisionError: division by zero"),
-    (lambda problem: problem.z[:5], "returned an array of shape (5,)"),
-    (lambda problem: problem.z * np.nan, "not finite"),
-])
+@pytest.mark.parametrize(
+    "method, message",
+    [
+        (lambda problem: 1 / 0, "ZeroDivisionError: division by zero"),
+        (lambda problem: problem.z[:5], "returned an array of shape (5,)"),
+        (lambda problem: problem.z * np.nan, "not finite"),
+    ],
+)
 def test_a_method_that_fails_gives_a_row_that_says_so(pair, method, message):
     row = trial(pair, Run("bad", "bad"), method)
     assert row["status"] == "failed" and message in row["message"]
@@ -158,6 +170,8 @@ def test_a_field_is_kept_on_the_controls_disk(pair):
 
 
 def test_methods_beat_the_floor_of_conformal_alignment_where_landmarks_are_exact(pair):
-    rows = {name: trial(pair, Run(name, name, landmarks="exact"), METHODS[name]) for name in ("mobius_only", "harmonic")}
+    rows = {
+        name: trial(pair, Run(name, name, landmarks="exact"), METHODS[name]) for name in ("mobius_only", "harmonic")
+    }
     assert rows["harmonic"]["landmark_error"] < rows["mobius_only"]["landmark_error"]
     assert rows["harmonic"]["correspondence_sulci_mm"] < rows["mobius_only"]["correspondence_sulci_mm"]

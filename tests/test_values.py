@@ -49,10 +49,14 @@ def test_several_maps_and_whole_numbers_come_back(tmp_path, name):
 
 
 def test_mgz_agrees_with_nibabel(tmp_path):
-    nibabel.save(nibabel.MGHImage(VALUES.astype(np.float32).reshape(-1, 1, 1), np.eye(4)), tmp_path / "lh.thickness.mgz")
+    nibabel.save(
+        nibabel.MGHImage(VALUES.astype(np.float32).reshape(-1, 1, 1), np.eye(4)), tmp_path / "lh.thickness.mgz"
+    )
     np.testing.assert_allclose(read_values(tmp_path / "lh.thickness.mgz"), VALUES, rtol=1e-6)
     write_values(tmp_path / "o.mgh", VALUES)
-    np.testing.assert_allclose(np.squeeze(nibabel.MGHImage.from_bytes((tmp_path / "o.mgh").read_bytes()).dataobj), VALUES, rtol=1e-6)
+    np.testing.assert_allclose(
+        np.squeeze(nibabel.MGHImage.from_bytes((tmp_path / "o.mgh").read_bytes()).dataobj), VALUES, rtol=1e-6
+    )
     nibabel.save(nibabel.MGHImage(np.zeros((4, 5, 6), np.float32), np.eye(4)), tmp_path / "T1.mgz")
     with pytest.raises(SurfaceError, match="T1.mgz: holds a volume of 4 x 5 x 6.*mri_vol2surf"):
         read_values(tmp_path / "T1.mgz")
@@ -117,7 +121,9 @@ def test_morphometry_is_known_by_its_content_alone(tmp_path):
 
 def test_a_damaged_annotation_is_refused(tmp_path):
     path = tmp_path / "lh.a.annot"
-    nibabel.freesurfer.write_annot(path, np.array([0, 1, 0]), np.array([[9, 9, 9, 0, 0], [8, 8, 8, 0, 0]]), ["a", "b"], fill_ctab=True)
+    nibabel.freesurfer.write_annot(
+        path, np.array([0, 1, 0]), np.array([[9, 9, 9, 0, 0], [8, 8, 8, 0, 0]]), ["a", "b"], fill_ctab=True
+    )
     data = path.read_bytes()
     for bad in (data[:20], data[:28], data[:4] + b"\0\0\0\7" + data[8:], data[:8] + b"\0\1\2\3" + data[12:]):
         path.write_bytes(bad)

@@ -60,14 +60,17 @@ def rewritten(file, change):
     return file
 
 
-@pytest.mark.parametrize("change, words", [
-    (lambda header, state: header.update(format=FORMAT + 1), f"format {FORMAT + 1}, this version reads {FORMAT}"),
-    (lambda header, state: header.pop("figures"), "lacks figures"),
-    (lambda header, state: state["layer.bias"].add_(1), "checksum"),
-    (lambda header, state: header.update(network="other"), "no network is called 'other'"),
-    (lambda header, state: header["config"].update(preset="worst"), "no preset 'worst'"),
-    (lambda header, state: header["config"].update(sizes=[4, 6]), "does not fit toy"),
-])
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        (lambda header, state: header.update(format=FORMAT + 1), f"format {FORMAT + 1}, this version reads {FORMAT}"),
+        (lambda header, state: header.pop("figures"), "lacks figures"),
+        (lambda header, state: state["layer.bias"].add_(1), "checksum"),
+        (lambda header, state: header.update(network="other"), "no network is called 'other'"),
+        (lambda header, state: header["config"].update(preset="worst"), "no preset 'worst'"),
+        (lambda header, state: header["config"].update(sizes=[4, 6]), "does not fit toy"),
+    ],
+)
 def test_a_foreign_file_is_refused(file, change, words):
     with pytest.raises(WeightsError, match=words):
         load_file(rewritten(file, change))
@@ -88,7 +91,7 @@ def test_a_damaged_file_is_refused(file, size):
 def test_every_flipped_bit_is_noticed(file):
     whole = file.read_bytes()
     for place in range(0, len(whole), 97):
-        file.write_bytes(whole[:place] + bytes([whole[place] ^ 4]) + whole[place + 1:])
+        file.write_bytes(whole[:place] + bytes([whole[place] ^ 4]) + whole[place + 1 :])
         with pytest.raises(WeightsError):
             assert_same(file, whole)
 
@@ -120,10 +123,15 @@ def test_an_incomplete_header_is_not_written(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("arguments, words", [
-    (("unet",), "no weights are shipped for 'unet'"), (("dbsnet", "worst"), "preset 'worst'"),
-    (("cpnet", "paper"), "one weights file for each gamma"), (("cpnet", "paper", 3e4), "got 30000"),
-])
+@pytest.mark.parametrize(
+    "arguments, words",
+    [
+        (("unet",), "no weights are shipped for 'unet'"),
+        (("dbsnet", "worst"), "preset 'worst'"),
+        (("cpnet", "paper"), "one weights file for each gamma"),
+        (("cpnet", "paper", 3e4), "got 30000"),
+    ],
+)
 def test_what_is_not_shipped_is_refused(arguments, words):
     with pytest.raises(WeightsError, match=words):
         load(*arguments)

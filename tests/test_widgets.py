@@ -196,8 +196,13 @@ def test_moving_a_slider_changes_picture_and_text(problem):
 def test_every_control_reaches_the_solver(problem):
     other = dataclasses.replace(problem, name="other")
     tuner = Tuner([problem, other], EXACT)
-    for control, value in ((tuner.alpha, 2.0), (tuner.beta, 0.1), (tuner.gamma, 1e3), (tuner.landmarks, "sliding"),
-                           (tuner.problem, "other")):
+    for control, value in (
+        (tuner.alpha, 2.0),
+        (tuner.beta, 0.1),
+        (tuner.gamma, 1e3),
+        (tuner.landmarks, "sliding"),
+        (tuner.problem, "other"),
+    ):
         text = answered(tuner, control, value)
     assert tuner.setting() == ("other", 2.0, 0.1, 1e3, True)
     expected = fit_state(other, 2.0, 0.1, 1e3, sliding=True)
@@ -219,7 +224,9 @@ def test_an_unexpected_error_is_shown_and_the_next_move_works(problem):
 
 
 def test_answers_of_several_solvers_stand_below_each_other(problem):
-    tuner = Tuner([problem], {"exact fit": exact_fit, "half gamma": lambda p, a, b, g, *rest: exact_fit(p, a, b, g / 2, *rest)})
+    tuner = Tuner(
+        [problem], {"exact fit": exact_fit, "half gamma": lambda p, a, b, g, *rest: exact_fit(p, a, b, g / 2, *rest)}
+    )
     assert set(tuner.canvas.rows) == {"exact fit", "half gamma"}
     assert "<b>exact fit</b>" in tuner.text.value and "<b>half gamma</b>" in tuner.text.value
     first, second = (row[0].get_xydata() for row in tuner.canvas.rows.values())
@@ -312,7 +319,9 @@ def test_vertices_are_spread_evenly():
     chosen = spread_vertices(surface, 80)
     assert len(np.unique(chosen)) == 80 and set(surface.boundary[::2]) <= set(chosen)
     distance = np.linalg.norm(surface.vertices[:, None] - surface.vertices[chosen], axis=2)
-    added = distance[chosen[len(surface.boundary[::2]):]] + np.where(distance[chosen[len(surface.boundary[::2]):]] == 0, 9, 0)
+    added = distance[chosen[len(surface.boundary[::2]) :]] + np.where(
+        distance[chosen[len(surface.boundary[::2]) :]] == 0, 9, 0
+    )
     assert distance.min(axis=1).max() <= added.min() + 1e-12  # no vertex is farther off than two chosen ones are apart
 
 
@@ -320,8 +329,10 @@ def test_cortex_problem_keeps_landmarks_of_the_full_surfaces():
     moving, control = bowl(0.5, 12), bowl(0.8, 12)
     spoke = [1 + 36 * ring for ring in range(8)]
     arc = list(range(151, 160))
-    curves = [{"name": "spoke", "moving": spoke, "control": [vertex + 2 for vertex in spoke]},
-              {"name": "arc", "moving": arc, "control": [vertex + 3 for vertex in arc]}]
+    curves = [
+        {"name": "spoke", "moving": spoke, "control": [vertex + 2 for vertex in spoke]},
+        {"name": "arc", "moving": arc, "control": [vertex + 3 for vertex in arc]},
+    ]
     small = cortex_problem("bowls", moving, control, curves, vertices=150, points=4)
     assert len(small.z) == 150 and small.curve.tolist() == [0] * 4 + [1] * 4
     on_arc = small.target[4:]  # the control is a surface of revolution: the arc stays one, equally divided

@@ -26,17 +26,23 @@ def main():
     parser.add_argument("--repetitions", type=int, default=3)
     parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()
-    hemispheres([*SEEDS[:options.subjects], CONTROL], options.vertices)
+    hemispheres([*SEEDS[: options.subjects], CONTROL], options.vertices)
     seconds = {1: [], 2: []}
     for _ in range(options.repetitions):
         for workers, passed in seconds.items():
             with tempfile.TemporaryDirectory() as folder:
                 results = benchmark(Path(folder, "out.json"), options.subjects, options.vertices, workers=workers)
             passed.append(results["provenance"]["seconds"])
-    figures = {"subjects": options.subjects, "vertices": options.vertices, "tasks": len(results["rows"]),
-               "seconds": {str(workers): passed for workers, passed in seconds.items()},
-               "speed_up": float(np.median(seconds[1]) / np.median(seconds[2])), "commit": commit(),
-               "date": date.today().isoformat(), "processor": processor()}
+    figures = {
+        "subjects": options.subjects,
+        "vertices": options.vertices,
+        "tasks": len(results["rows"]),
+        "seconds": {str(workers): passed for workers, passed in seconds.items()},
+        "speed_up": float(np.median(seconds[1]) / np.median(seconds[2])),
+        "commit": commit(),
+        "date": date.today().isoformat(),
+        "processor": processor(),
+    }
     text = json.dumps(figures, indent=1)
     print(text)
     if options.out:

@@ -20,8 +20,19 @@ SITE = ROOT / "_build"
 def build_site():
     shutil.rmtree(SITE / "html", ignore_errors=True)
     shutil.rmtree(SITE / ".doctrees", ignore_errors=True)
-    command = [Path(sys.executable).with_name("jupyter-book"), "build", SOURCE, "--config", ROOT / "_config.yml",
-               "--path-output", ROOT, "-W", "-n", "--keep-going", "--quiet"]
+    command = [
+        Path(sys.executable).with_name("jupyter-book"),
+        "build",
+        SOURCE,
+        "--config",
+        ROOT / "_config.yml",
+        "--path-output",
+        ROOT,
+        "-W",
+        "-n",
+        "--keep-going",
+        "--quiet",
+    ]
     if subprocess.run(command, check=False).returncode:
         sys.exit("build_book: Sphinx found something to complain about; warnings count as errors")
 
@@ -36,7 +47,9 @@ def offer_downloads():
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--jobs", type=int, default=2, help="notebooks executed side by side")
-    parser.add_argument("--seconds-per-cell", type=int, default=SECONDS_PER_CELL, help="a cell that takes longer is a failure")
+    parser.add_argument(
+        "--seconds-per-cell", type=int, default=SECONDS_PER_CELL, help="a cell that takes longer is a failure"
+    )
     parser.add_argument("--pages", default="", help="execute only these, as in: --pages lbs,fourier")
     parser.add_argument("--no-site", action="store_true", help="execute the pages and leave the site as it is")
     arguments = parser.parse_args()

@@ -44,7 +44,9 @@ def main():
 
 def read_options():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=seed_list, default=seed_list("1001-1024"), help="1001-1024 or 7,8,12 (default: %(default)s)")
+    parser.add_argument(
+        "--seeds", type=seed_list, default=seed_list("1001-1024"), help="1001-1024 or 7,8,12 (default: %(default)s)"
+    )
     parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS, help="parts to run (default: all)")
     parser.add_argument("--quick", action="store_true", help="few samples, to see that all works")
     parser.add_argument("--out", type=Path, help="JSON file to write or to renew")
@@ -63,9 +65,17 @@ def seed_list(text):
 
 
 def provenance(options, seconds):
-    return {"seeds": options.seeds, "quick": options.quick, "commit": commit(), "date": date.today().isoformat(),
-            "seconds": round(seconds, 1), "threads": torch.get_num_threads(), "processor": processor(),
-            "python": platform.python_version(), **{name: version(name) for name in ("torch", "numpy", "scipy", "qclearn")}}
+    return {
+        "seeds": options.seeds,
+        "quick": options.quick,
+        "commit": commit(),
+        "date": date.today().isoformat(),
+        "seconds": round(seconds, 1),
+        "threads": torch.get_num_threads(),
+        "processor": processor(),
+        "python": platform.python_version(),
+        **{name: version(name) for name in ("torch", "numpy", "scipy", "qclearn")},
+    }
 
 
 def show(part, figures, indent=0):

@@ -70,9 +70,25 @@ def execute(paths, jobs, seconds_per_cell):
     settings = BUILD / "nbmake.ini"
     settings.write_text("[pytest]\n")
     environment = os.environ | {"PYVISTA_OFF_SCREEN": "true", "JUPYTER_PREFER_ENV_PATH": "1"}
-    command = [sys.executable, "-m", "pytest", "-q", "-c", settings, "--rootdir", BUILD, "-p", "no:cacheprovider",
-               "--nbmake", "--overwrite", f"--nbmake-timeout={seconds_per_cell}", "-n", str(min(jobs, len(paths))),
-               "--durations=0", *paths]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-c",
+        settings,
+        "--rootdir",
+        BUILD,
+        "-p",
+        "no:cacheprovider",
+        "--nbmake",
+        "--overwrite",
+        f"--nbmake-timeout={seconds_per_cell}",
+        "-n",
+        str(min(jobs, len(paths))),
+        "--durations=0",
+        *paths,
+    ]
     if subprocess.run(command, env=environment, check=False).returncode:
         sys.exit("build_book: a notebook failed; the cell and its error are above")
 

@@ -58,7 +58,9 @@ def bases(folder):
         qc.write_values(folder / name, heights)
     qc.write_values(folder / "v.label.gii", labels)
     table = np.array([[k * 40, 20, 200 - k * 30, 0, 0] for k in range(5)])
-    nibabel.freesurfer.write_annot(folder / "lh.regions.annot", labels, table, [f"r{k}" for k in range(5)], fill_ctab=True)
+    nibabel.freesurfer.write_annot(
+        folder / "lh.regions.annot", labels, table, [f"r{k}" for k in range(5)], fill_ctab=True
+    )
     (folder / "m.label").write_text("#!ascii label\n12\n" + "".join(f"{k} 1.0 2.0 3.0 0.0\n" for k in range(12)))
     (folder / "c.json").write_text(json.dumps({"curves": [{"name": "a", "moving": [0, 40], "control": [3, 45]}]}))
     image = nibabel.load(folder / "s.gii")
@@ -66,13 +68,24 @@ def bases(folder):
         array.encoding = 1  # ASCII
     (folder / "ascii.gii").write_bytes(image.to_bytes())
     corners = surface.vertices[surface.faces]
-    facets = "".join("facet normal 0 0 1\nouter loop\n" + "".join("vertex {} {} {}\n".format(*p) for p in face)
-                     + "endloop\nendfacet\n" for face in corners.tolist())
+    facets = "".join(
+        "facet normal 0 0 1\nouter loop\n"
+        + "".join("vertex {} {} {}\n".format(*p) for p in face)
+        + "endloop\nendfacet\n"
+        for face in corners.tolist()
+    )
     (folder / "ascii.stl").write_text(f"solid s\n{facets}endsolid s\n")
     header = "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\nelement face {}\n"
-    rows = [" ".join(map(str, row)) for row in (*surface.vertices.tolist(), *([3, *face] for face in surface.faces.tolist()))]
-    (folder / "ascii.ply").write_text(header.format(len(surface.vertices), len(surface.faces))
-                                      + "property list uchar int vertex_indices\nend_header\n" + "\n".join(rows) + "\n")
+    rows = [
+        " ".join(map(str, row))
+        for row in (*surface.vertices.tolist(), *([3, *face] for face in surface.faces.tolist()))
+    ]
+    (folder / "ascii.ply").write_text(
+        header.format(len(surface.vertices), len(surface.faces))
+        + "property list uchar int vertex_indices\nend_header\n"
+        + "\n".join(rows)
+        + "\n"
+    )
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 
@@ -86,16 +99,18 @@ def mutated(data, dice):
     elif kind == 1:
         del data[place:]
     elif kind == 2:
-        del data[place:place + length]
+        del data[place : place + length]
     elif kind == 3:
-        data[place:place] = dice.choice([data[place:place + length], dice.randbytes(length), b"\0" * length])
+        data[place:place] = dice.choice([data[place : place + length], dice.randbytes(length), b"\0" * length])
     elif kind == 4:
-        data[place:place + 1] = dice.choice([b" ", b"\n", b"-", b".", b'"', b"<", b">", b"&", b"[", b"{", b"\0", b"\x1b[2J"])
+        data[place : place + 1] = dice.choice(
+            [b" ", b"\n", b"-", b".", b'"', b"<", b">", b"&", b"[", b"{", b"\0", b"\x1b[2J"]
+        )
     elif kind == 5:
-        data[place:place + 4] = (dice.choice(NUMBERS) % 2**32).to_bytes(4, dice.choice(["big", "little"]))
+        data[place : place + 4] = (dice.choice(NUMBERS) % 2**32).to_bytes(4, dice.choice(["big", "little"]))
     else:
-        head = bytes(data[:dice.choice([200, 1500, len(data)])])
-        starts = [k for k in range(len(head)) if head[k:k + 1].isdigit() and not head[k - 1:k].isdigit()]
+        head = bytes(data[: dice.choice([200, 1500, len(data)])])
+        starts = [k for k in range(len(head)) if head[k : k + 1].isdigit() and not head[k - 1 : k].isdigit()]
         if starts:
             start = dice.choice(starts[:16] if kind == 6 else starts)
             end = start + len(head[start:]) - len(head[start:].lstrip(b"0123456789"))
@@ -129,21 +144,29 @@ def crafted(sound, blocks=96):
     start, end = sound["s.gii"].index(b"<Data>") + 6, sound["s.gii"].index(b"</Data>")
     yield "s.gii", sound["s.gii"][:start] + inner + sound["s.gii"][end:]
     for name in ("s.gii", "v.func.gii"):
-        for old, new in ((b'Dimensionality="2"', b'Dimensionality="2147483648"'), (b'Dim0="49"', b'Dim0="1000000000000"')):
+        for old, new in (
+            (b'Dimensionality="2"', b'Dimensionality="2147483648"'),
+            (b'Dim0="49"', b'Dim0="1000000000000"'),
+        ):
             yield name, sound["s.gii"].replace(old, new)
     for entity in (b'<!ENTITY a "' + b"1 " * 50000 + b'">', b'<!ENTITY a SYSTEM "file://%s">' % b"/etc/passwd"):
-        text = gii[gii.index(b"<GIFTI"):].replace(b"<Data>", b"<Data>" + b"&a;" * 3000)
+        text = gii[gii.index(b"<GIFTI") :].replace(b"<Data>", b"<Data>" + b"&a;" * 3000)
         yield "s.gii", b'<?xml version="1.0"?><!DOCTYPE GIFTI [' + entity + b"]>" + text
     yield "s.gii", gii.replace(b'Encoding="ASCII"', b'Encoding="ExternalFileBinary"')
     yield "s.stl", b"solid\n endsolid" + b" " * 200_000 + b"\nx"
     yield "s.stl", b"solid\n" + b"endsolid " * 25_000 + b"\nx"
     yield "s.stl", b"solid\n" + b"vertex" + b" " * 200_000 + b"endsolid"
     yield "s.stl", sound["s.stl"][:80] + (1).to_bytes(4, "little") + sound["s.stl"][84:]
-    yield "s.vtk", (b"# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\nPOINTS 3 float\n0 0 0 1 0 0 0 1 0\n"
-                    b"POLYGONS 400000000 1600000000\n3 0 1 2\n")
+    yield (
+        "s.vtk",
+        (
+            b"# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\nPOINTS 3 float\n0 0 0 1 0 0 0 1 0\n"
+            b"POLYGONS 400000000 1600000000\n3 0 1 2\n"
+        ),
+    )
     yield "s.vtp", sound["s.vtp"].replace(b'NumberOfPoints="49"', b'NumberOfPoints="400000000"')
     counts = sound["lh.pial"].index(b"\n\n") + 2
-    yield "lh.pial", sound["lh.pial"][:counts] + b"\x7f\xff\xff\xff" * 2 + sound["lh.pial"][counts + 8:]
+    yield "lh.pial", sound["lh.pial"][:counts] + b"\x7f\xff\xff\xff" * 2 + sound["lh.pial"][counts + 8 :]
     for shape in ("(1000000000000000, 3)", "(100000000, 3)", "(-1, 3)"):
         header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".ljust(117) + "\n"
         npy = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode() + bytes(64)
@@ -157,18 +180,23 @@ def crafted(sound, blocks=96):
         for _ in range(blocks):
             member.write(zeros)
     yield "s.npz", packed.getvalue()
-    yield "v.npy", b"\x93NUMPY\x01\x00\xf0\xff" + b"(" * 0xfff0
-    for text in (b"[" * 100_000, b'{"curves": [{"name": "a", "moving": [1, ' + b"9" * 5000 + b'], "control": [1, 2]}]}',
-                 b'{"curves": [{"name": "' + b"A" * 10**6 + b'", "moving": [1, 999], "control": [1, 2]}]}',
-                 b'{"curves": [{"name": "\\u001b]0;x\\u0007", "moving": [1, 999], "control": [1, 2]}]}',
-                 b"\xef\xbb\xbf" + sound["c.json"]):
+    yield "v.npy", b"\x93NUMPY\x01\x00\xf0\xff" + b"(" * 0xFFF0
+    for text in (
+        b"[" * 100_000,
+        b'{"curves": [{"name": "a", "moving": [1, ' + b"9" * 5000 + b'], "control": [1, 2]}]}',
+        b'{"curves": [{"name": "' + b"A" * 10**6 + b'", "moving": [1, 999], "control": [1, 2]}]}',
+        b'{"curves": [{"name": "\\u001b]0;x\\u0007", "moving": [1, 999], "control": [1, 2]}]}',
+        b"\xef\xbb\xbf" + sound["c.json"],
+    ):
         yield "c.json", text
 
 
 def sound_registration(path):
     """A registration.npz of the bowl onto itself, by a turn."""
     z, faces = polar_disk(4, 12)
-    write_registration(path, {"disk_map": z * np.exp(0.3j), "disk_control": z, "faces_moving": faces, "faces_control": faces})
+    write_registration(
+        path, {"disk_map": z * np.exp(0.3j), "disk_control": z, "faces_moving": faces, "faces_control": faces}
+    )
 
 
 def damaged_registration(path, dice, checksum):
@@ -181,12 +209,23 @@ def damaged_registration(path, dice, checksum):
     name = dice.choice(list(arrays))
     array, number = arrays[name], dice.randrange(1, 20)
     if array.ndim:
-        changed = [lambda: array[:-number], lambda: array[:0], lambda: array[..., None], lambda: array.astype("U5"),
-                   lambda: array * 10**9, lambda: array + 5, lambda: array * 0, lambda: np.full_like(array, array[0]),
-                   lambda: np.random.default_rng(number).permutation(array), lambda: array.ravel()[:10].reshape(2, 5),
-                   lambda: np.where(np.arange(array.size).reshape(array.shape) == number, np.nan, array),
-                   lambda: np.where(np.arange(array.size).reshape(array.shape) == number, 10**7, array),
-                   lambda: arrays[dice.choice(list(arrays))], lambda: array.astype("u1"), lambda: -array]
+        changed = [
+            lambda: array[:-number],
+            lambda: array[:0],
+            lambda: array[..., None],
+            lambda: array.astype("U5"),
+            lambda: array * 10**9,
+            lambda: array + 5,
+            lambda: array * 0,
+            lambda: np.full_like(array, array[0]),
+            lambda: np.random.default_rng(number).permutation(array),
+            lambda: array.ravel()[:10].reshape(2, 5),
+            lambda: np.where(np.arange(array.size).reshape(array.shape) == number, np.nan, array),
+            lambda: np.where(np.arange(array.size).reshape(array.shape) == number, 10**7, array),
+            lambda: arrays[dice.choice(list(arrays))],
+            lambda: array.astype("u1"),
+            lambda: -array,
+        ]
     else:
         changed = [lambda: np.array(99), lambda: np.array("x"), lambda: np.array([1, 2]), lambda: np.array(np.nan)]
     with warnings.catch_warnings():
@@ -205,8 +244,10 @@ def consume(path):
     elif path.name == "registration.npz":
         arrays = read_registration(path)
         assert all(np.isfinite(arrays[name]).all() for name in ("disk_map", "disk_control"))
-        assert all(arrays[f"faces_{side}"].max() < len(arrays[disk]) for side, disk in (("moving", "disk_map"),
-                                                                                         ("control", "disk_control")))
+        assert all(
+            arrays[f"faces_{side}"].max() < len(arrays[disk])
+            for side, disk in (("moving", "disk_map"), ("control", "disk_control"))
+        )
     elif path.name.startswith("v.") or path.name in ("lh.thickness", "lh.regions.annot"):
         values = qc.read_values(path)
         assert values.ndim in (1, 2) and values.dtype.kind in "biuf"
@@ -232,7 +273,7 @@ def verdict(path):
             result = "wrong", repr(error)
         except MemoryError as error:
             result = "memory", repr(error)
-        except Exception as error:  # noqa: BLE001 (what is looked for)
+        except Exception as error:
             result = "raw", repr(error)
     return ("noisy", str(caught[0].message)) if caught and result[0] in ("accepted", "refused") else result
 
@@ -278,7 +319,10 @@ def cases(kind, count, seed, folder):
             yield str(number), lambda place, dice=dice: register_damaged(place / "registration.npz", dice)
         else:
             name = dice.choice(names)
-            yield f"{number} {name}", lambda place, name=name, dice=dice: write(place / name, damaged(name, sound[name], dice))
+            yield (
+                f"{number} {name}",
+                lambda place, name=name, dice=dice: write(place / name, damaged(name, sound[name], dice)),
+            )
 
 
 def register_damaged(path, dice):

@@ -78,7 +78,9 @@ def disk(rng, low, high):
     """A triangulated disk (z, faces): rim even, random or in clusters, inside even, at the rim or in clumps."""
     while True:
         n = int(np.exp(rng.uniform(np.log(low), np.log(high))))
-        angles = np.sort(rng.choice([rng.uniform(size=n), rng.beta(0.4, 0.4, n), np.arange(n) / n])[:: max(1, int(np.sqrt(n) / 4))])
+        angles = np.sort(
+            rng.choice([rng.uniform(size=n), rng.beta(0.4, 0.4, n), np.arange(n) / n])[:: max(1, int(np.sqrt(n) / 4))]
+        )
         inner = np.sqrt(rng.uniform(size=n)) if rng.random() < 0.6 else 1 - 10.0 ** rng.uniform(-5, -0.1, n)
         points = inner * np.exp(2j * np.pi * rng.uniform(size=n))
         if rng.random() < 0.3:
@@ -101,8 +103,14 @@ def disk(rng, low, high):
 def beltrami_case(rng):
     z, faces = disk(rng, 30, 3000)
     size, centre = rng.choice([0.1, 0.5, 0.9, 0.99]), z[faces].mean(axis=1)
-    mu = size * rng.choice([np.ones(len(faces)), np.exp(4j * centre.real), np.sqrt(rng.uniform(size=len(faces))) * np.exp(
-        2j * np.pi * rng.uniform(size=len(faces))), abs(centre) ** 6 * np.exp(2j * np.angle(centre))])
+    mu = size * rng.choice(
+        [
+            np.ones(len(faces)),
+            np.exp(4j * centre.real),
+            np.sqrt(rng.uniform(size=len(faces))) * np.exp(2j * np.pi * rng.uniform(size=len(faces))),
+            abs(centre) ** 6 * np.exp(2j * np.angle(centre)),
+        ]
+    )
     f = solve_beltrami_disk(z, faces, mu)
     return faces, f, check_bijective(z, faces, f).bijective, False
 
@@ -112,12 +120,21 @@ def lifted(rng, z):
     x, y, kind = z.real, z.imag, rng.integers(8)
     hills = sum(rng.normal() * np.sin(rng.normal() * 6 * x + rng.normal() * 6 * y) for _ in range(5))
     t, q = rng.uniform(2, 20) * (x + 1.5), abs(z) * np.pi * rng.uniform(0.5, 0.999)
-    roll, bulb = np.stack([t * np.cos(t), t * np.sin(t), 3 * y], 1), np.stack(
-        [np.sin(q) * np.cos(np.angle(z)), np.sin(q) * np.sin(np.angle(z)), np.cos(q)], 1)
+    roll, bulb = (
+        np.stack([t * np.cos(t), t * np.sin(t), 3 * y], 1),
+        np.stack([np.sin(q) * np.cos(np.angle(z)), np.sin(q) * np.sin(np.angle(z)), np.cos(q)], 1),
+    )
     plain = np.stack([x, y, hills], axis=1)
-    return [plain, roll, np.stack([x * 10.0 ** rng.uniform(1, 4), y, 0.1 * hills], 1), bulb,
-            plain + rng.normal(size=plain.shape) * 0.3, plain * 10.0 ** -rng.uniform(3, 150),
-            plain * 10.0 ** rng.uniform(3, 150), plain + 10.0 ** rng.uniform(2, 12)][kind]
+    return [
+        plain,
+        roll,
+        np.stack([x * 10.0 ** rng.uniform(1, 4), y, 0.1 * hills], 1),
+        bulb,
+        plain + rng.normal(size=plain.shape) * 0.3,
+        plain * 10.0 ** -rng.uniform(3, 150),
+        plain * 10.0 ** rng.uniform(3, 150),
+        plain + 10.0 ** rng.uniform(2, 12),
+    ][kind]
 
 
 def conformal_case(rng):
@@ -129,8 +146,14 @@ def fit_case(rng):
     z, faces = disk(rng, 150, 2000)
     m, kind = int(rng.integers(1, 30)), rng.integers(6)
     p = 0.9 * np.sqrt(rng.uniform(size=m)) * np.exp(2j * np.pi * rng.uniform(size=m))
-    q = [p + 0.03 * np.exp(3j * p.real), p * np.exp(2j * (1 - abs(p)) * rng.uniform(0.5, 4)), rng.permutation(p), -p, 0.01 * p,
-         0.9 * np.sqrt(rng.uniform(size=m)) * np.exp(2j * np.pi * rng.uniform(size=m))][kind]
+    q = [
+        p + 0.03 * np.exp(3j * p.real),
+        p * np.exp(2j * (1 - abs(p)) * rng.uniform(0.5, 4)),
+        rng.permutation(p),
+        -p,
+        0.01 * p,
+        0.9 * np.sqrt(rng.uniform(size=m)) * np.exp(2j * np.pi * rng.uniform(size=m)),
+    ][kind]
     fit = qc.fit_landmarks(z, faces, p, q, gamma=10.0 ** rng.uniform(2, 8))
     plain = mobius(z, *best_mobius(p, q))
     return faces, fit.f, fit.bijective, is_embedding(faces, plain) and above(fit.landmark_error, z, faces, p, q, plain)
@@ -148,13 +171,17 @@ def register_case(rng):
     for _ in range(2):
         z, faces = disk(rng, 200, 1200)
         q, h = 2.2 * abs(z), 1 + 0.1 * np.sin(5 * rng.normal() * z.real)
-        points = 50 * np.stack([h * np.sin(q) * np.cos(np.angle(z)), h * np.sin(q) * np.sin(np.angle(z)), h * np.cos(q)], 1)
+        points = 50 * np.stack(
+            [h * np.sin(q) * np.cos(np.angle(z)), h * np.sin(q) * np.sin(np.angle(z)), h * np.cos(q)], 1
+        )
         surface = qc.Surface(points, faces)
         sides.append(surface if surface.volume > 0 else qc.Surface(points * [1, 1, -1], faces[:, ::-1]))
     curves, rims = [], rng.random() < 0.2
     for k in range(int(rng.integers(1, 6))):
-        ends = {name: rng.choice(side.boundary if rims else len(side.vertices), 2, replace=False).tolist()
-                for name, side in zip(("moving", "control"), sides)}
+        ends = {
+            name: rng.choice(side.boundary if rims else len(side.vertices), 2, replace=False).tolist()
+            for name, side in zip(("moving", "control"), sides)
+        }
         curves.append({"name": f"c{k}", **ends})
     result = qc.register(*sides, {"curves": curves})
     report = result.report
@@ -174,7 +201,7 @@ def verdict(kind, seed, number):
             faces, f, claim, worse = CASES[kind](rng)
     except OWN as error:
         return "refused", f"{type(error).__name__}: {error}"
-    except Exception as error:  # noqa: BLE001 (what is looked for)
+    except Exception as error:
         return "raw", repr(error)
     if not np.isfinite(f).all():
         return "silent", "not finite"

@@ -16,8 +16,11 @@ def syntax(cell):
 
 
 def calls_of(tree, function):
-    return [node for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
-            and node.func.id == function]
+    return [
+        node
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == function
+    ]
 
 
 def captions_in(source):
@@ -37,7 +40,10 @@ def shown_in(cell):
     if len(calls) > 1:
         return names, "it shows two figures; one cell, one figure, then its caption"
     if not names:
-        return names, 'the name of a figure has to stand there in quotes: show_figure(picture, "fig-...", "description")'
+        return (
+            names,
+            'the name of a figure has to stand there in quotes: show_figure(picture, "fig-...", "description")',
+        )
     if not (isinstance(last, ast.Expr) and last.value is calls[0]):
         return names, "show_figure(...) has to be its last statement, so that figure and caption stand together"
     return names, None
@@ -51,8 +57,10 @@ def figures(notebook):
         captions = captions_in(cell.source) if cell.cell_type == "markdown" else []
         if waiting:
             if captions[:1] != [waiting] or not CAPTION.match(cell.source):
-                yield (f"{here}: it has to open with the caption of the figure {waiting!r} above it:\n"
-                       f":::{{figure}}\n:name: {waiting}\n\nCaption.\n\n:::")
+                yield (
+                    f"{here}: it has to open with the caption of the figure {waiting!r} above it:\n"
+                    f":::{{figure}}\n:name: {waiting}\n\nCaption.\n\n:::"
+                )
             captions = captions[1:]
         for name in captions:
             yield f"{here}: the caption {name!r} does not stand below its figure, or the figure is missing"

@@ -77,8 +77,12 @@ def write_copies(folder, stamps, make):
         record[page] = {"made_from": stamp, "written": cells_digest(path)}
         written.append(page)
         (folder / RECORD).write_text(json.dumps(record, indent=1), encoding="utf-8")
-    shutil.copytree(references.BOOK / "_assets", folder / "_assets", dirs_exist_ok=True,
-                    ignore=shutil.ignore_patterns("vendor", "*.js", "*.css"))
+    shutil.copytree(
+        references.BOOK / "_assets",
+        folder / "_assets",
+        dirs_exist_ok=True,
+        ignore=shutil.ignore_patterns("vendor", "*.js", "*.css"),
+    )
     return written
 
 

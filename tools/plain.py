@@ -42,7 +42,17 @@ class Flattened:
             return "*Proof.*\n"
         if kind == "solution":
             return f"**Solution of {self.targets[argument].text if argument in self.targets else argument}**\n"
-        if kind in ("theorem", "lemma", "proposition", "definition", "remark", "corollary", "example", "exercise", "table"):
+        if kind in (
+            "theorem",
+            "lemma",
+            "proposition",
+            "definition",
+            "remark",
+            "corollary",
+            "example",
+            "exercise",
+            "table",
+        ):
             name = kind.capitalize() if "nonumber" in settings else self.number(kind)
             return f"**{name}**" + (f" ({argument})" if argument else "") + "\n"
         if kind in ("note", "tip", "warning", "important", "seealso"):

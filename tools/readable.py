@@ -23,7 +23,7 @@ def outside_code(change, text):
     """change() applied to what is not fenced code."""
     parts, end = [], 0
     for match in CODE.finditer(text):
-        parts += [change(text[end:match.start()]), match[0]]
+        parts += [change(text[end : match.start()]), match[0]]
         end = match.end()
     return "".join([*parts, change(text[end:])])
 
@@ -88,14 +88,20 @@ def stored_values(cell):
 
 def as_notebook(text):
     """A Markdown page as a notebook of one cell."""
-    return new_notebook(cells=[new_markdown_cell(text, id="page")], metadata={
-        "kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}})
+    return new_notebook(
+        cells=[new_markdown_cell(text, id="page")],
+        metadata={"kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}},
+    )
 
 
 def numbering(text, chapter):
     """The front matter that makes JupyterLab count as the book does: Figure 6.1, (6.1), Theorem 6.1, Proof."""
-    kinds = {"figure", "table", "equation", "exercise"} | {f"proof:{kind}" for kind in re.findall(r"\{prf:(\w+)\}", text)}
-    settings = {kind: {"enumerator": f"{chapter}.%s"} for kind in sorted(kinds - {"proof:ref", "proof:proof"}) if chapter}
+    kinds = {"figure", "table", "equation", "exercise"} | {
+        f"proof:{kind}" for kind in re.findall(r"\{prf:(\w+)\}", text)
+    }
+    settings = {
+        kind: {"enumerator": f"{chapter}.%s"} for kind in sorted(kinds - {"proof:ref", "proof:proof"}) if chapter
+    }
     return "---\n" + yaml.safe_dump({"numbering": {**settings, "proof:proof": {"enabled": False}}}) + "---\n\n"
 
 

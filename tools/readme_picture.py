@@ -18,13 +18,12 @@ PICTURE = Path(__file__).resolve().parent.parent / "book" / "_assets" / "registr
 def screenshot(result, control, registered):
     """The landmarks on the inflated control, coloured by the folded one's curvature, without the white around it."""
     values = grey_levels(qc.mean_curvature(control), control.vertex_areas)
-    scene = registration_scene(result, qc.fsaverage5("left", "inflated"), registered, values=values,
-                               clim=(-80, 335))
+    scene = registration_scene(result, qc.fsaverage5("left", "inflated"), registered, values=values, clim=(-80, 335))
     scene.enable_anti_aliasing("ssaa")
     pixels = scene.screenshot(window_size=(1500, 1100), return_img=True)
     scene.close()
     rows, columns = (np.flatnonzero((pixels < 250).any(axis=(other, 2))) for other in (1, 0))
-    return pixels[rows[0]:rows[-1] + 1, columns[0]:columns[-1] + 1]
+    return pixels[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
 
 
 def main():
@@ -32,10 +31,11 @@ def main():
     moving, control = qc.mirror(qc.fsaverage5("right")), qc.fsaverage5("left")
     result = qc.register(moving, control, qc.demo_landmarks(), progress=True)
     figure = Figure(figsize=(11, 7.4), dpi=110)
-    grid = figure.add_gridspec(2, 4, left=0.01, right=0.94, bottom=0.05, top=0.93, wspace=0.04, hspace=0.1,
-                               height_ratios=(1.35, 1))
+    grid = figure.add_gridspec(
+        2, 4, left=0.01, right=0.94, bottom=0.05, top=0.93, wspace=0.04, hspace=0.1, height_ratios=(1.35, 1)
+    )
     for k, title in enumerate(("best Möbius map only", "registered")):
-        ax = figure.add_subplot(grid[0, 2 * k:2 * k + 2])
+        ax = figure.add_subplot(grid[0, 2 * k : 2 * k + 2])
         ax.imshow(screenshot(result, control, registered=bool(k)))
         ax.axis("off")
         ax.set_title(title)

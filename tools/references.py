@@ -19,7 +19,9 @@ CODE = re.compile(r"^(?P<fence>`{3,})\w*[ \t]*\n.*?^(?P=fence)[ \t]*$", re.DOTAL
 COUNTED = re.compile(
     r"\$\$(?s:(?!\$\$).)*\$\$(?:[ \t]*\((?P<equation>[\w:-]+)\))?"
     r"|^(?::{3,}|`{3,})\{(?P<directive>[\w:-]+)\}(?P<title>.*)\n(?P<options>(?:[ \t]*\n)*(?::[\w-]+:.*\n)*)"
-    r"|^\((?P<section>[\w:-]+)\)=[ \t]*\n+(?:#+[ \t]+(?P<heading>.*))?", re.MULTILINE)
+    r"|^\((?P<section>[\w:-]+)\)=[ \t]*\n+(?:#+[ \t]+(?P<heading>.*))?",
+    re.MULTILINE,
+)
 OPTION = re.compile(r"^:(label|name|nonumber):[ \t]*(\S*)", re.MULTILINE)
 
 
@@ -54,7 +56,13 @@ def markdown_of(page, book=BOOK):
 
 
 def shown(kind, number):
-    return f"({number})" if kind == "equation" else f"Fig. {number}" if kind == "figure" else f"{kind.capitalize()} {number}"
+    return (
+        f"({number})"
+        if kind == "equation"
+        else f"Fig. {number}"
+        if kind == "figure"
+        else f"{kind.capitalize()} {number}"
+    )
 
 
 def numbered(text, page, chapter):
@@ -79,8 +87,12 @@ def numbered(text, page, chapter):
 
 def labels(book=BOOK):
     """label -> Target, of the whole book."""
-    return {label: target for page, chapter in chapters(book).items()
-            for label, target in numbered(markdown_of(page, book), page, chapter) if label}
+    return {
+        label: target
+        for page, chapter in chapters(book).items()
+        for label, target in numbered(markdown_of(page, book), page, chapter)
+        if label
+    }
 
 
 class Literature:
@@ -91,8 +103,10 @@ class Literature:
 
     def authors(self, key):
         people = self.entries.entries[key].persons
-        names = ["".join(part.render_as("text") for part in person.rich_last_names)
-                 for person in people.get("author") or people["editor"]]
+        names = [
+            "".join(part.render_as("text") for part in person.rich_last_names)
+            for person in people.get("author") or people["editor"]
+        ]
         return " and ".join(names) if len(names) < 3 else f"{names[0]} *et al.*"
 
     def cited(self, key, in_sentence):

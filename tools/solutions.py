@@ -28,19 +28,27 @@ def solutions_in(source):
 
 def append(notebook):
     """Before execution, behind everything else: one cell for each python fence."""
-    found = [solution for cell in notebook.cells if cell.cell_type == "markdown" for solution in solutions_in(cell.source)]
+    found = [
+        solution for cell in notebook.cells if cell.cell_type == "markdown" for solution in solutions_in(cell.source)
+    ]
     for exercise, code, printed in found:
         # nbmake shows the cell when it fails: its first line says where it comes from.
-        notebook.cells.append(new_code_cell(f"# The solution of {exercise}\n{code}", metadata={
-            "tags": [TAG], "exercise": exercise, "prints": printed}))
+        notebook.cells.append(
+            new_code_cell(
+                f"# The solution of {exercise}\n{code}",
+                metadata={"tags": [TAG], "exercise": exercise, "prints": printed},
+            )
+        )
 
 
 def same_text(printed, expected):
     """Words equal, numbers within TOLERANCE of the larger one."""
     if NUMBER.sub("#", printed).split() != NUMBER.sub("#", expected).split():
         return False
-    return all(abs(a - b) <= TOLERANCE * max(abs(a), abs(b)) or max(abs(a), abs(b)) < ROUNDING
-               for a, b in zip(map(float, NUMBER.findall(printed)), map(float, NUMBER.findall(expected)), strict=True))
+    return all(
+        abs(a - b) <= TOLERANCE * max(abs(a), abs(b)) or max(abs(a), abs(b)) < ROUNDING
+        for a, b in zip(map(float, NUMBER.findall(printed)), map(float, NUMBER.findall(expected)), strict=True)
+    )
 
 
 def remove(notebook):
@@ -55,10 +63,14 @@ def remove(notebook):
 def problems(cell):
     """What an executed solution printed and should not have, or should have and did not."""
     where = f"solution of {cell.metadata['exercise']}"
-    streams = {name: "".join(o.text for o in cell.outputs if o.output_type == "stream" and o.name == name)
-               for name in ("stdout", "stderr")}
+    streams = {
+        name: "".join(o.text for o in cell.outputs if o.output_type == "stream" and o.name == name)
+        for name in ("stdout", "stderr")
+    }
     if streams["stderr"]:
         yield f"{where}: it warns:\n{streams['stderr']}"
     if not same_text(streams["stdout"], cell.metadata["prints"]):
-        yield (f"{where}: it prints\n{streams['stdout'].rstrip()}\n  where the page says\n{cell.metadata['prints'].rstrip()}"
-               f"\n  (words exactly, numbers within {TOLERANCE:.0%})")
+        yield (
+            f"{where}: it prints\n{streams['stdout'].rstrip()}\n  where the page says\n{cell.metadata['prints'].rstrip()}"
+            f"\n  (words exactly, numbers within {TOLERANCE:.0%})"
+        )

@@ -25,12 +25,28 @@ from qclearn.landmarkfile import check_curves
 from qclearn.pages import kept
 from qclearn.provenance import commit
 
-WORDS = {"mirrored": "mirror", "exchanged": "exchanged", "whole numbers": "numbering", "all reversed": "reversed",
-         "one reversed": "reversed", "two swapped": "swapped"}
+WORDS = {
+    "mirrored": "mirror",
+    "exchanged": "exchanged",
+    "whole numbers": "numbering",
+    "all reversed": "reversed",
+    "one reversed": "reversed",
+    "two swapped": "swapped",
+}
 # value -> the limit it is held against
-VALUES = {"error_mm": "error_mm", "error_share": "error_share", "curve_mm": "curve_mm", "curve_ratio": "curve_ratio",
-          "rows": "rows", "strong_area": "strong_area", "order better": "better", "surface better": "better",
-          "surface given": "surface_given", "order plausible": "plausible", "surface plausible": "plausible"}
+VALUES = {
+    "error_mm": "error_mm",
+    "error_share": "error_share",
+    "curve_mm": "curve_mm",
+    "curve_ratio": "curve_ratio",
+    "rows": "rows",
+    "strong_area": "strong_area",
+    "order better": "better",
+    "surface better": "better",
+    "surface given": "surface_given",
+    "order plausible": "plausible",
+    "surface plausible": "plausible",
+}
 
 
 def hemisphere(side, surface):
@@ -42,8 +58,9 @@ def hemisphere(side, surface):
 def uncut(surface, rng):
     """The surface with the numbers that its vertices might have had in a whole one of 5 % more."""
     count = len(surface.vertices)
-    return qc.Surface(surface.vertices, surface.faces, surface.curves,
-                      np.sort(rng.choice(count + count // 20, count, replace=False)))
+    return qc.Surface(
+        surface.vertices, surface.faces, surface.curves, np.sort(rng.choice(count + count // 20, count, replace=False))
+    )
 
 
 def draw(rng, groups):
@@ -76,7 +93,7 @@ def spoil(kind, rng, moving, control, curves):
                 curve[side] = surface.original_vertices[curve[side]].tolist()
     if kind == "two swapped":
         curves[one]["moving"], curves[other]["moving"] = curves[other]["moving"], curves[one]["moving"]
-    for curve in {"all reversed": curves, "one reversed": curves[one:one + 1]}.get(kind, []):
+    for curve in {"all reversed": curves, "one reversed": curves[one : one + 1]}.get(kind, []):
         curve["moving"].reverse()
     return moving, control
 
@@ -88,7 +105,9 @@ def readings(moving, control, entries):
     found = {}
     for other in [*suspect.of_surfaces(given, moving, control, *disks, entries), *suspect.of_order(given)]:
         word = other.reason.split(":")[0] or ("reversed" if other.backwards.any() else "swapped")
-        found[word] = min(found.get(word, {"better": np.inf}), suspect.compared(given, other), key=lambda one: one["better"])
+        found[word] = min(
+            found.get(word, {"better": np.inf}), suspect.compared(given, other), key=lambda one: one["better"]
+        )
     return {"readings": found, "mistakes": suspect.mistakes(moving, control, *disks, entries)}
 
 
@@ -97,10 +116,16 @@ def outcome(result, moving):
     report = result.report
     millimetres = [row["landmark_error_mm"] for row in report["curves"]]
     words = [word for word in report["fallbacks"] if not word.startswith(("moving: ", "control: "))]
-    return {"suspect": report["suspect"], "bijective": report["bijective"], "error_mm": report["landmark_error_mm"],
-            "error_share": report["landmark_error"] / report["landmark_error_before"], "curve_mm": max(millimetres),
-            "curve_ratio": float(max(millimetres) / np.median(millimetres)),
-            "rows": suspect.rows_switched(words) / len(moving.vertices), "strong_area": suspect.strong_share(moving, result.mu)}
+    return {
+        "suspect": report["suspect"],
+        "bijective": report["bijective"],
+        "error_mm": report["landmark_error_mm"],
+        "error_share": report["landmark_error"] / report["landmark_error_before"],
+        "curve_mm": max(millimetres),
+        "curve_ratio": float(max(millimetres) / np.median(millimetres)),
+        "rows": suspect.rows_switched(words) / len(moving.vertices),
+        "strong_area": suspect.strong_share(moving, result.mu),
+    }
 
 
 def measure(kind, number, groups, register, known):
@@ -109,8 +134,14 @@ def measure(kind, number, groups, register, known):
     names, moving, control, curves = draw(rng, groups)
     moving, control = spoil(kind, rng, moving, control, curves)
     method = ("exact", "network")[number % 2]
-    case = known or {"kind": kind, "number": number, "pair": names, "curves": [curve["name"] for curve in curves],
-                     "whole": len(curves[0]["moving"]) > 2, "method": method}
+    case = known or {
+        "kind": kind,
+        "number": number,
+        "pair": names,
+        "curves": [curve["name"] for curve in curves],
+        "whole": len(curves[0]["moving"]) > 2,
+        "method": method,
+    }
     try:
         if "readings" not in case:
             case |= readings(moving, control, check_curves(curves, moving, control))
@@ -138,8 +169,11 @@ def found_in(case, name):
         return [case[name]]
     group, _, key = name.partition(" ")
     order, right = ("reversed", "swapped"), WORDS.get(case["kind"])
-    return [reading[key] for word, reading in case.get("readings", {}).items()
-            if key and (word in order) == (group == "order") and right in (None, word)]
+    return [
+        reading[key]
+        for word, reading in case.get("readings", {}).items()
+        if key and (word in order) == (group == "order") and right in (None, word)
+    ]
 
 
 def table(cases):
@@ -147,8 +181,10 @@ def table(cases):
     for kind in ("good", *WORDS):
         own = [case for case in cases if case["kind"] == kind]
         right = f", {sum(map(recognised, own))} of them by the right word" if kind in WORDS else ""
-        yield (f"{kind:14} {len(own):3} cases, {sum('suspect' in case for case in own):3} registered: "
-               f"{sum(map(any_word, own)):3} suspect{right}")
+        yield (
+            f"{kind:14} {len(own):3} cases, {sum('suspect' in case for case in own):3} registered: "
+            f"{sum(map(any_word, own)):3} suspect{right}"
+        )
     for name, limit in VALUES.items():
         yield f"{name} (limit {suspect.LIMITS[limit]:.3g})"
         for kind in ("good", *WORDS):
@@ -160,8 +196,12 @@ def table(cases):
 @click.command(help=__doc__)
 @click.option("--good", default=200, show_default=True)
 @click.option("--wrong", default=20, show_default=True, help="Cases of each mistake.")
-@click.option("--registered", default=20, show_default=True,
-              help="Of each kind, are also registered (good ones: ten times as many).")
+@click.option(
+    "--registered",
+    default=20,
+    show_default=True,
+    help="Of each kind, are also registered (good ones: ten times as many).",
+)
 @click.option("--seeds", default="1001-1012", show_default=True, help="Of the synthetic subjects.")
 @click.option("--vertices", default=3000, show_default=True, help="Of the synthetic subjects.")
 @click.option("--data", help="Folder where synthetic subjects are kept (default: the user's cache).")
@@ -171,17 +211,24 @@ def main(good, wrong, registered, seeds, vertices, data, also, out):
     warnings.simplefilter("ignore", qc.RepairWarning)
     first, last = map(int, seeds.split("-"))
     rng = np.random.default_rng(0)
-    synthetic = {str(seed): uncut(cortex.surface, rng) for seed, cortex in
-                 zip(range(first, last + 1), hemispheres(range(first, last + 1), vertices, data))}
-    real = {"fsaverage5 right, mirrored": hemisphere("moving", qc.mirror(qc.fsaverage5("right"))),
-            "fsaverage5 left": hemisphere("control", qc.fsaverage5("left"))}
+    synthetic = {
+        str(seed): uncut(cortex.surface, rng)
+        for seed, cortex in zip(range(first, last + 1), hemispheres(range(first, last + 1), vertices, data))
+    }
+    real = {
+        "fsaverage5 right, mirrored": hemisphere("moving", qc.mirror(qc.fsaverage5("right"))),
+        "fsaverage5 left": hemisphere("control", qc.fsaverage5("left")),
+    }
     real |= {Path(path).stem: uncut(qc.read_surface(path), rng) for path in also}
     wanted = [("good", k) for k in range(good)] + [(kind, k) for k in range(wrong) for kind in WORDS]
     done = json.loads(Path(out).read_text())["cases"] if Path(out).is_file() else []
     done = {(case["kind"], case["number"]): case for case in done}
     tasks = [(False, *task) for task in wanted if task not in done]
-    tasks += [(True, kind, k) for kind, k in sorted(wanted, key=lambda task: task[1] / (1 + 9 * (task[0] == "good")))
-              if k < registered * (1 + 9 * (kind == "good")) and not {"suspect", "refused"} & set(done.get((kind, k), {}))]
+    tasks += [
+        (True, kind, k)
+        for kind, k in sorted(wanted, key=lambda task: task[1] / (1 + 9 * (task[0] == "good")))
+        if k < registered * (1 + 9 * (kind == "good")) and not {"suspect", "refused"} & set(done.get((kind, k), {}))
+    ]
     for register, kind, number in tqdm(tasks):
         done[kind, number] = measure(kind, number, (real, synthetic), register, done.get((kind, number)))
         rows = ",\n  ".join(json.dumps(done[key]) for key in sorted(done))

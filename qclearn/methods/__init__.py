@@ -29,6 +29,18 @@ METHODS = {
 }
 
 __all__ = [
-    "METHODS", "LandmarkSolver", "Problem", "coarse_steps", "cpnet_dbsnet", "cpnet_exact", "cpnet_steps", "gauss_newton",
-    "guarded", "harmonic", "mobius_only", "qc_iteration", "teichmuller", "thin_plate",
+    "METHODS",
+    "LandmarkSolver",
+    "Problem",
+    "coarse_steps",
+    "cpnet_dbsnet",
+    "cpnet_exact",
+    "cpnet_steps",
+    "gauss_newton",
+    "guarded",
+    "harmonic",
+    "mobius_only",
+    "qc_iteration",
+    "teichmuller",
+    "thin_plate",
 ]

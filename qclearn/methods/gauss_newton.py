@@ -30,8 +30,18 @@ def gauss_newton(problem, alpha=1.0, beta=1e-2, gamma=1e5, sliding=False, rings=
     RepairWarning says if rows were switched.
     Source: paper, eq. RegLoss; Gauss-Newton in its dual form.
     """
-    fit = fit_landmarks(problem.z, problem.faces, problem.moving, problem.target, alpha, beta, gamma, problem.curve, sliding,
-                        rings=rings)
+    fit = fit_landmarks(
+        problem.z,
+        problem.faces,
+        problem.moving,
+        problem.target,
+        alpha,
+        beta,
+        gamma,
+        problem.curve,
+        sliding,
+        rings=rings,
+    )
     report(fit.fallbacks)
     return fit.f
 
@@ -39,8 +49,10 @@ def gauss_newton(problem, alpha=1.0, beta=1e-2, gamma=1e5, sliding=False, rings=
 def on_mesh(problem, mesh, alpha, beta):
     """The fit's state on a polar mesh (z, faces) that also carries nu: (GaussNewton, Forward)."""
     z, faces = mesh
-    return (GaussNewton(z, faces, Landmarks(problem.target, problem.curve, False), alpha, beta),
-            Forward(z, faces, problem.moving, face_mean(faces, len(z))))
+    return (
+        GaussNewton(z, faces, Landmarks(problem.target, problem.curve, False), alpha, beta),
+        Forward(z, faces, problem.moving, face_mean(faces, len(z))),
+    )
 
 
 @threadpool_limits.wrap(limits=1)
@@ -70,7 +82,8 @@ def few_steps(problem, mu, steps, alpha=1.0, beta=1e-2, gamma=1e5):
             break
         nu, parameters, _ = taken
     z, faces = problem.z, problem.faces
-    fit = exact_map(z, faces, bounded(sampling_matrix(grid, triangles, z[faces].mean(1)) @ nu), problem.moving,
-                    problem.target)
+    fit = exact_map(
+        z, faces, bounded(sampling_matrix(grid, triangles, z[faces].mean(1)) @ nu), problem.moving, problem.target
+    )
     report(fit.fallbacks)
     return fit.f

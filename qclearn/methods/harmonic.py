@@ -36,12 +36,14 @@ def unfold(solver, f, smoothness):
     first = left = len(flipped_faces(solver.faces, f))
     rounds = 0
     while left and rounds < MOST_ROUNDS:
-        nu = truncated(smoothed(solver, truncated(measured(solver, f)), FIRST_WEIGHT / 2 ** rounds))
+        nu = truncated(smoothed(solver, truncated(measured(solver, f)), FIRST_WEIGHT / 2**rounds))
         held = truncated(measured(solver, solver.solve(nu, HARD)))
         f = solver.solve(truncated(held + smoothness * (nu - held)))
         left, rounds = len(flipped_faces(solver.faces, f)), rounds + 1
     if first:
-        warnings.warn(f"overlap correction: {first} faces flipped, {left} after {rounds} rounds", RepairWarning, stacklevel=2)
+        warnings.warn(
+            f"overlap correction: {first} faces flipped, {left} after {rounds} rounds", RepairWarning, stacklevel=2
+        )
     return f
 
 

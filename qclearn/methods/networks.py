@@ -9,8 +9,12 @@ from .problem import report
 TOLERANCE = 2e-3  # landmark error in the disk above which `guarded` refines
 
 
-NEEDS = {"cpnet_dbsnet": ("cpnet", "dbsnet"), "cpnet_exact": ("cpnet",), "cpnet_steps": ("cpnet",),
-         "guarded": ("cpnet", "dbsnet")}  # method -> networks
+NEEDS = {
+    "cpnet_dbsnet": ("cpnet", "dbsnet"),
+    "cpnet_exact": ("cpnet",),
+    "cpnet_steps": ("cpnet",),
+    "guarded": ("cpnet", "dbsnet"),
+}  # method -> networks
 
 
 def networks_of(method, parameters):
@@ -29,8 +33,9 @@ def network(name, preset, gamma=None):
 def proposed(problem, mesh, preset, alpha, beta, gamma):
     """CP-Net's mu (F,) on a disk mesh (z, faces); the paper's has weights for a gamma of 1e4, 1e5 and 2e5 each, at
     alpha = beta = 1."""
-    return network("cpnet", preset, gamma).predict(*mesh, problem.moving, problem.target, alpha=alpha, beta=beta,
-                                                   gamma=gamma, curve=problem.curve)
+    return network("cpnet", preset, gamma).predict(
+        *mesh, problem.moving, problem.target, alpha=alpha, beta=beta, gamma=gamma, curve=problem.curve
+    )
 
 
 def cpnet_dbsnet(problem, preset="best", alpha=1.0, beta=1e-2, gamma=1e5):
@@ -62,7 +67,19 @@ def guarded(problem, alpha=1.0, beta=1e-2, gamma=1e5, tolerance=TOLERANCE):
     A RepairWarning says each step aside.
     """
     networks, words = Networks(None, network("cpnet", "best").predict, network("dbsnet", "best").solve), []
-    fit = guarded_map(networks, problem.z, problem.faces, problem.moving, problem.target, alpha, beta, gamma,
-                      problem.curve, tolerance, words, lambda name: nullcontext())
+    fit = guarded_map(
+        networks,
+        problem.z,
+        problem.faces,
+        problem.moving,
+        problem.target,
+        alpha,
+        beta,
+        gamma,
+        problem.curve,
+        tolerance,
+        words,
+        lambda name: nullcontext(),
+    )
     report(words)
     return fit.f

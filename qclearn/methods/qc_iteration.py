@@ -36,6 +36,10 @@ def qc_iteration(problem, alpha=1.0, rounds=20):
     left = len(flipped_faces(faces, f))
     if left:
         f = solver.solve(nu)
-        warnings.warn(f"quasi-conformal iteration: {left} faces flipped with the landmarks held; let go, "
-                      f"{len(flipped_faces(faces, f))}", RepairWarning, stacklevel=2)
+        warnings.warn(
+            f"quasi-conformal iteration: {left} faces flipped with the landmarks held; let go, "
+            f"{len(flipped_faces(faces, f))}",
+            RepairWarning,
+            stacklevel=2,
+        )
     return f

@@ -36,8 +36,12 @@ def extremal(solver):
             break
         f = solver.solve(level * np.divide(mu, size, out=np.zeros_like(mu), where=size > 0), HARD)
     else:
-        warnings.warn(f"Teichmüller iteration: not settled after {MOST_ROUNDS} rounds (the mean |mu| still changes by "
-                      f"{abs(level - before) / level:.1e}, {SETTLED:.0e} ends it)", RepairWarning, stacklevel=2)
+        warnings.warn(
+            f"Teichmüller iteration: not settled after {MOST_ROUNDS} rounds (the mean |mu| still changes by "
+            f"{abs(level - before) / level:.1e}, {SETTLED:.0e} ends it)",
+            RepairWarning,
+            stacklevel=2,
+        )
     left = len(flipped_faces(faces, f))
     if left:
         warnings.warn(f"Teichmüller iteration: {left} faces flipped", RepairWarning, stacklevel=2)

@@ -30,8 +30,12 @@ class Born(nn.Module):
         # A turn of the disk by t multiplies the two by phases, and each angular mode m of nu.
         first, second = one[:, None] * np.exp(1j * turn * (1 - mode)), two[:, None] * np.exp(1j * turn * (3 - mode))
         rows = np.stack([first + second, 1j * (first - second)], 2).reshape(grid.nr * grid.nt, 2, -1)
-        tables = {"one": one.conj(), "two": two, "response": np.concatenate([np.zeros((1, *rows.shape[1:])), rows]),
-                  "waves": np.concatenate([mode - 1, 3 - mode]) % grid.nt}
+        tables = {
+            "one": one.conj(),
+            "two": two,
+            "response": np.concatenate([np.zeros((1, *rows.shape[1:])), rows]),
+            "waves": np.concatenate([mode - 1, 3 - mode]) % grid.nt,
+        }
         for name, table in tables.items():
             self.register_buffer(name, as_tensor(table), persistent=False)
 
@@ -52,8 +56,10 @@ class Born(nn.Module):
         Returns `step(residual) -> (coefficients, promised)` for complex scaled residuals (B, M).
         """
         factor = (slope * scale)[..., None]
-        J = torch.stack([factor.real * J[:, :, 0] - factor.imag * J[:, :, 1],
-                         factor.imag * J[:, :, 0] + factor.real * J[:, :, 1]], 2).flatten(1, 2)
+        J = torch.stack(
+            [factor.real * J[:, :, 0] - factor.imag * J[:, :, 1], factor.imag * J[:, :, 0] + factor.real * J[:, :, 1]],
+            2,
+        ).flatten(1, 2)
         D = alpha[:, None] + beta[:, None] * self.grid.values
         rows = torch.view_as_real(J * D.rsqrt()[:, None]).flatten(2)
         columns = torch.view_as_real(columns * scale[..., None]).transpose(2, 3).flatten(1, 2).double()

@@ -59,8 +59,9 @@ class BestCPNetConfig:
 
 def check_count(points, most):
     if len(points) > most:
-        raise LandmarkError(f"{len(points)} landmarks, and CP-Net takes at most {most}: thin the curves, or use "
-                            "fit_landmarks")
+        raise LandmarkError(
+            f"{len(points)} landmarks, and CP-Net takes at most {most}: thin the curves, or use fit_landmarks"
+        )
 
 
 class BestCPNet(nn.Module):
@@ -126,14 +127,21 @@ class BestCPNet(nn.Module):
         size = ((residual.abs() ** 2).sum(1, keepdim=True) / problem.mask.sum(1, keepdim=True)).sqrt()
         wanted = residual * (1 + gain) + problem.slope * size * vector * problem.mask
         nu = self.grid.field(problem.step((wanted - linear) * problem.scale)[0])
-        return nu * (1 + FIELD * pairs[:, 2]) + FIELD * pairs[:, 3] * self.spoke ** 2
+        return nu * (1 + FIELD * pairs[:, 2]) + FIELD * pairs[:, 3] * self.spoke**2
 
     def first_features(self, problem):
         """FIRST as channels (B, 10, rings, spokes), and conditions (B, 3)."""
         left = problem.displacement - problem.born_displacement
-        (wanted, count), (left, _) = (self.landmarks(problem, values, FIRST[name][1]) for name, values in (
-            ("wanted", problem.displacement), ("left", left)))
-        fields = {"nu": problem.nu, "moved": FIRST["moved"][1] * self.born.moved(problem.c), "wanted": wanted, "left": left}
+        (wanted, count), (left, _) = (
+            self.landmarks(problem, values, FIRST[name][1])
+            for name, values in (("wanted", problem.displacement), ("left", left))
+        )
+        fields = {
+            "nu": problem.nu,
+            "moved": FIRST["moved"][1] * self.born.moved(problem.c),
+            "wanted": wanted,
+            "left": left,
+        }
         channels = [part for name, field in fields.items() for part in self.turning(field, FIRST[name][0])]
         return self.stack([*channels[:6], count, *channels[6:]]), problem.conditions
 
@@ -168,7 +176,9 @@ class BestCPNet(nn.Module):
     def landmarks(self, problem, values, scale):
         """Complex values at the landmarks as a field (B, rings, spokes), and their number at each node."""
         values = torch.stack([scale * values.real, scale * values.imag, problem.mask], 1) * problem.mask[:, None]
-        spread = self.grid.splat(values, problem.places)[:, :, 1:].unflatten(2, self.grid.z.shape)  # (B, 3, rings, spokes)
+        spread = self.grid.splat(values, problem.places)[:, :, 1:].unflatten(
+            2, self.grid.z.shape
+        )  # (B, 3, rings, spokes)
         return torch.complex(spread[:, 0], spread[:, 1]), spread[:, 2]
 
     def stack(self, channels):
@@ -213,7 +223,7 @@ class BestCPNet(nn.Module):
 
         There, on the validation subjects, the answer for the smaller gamma is the better one at the larger gamma too.
         """
-        return min(gamma, alpha * 10 ** self.config.stiffest * max(beta / alpha, 10 ** self.config.smooth[0]))
+        return min(gamma, alpha * 10**self.config.stiffest * max(beta / alpha, 10 ** self.config.smooth[0]))
 
     def on_mesh(self, mesh, nu):
         """The coefficient mu (F,) of nu (1, rings, spokes) at the centroids of a `DiskMesh`."""
@@ -234,8 +244,11 @@ class BestCPNet(nn.Module):
             second, error = self.objective(two, mesh.sample(f, mesh.locate(p)), q, mask, weights)
             second = second + SMALL
             loss = (second.log() + 0.3 * first.log()).mean()
-        figures = {"first": first.log().mean().item(), "second": second.log().mean().item(),
-                   "error": error.mean().item()}
+        figures = {
+            "first": first.log().mean().item(),
+            "second": second.log().mean().item(),
+            "error": error.mean().item(),
+        }
         return loss, figures
 
     @property
@@ -255,19 +268,20 @@ class BestCPNet(nn.Module):
         distance = (w - q).abs() * mask
         count = mask.sum(1)
         b, g = weights.unbind(1)
-        return size + b * slope + g * (distance ** 2).sum(1) / count, distance.sum(1) / count
+        return size + b * slope + g * (distance**2).sum(1) / count, distance.sum(1) / count
 
     def draw(self, batch, generator):
         """The batch's problems; with a generator turned, mirrored and with new weights."""
         p, q, mask, logs = batch
-        p, q, mask = (x[:, :int(mask.sum(1).max())] for x in (p, q, mask))
+        p, q, mask = (x[:, : int(mask.sum(1).max())] for x in (p, q, mask))
         if generator is not None:
             turn, mirror, b, g = torch.rand(4, len(p), generator=generator).to(mask)
             turn = torch.exp(2j * torch.pi * turn)[:, None]
             p, q = (torch.where(mirror[:, None] < 0.5, x, x.conj()) * turn for x in (p, q))
-            logs = torch.stack([low + (high - low) * x for x, (low, high) in (
-                (b, self.config.smooth), (g, self.config.match))], 1)
-        return p, q, mask, 10 ** logs
+            logs = torch.stack(
+                [low + (high - low) * x for x, (low, high) in ((b, self.config.smooth), (g, self.config.match))], 1
+            )
+        return p, q, mask, 10**logs
 
 
 class Linearised:
@@ -302,5 +316,7 @@ class Linearised:
 
 
 PRESETS = {"paper": (PaperCPNet, PaperCPNetConfig()), "best": (BestCPNet, BestCPNetConfig())}
-TRAINING = {"paper": TrainConfig(steps=900, batch=16, rate=2e-3, bfloat16=True, validate_every=150),
-            "best": TrainConfig(steps=4_000, batch=16, rate=1.5e-3, bfloat16=True, validate_every=250)}
+TRAINING = {
+    "paper": TrainConfig(steps=900, batch=16, rate=2e-3, bfloat16=True, validate_every=150),
+    "best": TrainConfig(steps=4_000, batch=16, rate=1.5e-3, bfloat16=True, validate_every=250),
+}

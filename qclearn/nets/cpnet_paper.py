@@ -43,8 +43,15 @@ class PaperCPNet(nn.Module):
         self.side = config.size // 2 ** (len(config.widths) - 1)
         self.split = first // groups
         self.groups = nn.ModuleList(
-            nn.Sequential(nn.Linear(2 * config.points, 128), nn.SiLU(), nn.Linear(128, 128), nn.SiLU(),
-                          nn.Linear(128, self.split * self.side ** 2)) for _ in range(groups))
+            nn.Sequential(
+                nn.Linear(2 * config.points, 128),
+                nn.SiLU(),
+                nn.Linear(128, 128),
+                nn.SiLU(),
+                nn.Linear(128, self.split * self.side**2),
+            )
+            for _ in range(groups)
+        )
         pairs = list(zip([groups * self.split, *config.widths[1:-1]], config.widths[1:]))
         self.up = nn.ModuleList(nn.ConvTranspose2d(a, b, 4, stride=2, padding=1) for a, b in pairs)
         self.head = nn.Conv2d(config.widths[-1], 2, 3, padding=1)
@@ -56,9 +63,13 @@ class PaperCPNet(nn.Module):
     def forward(self, p):
         """mu (B, size, size) of landmarks (B, M), curve by curve."""
         p = p - self.targets  # the network need not learn where the control is
-        curves = SCALE * torch.view_as_real(p).unflatten(1, (self.config.curves, -1)).flatten(2)  # (B, curves, 2 points)
-        channels = [group(curve).unflatten(1, (self.split, self.side, self.side))
-                    for group, curve in zip(self.groups, curves.unbind(1))]
+        curves = SCALE * torch.view_as_real(p).unflatten(1, (self.config.curves, -1)).flatten(
+            2
+        )  # (B, curves, 2 points)
+        channels = [
+            group(curve).unflatten(1, (self.split, self.side, self.side))
+            for group, curve in zip(self.groups, curves.unbind(1))
+        ]
         x = torch.cat(channels, 1)  # (B, curves split, side, side)
         for layer in self.up:
             x = functional.silu(layer(functional.silu(x)))
@@ -115,8 +126,10 @@ class PaperCPNet(nn.Module):
         check_weights(alpha, beta, gamma)
         p = self.in_order(moving, target)
         if not np.allclose([beta / alpha, gamma / alpha], [1.0, self.config.gamma], rtol=1e-3):
-            raise LandmarkError(f"this network is trained for the weights (1, 1, {self.config.gamma:g}) and was given "
-                                f"({alpha:g}, {beta:g}, {gamma:g}); use the preset best for others")
+            raise LandmarkError(
+                f"this network is trained for the weights (1, 1, {self.config.gamma:g}) and was given "
+                f"({alpha:g}, {beta:g}, {gamma:g}); use the preset best for others"
+            )
         moved, mask = torch.from_numpy(p)[None].to(self.targets), torch.ones(1, len(p), device=self.targets.device)
         a, theta = (parameter.item() for parameter in fit_mobius(moved, self.targets[None], mask, steps=8))
         mesh = disk_mesh(z, faces)
@@ -134,6 +147,8 @@ class PaperCPNet(nn.Module):
         away = abs(control[:, None] - target)
         nearest = away.argmin(1)
         if away.min(1).max() > NEAR or away.min(0).max() > NEAR:
-            raise LandmarkError(f"the {len(target)} targets are not the {len(control)} landmarks of the control that this "
-                                "network was trained for; the preset best takes any: load(\"cpnet\")")
+            raise LandmarkError(
+                f"the {len(target)} targets are not the {len(control)} landmarks of the control that this "
+                'network was trained for; the preset best takes any: load("cpnet")'
+            )
         return moving[nearest]

@@ -85,7 +85,7 @@ class BestDBSNet(DiskNetwork):
         with torch.autocast(mu.device.type, enabled=False):
             du, dv = (0.1 * correction.float()).unbind(1)
             # The factor keeps the correction of u smooth up to the circle and takes it to 0 there.
-            du = du * (1 - self.radius ** 2)
+            du = du * (1 - self.radius**2)
             f = self.z * torch.exp(torch.complex(u + du, v + dv - dv[:, -1:, :1]))
             return torch.cat([f.new_zeros(len(f), 1), f.flatten(1)], 1)
 
@@ -102,8 +102,21 @@ class BestDBSNet(DiskNetwork):
         turn = torch.complex(*self.solver.tables(rows.real)["turn"])
         pairs = torch.cat([rows[:, :1], rows], 1) * turn  # the two faces of each cell, those at the centre twice
         inner, outer = pairs[:, ::2], pairs[:, 1::2]  # (B, rings, spokes)
-        known = [inner.real, inner.imag, outer.real, outer.imag, u, v, change.real, change.imag, residual.real,
-                 residual.imag, U - lower, U - u, *angles.unbind(1)]  # (B, rings, spokes) each, as in FEATURES
+        known = [
+            inner.real,
+            inner.imag,
+            outer.real,
+            outer.imag,
+            u,
+            v,
+            change.real,
+            change.imag,
+            residual.real,
+            residual.imag,
+            U - lower,
+            U - u,
+            *angles.unbind(1),
+        ]  # (B, rings, spokes) each, as in FEATURES
         return torch.stack([scale * x for (scale, _), x in zip(FEATURES.values(), known, strict=True)], 1), u, v
 
     def loss(self, batch, generator):
@@ -127,7 +140,9 @@ class BestDBSNet(DiskNetwork):
             other = mu[torch.randperm(len(mu), generator=generator).to(mu.device)]
             size = [x.abs().amax((1, 2), keepdim=True) for x in (mu, other)]
             share = (draw[0] * (draw[1] < 0.5))[:, None, None]
-            mu = mu / size[0] * (1 - share) + other / size[1] * share * torch.exp(2j * torch.pi * draw[2])[:, None, None]
+            mu = (
+                mu / size[0] * (1 - share) + other / size[1] * share * torch.exp(2j * torch.pi * draw[2])[:, None, None]
+            )
             shift = int(torch.randint(spokes, (), generator=generator))
             mu = mu.roll(shift, -1) * torch.exp(2j * torch.pi * draw[3])[:, None, None]
             low, high = self.config.max_abs
@@ -163,7 +178,7 @@ def derivative_error(f, exact, z):
         size.append((e_z.abs() + e_zbar.abs()) / (f_z.abs() - f_zbar.abs()).clamp(min=0.05))
     size[1] = size[1][:, 1:]  # at the centre the second face of a cell has no area
     d = torch.cat([x.flatten(1) for x in size], 1)
-    return (d ** 2).mean(1).sqrt(), (functional.relu(d - 0.5) ** 2).mean(1)
+    return (d**2).mean(1).sqrt(), (functional.relu(d - 0.5) ** 2).mean(1)
 
 
 def _derivatives(f, z, corners):
@@ -171,6 +186,7 @@ def _derivatives(f, z, corners):
         cell = x[:, :-1], x[:, 1:], x[:, 1:].roll(-1, -1), x[:, :-1].roll(-1, -1)
         a, b, c = (cell[k] for k in corners)
         return b - a, c - a
+
     (z1, z2), (f1, f2) = edges(z), edges(f)
     area = z1 * z2.conj() - z2 * z1.conj()
     area = torch.where(area == 0, torch.ones_like(area), area)

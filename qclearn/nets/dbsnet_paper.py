@@ -92,8 +92,9 @@ class BoundaryRoute(nn.Module):
 
     def __init__(self, inputs, usual, hidden=512):
         super().__init__()
-        self.layers = nn.Sequential(nn.Linear(inputs, hidden), nn.SiLU(), nn.Linear(hidden, hidden), nn.SiLU(),
-                                    nn.Linear(hidden, len(usual)))
+        self.layers = nn.Sequential(
+            nn.Linear(inputs, hidden), nn.SiLU(), nn.Linear(hidden, hidden), nn.SiLU(), nn.Linear(hidden, len(usual))
+        )
         nn.init.zeros_(self.layers[-1].weight)
         nn.init.zeros_(self.layers[-1].bias)
         self.register_buffer("usual", torch.log(usual), persistent=False)  # of the mesh itself, where the MLP says 0
@@ -120,8 +121,12 @@ class PaperDBSNet(DiskNetwork):
         inner = np.setdiff1d(np.arange(len(z)), loop)
         usual = np.angle(np.roll(z[loop], -1) / z[loop])
         start = np.angle(z[loop]) % (2 * np.pi)
-        tables = {"loop": loop, "inner": inner, "start": start.astype(np.float32),
-                  "extension": poisson_matrix(z, z[loop]).astype(np.float32)}
+        tables = {
+            "loop": loop,
+            "inner": inner,
+            "start": start.astype(np.float32),
+            "extension": poisson_matrix(z, z[loop]).astype(np.float32),
+        }
         for name, table in tables.items():
             self.register_buffer(name, torch.from_numpy(table), persistent=False)
         self.fourier = FourierLayer(config.size, config.frequencies)
@@ -136,7 +141,9 @@ class PaperDBSNet(DiskNetwork):
             small = 10 * low if back is None else back @ low @ back.T
             low, small, image = (torch.stack([x.real, x.imag], 1) for x in (10 * low, small, mu))
         shift = self.inner_route(small, image)
-        with torch.autocast(mu.device.type, enabled=False):  # coordinates need all their digits: the loss differentiates
+        with torch.autocast(
+            mu.device.type, enabled=False
+        ):  # coordinates need all their digits: the loss differentiates
             angles = self.boundary_route(low.flatten(1))
             shift = 0.1 * self.inner_route.last(shift.float()).flatten(2)
             shift = torch.complex(shift[:, 0], shift[:, 1])

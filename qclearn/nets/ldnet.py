@@ -45,8 +45,17 @@ class Residual(nn.Module):
 
     def __init__(self, width):
         super().__init__()
-        self.body = nn.Sequential(*(layer for _ in range(2) for layer in (
-            nn.Conv2d(width, width, 3, padding=1, bias=False), nn.BatchNorm2d(width), nn.ReLU(inplace=True))))
+        self.body = nn.Sequential(
+            *(
+                layer
+                for _ in range(2)
+                for layer in (
+                    nn.Conv2d(width, width, 3, padding=1, bias=False),
+                    nn.BatchNorm2d(width),
+                    nn.ReLU(inplace=True),
+                )
+            )
+        )
 
     def forward(self, x):
         return x + self.body(x)
@@ -63,8 +72,12 @@ class BestLDNet(nn.Module):
         super().__init__()
         self.config = config
         widths = config.widths
-        self.stem = nn.Sequential(nn.PixelUnshuffle(2), nn.Conv2d(16, widths[0], 3, padding=1, bias=False),
-                                  nn.BatchNorm2d(widths[0]), nn.ReLU(inplace=True))
+        self.stem = nn.Sequential(
+            nn.PixelUnshuffle(2),
+            nn.Conv2d(16, widths[0], 3, padding=1, bias=False),
+            nn.BatchNorm2d(widths[0]),
+            nn.ReLU(inplace=True),
+        )
         self.down = nn.ModuleList(Residual(width) for width in widths[:-1])
         self.shrink = nn.ModuleList(nn.Conv2d(a, b, 2, stride=2) for a, b in pairwise(widths))
         self.bottom = nn.Sequential(Residual(widths[-1]), Residual(widths[-1]))
@@ -94,8 +107,10 @@ class BestLDNet(nn.Module):
         disk = ((centre[:, None] ** 2 + centre**2) <= 1).to(grey.dtype)
         share = torch.linspace(0, 1, CHORDS, device=grey.device)
         chords = ends[..., :1] * (1 - share) + ends[..., 1:] * share  # (B, K, CHORDS)
-        marks, chords = (stamp(points.flatten(1), shown.repeat_interleave(points.shape[-1], 1), size, ENDS)
-                         for points in (ends, chords))
+        marks, chords = (
+            stamp(points.flatten(1), shown.repeat_interleave(points.shape[-1], 1), size, ENDS)
+            for points in (ends, chords)
+        )
         return torch.stack([(grey / 127.5 - 1) * disk, disk.expand_as(grey), marks, chords], 1)
 
     def loss(self, batch, generator):
@@ -119,8 +134,12 @@ class BestLDNet(nn.Module):
             channels = self.channels(grey[:, 0], ends, shown).contiguous(memory_format=torch.channels_last)
         logits = self(channels).float()
         disk = channels[:, 1]
-        error = F.binary_cross_entropy_with_logits(logits, band, weight=disk, pos_weight=logits.new_tensor(4.0),
-                                                   reduction="sum") / disk.sum()
+        error = (
+            F.binary_cross_entropy_with_logits(
+                logits, band, weight=disk, pos_weight=logits.new_tensor(4.0), reduction="sum"
+            )
+            / disk.sum()
+        )
         heat = logits.detach().sigmoid() * disk
         return error, {"overlap": (2 * (heat * band).sum() / (heat**2 + band**2).sum()).item()}
 
@@ -194,7 +213,8 @@ def contrast(grey, generator):
     return 255 * (grey / 255) ** (2 ** (1.4 * gamma - 0.7))
 
 
-PRESETS = {"paper": (PaperLDNet, PaperLDNetConfig()),
-           "best": (BestLDNet, BestLDNetConfig())}
-TRAINING = {"paper": TrainConfig(steps=5000, batch=32, rate=1e-3, weight_decay=1e-2, bfloat16=True),
-            "best": TrainConfig(steps=5000, batch=16, rate=2e-3, weight_decay=1e-2, bfloat16=True)}
+PRESETS = {"paper": (PaperLDNet, PaperLDNetConfig()), "best": (BestLDNet, BestLDNetConfig())}
+TRAINING = {
+    "paper": TrainConfig(steps=5000, batch=32, rate=1e-3, weight_decay=1e-2, bfloat16=True),
+    "best": TrainConfig(steps=5000, batch=16, rate=2e-3, weight_decay=1e-2, bfloat16=True),
+}

@@ -37,19 +37,40 @@ class PaperLDNet(nn.Module):
         self.config = config
         pairs = list(zip((2, *config.widths), config.widths))
         side = config.size >> len(pairs)  # of the last image
-        self.image = nn.Sequential(*(layer for a, b in pairs for layer in (
-            nn.Conv2d(a, b, 3, stride=2, padding=1, bias=False), nn.BatchNorm2d(b), nn.ReLU(inplace=True))))
+        self.image = nn.Sequential(
+            *(
+                layer
+                for a, b in pairs
+                for layer in (
+                    nn.Conv2d(a, b, 3, stride=2, padding=1, bias=False),
+                    nn.BatchNorm2d(b),
+                    nn.ReLU(inplace=True),
+                )
+            )
+        )
         self.flat = nn.Sequential(nn.Flatten(), nn.Linear(config.widths[-1] * side**2, config.hidden), nn.ReLU())
-        self.start, self.end = (nn.Sequential(nn.Linear(2 * config.curves, config.hidden), nn.ReLU(),
-                                              nn.Linear(config.hidden, config.hidden), nn.ReLU()) for _ in range(2))
-        self.joined = nn.Sequential(nn.Linear(3 * config.hidden, 2 * config.hidden), nn.ReLU(),
-                                    nn.Linear(2 * config.hidden, 2 * config.curves * (config.points - 2)))
+        self.start, self.end = (
+            nn.Sequential(
+                nn.Linear(2 * config.curves, config.hidden),
+                nn.ReLU(),
+                nn.Linear(config.hidden, config.hidden),
+                nn.ReLU(),
+            )
+            for _ in range(2)
+        )
+        self.joined = nn.Sequential(
+            nn.Linear(3 * config.hidden, 2 * config.hidden),
+            nn.ReLU(),
+            nn.Linear(2 * config.hidden, 2 * config.curves * (config.points - 2)),
+        )
 
     def forward(self, images, ends):
         """Curves (B, K, points), complex, from images (B, 2, S, S) in 0..255 and ends (B, K, 2), complex."""
         seen = self.flat(self.image(images / 255))  # (B, hidden)
-        start, end = (route(torch.view_as_real(ends[..., k].contiguous()).flatten(1))  # (B, 2K) -> (B, hidden)
-                      for k, route in enumerate((self.start, self.end)))
+        start, end = (
+            route(torch.view_as_real(ends[..., k].contiguous()).flatten(1))  # (B, 2K) -> (B, hidden)
+            for k, route in enumerate((self.start, self.end))
+        )
         inner = self.joined(torch.cat([seen, start, end], 1)).float()
         inner = torch.view_as_complex(inner.view(len(images), self.config.curves, -1, 2))  # (B, K, points - 2)
         return torch.cat([ends[..., :1], inner, ends[..., 1:]], 2)
@@ -72,8 +93,10 @@ class PaperLDNet(nn.Module):
         """
         z, endpoints = check_input(surface, z, endpoints)
         if len(endpoints) != self.config.curves:
-            raise LandmarkError(f"{len(endpoints)} pairs of endpoints; this network was trained on {self.config.curves} "
-                                "curves in a fixed order: give all of them, or use preset 'best'")
+            raise LandmarkError(
+                f"{len(endpoints)} pairs of endpoints; this network was trained on {self.config.curves} "
+                "curves in a fixed order: give all of them, or use preset 'best'"
+            )
         grey, radius, _ = picture(surface, z, self.config.size)
         device = next(self.parameters()).device
         ends = torch.as_tensor(radius.to_image(z[endpoints]))

@@ -20,8 +20,14 @@ class LossMesh(nn.Module):
         faces = np.asarray(faces)
         areas, loop = signed_areas(z, faces), boundary_loop(faces)
         shares = np.bincount(faces.ravel(), np.repeat(areas, 3), len(z))[faces]  # of the faces round each corner
-        tables = {"z": z, "faces": faces, "loop": loop, "areas": areas, "gradients": hat_gradients(z, faces),
-                  "shares": areas[:, None] / shares}
+        tables = {
+            "z": z,
+            "faces": faces,
+            "loop": loop,
+            "areas": areas,
+            "gradients": hat_gradients(z, faces),
+            "shares": areas[:, None] / shares,
+        }
         kinds = {"f": precision, "c": precision.to_complex(), "i": torch.int64}
         for name, table in tables.items():
             table = torch.as_tensor(table)
@@ -40,7 +46,7 @@ class LossMesh(nn.Module):
 
     def apply(self, mu, f):
         """K(mu) f, complex (B, V): `A grad u = ((1 + |mu|^2) grad u - 2 mu conj(grad u)) / (1 - |mu|^2)`."""
-        size = mu.real ** 2 + mu.imag ** 2
+        size = mu.real**2 + mu.imag**2
         parts = []
         for u in (f.real, f.imag):
             g = self.gradient(u)
@@ -140,5 +146,4 @@ def L_Landmark(points, target, present=None):
 
 def L_CP(mesh, mu, points, target, alpha, beta, gamma, present=None, weights=None):
     """`alpha L_mu + beta L_grad_mu + gamma L_Landmark` (B,), eq. RegLoss; the weights are numbers or (B,)."""
-    return (alpha * L_mu(mu, weights) + beta * L_grad_mu(mesh, mu, weights)
-            + gamma * L_Landmark(points, target, present))
+    return alpha * L_mu(mu, weights) + beta * L_grad_mu(mesh, mu, weights) + gamma * L_Landmark(points, target, present)

@@ -57,7 +57,10 @@ def gamma_fault(name, preset, gamma):
     row = NETWORKS.get(name)
     if gamma in (row.gammas.get(preset, (None,)) if row else (None,)):
         return None
-    trained = [f"preset {preset} of {name} has one weights file for each gamma and needs one of "
-               f"{', '.join(f'{value:.0f}' for value in values)}"
-               for name, row in NETWORKS.items() for preset, values in row.gammas.items()]
+    trained = [
+        f"preset {preset} of {name} has one weights file for each gamma and needs one of "
+        f"{', '.join(f'{value:.0f}' for value in values)}"
+        for name, row in NETWORKS.items()
+        for preset, values in row.gammas.items()
+    ]
     return f"{'; '.join(trained)}; others take none; got {gamma}"

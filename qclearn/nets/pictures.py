@@ -18,11 +18,15 @@ def check_input(surface, z, endpoints):
     require_disk(surface)
     z, endpoints = np.asarray(z, complex), np.asarray(endpoints)
     if z.shape != (len(surface.vertices),) or not np.isfinite(z).all():
-        raise SurfaceError(f"z has the shape {z.shape}, {np.count_nonzero(~np.isfinite(z))} of its numbers not finite; give "
-                           f"the disk map of this surface, {len(surface.vertices)} complex numbers")
+        raise SurfaceError(
+            f"z has the shape {z.shape}, {np.count_nonzero(~np.isfinite(z))} of its numbers not finite; give "
+            f"the disk map of this surface, {len(surface.vertices)} complex numbers"
+        )
     if endpoints.ndim != 2 or endpoints.shape[1] != 2 or not len(endpoints):
-        raise LandmarkError(f"endpoints have the shape {endpoints.shape}; give (K, 2) vertices, the start and the end of "
-                            "each of at least one curve")
+        raise LandmarkError(
+            f"endpoints have the shape {endpoints.shape}; give (K, 2) vertices, the start and the end of "
+            "each of at least one curve"
+        )
     for pair in endpoints:
         check_path(surface, pair)
     return z, endpoints
@@ -41,8 +45,10 @@ def stamp(points, shown, size, width):
     reach = int(3 * width + 0.5)
     step = torch.arange(-reach, reach + 1, device=points.device)
     rows, columns = (x.round().long()[..., None] + step for x in (row, column))  # (B, n, window)
-    across, down = ((-((x[..., None] - pixels) ** 2) / (2 * width**2)).exp() * ((pixels >= 0) & (pixels < size))
-                    for x, pixels in ((column, columns), (row, rows)))
+    across, down = (
+        (-((x[..., None] - pixels) ** 2) / (2 * width**2)).exp() * ((pixels >= 0) & (pixels < size))
+        for x, pixels in ((column, columns), (row, rows))
+    )
     value = down[..., :, None] * across[..., None, :] * shown[..., None, None]
     place = rows.clamp(0, size - 1)[..., :, None] * size + columns.clamp(0, size - 1)[..., None, :]
     image = torch.zeros(len(points), size * size, dtype=value.dtype, device=points.device)
@@ -54,12 +60,16 @@ def turn(images, points, generator):
 
     Exact on pixels. Reflections too, as a mirrored right hemisphere is as good as a left one.
     """
+
     def chosen(like):
         choice = torch.rand(len(images), generator=generator).to(images.device) < 0.5
         return choice.view(-1, *[1] * (like.ndim - 1))
 
-    for change, move in ((lambda x: x.flip(3), lambda w: -w.conj()), (lambda x: x.flip(2), lambda w: w.conj()),
-                         (lambda x: x.transpose(2, 3), lambda w: 1j * w.conj())):
+    for change, move in (
+        (lambda x: x.flip(3), lambda w: -w.conj()),
+        (lambda x: x.flip(2), lambda w: w.conj()),
+        (lambda x: x.transpose(2, 3), lambda w: 1j * w.conj()),
+    ):
         choice = chosen(images)
         images = torch.where(choice, change(images), images)
         points = torch.where(choice.view(-1, *[1] * (points.ndim - 1)), move(points), points)

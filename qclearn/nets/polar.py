@@ -21,7 +21,7 @@ from .polarcg import Preconditioner, Solve, Stencil
 
 # Corners of a face at the ends of its spoke, its arc and its diagonal edge, see the order of faces in `polar_disk`.
 POINTING_IN, POINTING_OUT = ((0, 1), (1, 2), (0, 2)), ((1, 2), (2, 0), (0, 1))
-IDENTITY = torch.pi ** 0.5  # energy norm of x and of y on the unit disk
+IDENTITY = torch.pi**0.5  # energy norm of x and of y on the unit disk
 
 
 class PolarSolver:
@@ -98,8 +98,10 @@ class PolarSystem:
 
     def __init__(self, solver, mu):
         if mu.shape[1:] != (len(solver.faces),) or not mu.is_complex():
-            raise BeltramiError(f"mu has shape {tuple(mu.shape)} and type {mu.dtype}: give complex (B, F) or (F,) with "
-                                f"F = {len(solver.faces)}, one value a face")
+            raise BeltramiError(
+                f"mu has shape {tuple(mu.shape)} and type {mu.dtype}: give complex (B, F) or (F,) with "
+                f"F = {len(solver.faces)}, one value a face"
+            )
         rows = mu.reshape(len(mu), -1, solver.nt)
         self.nr, self.nt, self.tables = solver.nr, solver.nt, solver.tables(rows.real)
         self.spoke, self.arc, self.diagonal = self.weights = _edge_weights(mu, rows, self.tables)
@@ -145,15 +147,16 @@ class PolarSystem:
 
 
 def _edge_weights(mu, rows, tables):
-    m = rows.real ** 2 + rows.imag ** 2
+    m = rows.real**2 + rows.imag**2
     if not (m < 1).all():
         _refuse(mu, ~(m.flatten(1) < 1))
     cos, sin = tables["turn"]
     re, im = rows.real * cos - rows.imag * sin, rows.real * sin + rows.imag * cos  # in the frame of the spoke
     scale = 1 / (1 - m)
     parts = (1 + m) * scale, 2 * scale * re, 2 * scale * im
-    spoke, arc, diagonal = (torch.addcmul(torch.addcmul(a * parts[0], b, parts[1]), c, parts[2])
-                            for a, b, c in tables["edges"])
+    spoke, arc, diagonal = (
+        torch.addcmul(torch.addcmul(a * parts[0], b, parts[1]), c, parts[2]) for a, b, c in tables["edges"]
+    )
     fan = spoke[:, :1] + diagonal[:, :1].roll(1, -1)
     none = torch.zeros_like(fan)
     spoke = torch.cat([fan, spoke[:, 1::2] + spoke[:, 2::2].roll(1, -1)], 1)
@@ -163,9 +166,11 @@ def _edge_weights(mu, rows, tables):
 
 def _refuse(mu, bad):
     sample, face = bad.nonzero()[0].tolist()
-    raise BeltramiError(f"|mu| < 1 fails on {int(bad.sum())} faces (first: sample {sample}, face {face}, mu = "
-                        f"{mu[sample, face].item():.3g}); no orientation-preserving map has such a coefficient: "
-                        "truncate or mend mu there")
+    raise BeltramiError(
+        f"|mu| < 1 fails on {int(bad.sum())} faces (first: sample {sample}, face {face}, mu = "
+        f"{mu[sample, face].item():.3g}); no orientation-preserving map has such a coefficient: "
+        "truncate or mend mu there"
+    )
 
 
 def _normalise(inner, boundary):
@@ -205,18 +210,21 @@ def _reduction(plain, nt):
     coupling = np.repeat(-spoke[:-1, None], len(modes), axis=1)
     lower, stride = [], 1
     while stride < len(spoke):
-        kept, gone = pivots[::2 * stride], pivots[stride::2 * stride]
-        left, right = -coupling[::2] / gone, -coupling[1::2] / gone[:len(kept) - 1]
-        kept[:len(gone)] += left * coupling[::2]
+        kept, gone = pivots[:: 2 * stride], pivots[stride :: 2 * stride]
+        left, right = -coupling[::2] / gone, -coupling[1::2] / gone[: len(kept) - 1]
+        kept[: len(gone)] += left * coupling[::2]
         kept[1:] += right * coupling[1::2]
-        coupling = left[:len(right)] * coupling[1::2]
-        coupling = coupling[:len(kept) - 1]
+        coupling = left[: len(right)] * coupling[1::2]
+        coupling = coupling[: len(kept) - 1]
         lower += [left, right]
         stride *= 2
     inverse = 1 / pivots
     inverse[0, 1:] = 0  # the centre has mode 0 only
-    return {"pivots": np.repeat(inverse, 2, axis=1), "lower": np.repeat(np.concatenate(lower), 2, axis=1),
-            "rim": spoke[-1:]}
+    return {
+        "pivots": np.repeat(inverse, 2, axis=1),
+        "lower": np.repeat(np.concatenate(lower), 2, axis=1),
+        "rim": spoke[-1:],
+    }
 
 
 def two_steps(solver, mu):
@@ -232,8 +240,10 @@ def two_steps(solver, mu):
     potentials.append(system.solve(system.pole, potentials[0], 0.0, 1)[0])
     beyond = potentials[1] + system.precondition(system.pole)(system.residual(system.pole, potentials[1]))
     circle = [system.boundary(U[:, 0]) for U in (*potentials, beyond)]
-    angles = [torch.atan2(a[:, 0, 0] * b[:, 1, 0] - a[:, 1, 0] * b[:, 0, 0], (a * b).sum(1)[:, 0])
-              for a, b in pairwise(circle)]
+    angles = [
+        torch.atan2(a[:, 0, 0] * b[:, 1, 0] - a[:, 1, 0] * b[:, 0, 0], (a * b).sum(1)[:, 0])
+        for a, b in pairwise(circle)
+    ]
     boundary = circle[1]
     pull, harmonic = system.pull(boundary), system.harmonic(boundary)
     precondition = system.precondition(harmonic)

@@ -14,7 +14,7 @@ class Preconditioner:
         self.x = torch.view_as_real(self.modes).flatten(-2)  # a view
         self.steps, lower, stride = [], tables["lower"], 1
         while stride < load.shape[-2]:
-            kept, gone = self.x[..., ::2 * stride, :], self.x[..., stride::2 * stride, :]
+            kept, gone = self.x[..., :: 2 * stride, :], self.x[..., stride :: 2 * stride, :]
             n_left, n_right = gone.shape[-2], kept.shape[-2] - 1
             left, right, lower = lower.split([n_left, n_right, len(lower) - n_left - n_right])
             self.steps += [(kept[..., :n_left, :], gone, left), (kept[..., 1:, :], gone[..., :n_right, :], right)]
@@ -45,8 +45,11 @@ class Stencil:
         along[..., :-1, -1] = slanted[..., -1]
         slanted[..., -1] = 0
         self.centre, self.closing = centre.flatten(2), -arc[..., -1]
-        self.places = [(1, along.flatten(2)[..., :-1]), (spoke.shape[-1], -spoke[..., :-1, :].flatten(2)),
-                       (spoke.shape[-1] + 1, slanted.flatten(2)[..., :-1])]
+        self.places = [
+            (1, along.flatten(2)[..., :-1]),
+            (spoke.shape[-1], -spoke[..., :-1, :].flatten(2)),
+            (spoke.shape[-1] + 1, slanted.flatten(2)[..., :-1]),
+        ]
 
     def apply(self, x):
         """K x for x (B, S, nr, nt)."""
@@ -70,7 +73,7 @@ def conjugate_gradients(stencil, load, start, size, tables, tolerance, limit):
     r = load.clone() if start is None else load - stencil.apply(start)
     p = precondition(r)
     energy = _dot(r, p)
-    goal = tolerance ** 2 * (energy if size is None else torch.full_like(energy, size ** 2))
+    goal = tolerance**2 * (energy if size is None else torch.full_like(energy, size**2))
     active, steps = energy > goal, torch.zeros_like(energy, dtype=int)
     for _ in range(limit):
         if not active.any():

@@ -62,8 +62,15 @@ class PolarGrid(PolarMesh):
         K, first = stiffness(z, faces, np.zeros(len(faces))), np.arange(nr) * nt + 1
         spokes, arcs = -np.asarray(K[first[:-1], first[1:]]).ravel(), -np.asarray(K[first, first + 1]).ravel()
         radial, values, kept = _eigenvectors(area, spokes, arcs, nt, modes)
-        tables = {"z": z[1:].reshape(nr, nt), "area": area[:, None], "spokes": spokes[:, None], "arcs": arcs[:, None],
-                  "radial": radial, "values": values, "kept": kept}
+        tables = {
+            "z": z[1:].reshape(nr, nt),
+            "area": area[:, None],
+            "spokes": spokes[:, None],
+            "arcs": arcs[:, None],
+            "radial": radial,
+            "values": values,
+            "kept": kept,
+        }
         for name, table in tables.items():
             self.register_buffer(name, as_tensor(table), persistent=False)
 
@@ -104,7 +111,7 @@ class PolarGrid(PolarMesh):
 
 
 def _square(x):
-    return x.real ** 2 + x.imag ** 2
+    return x.real**2 + x.imag**2
 
 
 def as_tensor(table):

@@ -19,7 +19,7 @@ def mobius(w, a, theta):
 
 def mobius_columns(w):
     """Changes (B, n, 3) of points w with an increment (theta, Re a, Im a) after a Möbius map."""
-    return torch.stack([1j * w, w ** 2 - 1, -1j * (1 + w ** 2)], 2)
+    return torch.stack([1j * w, w**2 - 1, -1j * (1 + w**2)], 2)
 
 
 def fit_mobius(f, q, mask, steps=4):
@@ -45,7 +45,9 @@ def least_squares(columns, right):
     normal = columns.mT @ columns
     size = normal.diagonal(dim1=1, dim2=2).sum(1)[:, None, None]
     eye = torch.eye(3, dtype=normal.dtype, device=normal.device)
-    return torch.linalg.solve(normal + RIDGE * (size + 1e-12) * eye, columns.mT if right is None else columns.mT @ right)
+    return torch.linalg.solve(
+        normal + RIDGE * (size + 1e-12) * eye, columns.mT if right is None else columns.mT @ right
+    )
 
 
 def square_places(points):

@@ -84,7 +84,9 @@ def train(model, training, validation, config, folder, progress=True):
         objective = Objective(model)
         objective = DistributedDataParallel(objective) if world > 1 else objective
         quiet = not progress or rank > 0
-        bar = tqdm(total=config.steps, initial=step, disable=quiet or None, desc="training")  # None: unless on a terminal
+        bar = tqdm(
+            total=config.steps, initial=step, disable=quiet or None, desc="training"
+        )  # None: unless on a terminal
         kept = time.perf_counter()
         while step < config.steps:
             loss, figures = take_step(objective, optimiser, training, config, step, rank, world, device)
@@ -114,8 +116,10 @@ def take_step(objective, optimiser, training, config, step, rank, world, device)
     with torch.autocast(device.type, torch.bfloat16, enabled=config.bfloat16):
         loss, figures = objective(batch, generator)
     if not torch.isfinite(loss):
-        raise TrainingError(f"the loss is {loss.item()} at step {step}; lower the rate (now {config.rate:g}) and start "
-                            "in another folder")
+        raise TrainingError(
+            f"the loss is {loss.item()} at step {step}; lower the rate (now {config.rate:g}) and start "
+            "in another folder"
+        )
     loss.backward()
     nn.utils.clip_grad_norm_(objective.parameters(), config.clip)
     optimiser.step()
@@ -147,7 +151,7 @@ def validate(model, validation, config, device):
     model.eval()
     rows, counts = [], []
     for first in range(0, len(validation), config.batch):
-        batch = tuple(tensor[first:first + config.batch].to(device) for tensor in validation.tensors)
+        batch = tuple(tensor[first : first + config.batch].to(device) for tensor in validation.tensors)
         with torch.autocast(device.type, torch.bfloat16, enabled=config.bfloat16):
             loss, figures = model.loss(batch, None)
         rows.append({"loss": loss.item(), **figures})
@@ -228,10 +232,13 @@ def claim(folder, model, config):
         if path.exists():
             kept = json.loads(path.read_text())
             if kept != wanted:
-                changed = [key for part in wanted for key in wanted[part]
-                           if kept.get(part, {}).get(key) != wanted[part][key]]
-                raise TrainingError(f"{folder} holds a run with another configuration ({', '.join(changed)}); choose "
-                                    "another folder, or remove it")
+                changed = [
+                    key for part in wanted for key in wanted[part] if kept.get(part, {}).get(key) != wanted[part][key]
+                ]
+                raise TrainingError(
+                    f"{folder} holds a run with another configuration ({', '.join(changed)}); choose "
+                    "another folder, or remove it"
+                )
         else:
             write_whole(path, lambda place: place.write_text(json.dumps(wanted, indent=2) + "\n"))
     except SurfaceError as error:
@@ -263,7 +270,7 @@ def read_checkpoint(folder, model, optimiser, device):
     except SafetensorError as error:
         raise TrainingError(f"{path} is damaged ({error}); remove it to start again") from None
     part = "model."
-    model.load_state_dict({name[len(part):]: value for name, value in tensors.items() if name.startswith(part)})
+    model.load_state_dict({name[len(part) :]: value for name, value in tensors.items() if name.startswith(part)})
     state = {}
     for name, value in tensors.items():
         if name.startswith("optimiser."):

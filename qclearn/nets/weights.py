@@ -69,8 +69,10 @@ def load_file(path, name=None):
     try:
         model.load_state_dict(state, strict=True)
     except RuntimeError as error:
-        raise WeightsError(f"{path}: does not fit {header['network']} as this version builds it "
-                           f"({' '.join(str(error).split())[:200]}); train it again with this version") from None
+        raise WeightsError(
+            f"{path}: does not fit {header['network']} as this version builds it "
+            f"({' '.join(str(error).split())[:200]}); train it again with this version"
+        ) from None
     model.header = header
     return model.eval().requires_grad_(False)
 
@@ -91,8 +93,10 @@ def read_weights(path):
     except (KeyError, TypeError, ValueError):
         raise WeightsError(f"{path}: has no qclearn header; give a file that `qclearn train` wrote") from None
     if header.get("format") != FORMAT:
-        raise WeightsError(f"{path}: weights of format {header.get('format')}, this version reads {FORMAT}; train them "
-                           "again, or install the version that wrote them")
+        raise WeightsError(
+            f"{path}: weights of format {header.get('format')}, this version reads {FORMAT}; train them "
+            "again, or install the version that wrote them"
+        )
     if missing:
         raise WeightsError(f"{path}: its header lacks {', '.join(sorted(missing))}; get the file again")
     if header["digest"] != digest_of_state(state):

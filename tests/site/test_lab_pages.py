@@ -26,17 +26,24 @@ def squeezed(text):
 def faults(cells, figures, numbers, unsure=()):
     """What is wrong with a page as JupyterLab shows it. figures: the numbers of its captions in the book; numbers: those of
     its text in the book, of which the positions `unsure` may differ."""
+
     def of(what):
         return [entry for cell in cells for entry in cell[what]]
 
     text = "\n".join(cell["text"] for cell in cells)
     yield from re.findall(r"[^\n]*Unknown (?:Directive|Role)[^\n]*", text)
-    yield from (f"raw role: {raw}" for raw in re.findall(r"\{(?:eval|glue:\w+|figure|numref|eq|cite:\w|prf:\w+|term)\}\S*", text))
+    yield from (
+        f"raw role: {raw}"
+        for raw in re.findall(r"\{(?:eval|glue:\w+|figure|numref|eq|cite:\w|prf:\w+|term)\}\S*", text)
+    )
     yield from (f"unresolved: {name}" for name in of("unknown"))
     yield from (f"error: {error}" for error in of("errors"))
     yield from (f"no picture: {name}" for name in of("broken"))
-    yield from (f"figure without a description or a picture: {alt!r}, {width} px" for alt, width in of("figures")
-                if alt in ("", "Image") or width < 50)  # 'Image' is JupyterLab's own word for what has no description
+    yield from (
+        f"figure without a description or a picture: {alt!r}, {width} px"
+        for alt, width in of("figures")
+        if alt in ("", "Image") or width < 50
+    )  # 'Image' is JupyterLab's own word for what has no description
     captions = [re.match(r"Figure\s([\d.]*\d)", caption) for caption in of("captions")]
     if [caption and caption[1] for caption in captions] != figures:
         yield f"captions: {of('captions')}; in the book {figures}"
@@ -76,8 +83,10 @@ def test_the_source_reads_in_jupyterlab_after_run_all(reader, page):
 
 
 # One small page that is right, and the same with a fault.
-PNG = ("iVBORw0KGgoAAAANSUhEUgAAAEAAAABACAIAAAAlC+aJAAAAQklEQVR4nO3PQQkAMAwEwVOe/FxXxFEYWDBwk3Y+LXNAAAEEEEAAAQQQQAABBB"
-       "BAAAEEEEAAAQQQQAABBBBAAAEEENgDFIBQwq0AAAAASUVORK5CYII=")
+PNG = (
+    "iVBORw0KGgoAAAANSUhEUgAAAEAAAABACAIAAAAlC+aJAAAAQklEQVR4nO3PQQkAMAwEwVOe/FxXxFEYWDBwk3Y+LXNAAAEEEEAAAQQQQAABBB"
+    "BAAAEEEEAAAQQQQAABBBBAAAEEENgDFIBQwq0AAAAASUVORK5CYII="
+)
 VALUE = {"status": "ok", "data": {"text/plain": "'0.25'"}, "metadata": {}}
 TEXT = "# A page\n\nAs {cite:t}`guo2023automatic` say, {eval}`n`. See {numref}`fig-a`."
 FIGURE = f'<img class="page-figure" alt="A square." src="data:image/png;base64,{PNG}">'
@@ -98,10 +107,14 @@ FAULTS = {
 def planted(before="", after=""):
     """A small page as a copy for JupyterLab, with `after` in place of `before`."""
     caption = ":::{figure}\n:name: fig-a\n\nA caption.\n\n:::\n"
-    notebook = new_notebook(metadata={"kernelspec": {"name": "python3", "display_name": "Python 3"}}, cells=[
-        new_markdown_cell(TEXT, id="a", metadata={"user_expressions": [{"expression": "n", "result": VALUE}]}),
-        new_code_cell("1", id="b", outputs=[new_output("display_data", data={"text/html": FIGURE})]),
-        new_markdown_cell(caption, id="c")])
+    notebook = new_notebook(
+        metadata={"kernelspec": {"name": "python3", "display_name": "Python 3"}},
+        cells=[
+            new_markdown_cell(TEXT, id="a", metadata={"user_expressions": [{"expression": "n", "result": VALUE}]}),
+            new_code_cell("1", id="b", outputs=[new_output("display_data", data={"text/html": FIGURE})]),
+            new_markdown_cell(caption, id="c"),
+        ],
+    )
     targets = {"fig-a": references.Target("a", "figure", "Fig. 4.1")}
     text = nbformat.writes(for_jupyterlab(notebook, Readable("a", targets, references.Literature()), 4))
     before, after = (json.dumps(part)[1:-1] for part in (before, after))

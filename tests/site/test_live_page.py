@@ -49,9 +49,14 @@ def test_a_moved_slider_changes_the_picture(browser, lab, notebook, label):
     page.keyboard.press("ArrowRight")
     page.wait_for_function(
         "before => JSON.stringify([...document.querySelectorAll('.jp-OutputArea img')].map(e => e.src)) !== before",
-        arg=page.evaluate("pictures => JSON.stringify(pictures)", pictures_before), timeout=30_000)
-    page.wait_for_function("([place, before]) => document.querySelector(place).textContent !== before",
-                           arg=[STATUS, text_before], timeout=30_000)
+        arg=page.evaluate("pictures => JSON.stringify(pictures)", pictures_before),
+        timeout=30_000,
+    )
+    page.wait_for_function(
+        "([place, before]) => document.querySelector(place).textContent !== before",
+        arg=[STATUS, text_before],
+        timeout=30_000,
+    )
 
     assert readout.inner_text() != number_before
     assert pictures(page) != pictures_before
@@ -61,7 +66,12 @@ def test_a_moved_slider_changes_the_picture(browser, lab, notebook, label):
     described = page.eval_on_selector_all(".jp-OutputArea img", "found => found.map(e => e.alt)")
     assert any("exact fit: landmark error" in alt and "CP-Net: landmark error" in alt for alt in described)
     assert page.locator(".jp-Dialog:has-text('appears to have died')").count() == 0
-    assert page.locator(".jp-OutputArea [data-mime-type='application/vnd.jupyter.error'], .jp-RenderedText[data-mime-type"
-                        "='application/vnd.jupyter.stderr']").count() == 0
+    assert (
+        page.locator(
+            ".jp-OutputArea [data-mime-type='application/vnd.jupyter.error'], .jp-RenderedText[data-mime-type"
+            "='application/vnd.jupyter.stderr']"
+        ).count()
+        == 0
+    )
     wait_until_idle(page)
     page.close()

@@ -63,9 +63,13 @@ def test_the_copies_count_as_the_book_does(page):
     """Numbers of equations, figures and theorems in references to another page are counted from the sources."""
     shown = (SITE / f"{page}.html").read_text(encoding="utf-8").split("<article", 1)[1]
     in_book = Counter(re.findall(r'<span class="eqno">(\([\d.]+\))', shown)) + Counter(
-        text.strip() for text in re.findall(r'<span class="caption-number">([A-Z][^<]*)', shown))
-    counted = Counter(target.text for _, target in references.numbered(
-        references.markdown_of(page), page, references.chapters()[page]) if target.kind != "section")
+        text.strip() for text in re.findall(r'<span class="caption-number">([A-Z][^<]*)', shown)
+    )
+    counted = Counter(
+        target.text
+        for _, target in references.numbered(references.markdown_of(page), page, references.chapters()[page])
+        if target.kind != "section"
+    )
     assert counted == in_book
 
 
@@ -74,10 +78,17 @@ def test_the_notebook_offered_for_download_shows_its_results(path):
     assert f"_sources/{path.name}" in (SITE / f"{path.stem}.html").read_text(encoding="utf-8")
     cells = nbformat.read(SITE / "_sources" / path.name, as_version=4).cells
     asked = [expression for cell in cells if cell.cell_type == "markdown" for expression in expressions_in(cell.source)]
-    answered = [entry["expression"] for cell in cells for entry in cell.metadata.get("user_expressions", [])
-                if entry["result"]["status"] == "ok"]
-    shown = [cell for cell in cells if any("page-figure" in output.get("data", {}).get("text/html", "")
-                                           for output in cell.get("outputs", []))]
+    answered = [
+        entry["expression"]
+        for cell in cells
+        for entry in cell.metadata.get("user_expressions", [])
+        if entry["result"]["status"] == "ok"
+    ]
+    shown = [
+        cell
+        for cell in cells
+        if any("page-figure" in output.get("data", {}).get("text/html", "") for output in cell.get("outputs", []))
+    ]
     assert answered == asked
     assert len(shown) == sum("show_figure(" in cell.source for cell in cells if cell.cell_type == "code")
 
@@ -113,7 +124,7 @@ def test_widgets_appear(view):
 def test_links_lead_somewhere(view):
     targets = view.page.eval_on_selector_all("article a[href], nav a[href]", "found => found.map(e => e.href)")
     for target in sorted({link for link in targets if link.startswith(view.address)}):
-        path, fragment = urldefrag(target[len(view.address):])
+        path, fragment = urldefrag(target[len(view.address) :])
         file = SITE / unquote(path or "index.html")
         assert file.exists(), target
         if fragment and file.suffix == ".html":

@@ -11,7 +11,9 @@ LIVE = ".jupyter-widgets :is(button, input, select, textarea):not(:disabled)"
 HANDLES = ".jupyter-widgets .noUi-handle"
 
 
-@pytest.fixture(scope="module", params=[pytest.param(name, marks=pytest.mark.xdist_group(name)) for name in WITH_WIDGETS])
+@pytest.fixture(
+    scope="module", params=[pytest.param(name, marks=pytest.mark.xdist_group(name)) for name in WITH_WIDGETS]
+)
 def page(request, browser, site_address):
     page = browser.new_page()
     page.goto(site_address + request.param, wait_until="load")
@@ -34,8 +36,9 @@ def test_no_control_can_be_used(page):
 
 def test_handles_have_the_names_of_their_sliders(page):
     names = page.eval_on_selector_all(HANDLES, "all => all.map(e => e.getAttribute('aria-label'))")
-    labels = page.eval_on_selector_all(HANDLES, "all => all.map(e => e.closest('.jupyter-widgets').querySelector("
-                                                "'.widget-label').textContent)")
+    labels = page.eval_on_selector_all(
+        HANDLES, "all => all.map(e => e.closest('.jupyter-widgets').querySelector('.widget-label').textContent)"
+    )
     assert names == labels and all(names)
 
 
@@ -55,8 +58,10 @@ def test_neither_key_nor_mouse_moves_a_handle(page):
 
 
 def test_a_sentence_stands_beside_each_widget(page):
-    widgets = page.evaluate("() => [...document.querySelectorAll('.jupyter-widgets')].filter(box => "
-                            "!box.parentElement.closest('.jupyter-widgets') && box.querySelector('.noUi-handle')).length")
+    widgets = page.evaluate(
+        "() => [...document.querySelectorAll('.jupyter-widgets')].filter(box => "
+        "!box.parentElement.closest('.jupyter-widgets') && box.querySelector('.noUi-handle')).length"
+    )
     notes = page.locator(".no-kernel").all_inner_texts()
     assert len(notes) == widgets > 0
     assert all(re.search(r"disabled on the site.*make lab", note) for note in notes)

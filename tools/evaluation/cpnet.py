@@ -42,13 +42,18 @@ def figures(seeds, quick=False):
     drawn = [(*pair, random_weights(net.config, rng)) for pair in pairs for _ in range(1 if quick else 2)]
     rows = [compare(net, plain, *aligned(landmarks[a], landmarks[b]), weights) for a, b, weights in drawn]
     named = {}
-    for name, weights in list(NAMED.items())[:1 if quick else None]:
+    for name, weights in list(NAMED.items())[: 1 if quick else None]:
         some = pairs[:1] if quick else pairs[:8]
         named[name] = summary([compare(net, plain, *aligned(landmarks[a], landmarks[b]), weights) for a, b in some])
-    return {"random": summary(rows), "bands": bands(rows), "named": named, "paper": paper(list(landmarks.values()), quick),
-            "ranges": {"beta / alpha": net.config.smooth, "gamma / alpha": net.config.match},
-            "latency_ms": latency(net, *aligned(*list(landmarks.values())[:2])),
-            "rows": [{key: value for key, value in row.items() if key != "seconds"} for row in rows]}
+    return {
+        "random": summary(rows),
+        "bands": bands(rows),
+        "named": named,
+        "paper": paper(list(landmarks.values()), quick),
+        "ranges": {"beta / alpha": net.config.smooth, "gamma / alpha": net.config.match},
+        "latency_ms": latency(net, *aligned(*list(landmarks.values())[:2])),
+        "rows": [{key: value for key, value in row.items() if key != "seconds"} for row in rows],
+    }
 
 
 def curves_of(seeds, vertices):
@@ -71,7 +76,9 @@ def aligned(p, q):
 def random_weights(config, rng):
     """(alpha, beta, gamma), alpha and both ratios over three decades each."""
     alpha = 10 ** rng.uniform(-1.5, 1.5)
-    return tuple(float(x) for x in (alpha, alpha * 10 ** rng.uniform(*config.smooth), alpha * 10 ** rng.uniform(*config.match)))
+    return tuple(
+        float(x) for x in (alpha, alpha * 10 ** rng.uniform(*config.smooth), alpha * 10 ** rng.uniform(*config.match))
+    )
 
 
 def compare(net, plain, p, q, weights):
@@ -85,18 +92,29 @@ def compare(net, plain, p, q, weights):
     seconds["network"] = time.process_time() - start
     told = net.answers(*MESH, p, q, *weights, looks=2)
     bare = plain.answers(*MESH, p, q, *weights, looks=2)
-    answers = {"Born step": told["Born step"], "without the U-Nets": bare["1 look"],
-               "without the U-Nets, 2 looks": bare["2 looks"], "CP-Net": mu, "CP-Net, 1 look": told["1 look"],
-               "CP-Net, 2 looks": told["2 looks"]}
+    answers = {
+        "Born step": told["Born step"],
+        "without the U-Nets": bare["1 look"],
+        "without the U-Nets, 2 looks": bare["2 looks"],
+        "CP-Net": mu,
+        "CP-Net, 1 look": told["1 look"],
+        "CP-Net, 2 looks": told["2 looks"],
+    }
     found = {name: exact_map(*MESH, mu, p, q) for name, mu in answers.items()}
     start = time.process_time()
     found |= polished(mu, p, q, weights)
     seconds["two steps"] = time.process_time() - start
-    return {"weights": list(weights), "before": float(abs(p - q).mean()), "fit": reference["L_CP"],
-            "fit_error": fit.landmark_error, "fit_flipped": len(fit.flipped), "seconds": seconds,
-            "ratio": {name: measured(one, p, q, weights)["L_CP"] / reference["L_CP"] for name, one in found.items()},
-            "error": {name: one.landmark_error for name, one in found.items()},
-            "flipped": {name: len(one.flipped) for name, one in found.items()}}
+    return {
+        "weights": list(weights),
+        "before": float(abs(p - q).mean()),
+        "fit": reference["L_CP"],
+        "fit_error": fit.landmark_error,
+        "fit_flipped": len(fit.flipped),
+        "seconds": seconds,
+        "ratio": {name: measured(one, p, q, weights)["L_CP"] / reference["L_CP"] for name, one in found.items()},
+        "error": {name: one.landmark_error for name, one in found.items()},
+        "flipped": {name: len(one.flipped) for name, one in found.items()},
+    }
 
 
 def measured(fit, p, q, weights):
@@ -125,15 +143,24 @@ def summary(rows):
     for name in rows[0]["ratio"]:
         ratios, errors = [row["ratio"][name] for row in rows], [row["error"][name] for row in rows]
         relative = np.divide(errors, [row["fit_error"] for row in rows])
-        table[name] = {"median": float(np.median(ratios)), "p90": float(np.quantile(ratios, 0.9)),
-                       "worst": float(max(ratios)), "error_ratio": float(np.mean(errors) / np.mean([row["fit_error"] for row in rows])),
-                       "error_ratio_median": float(np.median(relative)), "error_ratio_p90": float(np.quantile(relative, 0.9)),
-                       "error": float(np.mean(errors)),
-                       "folded": float(np.mean([row["flipped"][name] > 0 for row in rows]))}
-    return {"problems": len(rows), "before": float(np.mean([row["before"] for row in rows])),
-            "fit_error": float(np.mean([row["fit_error"] for row in rows])),
-            "fit_folded": float(np.mean([row["fit_flipped"] > 0 for row in rows])), "answers": table,
-            "seconds": {name: float(np.median([row["seconds"][name] for row in rows])) for name in rows[0]["seconds"]}}
+        table[name] = {
+            "median": float(np.median(ratios)),
+            "p90": float(np.quantile(ratios, 0.9)),
+            "worst": float(max(ratios)),
+            "error_ratio": float(np.mean(errors) / np.mean([row["fit_error"] for row in rows])),
+            "error_ratio_median": float(np.median(relative)),
+            "error_ratio_p90": float(np.quantile(relative, 0.9)),
+            "error": float(np.mean(errors)),
+            "folded": float(np.mean([row["flipped"][name] > 0 for row in rows])),
+        }
+    return {
+        "problems": len(rows),
+        "before": float(np.mean([row["before"] for row in rows])),
+        "fit_error": float(np.mean([row["fit_error"] for row in rows])),
+        "fit_folded": float(np.mean([row["fit_flipped"] > 0 for row in rows])),
+        "answers": table,
+        "seconds": {name: float(np.median([row["seconds"][name] for row in rows])) for name in rows[0]["seconds"]},
+    }
 
 
 def bands(rows, edges=(0, 3, 4, 5, 8)):
@@ -143,8 +170,14 @@ def bands(rows, edges=(0, 3, 4, 5, 8)):
     for low, high in pairwise(edges):
         inside = [row["ratio"] for row, value in zip(rows, stiff) if low <= value < high]
         if inside:
-            table.append({"from": low, "to": high, "problems": len(inside),
-                          **{name: float(np.median([ratio[name] for ratio in inside])) for name in inside[0]}})
+            table.append(
+                {
+                    "from": low,
+                    "to": high,
+                    "problems": len(inside),
+                    **{name: float(np.median([ratio[name] for ratio in inside])) for name in inside[0]},
+                }
+            )
     return table
 
 
@@ -162,7 +195,7 @@ def paper(subjects, quick):
             print(f"without the paper's preset: {error}")
             continue
         rows, weights = [], (1.0, 1.0, gamma)
-        for moving in subjects[:1 if quick else 12]:
+        for moving in subjects[: 1 if quick else 12]:
             p, q = aligned(moving, net.targets.numpy().astype(complex))
             fit = fit_landmarks(*MESH, p, q, *weights)
             start = time.process_time()
@@ -170,16 +203,42 @@ def paper(subjects, quick):
             passed = time.process_time() - start
             answer = exact_map(*MESH, mu, p, q)
             through = moved_map(*MESH, load("dbsnet", "paper").solve(*MESH, mu), p, q)
-            rows.append([abs(p - q).mean(), fit.landmark_error, answer.landmark_error, abs(fit.mu).mean(),
-                         abs(answer.mu).mean(), len(answer.flipped) > 0, passed,
-                         measured(answer, p, q, weights)["L_CP"] / measured(fit, p, q, weights)["L_CP"],
-                         through.landmark_error, len(through.flipped) > 0, abs(through.mu).mean()])
-        keys = ("before", "fit_error", "error", "fit_mean_abs_mu", "mean_abs_mu", "folded", "seconds", "loss_ratio",
-                "dbsnet_error", "dbsnet_folded", "dbsnet_mean_abs_mu")
+            rows.append(
+                [
+                    abs(p - q).mean(),
+                    fit.landmark_error,
+                    answer.landmark_error,
+                    abs(fit.mu).mean(),
+                    abs(answer.mu).mean(),
+                    len(answer.flipped) > 0,
+                    passed,
+                    measured(answer, p, q, weights)["L_CP"] / measured(fit, p, q, weights)["L_CP"],
+                    through.landmark_error,
+                    len(through.flipped) > 0,
+                    abs(through.mu).mean(),
+                ]
+            )
+        keys = (
+            "before",
+            "fit_error",
+            "error",
+            "fit_mean_abs_mu",
+            "mean_abs_mu",
+            "folded",
+            "seconds",
+            "loss_ratio",
+            "dbsnet_error",
+            "dbsnet_folded",
+            "dbsnet_mean_abs_mu",
+        )
         means = dict(zip(keys, np.mean(rows, axis=0).tolist()))
         name = f"{gamma:.0e}".replace("e+0", "e")
-        found[name] = {**means, "problems": len(rows), "error_ratio": means["error"] / means["fit_error"],
-                       "dbsnet_error_ratio": means["dbsnet_error"] / means["fit_error"]}
+        found[name] = {
+            **means,
+            "problems": len(rows),
+            "error_ratio": means["error"] / means["fit_error"],
+            "dbsnet_error_ratio": means["dbsnet_error"] / means["fit_error"],
+        }
     return found
 
 

@@ -28,8 +28,11 @@ def figures(seeds, quick=False):
     mu = draw(seeds[:2] if quick else seeds, solver.z, solver.faces, 2 if quick else MAPS)
     exact = in_batches(lambda part: solver.solve(part, EXACT), mu)
     nets = networks()
-    result = {"maps": len(mu), "mean_displacement": float(displacement(exact, solver.z).mean()),
-              "superlu": map_figures(superlu(solver, mu), exact, mu, solver)}
+    result = {
+        "maps": len(mu),
+        "mean_displacement": float(displacement(exact, solver.z).mean()),
+        "superlu": map_figures(superlu(solver, mu), exact, mu, solver),
+    }
     for name, net in nets.items():
         maps = np.array([net.solve(solver.z, solver.faces, one) for one in mu])
         result[name] = map_figures(maps, exact, mu, solver) | {"latency_ms": latency(net, solver, mu[0], quick)}
@@ -63,8 +66,13 @@ def networks():
 
 def draw(seeds, z, faces, count):
     """Coefficients (B, F), the kinds in turn, map k of a seed decided by the two alone."""
-    return np.array([random_coefficient(z, faces, np.random.default_rng([seed, 97, k]), kind=KINDS[k % 2])
-                     for seed in seeds for k in range(count)])
+    return np.array(
+        [
+            random_coefficient(z, faces, np.random.default_rng([seed, 97, k]), kind=KINDS[k % 2])
+            for seed in seeds
+            for k in range(count)
+        ]
+    )
 
 
 def in_batches(function, mu, size=16):
@@ -95,14 +103,19 @@ def map_figures(maps, exact, mu, solver):
     weights = np.bincount(faces.ravel(), np.repeat(areas, 3), len(z))
     weighted = abs(maps - exact) @ weights / weights.sum() / moved
     return {
-        "relative_error": float((error / moved).mean()), "pooled_error": float(error.mean() / moved.mean()),
+        "relative_error": float((error / moved).mean()),
+        "pooled_error": float(error.mean() / moved.mean()),
         "relative_error_quantiles": np.quantile(error / moved, [0.1, 0.5, 0.9, 1.0]).tolist(),
-        "relative_error_by_area": float(weighted.mean()), "largest_error": float(abs(maps - exact).max()),
-        "relative_errors": (error / moved).round(5).tolist(), "largest_mu": abs(mu).max(1).round(4).tolist(),
-        "off_circle": float(abs(abs(maps[:, -MESH[1]:]) - 1).max()),
-        "folded_share": float((flipped > 0).mean()), "flipped_faces": float(flipped.mean()),
+        "relative_error_by_area": float(weighted.mean()),
+        "largest_error": float(abs(maps - exact).max()),
+        "relative_errors": (error / moved).round(5).tolist(),
+        "largest_mu": abs(mu).max(1).round(4).tolist(),
+        "off_circle": float(abs(abs(maps[:, -MESH[1] :]) - 1).max()),
+        "folded_share": float((flipped > 0).mean()),
+        "flipped_faces": float(flipped.mean()),
         "folded_share_after_fallback": fallback(maps, flipped, mu, solver),
-        "mu_error": float(measured.mean()), "mu_error_by_area": float((measured @ areas / areas.sum()).mean()),
+        "mu_error": float(measured.mean()),
+        "mu_error_by_area": float((measured @ areas / areas.sum()).mean()),
     }
 
 
@@ -121,8 +134,11 @@ def samples(maps, mu, solver):
     edges = np.linspace(0, 0.2, 41)
     chosen = [0, len(mu) // 3, 2 * len(mu) // 3]
     errors = [abs(qc.beltrami_coefficient(solver.z, solver.faces, maps[k]) - mu[k]) for k in chosen]
-    return {"edges": edges.tolist(), "counts": [np.histogram(e.clip(max=edges[-1]), edges)[0].tolist() for e in errors],
-            "largest_mu": [float(abs(mu[k]).max()) for k in chosen]}
+    return {
+        "edges": edges.tolist(),
+        "counts": [np.histogram(e.clip(max=edges[-1]), edges)[0].tolist() for e in errors],
+        "largest_mu": [float(abs(mu[k]).max()) for k in chosen],
+    }
 
 
 def timed(function, quick):
@@ -145,10 +161,12 @@ def latency(net, solver, mu, quick):
 def curves(net, mu, exact, count, quick):
     """Error against milliseconds a map: plain CG stopped after k steps, the network, the network and j CG steps."""
     solver, parts = net.solver, torch.from_numpy(mu).to(torch.complex64).split(count)
-    parts = parts[:2] if quick else parts[:max(1, 256 // count)]
-    wanted = exact[:sum(len(part) for part in parts)]
-    methods = {"cg": (lambda part, k: solver.solve(part, 0.0, k), range(1, 4 if quick else 11)),
-               "network": (lambda part, k: net.refine(part, k), range(2 if quick else 7))}
+    parts = parts[:2] if quick else parts[: max(1, 256 // count)]
+    wanted = exact[: sum(len(part) for part in parts)]
+    methods = {
+        "cg": (lambda part, k: solver.solve(part, 0.0, k), range(1, 4 if quick else 11)),
+        "network": (lambda part, k: net.refine(part, k), range(2 if quick else 7)),
+    }
     result = {}
     for name, (method, steps) in methods.items():
         result[name] = []
@@ -157,7 +175,9 @@ def curves(net, mu, exact, count, quick):
                 maps = torch.cat([method(part, k) for part in parts]).numpy()
             relative = abs(maps - wanted).mean(1) / displacement(wanted, solver.z)
             times = [timed(lambda part=part, k=k, method=method: method(part, k), quick) for part in parts[:3]]
-            result[name].append({"steps": k, "ms": 1e3 * float(np.median(times)) / count, "error": float(relative.mean())})
+            result[name].append(
+                {"steps": k, "ms": 1e3 * float(np.median(times)) / count, "error": float(relative.mean())}
+            )
     return result
 
 
@@ -178,9 +198,17 @@ def routes(net, seeds, count):
         exact = factored.solve(mu)
         inner = solve_beltrami(z, faces, mu, loop, f[loop])
         moved, moved_boundary = displacement(exact[None], z)[0], displacement(exact[None, loop], z[loop])[0]
-        rows.append([abs(f - exact)[loop].mean() / moved_boundary, abs(f - inner).mean() / moved,
-                     abs(f - exact).mean() / moved, len(qc.check_bijective(z, faces, f).flipped) > 0])
-    return dict(zip(("boundary", "inner", "whole", "folded_share"), np.mean(rows, axis=0).tolist())) | {"maps": len(rows)}
+        rows.append(
+            [
+                abs(f - exact)[loop].mean() / moved_boundary,
+                abs(f - inner).mean() / moved,
+                abs(f - exact).mean() / moved,
+                len(qc.check_bijective(z, faces, f).flipped) > 0,
+            ]
+        )
+    return dict(zip(("boundary", "inner", "whole", "folded_share"), np.mean(rows, axis=0).tolist())) | {
+        "maps": len(rows)
+    }
 
 
 def square_fields(seeds, count, size):

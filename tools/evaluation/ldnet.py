@@ -34,13 +34,25 @@ def figures(seeds, quick=False):
         for name, passed in times.items():
             seconds[name].append(passed)
         for curve, values in distances.items():
-            rows.append({"seed": subject.seed, "curve": curve, "interrupted": curve in subject.interrupted,
-                         "branched": curve in subject.branched, **values})
+            rows.append(
+                {
+                    "seed": subject.seed,
+                    "curve": curve,
+                    "interrupted": curve in subject.interrupted,
+                    "branched": curve in subject.branched,
+                    **values,
+                }
+            )
     result = {title: summary([row for row in rows if keep(row)], methods) for title, keep in CLASSES.items()}
     by_name = {name: summary([row for row in rows if row["curve"] == name], methods) for name in subjects[0].curves}
-    return {**result, "sulci": by_name, "latency_ms": {name: latency(name) for name in methods if name != "twin"},
-            "seconds": {name: float(np.median(passed)) for name, passed in seconds.items()},
-            "rows": [list(row.values()) for row in rows], "columns": list(rows[0])}
+    return {
+        **result,
+        "sulci": by_name,
+        "latency_ms": {name: latency(name) for name in methods if name != "twin"},
+        "seconds": {name: float(np.median(passed)) for name, passed in seconds.items()},
+        "rows": [list(row.values()) for row in rows],
+        "columns": list(rows[0]),
+    }
 
 
 CLASSES = {
@@ -91,11 +103,14 @@ def summary(rows, methods):
     first = next(iter(methods))
     difference, groups = values[first] - values["twin"], np.array([row["seed"] for row in rows])
     return {
-        "curves": len(rows), **{name: float(values[name].mean()) for name in methods},
+        "curves": len(rows),
+        **{name: float(values[name].mean()) for name in methods},
         "median": {name: float(np.median(values[name])) for name in methods},
         "worst": {name: float(values[name].max()) for name in methods},
-        "difference": float(difference.mean()), "interval": interval(difference, groups),
-        "won": float((difference < -0.1).mean()), "lost": float((difference > 0.1).mean()),  # by a tenth of a millimetre
+        "difference": float(difference.mean()),
+        "interval": interval(difference, groups),
+        "won": float((difference < -0.1).mean()),
+        "lost": float((difference > 0.1).mean()),  # by a tenth of a millimetre
         "same_path": float((values["apart"] < 1e-6).mean()),
     }
 

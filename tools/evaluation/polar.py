@@ -23,10 +23,15 @@ def random_coefficient(seed, z, largest=0.5):
 
 def figures(seeds, quick=False):
     """Errors, seconds a map in float64 on one thread, iterations, and the exponent of the cost in the vertices."""
-    rows = [size_row(nr, nt, seeds[0], repeats=1 if quick else 5) for nr, nt in SIZES[:2 if quick else None]]
+    rows = [size_row(nr, nt, seeds[0], repeats=1 if quick else 5) for nr, nt in SIZES[: 2 if quick else None]]
     vertices, seconds = (np.log([row[key] for row in rows]) for key in ("vertices", "polar_seconds"))
-    return {"sizes": rows, "exponent": float(np.polyfit(vertices, seconds, 1)[0]), "tolerance": TOLERANCE,
-            "batches": batches(seeds[0], quick), "accelerator": accelerator(seeds[0], quick)}
+    return {
+        "sizes": rows,
+        "exponent": float(np.polyfit(vertices, seconds, 1)[0]),
+        "tolerance": TOLERANCE,
+        "batches": batches(seeds[0], quick),
+        "accelerator": accelerator(seeds[0], quick),
+    }
 
 
 def size_row(nr, nt, seed, repeats):
@@ -53,7 +58,7 @@ def size_row(nr, nt, seed, repeats):
 def batches(seed, quick):
     """Milliseconds a map, float32, forward and backward, alone and in a batch, on the meshes of the networks."""
     rows = []
-    for nr, nt in ((24, 72), (32, 96), (48, 144))[:1 if quick else None]:
+    for nr, nt in ((24, 72), (32, 96), (48, 144))[: 1 if quick else None]:
         solver = PolarSolver(nr, nt)
         centre = solver.z[solver.faces].mean(1)
         for count in (1, 8):
@@ -61,8 +66,15 @@ def batches(seed, quick):
             mu = torch.from_numpy(fields).to(torch.complex64).requires_grad_()
             forward = median_seconds(lambda mu=mu, solver=solver: solver.solve(mu.detach(), TOLERANCE), 5)
             both = median_seconds(lambda mu=mu, solver=solver: solver.solve(mu, TOLERANCE).abs().sum().backward(), 5)
-            rows.append({"nr": nr, "nt": nt, "batch": count, "forward_ms": 1e3 * forward / count,
-                         "backward_ms": 1e3 * (both - forward) / count})
+            rows.append(
+                {
+                    "nr": nr,
+                    "nt": nt,
+                    "batch": count,
+                    "forward_ms": 1e3 * forward / count,
+                    "backward_ms": 1e3 * (both - forward) / count,
+                }
+            )
     return rows
 
 
