@@ -8,7 +8,7 @@ from scipy.sparse import coo_array
 from scipy.spatial import ConvexHull, QhullError
 
 from .beltrami import cotangent_stiffness
-from .diskmesh import locate
+from .diskmesh import locate, pixel_centres
 from .surface import SurfaceError
 
 CLOSING_RADIUS = 0.05  # radius of the ball that closes the sulci, in units of sqrt(area of the convex hull)
@@ -172,12 +172,6 @@ def _samples(surface, z, m):
     downward = np.stack([i + 2 / 3, j + 2 / 3, m - 4 / 3 - i - j], axis=1) / m
     points = z[surface.faces] @ np.concatenate([upward, downward]).T
     return points.ravel(), np.repeat(surface.face_areas / m**2, m**2)
-
-
-def pixel_centres(size):
-    """Pixel centres of the image of [-1, 1]^2, complex (size, size): x grows with the column, y with the row."""
-    axis = (2 * np.arange(size) + 1) / size - 1
-    return axis[None, :] + 1j * axis[:, None]
 
 
 def curvature_image(surface, z, size=128, values=None):

@@ -1,4 +1,4 @@
-"""Maps of a triangulated disk onto the unit disk with a free boundary: the exact solver and the conformal map.
+"""Maps of a triangulated disk onto the unit disk with a free boundary: the exact solver.
 
 With 0 and 1 held the boundary may slide along the circle, and the map with a given Beltrami coefficient is still the
 solution of linear problems: the boundary moves by the harmonic measure of A(mu) seen from 0 (the flux form).
@@ -16,18 +16,16 @@ from .beltrami import (
     check_coefficient,
     check_mesh,
     check_used,
-    cotangent_stiffness,
     hat_gradients,
     signed_areas,
     stiffness,
     stiffness_blocks,
 )
-from .bijectivity import BijectivityError, RepairWarning, check_embedding, flipped_faces
+from .bijectivity import RepairWarning, check_embedding, flipped_faces
 from .bijectivity import repair as switch_rows
-from .diskmesh import boundary_loop, locate
+from .diskmesh import SurfaceError, boundary_loop, locate
 from .dissection import nested_dissection
-from .mobius import centring_mobius, mobius, mobius_inverse
-from .surface import SurfaceError, require_disk
+from .mobius import mobius, mobius_inverse
 
 LARGE = 20_000  # vertices from which on the order of elimination is worth its own search
 SMALLEST_STEP = 1e-3  # of the mean boundary step, where a negative weight makes the boundary run backwards
@@ -293,85 +291,7 @@ def solve_beltrami_disk(z, faces, mu, repair=False):
     return f
 
 
-def disk_conformal_map(surface):
-    """The conformal map of a disk-like surface onto the unit disk, complex (V,), boundary exactly on the circle.
-
-    Gauge: the surface's area centroid at 0, the first vertex of `surface.boundary` at 1. The flux form with the
-    surface's cotangent matrix: no iteration. Certified: no triangle is flipped; a RepairWarning says if boundary
-    steps or rows of the system had to be changed for that. SurfaceError if the surface is not a disk;
-    BijectivityError if the repair fails.
-    """
-    require_disk(surface)
-    faces, loop = surface.faces, surface.boundary
-    matrix = cotangent_stiffness(surface.vertices, faces)
-    order = elimination_order(matrix, surface.vertices, loop) if len(surface.vertices) > LARGE else None
-    problem = Dirichlet(matrix, loop, order)
-    rim = np.linalg.norm(np.roll(surface.vertices[loop], -1, axis=0) - surface.vertices[loop], axis=1)
-    free = FreeBoundary(problem, rim, _central_vertex(surface, problem, rim))
-    f, switched = _centre_and_unfold(surface, matrix, free.f)
-    f = f / f[loop[0]]
-    f[loop] /= abs(f[loop])
-    if not check_embedding(faces, f).bijective:
-        raise BijectivityError(
-            "the disk conformal map folds and row switching did not mend it; "
-            "remesh the surface (its triangles may be degenerate to rounding)"
-        )
-    if len(switched) or free.floored.any():
-        warnings.warn(
-            f"conformal map: {int(free.floored.sum())} boundary steps raised, {len(switched)} rows switched "
-            "to mean-value weights to keep every triangle positive",
-            RepairWarning,
-            stacklevel=2,
-        )
-    return f
-
-
 def elimination_order(matrix, points, loop):
     """The vertices of a mesh without its boundary loop in an order that keeps the factors of its matrix small."""
     inner = np.setdiff1d(np.arange(len(points)), loop)
     return inner[nested_dissection(matrix.tocsr()[inner][:, inner], points[inner])]
-
-
-def _central_vertex(surface, problem, rim):
-    """The interior vertex nearest the area centroid of the harmonic embedding with boundary by arc length."""
-    arc = np.concatenate([[0.0], np.cumsum(rim[:-1])]) / rim.sum()
-    f = problem.solve(np.exp(2j * np.pi * arc))
-    if not len(problem.free):
-        raise SurfaceError("the surface has no interior vertex; refine it")
-    return problem.free[abs(f[problem.free] - surface.vertex_areas @ f / surface.area).argmin()]
-
-
-def _centre_and_unfold(surface, matrix, f):
-    """Bring the area centroid to 0 and switch rows until no face is flipped: (f, switched vertices)."""
-    share = surface.vertex_areas / surface.area
-    f = mobius(f, centring_mobius(f, share))
-    lengths, switched = edge_lengths(surface.vertices, surface.faces), np.zeros(0, int)
-    for _ in range(5):
-        f, switched, problem = switch_rows(matrix, surface.faces, lengths, f, switched)
-        if problem is None:
-            break
-        for _ in range(50):  # a Möbius map of the boundary values, the interior solved anew
-            if abs(share @ f) < 1e-14:
-                break
-            f = problem.solve(mobius(f[surface.boundary], centring_mobius(f, share)))
-    return f, switched
-
-
-def edge_lengths(points, faces):
-    """Length of the edge opposite each corner, (F, 3), of a planar (V,) complex or spatial (V, 3) mesh."""
-    side = points[np.roll(faces, -1, axis=1)] - points[np.roll(faces, -2, axis=1)]
-    return abs(side) if np.iscomplexobj(side) else np.linalg.norm(side, axis=2)
-
-
-def corner_angles(lengths):
-    """Interior angles (F, 3) in radians from edge lengths opposite the corners (F, 3)."""
-    opposite, left, right = lengths, np.roll(lengths, -1, axis=1), np.roll(lengths, -2, axis=1)
-    # Half-angle form: accurate for slivers, where the law of cosines cancels.
-    upper, lower = opposite**2 - (left - right) ** 2, (left + right) ** 2 - opposite**2
-    return 2 * np.arctan2(np.sqrt(np.maximum(upper, 0)), np.sqrt(np.maximum(lower, 0)))
-
-
-def angle_distortion(surface, z):
-    """Angles in the disk minus angles on the surface, in degrees, (F, 3): column k at vertex `faces[:, k]`."""
-    disk, original = (corner_angles(edge_lengths(points, surface.faces)) for points in (z, surface.vertices))
-    return np.degrees(disk - original)

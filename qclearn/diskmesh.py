@@ -8,6 +8,10 @@ from .beltrami import BeltramiError, check_faces, check_mesh, planar_points
 INSET = 1e-4  # share of the radius that points moved onto the boundary polygon stay inside it
 
 
+class SurfaceError(ValueError):
+    """A surface, or a file of one, that cannot be used: says what was found, where (indices) and what to do."""
+
+
 def square_to_disk(w):
     """Radial map of the square [-1, 1]^2 onto the unit disk, `w max(|cos t|, |sin t|)`, t = arg w; 0 to 0."""
     w = np.asarray(w, complex)
@@ -155,3 +159,9 @@ def _project_radially(z, faces, points):
     face = np.empty(len(z), int)
     face[faces.ravel()[rim]] = rim // 3
     return face[loop[k]], s * points
+
+
+def pixel_centres(size):
+    """Pixel centres of the image of [-1, 1]^2, complex (size, size): x grows with the column, y with the row."""
+    axis = (2 * np.arange(size) + 1) / size - 1
+    return axis[None, :] + 1j * axis[:, None]

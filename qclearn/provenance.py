@@ -1,5 +1,6 @@
 """Where figures come from: the code's commit, the machine, the versions, the surfaces."""
 
+import contextlib
 import hashlib
 import platform
 import subprocess
@@ -8,7 +9,6 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import numpy as np
-import contextlib
 
 
 def commit():

@@ -6,11 +6,9 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spanning_tree
 
+from .diskmesh import SurfaceError
+
 LARGEST = 1e60  # of a coordinate: a squared area, its fourth power, is still a number
-
-
-class SurfaceError(ValueError):
-    """A surface, or a file of one, that cannot be used: says what was found, where (indices) and what to do."""
 
 
 class Surface:
