@@ -8,10 +8,9 @@ from pathlib import Path
 from platformdirs import user_cache_path
 from tqdm import tqdm
 
-from qclearn.files import write_whole
-
-from .cortex import CortexError, make_cortex
-from .subjects import load_cortex, save_cortex
+from data_synth.cortex import CortexError, make_cortex
+from data_synth.subjects import load_cortex, save_cortex
+from qclearn.files.meshes import write_whole
 
 GENERATION = 2  # raise it when the generator's output changes, so that old files are not taken for new ones
 SEEDS = tuple(range(1001, 1025))

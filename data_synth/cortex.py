@@ -4,14 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qclearn.surface import Surface
-
-from .fundus import trace, trim
-from .growth import depth_below, grow, hull_distance, neighbour_table
-from .individual import Individual, smooth_field
-from .template import LONGEST
-from .tessellation import even_points, triangulate
-from .untangle import untangle
+from data_synth.fundus import trace, trim
+from data_synth.growth import depth_below, grow, hull_distance, neighbour_table
+from data_synth.individual import Individual, smooth_field
+from data_synth.template import LONGEST
+from data_synth.tessellation import even_points, triangulate
+from data_synth.untangle import untangle
+from qclearn.surfaces.surface import Surface
 
 HEMISPHERES = ("left", "right")
 FEWEST, MOST = 1_000, 100_000

@@ -14,14 +14,13 @@ import torch
 from torch.utils.data import DataLoader, Dataset, TensorDataset
 from tqdm import tqdm
 
-from qclearn.curvature import curvature_image, grey_levels, mean_curvature
-from qclearn.disk import disk_conformal_map
-from qclearn.diskmesh import polar_disk
-from qclearn.filesafe import full_disk, is_full, own_prefix, sweep
-from qclearn.landmarks import sample_curve
-
-from .fields import KINDS, MAX_ABS, dead_leaves, random_coefficient
-from .landmarks import DiskMaps, Perturbation
+from data_synth.fields import KINDS, MAX_ABS, dead_leaves, random_coefficient
+from data_synth.landmarks import DiskMaps, Perturbation
+from qclearn.files.safe import full_disk, is_full, own_prefix, sweep
+from qclearn.plane.diskmesh import polar_disk
+from qclearn.registration.landmarks import sample_curve
+from qclearn.surfaces.conformal import disk_conformal_map
+from qclearn.surfaces.curvature import curvature_image, grey_levels, mean_curvature
 
 
 class DatasetError(ValueError):

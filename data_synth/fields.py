@@ -15,7 +15,7 @@ from scipy import ndimage
 from skimage import io, transform
 from skimage.util import img_as_float
 
-from qclearn.fourier import from_square
+from qclearn.plane.fourier import from_square
 
 MAX_ABS = (0.05, 0.6)  # the largest |mu| of a field is uniform in this interval
 SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp"}

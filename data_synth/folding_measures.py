@@ -3,7 +3,7 @@
 import numpy as np
 from scipy import sparse
 
-from qclearn.beltrami import cotangent_stiffness, factorise
+from qclearn.plane.beltrami import cotangent_stiffness, factorise
 
 
 def smooth(surface, values, length, steps=3):

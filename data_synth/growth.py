@@ -3,9 +3,9 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-from .compiled import compiled
-from .template import CENTRE, area_vectors, unit
-from .tessellation import fibonacci_sphere
+from data_synth.compiled import compiled
+from data_synth.template import CENTRE, area_vectors, unit
+from data_synth.tessellation import fibonacci_sphere
 
 
 def neighbour_table(faces, count):

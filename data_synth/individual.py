@@ -3,7 +3,17 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-from .template import CENTRE, COMPANIONS, LOBES, SULCI, Diffeomorphism, hull_radius, sulcus_course, unit, wall_level
+from data_synth.template import (
+    CENTRE,
+    COMPANIONS,
+    LOBES,
+    SULCI,
+    Diffeomorphism,
+    hull_radius,
+    sulcus_course,
+    unit,
+    wall_level,
+)
 
 VARIABILITY = 0.11  # root mean square displacement of the template, radians
 AREA, AREA_SPREAD = 95_000.0, 0.06  # folded area in mm^2, its relative deviation

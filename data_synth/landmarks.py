@@ -2,10 +2,9 @@
 
 from copy import copy
 
-from qclearn.disk import BeltramiDiskSolver
-from qclearn.fit import sampling_matrix
-
-from .fields import random_coefficient
+from data_synth.fields import random_coefficient
+from qclearn.plane.disk import BeltramiDiskSolver
+from qclearn.registration.fit import sampling_matrix
 
 
 class DiskMaps:

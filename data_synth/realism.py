@@ -23,9 +23,9 @@ from data_synth.folding_measures import (
     spectral_peak,
 )
 from data_synth.intersections import self_intersections
-from qclearn.curvature import mean_curvature, sulcal_depth
-from qclearn.files import read_surface
-from qclearn.surface import Surface, SurfaceError, require_outward
+from qclearn.files.meshes import read_surface
+from qclearn.surfaces.curvature import mean_curvature, sulcal_depth
+from qclearn.surfaces.surface import Surface, SurfaceError, require_outward
 
 CANONICAL_VERTICES = 10_000  # folding is measured at this resolution, so that meshes of 10,000 to 160,000 compare
 BURIED = 0.012  # deeper than this, in units of sqrt(hull area), counts as buried

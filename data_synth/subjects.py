@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from qclearn.files import write_whole
-from qclearn.surface import Surface, SurfaceError
-
-from .cortex import HEMISPHERES, Cortex, CortexError
+from data_synth.cortex import HEMISPHERES, Cortex, CortexError
+from qclearn.files.meshes import write_whole
+from qclearn.surfaces.surface import Surface, SurfaceError
 
 TRAITS = ("interrupted", "branched")
 

@@ -8,18 +8,17 @@ import warnings
 
 import numpy as np
 
-from qclearn.bijectivity import RepairWarning
-from qclearn.disk import disk_conformal_map
-from qclearn.diskmesh import polar_disk
-from qclearn.fit import sampling_matrix
-from qclearn.landmarks import sample_curve
-from qclearn.mobius import best_mobius, mobius
-
-from .cohort import hemispheres
-from .datasets import CurveDataset, _Seeded, cached
-from .fields import KINDS, MAX_ABS, dead_leaves, image_coefficient, random_coefficient, smooth_coefficient
-from .landmarks import DiskMaps, Perturbation
-from .template import SULCI
+from data_synth.cohort import hemispheres
+from data_synth.datasets import CurveDataset, _Seeded, cached
+from data_synth.fields import KINDS, MAX_ABS, dead_leaves, image_coefficient, random_coefficient, smooth_coefficient
+from data_synth.landmarks import DiskMaps, Perturbation
+from data_synth.template import SULCI
+from qclearn.plane.bijectivity import RepairWarning
+from qclearn.plane.diskmesh import polar_disk
+from qclearn.plane.mobius import best_mobius, mobius
+from qclearn.registration.fit import sampling_matrix
+from qclearn.registration.landmarks import sample_curve
+from qclearn.surfaces.conformal import disk_conformal_map
 
 
 class Fields(_Seeded):

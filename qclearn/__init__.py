@@ -1,6 +1,13 @@
 """Quasi-conformal registration of cortical surfaces: exact geometry first, networks second."""
 
-from .beltrami import (
+import sys
+from types import ModuleType
+
+from .files.fsaverage import demo_landmarks, fsaverage5
+from .files.meshes import read_surface, write_surface
+from .files.values import read_mask, read_values, write_values
+from .plane import bijectivity, disk, diskmesh
+from .plane.beltrami import (
     BeltramiError,
     beltrami_coefficient,
     compose_coefficients,
@@ -13,20 +20,20 @@ from .beltrami import (
     stiffness,
     wirtinger,
 )
-from .bijectivity import BijectivityError, Certificate, RepairWarning, check_bijective, check_embedding
-from .curvature import curvature_image, mean_curvature, sulcal_depth
-from .disk import BeltramiDiskSolver, angle_distortion, disk_conformal_map, solve_beltrami_disk
-from .diskmesh import disk_to_square, locate, polar_disk, square_disk, square_to_disk
-from .files import read_surface, write_surface
-from .fit import LandmarkError, LandmarkFit, fit_landmarks
-from .fsaverage import demo_landmarks, fsaverage5
-from .landmarks import detect_curves, fundus_metric, fundus_path, sample_curve
-from .logform import solve_beltrami_disk_log
-from .mobius import best_mobius, compose_mobius, mobius, mobius_inverse
-from .opening import open_surface
-from .register import Registration, register, transfer
-from .surface import Surface, SurfaceError, mirror, require_disk, require_outward
-from .values import read_mask, read_values, write_values
+from .plane.bijectivity import BijectivityError, Certificate, RepairWarning, check_bijective, check_embedding
+from .plane.disk import BeltramiDiskSolver, solve_beltrami_disk
+from .plane.diskmesh import disk_to_square, locate, polar_disk, square_disk, square_to_disk
+from .plane.logform import solve_beltrami_disk_log
+from .plane.mobius import best_mobius, compose_mobius, mobius, mobius_inverse
+from .registration import fit
+from .registration.fit import LandmarkError, LandmarkFit, fit_landmarks
+from .registration.landmarks import detect_curves, fundus_metric, fundus_path, sample_curve
+from .registration.register import Registration, register, transfer
+from .surfaces import conformal, surface
+from .surfaces.conformal import angle_distortion, disk_conformal_map
+from .surfaces.curvature import curvature_image, mean_curvature, sulcal_depth
+from .surfaces.opening import open_surface
+from .surfaces.surface import Surface, SurfaceError, mirror, require_disk, require_outward
 
 __all__ = [
     "BeltramiDiskSolver",
@@ -86,3 +93,20 @@ __all__ = [
     "write_surface",
     "write_values",
 ]
+
+
+def _offer(name, *modules):
+    """Let `from qclearn.<name> import ...` find what the modules hold: short addresses for what is asked for most."""
+    offered = ModuleType(f"{__name__}.{name}", modules[0].__doc__)
+    for module in reversed(modules):
+        vars(offered).update({key: value for key, value in vars(module).items() if not key.startswith("__")})
+    sys.modules[offered.__name__] = offered
+
+
+_offer("bijectivity", bijectivity)
+_offer("disk", disk, conformal)
+_offer("diskmesh", diskmesh)
+_offer("fit", fit)
+_offer("mobius", sys.modules[f"{__name__}.plane.mobius"])
+_offer("register", sys.modules[f"{__name__}.registration.register"])
+_offer("surface", surface)

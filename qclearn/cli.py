@@ -19,15 +19,15 @@ from tqdm import tqdm
 
 import qclearn as qc
 
-from .files import Frame, frame_of
-from .filesafe import full_disk, is_full, own_prefix, printable, sweep
-from .landmarkfile import read_landmarks
-from .landmarks import curves_of_both
-from .provenance import origin
-from .register import register as run_registration
-from .register import transfer as transfer_map
-from .registration import read_registration, write_registration
-from .values import read_labels
+from .files.meshes import Frame, frame_of
+from .files.provenance import origin
+from .files.safe import full_disk, is_full, own_prefix, printable, sweep
+from .files.values import read_labels
+from .registration.landmarkfile import read_landmarks
+from .registration.landmarks import curves_of_both
+from .registration.mapfile import read_registration, write_registration
+from .registration.register import register as run_registration
+from .registration.register import transfer as transfer_map
 
 # SurfaceError, LandmarkError, BeltramiError and BijectivityError are ValueErrors; ImportError: torch may be missing
 USER_ERRORS = (ValueError, OSError, ImportError)
@@ -158,7 +158,7 @@ def register_into(out, moving, control, curves, inputs, accept_suspect, **option
 
     inputs: side -> (path, surface as read), for the report.
     """
-    from .plot import registration_figure  # here, so that the other commands do not wait for the plotting libraries
+    from .pages.plot import registration_figure
 
     with output_folder(out) as folder:
         result = run_registration(moving, control, curves, progress=True, **options)
@@ -312,7 +312,7 @@ def synth(seed, vertices, hemisphere, cohort, workers, out):
 def train(network, preset, gamma, out, data, steps, seed, quick, threads):
     """Train a network by the recipe of its shipped weights; writes log, checkpoint and weights. `torchrun` runs it on
     several processes or machines: torchrun --nproc-per-node 2 -m qclearn train dbsnet --out run."""
-    from .training import run_training  # here: loads torch
+    from .nets.run import run_training
 
     path, row = run_training(network, preset, gamma, Path(out), data, steps, seed, quick, threads)
     if path:
@@ -346,9 +346,9 @@ def train(network, preset, gamma, out, data, steps, seed, quick, threads):
 @click.option("--data", help="Folder where synthetic subjects are kept (default: the user's cache).")
 def benchmark(out, subjects, vertices, sets, methods, fronts, scheduler, workers, data):
     """Run registration methods on the same problems and write all figures to one file."""
-    from .benchmark import benchmark as run_benchmark  # here: loads the methods and the synthetic subjects
-    from .benchmark import run_of
-    from .results import summary
+    from .benchmark.results import summary
+    from .benchmark.run import benchmark as run_benchmark
+    from .benchmark.run import run_of
 
     runs = [run_of(text) for text in methods] or None
     results = run_benchmark(

@@ -3,8 +3,8 @@
 import numpy as np
 import pyvista
 
-from qclearn.diskmesh import polar_disk
-from qclearn.surface import Surface
+from qclearn.plane.diskmesh import polar_disk
+from qclearn.surfaces.surface import Surface
 
 
 def icosphere(level, keep_above=-1.1):

@@ -1,9 +1,9 @@
-"""Meshes that the tests of the geometric core share, beside those of `qclearn.diskmesh`."""
+"""Meshes that the tests of the geometric core share, beside those of `qclearn.plane.diskmesh`."""
 
 import numpy as np
 from scipy.spatial import Delaunay
 
-from qclearn.beltrami import signed_areas
+from qclearn.plane.beltrami import signed_areas
 
 
 def random_disk(seed, n_boundary=48):

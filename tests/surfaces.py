@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pyvista
 
-from qclearn.surface import Surface
+from qclearn.surfaces.surface import Surface
 
 
 def grid(n, m, hole=()):

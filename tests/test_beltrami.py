@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from meshes import random_disk, random_mu
 from scipy import sparse
 
-from qclearn.beltrami import (
+from qclearn.plane.beltrami import (
     BeltramiError,
     Dirichlet,
     assemble,
@@ -26,8 +26,18 @@ from qclearn.beltrami import (
     stiffness,
     wirtinger,
 )
-from qclearn.diskmesh import boundary_loop, polar_disk, square_disk
-from qclearn.exactmaps import DISK_MAPS, RADIAL, SLIDING, affine, after, moebius, radial_stretch, sliding_three, twist
+from qclearn.plane.diskmesh import boundary_loop, polar_disk, square_disk
+from qclearn.plane.exactmaps import (
+    DISK_MAPS,
+    RADIAL,
+    SLIDING,
+    affine,
+    after,
+    moebius,
+    radial_stretch,
+    sliding_three,
+    twist,
+)
 
 DISK = random_disk(seed=1)
 below_one = st.builds(lambda r, t: r * np.exp(1j * t), st.floats(0, 0.95), st.floats(0, 2 * np.pi))

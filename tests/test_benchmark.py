@@ -14,12 +14,12 @@ from pathlib import Path
 import pytest
 from distributed import Client, LocalCluster
 
-from qclearn import benchmark as module
-from qclearn.benchmark import FRONT, RUNS, Run, benchmark, check_runs, lacking, problems, run_of
+from qclearn.benchmark import run as module
+from qclearn.benchmark.results import BenchmarkError, read_results
+from qclearn.benchmark.run import FRONT, RUNS, Run, benchmark, check_runs, lacking, problems, run_of
 from qclearn.cli import main
 from qclearn.methods import METHODS, networks
-from qclearn.mobius import mobius
-from qclearn.results import BenchmarkError, read_results
+from qclearn.plane.mobius import mobius
 
 SIZE = 1000
 TIMES = {"seconds", "repetitions", "peak_memory_mb"}

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from qclearn.diskmesh import polar_disk
-from qclearn.metrics import (
+from qclearn.plane.diskmesh import polar_disk
+from qclearn.registration.metrics import (
     coefficient_histogram,
     coefficient_measures,
     correspondence_measures,
@@ -13,7 +13,7 @@ from qclearn.metrics import (
     near_curves,
     paired_difference,
 )
-from qclearn.surface import Surface
+from qclearn.surfaces.surface import Surface
 
 SQUARE = np.array([0, 2, 2 + 1j, 1j])  # two triangles of area 1 each
 FACES = np.array([[0, 1, 2], [0, 2, 3]])

@@ -9,8 +9,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from meshes import random_disk, strip
 
-from qclearn.beltrami import BeltramiError, signed_areas, stiffness
-from qclearn.bijectivity import (
+from qclearn.plane.beltrami import BeltramiError, signed_areas, stiffness
+from qclearn.plane.bijectivity import (
     check_bijective,
     check_embedding,
     flipped_faces,
@@ -19,9 +19,10 @@ from qclearn.bijectivity import (
     repair,
     reversed_faces,
 )
-from qclearn.disk import BeltramiDiskSolver, edge_lengths
-from qclearn.diskmesh import boundary_loop, polar_disk
-from qclearn.exactmaps import DISK_MAPS, SLIDING
+from qclearn.plane.disk import BeltramiDiskSolver
+from qclearn.plane.diskmesh import boundary_loop, polar_disk
+from qclearn.plane.exactmaps import DISK_MAPS, SLIDING
+from qclearn.plane.triangles import edge_lengths
 
 DISK = random_disk(seed=1)
 

@@ -12,15 +12,15 @@ from surfaces import sphere
 
 from qclearn import read_values
 from qclearn.cli import main, read_landmarks
-from qclearn.disk import solve_beltrami_disk
-from qclearn.diskmesh import polar_disk
-from qclearn.files import read_surface, write_surface
-from qclearn.fit import LandmarkError
-from qclearn.fsaverage import fsaverage5
-from qclearn.landmarks import detect_curves
-from qclearn.provenance import fingerprint
-from qclearn.register import register
-from qclearn.surface import Surface, SurfaceError, mirror, require_disk, require_outward
+from qclearn.files.fsaverage import fsaverage5
+from qclearn.files.meshes import read_surface, write_surface
+from qclearn.files.provenance import fingerprint
+from qclearn.plane.disk import solve_beltrami_disk
+from qclearn.plane.diskmesh import polar_disk
+from qclearn.registration.fit import LandmarkError
+from qclearn.registration.landmarks import detect_curves
+from qclearn.registration.register import register
+from qclearn.surfaces.surface import Surface, SurfaceError, mirror, require_disk, require_outward
 
 FILES = ["figure.png", "registered.surf.gii", "registration.npz", "report.json"]
 REPORT = {
@@ -268,7 +268,7 @@ def test_the_network_method_and_its_tolerance_reach_the_pipeline(folder, monkeyp
         solve=solve_beltrami_disk,
         gamma_used=lambda alpha, beta, gamma: gamma,
     )
-    monkeypatch.setattr(sys.modules["qclearn.register"], "load", lambda name: blocks)
+    monkeypatch.setattr(sys.modules["qclearn.registration.register"], "load", lambda name: blocks)
     for tolerance, words in (
         ("inf", "the networks' map ended above the best Möbius map"),
         ("5e-3", "landmark error .* above 5.0e-03: .* Gauss-Newton steps"),
@@ -507,7 +507,7 @@ def test_an_interrupt_says_so(folder, capsys, monkeypatch):
 
 def test_the_progress_bar_is_gone_before_the_message(folder, capsys, monkeypatch):
     """Even where the bar would be shown at once, the message has a line of its own."""
-    module = sys.modules["qclearn.register"]
+    module = sys.modules["qclearn.registration.register"]
     bar = module.tqdm
     monkeypatch.setattr(module, "tqdm", lambda **options: bar(**options | {"delay": 0, "file": sys.stderr}))
 
@@ -744,6 +744,6 @@ def test_a_bug_is_not_called_bad_input(folder, monkeypatch):
     def buggy(data):
         return {}["vertices"]
 
-    monkeypatch.setattr("qclearn.files.npz_arrays", lambda data, wanted: buggy(data))
+    monkeypatch.setattr("qclearn.files.meshes.npz_arrays", lambda data, wanted: buggy(data))
     with pytest.raises(KeyError):
         run("register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out")

@@ -8,12 +8,12 @@ import pyvista
 from meshes import random_disk, strip
 from scipy import sparse
 
-from qclearn.beltrami import beltrami_coefficient, cotangent_stiffness
-from qclearn.bijectivity import RepairWarning, check_embedding, flipped_faces
-from qclearn.disk import angle_distortion, disk_conformal_map
-from qclearn.diskmesh import boundary_loop, polar_disk
-from qclearn.fsaverage import fsaverage5
-from qclearn.surface import Surface, SurfaceError, mirror
+from qclearn.files.fsaverage import fsaverage5
+from qclearn.plane.beltrami import beltrami_coefficient, cotangent_stiffness
+from qclearn.plane.bijectivity import RepairWarning, check_embedding, flipped_faces
+from qclearn.plane.diskmesh import boundary_loop, polar_disk
+from qclearn.surfaces.conformal import angle_distortion, disk_conformal_map
+from qclearn.surfaces.surface import Surface, SurfaceError, mirror
 
 
 def mapped(surface):

@@ -17,7 +17,7 @@ from data_synth.template import CENTRE, SULCI, Diffeomorphism, hull_radius, unit
 from data_synth.tessellation import fibonacci_sphere, interior_edges
 from data_synth.untangle import untangle
 from qclearn import mean_curvature, read_surface, sulcal_depth
-from qclearn.surface import SurfaceError, require_disk, require_outward
+from qclearn.surfaces.surface import SurfaceError, require_disk, require_outward
 from tests.surfaces import sphere
 
 SIZE = 2500

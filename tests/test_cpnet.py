@@ -7,12 +7,6 @@ import pytest
 import torch
 
 from data_synth.training import DATA_POINTS, ControlPairs, Pairs
-from qclearn.beltrami import BeltramiError
-from qclearn.diskmesh import polar_disk, square_disk
-from qclearn.fit import Forward, GaussNewton, LandmarkError, Landmarks, fit_landmarks, sampling_matrix
-from qclearn.guard import exact_map
-from qclearn.metrics import measured_losses
-from qclearn.mobius import best_mobius, mobius, mobius_slope
 from qclearn.nets import load
 from qclearn.nets.born import Born
 from qclearn.nets.cpnet import BestCPNet, BestCPNetConfig
@@ -22,7 +16,13 @@ from qclearn.nets.polar import PolarSolver
 from qclearn.nets.polargrid import PolarGrid, PolarMesh
 from qclearn.nets.torchplane import bounded, fit_mobius, mobius_columns
 from qclearn.nets.train import TrainConfig, train
-from qclearn.surface import SurfaceError
+from qclearn.plane.beltrami import BeltramiError
+from qclearn.plane.diskmesh import polar_disk, square_disk
+from qclearn.plane.mobius import best_mobius, mobius, mobius_slope
+from qclearn.registration.checked import exact_map
+from qclearn.registration.fit import Forward, GaussNewton, LandmarkError, Landmarks, fit_landmarks, sampling_matrix
+from qclearn.registration.metrics import measured_losses
+from qclearn.surfaces.surface import SurfaceError
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

@@ -6,22 +6,21 @@ import numpy as np
 import pytest
 from known_surfaces import icosphere, revolution, sheet
 
-from qclearn.bijectivity import RepairWarning
-from qclearn.curvature import (
+from qclearn.files.fsaverage import fsaverage5
+from qclearn.plane.bijectivity import RepairWarning
+from qclearn.plane.diskmesh import pixel_centres, polar_disk
+from qclearn.surfaces.conformal import disk_conformal_map
+from qclearn.surfaces.curvature import (
     AreaRadius,
     area_radius,
     area_under_pixels,
     curvature_image,
     grey_levels,
     mean_curvature,
-    pixel_centres,
     resolved_share,
     sulcal_depth,
 )
-from qclearn.disk import disk_conformal_map
-from qclearn.diskmesh import polar_disk
-from qclearn.fsaverage import fsaverage5
-from qclearn.surface import Surface, SurfaceError
+from qclearn.surfaces.surface import Surface, SurfaceError
 
 
 def test_sphere_is_exact():

@@ -12,14 +12,14 @@ from torch.utils.data import DataLoader
 from data_synth import make_cortex
 from data_synth.datasets import CoefficientDataset, CurveDataset, DatasetError, DatasetWarning, LandmarkDataset, cached
 from data_synth.fields import MAX_ABS, ImageFolder
-from qclearn.bijectivity import check_bijective
-from qclearn.curvature import curvature_image, pixel_centres
-from qclearn.disk import solve_beltrami_disk
-from qclearn.diskmesh import locate, polar_disk
-from qclearn.landmarks import sample_curve
+from qclearn.plane.bijectivity import check_bijective
+from qclearn.plane.disk import solve_beltrami_disk
+from qclearn.plane.diskmesh import locate, pixel_centres, polar_disk
+from qclearn.registration.landmarks import sample_curve
+from qclearn.surfaces.curvature import curvature_image
 
 # Coarse hemispheres may need a few switched rows; the map is bijective all the same.
-pytestmark = pytest.mark.filterwarnings("ignore::qclearn.bijectivity.RepairWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::qclearn.plane.bijectivity.RepairWarning")
 
 TARGETS = 0.6 * np.exp(2j * np.pi * np.arange(7) / 7)
 SMALL = {"rings": 8, "spokes": 24}

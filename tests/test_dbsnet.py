@@ -6,24 +6,18 @@ import torch
 from meshes import random_disk, random_mu
 
 from data_synth.fields import KINDS, random_coefficient
-from qclearn.beltrami import BeltramiError, wirtinger
-from qclearn.bijectivity import flipped_faces
-from qclearn.disk import BeltramiDiskSolver
-from qclearn.diskmesh import polar_disk, square_disk
-from qclearn.fourier import fourier_coefficients
 from qclearn.nets import load
-from qclearn.nets.dbsnet import (
-    BestDBSNet,
-    BestDBSNetConfig,
-    PaperDBSNet,
-    derivative_error,
-    position_error,
-)
+from qclearn.nets.dbsnet import BestDBSNet, BestDBSNetConfig, PaperDBSNet, derivative_error, position_error
 from qclearn.nets.dbsnet_paper import FourierLayer, PaperDBSNetConfig, poisson_matrix
 from qclearn.nets.layers import PolarPad
 from qclearn.nets.polar import two_steps
 from qclearn.nets.train import TrainConfig, take_step
-from qclearn.surface import SurfaceError
+from qclearn.plane.beltrami import BeltramiError, wirtinger
+from qclearn.plane.bijectivity import flipped_faces
+from qclearn.plane.disk import BeltramiDiskSolver
+from qclearn.plane.diskmesh import polar_disk, square_disk
+from qclearn.plane.fourier import fourier_coefficients
+from qclearn.surfaces.surface import SurfaceError
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

@@ -5,7 +5,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from qclearn.diagrams import BLUE, GREY, block_diagram
+from qclearn.pages.diagrams import BLUE, GREY, block_diagram
 
 
 @pytest.mark.parametrize("dpi", [100, 200])

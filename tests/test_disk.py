@@ -6,13 +6,14 @@ import torch
 from meshes import random_disk, random_mu
 from scipy import sparse
 
-from qclearn.beltrami import BeltramiError, beltrami_coefficient, signed_areas
-from qclearn.bijectivity import RepairWarning, check_bijective
-from qclearn.disk import BeltramiDiskSolver, angle_distortion, solve_beltrami_disk
-from qclearn.diskmesh import boundary_loop, polar_disk, square_disk
-from qclearn.exactmaps import DISK_MAPS, SLIDING, SLIDING_THREE, TWIST, after, moebius
-from qclearn.mobius import mobius
-from qclearn.surface import Surface, SurfaceError
+from qclearn.plane.beltrami import BeltramiError, beltrami_coefficient, signed_areas
+from qclearn.plane.bijectivity import RepairWarning, check_bijective
+from qclearn.plane.disk import BeltramiDiskSolver, solve_beltrami_disk
+from qclearn.plane.diskmesh import boundary_loop, polar_disk, square_disk
+from qclearn.plane.exactmaps import DISK_MAPS, SLIDING, SLIDING_THREE, TWIST, after, moebius
+from qclearn.plane.mobius import mobius
+from qclearn.surfaces.conformal import angle_distortion
+from qclearn.surfaces.surface import Surface, SurfaceError
 
 
 def moved_disk(nr, nt, a=0.4 - 0.3j, theta=0.7):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from meshes import random_disk
 
-from qclearn.beltrami import signed_areas
-from qclearn.diskmesh import INSET, boundary_loop, disk_to_square, locate, polar_disk, square_disk, square_to_disk
-from qclearn.mobius import mobius
+from qclearn.plane.beltrami import signed_areas
+from qclearn.plane.diskmesh import INSET, boundary_loop, disk_to_square, locate, polar_disk, square_disk, square_to_disk
+from qclearn.plane.mobius import mobius
 
 MESHES = {
     "square 2": square_disk(2),

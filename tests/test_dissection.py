@@ -5,10 +5,11 @@ import pytest
 from known_surfaces import grooved_sphere
 from meshes import random_disk, random_mu
 
-from qclearn import disk
-from qclearn.beltrami import Dirichlet, stiffness
-from qclearn.disk import BeltramiDiskSolver, disk_conformal_map, elimination_order
-from qclearn.diskmesh import boundary_loop, polar_disk
+from qclearn.plane import disk
+from qclearn.plane.beltrami import Dirichlet, stiffness
+from qclearn.plane.disk import BeltramiDiskSolver, elimination_order
+from qclearn.plane.diskmesh import boundary_loop, polar_disk
+from qclearn.surfaces.conformal import disk_conformal_map
 
 
 @pytest.mark.parametrize("mesh", [random_disk(2, 200), polar_disk(40, 120)], ids=["random", "polar"])

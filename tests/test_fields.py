@@ -19,11 +19,11 @@ from data_synth.fields import (
     smooth_coefficient,
 )
 from data_synth.landmarks import DiskMaps, Perturbation
-from qclearn.beltrami import beltrami_coefficient
-from qclearn.bijectivity import check_bijective
-from qclearn.disk import solve_beltrami_disk
-from qclearn.diskmesh import disk_to_square, polar_disk
-from qclearn.fit import fit_landmarks
+from qclearn.plane.beltrami import beltrami_coefficient
+from qclearn.plane.bijectivity import check_bijective
+from qclearn.plane.disk import solve_beltrami_disk
+from qclearn.plane.diskmesh import disk_to_square, polar_disk
+from qclearn.registration.fit import fit_landmarks
 
 MESH = polar_disk(12, 36)
 

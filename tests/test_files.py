@@ -11,10 +11,10 @@ import pytest
 import pyvista
 from surfaces import grid
 
-from qclearn.files import SlitWarning, read_surface, write_surface
-from qclearn.provenance import fingerprint
-from qclearn.surface import Surface, SurfaceError
-from qclearn.values import read_mask
+from qclearn.files.meshes import SlitWarning, read_surface, write_surface
+from qclearn.files.provenance import fingerprint
+from qclearn.files.values import read_mask
+from qclearn.surfaces.surface import Surface, SurfaceError
 
 EXACT = ["a.npz", "a.ply", "a.obj", "a.off", "a.vtk", "a.vtp"]
 SINGLE = ["a.gii", "a.surf.gii", "a.surf.gii.gz", "a.stl", "lh.pial", "rh.white", "lh.sphere.reg", "surface"]
@@ -277,7 +277,7 @@ def test_vtks_reader_has_limits_of_memory_and_time(tmp_path, tent, monkeypatch):
     refused(store(tmp_path / "b.vtk", *lines), "VTK")
     alone = subprocess.run([sys.executable, "-c", PEAK, tmp_path / "b.vtk"], capture_output=True, text=True, check=True)
     assert float(alone.stdout) < 900  # MB, of VTK's process; without the limit 1600
-    monkeypatch.setattr("qclearn.files.VTK_SECONDS", 0.01)
+    monkeypatch.setattr("qclearn.files.meshes.VTK_SECONDS", 0.01)
     refused(tmp_path / "a.vtk", "has not ended after 0.01 s")
 
 
@@ -481,5 +481,5 @@ def test_what_to_keep_must_be_said(tmp_path, tent):
 
 def test_importing_the_readers_does_not_load_vtk():
     """It takes half a second that most callers need not pay."""
-    code = "import sys, qclearn.files; sys.exit('vtkmodules' in sys.modules or 'pyvista' in sys.modules)"
+    code = "import sys, qclearn.files.meshes; sys.exit('vtkmodules' in sys.modules or 'pyvista' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)

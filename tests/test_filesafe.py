@@ -13,8 +13,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from qclearn.files import read_surface
-from qclearn.filesafe import (
+from qclearn.files.meshes import read_surface
+from qclearn.files.safe import (
     ROOM,
     FormatError,
     explain,
@@ -25,9 +25,9 @@ from qclearn.filesafe import (
     read_bytes,
     sweep,
     write_whole,
-)  # fmt: skip
-from qclearn.surface import SurfaceError
-from qclearn.values import read_values, write_values
+)
+from qclearn.files.values import read_values, write_values
+from qclearn.surfaces.surface import SurfaceError
 
 
 def test_pipes_and_devices_are_refused_by_name(tmp_path):
@@ -80,7 +80,7 @@ def test_a_lack_of_memory_names_the_file_and_a_way_out(tmp_path, monkeypatch):
     def greedy(*_):
         raise MemoryError
 
-    for place in ("qclearn.files.Surface", "qclearn.meshformats._integers", "pathlib.Path.read_bytes"):
+    for place in ("qclearn.files.meshes.Surface", "qclearn.files.meshformats._integers", "pathlib.Path.read_bytes"):
         with monkeypatch.context() as patch:
             patch.setattr(place, greedy)
             with pytest.raises(SurfaceError, match="s.off: there is not enough memory.*coarser"):
@@ -104,7 +104,7 @@ def test_killed_runs_leave_nothing_for_long(tmp_path):
     """A process that is killed while it writes leaves a file and a folder; the next write takes them away, and nothing
     that belongs to a running process, to another machine or to others."""
     code = (
-        "import os, sys; from pathlib import Path; from qclearn.filesafe import own_prefix, write_whole\n"
+        "import os, sys; from pathlib import Path; from qclearn.files.safe import own_prefix, write_whole\n"
         "os.makedirs(sys.argv[1] + '/' + own_prefix() + 'abcdefgh/inner')\n"
         "write_whole(Path(sys.argv[1], 'v.npy'), lambda place: os.kill(os.getpid(), 9))"
     )

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from meshes import random_disk, random_mu
 
-from qclearn.beltrami import BeltramiError, beltrami_coefficient, signed_areas
-from qclearn.bijectivity import check_bijective
-from qclearn.disk import solve_beltrami_disk
-from qclearn.diskmesh import locate, polar_disk, square_disk
-from qclearn.exactmaps import TWIST
-from qclearn.fit import (
+from qclearn.plane.beltrami import BeltramiError, beltrami_coefficient, signed_areas
+from qclearn.plane.bijectivity import check_bijective
+from qclearn.plane.disk import solve_beltrami_disk
+from qclearn.plane.diskmesh import locate, polar_disk, square_disk
+from qclearn.plane.exactmaps import TWIST
+from qclearn.plane.mobius import best_mobius, compose_mobius, mobius, mobius_inverse
+from qclearn.registration.fit import (
     MOBIUS_PRIOR,
     TANGENTIAL_WEIGHT,
     Forward,
@@ -24,7 +25,6 @@ from qclearn.fit import (
     start_field,
     unbounded,
 )
-from qclearn.mobius import best_mobius, compose_mobius, mobius, mobius_inverse
 
 
 def complex_normal(rng, *shape):

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from qclearn.beltrami import BeltramiError
-from qclearn.curvature import pixel_centres
-from qclearn.diskmesh import polar_disk, square_disk
-from qclearn.fourier import (
+from qclearn.plane.beltrami import BeltramiError
+from qclearn.plane.diskmesh import pixel_centres, polar_disk, square_disk
+from qclearn.plane.fourier import (
     coefficient_count,
     compress,
     compression_effect,

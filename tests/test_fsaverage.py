@@ -13,13 +13,13 @@ from nilearn.datasets import fetch_surf_fsaverage
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from qclearn.bijectivity import RepairWarning
-from qclearn.disk import disk_conformal_map
-from qclearn.fsaverage import demo_landmarks, fsaverage5, named_sulci
-from qclearn.landmarks import fundus_metric, fundus_path, sample_curve
-from qclearn.mobius import best_mobius, mobius
-from qclearn.opening import open_surface
-from qclearn.surface import Surface, SurfaceError, mirror
+from qclearn.files.fsaverage import demo_landmarks, fsaverage5, named_sulci
+from qclearn.plane.bijectivity import RepairWarning
+from qclearn.plane.mobius import best_mobius, mobius
+from qclearn.registration.landmarks import fundus_metric, fundus_path, sample_curve
+from qclearn.surfaces.conformal import disk_conformal_map
+from qclearn.surfaces.opening import open_surface
+from qclearn.surfaces.surface import Surface, SurfaceError, mirror
 
 SIDES = ("left", "right")
 REQUIRED = {
@@ -32,7 +32,7 @@ REQUIRED = {
     "superior frontal sulcus",
     "sylvian fissure",
 }
-RECORD = json.loads(files("qclearn").joinpath("fsaverage5_sulci.json").read_text())
+RECORD = json.loads(files("qclearn.files").joinpath("fsaverage5_sulci.json").read_text())
 
 
 def array(kind, side, number=0):

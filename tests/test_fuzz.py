@@ -68,7 +68,7 @@ def test_a_planted_bug_is_seen_as_one(fuzz, sound, tmp_path, monkeypatch):
         return {}["vertices"]
 
     monkeypatch.setitem(
-        importlib.import_module("qclearn.files")._READERS, ".ply", ("PLY file", lambda path, data: buggy(data))
+        importlib.import_module("qclearn.files.meshes")._READERS, ".ply", ("PLY file", lambda path, data: buggy(data))
     )
     path = fuzz.write(tmp_path / "s.ply", sound["s.ply"])
     with pytest.raises(KeyError):

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from surfaces import grid
 
-from qclearn.files import Frame, frame_of, read_surface, write_surface
-from qclearn.gifti import side_of_name
-from qclearn.surface import Surface, SurfaceError
-from qclearn.values import read_labels, read_values, write_values
+from qclearn.files.gifti import side_of_name
+from qclearn.files.meshes import Frame, frame_of, read_surface, write_surface
+from qclearn.files.values import read_labels, read_values, write_values
+from qclearn.surfaces.surface import Surface, SurfaceError
 
 CENTRE = np.array([[1.0, 0, 0, 5], [0, 1, 0, -7], [0, 0, 1, 9], [0, 0, 0, 1]])
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from qclearn.diskmesh import polar_disk
-from qclearn.guard import exact_map, fill, guarded_curves, moved_map
-from qclearn.landmarks import detect_curves
-from qclearn.mobius import mobius
-from qclearn.surface import Surface
+from qclearn.plane.diskmesh import polar_disk
+from qclearn.plane.mobius import mobius
+from qclearn.registration.checked import exact_map, fill, guarded_curves, moved_map
+from qclearn.registration.landmarks import detect_curves
+from qclearn.surfaces.surface import Surface
 
 Z, FACES = polar_disk(14, 42)
 BOWL = Surface(np.stack([Z.real, Z.imag, 0.6 * (1 - abs(Z) ** 2)], axis=1), FACES)

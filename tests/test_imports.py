@@ -9,14 +9,12 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("qclearn", "data_synth")
-# Every module of qclearn that is not named here is geometry.
-NETWORKS = {"qclearn.nets"}
-LEAVES = {"qclearn.plot", "qclearn.canvas", "qclearn.diagrams", "qclearn.widgets", "qclearn.scenes", "qclearn.pages"}
-BENCHMARK = {"qclearn.benchmark", "qclearn.problems", "qclearn.trial"}
-TOP = {"qclearn.cli", "qclearn.training", *BENCHMARK, "qclearn.__main__", "qclearn"}
-REGISTER = {"qclearn.register"}
-# Modules that call networks, and load them only then.
-CALLERS = {*REGISTER, "qclearn.methods.networks"}
+# The rooms of qclearn, floor by floor: each may import from its own and from those below.
+FLOORS = ["plane", "surfaces", "files", "registration", "nets", "methods", "benchmark", "pages", "cli", "__main__"]
+# Modules that call networks from below, and load them only then.
+CALLERS = {"qclearn.registration.register"}
+# Who brings the synthetic surfaces, which know qclearn up to the registration, together with the rest.
+HOSTS = {"cli", "benchmark"}
 # The data that the networks are trained on are torch datasets.
 DATASETS = {"data_synth.datasets"}
 LEARNING = {"torch", "safetensors", "onnx", "onnxruntime"}
@@ -44,32 +42,32 @@ def imports_of(path):
         yield from ((name, node in tree.body) for name in names)
 
 
-def belongs(name, group):
-    return any(name == member or name.startswith(member + ".") for member in group)
+def room_of(module):
+    """The room of a module of qclearn; "" for the package itself."""
+    return module.split(".")[1] if "." in module else ""
 
 
 def forbidden(module, name, at_top):
     """Why `module` may not import `name`; None if it may."""
-    own = name.split(".")[0] in PACKAGES
-    synthetic, top = module.startswith("data_synth"), module in TOP
-    if name.startswith("data_synth") and not synthetic and not (top and module != "qclearn"):
-        return "only the command line and the benchmark bring data_synth and qclearn together"
-    if top:
-        return "import qclearn stays light" if module == "qclearn" and belongs(name, LEAVES | NETWORKS) else None
-    if belongs(name, LEAVES) and module not in LEAVES:
-        return "plot, diagrams, widgets, scenes and pages are leaves"
-    if belongs(name, {"qclearn.cli", "qclearn.training", *BENCHMARK}):
-        return "nothing stands above the command line and the benchmark"
-    if belongs(name, REGISTER) and not synthetic and module not in LEAVES:
-        return "register stands above the geometry"
-    if belongs(module, NETWORKS):
-        return "networks show nothing" if not own and belongs(name, SHOWING) else None
-    if belongs(name, NETWORKS):
-        return None if (module in CALLERS and not at_top) or module in LEAVES else "geometry knows no networks"
-    if not own and belongs(name, LEARNING) and module not in DATASETS:
+    package, room = module.split(".")[0], room_of(module)
+    if name.split(".")[0] == "data_synth":
+        own = package == "data_synth" or room in HOSTS
+        return None if own else "only the command line and the benchmark bring data_synth and qclearn together"
+    if name.split(".")[0] != "qclearn":
+        return foreign(module, package, room, name.split(".")[0])
+    below = "registration" if package == "data_synth" or room == "" else room
+    if room_of(name) in FLOORS and FLOORS.index(room_of(name)) > FLOORS.index(below):
+        called = module in CALLERS and room_of(name) == "nets" and not at_top
+        return None if called else f"{room_of(name)} stands above {below}"
+    return None
+
+
+def foreign(module, package, room, library):
+    """Why a library may not be imported there."""
+    if library in LEARNING and room != "nets" and module not in DATASETS:
         return "geometry is NumPy and SciPy"
-    if not own and belongs(name, SHOWING) and module not in LEAVES:
-        return "geometry shows nothing"
+    if library in SHOWING and room not in ("pages", "cli"):
+        return "only pages and the command line show something"
     return None
 
 
@@ -85,15 +83,17 @@ def test_imports_point_one_way(path):
 @pytest.mark.parametrize(
     "module, name, at_top",
     [
-        ("qclearn.disk", "torch", True),
-        ("qclearn.disk", "qclearn.plot", False),
-        ("qclearn.fit", "qclearn.register", True),
-        ("qclearn.register", "qclearn.nets", True),
-        ("qclearn.fourier", "data_synth", True),
+        ("qclearn.plane.disk", "torch", True),
+        ("qclearn.plane.disk", "qclearn.pages.plot", False),
+        ("qclearn.surfaces.surface", "qclearn.files.meshes", False),
+        ("qclearn.registration.register", "qclearn.nets", True),
+        ("qclearn.plane.fourier", "data_synth", True),
         ("qclearn", "qclearn.nets", True),
-        ("data_synth.cortex", "qclearn.plot", True),
+        ("data_synth.cortex", "qclearn.pages.plot", True),
         ("data_synth.cortex", "torch", True),
         ("qclearn.nets.train", "data_synth", False),
+        ("qclearn.registration.register", "qclearn.methods", False),
+        ("qclearn.nets.layers", "matplotlib", False),
     ],
 )
 def test_the_rule_refuses(module, name, at_top):
@@ -103,11 +103,11 @@ def test_the_rule_refuses(module, name, at_top):
 @pytest.mark.parametrize(
     "module, name",
     [
-        ("qclearn.register", "qclearn.nets"),
+        ("qclearn.registration.register", "qclearn.nets"),
         ("qclearn.cli", "data_synth"),
-        ("qclearn.nets.cpnet", "qclearn.disk"),
-        ("data_synth.cortex", "qclearn.surface"),
-        ("qclearn.widgets", "qclearn.plot"),
+        ("qclearn.nets.cpnet", "qclearn.plane.disk"),
+        ("data_synth.cortex", "qclearn.surfaces.surface"),
+        ("qclearn.pages.widgets", "qclearn.pages.plot"),
     ],
 )
 def test_the_rule_allows(module, name):

@@ -6,9 +6,9 @@ from known_surfaces import distance_to_floor, grooved_sphere, icosphere, longitu
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
-from qclearn.fit import LandmarkError
-from qclearn.landmarks import detect_curves, fundus_metric, fundus_path, resample, sample_curve
-from qclearn.surface import Surface
+from qclearn.registration.fit import LandmarkError
+from qclearn.registration.landmarks import detect_curves, fundus_metric, fundus_path, resample, sample_curve
+from qclearn.surfaces.surface import Surface
 
 BAD_PATHS = [
     ([3], "at least two vertex indices"),
@@ -128,7 +128,7 @@ def test_the_path_follows_the_groove_and_not_the_short_way(groove):
 
 @pytest.mark.parametrize("dropped", ["sulcal_depth", "mean_curvature"])
 def test_depth_alone_and_curvature_alone_find_the_groove(groove, dropped, monkeypatch):
-    monkeypatch.setattr(f"qclearn.landmarks.{dropped}", lambda surface: np.zeros(len(surface.vertices)))
+    monkeypatch.setattr(f"qclearn.registration.landmarks.{dropped}", lambda surface: np.zeros(len(surface.vertices)))
     surface, ends = groove
     assert distance_to_floor(surface.vertices[fundus_path(surface, *ends)]).max() < 0.077
 

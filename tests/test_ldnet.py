@@ -9,19 +9,20 @@ import torch
 
 from data_synth import make_cortex
 from data_synth.datasets import CurveDataset
-from qclearn.curvature import area_radius, pixel_centres, sulcal_depth
-from qclearn.disk import disk_conformal_map
-from qclearn.fit import LandmarkError
-from qclearn.landmarks import curve_distance, curves_in_space, detect_curves, weigh_edges
 from qclearn.nets import load
 from qclearn.nets.ldnet import PRESETS, BestLDNet, BestLDNetConfig, contrast, heat_metric, refine, smoothed, some, whole
 from qclearn.nets.ldnet_paper import PaperLDNet, PaperLDNetConfig, nearest_pixels
 from qclearn.nets.pictures import stamp, turn
-from qclearn.surface import SurfaceError
+from qclearn.plane.diskmesh import pixel_centres
+from qclearn.registration.fit import LandmarkError
+from qclearn.registration.landmarks import curve_distance, curves_in_space, detect_curves, weigh_edges
+from qclearn.surfaces.conformal import disk_conformal_map
+from qclearn.surfaces.curvature import area_radius, sulcal_depth
+from qclearn.surfaces.surface import SurfaceError
 from tests.surfaces import sphere
 
 pytestmark = [
-    pytest.mark.filterwarnings("ignore::qclearn.bijectivity.RepairWarning"),
+    pytest.mark.filterwarnings("ignore::qclearn.plane.bijectivity.RepairWarning"),
     pytest.mark.usefixtures("one_thread"),
 ]
 SMALL = BestLDNetConfig(size=32, widths=(16, 24, 32))

@@ -5,10 +5,6 @@ import pytest
 import torch
 from meshes import random_disk, random_mu
 
-from qclearn.beltrami import solve_beltrami, stiffness
-from qclearn.disk import solve_beltrami_disk
-from qclearn.diskmesh import polar_disk, square_disk
-from qclearn.exactmaps import DISK_MAPS
 from qclearn.nets.losses import (
     L_CP,
     L_LBS,
@@ -23,6 +19,10 @@ from qclearn.nets.losses import (
     area,
     energy,
 )
+from qclearn.plane.beltrami import solve_beltrami, stiffness
+from qclearn.plane.disk import solve_beltrami_disk
+from qclearn.plane.diskmesh import polar_disk, square_disk
+from qclearn.plane.exactmaps import DISK_MAPS
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

@@ -6,19 +6,20 @@ import numpy as np
 import pytest
 from meshes import random_disk, random_mu
 
-from qclearn.beltrami import beltrami_coefficient, signed_areas, solve_beltrami, stiffness
-from qclearn.bijectivity import RepairWarning, check_bijective, flipped_faces
-from qclearn.disk import disk_conformal_map, solve_beltrami_disk
-from qclearn.diskmesh import boundary_loop, polar_disk
-from qclearn.exactmaps import moebius
-from qclearn.fit import LandmarkError, fit_landmarks, sampling_matrix
 from qclearn.methods import METHODS, Problem, networks
 from qclearn.methods.harmonic import harmonic, smoothed
 from qclearn.methods.problem import HARD, LandmarkSolver, truncated
 from qclearn.methods.qc_iteration import qc_iteration
 from qclearn.methods.teichmuller import extremal
 from qclearn.methods.thin_plate import thin_plate
-from qclearn.surface import Surface
+from qclearn.plane.beltrami import beltrami_coefficient, signed_areas, solve_beltrami, stiffness
+from qclearn.plane.bijectivity import RepairWarning, check_bijective, flipped_faces
+from qclearn.plane.disk import solve_beltrami_disk
+from qclearn.plane.diskmesh import boundary_loop, polar_disk
+from qclearn.plane.exactmaps import moebius
+from qclearn.registration.fit import LandmarkError, fit_landmarks, sampling_matrix
+from qclearn.surfaces.conformal import disk_conformal_map
+from qclearn.surfaces.surface import Surface
 
 MOVED = moebius(0.2 - 0.1j, 0.7)
 CLASSICAL = sorted(name for name, method in METHODS.items() if "networks" not in method.__module__)
@@ -54,7 +55,7 @@ def error(problem, f):
 
 # Of the Teichmüller iteration, whose mean |mu| creeps, and of a fit to landmarks that a Möbius map takes where they go.
 SAID = ("not settled after", "that map is returned")
-pytestmark = [pytest.mark.filterwarnings(f"ignore:.*{words}:qclearn.bijectivity.RepairWarning") for words in SAID]
+pytestmark = [pytest.mark.filterwarnings(f"ignore:.*{words}:qclearn.plane.bijectivity.RepairWarning") for words in SAID]
 
 
 @each

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import torch
 
-from qclearn.beltrami import signed_areas
-from qclearn.diskmesh import polar_disk
-from qclearn.metrics import coefficient_statistics, curve_rows, mean_rows, measured_losses
 from qclearn.nets import losses
+from qclearn.plane.beltrami import signed_areas
+from qclearn.plane.diskmesh import polar_disk
+from qclearn.registration.metrics import coefficient_statistics, curve_rows, mean_rows, measured_losses
 
 Z, FACES = polar_disk(24, 72)
 CENTRES = Z[FACES].mean(1)

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import random_disk
 
-from qclearn.exactmaps import moebius
-from qclearn.mobius import best_mobius, centring_mobius, compose_mobius, mobius, mobius_inverse, mobius_misfits
+from qclearn.plane.exactmaps import moebius
+from qclearn.plane.mobius import best_mobius, centring_mobius, compose_mobius, mobius, mobius_inverse, mobius_misfits
 
 in_disk = st.builds(lambda r, t: r * np.exp(1j * t), st.floats(0, 0.9), st.floats(0, 2 * np.pi))
 angles = st.floats(-np.pi, np.pi)

@@ -5,9 +5,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from qclearn.diskmesh import polar_disk, square_disk
-from qclearn.mobius import mobius
-from qclearn.plot import (
+from qclearn.pages.plot import (
     CURVE_STYLES,
     curves_plot,
     disk_plot,
@@ -23,8 +21,10 @@ from qclearn.plot import (
     surface_picture,
     surface_scene,
 )
-from qclearn.register import register
-from qclearn.surface import Surface
+from qclearn.plane.diskmesh import polar_disk, square_disk
+from qclearn.plane.mobius import mobius
+from qclearn.registration.register import register
+from qclearn.surfaces.surface import Surface
 
 
 @pytest.fixture

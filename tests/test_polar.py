@@ -5,10 +5,10 @@ import pytest
 import torch
 from meshes import random_mu
 
-from qclearn.beltrami import BeltramiError
-from qclearn.disk import BeltramiDiskSolver
-from qclearn.exactmaps import DISK_MAPS
 from qclearn.nets.polar import PolarSolver
+from qclearn.plane.beltrami import BeltramiError
+from qclearn.plane.disk import BeltramiDiskSolver
+from qclearn.plane.exactmaps import DISK_MAPS
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

@@ -15,8 +15,8 @@ from data_synth.folding_measures import (
 )
 from data_synth.intersections import self_intersections
 from data_synth.realism import TARGETS, main, mesh_metrics, realism, score, table, weighted_percentiles
-from qclearn.files import write_surface
-from qclearn.surface import Surface, SurfaceError
+from qclearn.files.meshes import write_surface
+from qclearn.surfaces.surface import Surface, SurfaceError
 
 
 def folded():

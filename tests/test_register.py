@@ -11,17 +11,18 @@ import pytest
 from known_surfaces import grooved_sphere
 from scipy.spatial.transform import Rotation
 
-from qclearn.beltrami import BeltramiError, beltrami_coefficient
-from qclearn.bijectivity import BijectivityError, check_bijective
-from qclearn.disk import disk_conformal_map, solve_beltrami_disk
-from qclearn.diskmesh import polar_disk
-from qclearn.fit import LandmarkError, fit_landmarks
-from qclearn.guard import exact_map
-from qclearn.landmarks import detect_curves, sample_curve
-from qclearn.mobius import best_mobius, compose_mobius, mobius
-from qclearn.provenance import fingerprint
-from qclearn.register import check_curves, lift, register, transfer
-from qclearn.surface import Surface, SurfaceError, mirror
+from qclearn.files.provenance import fingerprint
+from qclearn.plane.beltrami import BeltramiError, beltrami_coefficient
+from qclearn.plane.bijectivity import BijectivityError, check_bijective
+from qclearn.plane.disk import solve_beltrami_disk
+from qclearn.plane.diskmesh import polar_disk
+from qclearn.plane.mobius import best_mobius, compose_mobius, mobius
+from qclearn.registration.checked import exact_map
+from qclearn.registration.fit import LandmarkError, fit_landmarks
+from qclearn.registration.landmarks import detect_curves, sample_curve
+from qclearn.registration.register import check_curves, lift, register, transfer
+from qclearn.surfaces.conformal import disk_conformal_map
+from qclearn.surfaces.surface import Surface, SurfaceError, mirror
 
 REPORT = {
     "landmark_error_before",
@@ -213,7 +214,7 @@ def folding_above(monkeypatch):
             fit = fit_landmarks(z, faces, p, q, alpha, beta, gamma, *rest, **more)
             return fit if gamma <= largest else replace(fit, bijective=False, flipped=np.array([7]))
 
-        monkeypatch.setattr("qclearn.guard.fit_landmarks", folding)
+        monkeypatch.setattr("qclearn.registration.checked.fit_landmarks", folding)
 
     return limit
 
@@ -284,7 +285,7 @@ def networks(monkeypatch):
         blocks = SimpleNamespace(
             detect=detect, predict=predict, solve=solve, gamma_used=lambda alpha, beta, gamma: min(gamma, most)
         )
-        monkeypatch.setattr(sys.modules["qclearn.register"], "load", lambda name: blocks)
+        monkeypatch.setattr(sys.modules["qclearn.registration.register"], "load", lambda name: blocks)
 
     return install
 
@@ -416,7 +417,7 @@ def test_the_steps_begin_at_the_networks_coefficient(networks, pair, monkeypatch
         seen.append(options)
         return fit_landmarks(*arguments, **options)
 
-    monkeypatch.setattr("qclearn.guard.fit_landmarks", fit)
+    monkeypatch.setattr("qclearn.registration.checked.fit_landmarks", fit)
     networks(predict=lambda *_, **__: prediction)
     assert by_networks(pair, tolerance=2e-3).report["landmark_error"] <= 2e-3
     assert seen[0]["start"] is prediction and seen[0]["enough"] == pytest.approx(1.8e-3)
@@ -424,7 +425,7 @@ def test_the_steps_begin_at_the_networks_coefficient(networks, pair, monkeypatch
 
 def test_a_map_that_stays_folded_is_fitted_anew_and_gamma_lowered(networks, pair, monkeypatch, folding_above):
     monkeypatch.setattr(
-        "qclearn.guard.exact_map",
+        "qclearn.registration.checked.exact_map",
         lambda *arguments: replace(exact_map(*arguments), bijective=False, flipped=np.arange(3)),
     )
     folding_above(2e4)

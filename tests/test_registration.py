@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from qclearn.diskmesh import polar_disk
-from qclearn.registration import read_registration, write_registration
-from qclearn.surface import SurfaceError
+from qclearn.plane.diskmesh import polar_disk
+from qclearn.registration.mapfile import read_registration, write_registration
+from qclearn.surfaces.surface import SurfaceError
 
 
 @pytest.fixture

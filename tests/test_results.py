@@ -7,9 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from qclearn.benchmark import FRONT
-from qclearn.benchmark import RUNS as RUNS_OF_THE_BENCHMARK
-from qclearn.results import (
+from qclearn.benchmark.results import (
     BenchmarkError,
     Journal,
     column,
@@ -24,6 +22,8 @@ from qclearn.results import (
     schema,
     summary,
 )
+from qclearn.benchmark.run import FRONT
+from qclearn.benchmark.run import RUNS as RUNS_OF_THE_BENCHMARK
 
 RUNS = [
     {
@@ -278,7 +278,7 @@ def test_notes_are_counted_by_their_words():
 
 
 def test_the_kept_results_hold_every_run_on_every_subject():
-    results = read_results(Path(__file__).parents[1] / "qclearn/kept/benchmark.json")
+    results = read_results(Path(__file__).parents[1] / "qclearn/benchmark/kept/benchmark.json")
     rows = [entry for entry in results["rows"] if entry["set"] == "cohort"]
     everything = {run.name for run in RUNS_OF_THE_BENCHMARK + FRONT}
     assert {run["name"] for run in results["settings"]["runs"]} == everything

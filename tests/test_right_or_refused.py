@@ -8,15 +8,15 @@ from meshes import random_disk
 from test_register import bowl, entries, spoke
 
 import qclearn as qc
-from qclearn.beltrami import BeltramiError, beltrami_coefficient
-from qclearn.bijectivity import RepairWarning, check_bijective, check_embedding
 from qclearn.cli import read_landmarks
-from qclearn.diskmesh import boundary_loop, locate, polar_disk
-from qclearn.fit import LandmarkError, fit_landmarks, sampling_matrix
-from qclearn.metrics import measured_losses
-from qclearn.mobius import best_mobius, mobius
-from qclearn.register import register, transfer
-from qclearn.surface import Surface, SurfaceError
+from qclearn.plane.beltrami import BeltramiError, beltrami_coefficient
+from qclearn.plane.bijectivity import RepairWarning, check_bijective, check_embedding
+from qclearn.plane.diskmesh import boundary_loop, locate, polar_disk
+from qclearn.plane.mobius import best_mobius, mobius
+from qclearn.registration.fit import LandmarkError, fit_landmarks, sampling_matrix
+from qclearn.registration.metrics import measured_losses
+from qclearn.registration.register import register, transfer
+from qclearn.surfaces.surface import Surface, SurfaceError
 
 SMALL, COARSE = polar_disk(16, 48), random_disk(0, 16)
 TURN = np.exp(2j * np.pi * np.arange(12) / 12)

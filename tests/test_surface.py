@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from surfaces import grid, torus
 
-from qclearn.surface import Surface, SurfaceError, mirror, require_disk, require_outward
+from qclearn.surfaces.surface import Surface, SurfaceError, mirror, require_disk, require_outward
 
 TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
 OUTWARD = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])

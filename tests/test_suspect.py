@@ -6,16 +6,24 @@ from copy import deepcopy
 import numpy as np
 import pytest
 
-from qclearn import suspect
-from qclearn.disk import disk_conformal_map
-from qclearn.diskmesh import polar_disk
-from qclearn.fit import LandmarkError
-from qclearn.fsaverage import demo_landmarks, fsaverage5
-from qclearn.landmarkfile import check_curves
-from qclearn.mobius import mobius
+from qclearn.files.fsaverage import demo_landmarks, fsaverage5
 from qclearn.pages import kept
-from qclearn.surface import Surface, mirror
-from qclearn.suspect import LIMITS, large_error, mistakes, odd_curves, reasons, strong_distortion, switched_rows
+from qclearn.plane.diskmesh import polar_disk
+from qclearn.plane.mobius import mobius
+from qclearn.registration import suspect
+from qclearn.registration.fit import LandmarkError
+from qclearn.registration.landmarkfile import check_curves
+from qclearn.registration.suspect import (
+    LIMITS,
+    large_error,
+    mistakes,
+    odd_curves,
+    reasons,
+    strong_distortion,
+    switched_rows,
+)
+from qclearn.surfaces.conformal import disk_conformal_map
+from qclearn.surfaces.surface import Surface, mirror
 
 SULCI = demo_landmarks()["curves"]
 SUBSETS = [slice(0, 4), slice(4, 8), slice(7, 11), slice(None, None, 3), slice(2, 9), slice(None)]  # of the eleven

@@ -11,8 +11,8 @@ import torch
 
 from qclearn.cli import main
 from qclearn.nets import TrainingError, dbsnet, load_file
+from qclearn.nets.run import run_training
 from qclearn.nets.weights import WeightsError
-from qclearn.training import run_training
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -63,7 +63,7 @@ from dataclasses import replace
 from pathlib import Path
 import torch
 from qclearn.nets import dbsnet
-from qclearn.training import run_training
+from qclearn.nets.run import run_training
 
 torch.set_num_threads(1)
 dbsnet.TRAINING["best"] = replace(dbsnet.TRAINING["best"], validate_every=2)

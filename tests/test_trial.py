@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qclearn.benchmark import Run
-from qclearn.bijectivity import RepairWarning
-from qclearn.diskmesh import polar_disk
+from qclearn.benchmark.pairs import cohort_pair, displacement_pair, mapped, prepare, twisted
+from qclearn.benchmark.run import Run
+from qclearn.benchmark.trial import trial
 from qclearn.methods import METHODS
-from qclearn.mobius import mobius
-from qclearn.problems import cohort_pair, displacement_pair, mapped, prepare, twisted
-from qclearn.surface import Surface
-from qclearn.trial import trial
+from qclearn.plane.bijectivity import RepairWarning
+from qclearn.plane.diskmesh import polar_disk
+from qclearn.plane.mobius import mobius
+from qclearn.surfaces.surface import Surface
 
 RINGS, SPOKES = 14, 42
 

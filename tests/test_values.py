@@ -4,8 +4,8 @@ import nibabel
 import numpy as np
 import pytest
 
-from qclearn.surface import SurfaceError
-from qclearn.values import read_values, write_values
+from qclearn.files.values import read_values, write_values
+from qclearn.surfaces.surface import SurfaceError
 
 VALUES = np.array([0.1, -2.5, 1 / 3, 7e4])
 

@@ -8,12 +8,8 @@ import threading
 import numpy as np
 import pytest
 
-from qclearn.bijectivity import check_bijective
-from qclearn.canvas import Canvas
-from qclearn.diskmesh import polar_disk, square_disk
-from qclearn.fit import LandmarkError, fit_landmarks
-from qclearn.surface import Surface
-from qclearn.widgets import (
+from qclearn.pages.canvas import Canvas
+from qclearn.pages.widgets import (
     SOLVERS,
     NewestOnly,
     Problem,
@@ -29,6 +25,10 @@ from qclearn.widgets import (
     spread_vertices,
     table,
 )
+from qclearn.plane.bijectivity import check_bijective
+from qclearn.plane.diskmesh import polar_disk, square_disk
+from qclearn.registration.fit import LandmarkError, fit_landmarks
+from qclearn.surfaces.surface import Surface
 
 EXACT = {"exact fit": exact_fit}
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -249,7 +249,7 @@ class StandIn:
 @pytest.fixture
 def network(monkeypatch):
     stand_in = StandIn()
-    monkeypatch.setattr("qclearn.widgets.load", lambda name: {"cpnet": stand_in}[name])
+    monkeypatch.setattr("qclearn.pages.widgets.load", lambda name: {"cpnet": stand_in}[name])
     return stand_in
 
 
@@ -297,7 +297,7 @@ def test_where_the_network_cannot_answer_the_fit_still_does(problem, network, mo
     assert "<b>CP-Net</b>: No map: 200 landmarks" in tuner.text.value and "times" not in tuner.text.value
     assert "certified" in tuner.text.value and png_of(tuner).startswith(PNG)
     assert "it knows no sliding" in answered(tuner, tuner.landmarks, "sliding")
-    monkeypatch.setattr("qclearn.widgets.load", missing)
+    monkeypatch.setattr("qclearn.pages.widgets.load", missing)
     tuner.landmarks.value = "points"
     assert "No map: the networks need torch" in answered(tuner, tuner.gamma, 1e3)
 

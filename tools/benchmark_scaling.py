@@ -1,8 +1,8 @@
 """Measure how much sooner two worker processes finish the benchmark than one: several times each, in turns.
 
-    python tools/benchmark_scaling.py --out qclearn/kept/scaling.json
+    python tools/benchmark_scaling.py --out qclearn/benchmark/kept/scaling.json
 
-All runs on a few subjects on coarse meshes, which are grown beforehand. The benchmark's page reads qclearn/kept/scaling.json.
+All runs on a few subjects on coarse meshes, which are grown beforehand. The benchmark's page reads qclearn/benchmark/kept/scaling.json.
 """
 
 import argparse
@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from data_synth.cohort import SEEDS, hemispheres
-from qclearn.benchmark import benchmark
-from qclearn.problems import CONTROL
-from qclearn.provenance import commit, processor
+from qclearn.benchmark.pairs import CONTROL
+from qclearn.benchmark.run import benchmark
+from qclearn.files.provenance import commit, processor
 
 
 def main():

@@ -1,9 +1,9 @@
 """Measure the polar solver and the shipped networks against their exact twins, on seeds of your choice.
 
-    python tools/evaluate_networks.py --seeds 1001-1024 --out qclearn/kept/networks.json
+    python tools/evaluate_networks.py --seeds 1001-1024 --out qclearn/benchmark/kept/networks.json
 
 One thread throughout, so that the times compare. Each part of the file carries its own provenance; parts that are not
-run again are kept. The pages of the book read their figures from qclearn/kept/networks.json.
+run again are kept. The pages of the book read their figures from qclearn/benchmark/kept/networks.json.
 """
 
 import argparse
@@ -22,7 +22,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded
 import torch
 from threadpoolctl import threadpool_limits
 
-from qclearn.provenance import commit, processor
+from qclearn.files.provenance import commit, processor
 
 PARTS = ("polar", "ldnet", "cpnet", "dbsnet")
 

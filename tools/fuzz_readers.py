@@ -30,10 +30,10 @@ import numpy as np
 
 import qclearn as qc
 from qclearn.cli import read_landmarks
-from qclearn.diskmesh import polar_disk
-from qclearn.files import SlitWarning
-from qclearn.register import check_curves
-from qclearn.registration import read_registration, write_registration
+from qclearn.files.meshes import SlitWarning
+from qclearn.plane.diskmesh import polar_disk
+from qclearn.registration.mapfile import read_registration, write_registration
+from qclearn.registration.register import check_curves
 
 SECONDS, ADDRESSES, RESIDENT = 10, 2 << 30, 600 << 20
 FAULTS = {"noisy", "unnamed", "raw", "wrong", "memory", "hang", "crash"}

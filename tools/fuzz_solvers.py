@@ -25,9 +25,9 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 import qclearn as qc
-from qclearn.bijectivity import check_bijective
-from qclearn.disk import solve_beltrami_disk
-from qclearn.mobius import best_mobius, mobius
+from qclearn.plane.bijectivity import check_bijective
+from qclearn.plane.disk import solve_beltrami_disk
+from qclearn.plane.mobius import best_mobius, mobius
 
 SECONDS, ADDRESSES = 120, 6 << 30
 FAULTS = {"false", "worse", "silent", "raw", "hang", "crash"}
@@ -161,7 +161,7 @@ def fit_case(rng):
 
 def above(error, z, faces, p, q, plain):
     """Whether a mean landmark error exceeds that of the best Moebius map, `plain`, by more than a hundredth."""
-    from qclearn.fit import sampling_matrix
+    from qclearn.registration.fit import sampling_matrix
 
     return bool(error > 1.01 * abs(sampling_matrix(z, faces, p) @ plain - q).mean() + 1e-9)
 

@@ -5,7 +5,7 @@
 Pairs are drawn from the two hemispheres of fsaverage5 (the right one mirrored) with the surfaces of --also, which carry
 curves of the same names, and from synthetic subjects, for which whole surfaces are made up that they were cut from. Four
 to eleven curves a pair, by their ends or whole, either method. Mistakes are looked for in all of them; so many as --registered
-says are also registered, for what their maps show. Writes qclearn/kept/suspect.json, every case with its values, and prints
+says are also registered, for what their maps show. Writes qclearn/benchmark/kept/suspect.json, every case with its values, and prints
 how often the right word was said and the range of each value. Finished cases are kept and not run again.
 """
 
@@ -19,11 +19,11 @@ from tqdm import tqdm
 
 import qclearn as qc
 from data_synth.cohort import hemispheres
-from qclearn import suspect
-from qclearn.files import write_whole
-from qclearn.landmarkfile import check_curves
+from qclearn.files.meshes import write_whole
+from qclearn.files.provenance import commit
 from qclearn.pages import kept
-from qclearn.provenance import commit
+from qclearn.registration import suspect
+from qclearn.registration.landmarkfile import check_curves
 
 WORDS = {
     "mirrored": "mirror",

@@ -3,9 +3,11 @@
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from ..beltrami import corner_average, face_mean, signed_areas
-from ..diskmesh import polar_disk
-from ..fit import (
+from ..plane.beltrami import corner_average, face_mean, signed_areas
+from ..plane.diskmesh import polar_disk
+from ..plane.mobius import best_mobius
+from ..registration.checked import exact_map
+from ..registration.fit import (
     Forward,
     GaussNewton,
     Landmarks,
@@ -16,8 +18,6 @@ from ..fit import (
     sampling_matrix,
     unbounded,
 )
-from ..guard import exact_map
-from ..mobius import best_mobius
 from .problem import report
 
 COARSE, MESH = polar_disk(24, 72, power=1.4), polar_disk(32, 96, power=1.4)  # of CP-Net, and of the few steps

@@ -5,8 +5,8 @@ import warnings
 import numpy as np
 from scipy import sparse
 
-from ..beltrami import beltrami_coefficient, factorise, stiffness
-from ..bijectivity import RepairWarning, flipped_faces
+from ..plane.beltrami import beltrami_coefficient, factorise, stiffness
+from ..plane.bijectivity import RepairWarning, flipped_faces
 from .problem import HARD, LandmarkSolver, truncated
 
 MOST_ROUNDS = 40

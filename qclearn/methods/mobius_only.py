@@ -1,6 +1,6 @@
 """The floor: conformal alignment alone."""
 
-from ..mobius import mobius
+from ..plane.mobius import mobius
 
 
 def mobius_only(problem):

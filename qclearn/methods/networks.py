@@ -2,7 +2,7 @@
 
 from contextlib import nullcontext
 
-from ..guard import Networks, exact_map, guarded_map, moved_map
+from ..registration.checked import Networks, exact_map, guarded_map, moved_map
 from .gauss_newton import MESH, few_steps
 from .problem import report
 
@@ -25,7 +25,7 @@ def networks_of(method, parameters):
 
 def network(name, preset, gamma=None):
     """A network with its shipped weights; WeightsError if there are none, ImportError without torch."""
-    from ..nets import load  # here: loads torch
+    from ..nets import load
 
     return load(name, preset, gamma)
 

@@ -6,11 +6,11 @@ from functools import cached_property
 
 import numpy as np
 
-from ..beltrami import Dirichlet, corner_average, signed_areas, stiffness
-from ..bijectivity import RepairWarning
-from ..diskmesh import boundary_loop
-from ..fit import check_landmarks, sampling_matrix
-from ..mobius import best_mobius, mobius
+from ..plane.beltrami import Dirichlet, corner_average, signed_areas, stiffness
+from ..plane.bijectivity import RepairWarning
+from ..plane.diskmesh import boundary_loop
+from ..plane.mobius import best_mobius, mobius
+from ..registration.fit import check_landmarks, sampling_matrix
 
 HARD = 1e6  # weight that holds a landmark to about a millionth of the disk's radius
 LARGEST = 0.99  # of |mu| after truncation

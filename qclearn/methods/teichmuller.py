@@ -4,8 +4,8 @@ import warnings
 
 import numpy as np
 
-from ..beltrami import beltrami_coefficient, signed_areas
-from ..bijectivity import RepairWarning, flipped_faces
+from ..plane.beltrami import beltrami_coefficient, signed_areas
+from ..plane.bijectivity import RepairWarning, flipped_faces
 from .problem import HARD, LandmarkSolver, truncated
 
 MOST_ROUNDS = 60

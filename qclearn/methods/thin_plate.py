@@ -4,7 +4,7 @@ import numpy as np
 from scipy.interpolate import RBFInterpolator
 from threadpoolctl import threadpool_limits
 
-from ..mobius import mobius
+from ..plane.mobius import mobius
 
 
 @threadpool_limits.wrap(limits=1)

@@ -9,8 +9,8 @@ import numpy as np
 import torch
 from torch import nn
 
-from ..beltrami import face_mean
-from ..disk import BeltramiDiskSolver
+from ..plane.beltrami import face_mean
+from ..plane.disk import BeltramiDiskSolver
 from .polargrid import as_tensor
 from .torchplane import least_squares
 

@@ -8,9 +8,8 @@ from scipy import ndimage
 from torch import nn
 from torch.nn import functional
 
-from ..curvature import pixel_centres
-from ..diskmesh import disk_to_square, square_disk, square_to_disk
-from ..fourier import fourier_matrix
+from ..plane.diskmesh import disk_to_square, pixel_centres, square_disk, square_to_disk
+from ..plane.fourier import fourier_matrix
 from .layers import DiskNetwork
 from .losses import L_DBSNet, LossMesh
 

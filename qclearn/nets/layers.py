@@ -10,9 +10,9 @@ from scipy import ndimage
 from torch import nn
 from torch.nn import functional
 
-from ..beltrami import check_coefficient
-from ..disk import BeltramiDiskSolver
-from ..diskmesh import locate
+from ..plane.beltrami import check_coefficient
+from ..plane.disk import BeltramiDiskSolver
+from ..plane.diskmesh import locate
 
 FIRST_SCALE = 0.1  # of a conditioned U-Net's outputs, before the conditions change it
 

@@ -12,7 +12,7 @@ import torch
 import torch.nn.functional as F
 from torch import nn
 
-from ..landmarks import fundus_cost, fundus_path, weigh_edges
+from ..registration.landmarks import fundus_cost, fundus_path, weigh_edges
 from .ldnet_paper import PaperLDNet, PaperLDNetConfig
 from .pictures import check_input, picture, stamp, turn
 from .train import TrainConfig

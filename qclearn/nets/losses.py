@@ -8,8 +8,8 @@ import numpy as np
 import torch
 from torch import nn
 
-from ..beltrami import hat_gradients, signed_areas
-from ..diskmesh import boundary_loop
+from ..plane.beltrami import hat_gradients, signed_areas
+from ..plane.diskmesh import boundary_loop
 
 
 class LossMesh(nn.Module):

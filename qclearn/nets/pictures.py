@@ -7,10 +7,10 @@ column j of a size x size image lies at `w = x + iy`, x = (2j + 1)/size - 1, y =
 import numpy as np
 import torch
 
-from ..curvature import curvature_image, grey_levels, mean_curvature
-from ..fit import LandmarkError
-from ..landmarks import check_path
-from ..surface import SurfaceError, require_disk
+from ..registration.fit import LandmarkError
+from ..registration.landmarks import check_path
+from ..surfaces.curvature import curvature_image, grey_levels, mean_curvature
+from ..surfaces.surface import SurfaceError, require_disk
 
 
 def check_input(surface, z, endpoints):

@@ -14,9 +14,9 @@ from itertools import pairwise
 import numpy as np
 import torch
 
-from ..beltrami import BeltramiError, hat_gradients, signed_areas
-from ..disk import LOST_STEP, SMALLEST_STEP
-from ..diskmesh import polar_disk
+from ..plane.beltrami import BeltramiError, hat_gradients, signed_areas
+from ..plane.disk import LOST_STEP, SMALLEST_STEP
+from ..plane.diskmesh import polar_disk
 from .polarcg import Preconditioner, Solve, Stencil
 
 # Corners of a face at the ends of its spoke, its arc and its diagonal edge, see the order of faces in `polar_disk`.

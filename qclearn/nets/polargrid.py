@@ -4,8 +4,8 @@ import numpy as np
 import torch
 from torch import nn
 
-from ..beltrami import signed_areas, stiffness
-from ..diskmesh import polar_disk
+from ..plane.beltrami import signed_areas, stiffness
+from ..plane.diskmesh import polar_disk
 
 
 class PolarMesh(nn.Module):

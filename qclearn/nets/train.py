@@ -21,8 +21,8 @@ from torch import distributed, nn
 from torch.nn.parallel import DistributedDataParallel
 from tqdm import tqdm
 
-from ..files import write_whole
-from ..surface import SurfaceError
+from ..files.meshes import write_whole
+from ..surfaces.surface import SurfaceError
 
 CHECKPOINT_SECONDS = 10  # of training between two checkpoints at most; one takes a tenth of a second
 

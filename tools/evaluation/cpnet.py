@@ -11,17 +11,26 @@ import numpy as np
 
 import qclearn as qc
 from data_synth.cohort import hemispheres
-from qclearn.beltrami import face_mean
-from qclearn.disk import BeltramiDiskSolver
-from qclearn.diskmesh import polar_disk, square_disk
-from qclearn.fit import Forward, GaussNewton, Landmarks, bounded, descend, fit_landmarks, sampling_matrix, start_field
-from qclearn.guard import exact_map, moved_map
-from qclearn.landmarks import sample_curve
-from qclearn.metrics import measured_losses
-from qclearn.mobius import best_mobius, mobius
 from qclearn.nets import WeightsError, load
 from qclearn.nets.cpnet import BestCPNet
 from qclearn.nets.networks import PAPER_GAMMAS
+from qclearn.plane.beltrami import face_mean
+from qclearn.plane.disk import BeltramiDiskSolver
+from qclearn.plane.diskmesh import polar_disk, square_disk
+from qclearn.plane.mobius import best_mobius, mobius
+from qclearn.registration.checked import exact_map, moved_map
+from qclearn.registration.fit import (
+    Forward,
+    GaussNewton,
+    Landmarks,
+    bounded,
+    descend,
+    fit_landmarks,
+    sampling_matrix,
+    start_field,
+)
+from qclearn.registration.landmarks import sample_curve
+from qclearn.registration.metrics import measured_losses
 
 MESH = polar_disk(32, 96, power=1.4)
 POINTS = 10  # on each curve

@@ -8,12 +8,12 @@ import torch
 import qclearn as qc
 from data_synth.fields import KINDS, random_coefficient
 from data_synth.training import SquareFields
-from qclearn.beltrami import signed_areas, solve_beltrami
-from qclearn.bijectivity import RepairWarning
-from qclearn.disk import BeltramiDiskSolver
-from qclearn.diskmesh import square_disk
 from qclearn.nets import WeightsError, build, load
 from qclearn.nets.polar import PolarSolver, two_steps
+from qclearn.plane.beltrami import signed_areas, solve_beltrami
+from qclearn.plane.bijectivity import RepairWarning
+from qclearn.plane.disk import BeltramiDiskSolver
+from qclearn.plane.diskmesh import square_disk
 
 from .polar import median_seconds
 

@@ -14,8 +14,8 @@ import torch
 
 import qclearn as qc
 from data_synth.cohort import hemispheres
-from qclearn.landmarks import curve_distance, curves_in_space, detect_curves
 from qclearn.nets import WeightsError, load
+from qclearn.registration.landmarks import curve_distance, curves_in_space, detect_curves
 
 RESAMPLES = 2000
 

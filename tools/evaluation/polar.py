@@ -5,9 +5,9 @@ import time
 import numpy as np
 import torch
 
-from qclearn.disk import BeltramiDiskSolver
-from qclearn.exactmaps import SLIDING, TWIST
 from qclearn.nets.polar import PolarSolver
+from qclearn.plane.disk import BeltramiDiskSolver
+from qclearn.plane.exactmaps import SLIDING, TWIST
 
 SIZES = ((32, 96), (64, 192), (128, 384), (256, 768), (512, 1536))
 TOLERANCE = 1e-5

@@ -1,0 +1,180 @@
+"""The benchmark's problems: pairs of surfaces with landmark curves and, where there is one, the true dense map.
+
+Four sets: synthetic subjects against one control ("cohort") or against each other ("pairs"); one surface whose landmarks
+a known map moves farther and farther ("displacement"); the mirrored right side of fsaverage5 against its left
+("fsaverage5"), where nobody knows the true map.
+"""
+
+import time
+import warnings
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.optimize import brentq
+
+from data_synth.cohort import hemispheres
+from data_synth.correspondence import locate_on_sphere
+
+from ..files.fsaverage import demo_landmarks, fsaverage5
+from ..methods import Problem
+from ..plane.bijectivity import RepairWarning
+from ..plane.mobius import mobius, mobius_inverse
+from ..registration.checked import Networks
+from ..registration.landmarks import curves_of_both
+from ..registration.register import POINTS_PER_CURVE, align, check_curves, distinct_landmarks, lift, sample_side
+from ..surfaces.conformal import disk_conformal_map
+from ..surfaces.surface import Surface, mirror
+
+# The seed of the control: the one that the paper's CP-Net is trained for. It is among the subjects that the networks
+# have seen; the cohort's, which are registered to it, are not.
+CONTROL = 2001
+DETECTORS = {"ldnet": "best", "ldnet_paper": "paper"}  # source of landmarks -> preset
+SOURCES = ("given", "exact", "path", *DETECTORS)
+TWISTS, REACH = 3, 0.5  # of a known map: how many, and how far from 0 their centres may lie
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """A surface with its disk conformal map z (V,), the template points of its vertices if synthetic, and the costs."""
+
+    surface: Surface
+    z: np.ndarray
+    template: np.ndarray | None = None
+    seconds: float = 0.0
+    notes: tuple = ()
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A moving and a control surface with their landmark curves, as a landmarks file holds them.
+
+    truth (V, 3): where each moving vertex belongs on the control, in mm, and truth_disk (V,) complex in its disk map;
+    None where nobody knows. given: what stands for the landmarks if they are not detected, "given" (the curves of both
+    surfaces, matched by arc length) or "exact" (the moving curves and their true images).
+    """
+
+    moving: Mapped
+    control: Mapped
+    curves: tuple
+    truth: np.ndarray | None = None
+    truth_disk: np.ndarray | None = None
+    given: str = "given"
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A `Problem` for the methods and what is needed to judge their maps.
+
+    samples (M, V): sparse, per-vertex data at all landmarks, also at those that curves share; target (M,) complex,
+    target_mm (M, 3): where they should go; seconds, notes: of alignment and detection.
+    """
+
+    problem: Problem
+    samples: object
+    target: np.ndarray
+    target_mm: np.ndarray
+    seconds: float
+    notes: list = field(default_factory=list)
+
+
+def mapped_subject(seed, n_vertices, folder=None):
+    """The synthetic left hemisphere of a seed, grown or read from `folder`, with its disk map."""
+    (subject,) = hemispheres([seed], n_vertices, folder, progress=False, workers=1)
+    return replace(mapped(subject.surface), template=subject.template)
+
+
+def mapped(surface):
+    """A surface with its disk conformal map; seconds: the second, warm, of two runs."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", RepairWarning)
+        z = disk_conformal_map(surface)
+        start = time.perf_counter()
+        disk_conformal_map(surface)
+    seconds = time.perf_counter() - start
+    return Mapped(surface, z, None, seconds, tuple({str(warning.message) for warning in caught}))
+
+
+def cohort_pair(moving, control):
+    """Two synthetic hemispheres with all curves they share and the template's dense correspondence."""
+    face, weights = locate_on_sphere(control.template, control.surface.faces, moving.template)
+    corners = control.surface.faces[face]
+    truth = np.einsum("pk,pkd->pd", weights, control.surface.vertices[corners])
+    return Pair(
+        moving,
+        control,
+        tuple(curves_of_both(moving.surface, control.surface)),
+        truth,
+        np.einsum("pk,pk->p", weights, control.z[corners]),
+    )
+
+
+def displacement_pair(control, distance, n_curves, seed):
+    """One surface against itself, its first n_curves moved by a random known map of the disk: the answer is that map.
+
+    distance: mean distance of the landmarks from their targets in the unit disk, before any alignment.
+    """
+    curves = tuple(curves_of_both(control.surface, control.surface)[:n_curves])
+    p = control.z[np.concatenate([curve["moving"] for curve in curves])]
+    rng = np.random.default_rng([seed, n_curves])
+    centres = REACH * np.sqrt(rng.uniform(size=TWISTS)) * np.exp(2j * np.pi * rng.uniform(size=TWISTS))
+    turns = rng.uniform(0.5, 1, TWISTS) * rng.choice([-1, 1], TWISTS)
+
+    def excess(strength):
+        return abs(twisted(p, centres, strength * turns) - p).mean() - distance
+
+    most = next(strength for strength in 2.0 ** np.arange(-3, 9) if excess(strength) > 0)
+    strength = brentq(excess, 0, most, xtol=1e-3)
+    moved = twisted(control.z, centres, strength * turns)
+    return Pair(control, control, curves, lift(control.surface, control.z, moved), moved, "exact")
+
+
+def twisted(z, centres, turns):
+    """z after twists `w exp(i c (1 - |w|^2))` about several centres of the unit disk, one after the other."""
+    for a, c in zip(centres, turns):
+        w = mobius(z, a)
+        z = mobius_inverse(w * np.exp(1j * c * (1 - abs(w) ** 2)), a)
+    return z
+
+
+def fsaverage_pair():
+    """fsaverage5's mirrored right side against its left, sulci given by their ends: nobody knows the true map."""
+    surfaces = mirror(fsaverage5("right")), fsaverage5("left")
+    return Pair(*(mapped(surface) for surface in surfaces), tuple(demo_landmarks()["curves"]))
+
+
+def prepare(pair, source="given"):
+    """The landmarks of a pair as a `Prepared` problem, the moving disk aligned by them as `register` does.
+
+    source: "given", "exact" (the moving curves and their true images), or the moving curves detected between their given
+    ends, by the shortest "path" or by LD-Net, "ldnet" or "ldnet_paper"; the control keeps its own, if it has more than
+    ends.
+    """
+    source = pair.given if source == "given" else source
+    moving, control = pair.moving.surface, pair.control.surface
+    curves = pair.curves if source in ("given", "exact") else tuple(ends_only(curve) for curve in pair.curves)
+    networks, notes = Networks(detector(source), None, None) if source in DETECTORS else None, []
+    start = time.perf_counter()
+    entries = check_curves(list(curves), moving, control)
+    z = align(moving, pair.moving.z, control, pair.control.z, entries)
+    samples, _ = sample_side(moving, z, entries, "moving", networks, notes)
+    if source == "exact":
+        target = samples @ pair.truth_disk
+        target_mm = lift(control, pair.control.z, target)
+    else:
+        samples_control, _ = sample_side(control, pair.control.z, entries, "control", networks, notes)
+        target, target_mm = samples_control @ pair.control.z, samples_control @ control.vertices
+    p = samples @ z
+    once = distinct_landmarks(entries, p, target)
+    problem = Problem(z, moving.faces, p[once], target[once], once // POINTS_PER_CURVE)
+    return Prepared(problem, samples, target, target_mm, time.perf_counter() - start, notes)
+
+
+def ends_only(curve):
+    """A curve's entry with the moving side's two ends alone, to be detected in between."""
+    return {"name": curve["name"], "moving": [curve["moving"][0], curve["moving"][-1]], "control": curve["control"]}
+
+
+def detector(source):
+    from ..nets import load
+
+    return load("ldnet", DETECTORS[source]).detect

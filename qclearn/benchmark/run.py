@@ -1,0 +1,390 @@
+"""The benchmark: every run on every problem, as tasks on one machine or many, kept as they finish and resumed if killed.
+
+    from qclearn.benchmark import benchmark, Run
+    results = benchmark("small.json", subjects=3)
+
+A run is a method with its parameters and a source of landmarks. A method of one's own joins by
+`benchmark(..., methods=METHODS | {"mine": mine}, runs=(*RUNS, Run("mine", "mine")))`.
+"""
+
+import inspect
+import json
+import platform
+import time
+from contextlib import contextmanager, nullcontext
+from dataclasses import asdict, dataclass, field
+from datetime import date
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from tqdm import tqdm
+
+from data_synth.cohort import GENERATION, SEEDS, hemispheres
+from data_synth.cortex import FEWEST, MOST
+
+from ..files.provenance import commit, processor
+from ..methods import METHODS
+from ..methods.networks import network, networks_of
+from .pairs import CONTROL, DETECTORS, SOURCES, cohort_pair, displacement_pair, fsaverage_pair, mapped_subject
+from .results import BenchmarkError, Journal
+from .trial import trial
+
+DISTANCES, CURVE_COUNTS = (0.05, 0.1, 0.2, 0.3, 0.4), (4, 8)
+SETS = ("cohort", "pairs", "displacement", "fsaverage5")
+PATIENCE = 20  # seconds for a scheduler to answer and to have a worker
+KEEP_MEMORY = "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_"
+VERSIONS = ("qclearn", "numpy", "scipy", "distributed", "torch")
+
+
+@dataclass(frozen=True)
+class Run:
+    """One row's recipe: its name in the tables, the method and its parameters, the landmarks' source (`SOURCES`).
+
+    sets: the sets of problems it makes sense on; keep_field: also keep |mu| on the control's disk, for pictures of its
+    mean and spread over subjects.
+    """
+
+    name: str
+    method: str
+    parameters: dict = field(default_factory=dict)
+    landmarks: str = "given"
+    sets: tuple = SETS
+    keep_field: bool = False
+
+
+KNOWN, DETECTED = (
+    ("cohort", "pairs"),
+    ("cohort", "pairs", "fsaverage5"),
+)  # sets with true curves and a true map; with ends
+FINE = {"alpha": 1.0, "beta": 1e-2, "gamma": 1e5}  # the library's default; named where a run differs
+PRINTED = {"preset": "paper", "alpha": 1.0, "beta": 1.0}
+
+
+RUNS = (
+    Run("Möbius", "mobius_only"),
+    *(Run(f"harmonic {weight:g}", "harmonic", {"weight": weight}) for weight in (0.1, 0.5, 1.0, 5.0)),
+    Run("thin plate", "thin_plate"),
+    Run("QC iteration", "qc_iteration"),
+    Run("Teichmüller", "teichmuller"),
+    *(
+        Run(f"Gauss-Newton (1, 1, {gamma})", "gauss_newton", {"alpha": 1.0, "beta": 1.0, "gamma": float(gamma)})
+        for gamma in ("1e4", "1e5", "2e5")
+    ),
+    Run("Gauss-Newton", "gauss_newton", FINE, keep_field=True),
+    Run("Gauss-Newton, sliding", "gauss_newton", FINE | {"sliding": True}),
+    Run("Gauss-Newton, path", "gauss_newton", FINE, "path", KNOWN),
+    Run("Gauss-Newton, exact landmarks", "gauss_newton", FINE, "exact", KNOWN),
+    # The paper's CP-Net has weights for one control and each gamma.
+    *(
+        Run(
+            f"paper's networks (1, 1, {gamma})",
+            "cpnet_dbsnet",
+            PRINTED | {"gamma": float(gamma)},
+            "given",
+            ("cohort",),
+            gamma == "1e5",
+        )
+        for gamma in ("1e4", "1e5", "2e5")
+    ),
+    Run("paper's networks (1, 1, 1e5), LD-Net", "cpnet_dbsnet", PRINTED | {"gamma": 1e5}, "ldnet_paper", ("cohort",)),
+    Run("paper's networks (1, 1, 1e5), path", "cpnet_dbsnet", PRINTED | {"gamma": 1e5}, "path", ("cohort",)),
+    Run("CP-Net and DBS-Net", "cpnet_dbsnet", FINE, keep_field=True),
+    Run("CP-Net and DBS-Net, LD-Net", "cpnet_dbsnet", FINE, "ldnet", DETECTED),
+    Run("CP-Net, exact solver", "cpnet_exact", FINE),
+    Run("CP-Net, 1 step", "cpnet_steps", FINE | {"steps": 1}),
+    Run("CP-Net, 2 steps", "cpnet_steps", FINE | {"steps": 2}),
+    Run("CP-Net, 1 step, LD-Net", "cpnet_steps", FINE | {"steps": 1}, "ldnet", DETECTED),
+    Run("CP-Net, 1 step, path", "cpnet_steps", FINE | {"steps": 1}, "path", KNOWN),
+    Run("coarse fit, 1 step", "coarse_steps", FINE),
+    Run("guarded networks", "guarded", FINE),
+)
+# Fits along a front, for comparisons at equal distortion: as little of it as the harmonic maps have, hardly smoothed, and
+# as free as they on a mesh like the subject's. They take a third of the time of all runs.
+FRONT = (
+    *(
+        Run(
+            f"Gauss-Newton (1, 1e-4, {gamma:g})",
+            "gauss_newton",
+            {"alpha": 1.0, "beta": 1e-4, "gamma": gamma},
+            sets=KNOWN,
+        )
+        for gamma in (0.5, 2.0, 8.0)
+    ),
+    *(
+        Run(
+            f"Gauss-Newton (1, 1e-5, {gamma:g})",
+            "gauss_newton",
+            {"alpha": 1.0, "beta": 1e-5, "gamma": gamma, "rings": 64},
+            sets=KNOWN,
+        )
+        for gamma in (0.25, 1.0, 4.0, 16.0, 64.0)
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Spec:
+    """One problem by name: the set, the pair's name and what it is made from."""
+
+    set: str
+    pair: str
+    moving: int | None = None
+    control: int | None = None
+    distance: float = 0.0
+    curves: int = 0
+
+
+def benchmark(
+    out,
+    subjects=24,
+    vertices=10_000,
+    sets=("cohort",),
+    runs=None,
+    methods=METHODS,
+    scheduler=None,
+    workers=2,
+    folder=None,
+    progress=True,
+    fronts=False,
+):
+    """Run all `runs` on all problems of `sets` and write the results file `out`: its contents.
+
+    subjects: how many of the cohort's 24; runs: by default RUNS, with FRONT if `fronts`, without those whose networks
+    have no weights here.
+    scheduler: address of a dask scheduler (its workers with one thread each), None for `workers` processes on this
+    machine; folder: where synthetic subjects are kept (on each worker's machine). Finished tasks are kept beside `out`
+    at once; called again, a run that was stopped goes on. Errors: BenchmarkError.
+    """
+    out, left_out = Path(out), {}
+    if runs is None:
+        table = RUNS + FRONT * fronts
+        left_out = {run.name: reason for run in table if (reason := lacking(run))}
+        runs = [run for run in table if run.name not in left_out]
+    runs, specs = check_runs(runs, methods), problems(subjects, sets)
+    if not FEWEST <= vertices <= MOST or workers < 1:
+        raise BenchmarkError(
+            f"{vertices} vertices, {workers} workers: give {FEWEST:,} to {MOST:,} vertices and at least one worker"
+        )
+    origin = provenance()
+    settings = {
+        "sets": list(sets),
+        "subjects": subjects,
+        "seeds": sorted({spec.moving for spec in specs if spec.moving}),
+        "controls": sorted({spec.control for spec in specs if spec.control}),
+        "vertices": vertices,
+        "generation": GENERATION,
+        "commit": origin["commit"],
+        "runs": [asdict(run) for run in runs],
+    }
+    if not out.absolute().parent.is_dir() or out.is_dir():
+        raise BenchmarkError(f"{out}: not a file in a folder that exists; give another --out")
+    folder = None if folder is None else str(Path(folder).absolute())
+    if scheduler is None and settings["controls"]:
+        hemispheres([], vertices, folder)  # an unwritable folder is refused now, not in each task
+    journal, start = Journal(out, settings), time.perf_counter()
+    done = {(row["set"], row["pair"], row["run"]) for row in journal.rows if row["status"] == "done"}
+    wanted = [(spec, run) for spec in specs for run in runs if spec.set in run.sets]
+    tasks = [(spec, run) for spec, run in wanted if (spec.set, spec.pair, run.name) not in done]
+    with connect(scheduler, workers) if tasks else nullcontext() as client:
+        machines = machine(client) if tasks else {"workers": 1, "processors": [processor()]}
+        with tqdm(total=len(wanted), initial=len(done), desc="benchmark", disable=not progress) as bar:
+            for row in finished(client, tasks, methods, vertices, folder):
+                journal.append(row)
+                bar.set_postfix_str(f"{row['pair']}, {row['run']}", refresh=False)
+                bar.update()
+    return journal.finish(
+        origin
+        | machines
+        | {"seconds": round(time.perf_counter() - start, 1), "resumed": bool(done), "left_out": left_out}
+    )
+
+
+def run_of(text):
+    """The Run that a command line means by "harmonic" or "harmonic:weight=2,landmarks=path"; BenchmarkError."""
+    method, _, given = text.partition(":")
+    parameters = {}  # and the landmarks' source
+    for pair in filter(None, given.split(",")):
+        name, equals, value = pair.partition("=")
+        try:
+            parameters[name.strip()] = json.loads(value)
+        except ValueError:
+            parameters[name.strip()] = value.strip()
+        if not equals:
+            raise BenchmarkError(f"{text}: {pair!r} is no parameter; write {method}:NAME=VALUE,NAME=VALUE")
+    source = parameters.pop("landmarks", "given")
+    return Run(text, method, parameters, source)
+
+
+def check_runs(runs, methods):
+    """The runs as a tuple, or BenchmarkError for an unknown method, parameter or source, or a name used twice."""
+    for run in runs:
+        if run.method not in methods:
+            raise BenchmarkError(f"{run.name}: there is no method {run.method!r}; there are {', '.join(methods)}")
+        known = list(inspect.signature(methods[run.method]).parameters)[1:]
+        unknown = sorted(set(run.parameters) - set(known))
+        if unknown:
+            raise BenchmarkError(
+                f"{run.name}: {run.method} has no parameter {', '.join(unknown)}; it has {', '.join(known) or 'none'}"
+            )
+        if run.landmarks not in SOURCES or not set(run.sets) <= set(SETS):
+            raise BenchmarkError(
+                f"{run.name}: no landmarks {run.landmarks!r} or sets {run.sets}; landmarks are one of "
+                f"{', '.join(SOURCES)}, sets some of {', '.join(SETS)}"
+            )
+    names = [run.name for run in runs]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice or not names:
+        raise BenchmarkError(f"runs named twice: {twice}; give each a name of its own" if twice else "no runs given")
+    return tuple(runs)
+
+
+def lacking(run):
+    """Why a run's networks cannot be loaded here, in words, or None."""
+    try:
+        networks_of(run.method, run.parameters)
+        if run.landmarks in DETECTORS:
+            network("ldnet", DETECTORS[run.landmarks])
+    except (ImportError, ValueError) as error:
+        return str(error)
+    return None
+
+
+def problems(subjects, sets):
+    """The problems of the sets, list of Spec; BenchmarkError for an unknown set or a bad count of subjects."""
+    unknown = sorted(set(sets) - set(SETS))
+    if unknown or not sets:
+        raise BenchmarkError(f"no set of problems {', '.join(unknown) or 'given'}; there are {', '.join(SETS)}")
+    least = 2 if "pairs" in sets else 1
+    if not isinstance(subjects, int) or not least <= subjects <= len(SEEDS):
+        raise BenchmarkError(f"{subjects!r} subjects: the cohort has 1 to {len(SEEDS)}, and pairs need at least 2")
+    seeds, specs = SEEDS[:subjects], []
+    if "cohort" in sets:
+        specs += [Spec("cohort", f"{seed} to {CONTROL}", seed, CONTROL) for seed in seeds]
+    if "pairs" in sets:
+        specs += [Spec("pairs", f"{a} to {b}", a, b) for b in seeds for a in seeds if a != b]
+    if "displacement" in sets:
+        specs += [
+            Spec("displacement", f"{distance:g}, {curves} curves", None, CONTROL, distance, curves)
+            for curves in CURVE_COUNTS
+            for distance in DISTANCES
+        ]
+    return specs + [Spec("fsaverage5", "right to left")] * ("fsaverage5" in sets)
+
+
+def submit_pair(client, spec, vertices, folder):
+    """The future of a problem's Pair. Subjects are futures with keys of their own, so that pairs share them."""
+    if spec.set == "fsaverage5":
+        return client.submit(fsaverage_pair)
+    control = client.submit(mapped_subject, spec.control, vertices, folder)
+    if spec.set == "displacement":
+        return client.submit(displacement_pair, control, spec.distance, spec.curves, 0)
+    return client.submit(cohort_pair, client.submit(mapped_subject, spec.moving, vertices, folder), control)
+
+
+def finished(client, tasks, methods, vertices, folder):
+    """Rows as their tasks finish. A task that fails, with its worker or its problem, gives a row that says so."""
+    if not tasks:
+        return
+    from distributed import as_completed
+
+    futures, pairs = {}, {}
+    for spec, run in tasks:
+        if spec not in pairs:
+            pairs[spec] = submit_pair(client, spec, vertices, folder)
+        future = client.submit(trial, pairs[spec], run, methods[run.method], pure=False)
+        futures[future] = spec, run
+    pairs.clear()  # from here on a problem is kept on the workers as long as its tasks need it
+    for future in as_completed(list(futures)):
+        spec, run = futures.pop(future)
+        if future.status == "cancelled":
+            raise BenchmarkError("the scheduler was lost; what was finished is kept: run it again to go on")
+        error = future.exception() if future.status == "error" else None
+        row = {"status": "failed", "message": f"{type(error).__name__}: {error}"} if error else future.result()
+        yield {
+            "set": spec.set,
+            "pair": spec.pair,
+            "run": run.name,
+            "method": run.method,
+            "parameters": run.parameters,
+            "landmarks": run.landmarks,
+            **row,
+        }
+
+
+@contextmanager
+def connect(scheduler, workers):
+    """A dask client of the scheduler, or of `workers` processes of this machine; BenchmarkError if there is none."""
+    try:
+        import dask
+        from distributed import Client, LocalCluster
+    except ModuleNotFoundError:
+        raise ImportError("the benchmark needs dask.distributed: pip install 'qclearn[benchmark]'") from None
+    if scheduler is None:
+        # dask has its workers hand memory back at once, and methods then wait for pages: up to a third of their time.
+        with (
+            dask.config.set({KEEP_MEMORY: None}),
+            LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                host="127.0.0.1",
+                dashboard_address="127.0.0.1:0",
+                silence_logs=50,
+            ) as cluster,
+            Client(cluster) as client,
+        ):
+            yield client
+        return
+    try:
+        client = Client(scheduler, timeout=PATIENCE)
+    except (OSError, ValueError, TypeError) as error:  # TypeError: an address without a port
+        raise BenchmarkError(
+            f"{scheduler}: no dask scheduler answers there ({error}); start one with `dask scheduler` "
+            "and give its address, tcp://HOST:8786"
+        ) from None
+    with client:
+        check_workers(client, scheduler)
+        yield client
+
+
+def check_workers(client, scheduler):
+    """BenchmarkError unless the scheduler has workers, each with one thread and this version of qclearn."""
+    try:
+        client.wait_for_workers(1, timeout=PATIENCE)
+    except TimeoutError:
+        raise BenchmarkError(
+            f"{scheduler}: the scheduler has no workers; start some with `dask worker {scheduler} --nthreads 1`"
+        ) from None
+    many = sorted(address for address, threads in client.nthreads().items() if threads != 1)
+    if many:
+        raise BenchmarkError(
+            f"workers {', '.join(many[:5])} have several threads, and times are those of one: start "
+            "them with --nthreads 1"
+        )
+    own = versions()
+    differ = [
+        f"{address} has {name} {theirs[name]}, here {own[name]}"
+        for address, theirs in sorted(client.run(versions).items())
+        for name in own
+        if theirs[name] != own[name]
+    ]
+    if differ:
+        raise BenchmarkError(f"workers have other versions ({'; '.join(differ[:5])}): install the same on all")
+
+
+def own_version(name="qclearn"):
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "none"
+
+
+def versions():
+    return {name: own_version(name) for name in VERSIONS} | {"python": platform.python_version()}
+
+
+def machine(client):
+    return {"workers": len(client.nthreads()), "processors": sorted(set(client.run(processor).values()))}
+
+
+def provenance():
+    return {"commit": commit(), "date": date.today().isoformat(), "versions": versions(), "threads_per_task": 1}

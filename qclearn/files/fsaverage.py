@@ -1,0 +1,89 @@
+"""fsaverage5, the template hemispheres that come with nilearn, cut open at the medial wall, and their named sulci."""
+
+import json
+from functools import cache
+from importlib.resources import files
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from ..surfaces.opening import open_surface
+from ..surfaces.surface import Surface, SurfaceError
+from .meshes import read_surface
+from .values import read_mask
+
+_FILES = {"pial": "pial", "white": "white", "inflated": "infl", "sphere": "sphere"}
+
+
+def fsaverage5(hemisphere="left", kind="pial"):
+    """The open hemisphere "left" or "right" of fsaverage5 as "pial", "white", "inflated" or "sphere" surface, in mm.
+
+    The medial wall, where the cortical thickness is 0, is cut away by open_surface on the pial surface; all kinds of a
+    hemisphere share this cut, so their vertices and faces correspond. Raises SurfaceError where nilearn is missing.
+    """
+    if hemisphere not in ("left", "right") or kind not in _FILES:
+        raise SurfaceError(
+            f"fsaverage5 has no '{hemisphere}' '{kind}' surface; hemispheres are left and right, kinds "
+            f"{', '.join(_FILES)}."
+        )
+    vertices, faces = _opening(hemisphere)
+    return Surface(_closed(hemisphere, kind).vertices[vertices], faces, original_vertices=vertices)
+
+
+def named_sulci(hemisphere, original_indices):
+    """Endpoints of the named sulci of one hemisphere of fsaverage5: dict name -> (start, end).
+
+    hemisphere: "left" or "right"; original_indices (V',): for each vertex of the opened surface its index on the closed
+    mesh of 10,242 vertices, as `open_surface` returns it; start and end index the opened surface. Both sides run in the
+    same anatomical order. How each was chosen is told in fsaverage5_sulci.json. SurfaceError for another hemisphere,
+    or where an endpoint was cut away.
+    """
+    if hemisphere not in ("left", "right"):
+        raise SurfaceError(f"fsaverage5 has no hemisphere '{hemisphere}'; hemispheres are left and right.")
+    original_indices = np.asarray(original_indices)
+    sulci = json.loads(files(__package__).joinpath("fsaverage5_sulci.json").read_text(encoding="utf-8"))["sulci"]
+    return {name: _renumbered(name, entry[hemisphere]["vertices"], original_indices) for name, entry in sulci.items()}
+
+
+def demo_landmarks():
+    """The landmarks of fsaverage5's mirrored right side (moving) and its left side (control), as in a landmarks file.
+
+    `{"curves": [{"name", "moving": [start, end], "control": [start, end]}]}`: endpoints only, in the numbering of
+    `mirror(fsaverage5("right"))` and `fsaverage5("left")`.
+    """
+    moving, control = (named_sulci(hemisphere, _opening(hemisphere)[0]) for hemisphere in ("right", "left"))
+    return {
+        "curves": [{"name": name, "moving": list(moving[name]), "control": list(control[name])} for name in control]
+    }
+
+
+def _renumbered(name, vertices, original_indices):
+    found = [np.flatnonzero(original_indices == vertex) for vertex in vertices]
+    lost = [vertex for vertex, place in zip(vertices, found) if len(place) != 1]
+    if lost:
+        raise SurfaceError(
+            f"{name}: vertices {lost} of the closed fsaverage5 are not on the opened surface; "
+            f"open it with a smaller mask, and pass the original indices that belong to it."
+        )
+    return tuple(int(place[0]) for place in found)
+
+
+@cache
+def _opening(hemisphere):
+    """The kept vertices (V',) of the closed surface and the faces (F', 3) among them."""
+    closed = _closed(hemisphere, "pial")
+    medial_wall = read_mask(_folder() / f"thick_{hemisphere}.gii.gz", closed, keep=True)
+    opened, vertices = open_surface(closed, medial_wall)
+    return vertices, opened.faces
+
+
+def _closed(hemisphere, kind):
+    return read_surface(_folder() / f"{_FILES[kind]}_{hemisphere}.gii.gz")
+
+
+def _folder():
+    nilearn = find_spec("nilearn")  # finds it without importing it, which takes seconds
+    if nilearn is None:
+        raise SurfaceError("fsaverage5 comes with nilearn, which is not installed; install it: pip install nilearn.")
+    return Path(nilearn.submodule_search_locations[0], "datasets", "data", "fsaverage5")

@@ -1,0 +1,170 @@
+"""GIFTI files: surfaces and per-vertex maps through nibabel, once a first pass has seen that the sizes are true; and what
+Workbench wants to find in a file: the hemisphere, a coordinate system and a label table."""
+
+import base64
+import colorsys
+import gzip
+import math
+import re
+import zlib
+from pathlib import Path
+from xml.parsers import expat
+
+import nibabel
+import numpy as np
+from nibabel.gifti import GiftiCoordSystem, GiftiDataArray, GiftiImage, GiftiLabel, GiftiLabelTable, GiftiMetaData
+
+from ..surfaces.surface import SurfaceError
+from .safe import FormatError, allowance
+
+STRUCTURES = {"left": "CortexLeft", "right": "CortexRight"}
+_SIDE = re.compile(r"(?:^|[._-])(?:hemi-)?(L|R|(?i:lh|rh|left|right))(?=[._-]|$)")  # l and r are also plain letters
+_MOST_LABELS = 4096  # whole numbers of more values than that are no regions
+
+
+class _Sizes:
+    """The first pass: nibabel loops as often as Dimensionality says, and unpacks whatever the data hold."""
+
+    def __init__(self, size):
+        self.left, self.expected, self.text = allowance(size), None, None
+
+    def start(self, name, attributes):
+        if name == "DataArray":
+            self.expected = _announced(attributes)
+            self.left -= self.expected
+            if self.left < 0:
+                raise FormatError("its arrays are announced larger than the file can hold")
+            self.packed = attributes.get("Encoding") == "GZipBase64Binary"
+        elif name == "Data" and self.expected is not None and self.packed:
+            self.text = []
+
+    def characters(self, text):
+        if self.text is not None:
+            self.text.append(text)
+
+    def end(self, name):
+        if name == "Data" and self.text is not None:
+            packed = base64.b64decode("".join(self.text))
+            found = len(zlib.decompressobj().decompress(packed, self.expected + 1))
+            if found != self.expected:
+                more = "more" if found > self.expected else found
+                raise FormatError(f"an array of {self.expected} bytes is announced, {more} are there")
+            self.text = None
+
+
+def _announced(attributes):
+    """Bytes that a DataArray's attributes announce."""
+    dimensions = attributes.get("Dimensionality", "")
+    if not re.fullmatch("[1-6]", dimensions):
+        raise FormatError(f"an array has {dimensions[:20] or 'no'} dimensions, where 1 or 2 are needed")
+    sides = [attributes.get(f"Dim{k}", "") for k in range(int(dimensions))]
+    if not all(re.fullmatch("[0-9]{1,12}", side) for side in sides):
+        raise FormatError("an array's sides are no whole numbers of vertices or faces")
+    kind = attributes.get("DataType", "")
+    if kind not in nibabel.nifti1.data_type_codes.keys():  # noqa: SIM118 (a Recoder has no __contains__)
+        raise FormatError(f"an array has the unknown type {kind[:40]}")
+    if attributes.get("Encoding") == "ExternalFileBinary":
+        raise SurfaceError(
+            "keeps its data in another file (as SPM writes it); convert it to one file, for example with "
+            "wb_command -gifti-convert GZIP_BASE64_BINARY IN OUT."
+        )
+    return math.prod(map(int, sides)) * nibabel.nifti1.data_type_codes.dtype[kind].itemsize
+
+
+def parse(data):
+    """The nibabel image of a GIFTI file's bytes; FormatError where an array is not as large as it is announced."""
+    sizes, parser = _Sizes(len(data)), expat.ParserCreate()
+    parser.buffer_text = True
+    parser.StartElementHandler, parser.EndElementHandler = sizes.start, sizes.end
+    parser.CharacterDataHandler = sizes.characters
+    try:
+        parser.Parse(data, True)
+    except LookupError as error:
+        if type(error) is not LookupError:  # a KeyError would be a bug here
+            raise
+        raise FormatError(str(error)[:60]) from None  # an encoding that is none
+    return GiftiImage.from_bytes(data)
+
+
+def side_of_name(path):
+    """ "left" or "right" where a file's name says so (lh.pial, sub-01.L.midthickness.surf.gii, hemi-R), else None."""
+    sides = {found[0].lower() for found in _SIDE.findall(Path(path).name)}
+    return {"l": "left", "r": "right"}[sides.pop()] if len(sides) == 1 else None
+
+
+def side_of_image(image):
+    """The hemisphere that an image's metadata name, or None."""
+    named = {meta.get("AnatomicalStructurePrimary") for meta in (image.meta, *(array.meta for array in image.darrays))}
+    sides = [side for side, structure in STRUCTURES.items() if structure in named]
+    return sides[0] if len(sides) == 1 else None
+
+
+def surface_arrays(image):
+    """Points and triangles of a surface's image."""
+    points = image.get_arrays_from_intent("NIFTI_INTENT_POINTSET")
+    triangles = image.get_arrays_from_intent("NIFTI_INTENT_TRIANGLE")
+    if len(points) != 1 or len(triangles) != 1:
+        raise SurfaceError("is GIFTI, but not one surface; give a .surf.gii with one point set and its triangles.")
+    return points[0].data, triangles[0].data
+
+
+def values_of(image):
+    """Values (V,) or, of several arrays, (V, k) of a map's image."""
+    arrays = [array.data for array in image.darrays]
+    intents = {array.intent for array in image.darrays} & {
+        nibabel.nifti1.intent_codes[name] for name in ("NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE")
+    }
+    if intents or not arrays or len({array.shape for array in arrays}) > 1:
+        raise SurfaceError("holds no maps of one value a vertex; give a .func.gii, .shape.gii or .label.gii.")
+    return arrays[0] if len(arrays) == 1 else np.stack(arrays, axis=-1)
+
+
+def labels_of(image):
+    """The label table as a dict key -> (name, (red, green, blue, alpha) from 0 to 1); empty where there is none."""
+    return {
+        label.key: (label.label or "", tuple(1.0 if part is None else part for part in label.rgba))
+        for label in image.labeltable.labels
+    }
+
+
+def surface_bytes(surface, side=None, space=None):
+    """The bytes of a .surf.gii; side: "left" or "right", space: the coordinates' GiftiCoordSystem, both if known."""
+    meta = GiftiMetaData({"AnatomicalStructurePrimary": STRUCTURES[side]} if side else {})
+    points, triangles = surface.vertices.astype(np.float32), surface.faces.astype(np.int32)
+    return GiftiImage(
+        meta=meta,
+        darrays=[
+            GiftiDataArray(points, intent="NIFTI_INTENT_POINTSET", meta=meta, coordsys=space or GiftiCoordSystem()),
+            GiftiDataArray(triangles, intent="NIFTI_INTENT_TRIANGLE", meta=GiftiMetaData()),
+        ],
+    ).to_bytes()
+
+
+def values_bytes(values, side=None, labels=None):
+    """The bytes of a map (V,) or (V, k), float32 or int32; whole numbers get a label table, `labels` or one made here."""
+    meta = GiftiMetaData({"AnatomicalStructurePrimary": STRUCTURES[side]} if side else {})
+    intent, table = "NIFTI_INTENT_SHAPE", GiftiLabelTable()
+    if values.dtype.kind == "i":
+        keys = np.unique(values)
+        intent = "NIFTI_INTENT_LABEL" if labels or len(keys) <= _MOST_LABELS else "NIFTI_INTENT_NONE"
+        table.labels = _labels(keys.tolist(), labels or {}) if intent.endswith("LABEL") else []
+    columns = values.reshape(len(values), -1).T
+    arrays = [GiftiDataArray(np.ascontiguousarray(column), intent=intent, meta=GiftiMetaData()) for column in columns]
+    return GiftiImage(meta=meta, labeltable=table, darrays=arrays).to_bytes()
+
+
+def _labels(keys, known):
+    """GiftiLabels of the known table and of further keys, which are named by their number."""
+    table = {key: (str(key), (*colorsys.hsv_to_rgb(k * 0.618 % 1, 0.6, 0.9), 1.0)) for k, key in enumerate(keys)}
+    if 0 in table:
+        table[0] = ("???", (1.0, 1.0, 1.0, 0.0))  # Workbench's own for "none"
+    labels = []
+    for key, (name, colour) in sorted({**table, **known}.items()):
+        labels.append(GiftiLabel(key, *colour))
+        labels[-1].label = name
+    return labels
+
+
+def zipped(path, data):
+    """The bytes as the path's suffix wants them."""
+    return gzip.compress(data, mtime=0) if path.suffix.lower() in (".gz", ".mgz") else data

@@ -1,0 +1,305 @@
+"""Reading and writing surfaces; every fault of a file becomes a SurfaceError that names it."""
+
+import io
+import subprocess
+import sys
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import nibabel
+import numpy as np
+
+from ..surfaces.surface import Surface, SurfaceError
+from . import gifti, meshformats
+from .safe import FormatError, explain, is_plain_name, npz_arrays, out_of_memory, read_bytes, require_all, write_whole
+
+_FREESURFER_TRIANGLES = b"\xff\xff\xfe"
+_FREESURFER_QUADS = (b"\xff\xff\xff", b"\xff\xff\xfd")
+_FREESURFER_SUFFIXES = (
+    "", ".pial", ".white", ".inflated", ".sphere", ".reg", ".orig", ".nofix", ".smoothwm", ".midthickness", ".graymid",
+)  # fmt: skip
+# VTK may take so much memory beyond what it is born with (RATIO times the file where that is more), and so long.
+VTK_ROOM, VTK_RATIO, VTK_SECONDS = 256 << 20, 40, 60
+
+
+class SlitWarning(UserWarning):
+    """Merging the points of an STL file left a slit: neighbours that do not quite meet, by damage or by rounding."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What a file says of its coordinates beside their values, kept from one file to the next: the hemisphere ("left",
+    "right"), GIFTI's coordinate system, FreeSurfer's volume geometry; None where it does not say."""
+
+    side: str | None = None
+    space: object = None
+    volume: dict | None = None
+
+
+def read_surface(path):
+    """Surface from a file: .npz (vertices, faces, curve_<name>), .gii (also gzipped), .ply, .obj, .off, .stl,
+    .vtk, .vtp, or FreeSurfer's binary triangles, known by their content under any other name (lh.pial, rh.white).
+
+    Coordinates come as stored: FreeSurfer's volume geometry and GIFTI's coordinate systems are not applied. Faces must
+    be triangles; STL points with equal coordinates are merged, and a SlitWarning says where that leaves a slit. Raises
+    SurfaceError, naming the file and the remedy, also where a file announces or unpacks to far more than its size.
+    """
+    path = Path(path)
+    data = read_bytes(path)
+    suffix = suffix_of(path)
+    if suffix in _READERS:
+        kind, reader = _READERS[suffix]
+    elif data.startswith((_FREESURFER_TRIANGLES, *_FREESURFER_QUADS)):
+        kind, reader = "FreeSurfer surface", _read_freesurfer
+    else:
+        raise SurfaceError(f"{path}: {_unknown_format('nor is the content a FreeSurfer surface')}")
+    with explain(path, kind):
+        arrays = reader(path, data)
+    try:
+        surface = Surface(*arrays)
+    except SurfaceError as error:
+        raise SurfaceError(f"{path}: {error}") from None
+    except MemoryError:
+        raise out_of_memory(path) from None
+    if suffix == ".stl":
+        _warn_of_slits(path, surface)
+    return surface
+
+
+def frame_of(path):
+    """The Frame of a surface's or a map's file that `read_surface` or `read_values` reads."""
+    path = Path(path)
+    side = gifti.side_of_name(path)
+    data = read_bytes(path)
+    with explain(path, "file with a coordinate system"):
+        if suffix_of(path) == ".gii":
+            image = gifti.parse(data)
+            points = image.get_arrays_from_intent("NIFTI_INTENT_POINTSET")
+            return Frame(gifti.side_of_image(image) or side, space=points[0].coordsys if points else None)
+        if data.startswith(_FREESURFER_TRIANGLES):
+            _check_freesurfer(data)
+            volume = nibabel.freesurfer.read_geometry(path, read_metadata=True)[2]
+            return Frame(side, volume=dict(volume) or None)
+    return Frame(side)
+
+
+def write_surface(path, surface, original_vertices=None, frame=None):
+    """Write a surface in the format of the path's suffix (see read_surface; a FreeSurfer name such as lh.pial, or no
+    suffix, gives FreeSurfer's binary); the file appears whole or not at all.
+
+    Coordinates keep float64 exactly, but FreeSurfer, GIFTI and STL store float32, and STL has no vertex numbers. Only
+    npz keeps the curves and original_vertices, (V,) int, the second result of open_surface (by default the
+    surface's own). frame: `frame_of` the file
+    the coordinates come from: GIFTI gets its hemisphere (else the one that the name says) and coordinate system,
+    FreeSurfer its volume geometry. Raises SurfaceError where the format is unknown or the folder cannot be written.
+    """
+    path, frame = Path(path), frame or Frame()
+    suffix = suffix_of(path)
+    if suffix == ".npz":
+
+        def write(place):
+            _write_npz(place, surface, original_vertices)
+    elif suffix == ".gii":
+
+        def write(place):
+            side = frame.side or gifti.side_of_name(path)
+            place.write_bytes(gifti.zipped(path, gifti.surface_bytes(surface, side, frame.space)))
+    elif suffix in _WRITERS:
+
+        def write(place):
+            place.write_bytes(_WRITERS[suffix](surface))
+    elif path.suffix.lower() in _FREESURFER_SUFFIXES or (path.name.startswith(("lh.", "rh.")) and not _foreign(path)):
+
+        def write(place):
+            _write_freesurfer(place, surface, frame.volume)
+    else:
+        raise SurfaceError(f"{path}: {_unknown_format('nor is the name one of FreeSurfer, such as lh.pial')}")
+    write_whole(path, write, size=surface.vertices.nbytes + surface.faces.nbytes)
+
+
+# Names of files that are no FreeSurfer surface or map, whatever they begin with (lh.map.csv).
+FOREIGN_SUFFIXES = (
+    ".csv",
+    ".tsv",
+    ".json",
+    ".xml",
+    ".mat",
+    ".nii",
+    ".gz",
+    ".zip",
+    ".label",
+    ".annot",
+    ".mgh",
+    ".mgz",
+    ".npy",
+    ".npz",
+    ".txt",
+    ".gii",
+    ".xlsx",
+    ".h5",
+    ".png",
+    ".ply",
+    ".obj",
+    ".off",
+    ".stl",
+    ".vtk",
+    ".vtp",
+    ".asc",
+)
+
+
+def _foreign(path):
+    return path.suffix.lower() in FOREIGN_SUFFIXES
+
+
+def suffix_of(path):
+    suffixes = [suffix.lower() for suffix in path.suffixes]
+    return ".gii" if suffixes[-2:] == [".gii", ".gz"] else suffixes[-1] if suffixes else ""
+
+
+def _unknown_format(content):
+    return (
+        f"the suffix is none of {', '.join(_READERS)}, {content}; rename the file or convert it, "
+        f"for example with mris_convert."
+    )
+
+
+def _read_npz(_, data):
+    arrays = npz_arrays(
+        data, lambda name: name in ("vertices", "faces", "original_vertices") or name.startswith("curve_")
+    )
+    missing = {"vertices", "faces"} - set(arrays)
+    if missing:
+        raise SurfaceError(f"lacks the array {' and '.join(sorted(missing))}; save vertices (V, 3), faces (F, 3).")
+    curves = {key.removeprefix("curve_"): array for key, array in arrays.items() if key.startswith("curve_")}
+    bad = next((name for name in curves if not is_plain_name(name)), None)
+    if bad is not None:
+        raise SurfaceError(f"has a curve whose name is too long or holds control characters, {bad[:40]!r}; rename it.")
+    return arrays["vertices"], arrays["faces"], curves, arrays.get("original_vertices")
+
+
+def _write_npz(path, surface, original_vertices):
+    more = {f"curve_{name}": curve for name, curve in surface.curves.items()}
+    original_vertices = surface.original_vertices if original_vertices is None else original_vertices
+    if original_vertices is not None:
+        more["original_vertices"] = np.asarray(original_vertices)
+    with path.open("wb") as file:
+        np.savez_compressed(file, vertices=surface.vertices, faces=surface.faces, **more)
+
+
+def _read_freesurfer(path, data):
+    if data.startswith(_FREESURFER_QUADS):
+        raise SurfaceError("holds quadrangles (FreeSurfer's old format); convert it with mris_convert to triangles.")
+    _check_freesurfer(data)
+    return *nibabel.freesurfer.read_geometry(path), {}
+
+
+def _check_freesurfer(data):
+    """FormatError unless as much is there as the counts after the two lines of the header say."""
+    counts = data[3:].split(b"\n", 2)[2:]
+    if not counts or len(counts[0]) < 8:
+        raise FormatError("the header is incomplete")
+    n_vertices, n_faces = (int(count) for count in np.frombuffer(counts[0], ">i4", 2))
+    records = (len(counts[0]) - 8) // 12
+    require_all("vertex", records, n_vertices)
+    require_all("face", records - n_vertices, n_faces)
+
+
+def _write_freesurfer(path, surface, volume):
+    nibabel.freesurfer.write_geometry(
+        path, surface.vertices, surface.faces, create_stamp="created by qclearn", volume_info=volume
+    )
+
+
+def _read_gifti(_, data):
+    return *gifti.surface_arrays(gifti.parse(data)), {}
+
+
+def _read_vtk(path, data):
+    # in a process of its own: on some damaged files VTK's readers end the process
+    script = Path(__file__).with_name("vtkchild.py")
+    room = max(VTK_ROOM, VTK_RATIO * len(data))
+    try:
+        child = subprocess.run(
+            [sys.executable, "-P", script, path.resolve(), str(room)],
+            capture_output=True,
+            timeout=VTK_SECONDS,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        raise FormatError(f"VTK's reader has not ended after {VTK_SECONDS} s") from None
+    if child.returncode:
+        reason = child.stdout.decode() if child.returncode == 1 else ""
+        raise FormatError(reason or "VTK's reader breaks down on it")
+    arrays = io.BytesIO(child.stdout)
+    return np.load(arrays), np.load(arrays), {}
+
+
+def _write_to_string(writer, surface):
+    import pyvista  # half a second: only where it is used
+
+    writer.SetInputData(pyvista.PolyData.from_regular_faces(surface.vertices, surface.faces))
+    writer.SetWriteToOutputString(True)  # and the file is written like any other
+    writer.Write()
+
+
+def _write_vtk(surface):
+    from vtkmodules.vtkIOLegacy import vtkPolyDataWriter
+
+    writer = vtkPolyDataWriter()
+    writer.SetFileTypeToBinary()
+    _write_to_string(writer, surface)
+    data = writer.GetOutputStdString()
+    return data.encode() if isinstance(data, str) else data  # VTK gives text where the bytes happen to be UTF-8
+
+
+def _write_vtp(surface):
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
+
+    writer = vtkXMLPolyDataWriter()
+    _write_to_string(writer, surface)
+    return writer.GetOutputString().encode()
+
+
+def _read_plain(read):
+    return lambda _, data: (*read(data), {})
+
+
+def _warn_of_slits(path, surface):
+    """A torn corner is a vertex of one face whose slit has four sides; at the rim, or where points differ by rounding
+    alone, the next but one on the rim is nearly the same point."""
+    count = np.bincount(surface.faces.ravel())
+    for loop in surface.boundary_loops:
+        here, beside, twin = (surface.vertices[np.roll(loop, -k)] for k in range(3))
+        near = np.linalg.norm(twin - here, axis=1) < 0.01 * np.linalg.norm(beside - here, axis=1)
+        torn = (count[loop] == 1) & (len(loop) == 4) & (len(surface.faces) > 2)
+        if (near | torn).any():
+            vertex = loop[near | torn][0]
+            warnings.warn(
+                f"{path}: merging equal points leaves a slit at vertex {vertex} "
+                f"({surface.vertices[vertex].tolist()}), where two points that should be one may differ; check "
+                "the file, or close the slit (pyvista's clean with a tolerance).",
+                SlitWarning,
+                stacklevel=3,
+            )
+
+
+_READERS = {
+    ".npz": ("npz file", _read_npz),
+    ".gii": ("GIFTI surface", _read_gifti),
+    ".ply": ("PLY file", _read_plain(meshformats.read_ply)),
+    ".obj": ("OBJ file", _read_plain(meshformats.read_obj)),
+    ".off": ("OFF file", _read_plain(meshformats.read_off)),
+    ".stl": ("STL file", _read_plain(meshformats.read_stl)),
+    ".vtk": ("VTK file", _read_vtk),
+    ".vtp": ("VTP file", _read_vtk),
+}
+_WRITERS = {
+    ".ply": meshformats.write_ply,
+    ".obj": meshformats.write_obj,
+    ".off": meshformats.write_off,
+    ".stl": meshformats.write_stl,
+    ".vtk": _write_vtk,
+    ".vtp": _write_vtp,
+}

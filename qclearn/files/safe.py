@@ -1,0 +1,247 @@
+"""Files read within bounds and written whole: what every reader and writer here goes through.
+
+Nothing that a file announces is believed before its bytes bear it out, so a reader's memory is bounded by the file's
+size; and what a killed or failed run began never stands under the name that was asked for.
+"""
+
+import errno
+import gzip
+import io
+import math
+import os
+import platform
+import re
+import shutil
+import stat
+import struct
+import uuid
+import warnings
+import zipfile
+import zlib
+from contextlib import contextmanager
+from xml.parsers.expat import ExpatError
+
+import numpy as np
+
+from ..surfaces.surface import SurfaceError
+
+# Unpacked, a file may hold so many times its own bytes, or so many bytes where that is more. Coordinates and faces shrink
+# 2 to 6 times, a map that is zero nearly everywhere up to 1000 times, but then it is short.
+RATIO, ROOM = 100, 64 << 20
+LONGEST_NAME = 200  # of a curve
+LONGEST_MESSAGE = 2000
+_LEFTOVER = re.compile(r"\.qclearn-(\d{1,9})@(.*)-\w{8}(-.*)?", re.DOTALL)
+_AGAIN = "it may be cut short or of another format: copy or export it again."
+# Errors of bad bytes by their kind; of any other kind only where one of these libraries raised it.
+_BAD_BYTES = (ValueError, OverflowError, EOFError, OSError, struct.error, zlib.error, zipfile.BadZipFile, ExpatError)
+_LIBRARIES = {"nibabel", "numpy", "zipfile", "gzip", "xml", "ast", "tokenize", "json"}
+
+
+class FormatError(ValueError):
+    """What is wrong in the bytes of a file; the reader adds the path and the remedy."""
+
+
+def allowance(size):
+    """How many bytes a file of `size` bytes may unpack to."""
+    return max(ROOM, RATIO * size)
+
+
+def read_bytes(path):
+    """All bytes of a regular file, unzipped where it is called .gz or .mgz; SurfaceError, naming it, if it cannot be."""
+    try:
+        mode = path.stat().st_mode
+        if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):  # reading it might never end
+            raise SurfaceError(f"{path}: is {_kind(mode)}, not a regular file; save what it gives in a file first.")
+        data = path.read_bytes()
+        if path.suffix.lower() in (".gz", ".mgz"):
+            data = _unzipped(path, data)
+    except (OSError, EOFError, zlib.error) as error:
+        reason = getattr(error, "strerror", None) or error  # damaged gzip has none
+        raise SurfaceError(f"{path}: cannot be read ({reason}); check the name and copy the file again.") from None
+    except MemoryError:
+        raise out_of_memory(path) from None
+    if not data:
+        raise SurfaceError(f"{path}: the file is empty; copy or export it again.")
+    return data
+
+
+def _kind(mode):
+    return "a pipe" if stat.S_ISFIFO(mode) else "a socket" if stat.S_ISSOCK(mode) else "a device"
+
+
+def _unzipped(path, data):
+    most = allowance(len(data))
+    with gzip.GzipFile(fileobj=io.BytesIO(data)) as file:
+        unzipped = file.read(most + 1)
+    if len(unzipped) > most:
+        raise SurfaceError(
+            f"{path}: {len(data)} bytes unzip to more than {most}, which no surface or map does; it may be damaged or "
+            f"made to fill the memory. If it is sound, unzip it (gunzip) and give the file that comes out."
+        )
+    return unzipped
+
+
+def out_of_memory(path):
+    """The SurfaceError for a file that the memory has no room for."""
+    return SurfaceError(
+        f"{path}: there is not enough memory to read it; close other programs, use a machine with more, "
+        f"or give a coarser surface."
+    )
+
+
+@contextmanager
+def explain(path, kind, lead="not a readable"):
+    """Turn what parsers raise on bad bytes into one SurfaceError, "PATH: not a readable KIND ..."; no warning gets out.
+
+    A KeyError, TypeError and the like pass as they are unless a library raised them: in our own code they are bugs.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except SurfaceError as error:
+        raise SurfaceError(f"{path}: {error}") from None
+    except FormatError as error:
+        raise SurfaceError(f"{path}: {lead} {kind}: {error}; {_AGAIN}") from None
+    except MemoryError:
+        raise out_of_memory(path) from None
+    except Exception as error:
+        if not _of_bad_bytes(error):
+            raise
+        reason = " ".join(str(error).split())[:120] or type(error).__name__
+        raise SurfaceError(f"{path}: {lead} {kind} ({reason}); {_AGAIN}") from error
+
+
+def _of_bad_bytes(error):
+    trace = error.__traceback__
+    while trace.tb_next:
+        trace = trace.tb_next
+    return isinstance(error, _BAD_BYTES) or trace.tb_frame.f_globals.get("__name__", "").split(".")[0] in _LIBRARIES
+
+
+def require_all(name, found, expected):
+    """FormatError unless as many records are there as were announced, or more."""
+    if expected < 0 or found < expected:
+        raise FormatError(f"{expected} {name} records are announced, {found} are there")
+
+
+def npz_arrays(data, wanted):
+    """The arrays (dict) of an npz file's bytes whose names `wanted` accepts; FormatError where sizes contradict."""
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        members = [info for info in archive.infolist() if wanted(info.filename.removesuffix(".npy"))]
+        size, most = sum(info.file_size for info in members), allowance(len(data))
+        if size > most:
+            raise FormatError(
+                f"its arrays would unpack to {size} bytes, more than {most}, which those of a surface do not"
+            )
+        return {info.filename.removesuffix(".npy"): npy_array(archive.read(info)) for info in members}
+
+
+def npy_array(data):
+    """The array of the bytes of a .npy file; FormatError unless its header announces just what follows."""
+    file = io.BytesIO(data)
+    headers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+    version = np.lib.format.read_magic(file)
+    if version not in headers:
+        raise FormatError(f"the NumPy format {version} is not read here")
+    shape, fortran, dtype = headers[version](file)
+    if dtype.hasobject:
+        raise FormatError("it holds Python objects, not numbers")
+    announced, there = math.prod(shape) * dtype.itemsize, len(data) - file.tell()
+    if min(shape, default=0) < 0 or announced != there:
+        raise FormatError(f"an array of the shape {shape} takes {announced} bytes, {there} are there")
+    array = np.frombuffer(data, dtype, offset=file.tell()).reshape(shape, order="F" if fortran else "C")
+    return array.astype(dtype.newbyteorder("="))
+
+
+def write_whole(path, write, size=None):
+    """Let `write(temporary_path)` write a file that then takes its place in one step; SurfaceError if it cannot.
+
+    size: about how many bytes it will have, where that is known, so that a full disk's message says what is missing.
+    What killed runs left in the folder goes.
+    """
+    sweep(path.parent)
+    temporary = path.with_name(
+        f"{own_prefix()}{uuid.uuid4().hex[:8]}-{path.name}"
+    )  # the same folder: the last step is atomic
+    written, free = 0, None
+    try:
+        temporary.touch(exist_ok=False)
+        try:
+            write(temporary)
+            os.replace(temporary, path)
+        finally:
+            if temporary.exists():
+                written, free = temporary.stat().st_size, shutil.disk_usage(path.parent).free
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        if is_full(error, free):
+            raise SurfaceError(f"{path}: {full_disk(path.parent, written, size)}") from None
+        raise SurfaceError(
+            f"{path}: cannot be written ({error.strerror or error}); choose a file in a folder that exists and is "
+            f"writable."
+        ) from None
+
+
+def is_full(error, free=None):
+    """Whether an OSError says that a disk is full; NumPy's says only how much was written, then `free` bytes decide."""
+    return error.errno in (errno.ENOSPC, errno.EDQUOT) or (error.errno is None and free is not None and free < 1 << 16)
+
+
+def full_disk(folder, written, size=None):
+    """What to say of a full disk: what is needed, what is free, and how much is missing."""
+    free = shutil.disk_usage(folder).free
+    if size is None:
+        need = f"{_megabytes(written)} were written and more is needed, {_megabytes(free)} are free"
+    else:
+        need = f"about {_megabytes(size)} are needed, {_megabytes(free)} are free, {_megabytes(max(size - free, 0))} are missing"
+    return f"the disk is full (No space left on device): {need}; make room, or choose a folder on another disk."
+
+
+def _megabytes(size):
+    return f"{size / 1e6:.2f} MB"
+
+
+def own_prefix():
+    """How this process's temporary files and folders are called: with its number and machine, so that others can tell
+    whether it still runs."""
+    return f".qclearn-{os.getpid()}@{_machine()}-"
+
+
+def _machine():
+    return re.sub(r"[^\w.]", "_", platform.node())[:40]
+
+
+def sweep(folder):
+    """Remove from a folder what runs of this machine left there when they were killed; never that of one that runs."""
+    for leftover in folder.glob(".qclearn-*"):
+        name = _LEFTOVER.fullmatch(leftover.name)
+        if name and name[2] == _machine() and not _runs(int(name[1])):
+            if leftover.is_dir() and not leftover.is_symlink():
+                shutil.rmtree(leftover, ignore_errors=True)
+            else:
+                leftover.unlink(missing_ok=True)
+
+
+def _runs(process):
+    if os.name != "posix":  # where signal 0 would end it
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        pass
+    return True
+
+
+def is_plain_name(name):
+    """Whether a curve's name can be shown: up to 200 characters, none of which moves the terminal's cursor."""
+    return len(name) <= LONGEST_NAME and name.isprintable()
+
+
+def printable(text):
+    """A text as one line for the terminal: control characters as escapes, the middle of a very long one left out."""
+    text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in " ".join(text.split()))
+    half = LONGEST_MESSAGE // 2
+    return text if len(text) <= LONGEST_MESSAGE else f"{text[:half]} ... {text[-half:]}"

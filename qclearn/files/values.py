@@ -1,0 +1,294 @@
+"""Per-vertex files: masks of what to cut away, and maps to carry from one surface to another."""
+
+import math
+import re
+from pathlib import Path
+
+import nibabel
+import numpy as np
+
+from ..surfaces.surface import SurfaceError
+from . import gifti
+from .meshes import FOREIGN_SUFFIXES, suffix_of
+from .safe import FormatError, explain, npy_array, read_bytes, require_all, write_whole
+
+_MORPHOMETRY = b"\xff\xff\xff"
+_MORPHOMETRY_SUFFIXES = (
+    "",
+    ".thickness",
+    ".curv",
+    ".avg_curv",
+    ".sulc",
+    ".area",
+    ".volume",
+    ".mid",
+    ".pial",
+    ".w-g",
+    ".pct",
+)
+_MGH_BYTES = {0: 1, 1: 4, 3: 4, 4: 2}  # of a voxel, by MGH's type
+_FORMATS = (
+    ".npy, .txt, .gii (.shape.gii, .func.gii, .label.gii, also gzipped), .mgh, .mgz, .annot or FreeSurfer morphometry "
+    "(lh.thickness)"
+)
+# Formats that are known and not read or written here: what to do instead.
+_REFUSED = {
+    ".nii": "CIFTI holds both hemispheres and volumes at once: take one surface's map out, wb_command -cifti-separate IN COLUMN "
+    "-metric CORTEX_LEFT OUT.func.gii (-label for a .dlabel.nii); a volume: mri_vol2surf or wb_command "
+    "-volume-to-surface-mapping",
+    ".label": "a label lists vertices and gives no value to each: `qclearn open --label` takes it",
+    ".npz": "an npz holds several arrays: save one as .npy",
+}
+
+
+def read_mask(path, surface, keep=False):
+    """Mask (V,) bool of the vertices to cut away: those a file names or gives a nonzero value; for open_surface.
+
+    Files: a FreeSurfer .label (vertex numbers), or one number a vertex as `read_values` reads it. keep=True: the file
+    says what to keep (lh.cortex.label, thickness), so all else is cut. Raises SurfaceError, also where more than half
+    would be cut although keep was not asked for, and for an .annot, whose regions do not say which to cut.
+    """
+    path = Path(path)
+    n_vertices = len(surface.vertices)
+    if suffix_of(path) == ".label":
+        with explain(path, "FreeSurfer label"):
+            values = _read_label(path, read_bytes(path))
+        bad = values[(values < 0) | (values >= n_vertices)]
+        if bad.size:
+            raise SurfaceError(f"{path}: names vertices that do not exist, the first {bad[0]}; {_other(n_vertices)}")
+        mask = np.bincount(values, minlength=n_vertices) > 0
+    elif suffix_of(path) == ".annot":
+        raise SurfaceError(
+            f"{path}: an annotation names regions and does not say which to cut; give the subject's cortex "
+            f"label (lh.cortex.label, with --keep), or a mask of the regions to cut."
+        )
+    else:
+        values = read_values(path)
+        if values.shape != (n_vertices,):
+            raise SurfaceError(f"{path}: holds values of the shape {values.shape}; {_other(n_vertices)}")
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            raise SurfaceError(f"{path}: is NaN or infinite at {len(bad)} vertices, the first {bad[0]}; use 0 and 1.")
+        mask = values != 0
+    if keep:
+        return ~mask
+    if mask.sum() > n_vertices / 2:
+        raise SurfaceError(
+            f"{path}: would cut {mask.sum()} of {n_vertices} vertices, so it seems to say what to keep, as "
+            f"lh.cortex.label and thickness do; read it with keep=True (`qclearn open --keep`), or give the other part."
+        )
+    return mask
+
+
+def read_values(path):
+    """Values (V,), or (V, k) of k maps, of a per-vertex file: .npy, .txt, .gii (.shape, .func, .label, also gzipped),
+    .mgh, .mgz, .annot, or FreeSurfer morphometry, known by its content under any other name.
+
+    Whole numbers stay integers where the format says that they are: .npy, a text without a point, GIFTI's and MGH's
+    integer types, and an annotation's regions (their place in its table, -1 for none). SurfaceError, naming the file and
+    the remedy, where it cannot be read.
+    """
+    path = Path(path)
+    suffix = suffix_of(path)
+    _require_known(path, suffix, "read")
+    data = read_bytes(path)
+    if suffix not in _READERS and not data.startswith(_MORPHOMETRY):
+        raise SurfaceError(
+            f"{path}: no per-vertex file that is read here, which are {_FORMATS}; convert it to one of them."
+        )
+    kind, reader = _READERS.get(suffix, ("FreeSurfer morphometry file", _read_morphometry))
+    with explain(path, kind):
+        values = np.asarray(reader(path, data))
+        if values.dtype.kind not in "biuf":
+            raise SurfaceError(f"holds {values.dtype}, not real numbers; save one real number a vertex.")
+        if values.ndim not in (1, 2) or not values.size:
+            raise SurfaceError(
+                f"holds an array of the shape {values.shape}, not (V,) or (V, k); save one number a vertex."
+            )
+    return values.astype(values.dtype.newbyteorder("="))
+
+
+def read_labels(path):
+    """The names and colours that a .label.gii or an .annot gives to its whole numbers: dict key -> (name, (r, g, b, a)
+    from 0 to 1), for write_values; empty for other files."""
+    path = Path(path)
+    suffix = suffix_of(path)
+    if suffix not in (".gii", ".annot"):
+        return {}
+    with explain(path, "label table"):
+        data = read_bytes(path)
+        if suffix == ".gii":
+            return gifti.labels_of(gifti.parse(data))
+        _, table, names = _annotation(path, data)
+        colours = np.column_stack([table[:, :3], 255 - table[:, 3]]) / 255
+        known = {key: (name.decode(errors="replace"), tuple(colours[key].tolist())) for key, name in enumerate(names)}
+        return {-1: ("???", (1.0, 1.0, 1.0, 0.0))} | known
+
+
+def write_values(path, values, side=None, labels=None):
+    """Write values (V,) or (V, k) in the format of the path's suffix, as `read_values` reads them; whole or not at all.
+
+    GIFTI, MGH and morphometry store float32, GIFTI and MGH integers as int32; morphometry takes (V,) alone. A GIFTI gets the
+    hemisphere, side = "left" or "right" (else the one that its name says), and whole numbers a label table, `labels` as
+    from read_labels. SurfaceError where the format is not written here, where numbers do not fit it, or the folder
+    cannot be written.
+    """
+    path, values = Path(path), np.asarray(values)
+    suffix = suffix_of(path)
+    _require_known(path, suffix, "written")
+    if values.dtype.kind not in "biuf" or values.ndim not in (1, 2):
+        raise SurfaceError(
+            f"{path}: values of the type {values.dtype} and shape {values.shape} cannot be written; give real "
+            "numbers (V,) or (V, k): the real and imaginary parts of complex ones, say."
+        )
+    if suffix == ".gii":
+        side = side or gifti.side_of_name(path)
+        data = gifti.zipped(path, gifti.values_bytes(_fitting(path, values), side, labels))
+        write_whole(path, lambda place: place.write_bytes(data), len(data))
+    elif suffix in (".mgh", ".mgz"):
+        data = gifti.zipped(path, _mgh_bytes(_fitting(path, values)))
+        write_whole(path, lambda place: place.write_bytes(data), len(data))
+    elif suffix in (".npy", ".txt"):
+        write_whole(path, lambda place: _WRITERS[suffix](place, values), values.nbytes)
+    elif suffix in _MORPHOMETRY_SUFFIXES or (path.name.startswith(("lh.", "rh.")) and suffix not in FOREIGN_SUFFIXES):
+        numbers = _fitting(path, values, whole=False)
+        write_whole(path, lambda place: nibabel.freesurfer.write_morph_data(place, numbers), numbers.nbytes)
+    else:
+        raise SurfaceError(
+            f"{path}: not a format that is written here, which are {_FORMATS.replace(' .annot or', ' or')}; "
+            "choose another name."
+        )
+
+
+def _require_known(path, suffix, done):
+    known = ".nii" if path.name.lower().endswith(".nii.gz") else suffix
+    if known in _REFUSED:
+        raise SurfaceError(f"{path}: {known} files are not {done} here; {_REFUSED[known]}.")
+    if known == ".annot" and done == "written":
+        raise SurfaceError(
+            f"{path}: .annot files are not written here; write a .label.gii and convert it, mris_convert --annot."
+        )
+
+
+def _fitting(path, values, whole=True):
+    """Values as int32 or float32; SurfaceError where one would change. whole=False: the format has float32 alone."""
+    if values.ndim == 2 and not whole:
+        raise SurfaceError(
+            f"{path}: FreeSurfer morphometry holds one map, not {values.shape[1]}; choose .mgh or .func.gii."
+        )
+    integers = values.dtype.kind in "biu"
+    largest = np.iinfo(np.int32).max if whole else 1 << 24  # float32 has every integer up to there
+    largest = largest if integers else float(np.finfo(np.float32).max)
+    bad = np.argwhere(np.isfinite(values) & ((values > largest) | (values < -largest)))
+    if bad.size:
+        value = values[tuple(bad[0])]
+        raise SurfaceError(
+            f"{path}: {value} at vertex {bad[0][0]} does not fit the format (which goes up to {largest:.10g}); "
+            "choose .npy or .txt."
+        )
+    return values.astype(np.int32 if integers and whole else np.float32)
+
+
+def _other(n_vertices):
+    return f"the surface has {n_vertices} vertices: take the file that belongs to this surface, or copy it again."
+
+
+def _read_label(path, data):
+    rows = data.splitlines()
+    if len(rows) < 2:
+        raise FormatError("the two lines of the header are incomplete")
+    announced = int(rows[1])
+    there = sum(1 for row in rows[2:] if row.strip())
+    require_all("vertex", there, announced)
+    if there > announced:
+        raise FormatError(f"{announced} vertex records are announced, {there} are there")
+    return np.array([int(row.split()[0]) for row in rows[2:] if row.strip()], dtype=np.int64)
+
+
+def _read_morphometry(path, data):
+    header = np.frombuffer(data[3:15].ljust(12, b"\0"), ">i4").tolist()
+    if header[2] != 1:
+        raise FormatError(f"it holds {header[2]} values a vertex, where one is read")
+    require_all("value", (len(data) - 15) // 4, header[0])
+    if len(data) != 15 + 4 * header[0]:
+        raise FormatError(f"{header[0]} value records are announced, {len(data) - 15} bytes are there")
+    return nibabel.freesurfer.read_morph_data(path)
+
+
+def _read_annotation(path, data):
+    return _annotation(path, data)[0]
+
+
+def _annotation(path, data):
+    """Places in the table (V,), -1 for none; the table (N, 5); and the names, of a FreeSurfer annotation."""
+    words = np.frombuffer(data[: len(data) // 4 * 4], ">i4")
+    n_vertices = int(words[0]) if len(words) else -1
+    require_all("vertex", (len(words) - 1) // 2, n_vertices)
+    head = words[2 * n_vertices + 1 :][:3].tolist()
+    if len(head) < 3 or head[0] != 1 or head[1] != -2 or not 0 <= head[2] <= len(data):
+        raise FormatError("it has no colour table of FreeSurfer's second version")
+    if not np.array_equal(np.sort(words[1 : 2 * n_vertices : 2]), np.arange(n_vertices)):
+        raise FormatError("its vertices are not numbered from 0 on, each once")
+    colours, table, names = nibabel.freesurfer.read_annot(path, orig_ids=True)
+    order = np.argsort(table[:, 4], kind="stable")
+    place = np.searchsorted(table[order, 4], colours).clip(max=len(order) - 1)
+    found = table[order[place], 4] == colours
+    bad = np.flatnonzero(~found & (colours != 0))
+    if bad.size or len(names) != len(table):
+        raise FormatError(f"{len(bad)} vertices have a colour that is not in its table of {len(names)} names")
+    labels = np.full(n_vertices, -1)
+    labels[words[1 : 2 * n_vertices : 2]] = np.where(found & (colours != 0), order[place], -1)
+    return labels, table, names
+
+
+def _read_gifti_values(_, data):
+    return gifti.values_of(gifti.parse(data))
+
+
+def _read_mgh(_, data):
+    header = np.frombuffer(data[:24].ljust(24, b"\0"), ">i4").tolist()
+    shape, size = header[1:5], _MGH_BYTES.get(header[5])
+    if header[0] != 1 or size is None or min(shape) < 1:
+        raise FormatError("its header is none of MGH")
+    if sum(side > 1 for side in shape[:3]) > 1:
+        raise SurfaceError(
+            f"holds a volume of {' x '.join(map(str, shape[:3]))}, not a map on a surface; sample it there "
+            "with mri_vol2surf."
+        )
+    require_all("value", (len(data) - 284) // size, math.prod(shape))
+    values = np.asarray(nibabel.MGHImage.from_bytes(data).dataobj).reshape(-1, shape[3], order="F")
+    return values[:, 0] if shape[3] == 1 else values
+
+
+def _mgh_bytes(values):
+    voxels = values.reshape(len(values), 1, 1, *values.shape[1:])
+    return nibabel.MGHImage(voxels, np.eye(4)).to_bytes()
+
+
+def _read_npy(_, data):
+    return npy_array(data)
+
+
+def _read_txt(path, data):
+    whole = re.fullmatch(rb"[\s\d+-]*", data)  # NumPy would also cut 0.5 to 0
+    return np.loadtxt(path, ndmin=1, dtype=np.int64 if whole else np.float64)
+
+
+def _write_npy(path, values):
+    with path.open("wb") as file:
+        np.save(file, values)
+
+
+def _write_txt(path, values):
+    np.savetxt(path, values, fmt="%d" if values.dtype.kind in "iub" else "%.17g")
+
+
+_READERS = {
+    ".npy": ("NumPy array", _read_npy),
+    ".txt": ("text file of one number a vertex", _read_txt),
+    ".gii": ("GIFTI data file", _read_gifti_values),
+    ".mgh": ("MGH file", _read_mgh),
+    ".mgz": ("MGH file", _read_mgh),
+    ".annot": ("FreeSurfer annotation", _read_annotation),
+}
+_WRITERS = {".npy": _write_npy, ".txt": _write_txt}

@@ -1,0 +1,70 @@
+"""What `qclearn train` does: a recipe's training set, the loop, and a weights file that says where it comes from."""
+
+import os
+import platform
+from dataclasses import asdict, replace
+from datetime import date
+from importlib.metadata import version
+from pathlib import Path
+
+import torch
+from platformdirs import user_cache_path
+
+from ..files.provenance import commit
+from . import TrainingError, build, save_weights, train
+from .networks import gamma_fault
+from .networks import network as row_of
+from .weights import digest, stem
+
+
+def run_training(
+    network, preset="best", gamma=None, out=Path("run"), data=None, steps=None, seed=None, quick=False, threads=None
+):
+    """Train `network` by its recipe: (path of its weights file, last row of the log); (None, row) off the first process.
+
+    The recipe is the network's row in `nets.networks`: `TRAINING[preset]` of its module and the function of its data;
+    steps and seed replace the recipe's. TrainingError as `train`.
+    """
+    row = row_of(network)
+    if fault := gamma_fault(network, preset, gamma):
+        raise TrainingError(fault)
+    if threads:
+        torch.set_num_threads(threads)
+    recipe = row.training[preset]
+    given = {"steps": steps, "seed": seed}
+    recipe = replace(recipe, **{name: value for name, value in given.items() if value is not None})
+    torch.manual_seed(recipe.seed)  # of the parameters' first values
+    model = build(network, {"preset": preset} | ({} if gamma is None else {"gamma": gamma}))
+    folder = Path(data) if data else user_cache_path("qclearn") / "training"
+    training, validation = row.draw(model.config, folder, quick)
+    last = train(model, training, validation, recipe, out)
+    if os.environ.get("RANK", "0") != "0":
+        return None, last
+    path = out / f"{stem(network, preset, gamma)}.safetensors"
+    save_weights(path, model, header(network, recipe, training, quick, last))
+    return path, last
+
+
+def header(network, recipe, training, quick, last):
+    """What a weights file says of its origin."""
+    row = row_of(network)
+    return {
+        "network": network,
+        "training": asdict(recipe),
+        "seed": recipe.seed,
+        "steps": int(last["step"]),
+        "data": {
+            "recipe": row.data.replace(":", "."),
+            "what": row.draw.__doc__.splitlines()[0],
+            "quick": quick,
+            "items": len(training),
+            "digest": digest(training.tensors),
+        },
+        "commit": commit(),
+        "version": version("qclearn"),
+        "torch": torch.__version__,
+        "date": date.today().isoformat(),
+        "machine": f"{platform.machine()}, {torch.get_num_threads()} threads",
+        "seconds": last["seconds"],
+        "figures": {name: value for name, value in last.items() if name.startswith("validation_")},
+    }

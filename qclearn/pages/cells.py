@@ -1,0 +1,78 @@
+"""What every page of the book does with its results: numbers for the prose, figures and tables.
+
+The prose quotes numbers as {eval}`num.count` or {eval}`f"{num.error:.2f}"`: JupyterLab asks the kernel for them, and
+tools/build_book.py stores the answers in the executed page, where Sphinx reads them (qclearn/pages/sphinxpages.py).
+"""
+
+import base64
+import html
+import io
+from pathlib import Path
+from types import SimpleNamespace
+
+from IPython import get_ipython
+from IPython.display import Markdown, display
+
+num = SimpleNamespace()  # the numbers of this page
+# name -> execution counts of the cells that kept it: the build refuses a name that two cells keep. Here nothing is
+# refused, so that a reader may run a cell again.
+kept_by = {}
+
+
+def keep(**numbers):
+    """Set num.name = value: the text of the page quotes them. NumPy numbers become plain ones."""
+    for name, value in numbers.items():
+        setattr(num, name, getattr(value, "tolist", lambda value=value: value)())
+        kept_by.setdefault(name, set()).add(getattr(get_ipython(), "execution_count", 0))
+
+
+def kept(name):
+    """Path of a file of measured figures that comes with the package: "networks.json", "benchmark.json", ..."""
+    return Path(__file__).parents[1] / "benchmark" / "kept" / name
+
+
+def show_figure(picture, name, alt):
+    """Show a Matplotlib figure or an Image below the cell. The next Markdown cell opens with its caption:
+
+    :::{figure}
+    :name: <name>
+
+    Caption.
+
+    :::
+    """
+    if not alt.strip():
+        raise ValueError(f"the figure {name!r} has no description: say in `alt` what is to be seen")
+    png, width = drawn(picture)
+    data = base64.b64encode(png).decode()
+    # The HTML is for notebooks: JupyterLab 4.6 takes no alternative text from an image's metadata.
+    image = f'<img class="page-figure" width="{width}" alt="{html.escape(alt)}" src="data:image/png;base64,{data}">'
+    display(
+        {"text/html": image, "image/png": data, "text/plain": f"[{name}] {alt}"},
+        raw=True,
+        metadata={"scrapbook": {"name": name, "mime_prefix": ""}, "alt": alt, "image/png": {"width": width}},
+    )
+
+
+def drawn(picture, sharpness=2):
+    """The PNG of a picture, on white, and the width in pixels at which it is shown. A Matplotlib figure has `sharpness`
+    times as many."""
+    if not hasattr(picture, "savefig"):
+        return picture.data, picture.width or png_width(picture.data)
+    import matplotlib.pyplot as plt
+
+    picture.patch.set_alpha(1)  # white also on a dark page
+    buffer = io.BytesIO()
+    picture.savefig(buffer, format="png", dpi=sharpness * picture.dpi, bbox_inches="tight", facecolor="white")
+    plt.close(picture)
+    return buffer.getvalue(), round(png_width(buffer.getvalue()) / sharpness)
+
+
+def png_width(png):
+    return int.from_bytes(png[16:20], "big")
+
+
+def table(head, rows):
+    """A Markdown table of strings; its cell needs the metadata `mystnb: {markdown_format: myst}`."""
+    lines = [head, ["---"] * len(head), *rows]
+    return Markdown("\n".join("| " + " | ".join(line) + " |" for line in lines))

@@ -1,0 +1,354 @@
+"""Figures: what is shown on the disk (matplotlib, no global state) and on the surface (PyVista)."""
+
+import numpy as np
+from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle
+from scipy.spatial import cKDTree
+
+from ..registration.fit import sampling_matrix
+from ..surfaces.curvature import area_radius, grey_levels, mean_curvature
+
+# The paper's colours, in shades that colour-blind readers tell apart; a dashed line is the second cue for a target.
+CURVE_STYLES = {
+    "detected": {"color": "#009E73", "linestyle": "-", "marker": "o"},
+    "registered": {"color": "#F0E442", "linestyle": "-", "marker": "o"},
+    "target": {"color": "#D62728", "linestyle": (0, (2.5, 1.5)), "marker": "s"},
+}
+FLIPPED_COLOUR = "#CC79A7"
+SHADES = LinearSegmentedColormap.from_list("shades", ["0.38", "1.0"])  # lit from one side, black to white is too dark
+LIFT = 0.6  # of tubes in 3-D above the surface, in their radius
+
+
+def disk_axes(ax):
+    """Prepare an Axes for the unit disk: equal scales, the circle, no ticks; returns it."""
+    ax.set(aspect="equal", xlim=(-1.03, 1.03), ylim=(-1.03, 1.03))
+    ax.axis("off")
+    ax.add_patch(Circle((0, 0), 1, fill=False, edgecolor="0.4", linewidth=0.8, zorder=3))
+    return ax
+
+
+def disk_plot(ax, z, faces, values, cmap="viridis", vmin=None, vmax=None):
+    """Colour a planar mesh z (V,) by values per vertex (V,), blended, or per face (F,), flat; returns the artist."""
+    shading = "gouraud" if len(values) == len(z) else "flat"
+    disk_axes(ax)
+    return ax.tripcolor(
+        z.real, z.imag, faces, values, shading=shading, cmap=cmap, vmin=vmin, vmax=vmax, rasterized=True
+    )
+
+
+def polar_lines(rings=10, spokes=24, samples=181):
+    """Rings and spokes of the unit disk: list of complex curves."""
+    turn = np.exp(2j * np.pi * np.linspace(0, 1, samples))
+    along = np.linspace(0, 1, samples)
+    return [r * turn for r in np.arange(1, rings + 1) / rings] + [
+        along * np.exp(2j * np.pi * k / spokes) for k in range(spokes)
+    ]
+
+
+def square_lines(lines=17, samples=181):
+    """Horizontal and vertical chords of the unit disk, `lines` each: list of complex curves."""
+    offsets = np.linspace(-1, 1, lines + 2)[1:-1]
+    chords = [np.linspace(-1, 1, samples) * np.sqrt(1 - c**2) + 1j * c for c in offsets]
+    return chords + [chord.imag + 1j * chord.real for chord in chords]
+
+
+def map_curves(z, faces, f, curves):
+    """Curves (list of complex arrays) of the disk mesh z carried by the piecewise linear map f (V,): a list again."""
+    ends = np.cumsum([len(curve) for curve in curves])[:-1]
+    return np.split(sampling_matrix(z, faces, np.concatenate(curves)) @ f, ends)
+
+
+def grid_plot(ax, z, faces, f, lines=None, color="#1F4E79"):
+    """Draw grid lines of the disk (`polar_lines` by default) as the map f (V,) of the mesh deforms them."""
+    return lines_plot(disk_axes(ax), map_curves(z, faces, f, lines or polar_lines()), color)
+
+
+def lines_plot(ax, curves, color):
+    """Draw complex curves as thin lines; returns the LineCollection."""
+    segments = LineCollection([_pairs(curve) for curve in curves], colors=color, linewidths=0.6)
+    return ax.add_collection(segments)
+
+
+def curves_plot(ax, curves, style):
+    """Draw complex curves in one of the `CURVE_STYLES`, with a dark edge so that they show on any ground."""
+    look = CURVE_STYLES[style]
+    for curve in curves:
+        ax.plot(
+            curve.real,
+            curve.imag,
+            color="black",
+            linewidth=2.6,
+            zorder=4,
+            solid_capstyle="round",
+            linestyle=look["linestyle"],
+        )
+        ax.plot(curve.real, curve.imag, color=look["color"], linewidth=1.7, zorder=5, linestyle=look["linestyle"])
+        ends = curve[[0, -1]]
+        ax.plot(
+            ends.real,
+            ends.imag,
+            look["marker"],
+            color=look["color"],
+            markersize=3.5,
+            markeredgecolor="black",
+            markeredgewidth=0.6,
+            zorder=6,
+        )
+
+
+def curve_legend(ax, *styles):
+    """A legend below the Axes for curve styles drawn in it."""
+    handles = [Line2D([], [], **CURVE_STYLES[style], markeredgecolor="black", label=style) for style in styles]
+    ax.legend(
+        handles=handles,
+        loc="upper center",
+        bbox_to_anchor=(0.5, 0.02),
+        ncols=len(styles),
+        frameon=False,
+        fontsize=8,
+        handlelength=3,
+    )
+
+
+def ellipse_field(ax, z, mu, size=0.08, color="#0072B2"):
+    """Draw what small circles at z (K,) become under a map with coefficient mu (K,), up to turn and scale by f_z.
+
+    `dz + mu conj(dz)`: long axis at the angle `arg(mu) / 2`, axes in the ratio `(1 + |mu|) / (1 - |mu|)`; the long
+    axis has the length `size`.
+    """
+    z, mu = np.asarray(z, complex), np.asarray(mu, complex)
+    short = size * (1 - abs(mu)) / (1 + abs(mu))
+    ellipses = EllipseCollection(
+        np.full(len(z), size),
+        short,
+        np.degrees(np.angle(mu) / 2),
+        units="xy",
+        offsets=_pairs(z),
+        offset_transform=ax.transData,
+        facecolors=color,
+        alpha=0.75,
+    )
+    return ax.add_collection(ellipses)
+
+
+def mu_histogram(ax, mu, weights=None, bins=40):
+    """Histogram of |mu| (F,) from 0 to 1 as shares, by face or by `weights` (F,), with the mean marked."""
+    size = abs(np.asarray(mu))
+    share = np.ones(len(size)) if weights is None else np.asarray(weights)
+    share = share / share.sum()
+    ax.hist(size, np.linspace(0, max(1, size.max()), bins + 1), weights=share, color="#0072B2")
+    mean = size @ share
+    ax.axvline(mean, color="black", linestyle="--", linewidth=1, label=f"mean {mean:.3f}")
+    ax.set(xlabel=r"$|\mu|$", ylabel="share of faces" if weights is None else "share of area", xlim=(0, None))
+    ax.legend(frameon=False, fontsize=8)
+
+
+def registration_figure(registration, moving, control):
+    """The paper's figure of one `Registration`, its rows as columns: a Figure, ready for `savefig`.
+
+    Curvature disk of the moving surface with detected and target curves; the mapped disk with the curves after; the
+    deformed grid; |mu| of the map on the disk; its histogram. First row in the unit disk; second row with the radius
+    that gives equal parts of the picture equal moving area (a conformal disk crowds the cortex around its centre),
+    and the histogram by area.
+    """
+    r, radius = registration, area_radius(moving, registration.disk_moving)
+    figure = Figure(figsize=(16, 6.8), dpi=110)
+    rows = figure.subplots(
+        2,
+        5,
+        gridspec_kw={
+            "left": 0.02,
+            "right": 0.955,
+            "bottom": 0.11,
+            "top": 0.88,
+            "wspace": 0.08,
+            "hspace": 0.1,
+            "width_ratios": (1, 1, 1, 1, 0.8),
+        },
+    )
+    curves = [list(side) for side in zip(*r.curves.values())]
+    curvature = grey_levels(mean_curvature(moving), moving.vertex_areas)
+    for axes, scale, unscale in zip(rows, (np.asarray, radius.to_image), (np.asarray, radius.from_image)):
+        lines = [unscale(line) for line in polar_lines()]
+        mapped = map_curves(r.disk_moving, moving.faces, scale(r.disk_map), curves[0] + lines)
+        targets = [scale(curve) for curve in curves[1]]
+        before = (scale(r.disk_moving), [scale(curve) for curve in curves[0]], "detected")
+        after = (scale(r.disk_map), mapped[: len(targets)], "registered")
+        for ax, (z, drawn, style) in zip(axes, (before, after)):
+            disk_plot(ax, z, moving.faces, curvature, cmap="gray", vmin=-80, vmax=335)
+            curves_plot(ax, drawn, style)
+            curves_plot(ax, targets, "target")
+        lines_plot(disk_axes(axes[2]), mapped[len(targets) :], "#1F4E79")
+        colours = disk_plot(axes[3], scale(r.disk_moving), moving.faces, abs(r.mu), vmin=0, vmax=1)
+    mu_histogram(rows[0, 4], r.mu)
+    mu_histogram(rows[1, 4], r.mu, moving.face_areas)
+    _label_registration(figure, rows, colours, r.report)
+    return figure
+
+
+def _label_registration(figure, rows, colours, report):
+    titles = (
+        "mean curvature, detected curves",
+        "after the map",
+        "polar grid after the map",
+        r"$|\mu|$ on the moving disk",
+        r"histogram of $|\mu|$",
+    )
+    for ax, title in zip(rows[0], titles):
+        ax.set_title(title, fontsize=11)
+    for ax, text in zip(rows[:, 0], ("unit disk", "radius by cortical area")):
+        ax.text(-0.03, 0.5, text, rotation="vertical", va="center", ha="right", transform=ax.transAxes, fontsize=11)
+    for ax, style in zip(rows[1], ("detected", "registered")):
+        curve_legend(ax, style, "target")
+    place = rows[1, 3].get_position()
+    bar = figure.add_axes((place.x0 + 0.2 * place.width, 0.07, 0.6 * place.width, 0.018))
+    figure.colorbar(colours, cax=bar, orientation="horizontal", ticks=(0, 0.5, 1))
+    rows[0, 4].set_xlabel("")
+    for ax in rows[:, 4]:
+        ax.yaxis.tick_right()
+        ax.yaxis.set_label_position("right")
+    state = "certified bijective" if report["bijective"] else f"{report['flipped']} faces flipped"
+    figure.suptitle(
+        f"landmark error {report['landmark_error_before']:.2g} before, {report['landmark_error']:.2g} after "
+        rf"({report['landmark_error_mm']:.2g} mm); mean $|\mu|$ {report['mean_abs_mu']:.3f}; {state}",
+        fontsize=12,
+    )
+
+
+def surface_scene(surface, values=None, curves=(), cmap=SHADES, clim=None, title=None):
+    """A PyVista Plotter with the surface in 3-D, coloured by values (V,), and curves upon it; show it with `Scene`.
+
+    curves: pairs (points (k, 3) or vertex path (k,), style of `CURVE_STYLES`), drawn as tubes that lie a little above
+    the surface. An open surface is seen from the side away from its opening. Only float32 arrays that are seen go in: a
+    page carries the whole scene.
+    """
+    import pyvista  # slow to import, and the disk figures do not need it
+
+    from .scenes import require_renderer
+
+    require_renderer()
+    plotter = pyvista.Plotter(window_size=(700, 500))
+    plotter.set_background("white")
+    mesh = _add_surface(plotter, surface, values, cmap=cmap, clim=clim, title=title)
+    radius = 0.006 * np.linalg.norm(np.ptp(surface.vertices, axis=0))
+    for curve, style in curves:
+        curve = np.asarray(curve)
+        points = surface.vertices[curve] if curve.ndim == 1 else curve
+        # A tube about a line within the surface would sink and rise with its faces, and flicker where the two meet.
+        points = points + LIFT * radius * mesh["Normals"][cKDTree(surface.vertices).query(points)[1]]
+        tube = pyvista.lines_from_points(points.astype(np.float32)).tube(radius=radius, n_sides=8)
+        tube.clear_data()
+        plotter.add_mesh(tube, color=CURVE_STYLES[style]["color"])
+    if surface.boundary_loops:
+        away = surface.vertices.mean(0) - surface.vertices[np.concatenate(surface.boundary_loops)].mean(0)
+        plotter.view_vector(away, viewup=(0, 1, 0) if abs(away[2]) > 0.9 * np.linalg.norm(away) else (0, 0, 1))
+    return plotter
+
+
+def _add_surface(plotter, surface, values, shift=(0, 0, 0), cmap=SHADES, clim=None, title=None):
+    """Add the surface, moved by `shift`, to a Plotter; returns the mesh that it shows."""
+    import pyvista
+
+    vertices = (surface.vertices + np.asarray(shift)).astype(np.float32)
+    mesh = pyvista.PolyData.from_regular_faces(vertices, surface.faces)
+    # The plotter would compute normals only while it draws, too late for whoever looks at its meshes before.
+    mesh = mesh.compute_normals(cell_normals=False, split_vertices=False, consistent_normals=False)
+    colour = {"color": "lightgray"}
+    if values is not None:
+        mesh.point_data["values"] = np.asarray(values, np.float32)
+        colour = {
+            "scalars": "values",
+            "cmap": cmap,
+            "clim": clim,
+            "show_scalar_bar": title is not None,
+            "scalar_bar_args": {"title": title or "", "color": "black"},
+        }
+    plotter.add_mesh(mesh, smooth_shading=True, ambient=0.15, **colour)
+    return mesh
+
+
+def stacked_scene(surfaces, values, **more):
+    """A Plotter with surfaces one below the other, to the same scale: one camera turns them all. `more`: colours.
+
+    surfaces: list, the first on top; values: a list of (V,). Seen horizontally, from the side that
+    `surface_scene` shows of the first.
+    """
+    plotter = surface_scene(surfaces[0], values[0], **more)
+    edge = surfaces[0].vertices[:, 2].min()
+    for surface, colours in zip(surfaces[1:], values[1:]):
+        middle = (surfaces[0].vertices.mean(0) - surface.vertices.mean(0))[:2]
+        edge -= 0.08 * np.ptp(surface.vertices[:, 2])
+        _add_surface(plotter, surface, colours, (*middle, edge - surface.vertices[:, 2].max()), **more)
+        edge -= np.ptp(surface.vertices[:, 2])
+    plotter.camera.parallel_projection = True  # the lower one is as near as the upper one
+    x, y, _ = plotter.camera.direction
+    plotter.view_vector((-x, -y, 0), viewup=(0, 0, 1))
+    return plotter
+
+
+def surface_picture(surface, values=None, direction=None, up=(0, 0, 1), height=138.0, **more):
+    """A photograph (rows, columns, 3) of the surface, without perspective: `height` units of length fill its height.
+
+    direction: from the surface towards the eye; without one, away from its opening. `more` goes to `surface_scene`.
+    """
+    plotter = surface_scene(surface, values, **more)
+    plotter.off_screen, plotter.window_size = True, (960, 640)
+    if direction is not None:
+        plotter.view_vector(direction, viewup=up)
+    plotter.camera.parallel_projection = True
+    plotter.camera.parallel_scale = height / 2
+    pixels = plotter.screenshot(return_img=True)
+    plotter.close()
+    return pixels
+
+
+def registration_disks(axes, registration, moving, vmax=0.6):
+    """One `Registration` on four Axes: landmarks before and after on the moving curvature, the deformed grid, |mu|.
+
+    The radius gives equal parts of a picture equal moving area; "before" is what the best Möbius map leaves. Returns
+    the coloured artist of |mu|.
+    """
+    r, radius = registration, area_radius(moving, registration.disk_moving)
+    curves, targets = (list(side) for side in zip(*r.curves.values()))
+    lines = [radius.from_image(line) for line in polar_lines()]
+    before, after = radius.to_image(r.disk_moving), radius.to_image(r.disk_map)
+    mapped = map_curves(r.disk_moving, moving.faces, after, curves + lines)
+    curvature = grey_levels(mean_curvature(moving), moving.vertex_areas)
+    drawn = [radius.to_image(curve) for curve in curves], mapped[: len(curves)]
+    for ax, z, registered, title in zip(axes, (before, after), drawn, ("best Möbius map only", "registered")):
+        disk_plot(ax, z, moving.faces, curvature, cmap="gray", vmin=-80, vmax=335)
+        curves_plot(ax, registered, "registered")
+        curves_plot(ax, [radius.to_image(curve) for curve in targets], "target")
+        ax.set_title(title)
+    curve_legend(axes[0], "registered", "target")
+    lines_plot(disk_axes(axes[2]), mapped[len(curves) :], "#1F4E79")
+    axes[2].set_title("polar grid after the map")
+    axes[3].set_title(r"$|\mu|$")
+    return disk_plot(axes[3], before, moving.faces, abs(r.mu), vmin=0, vmax=vmax)
+
+
+def registration_scene(registration, shape, registered=True, **more):
+    """The landmarks of one `Registration` in 3-D, as in the paper: registered curves yellow, targets red; a Plotter.
+
+    shape: the control surface, or another one with its faces (inflated, say); registered=False shows the moving curves
+    where the best Möbius map of the disk leaves them. `more` goes to `surface_scene`.
+    """
+    from ..registration.register import lift
+
+    r = registration
+    moving, targets = (list(side) for side in zip(*r.curves.values()))
+    if registered:
+        moving = map_curves(r.disk_moving, r.faces_moving, r.disk_map, moving)
+    curves = [
+        (lift(shape, r.disk_control, curve), style)
+        for side, style in ((targets, "target"), (moving, "registered"))
+        for curve in side
+    ]
+    return surface_scene(shape, curves=curves, **more)
+
+
+def _pairs(z):
+    return np.stack([z.real, z.imag], axis=-1)

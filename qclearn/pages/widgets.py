@@ -1,0 +1,358 @@
+"""Live tuning of landmark fits: problems, solvers, the callback as a plain function, and a thin ipywidgets shell."""
+
+import base64
+import html
+import threading
+import time
+from dataclasses import dataclass, replace
+
+import ipywidgets
+import numpy as np
+from scipy.spatial import Delaunay
+
+from ..plane.beltrami import signed_areas
+from ..plane.diskmesh import polar_disk
+from ..registration.checked import exact_map, gamma_words
+from ..registration.fit import LandmarkError, LandmarkFit, check_weights, fit_landmarks, sampling_matrix
+from ..registration.landmarks import fundus_metric, fundus_path, sample_curve
+from ..registration.metrics import measured_losses
+from ..registration.register import align, check_curves, load
+from ..surfaces.conformal import disk_conformal_map
+from ..surfaces.curvature import AreaRadius, area_radius
+from .canvas import Canvas
+
+# CP-Net is trained for maps on this mesh. On another one the same mu gives another map: at a large gamma that
+# would hide how far the network is from the fit.
+MESH = polar_disk(32, 96, power=1.4)
+RINGS = 24  # of the polar mesh that carries the fit's unknowns: more gain little here, and take longer
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Landmarks to fit on a small disk mesh: name, z (V,), faces, moving and target (M,) complex, curve (M,) labels.
+
+    radius: the `AreaRadius` to draw it with, if the unit disk would crowd it.
+    """
+
+    name: str
+    z: np.ndarray
+    faces: np.ndarray
+    moving: np.ndarray
+    target: np.ndarray
+    curve: np.ndarray
+    radius: AreaRadius | None = None
+
+
+def example_problems():
+    """Three problems on a graded polar mesh of 3,073 vertices: list of `Problem`."""
+    z, faces = MESH
+    t = np.linspace(-1, 1, 9)
+    three = [0.55 + 0.25j * t, -0.35 + 0.35j + 0.2 * t * np.exp(0.7j), -0.1 - 0.5j + 0.3 * t]
+    two = [0.25j + 0.55 * t, -0.25j + 0.55 * t]
+    close = [0.08j + 0.4 * t, -0.08j + 0.4 * t]
+    shift = 0.35 * (1 - t**2) * 0.55
+    return [
+        _problem("a smooth twist", z, faces, three, [p * np.exp(0.9j * (1 - abs(p) ** 2)) for p in three]),
+        _problem("points spaced anew along two curves", z, faces, two, [two[0] + shift, two[1] - shift]),
+        _problem("two neighbours pulled apart", z, faces, close, [close[0] + 0.25, close[1] - 0.25]),
+    ]
+
+
+def _problem(name, z, faces, moving, target, radius=None):
+    labels = np.repeat(np.arange(len(moving)), [len(curve) for curve in moving])
+    return Problem(name, z, faces, np.concatenate(moving), np.concatenate(target), labels, radius)
+
+
+def cortex_problem(name, moving, control, curves, vertices=None, points=5):
+    """The landmarks of two cortical surfaces, `points` a curve, on a small disk mesh: a `Problem`.
+
+    curves as in `register`, sulci between endpoints by `fundus_path`; the landmarks come from the full surfaces. The
+    mesh: the graded polar one of the examples; or, given their number, vertices spread evenly over the moving surface,
+    joined at their places in its disk (Delaunay).
+    """
+    entries = check_curves(curves, moving, control)
+    z_moving, z_control = disk_conformal_map(moving), disk_conformal_map(control)
+    z_moving = align(moving, z_moving, control, z_control, entries)
+    landmarks = []
+    for surface, z, side in ((moving, z_moving, "moving"), (control, z_control, "control")):
+        metric = fundus_metric(surface)
+        paths = [
+            fundus_path(surface, *entry[side], metric) if entry["detect"][side] else entry[side] for entry in entries
+        ]
+        landmarks.append([sample_curve(surface, path, points) @ z for path in paths])
+    z, faces = MESH
+    if vertices is not None:
+        z = z_moving[spread_vertices(moving, vertices)]
+        faces = Delaunay(np.stack([z.real, z.imag], axis=1)).simplices.astype(np.int64)
+        faces = np.where((signed_areas(z, faces) < 0)[:, None], faces[:, ::-1], faces)
+    return _problem(name, z, faces, *landmarks, area_radius(moving, z_moving))
+
+
+def spread_vertices(surface, count):
+    """Indices (count,) of vertices spread evenly in space: every other boundary vertex, then always the farthest."""
+    chosen = list(surface.boundary[::2])
+    distance = np.full(len(surface.vertices), np.inf)
+    for place in range(count):
+        if place == len(chosen):
+            chosen.append(int(distance.argmax()))
+        distance = np.minimum(distance, ((surface.vertices - surface.vertices[chosen[place]]) ** 2).sum(1))
+    return np.array(chosen)
+
+
+@dataclass(frozen=True)
+class FitState:
+    """One solver's answer: fit (None where it failed), its terms of L_CP, seconds, and a message in words.
+
+    terms: name -> (value, weight, product) as `measured_losses` of the map, so that solvers are compared alike.
+    """
+
+    fit: LandmarkFit | None
+    terms: dict
+    seconds: float
+    message: str
+
+    @property
+    def loss(self):
+        """L_CP of the map, NaN without one."""
+        return sum(product for *_, product in self.terms.values()) if self.terms else np.nan
+
+
+def exact_fit(problem, alpha, beta, gamma, sliding=False, watch=None):
+    """`fit_landmarks` on a Problem."""
+    return fit_landmarks(
+        problem.z,
+        problem.faces,
+        problem.moving,
+        problem.target,
+        alpha,
+        beta,
+        gamma,
+        problem.curve,
+        sliding,
+        rings=RINGS,
+        watch=watch,
+    )
+
+
+def network_fit(problem, alpha, beta, gamma, sliding=False, watch=None):
+    """CP-Net's coefficient for a Problem and the exact solver's map for it, so that what differs is CP-Net's alone."""
+    check_weights(alpha, beta, gamma)
+    if sliding:
+        raise LandmarkError("CP-Net takes points to points, it knows no sliding; choose points")
+    network = load("cpnet")
+    if watch:
+        watch()
+    mu = network.predict(
+        problem.z,
+        problem.faces,
+        problem.moving,
+        problem.target,
+        alpha=alpha,
+        beta=beta,
+        gamma=gamma,
+        curve=problem.curve,
+    )
+    fit = exact_map(problem.z, problem.faces, mu, problem.moving, problem.target)
+    return replace(fit, fallbacks=(*gamma_words(network, alpha, beta, gamma), *fit.fallbacks))
+
+
+SOLVERS = {"exact fit": exact_fit, "CP-Net": network_fit}  # the first is what the others are compared with
+
+
+def fit_state(problem, alpha, beta, gamma, sliding=False, solver=exact_fit, watch=None):
+    """The answer to one place of the sliders: a FitState; bad input or a missing network becomes its message.
+
+    It depends on the arguments alone, not on where the sliders were before.
+    """
+    start = time.perf_counter()
+    try:
+        fit = solver(problem, alpha, beta, gamma, sliding, watch)
+    except (ValueError, ImportError) as error:  # LandmarkError, BeltramiError, SurfaceError, WeightsError; no torch
+        return FitState(None, {}, time.perf_counter() - start, str(error))
+    seconds = time.perf_counter() - start
+    mapped = sampling_matrix(problem.z, problem.faces, problem.moving) @ fit.f
+    losses = measured_losses(problem.z, problem.faces, fit.mu, mapped, problem.target, alpha, beta, gamma)
+    weights = {"L_mu": alpha, "L_grad_mu": beta, "L_Landmark": gamma}
+    terms = {name: (losses[name], weight, weight * losses[name]) for name, weight in weights.items()}
+    certificate = (
+        "certified bijective"
+        if fit.bijective
+        else f"not bijective: {len(fit.flipped)} of {len(problem.faces)} triangles flipped"
+    )
+    return FitState(fit, terms, seconds, "; ".join([certificate, *fit.fallbacks]))
+
+
+def describe(state):
+    """A FitState in one sentence."""
+    if state.fit is None:
+        return f"No map: {state.message}"
+    size = abs(state.fit.mu)
+    return (
+        f"landmark error {state.fit.landmark_error:.2e}, mean |μ| {size.mean():.3f}, largest {size.max():.3f}; "
+        f"{state.message}; {1000 * state.seconds:.0f} ms"
+    )
+
+
+def gaps(states):
+    """One sentence for each solver after the first that has a map: its L_CP beside that of the first."""
+    (name, first), *others = states.items()
+    return [
+        f"L_CP of {other} is {state.loss / first.loss:.3g} times that of {name}"
+        for other, state in others
+        if state.fit is not None and first.fit is not None
+    ]
+
+
+def table(states):
+    """States (dict solver name -> FitState) as HTML: a sentence each, their loss terms side by side, and the gaps."""
+    shown = {name: state for name, state in states.items() if state.fit is not None}
+    parts = [f"<p><b>{html.escape(name)}</b>: {html.escape(describe(state))}</p>" for name, state in states.items()]
+    return "".join(
+        [*parts, loss_table(shown) if shown else "", *(f"<p>{html.escape(gap)}.</p>" for gap in gaps(states))]
+    )
+
+
+def loss_table(states):
+    """The loss terms of states that have a map, as they are and weighted, side by side as HTML."""
+    symbols = {"L_mu": "L<sub>μ</sub>", "L_grad_mu": "L<sub>∇μ</sub>", "L_Landmark": "L<sub>Landmark</sub>"}
+    rows = []
+    for key, symbol in symbols.items():
+        terms = [state.terms[key] for state in states.values()]
+        rows.append(
+            [
+                symbol,
+                f"{terms[0][1]:.3g}",
+                *(f"{number:.3g}" for value, _, product in terms for number in (value, product)),
+            ]
+        )
+    rows.append(["L<sub>CP</sub>", "", *(cell for state in states.values() for cell in ("", f"{state.loss:.3g}"))])
+    head = ["term", "weight", *(cell for name in states for cell in (html.escape(name), "weighted"))]
+    lines = [
+        "".join(f"<th>{cell}</th>" for cell in head),
+        *("".join(f"<td>{cell}</td>" for cell in row) for row in rows),
+    ]
+    body = "".join(f"<tr>{line}</tr>" for line in lines)
+    return f"<table style='border-collapse: separate; border-spacing: 1.5em 0'>{body}</table>"
+
+
+class Superseded(Exception):
+    """Raised inside a calculation whose request is no longer the newest."""
+
+
+class NewestOnly:
+    """Answers requests in one worker thread, the newest only: an older one is stopped at its next step.
+
+    work(*request, watch) returns the answer and calls watch() now and then; deliver(answer) shows it. A short pause
+    lets the many events of one slider move pass first.
+    """
+
+    def __init__(self, work, deliver, pause=0.03):
+        self.work, self.deliver, self.pause = work, deliver, pause
+        self.lock, self.thread, self.generation, self.request = threading.Lock(), None, 0, None
+
+    def submit(self, *request):
+        with self.lock:
+            self.request, self.generation = request, self.generation + 1
+            if self.thread is None:
+                self.thread = threading.Thread(target=self._run, daemon=True)
+                self.thread.start()
+
+    def wait(self):
+        """Return once the newest request has been answered."""
+        thread = self.thread
+        if thread is not None:
+            thread.join()
+
+    def _run(self):
+        while True:
+            time.sleep(self.pause)
+            with self.lock:
+                request, generation = self.request, self.generation
+
+            def watch(generation=generation):
+                if generation != self.generation:
+                    raise Superseded
+
+            try:
+                self.deliver(self.work(*request, watch=watch))
+            except Superseded:
+                continue
+            with self.lock:
+                if generation == self.generation:
+                    self.thread = None
+                    return
+
+
+class Tuner(ipywidgets.VBox):
+    """Sliders for alpha, beta and gamma over the landmark fit of a choice of problems (list of `Problem`).
+
+    solvers: name -> callable like `exact_fit`; their answers stand one below the other, compared with the first. The first answer is computed
+    at once, so that a page without a kernel shows it; later ones come from a worker thread.
+    """
+
+    def __init__(self, problems, solvers=None):
+        self.problems, self.solvers = {problem.name: problem for problem in problems}, solvers or SOLVERS
+        self.canvas, names = None, list(self.problems)
+        self.problem = ipywidgets.Dropdown(
+            options=names, value=names[0], description="problem", layout={"width": "34em"}
+        )
+        self.landmarks = ipywidgets.Dropdown(
+            options=["points", "sliding"], description="landmarks", layout={"width": "34em"}
+        )
+        self.alpha = self._slider("α", 1.0, -2, 2, "weight of |μ|²")
+        self.beta = self._slider("β", 1e-2, -4, 1, "weight of |∇μ|²")
+        self.gamma = self._slider("γ", 1e5, 0, 7, "weight of the landmark mismatch")
+        self.picture = ipywidgets.HTML()  # an Image widget could not carry the words for those who do not see it
+        self.text = ipywidgets.HTML()
+        controls = [self.problem, self.landmarks, self.alpha, self.beta, self.gamma]
+        super().__init__([*controls, self.picture, self.text])
+        self.worker = NewestOnly(self.answer, self.show)
+        self.show(self.answer(*self.setting()))
+        for control in controls:
+            control.observe(lambda change: self.worker.submit(*self.setting()), "value")
+
+    @staticmethod
+    def _slider(name, value, low, high, tooltip):
+        return ipywidgets.FloatLogSlider(
+            value=value,
+            min=low,
+            max=high,
+            step=0.1,
+            description=name,
+            tooltip=tooltip,
+            readout_format=".1e",
+            layout={"width": "34em"},
+        )
+
+    def setting(self):
+        """What the controls say: (problem name, alpha, beta, gamma, sliding)."""
+        return (
+            self.problem.value,
+            self.alpha.value,
+            self.beta.value,
+            self.gamma.value,
+            self.landmarks.value == "sliding",
+        )
+
+    def answer(self, name, alpha, beta, gamma, sliding, watch=None):
+        """(picture, text) as HTML for one setting; an error becomes text without a picture, never a traceback."""
+        try:
+            problem = self.problems[name]
+            states = {
+                solver: fit_state(problem, alpha, beta, gamma, sliding, solve, watch)
+                for solver, solve in self.solvers.items()
+            }
+            if self.canvas is None or self.canvas.problem is not problem:
+                self.canvas = Canvas(problem, list(self.solvers))
+            words = "; ".join([f"{solver}: {describe(state)}" for solver, state in states.items()] + gaps(states))
+            alternative = html.escape(f"Landmarks, deformed grid, |μ| and its histogram for {name}. {words}")
+            data = base64.b64encode(self.canvas.draw(states)).decode()
+            return f'<img alt="{alternative}" src="data:image/png;base64,{data}">', table(states)
+        except Superseded:
+            raise
+        except Exception as error:
+            return "", f"<p><b>Error</b>: {html.escape(f'{type(error).__name__}: {error}')}</p>"
+
+    def show(self, answer):
+        """Put an answer on the page; the text is announced to those who listen to it."""
+        self.picture.value, self.text.value = answer[0], f'<div role="status">{answer[1]}</div>'

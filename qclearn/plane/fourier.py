@@ -1,0 +1,111 @@
+"""Low-frequency approximation of Beltrami coefficients on a square grid.
+
+The paper transforms the real and the imaginary part of mu as two images. The transform is linear, so the coefficients
+of the complex mu are those of the two channels put together, `mu_R^ + i mu_I^`, and keeping |m|, |n| <= k in both
+channels is keeping them here.
+"""
+
+import numpy as np
+from scipy import ndimage
+
+from .beltrami import signed_areas
+from .disk import solve_beltrami_disk
+from .diskmesh import disk_to_square, locate, pixel_centres, square_to_disk
+
+
+def frequencies(size, k):
+    """The integers m with |m| <= k that differ on a grid of `size` points, ascending: 2k + 1 of them, or `size`."""
+    if k < 0:
+        raise ValueError(f"the highest frequency kept is {k}; give 0 (the mean alone) or more")
+    return np.arange(-k, k + 1) if 2 * k + 1 <= size else np.arange(size) - size // 2
+
+
+def fourier_matrix(size, k):
+    """The matrix `M_mp = exp(-2 pi i m p / size) / size`, |m| <= k: rows as `frequencies(size, k)`, `size` columns.
+
+    `M mu M^T` are the kept coefficients: the paper's two matrix products M mu N, with N = M^T, before they are learnt.
+    """
+    return np.exp(-2j * np.pi * np.outer(frequencies(size, k), np.arange(size)) / size) / size
+
+
+def fourier_coefficients(image, k):
+    """Coefficients `mu^(m, n) = 1/N^2 sum mu(p, q) exp(-2 pi i (p m + q n)/N)`, |m|, |n| <= k, of an (N, N) image.
+
+    Rows and columns as `frequencies(N, k)`. Source: paper, section 'Compression by Fourier Approximation', eq. (FFT).
+    """
+    image = _square(image)
+    kept = frequencies(len(image), k)
+    return np.fft.fft2(image)[np.ix_(kept, kept)] / image.size
+
+
+def from_coefficients(coefficients, size):
+    """The complex image (size, size) that has these coefficients of `fourier_coefficients`, and no others."""
+    kept = frequencies(size, len(coefficients) // 2)
+    spectrum = np.zeros((size, size), complex)
+    spectrum[np.ix_(kept, kept)] = coefficients
+    return np.fft.ifft2(spectrum) * size**2
+
+
+def compress(image, k):
+    """The image (N, N) with its frequencies above k removed, complex; it is its own compression.
+
+    The best approximation in the mean square by these frequencies. Nothing bounds |mu| < 1: overshoot near a jump can
+    lift it, and the border counts as a jump where opposite sides of the square differ (the transform is periodic).
+    """
+    return from_coefficients(fourier_coefficients(image, k), len(image))
+
+
+def coefficient_count(size, k):
+    """How many complex numbers `compress` keeps, (2k + 1)^2; a real channel's are conjugate in pairs: as many reals."""
+    return len(frequencies(size, k)) ** 2
+
+
+def to_square(z, faces, mu, size):
+    """mu (F,) of a disk mesh sampled at the pixel centres of the square [-1, 1]^2, complex (size, size).
+
+    The pixel at w shows the face that holds `square_to_disk(w)`; pixels as `pixel_centres`. The values are carried
+    over as they are: this is resampling, not the coefficient of a map of the square.
+    """
+    face, _ = locate(z, faces, square_to_disk(pixel_centres(size)).ravel())
+    return np.asarray(mu)[face].reshape(size, size)
+
+
+def from_square(image, z, faces):
+    """An image of the square, bilinear at the centroids of the faces of a disk mesh, complex (F,)."""
+    image = _square(image)
+    w = disk_to_square(np.asarray(z)[faces].mean(axis=1))
+    row, column = (((x + 1) * len(image) - 1) / 2 for x in (w.imag, w.real))
+    return ndimage.map_coordinates(image, [row, column], order=1, mode="nearest")
+
+
+def compression_effect(z, faces, mu, ks, size=128):
+    """What keeping the frequencies up to k costs, one dict for each k of `ks`.
+
+    Keys: k; coefficients (their number); image_error and mu_error, root mean square of the change of mu over the
+    square's pixels and over the disk's area; max_abs_mu; map_error, the largest distance between the disk maps of the
+    original and of the compressed mu. Raises BeltramiError where compression lifts |mu| to 1.
+    """
+    image, areas = to_square(z, faces, mu, size), signed_areas(z, faces)
+    original = solve_beltrami_disk(z, faces, mu)
+    rows = []
+    for k in ks:
+        smooth = compress(image, k)
+        compressed = from_square(smooth, z, faces)
+        rows.append(
+            {
+                "k": k,
+                "coefficients": coefficient_count(size, k),
+                "image_error": float(np.sqrt(np.mean(abs(smooth - image) ** 2))),
+                "mu_error": float(np.sqrt(np.average(abs(compressed - mu) ** 2, weights=areas))),
+                "max_abs_mu": float(abs(compressed).max()),
+                "map_error": float(abs(solve_beltrami_disk(z, faces, compressed) - original).max()),
+            }
+        )
+    return rows
+
+
+def _square(image):
+    image = np.asarray(image)
+    if image.ndim != 2 or image.shape[0] != image.shape[1]:
+        raise ValueError(f"the image must be square, (N, N), not {image.shape}; see to_square")
+    return image

@@ -1,0 +1,130 @@
+"""The landmarks file: its curves and the surfaces it was made for, checked against the surfaces at hand."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from ..files.provenance import fingerprint
+from ..files.safe import is_plain_name, read_bytes
+from ..surfaces.surface import SurfaceError, mirror
+from .fit import LandmarkError
+from .landmarks import check_path
+
+CURVE_KEYS = {"name", "moving", "control", "detect"}
+SIDES = {"moving": "control", "control": "moving"}  # each side and the other
+
+
+def read_landmarks(path):
+    """The contents of a landmarks file; LandmarkError, naming it, if it cannot be read, is not JSON, or has a curve
+    whose name is long or holds control characters."""
+    try:
+        contents = json.loads(read_bytes(Path(path)).decode("utf-8-sig"))  # Windows puts a byte order mark before it
+    except SurfaceError as error:
+        raise LandmarkError(str(error)) from None
+    except RecursionError:
+        raise LandmarkError(f"{path}: lists nested too deeply; see the README for the format") from None
+    except ValueError as error:  # also of an integer of thousands of digits
+        raise LandmarkError(f"{path}: not a JSON file ({error}); see the README for the format") from None
+    curves = contents.get("curves") if isinstance(contents, dict) else contents
+    for number, curve in enumerate(curves if isinstance(curves, list) else []):
+        name = curve.get("name") if isinstance(curve, dict) else None
+        if isinstance(name, str) and not is_plain_name(name):
+            raise LandmarkError(
+                f"{path}: the name of curve {number} is longer than 200 characters or holds control "
+                f"characters: {name[:40]!r}; rename it"
+            )
+    return contents
+
+
+def check_curves(curves, moving, control):
+    """The landmarks file's curves as checked dicts with arrays and `detect` per side, or LandmarkError."""
+    if isinstance(curves, dict):
+        unknown = set(curves) - {"curves", "surfaces"}
+        if unknown or "curves" not in curves:
+            raise LandmarkError(
+                f"landmarks need the one key 'curves'; found {sorted(map(str, curves))} ('surfaces' may "
+                "stand beside it)"
+            )
+        check_surfaces(curves.get("surfaces", {}), moving, control)
+        curves = curves["curves"]
+    if not isinstance(curves, (list, tuple)) or not curves:
+        raise LandmarkError('landmarks hold no curves: give at least one {"name", "moving", "control"}')
+    entries = [_check_entry(number, entry, moving, control) for number, entry in enumerate(curves)]
+    names = [entry["name"] for entry in entries]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise LandmarkError(f"curve names used twice: {twice}; rename one of each")
+    return entries
+
+
+def check_surfaces(stated, moving, control):
+    """LandmarkError unless the surfaces are those that the file names: `{"moving": {"vertices", "sha256"}, ...}`.
+
+    Each side and each of its two keys may be missing. A surface that was mirrored after reading counts as itself.
+    """
+    if not isinstance(stated, dict) or not set(stated) <= set(SIDES):
+        raise LandmarkError('landmarks: \'surfaces\' must be {"moving": {"vertices", "sha256"}, "control": {...}}')
+    surfaces = {"moving": moving, "control": control}
+    for side, wanted in stated.items():
+        if not isinstance(wanted, dict) or not set(wanted) <= {"vertices", "sha256"}:
+            raise LandmarkError(f'landmarks: surfaces, {side}: give "vertices" and "sha256", and nothing else')
+        if not _is_one(wanted, surfaces[side]):
+            other = SIDES[side]
+            hint = (
+                f"exchanged: they fit the {other} surface; exchange MOVING and CONTROL"
+                if wanted and _is_one(wanted, surfaces[other])
+                else "numbers of one mesh mean nothing on another: give the surface they were made on, or make them anew"
+            )
+            raise LandmarkError(
+                f"the landmarks were made for another {side} surface ({_stated(wanted)}; this one has "
+                f"{_stated(fingerprint(surfaces[side]))}): {hint}"
+            )
+
+
+def _is_one(wanted, surface):
+    own = fingerprint(surface)
+    if wanted.get("vertices", own["vertices"]) != own["vertices"]:
+        return False
+    wanted = wanted.get("sha256", own["sha256"])
+    return wanted == own["sha256"] or wanted == fingerprint(mirror(surface))["sha256"]
+
+
+def _stated(mark):
+    """A side's count and hash in words."""
+    words = {"vertices": "{} vertices", "sha256": "sha256 {}"}
+    return ", ".join(words[key].format(str(value)[:12]) for key, value in mark.items())
+
+
+def _check_entry(number, entry, moving, control):
+    if not isinstance(entry, dict) or not {"name", "moving", "control"} <= set(entry) <= CURVE_KEYS:
+        keys = sorted(map(str, entry)) if isinstance(entry, dict) else type(entry).__name__
+        raise LandmarkError(f"curve {number} has {keys}; it needs name, moving, control and may have detect")
+    if not isinstance(entry["name"], str) or not isinstance(entry.get("detect", True), bool):
+        raise LandmarkError(f"curve {number}: name must be text and detect true or false")
+    checked, surfaces = {"name": entry["name"], "detect": {}}, {"moving": moving, "control": control}
+    for side, surface in surfaces.items():
+        try:
+            checked[side] = check_path(surface, entry[side])
+        except LandmarkError as error:
+            hint = _other_numbers(entry[side], surface, SIDES[side], surfaces[SIDES[side]])
+            raise LandmarkError(f"curve {entry['name']!r}, {side} side: {error}{hint}") from None
+        checked["detect"][side] = len(checked[side]) == 2 and entry.get("detect", True)
+    return checked
+
+
+def _other_numbers(path, surface, other_side, other):
+    """What vertices may be that are out of a surface's range: words to end a message with."""
+    try:
+        path = np.asarray(path)
+    except ValueError:
+        return ""
+    if path.ndim != 1 or path.dtype.kind not in "iu" or not len(path):
+        return ""
+    if path.min() < 0 or path.max() < len(surface.vertices):
+        return ""
+    if surface.original_vertices is not None and np.isin(path, surface.original_vertices).all():
+        return " numbering: all are vertices of the whole surface; give their numbers on the cut one"
+    if path.max() < len(other.vertices):
+        return f" exchanged: or of the {other_side} surface, which has so many? then exchange MOVING and CONTROL"
+    return ""

@@ -1,0 +1,136 @@
+"""What reports and tables say about a map: the size of its coefficient, its errors, its distortion, the paper's losses."""
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import dijkstra
+
+from ..plane.beltrami import corner_average, signed_areas, stiffness
+from ..plane.triangles import corner_angles, edge_lengths
+
+SMALLEST_RATIO = 1e-6  # of a face's area to its share, where it is measured
+
+
+def coefficient_statistics(mu):
+    """Mean, standard deviation and maximum of |mu| over the faces of the moving mesh."""
+    size = abs(mu)
+    return {"mean_abs_mu": float(size.mean()), "sd_abs_mu": float(size.std()), "max_abs_mu": float(size.max())}
+
+
+def curve_rows(names, before, after, millimetres):
+    """Per curve: its name and mean errors before (best Möbius map) and after, in the disk and in millimetres.
+
+    The errors (10 K,) are those of the landmarks, curve after curve.
+    """
+    means = [errors.reshape(len(names), -1).mean(1).tolist() for errors in (before, after, millimetres)]
+    keys = "name", "landmark_error_before", "landmark_error", "landmark_error_mm"
+    return [dict(zip(keys, row)) for row in zip(names, *means)]
+
+
+def mean_rows(rows):
+    """Means over the curves of the errors that their rows hold, each over the curves that have it."""
+    keys = ["landmark_error_before", "landmark_error", "landmark_error_mm", "landmark_error_true"]
+    found = {key: [row[key] for row in rows if key in row] for key in keys}
+    return {key: float(np.mean(values)) for key, values in found.items() if values}
+
+
+def measured_losses(z, faces, mu, mapped, target, alpha, beta, gamma):
+    """The paper's loss of a map and its terms, whatever found the map: L_mu, L_grad_mu, L_Landmark and L_CP.
+
+    mu (F,) is the map's measured coefficient on the disk mesh z, faces; mapped, target (M,) its landmarks.
+    `L_mu = (1/pi) sum |T| |mu_T|^2`; for `L_grad_mu = (1/pi) int |grad mu|^2` mu is made piecewise linear by averages
+    over the faces around each vertex, by area. Source: paper, eqs. muloss, musmooth, lmloss, RegLoss.
+    """
+    areas = signed_areas(z, faces)
+    nodal = corner_average(faces, len(z), areas) @ mu
+    terms = {
+        "L_mu": float(areas @ abs(mu) ** 2) / np.pi,
+        "L_grad_mu": float((nodal.conj() @ (stiffness(z, faces, np.zeros(len(faces))) @ nodal)).real) / np.pi,
+        "L_Landmark": float((abs(mapped - target) ** 2).mean()),
+    }
+    return terms | {"L_CP": alpha * terms["L_mu"] + beta * terms["L_grad_mu"] + gamma * terms["L_Landmark"]}
+
+
+def coefficient_measures(surface, z, mu):
+    """|mu| over the faces of the moving mesh, over its disk's area and over the surface's own area, plain numbers.
+
+    `coefficient_statistics` and `p95_abs_mu` count each face once, as the paper's table does; `_disk` and `_area` weight
+    it by its area in the disk and in space. Infinite where a face is mapped with its orientation exactly reversed.
+    """
+    size, result = abs(mu), {**coefficient_statistics(mu), "p95_abs_mu": float(np.percentile(abs(mu), 95))}
+    for name, areas in (("disk", signed_areas(z, surface.faces)), ("area", surface.face_areas)):
+        mean = np.average(size, weights=areas)
+        result |= {
+            f"mean_abs_mu_{name}": float(mean),
+            f"sd_abs_mu_{name}": float(np.sqrt(np.average((size - mean) ** 2, weights=areas))),
+        }
+    return result
+
+
+def coefficient_histogram(mu, bins=50):
+    """Counts (bins,) of |mu| over the faces in equal steps of [0, 1]; the last also counts all above."""
+    return np.histogram(np.minimum(abs(mu), 1), bins, (0, 1))[0]
+
+
+def landmark_measures(mapped, target, off_mm):
+    """Mean and standard deviation over landmarks of their distance from the target: in the disk, and in mm (M,)."""
+    off = abs(mapped - target)
+    return {
+        "landmark_error": float(off.mean()),
+        "sd_landmark_error": float(off.std()),
+        "landmark_error_mm": float(np.mean(off_mm)),
+        "sd_landmark_error_mm": float(np.std(off_mm)),
+    }
+
+
+def near_curves(surface, curves, reach):
+    """Which vertices lie within `reach` along the surface's edges of one of the curves (vertex paths), (V,) bool."""
+    first, second = surface.edges.T
+    length = np.linalg.norm(surface.vertices[first] - surface.vertices[second], axis=1)
+    graph = sparse.csr_array((length, (first, second)), shape=(len(surface.vertices),) * 2)
+    starts = np.unique(np.concatenate(curves))
+    return dijkstra(graph, directed=False, indices=starts, limit=reach, min_only=True) <= reach
+
+
+def correspondence_measures(points, truth, near):
+    """Distance in mm of registered points (V, 3) from the true ones: mean, median, 95th percentile; the mean at `near`.
+
+    near (V,) bool: the vertices near primary sulci.
+    """
+    off = np.linalg.norm(points - truth, axis=1)
+    return {
+        "correspondence_mm": float(off.mean()),
+        "median_correspondence_mm": float(np.median(off)),
+        "p95_correspondence_mm": float(np.percentile(off, 95)),
+        "correspondence_sulci_mm": float(off[near].mean()),
+    }
+
+
+def distortion_measures(surface, points):
+    """Distortion of the registration in space, moving surface -> points (V, 3) on the control.
+
+    `angle_distortion`: mean over all corners of |angle there - angle here|, degrees; `area_distortion`: mean over faces,
+    by their area, of |log2 of the area ratio|, both total areas made equal. A face that has lost its area counts with
+    the ratio `SMALLEST_RATIO`.
+    """
+    here, there = (corner_angles(edge_lengths(vertices, surface.faces)) for vertices in (surface.vertices, points))
+    a, b, c = (points[corner] for corner in surface.faces.T)
+    areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    ratio = np.maximum((areas / areas.sum()) / (surface.face_areas / surface.area), SMALLEST_RATIO)
+    return {
+        "angle_distortion": float(np.degrees(abs(there - here)).mean()),
+        "area_distortion": float(np.average(abs(np.log2(ratio)), weights=surface.face_areas)),
+    }
+
+
+def paired_difference(one, other, rng, draws=10_000, level=0.95):
+    """Mean over subjects of one - other, with its bootstrap interval (percentiles of resampled means): (mean, low, high).
+
+    one, other: the same subjects' figures, in the same order; pairs in which either is missing (NaN) are left out, and
+    without any pair all three are NaN.
+    """
+    differences = np.asarray(one, float) - np.asarray(other, float)
+    differences = differences[np.isfinite(differences)]
+    if not len(differences):
+        return (np.nan,) * 3
+    means = differences[rng.integers(len(differences), size=(draws, len(differences)))].mean(1)
+    return (float(differences.mean()), *np.quantile(means, [(1 - level) / 2, (1 + level) / 2]).tolist())

@@ -1,0 +1,329 @@
+"""The pipeline: two cortical surfaces and their landmark curves in, a certified point-to-point map out."""
+
+import time
+import warnings
+from collections.abc import Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
+from itertools import pairwise
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import vstack
+from tqdm import tqdm
+
+from ..plane.beltrami import cotangent_stiffness
+from ..plane.bijectivity import RepairWarning, check_embedding, flipped_faces, repair
+from ..plane.diskmesh import locate
+from ..plane.mobius import best_mobius, mobius
+from ..plane.triangles import edge_lengths
+from ..surfaces.conformal import disk_conformal_map
+from ..surfaces.surface import degenerate_faces, require_disk, require_outward
+from .checked import TOLERANCE, Networks, bijective_fit, gamma_words, guarded_curves, guarded_map
+from .fit import LandmarkError, check_weights, sampling_matrix
+from .landmarkfile import check_curves
+from .landmarks import detect_curves, resample, sample_curve
+from .metrics import coefficient_statistics, curve_rows, mean_rows
+from .suspect import reasons
+
+STAGES = {"exact": 5, "network": 9}
+POINTS_PER_CURVE = 10
+MEETING = 1e-9  # in the unit disk: landmarks closer than this are one point
+
+
+@dataclass(frozen=True)
+class Registration:
+    """Result of `register`.
+
+    points (V, 3): where each moving vertex lies on the control surface, in its length unit; disk_map (V,) complex:
+    the same in the control's disk; mu (F,): measured coefficient of disk_moving -> disk_map; report: dict for JSON;
+    disk_moving (V,), disk_control: the two disk maps; curves: name -> (moving, control) curves in their disks, (k,)
+    complex each; faces_moving, faces_control.
+    """
+
+    points: np.ndarray
+    disk_map: np.ndarray
+    mu: np.ndarray
+    report: dict
+    disk_moving: np.ndarray
+    disk_control: np.ndarray
+    curves: dict
+    faces_moving: np.ndarray
+    faces_control: np.ndarray
+
+    @property
+    def surface(self):
+        """The moving surface's faces at the registered points, for `write_surface`: an `Unchecked` surface."""
+        return Unchecked(self.points, self.faces_moving)
+
+
+class Unchecked(NamedTuple):
+    """A surface that no rule of `Surface` has judged: a face that lands on one edge of the control has no area there."""
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    curves: Mapping = MappingProxyType({})
+    original_vertices: np.ndarray | None = None
+
+
+class Stages:
+    """Seconds per named stage, shown as a progress bar once they add up to more than two."""
+
+    def __init__(self, count, progress):
+        self.seconds = {}
+        self.bar = tqdm(total=count, delay=2, disable=not progress, leave=False)
+
+    @contextmanager
+    def __call__(self, name):
+        self.bar.set_description(name, refresh=False)
+        start = time.perf_counter()
+        try:
+            yield
+        except BaseException:
+            self.bar.close()  # so that the message about what went wrong starts a line of its own
+            raise
+        self.seconds[name] = round(time.perf_counter() - start, 4)
+        self.bar.update()
+
+    def report(self):
+        self.bar.close()
+        return {**self.seconds, "total": round(sum(self.seconds.values()), 4)}
+
+
+def register(
+    moving,
+    control,
+    curves,
+    method="exact",
+    alpha=1.0,
+    beta=1e-2,
+    gamma=1e5,
+    sliding=False,
+    progress=False,
+    tolerance=None,
+):
+    """Register the moving surface to the control surface along landmark curves: a Registration, certified bijective.
+
+    curves: the landmarks file as read from JSON, `{"curves": [{"name", "moving", "control"}, ...]}` with vertex
+    indices (two on a side are endpoints and that side's curve is detected, unless "detect" is false), or its list. A
+    file that names its "surfaces" is refused for others (`fingerprint` in provenance.py says by what they are known).
+    alpha, beta, gamma: weights of |mu|, of its gradient and of the landmark mismatch (paper, eq. RegLoss).
+    method: "exact" (shortest paths, Gauss-Newton fit, exact solver) or "network" (LD-Net, CP-Net, DBS-Net, whose map is
+    replaced by the exact solver's where it folds and refined by Gauss-Newton steps where its landmark error in the
+    disk exceeds `tolerance`: 5e-3 unless given, inf to take what comes). What was done is in `report["fallbacks"]`;
+    `report["suspect"]` lists why the result should not be trusted, empty where nothing is (see suspect.py).
+    Both surfaces must be outward-oriented disks of the same handedness (`mirror` one of them otherwise).
+    Errors: SurfaceError, LandmarkError; BijectivityError if no bijective map was found at any gamma; ImportError if
+    the networks are asked for and torch is not installed.
+    """
+    tolerance = check_method(method, sliding, tolerance)
+    check_weights(alpha, beta, gamma)
+    for surface in (moving, control):
+        require_disk(surface)
+        require_outward(surface)
+    entries = check_curves(curves, moving, control)
+    stages, fallbacks, networks = Stages(STAGES[method], progress), [], None
+    if method == "network":
+        with stages("load"):
+            networks = Networks(load("ldnet").detect, load("cpnet").predict, load("dbsnet").solve)
+            fallbacks += gamma_words(load("cpnet"), alpha, beta, gamma)
+    with stages("disk_moving"):
+        z_moving = _conformal(moving, "moving", fallbacks)
+    with stages("disk_control"):
+        z_control = _conformal(control, "control", fallbacks)
+    with stages("detect"):
+        z_moving = align(moving, z_moving, control, z_control, entries)
+        samples_moving, lines_moving = sample_side(moving, z_moving, entries, "moving", networks, fallbacks)
+        samples_control, lines_control = sample_side(control, z_control, entries, "control", networks, fallbacks)
+    p, q = samples_moving @ z_moving, samples_control @ z_control
+    once, before = distinct_landmarks(entries, p, q), len(fallbacks)
+    problem = z_moving, moving.faces, p[once], q[once], alpha, beta, gamma, once // POINTS_PER_CURVE
+    if networks:
+        fit = guarded_map(networks, *problem, tolerance, fallbacks, stages)
+    else:
+        with stages("map"):
+            fit = bijective_fit(*problem, sliding, fallbacks)
+    with stages("pull_back"):
+        points = lift(control, z_control, fit.f)
+        rows = error_rows(moving, control, z_control, entries, p, q, fit.f, samples_moving, samples_control)
+    means, words = mean_rows(rows), fallbacks[before:]
+    report = {
+        **means,
+        **coefficient_statistics(fit.mu),
+        "flipped": len(fit.flipped),
+        "bijective": fit.bijective,
+        "degenerate": len(degenerate_faces(points, moving.faces)),
+        "fallbacks": fallbacks,
+        "seconds": stages.report(),
+        "method": method,
+        "alpha": alpha,
+        "beta": beta,
+        "gamma": gamma,
+        **({"tolerance": tolerance if np.isfinite(tolerance) else None} if networks else {}),
+        "mobius": {"a": [fit.mobius[0].real, fit.mobius[0].imag], "theta": fit.mobius[1]},
+        "curves": rows,
+        "suspect": reasons(moving, control, z_moving, z_control, entries, means, rows, fit.mu, words),
+        "version": version("qclearn"),
+    }
+    lines = {entry["name"]: pair for entry, pair in zip(entries, zip(lines_moving, lines_control))}
+    return Registration(points, fit.f, fit.mu, report, z_moving, z_control, lines, moving.faces, control.faces)
+
+
+def check_method(method, sliding, tolerance):
+    """The tolerance to use, or ValueError where method, sliding and tolerance do not go together."""
+    if method not in STAGES:
+        raise ValueError(f"unknown method {method!r}; this version has: {', '.join(STAGES)}")
+    if method == "exact" and tolerance is not None:
+        raise ValueError(
+            "tolerance belongs to method 'network'; the exact fit steps until it settles: raise gamma for "
+            "a smaller landmark error"
+        )
+    if method == "network" and sliding:
+        raise ValueError("sliding belongs to method 'exact': CP-Net takes points to points")
+    tolerance = TOLERANCE if tolerance is None else tolerance
+    if not tolerance > 0:
+        raise ValueError(f"tolerance = {tolerance}: give a positive landmark error in the unit disk, or inf")
+    return tolerance
+
+
+def load(name):
+    """One of the three networks with its shipped weights ("best"); ImportError where torch is not installed."""
+    try:
+        from ..nets import load as load_network
+    except ModuleNotFoundError as error:
+        if error.name not in ("torch", "safetensors"):
+            raise
+        raise ImportError(
+            f"the networks need {error.name}, which is not installed: pip install 'qclearn[nets]', or "
+            "pip install torch safetensors"
+        ) from None
+    return load_network(name)
+
+
+def _conformal(surface, side, fallbacks):
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", RepairWarning)
+        z = disk_conformal_map(surface)
+    fallbacks += [f"{side}: {warning.message}" for warning in caught]
+    return z
+
+
+def align(moving, z_moving, control, z_control, entries):
+    """z_moving after the Möbius map that best carries the given points (ends or whole curves) to the control's."""
+    p, q = [], []
+    for entry in entries:
+        whole = min(len(entry["moving"]), len(entry["control"])) > 2
+        count = POINTS_PER_CURVE if whole else 2
+        p.append(sample_curve(moving, entry["moving"], count) @ z_moving)
+        q.append(sample_curve(control, entry["control"], count) @ z_control)
+    z = mobius(z_moving, *best_mobius(np.concatenate(p), np.concatenate(q)))
+    z[moving.boundary] /= abs(z[moving.boundary])
+    if not check_embedding(moving.faces, z).bijective:
+        lengths = edge_lengths(moving.vertices, moving.faces)
+        z, _, _ = repair(cotangent_stiffness(moving.vertices, moving.faces), moving.faces, lengths, z)
+    steps = np.angle(np.roll(z[moving.boundary], -1) / z[moving.boundary])
+    if steps.min() <= 0 or len(flipped_faces(moving.faces, z)):
+        raise LandmarkError(
+            f"curve {farthest_curve(entries, p, q)!r} pulls the moving disk onto its rim: the Möbius map "
+            "that carries the given points to the control's leaves no room for the rest; check this "
+            "curve's ends on both sides, keep them off the rim, or give curves elsewhere as well"
+        )
+    return z
+
+
+def farthest_curve(entries, p, q):
+    """The name of the curve without which the best Möbius map of the others, points p, q a curve, moves 0 the least."""
+
+    def shift(left_out):
+        kept = [k for k in range(len(entries)) if k != left_out]
+        return abs(best_mobius(*(np.concatenate([side[k] for k in kept]) for side in (p, q)))[0]) if kept else 0.0
+
+    return entries[int(np.argmin([shift(k) for k in range(len(entries))]))]["name"]
+
+
+def sample_side(surface, z, entries, side, networks, fallbacks):
+    """One side's landmarks: (sampling matrix (10 K, V), list of K curves in the disk); detects where only ends are given."""
+    if networks:
+        lines = guarded_curves(networks.detect, surface, z, entries, side, fallbacks)
+    else:
+        ends = [entry[side] for entry in entries if entry["detect"][side]]
+        found = iter(detect_curves(surface, z, ends) if ends else [])
+        lines = [next(found) if entry["detect"][side] else z[entry[side]] for entry in entries]
+    stops = np.cumsum([0, *map(len, lines)])
+    corners = sampling_matrix(z, surface.faces, np.concatenate(lines))  # of all at once: looking up places is slow
+    matrices = [resample(surface, corners[start:stop], POINTS_PER_CURVE) for start, stop in pairwise(stops)]
+    return vstack(matrices).tocsr(), lines
+
+
+def distinct_landmarks(entries, p, q):
+    """Which of the landmarks (10 K,) to fit, (k,) int: a point that curves share on both sides counts once.
+
+    LandmarkError where two of them meet on one side only.
+    """
+    meet_p, meet_q = (np.triu(abs(points[:, None] - points) < MEETING, 1) for points in (p, q))
+    torn = np.argwhere(meet_p != meet_q)
+    if len(torn):
+        first, second = (entries[k // POINTS_PER_CURVE]["name"] for k in torn[0])
+        side = "moving" if meet_p[tuple(torn[0])] else "control"
+        raise LandmarkError(
+            f"curves {first!r} and {second!r} share a point on the {side} side only, and a bijection "
+            "can neither part nor merge points; let them meet on both sides or on neither"
+        )
+    return np.flatnonzero(~meet_p.any(axis=0))
+
+
+def lift(surface, z, points):
+    """Points (P, 3) on the surface whose images in its disk map z are `points` (P,) complex."""
+    face, weights = locate(z, surface.faces, points)
+    return np.einsum("pk,pkd->pd", weights, surface.vertices[surface.faces[face]])
+
+
+def error_rows(moving, control, z_control, entries, p, q, f, samples_moving, samples_control):
+    """Per curve its landmark errors; for a detected one also between the true curves, where the surfaces carry them.
+
+    `landmark_error_true` is the error of the map between points on the true curves, which took no part in finding it.
+    """
+    mapped = samples_moving @ f
+    off = np.linalg.norm(lift(control, z_control, mapped) - samples_control @ control.vertices, axis=1)
+    before = abs(mobius(p, *best_mobius(p, q)) - q)
+    rows = curve_rows([entry["name"] for entry in entries], before, abs(mapped - q), off)
+    for row, entry in zip(rows, entries):
+        paths = true_path(moving, entry, "moving"), true_path(control, entry, "control")
+        if any(entry["detect"].values()) and all(path is not None for path in paths):
+            true_p, true_q = (
+                sample_curve(surface, path, POINTS_PER_CURVE) for surface, path in zip((moving, control), paths)
+            )
+            row["landmark_error_true"] = float(abs(true_p @ f - true_q @ z_control).mean())
+    return rows
+
+
+def true_path(surface, entry, side):
+    """The vertex path of a curve as given, or as the surface itself carries it between the given endpoints, else None."""
+    given, known = entry[side], surface.curves.get(entry["name"])
+    if not entry["detect"][side]:
+        return given
+    if known is None or sorted(known[[0, -1]]) != sorted(given):
+        return None
+    return known if known[0] == given[0] else known[::-1]
+
+
+def transfer(values, z_from, faces_from, z_to, nearest=False):
+    """Per-vertex values (V,) or (V, k) of one disk mesh carried to the points z_to of the same disk.
+
+    From control to moving: `transfer(values, disk_control, faces_control, disk_map)`; back:
+    `transfer(values, disk_map, faces_moving, disk_control)`. Linear in each triangle, or with `nearest` the value of
+    the corner with the largest weight (for labels). ValueError if the count of values is not that of the vertices.
+    """
+    values = np.asarray(values)
+    if len(values) != len(z_from):
+        raise ValueError(
+            f"{len(values)} values for {len(z_from)} vertices: give one a vertex of the surface they "
+            "come from (the cut-open one, if it was cut)"
+        )
+    face, weights = locate(z_from, faces_from, z_to)
+    corners = np.asarray(faces_from)[face]
+    if nearest:
+        return values[corners[np.arange(len(face)), weights.argmax(1)]]
+    return np.einsum("pk,pk...->p...", weights, values[corners])

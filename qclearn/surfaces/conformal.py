@@ -1,0 +1,77 @@
+"""The conformal map of a disk-like surface onto the unit disk, and how well it keeps angles."""
+
+import warnings
+
+import numpy as np
+
+from ..plane.beltrami import Dirichlet, cotangent_stiffness
+from ..plane.bijectivity import BijectivityError, RepairWarning, check_embedding
+from ..plane.bijectivity import repair as switch_rows
+from ..plane.disk import LARGE, FreeBoundary, elimination_order
+from ..plane.mobius import centring_mobius, mobius
+from ..plane.triangles import corner_angles, edge_lengths
+from .surface import SurfaceError, require_disk
+
+
+def disk_conformal_map(surface):
+    """The conformal map of a disk-like surface onto the unit disk, complex (V,), boundary exactly on the circle.
+
+    Gauge: the surface's area centroid at 0, the first vertex of `surface.boundary` at 1. The flux form with the
+    surface's cotangent matrix: no iteration. Certified: no triangle is flipped; a RepairWarning says if boundary
+    steps or rows of the system had to be changed for that. SurfaceError if the surface is not a disk;
+    BijectivityError if the repair fails.
+    """
+    require_disk(surface)
+    faces, loop = surface.faces, surface.boundary
+    matrix = cotangent_stiffness(surface.vertices, faces)
+    order = elimination_order(matrix, surface.vertices, loop) if len(surface.vertices) > LARGE else None
+    problem = Dirichlet(matrix, loop, order)
+    rim = np.linalg.norm(np.roll(surface.vertices[loop], -1, axis=0) - surface.vertices[loop], axis=1)
+    free = FreeBoundary(problem, rim, _central_vertex(surface, problem, rim))
+    f, switched = _centre_and_unfold(surface, matrix, free.f)
+    f = f / f[loop[0]]
+    f[loop] /= abs(f[loop])
+    if not check_embedding(faces, f).bijective:
+        raise BijectivityError(
+            "the disk conformal map folds and row switching did not mend it; "
+            "remesh the surface (its triangles may be degenerate to rounding)"
+        )
+    if len(switched) or free.floored.any():
+        warnings.warn(
+            f"conformal map: {int(free.floored.sum())} boundary steps raised, {len(switched)} rows switched "
+            "to mean-value weights to keep every triangle positive",
+            RepairWarning,
+            stacklevel=2,
+        )
+    return f
+
+
+def _central_vertex(surface, problem, rim):
+    """The interior vertex nearest the area centroid of the harmonic embedding with boundary by arc length."""
+    arc = np.concatenate([[0.0], np.cumsum(rim[:-1])]) / rim.sum()
+    f = problem.solve(np.exp(2j * np.pi * arc))
+    if not len(problem.free):
+        raise SurfaceError("the surface has no interior vertex; refine it")
+    return problem.free[abs(f[problem.free] - surface.vertex_areas @ f / surface.area).argmin()]
+
+
+def _centre_and_unfold(surface, matrix, f):
+    """Bring the area centroid to 0 and switch rows until no face is flipped: (f, switched vertices)."""
+    share = surface.vertex_areas / surface.area
+    f = mobius(f, centring_mobius(f, share))
+    lengths, switched = edge_lengths(surface.vertices, surface.faces), np.zeros(0, int)
+    for _ in range(5):
+        f, switched, problem = switch_rows(matrix, surface.faces, lengths, f, switched)
+        if problem is None:
+            break
+        for _ in range(50):  # a Möbius map of the boundary values, the interior solved anew
+            if abs(share @ f) < 1e-14:
+                break
+            f = problem.solve(mobius(f[surface.boundary], centring_mobius(f, share)))
+    return f, switched
+
+
+def angle_distortion(surface, z):
+    """Angles in the disk minus angles on the surface, in degrees, (F, 3): column k at vertex `faces[:, k]`."""
+    disk, original = (corner_angles(edge_lengths(points, surface.faces)) for points in (z, surface.vertices))
+    return np.degrees(disk - original)

@@ -1,0 +1,221 @@
+"""Mean curvature, sulcal depth, and their images on a disk whose radius follows the cortical area."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+from scipy.sparse import coo_array
+from scipy.spatial import ConvexHull, QhullError
+
+from ..plane.beltrami import cotangent_stiffness
+from ..plane.diskmesh import locate, pixel_centres
+from .surface import SurfaceError
+
+CLOSING_RADIUS = 0.05  # radius of the ball that closes the sulci, in units of sqrt(area of the convex hull)
+CLOSING_CELL = 1 / 130  # side of a voxel, same unit
+
+
+def mean_curvature(surface):
+    """Mean curvature (k1 + k2)/2 of each vertex (V,), 1/length: positive on gyri if the faces look outward.
+
+    `H = n . (K x) / (2 A)` with the cotangent stiffness K, the mixed Voronoi area A of Meyer et al. (2003) and the
+    vertex normal n of Max (1999). It is exact, 1/r, where the neighbours lie on a sphere of radius r and no triangle
+    around is obtuse; otherwise the mean error falls like h^2, but single vertices of odd valence may keep theirs
+    (Xu 2004). Slivers do little harm: a triangle adds at most half of its opposite edge to K x, and A is positive
+    for any triangle. A boundary vertex, where K x contains the pull of the rim, takes the mean of its neighbours
+    inside. SurfaceError if no vertex lies inside.
+    """
+    vertices, faces = surface.vertices, surface.faces
+    area, normal = _mixed_areas(vertices, faces), _max_normals(vertices, faces)
+    pull = cotangent_stiffness(vertices, faces) @ vertices
+    return _fill_boundary(surface, np.einsum("vk,vk->v", pull, normal) / (2 * area))
+
+
+def _corner_vectors(vertices, faces):
+    """For each corner (F, 3): the two edges that leave it, (F, 3, 3), to the next and to the previous corner."""
+    corners = vertices[faces]
+    return np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+
+
+def _add_corners(faces, values, n_vertices):
+    """Sum of corner values (F, 3) or (F, 3, 3) at the vertices, (V,) or (V, 3)."""
+    if values.ndim == 3:
+        return np.stack([_add_corners(faces, values[..., k], n_vertices) for k in range(3)], axis=1)
+    return np.bincount(faces.ravel(), values.ravel(), n_vertices)
+
+
+def _mixed_areas(vertices, faces):
+    """Voronoi areas (V,); an obtuse triangle gives half of its area to its obtuse corner, a quarter to the others."""
+    to_next, to_last = _corner_vectors(vertices, faces)
+    dot = np.einsum("fck,fck->fc", to_next, to_last)
+    double_area = np.linalg.norm(np.cross(to_next[:, 0], to_last[:, 0]), axis=1)[:, None]
+    # the edge to the next corner lies opposite the last corner, and the other way round
+    voronoi = (
+        np.einsum("fck,fck->fc", to_next, to_next) * np.roll(dot, 1, axis=1)
+        + np.einsum("fck,fck->fc", to_last, to_last) * np.roll(dot, -1, axis=1)
+    ) / (8 * double_area)
+    obtuse = np.where(dot < 0, double_area / 4, double_area / 8)
+    return _add_corners(faces, np.where((dot < 0).any(axis=1)[:, None], obtuse, voronoi), len(vertices))
+
+
+def _max_normals(vertices, faces):
+    """Unit vertex normals (V, 3): sum of a x b / (|a|^2 |b|^2) over the corners, exact on any mesh of a sphere."""
+    to_next, to_last = _corner_vectors(vertices, faces)
+    squares = np.einsum("fck,fck->fc", to_next, to_next) * np.einsum("fck,fck->fc", to_last, to_last)
+    normal = _add_corners(faces, np.cross(to_next, to_last) / squares[..., None], len(vertices))
+    return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+
+
+def _fill_boundary(surface, values):
+    """Replace boundary values by the mean over known neighbours, from the vertices next to the inside outward."""
+    known = np.ones(len(values), bool)
+    for loop in surface.boundary_loops:
+        known[loop] = False
+    if not known.any():
+        raise SurfaceError("all vertices lie on the boundary, so no curvature can be told; subdivide the surface.")
+    a, b = surface.edges.T
+    neighbours = coo_array((np.ones(2 * len(a)), (np.r_[a, b], np.r_[b, a])), shape=(len(values),) * 2).tocsr()
+    values = np.where(known, values, 0.0)
+    while not known.all():
+        count = neighbours @ known.astype(float)
+        fresh = ~known & (count > 0)
+        values[fresh] = (neighbours @ values)[fresh] / count[fresh]
+        known |= fresh
+    return values
+
+
+def sulcal_depth(surface):
+    """Depth of each vertex (V,) below the outer envelope, >= 0 and 0 on gyral crowns, in the surface's length.
+
+    The distance to the outside of the morphological closing of the filled surface by a ball of radius 0.05 L, where
+    L = sqrt(area of the convex hull): the envelope of the local gyrification index (Schaer et al. 2008). Openings are
+    capped by fans. Computed on voxels of side L/130 and accurate to about one of them; below half a voxel it is 0.
+    The orientation does not matter. SurfaceError for a flat surface.
+    """
+    vertices = surface.vertices
+    try:
+        scale = np.sqrt(ConvexHull(vertices).area)
+    except QhullError:
+        raise SurfaceError("the surface lies in a plane, so it has no depth; use the surface in space.") from None
+    cell, radius = CLOSING_CELL * scale, CLOSING_RADIUS / CLOSING_CELL
+    margin = (radius + 4) * cell
+    origin = vertices.min(axis=0) - margin
+    shape = np.ceil((vertices.max(axis=0) + margin - origin) / cell).astype(int)
+    closed = _close(_filled(surface, origin, cell, shape), radius)
+    # half a voxel: the distance is to the nearest centre outside, the envelope lies between two centres
+    depth = ndimage.map_coordinates(ndimage.distance_transform_edt(closed), ((vertices - origin) / cell).T, order=1)
+    return cell * np.maximum(depth - 0.5, 0)
+
+
+def _close(solid, radius):
+    """Morphological closing by a ball of `radius` voxels; cavities are filled."""
+    dilated = ndimage.binary_fill_holes(ndimage.distance_transform_edt(~solid) <= radius)
+    return ndimage.distance_transform_edt(dilated) > radius
+
+
+def _filled(surface, origin, cell, shape):
+    """Which voxel centres, `origin + cell * index`, lie inside the surface with its openings capped by fans."""
+    import pyvista  # slow to import, and nothing else here needs it
+
+    points, triangles = [surface.vertices], [surface.faces]
+    for k, loop in enumerate(surface.boundary_loops):
+        centre = np.full(len(loop), len(surface.vertices) + k)
+        points.append(surface.vertices[loop].mean(axis=0)[None])
+        triangles.append(np.stack([np.roll(loop, -1), loop, centre], axis=1))
+    body = pyvista.PolyData.from_regular_faces(np.concatenate(points), np.concatenate(triangles))
+    grid = pyvista.ImageData(dimensions=shape, spacing=(cell,) * 3, origin=origin)
+    mask = body.voxelize_binary_mask(reference_volume=grid)["mask"]
+    return mask.reshape(shape[::-1]).transpose(2, 1, 0) > 0
+
+
+@dataclass(frozen=True)
+class AreaRadius:
+    """A monotone change of radius of the unit disk, linear between knots: `disk` (K,) <-> `image` (K,), both 0 to 1."""
+
+    disk: np.ndarray
+    image: np.ndarray
+
+    def to_image(self, z):
+        """Image coordinates of points z of the disk, complex; angles are kept."""
+        return _scale_radius(z, self.disk, self.image)
+
+    def from_image(self, w):
+        """Points of the disk at image coordinates w, complex: the inverse of `to_image`."""
+        return _scale_radius(w, self.image, self.disk)
+
+
+def _scale_radius(z, radius, new_radius):
+    z = np.asarray(z, complex)
+    size = abs(z)
+    return z * np.divide(np.interp(size, radius, new_radius), size, out=np.zeros(z.shape), where=size > 0)
+
+
+def area_radius(surface, z, knots=65):
+    """The `AreaRadius` with `r_image^2` = share of the surface's area within |z| <= r.
+
+    A conformal map crowds most of a cortical surface into a small part of its disk (half of the area within r < 0.24
+    on one hemisphere); equal areas of this image carry equal cortical area, ring by ring.
+    """
+    points, areas = _samples(surface, z, 4)
+    order = np.argsort(abs(points))
+    share = np.cumsum(areas[order])
+    image = np.linspace(0, 1, knots)
+    disk = np.interp(image[1:-1] ** 2, share / share[-1], abs(points[order]))
+    return AreaRadius(np.concatenate([[0.0], disk, [1.0]]), image)
+
+
+def _samples(surface, z, m):
+    """Centroids in z of the m^2 equal parts of each face, complex (m^2 F,), and their areas on the surface."""
+    i, j = np.array([(i, j) for i in range(m) for j in range(m - i)]).T
+    upward = np.stack([i + 1 / 3, j + 1 / 3, m - 2 / 3 - i - j], axis=1) / m
+    i, j = i[i + j < m - 1], j[i + j < m - 1]
+    downward = np.stack([i + 2 / 3, j + 2 / 3, m - 4 / 3 - i - j], axis=1) / m
+    points = z[surface.faces] @ np.concatenate([upward, downward]).T
+    return points.ravel(), np.repeat(surface.face_areas / m**2, m**2)
+
+
+def curvature_image(surface, z, size=128, values=None):
+    """Image (size, size) of a per-vertex map on the disk, NaN outside it, and the `AreaRadius` of its coordinates.
+
+    z (V,) is a disk map of the surface, as `disk_conformal_map` gives. The pixel in row i and column j shows the point
+    `radius.from_image(x + iy)`, x = (2j + 1)/size - 1, y = (2i + 1)/size - 1, linear in the face that holds it.
+    `values` (V,) is shown in its own unit; without it, mean curvature as grey levels from 0 (sulci) to 255 (gyri),
+    see `grey_levels`. Source: paper, section 'Landmark Detection'; the radius is ours.
+    """
+    if values is None:
+        values = grey_levels(mean_curvature(surface), surface.vertex_areas)
+    radius, w = area_radius(surface, z), pixel_centres(size)
+    inside = abs(w) <= 1
+    face, weights = locate(z, surface.faces, radius.from_image(w[inside]))
+    image = np.full((size, size), np.nan)
+    image[inside] = np.einsum("pk,pk->p", weights, np.asarray(values, float)[surface.faces[face]])
+    return image, radius
+
+
+def grey_levels(values, areas, tail=0.02):
+    """Values (V,) scaled linearly to [0, 255]; the lowest and highest `tail` of the area are clipped to the ends.
+
+    Slivers and sharp crowns would otherwise take up the range. A constant becomes 127.5.
+    """
+    order = np.argsort(values)
+    share = (np.cumsum(areas[order]) - 0.5 * areas[order]) / np.sum(areas)
+    low, high = np.interp([tail, 1 - tail], share, values[order])
+    if not high > low:
+        return np.full(len(values), 127.5)
+    return 255 * np.clip((values - low) / (high - low), 0, 1)
+
+
+def area_under_pixels(surface, z, radius, size=128):
+    """Area of the surface under each pixel of its image, (size, size), in squared length; sums to `surface.area`.
+
+    Each face is split into 64 equal parts, each counted where its centroid falls.
+    """
+    points, areas = _samples(surface, z, 8)
+    w = radius.to_image(points)
+    column, row = (np.clip(((x + 1) * size / 2).astype(int), 0, size - 1) for x in (w.real, w.imag))
+    return np.bincount(row * size + column, areas, size * size).reshape(size, size)
+
+
+def resolved_share(pixel_areas, largest=25.0):
+    """Share of the area that lies under pixels which cover at most `largest` (25 mm^2) each."""
+    return float(pixel_areas[pixel_areas <= largest].sum() / pixel_areas.sum())
