@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import nibabel
 import numpy as np
 import pytest
-from surfaces import sphere
+from known_surfaces import sphere
 
 from qclearn import read_values
 from qclearn.cli import main, read_landmarks

@@ -3,7 +3,7 @@
 import nibabel
 import numpy as np
 import pytest
-from surfaces import grid
+from known_surfaces import grid
 
 from qclearn.files.gifti import side_of_name
 from qclearn.files.meshes import Frame, frame_of, read_surface, write_surface

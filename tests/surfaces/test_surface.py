@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from known_surfaces import grid, torus_mesh
 from scipy.spatial.transform import Rotation
-from surfaces import grid, torus
 
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror, require_disk, require_outward
 
@@ -77,7 +77,7 @@ def test_boundary_loops_keep_the_surface_on_their_left():
 def test_closed_surface_has_no_loop_and_euler_characteristic_2():
     surface = Surface(TETRAHEDRON, OUTWARD)
     assert surface.boundary_loops == [] and surface.euler_characteristic == 2
-    assert Surface(*torus()).euler_characteristic == 0
+    assert Surface(*torus_mesh()).euler_characteristic == 0
 
 
 @given(st.integers(0, 2**32 - 1))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from surfaces import grid, sphere, torus
+from known_surfaces import grid, sphere, torus_mesh
 
 from qclearn.files.fsaverage import fsaverage5
 from qclearn.surfaces.opening import open_surface
@@ -176,7 +176,7 @@ def test_a_hole_inside_an_open_surface_is_refused():
 
 
 def test_what_is_no_disk_after_the_cut_is_refused():
-    vertices, faces = torus()
+    vertices, faces = torus_mesh()
     with pytest.raises(SurfaceError, match="1 handle"):
         open_surface(Surface(vertices, faces), np.arange(len(vertices)) == 40)
     with pytest.raises(SurfaceError, match="2 boundary loops"):

@@ -278,7 +278,7 @@ def test_notes_are_counted_by_their_words():
 
 
 def test_the_kept_results_hold_every_run_on_every_subject():
-    results = read_results(Path(__file__).parents[1] / "qclearn/benchmark/kept/benchmark.json")
+    results = read_results(Path(__file__).parents[2] / "qclearn/benchmark/kept/benchmark.json")
     rows = [entry for entry in results["rows"] if entry["set"] == "cohort"]
     everything = {run.name for run in RUNS_OF_THE_BENCHMARK + FRONT}
     assert {run["name"] for run in results["settings"]["runs"]} == everything

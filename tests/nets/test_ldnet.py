@@ -19,7 +19,7 @@ from qclearn.registration.landmarks import curve_distance, curves_in_space, dete
 from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.curvature import area_radius, sulcal_depth
 from qclearn.surfaces.surface import SurfaceError
-from tests.surfaces import sphere
+from known_surfaces import sphere
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::qclearn.plane.bijectivity.RepairWarning"),

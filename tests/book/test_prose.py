@@ -8,14 +8,14 @@ from prose import pages, text_of, typed_results
 
 HERE = Path(__file__).resolve().parent
 LITERALS = tomllib.loads((HERE / "literals.toml").read_text(encoding="utf-8"))
-PAGES = pages(HERE.parent / "book")
+PAGES = pages(HERE.parents[1] / "book")
 
 
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.stem)
 def test_numbers_in_the_text_are_computed(path):
     typed, unused = typed_results(text_of(path), LITERALS.get(path.stem, {}))
-    assert typed == [], "compute them and quote them as {eval}`...`, or give the reason in tests/literals.toml"
-    assert unused == [], f"tests/literals.toml, [{path.stem}]: the page has no such phrase"
+    assert typed == [], "compute them and quote them as {eval}`...`, or give the reason in tests/book/literals.toml"
+    assert unused == [], f"tests/book/literals.toml, [{path.stem}]: the page has no such phrase"
 
 
 def test_literals_belong_to_pages_and_have_reasons():

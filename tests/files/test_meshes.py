@@ -9,7 +9,7 @@ import nibabel
 import numpy as np
 import pytest
 import pyvista
-from surfaces import grid
+from known_surfaces import grid
 
 from qclearn.files.meshes import SlitWarning, read_surface, write_surface
 from qclearn.files.provenance import fingerprint

@@ -18,7 +18,7 @@ from data_synth.tessellation import fibonacci_sphere, interior_edges
 from data_synth.untangle import untangle
 from qclearn import mean_curvature, read_surface, sulcal_depth
 from qclearn.surfaces.surface import SurfaceError, require_disk, require_outward
-from tests.surfaces import sphere
+from known_surfaces import sphere
 
 SIZE = 2500
 

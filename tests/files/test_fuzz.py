@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-TOOL = Path(__file__).resolve().parent.parent / "tools" / "fuzz_readers.py"
+TOOL = Path(__file__).resolve().parents[2] / "tools" / "fuzz_readers.py"
 
 
 @pytest.fixture(scope="module")
