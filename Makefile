@@ -19,7 +19,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 export PYDEVD_DISABLE_FILE_VALIDATION ?= 1
 
-.PHONY: book test lab lab-copies edit notebooks clear picture clean
+.PHONY: book test lab lab-copies edit notebooks clear picture tag clean
 .DELETE_ON_ERROR:
 
 book: $(INSTALLED)
@@ -50,6 +50,10 @@ notebooks: $(INSTALLED)
 # The picture of the README.
 picture: $(INSTALLED)
 	$(BIN)/python tools/readme_picture.py
+
+# The tag of a release, v<version>: of a clean tree whose CHANGELOG.md begins with the version of pyproject.toml.
+tag: $(INSTALLED)
+	$(BIN)/python tools/tag.py
 
 clean:
 	rm -rf _build build .venv
