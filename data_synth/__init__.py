@@ -1,10 +1,13 @@
 """Synthetic cortex: folded hemispheres with named sulci and a known dense correspondence."""
 
-from data_synth.cohort import CohortWarning, cohort
-from data_synth.correspondence import correspondence
-from data_synth.cortex import Cortex, CortexError, make_cortex
-from data_synth.subjects import load_cortex, save_cortex
-from data_synth.template import SULCI
+from qclearn.files.extras import require
+
+with require("synth", "synthetic surfaces"):
+    from data_synth.cohort import CohortWarning, cohort
+    from data_synth.correspondence import correspondence
+    from data_synth.cortex import Cortex, CortexError, make_cortex
+    from data_synth.subjects import load_cortex, save_cortex
+    from data_synth.template import SULCI
 
 SULCUS_NAMES = tuple(SULCI)
 

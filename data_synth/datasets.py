@@ -10,17 +10,20 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import torch
-from torch.utils.data import DataLoader, Dataset, TensorDataset
 from tqdm import tqdm
 
 from data_synth.fields import KINDS, MAX_ABS, dead_leaves, random_coefficient
 from data_synth.landmarks import DiskMaps, Perturbation
+from qclearn.files.extras import require
 from qclearn.files.safe import full_disk, is_full, own_prefix, sweep
 from qclearn.plane.diskmesh import polar_disk
 from qclearn.registration.landmarks import sample_curve
 from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.curvature import curvature_image, grey_levels, mean_curvature
+
+with require("nets", "training sets"):
+    import torch
+    from torch.utils.data import DataLoader, Dataset, TensorDataset
 
 
 class DatasetError(ValueError):

@@ -1,8 +1,10 @@
 """Who may import whom: geometry knows nothing of networks, pictures and widgets; the arrows point one way."""
 
 import ast
+import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -119,3 +121,59 @@ def test_importing_the_library_loads_no_network_and_no_picture():
     program = f"import sys, qclearn; print([name for name in {heavy} if name in sys.modules])"
     loaded = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert loaded.stdout.strip() == "[]"
+
+
+# A distribution -> what it is imported as, where the two differ.
+IMPORTED_AS = {"scikit-image": "skimage"}
+# Come with another package: with pyvista, and with distributed.
+BROUGHT = {"vtkmodules", "dask"}
+# Needed without an import there: fsaverage5's files, and the figure of `demo` (its room has modules for the book, too).
+UNIMPORTED = {"nilearn", "matplotlib"}
+
+
+def distributions(requirements):
+    """What requirements of pyproject.toml are imported as, without other extras of qclearn."""
+    names = {re.match(r"[\w-]+", text)[0] for text in requirements}
+    return {IMPORTED_AS.get(name, name) for name in names - {"qclearn"}}
+
+
+def libraries(paths):
+    """What is imported from outside the standard library and this project."""
+    names = {name.split(".")[0] for path in paths for name, _ in imports_of(path) if name}
+    return names - set(sys.stdlib_module_names) - set(PACKAGES) - BROUGHT
+
+
+def test_the_core_and_each_extra_require_what_they_import():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    required = {name: distributions(texts) for name, texts in project["optional-dependencies"].items()}
+    core = distributions(project["dependencies"])
+    rooms = {room: sorted((ROOT / "qclearn" / room).rglob("*.py")) for room in FLOORS}
+    base = [path for room in FLOORS if room not in ("nets", "benchmark", "pages") for path in rooms[room]]
+    assert libraries([*base, *(ROOT / "qclearn").glob("*.py")]) == core - UNIMPORTED
+    guest = [path for path in (ROOT / "data_synth").glob("*.py") if module_of(path) not in DATASETS]
+    assert libraries(guest) - core == required["synth"]
+    assert libraries(rooms["nets"]) - core == required["nets"]
+    assert libraries(rooms["benchmark"]) - core == required["benchmark"]
+
+
+def circles(imports):
+    """Modules that import themselves through others, given module -> set of imported modules."""
+    reached = {module: set(names) for module, names in imports.items()}
+    for through in imports:
+        for names in reached.values():
+            if through in names:
+                names |= reached[through]
+    return sorted(module for module, names in reached.items() if module in names)
+
+
+def test_no_module_imports_itself_through_others():
+    paths = [path for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
+    # A package's __init__ offers what its modules hold; that they pass through it is no circle of their own.
+    modules = {module_of(path): path for path in paths if path.name != "__init__.py"}
+    imports = {module: {name for name, _ in imports_of(path)} & set(modules) for module, path in modules.items()}
+    assert sum(map(len, imports.values())) > 100  # the names are read at all
+    assert circles(imports) == []
+
+
+def test_a_circle_is_found():
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": {"a"}}) == ["b", "c"]

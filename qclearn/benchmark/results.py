@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..files.extras import require
 from ..files.meshes import write_whole
 from ..registration.metrics import paired_difference
 from ..surfaces.surface import SurfaceError
@@ -156,10 +157,9 @@ def schema():
 
 
 def check_schema(path, results):
-    try:
-        from jsonschema import Draft202012Validator
-    except ModuleNotFoundError:
-        raise ImportError("the benchmark needs jsonschema: pip install 'qclearn[benchmark]'") from None
+    require("benchmark", "measured figures")
+    from jsonschema import Draft202012Validator
+
     error = next(Draft202012Validator(schema()).iter_errors(results), None)
     if error:
         raise BenchmarkError(

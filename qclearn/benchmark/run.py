@@ -22,6 +22,7 @@ from tqdm import tqdm
 from data_synth.cohort import GENERATION, SEEDS, hemispheres
 from data_synth.cortex import FEWEST, MOST
 
+from ..files.extras import require
 from ..files.provenance import commit, processor
 from ..methods import METHODS
 from ..methods.networks import network, networks_of
@@ -153,8 +154,9 @@ def benchmark(
     have no weights here.
     scheduler: address of a dask scheduler (its workers with one thread each), None for `workers` processes on this
     machine; folder: where synthetic subjects are kept (on each worker's machine). Finished tasks are kept beside `out`
-    at once; called again, a run that was stopped goes on. Errors: BenchmarkError.
+    at once; called again, a run that was stopped goes on. Errors: BenchmarkError; ImportError without the extra.
     """
+    require("benchmark", "benchmarks")
     out, left_out = Path(out), {}
     if runs is None:
         table = RUNS + FRONT * fronts
@@ -314,11 +316,9 @@ def finished(client, tasks, methods, vertices, folder):
 @contextmanager
 def connect(scheduler, workers):
     """A dask client of the scheduler, or of `workers` processes of this machine; BenchmarkError if there is none."""
-    try:
-        import dask
-        from distributed import Client, LocalCluster
-    except ModuleNotFoundError:
-        raise ImportError("the benchmark needs dask.distributed: pip install 'qclearn[benchmark]'") from None
+    import dask
+    from distributed import Client, LocalCluster
+
     if scheduler is None:
         # dask has its workers hand memory back at once, and methods then wait for pages: up to a third of their time.
         with (

@@ -190,15 +190,8 @@ def check_method(method, sliding, tolerance):
 
 def load(name):
     """One of the three networks with its shipped weights ("best"); ImportError where torch is not installed."""
-    try:
-        from ..nets import load as load_network
-    except ModuleNotFoundError as error:
-        if error.name not in ("torch", "safetensors"):
-            raise
-        raise ImportError(
-            f"the networks need {error.name}, which is not installed: pip install 'qclearn[nets]', or "
-            "pip install torch safetensors"
-        ) from None
+    from ..nets import load as load_network
+
     return load_network(name)
 
 
