@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from data_synth.fundus import trace, trim
-from data_synth.growth import depth_below, grow, hull_distance, neighbour_table
+from data_synth.growth import Sheet, depth_below, grow, hull_distance, neighbour_table
 from data_synth.individual import Individual, smooth_field
 from data_synth.template import LONGEST
 from data_synth.tessellation import even_points, triangulate
@@ -105,11 +105,11 @@ def make_cortex(seed, n_vertices=10_000, hemisphere="left", mechanics=Mechanics(
     directions, rim = even_points(person.position, n_vertices, person.rng)
     rest, template = person.position(directions), person.template(directions)
     faces = triangulate(rim, rest, template)
-    start, index = neighbour_table(faces, n_vertices)
+    sheet = Sheet(rest, faces, *neighbour_table(faces, n_vertices))
     clock = np.zeros(2, dtype=np.int64) if clock is None else clock
-    x, hull = _fold(person, directions, rim, rest, faces, start, index, mechanics, clock)
-    x = untangle(x, faces, start, index, np.arange(n_vertices) < rim)
-    curves = _curves(person, x, rest, faces, start, index, depth_below(x, *hull))
+    x, hull = _fold(person, directions, rim, sheet, mechanics, clock)
+    x = untangle(x, faces, sheet.start, sheet.index, np.arange(n_vertices) < rim)
+    curves = _curves(person, x, sheet, depth_below(x, *hull))
     vertices = x * np.sqrt(person.area / _area(x, faces))
     if hemisphere == "left":
         vertices, faces = vertices * [-1, 1, 1], faces[:, ::-1]
@@ -117,18 +117,19 @@ def make_cortex(seed, n_vertices=10_000, hemisphere="left", mechanics=Mechanics(
     return Cortex(Surface(vertices, faces, curves), template, seed, hemisphere, *traits)
 
 
-def _curves(person, x, rest, faces, start, index, depth):
+def _curves(person, x, sheet, depth):
     """Fundus paths of the named sulci, dict name -> (k,) vertices."""
-    normal, length = vertex_normals(x, faces), np.sqrt(_area(x, faces))
+    normal, length = vertex_normals(x, sheet.faces), np.sqrt(_area(x, sheet.faces))
     paths = {}
     for name, course in person.courses.items():
-        path = trace(x, rest, normal, start, index, depth, person.position(course))
+        path = trace(x, sheet, normal, depth, person.position(course))
         paths[name] = trim(x, path, depth, LONGEST.get(name, np.inf) * length)
     return paths
 
 
-def _fold(person, directions, rim, rest, faces, start, index, mechanics, clock):
+def _fold(person, directions, rim, sheet, mechanics, clock):
     """Folded positions (V, 3), in units of half the hemisphere, and the distance field of the hull."""
+    rest, faces, start, index = sheet
     m, count, rng = mechanics, len(rest), person.rng
     # With n vertices an edge is as long as n^-1/2: these factors keep modulus and wavelength.
     ratio = count / 10_000

@@ -41,8 +41,12 @@ def fundus_path(x, start, index, valley, distance, ends, spacing):
     return np.array(path[::-1], dtype=np.int64)
 
 
-def trace(x, rest, normal, start, index, depth, course, end_radius=0.045):
-    """Fundus path (k,) that follows a course (m, 3) of points on the rest surface; depth (V,) below the hull."""
+def trace(x, sheet, normal, depth, course, end_radius=0.045):
+    """Fundus path (k,) that follows a course (m, 3) of points on the rest surface; depth (V,) below the hull.
+
+    x, normal (V, 3): the folded surface; sheet: the same one at rest, a `growth.Sheet`.
+    """
+    rest, _, start, index = sheet
     distance, _ = cKDTree(course).query(rest)
     curve = concavity(x, normal, start, index)
     spread = np.percentile(depth, 95)

@@ -1,11 +1,22 @@
 """The folding of a growing elastic shell: explicit dynamics of springs, bending, foundation, limits and self-contact."""
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.spatial import cKDTree
 
 from data_synth.compiled import compiled
 from data_synth.template import CENTRE, area_vectors, unit
 from data_synth.tessellation import fibonacci_sphere
+
+
+class Sheet(NamedTuple):
+    """The surface before it grows: rest (V, 3), faces (F, 3), and the neighbours as `neighbour_table` lists them."""
+
+    rest: np.ndarray
+    faces: np.ndarray
+    start: np.ndarray
+    index: np.ndarray
 
 
 def neighbour_table(faces, count):

@@ -1,0 +1,106 @@
+"""Rules of the house that a program can check: few parameters, what belongs together as one value, short modules."""
+
+import ast
+import importlib
+
+import pytest
+from test_imports import PACKAGES, ROOT, module_of
+
+MOST_PARAMETERS, MOST_LINES = 7, 300
+# A public door is what a package lists, a network's three calls, and a command.
+LISTED = ["qclearn", "qclearn.benchmark", "qclearn.methods", "qclearn.nets", "qclearn.pages", "data_synth"]
+CALLS = {"detect", "predict", "solve"}
+# What goes together as one value: the weights of the loss, and a disk mesh with landmarks and targets.
+APART = [{"alpha", "beta", "gamma"}, {"z", "faces", "p", "q"}, {"z", "faces", "moving", "target"}]
+PATHS = [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
+DOORS = {name for package in LISTED for name in importlib.import_module(package).__all__}
+
+
+def functions_of(tree, place=""):
+    """Pairs (dotted place, definition) of all functions, those in classes and in functions too."""
+    for node in ast.iter_child_nodes(tree):
+        named = isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef))
+        inner = f"{place}.{node.name}".lstrip(".") if named else place
+        if named and not isinstance(node, ast.ClassDef):
+            yield inner, node
+        yield from functions_of(node, inner)
+
+
+def parameters(function):
+    """Names of all parameters but self, cls and torch's ctx; stars stand for one each."""
+    given = function.args
+    every = [*given.posonlyargs, *given.args, given.vararg, *given.kwonlyargs, given.kwarg]
+    return [
+        parameter.arg for parameter in every if parameter is not None and parameter.arg not in ("self", "cls", "ctx")
+    ]
+
+
+def is_door(place, function):
+    """Whether a function may take what others hand on as one value; numba's kernels know arrays alone."""
+    decorators = {
+        node.attr for line in function.decorator_list for node in ast.walk(line) if isinstance(node, ast.Attribute)
+    }
+    kernel = any(isinstance(line, ast.Name) and line.id == "compiled" for line in function.decorator_list)
+    return kernel or place in DOORS or "command" in decorators or ("." in place and function.name in CALLS)
+
+
+def faults(tree):
+    """What the functions of a module take too much of, in words."""
+    for place, function in functions_of(tree):
+        names = parameters(function)
+        if is_door(place, function):
+            continue
+        if len(names) > MOST_PARAMETERS:
+            yield f"{place}, line {function.lineno}: {len(names)} parameters, at most {MOST_PARAMETERS}"
+        for together in APART:
+            if together <= set(names):
+                yield f"{place}, line {function.lineno}: {', '.join(sorted(together))} apart; hand on one value"
+
+
+@pytest.mark.parametrize("path", PATHS, ids=module_of)
+def test_what_belongs_together_is_one_value_and_parameters_are_few(path):
+    assert list(faults(ast.parse(path.read_text(encoding="utf-8")))) == []
+
+
+@pytest.mark.parametrize("path", PATHS, ids=module_of)
+def test_a_module_is_short(path):
+    count = len(path.read_text(encoding="utf-8").splitlines())
+    assert count <= MOST_LINES
+
+
+@pytest.mark.parametrize(
+    "line, fault",
+    [
+        ("def loss(mu, alpha, beta, gamma): ...", "loss, line 1: alpha, beta, gamma apart; hand on one value"),
+        ("def fit(z, faces, p, q): ...", "fit, line 1: faces, p, q, z apart; hand on one value"),
+        ("def fit(z, *, faces, moving, target): ...", "fit, line 1: faces, moving, target, z apart; hand on one value"),
+        ("def many(a, b, c, d, e, f, g, *h): ...", "many, line 1: 8 parameters, at most 7"),
+        (
+            "class A:\n  def step(self, alpha, beta, gamma): ...",
+            "A.step, line 2: alpha, beta, gamma apart; hand on one value",
+        ),
+        (
+            "def fit_landmarks():\n  def fit_landmarks(a, b, c, d, e, f, g, h): ...",
+            "fit_landmarks.fit_landmarks, line 2: 8 p",
+        ),
+        ("def predict(alpha, beta, gamma): ...", "predict, line 1: alpha, beta, gamma apart; hand on one value"),
+    ],
+)
+def test_the_rule_names_who_breaks_it(line, fault):
+    (found,) = faults(ast.parse(line))
+    assert found.startswith(fault)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "def fit_landmarks(z, faces, moving, target, alpha, beta, gamma): ...",
+        "class A:\n  def predict(self, z, faces, moving, target, alpha, beta, gamma): ...",
+        "@cli.command('open')\ndef open_command(a, b, c, d, e, f, g, h): ...",
+        "class A:\n  def step(self, a, b, c, d, e, f, g): ...",
+        "def fit(problem, weights): ...",
+        "@compiled\ndef grow(a, b, c, d, e, f, g, h): ...",
+    ],
+)
+def test_the_rule_allows_public_doors_and_single_values(line):
+    assert list(faults(ast.parse(line))) == []
