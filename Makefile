@@ -27,6 +27,8 @@ book: $(INSTALLED)
 	@echo "The book: _build/html/index.html (serve it with: $(BIN)/python -m http.server --directory _build/html)"
 
 test: $(INSTALLED)
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
 	$(BIN)/python -m pytest -q -n $(JOBS) --ignore=tests/site tests
 	$(BIN)/python tools/build_book.py --jobs $(JOBS)
 	$(BIN)/python tools/lab_copies.py --jobs $(JOBS)
