@@ -36,7 +36,8 @@ def locate_on_sphere(template, faces, points):
 
 
 def _central_coordinates(corners, points):
-    """Barycentric coordinates (..., 3) where the rays from the origin through points (..., 3) meet the triangles' planes."""
+    """Barycentric coordinates (..., 3) where the rays from the origin through points (..., 3)
+    meet the triangles' planes."""
     a, b, c = np.moveaxis(corners, -2, 0)
     weights = np.stack(
         [

@@ -1,4 +1,5 @@
-"""The folding of a growing elastic shell: explicit dynamics of springs, bending, foundation, limits and self-contact."""
+"""The folding of a growing elastic shell: explicit dynamics of springs, bending, foundation,
+limits and self-contact."""
 
 from typing import NamedTuple
 

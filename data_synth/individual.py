@@ -67,7 +67,8 @@ class Individual:
         return CENTRE + directions * (radius - sunk)[:, None]
 
     def furrows(self, rest):
-        """Early furrows at points of the unfolded surface: strength (V,) in 0..1 and unit direction along them (V, 3)."""
+        """Early furrows at points of the unfolded surface: strength (V,) in 0..1 and unit direction along them (V,
+        3)."""
         lines = []
         for name, course in self.courses.items():
             strength, branches = self._interrupted(len(course)), self._branches(course)

@@ -22,7 +22,8 @@ MEDIAL_POWER = 9.0
 WALL_CENTRE = np.array([0.11, -0.08])
 WALL_AXES = np.array([0.44, 0.23])
 
-# Courses of the named sulci, approximate MNI coordinates in mm with |x| (read off standard atlases' anatomy; mean courses).
+# Courses of the named sulci, approximate MNI coordinates in mm with |x| (read off standard atlases' anatomy; mean
+# courses).
 SULCI = {
     "central sulcus": ((25, -30, 67), (32, -26, 60), (39, -20, 51), (46, -15, 41), (52, -10, 32)),
     "sylvian fissure": ((36, 14, -18), (44, 8, -10), (50, -8, 1), (54, -24, 11), (55, -40, 22)),
@@ -131,7 +132,8 @@ class Diffeomorphism:
         self.centres = unit(rng.normal(size=(count, 3)))
         self.weights = rng.normal(size=(count, 3))
         self.width = width
-        # Scaled so that the root mean square displacement is about `amplitude` radians, whatever the drawing of centres.
+        # Scaled so that the root mean square displacement is about `amplitude` radians, whatever the drawing of
+        # centres.
         probe = unit(rng.normal(size=(2000, 3)))
         self.weights *= amplitude / np.sqrt((self._raw(probe) ** 2).sum(1).mean())
 

@@ -22,7 +22,8 @@ from qclearn.surfaces.conformal import disk_conformal_map
 
 
 class Fields(_Seeded):
-    """Beltrami coefficients alone, (mu (F,),), on the faces of `polar_disk(rings, spokes)`; both kinds equally often."""
+    """Beltrami coefficients alone, (mu (F,),), on the faces of `polar_disk(rings, spokes)`;
+    both kinds equally often."""
 
     def __init__(self, count, seed, rings=48, spokes=144, max_abs=MAX_ABS, source=dead_leaves):
         super().__init__(count, seed, rings, spokes, max_abs, source)
@@ -71,7 +72,8 @@ def subjects(seeds, folder, quick=False):
 
 
 def ldnet(config, folder, quick=False):
-    """Images, endpoints and curves for LD-Net: 96 subjects, 15 times turned and distorted; the same for both presets."""
+    """Images, endpoints and curves for LD-Net: 96 subjects, 15 times turned and distorted;
+    the same for both presets."""
     seeds, counts = (((1,), (2,)), (8, 4)) if quick else ((TRAINING_SEEDS, VALIDATION_SEEDS), (1440, 96))
     names = (f"ldnet-{part}{'-quick' if quick else ''}.npz" for part in ("training", "validation"))
     training, validation = (

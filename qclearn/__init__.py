@@ -8,7 +8,6 @@ from .files.meshes import read_surface, write_surface
 from .files.values import read_mask, read_values, write_values
 from .plane import bijectivity, disk, diskmesh
 from .plane.beltrami import (
-    BeltramiError,
     beltrami_coefficient,
     compose_coefficients,
     cotangent_stiffness,
@@ -21,6 +20,7 @@ from .plane.beltrami import (
     wirtinger,
 )
 from .plane.bijectivity import BijectivityError, Certificate, RepairWarning, check_bijective, check_embedding
+from .plane.checks import BeltramiError
 from .plane.disk import BeltramiDiskSolver, solve_beltrami_disk
 from .plane.diskmesh import disk_to_square, locate, polar_disk, square_disk, square_to_disk
 from .plane.logform import solve_beltrami_disk_log

@@ -11,13 +11,14 @@ import pytest
 from known_surfaces import sphere
 
 from qclearn import read_values
-from qclearn.cli import main, read_landmarks
+from qclearn.cli import main
 from qclearn.files.fsaverage import fsaverage5
 from qclearn.files.meshes import read_surface, write_surface
 from qclearn.files.provenance import fingerprint
 from qclearn.plane.disk import solve_beltrami_disk
 from qclearn.plane.diskmesh import polar_disk
 from qclearn.registration.fit import LandmarkError
+from qclearn.registration.landmarkfile import read_landmarks
 from qclearn.registration.landmarks import detect_curves
 from qclearn.registration.register import register
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror, require_disk, require_outward
@@ -468,7 +469,7 @@ def test_a_folder_that_cannot_be_written_is_one_line(folder, capsys, monkeypatch
     def refuse(**_):
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr("qclearn.cli.tempfile.TemporaryDirectory", refuse)
+    monkeypatch.setattr("qclearn.cli.output.tempfile.TemporaryDirectory", refuse)
     line = refused(capsys, folder, "register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out")
     assert re.search(r"out: not a folder that can be written to \(Permission denied\)", line)
 
@@ -479,7 +480,7 @@ def test_a_failure_at_the_end_leaves_nothing(folder, capsys, monkeypatch):
     def fail(*_, **__):
         raise SurfaceError("the disk is full")
 
-    monkeypatch.setattr("qclearn.cli.qc.write_surface", fail)
+    monkeypatch.setattr("qclearn.cli.registration.qc.write_surface", fail)
     line = refused(
         capsys,
         folder,
@@ -498,7 +499,7 @@ def test_an_interrupt_says_so(folder, capsys, monkeypatch):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("qclearn.cli.run_registration", interrupt)
+    monkeypatch.setattr("qclearn.cli.registration.run_registration", interrupt)
     with pytest.raises(SystemExit) as stop:
         run("register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out")
     assert stop.value.code == 130 and capsys.readouterr().err.strip() == "qclearn: interrupted"
@@ -724,7 +725,7 @@ def test_a_lack_of_memory_is_one_line(folder, capsys, monkeypatch):
     def greedy(*_, **__):
         raise MemoryError
 
-    monkeypatch.setattr("qclearn.cli.run_registration", greedy)
+    monkeypatch.setattr("qclearn.cli.registration.run_registration", greedy)
     line = refused(capsys, folder, "register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out")
     assert "not enough memory" in line
 
@@ -733,7 +734,7 @@ def test_a_full_disk_is_one_line_with_the_folder(folder, capsys, monkeypatch):
     def full(*_, **__):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("qclearn.cli.run_registration", full)
+    monkeypatch.setattr("qclearn.cli.registration.run_registration", full)
     line = refused(capsys, folder, "register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out")
     assert re.search("out: the disk is full .*MB are free; make room", line)
 

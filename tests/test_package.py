@@ -1,4 +1,5 @@
-"""What others install: the wheel alone in an environment that holds nothing else, and an sdist from which it can be built."""
+"""What others install: the wheel alone in an environment that holds nothing else,
+and an sdist from which it can be built."""
 
 import json
 import os

@@ -2,7 +2,8 @@
 
     python tools/benchmark_scaling.py --out qclearn/benchmark/kept/scaling.json
 
-All runs on a few subjects on coarse meshes, which are grown beforehand. The benchmark's page reads qclearn/benchmark/kept/scaling.json.
+All runs on a few subjects on coarse meshes, which are grown beforehand. The benchmark's page reads
+qclearn/benchmark/kept/scaling.json.
 """
 
 import argparse

@@ -1,7 +1,7 @@
 """Execute every notebook of book/ once and build the site from the result: build/book -> _build/html.
 
-Sphinx builds the site from the executed copies with warnings as errors. What the site offers for download are the copies
-that read in JupyterLab without a kernel.
+Sphinx builds the site from the executed copies with warnings as errors. What the site offers for download are the
+copies that read in JupyterLab without a kernel.
 """
 
 import argparse

@@ -1,7 +1,7 @@
 """Execute notebooks of book/ as copies in build/book, and hold them to what a page has to keep to.
 
-The notebooks in book/ stay without outputs. nbmake executes the copies, which makes the execution a test of each page and of
-the solutions of its exercises.
+The notebooks in book/ stay without outputs. nbmake executes the copies, which makes the execution a test of each page
+and of the solutions of its exercises.
 """
 
 import hashlib
@@ -66,7 +66,8 @@ def finish(notebook):
 
 
 def execute(paths, jobs, seconds_per_cell):
-    # An empty pytest configuration: the tests' own settings (warnings as errors) are about the library, not about Jupyter.
+    # An empty pytest configuration: the tests' own settings (warnings as errors) are about the library, not about
+    # Jupyter.
     settings = BUILD / "nbmake.ini"
     settings.write_text("[pytest]\n")
     environment = os.environ | {"PYVISTA_OFF_SCREEN": "true", "JUPYTER_PREFER_ENV_PATH": "1"}

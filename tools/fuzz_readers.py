@@ -1,10 +1,12 @@
-"""Damaged files against every reader: each must be read as a sound surface or map, or refused in one line that names it.
+"""Damaged files against every reader: each must be read as a sound surface or map, or refused in one line that names
+it.
 
     python tools/fuzz_readers.py 2000 --seed 7 [--kind files|registration|crafted] [--out ROWS.jsonl]
 
 A case is (seed, number) and is made again from them. Each runs in a forked process with 10 s and 2 GiB of addresses.
 Verdicts: refused, accepted, and the faults: noisy (it wrote or warned), unnamed (a message without the file, or of
-several lines), raw (another exception), wrong (accepted, but not sound), memory (over 600 MB more than before), hang, crash.
+several lines), raw (another exception), wrong (accepted, but not sound), memory (over 600 MB more than before), hang,
+crash.
 """
 
 import argparse
@@ -29,9 +31,9 @@ import nibabel
 import numpy as np
 
 import qclearn as qc
-from qclearn.cli import read_landmarks
 from qclearn.files.meshes import SlitWarning
 from qclearn.plane.diskmesh import polar_disk
+from qclearn.registration.landmarkfile import read_landmarks
 from qclearn.registration.mapfile import read_registration, write_registration
 from qclearn.registration.register import check_curves
 
@@ -75,7 +77,8 @@ def bases(folder):
         for face in corners.tolist()
     )
     (folder / "ascii.stl").write_text(f"solid s\n{facets}endsolid s\n")
-    header = "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\nelement face {}\n"
+    header = "ply\nformat ascii 1.0\nelement vertex {}\n"
+    header += "property float x\nproperty float y\nproperty float z\nelement face {}\n"
     rows = [
         " ".join(map(str, row))
         for row in (*surface.vertices.tolist(), *([3, *face] for face in surface.faces.tolist()))

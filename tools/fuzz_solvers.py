@@ -4,8 +4,8 @@
 
 A case is (kind, seed, number) and is made again from them. Each runs in a forked process with 120 s and 6 GiB of
 addresses. Verdicts: certified, folded (and said so), refused (one of the library's own errors), and the faults: false
-(claimed bijective, fractions refute it), worse (a fit or a registration above the best Moebius map), silent (not finite),
-raw (another exception), hang, crash.
+(claimed bijective, fractions refute it), worse (a fit or a registration above the best Moebius map), silent (not
+finite), raw (another exception), hang, crash.
 """
 
 import argparse

@@ -1,8 +1,8 @@
 """Copies of the executed pages for reading: build/lab for JupyterLab, build/notebooks for plain viewers.
 
-A copy is made anew when its page, the library behind it, the contents or the literature changed, and only then; the pages
-are executed for it where build/book has no run of them that is as new. A copy that a reader changed is never overwritten:
-it is kept beside the new one, and a line says so.
+A copy is made anew when its page, the library behind it, the contents or the literature changed, and only then; the
+pages are executed for it where build/book has no run of them that is as new. A copy that a reader changed is never
+overwritten: it is kept beside the new one, and a line says so.
 """
 
 import argparse
@@ -32,7 +32,8 @@ def digest(*files):
 
 
 def cells_digest(path):
-    """Of a notebook's cells without outputs: JupyterLab saves a page that was only opened or run, and nobody changed that."""
+    """Of a notebook's cells without outputs: JupyterLab saves a page that was only opened or run,
+    and nobody changed that."""
     try:
         cells = [(cell.cell_type, cell.source) for cell in nbformat.read(path, as_version=4).cells]
     except (nbformat.reader.NotJSONError, AttributeError):

@@ -1,4 +1,5 @@
-"""Executed pages as plain Markdown notebooks: no directive, no role, no label; numbers of figures and equations put in."""
+"""Executed pages as plain Markdown notebooks: no directive, no role, no label;
+numbers of figures and equations put in."""
 
 import re
 from collections import Counter, deque

@@ -1,7 +1,8 @@
 """Executed pages for two kinds of readers: JupyterLab, and viewers that know plain Markdown alone.
 
-JupyterLab (jupyterlab_myst) renders a page's own figures, theorems, equations and numbers. It knows one page at a time: what
-points to other pages or to the literature becomes text with a link. For plain viewers everything becomes plain Markdown.
+JupyterLab (jupyterlab_myst) renders a page's own figures, theorems, equations and numbers. It knows one page at a time:
+what points to other pages or to the literature becomes text with a link. For plain viewers everything becomes plain
+Markdown.
 """
 
 import ast

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import qclearn as qc
-from qclearn.pages.plot import registration_disks, registration_scene
-from qclearn.pages.scenes import require_renderer
+from qclearn.pages.plot import registration_disks
+from qclearn.pages.scenes import registration_scene, require_renderer
 from qclearn.surfaces.curvature import grey_levels
 
 PICTURE = Path(__file__).resolve().parent.parent / "book" / "_assets" / "registration.png"

@@ -1,7 +1,7 @@
 """What the pages of the book refer to: chapters, labels with their numbers, and the literature.
 
-The numbers are counted here as Sphinx and JupyterLab count them: labelled equations, figures, exercises, and each kind of
-theorem by itself, from 1 on each page, with the chapter's number in front.
+The numbers are counted here as Sphinx and JupyterLab count them: labelled equations, figures, exercises, and each kind
+of theorem by itself, from 1 on each page, with the chapter's number in front.
 """
 
 import re

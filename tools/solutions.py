@@ -1,7 +1,7 @@
 """The code in the solutions of a page's exercises runs after the page, and prints what the solution says.
 
-A ```python fence inside a {solution} runs in the page's namespace, after the page's cells and the solutions before it. The
-```text fence that follows it says what it prints; without one it has to print nothing.
+A ```python fence inside a {solution} runs in the page's namespace, after the page's cells and the solutions before it.
+The ```text fence that follows it says what it prints; without one it has to print nothing.
 """
 
 import re
@@ -71,6 +71,7 @@ def problems(cell):
         yield f"{where}: it warns:\n{streams['stderr']}"
     if not same_text(streams["stdout"], cell.metadata["prints"]):
         yield (
-            f"{where}: it prints\n{streams['stdout'].rstrip()}\n  where the page says\n{cell.metadata['prints'].rstrip()}"
-            f"\n  (words exactly, numbers within {TOLERANCE:.0%})"
+            f"{where}: it prints\n{streams['stdout'].rstrip()}\n"
+            f"  where the page says\n{cell.metadata['prints'].rstrip()}\n"
+            f"  (words exactly, numbers within {TOLERANCE:.0%})"
         )

@@ -3,10 +3,11 @@
     python tools/suspect_table.py [--good 200] [--wrong 20] [--seeds 1001-1012] [--vertices 3000] [--also FILE.npz ...]
 
 Pairs are drawn from the two hemispheres of fsaverage5 (the right one mirrored) with the surfaces of --also, which carry
-curves of the same names, and from synthetic subjects, for which whole surfaces are made up that they were cut from. Four
-to eleven curves a pair, by their ends or whole, either method. Mistakes are looked for in all of them; so many as --registered
-says are also registered, for what their maps show. Writes qclearn/benchmark/kept/suspect.json, every case with its values, and prints
-how often the right word was said and the range of each value. Finished cases are kept and not run again.
+curves of the same names, and from synthetic subjects, for which whole surfaces are made up that they were cut from.
+Four to eleven curves a pair, by their ends or whole, either method. Mistakes are looked for in all of them; so many as
+--registered says are also registered, for what their maps show. Writes qclearn/benchmark/kept/suspect.json, every case
+with its values, and prints how often the right word was said and the range of each value. Finished cases are kept and
+not run again.
 """
 
 import json
@@ -99,7 +100,8 @@ def spoil(kind, rng, moving, control, curves):
 
 
 def readings(moving, control, entries):
-    """What decides about mistakes: of each kind of reading the one that fits best, dict of dicts; and the words, list."""
+    """What decides about mistakes: of each kind of reading the one that fits best, dict of dicts; and the words,
+    list."""
     disks = qc.disk_conformal_map(moving), qc.disk_conformal_map(control)
     given = suspect.given_reading(*disks, entries)
     found = {}
@@ -177,7 +179,8 @@ def found_in(case, name):
 
 
 def table(cases):
-    """Lines: how often each mistake was recognised, and the range of each value in good cases and in each wrong kind."""
+    """Lines: how often each mistake was recognised, and the range of each value in good cases and in each wrong
+    kind."""
     for kind in ("good", *WORDS):
         own = [case for case in cases if case["kind"] == kind]
         right = f", {sum(map(recognised, own))} of them by the right word" if kind in WORDS else ""

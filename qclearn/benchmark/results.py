@@ -129,7 +129,8 @@ def write_results(path, results):
 
 
 def read_results(path):
-    """A results file as nested dicts and lists, checked against the schema; BenchmarkError if it is none of this version."""
+    """A results file as nested dicts and lists, checked against the schema;
+    BenchmarkError if it is none of this version."""
     try:
         results = json.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
@@ -174,7 +175,8 @@ def column(rows, run, key):
 
 
 def front_ratio(rows, front, baseline, size="mean_abs_mu", error="landmark_error"):
-    """Per pair: the front's error at the baseline's distortion, over the baseline's error, dict; below 1 the front is ahead.
+    """Per pair: the front's error at the baseline's distortion, over the baseline's error, dict; below 1 the front is
+    ahead.
 
     front: names of runs that trade `error` for `size`. Their certified points, without those that another one beats in
     both, are joined by straight lines, beyond the last one held. Only pairs whose baseline is certified; NaN where the
@@ -197,8 +199,8 @@ def front_ratio(rows, front, baseline, size="mean_abs_mu", error="landmark_error
 def compare_fronts(rows, front, baseline, rng, size="mean_abs_mu", error="landmark_error"):
     """`front_ratio` in one line: its geometric mean over pairs with its 95 % interval, and who is in front, a dict.
 
-    "ratio", "low", "high"; "won" of "pairs" where the front is ahead; "state": "ahead" or "behind" where the interval does
-    not hold 1, "level" where it does, "unknown" without a pair.
+    "ratio", "low", "high"; "won" of "pairs" where the front is ahead; "state": "ahead" or "behind" where the interval
+    does not hold 1, "level" where it does, "unknown" without a pair.
     """
     ratios = np.array(list(front_ratio(rows, front, baseline, size, error).values()))
     ratio, low, high = np.exp(paired_difference(np.log(ratios), np.zeros(len(ratios)), rng)).tolist()
@@ -243,9 +245,9 @@ MAIN = ("landmark_error", "mean_abs_mu", "correspondence_sulci_mm")
 
 
 def summary(rows):
-    """Per run: a dict with "pairs", "failed", "certified" (counts); each figure's mean over pairs by its own name and its
-    SD as "sd_of_" and the name (`MAIN` figures always, None where no pair has one); "seconds" of the map and "stages",
-    medians.
+    """Per run: a dict with "pairs", "failed", "certified" (counts); each figure's mean over pairs by its own name and
+    its SD as "sd_of_" and the name (`MAIN` figures always, None where no pair has one); "seconds" of the map and
+    "stages", medians.
     """
     table = {}
     figures = dict.fromkeys([*MAIN, *(key for row in rows for key, value in row.items() if is_number(value))])

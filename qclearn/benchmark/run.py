@@ -1,4 +1,5 @@
-"""The benchmark: every run on every problem, as tasks on one machine or many, kept as they finish and resumed if killed.
+"""The benchmark: every run on every problem, as tasks on one machine or many, kept as they finish and resumed if
+killed.
 
     from qclearn.benchmark import benchmark, Run
     results = benchmark("small.json", subjects=3)
@@ -7,12 +8,10 @@ A run is a method with its parameters and a source of landmarks. A method of one
 `benchmark(..., methods=METHODS | {"mine": mine}, runs=(*RUNS, Run("mine", "mine")))`.
 """
 
-import inspect
-import json
 import platform
 import time
 from contextlib import contextmanager, nullcontext
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from datetime import date
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -25,102 +24,15 @@ from data_synth.cortex import FEWEST, MOST
 from ..files.extras import require
 from ..files.provenance import commit, processor
 from ..methods import METHODS
-from ..methods.networks import network, networks_of
-from .pairs import CONTROL, DETECTORS, SOURCES, cohort_pair, displacement_pair, fsaverage_pair, mapped_subject
+from .pairs import CONTROL, cohort_pair, displacement_pair, fsaverage_pair, mapped_subject
 from .results import BenchmarkError, Journal
+from .runs import FRONT, RUNS, SETS, check_runs, lacking
 from .trial import trial
 
 DISTANCES, CURVE_COUNTS = (0.05, 0.1, 0.2, 0.3, 0.4), (4, 8)
-SETS = ("cohort", "pairs", "displacement", "fsaverage5")
 PATIENCE = 20  # seconds for a scheduler to answer and to have a worker
 KEEP_MEMORY = "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_"
 VERSIONS = ("qclearn", "numpy", "scipy", "distributed", "torch")
-
-
-@dataclass(frozen=True)
-class Run:
-    """One row's recipe: its name in the tables, the method and its parameters, the landmarks' source (`SOURCES`).
-
-    sets: the sets of problems it makes sense on; keep_field: also keep |mu| on the control's disk, for pictures of its
-    mean and spread over subjects.
-    """
-
-    name: str
-    method: str
-    parameters: dict = field(default_factory=dict)
-    landmarks: str = "given"
-    sets: tuple = SETS
-    keep_field: bool = False
-
-
-KNOWN, DETECTED = (
-    ("cohort", "pairs"),
-    ("cohort", "pairs", "fsaverage5"),
-)  # sets with true curves and a true map; with ends
-FINE = {"alpha": 1.0, "beta": 1e-2, "gamma": 1e5}  # the library's default; named where a run differs
-PRINTED = {"preset": "paper", "alpha": 1.0, "beta": 1.0}
-
-
-RUNS = (
-    Run("Möbius", "mobius_only"),
-    *(Run(f"harmonic {weight:g}", "harmonic", {"weight": weight}) for weight in (0.1, 0.5, 1.0, 5.0)),
-    Run("thin plate", "thin_plate"),
-    Run("QC iteration", "qc_iteration"),
-    Run("Teichmüller", "teichmuller"),
-    *(
-        Run(f"Gauss-Newton (1, 1, {gamma})", "gauss_newton", {"alpha": 1.0, "beta": 1.0, "gamma": float(gamma)})
-        for gamma in ("1e4", "1e5", "2e5")
-    ),
-    Run("Gauss-Newton", "gauss_newton", FINE, keep_field=True),
-    Run("Gauss-Newton, sliding", "gauss_newton", FINE | {"sliding": True}),
-    Run("Gauss-Newton, path", "gauss_newton", FINE, "path", KNOWN),
-    Run("Gauss-Newton, exact landmarks", "gauss_newton", FINE, "exact", KNOWN),
-    # The paper's CP-Net has weights for one control and each gamma.
-    *(
-        Run(
-            f"paper's networks (1, 1, {gamma})",
-            "cpnet_dbsnet",
-            PRINTED | {"gamma": float(gamma)},
-            "given",
-            ("cohort",),
-            gamma == "1e5",
-        )
-        for gamma in ("1e4", "1e5", "2e5")
-    ),
-    Run("paper's networks (1, 1, 1e5), LD-Net", "cpnet_dbsnet", PRINTED | {"gamma": 1e5}, "ldnet_paper", ("cohort",)),
-    Run("paper's networks (1, 1, 1e5), path", "cpnet_dbsnet", PRINTED | {"gamma": 1e5}, "path", ("cohort",)),
-    Run("CP-Net and DBS-Net", "cpnet_dbsnet", FINE, keep_field=True),
-    Run("CP-Net and DBS-Net, LD-Net", "cpnet_dbsnet", FINE, "ldnet", DETECTED),
-    Run("CP-Net, exact solver", "cpnet_exact", FINE),
-    Run("CP-Net, 1 step", "cpnet_steps", FINE | {"steps": 1}),
-    Run("CP-Net, 2 steps", "cpnet_steps", FINE | {"steps": 2}),
-    Run("CP-Net, 1 step, LD-Net", "cpnet_steps", FINE | {"steps": 1}, "ldnet", DETECTED),
-    Run("CP-Net, 1 step, path", "cpnet_steps", FINE | {"steps": 1}, "path", KNOWN),
-    Run("coarse fit, 1 step", "coarse_steps", FINE),
-    Run("guarded networks", "guarded", FINE),
-)
-# Fits along a front, for comparisons at equal distortion: as little of it as the harmonic maps have, hardly smoothed, and
-# as free as they on a mesh like the subject's. They take a third of the time of all runs.
-FRONT = (
-    *(
-        Run(
-            f"Gauss-Newton (1, 1e-4, {gamma:g})",
-            "gauss_newton",
-            {"alpha": 1.0, "beta": 1e-4, "gamma": gamma},
-            sets=KNOWN,
-        )
-        for gamma in (0.5, 2.0, 8.0)
-    ),
-    *(
-        Run(
-            f"Gauss-Newton (1, 1e-5, {gamma:g})",
-            "gauss_newton",
-            {"alpha": 1.0, "beta": 1e-5, "gamma": gamma, "rings": 64},
-            sets=KNOWN,
-        )
-        for gamma in (0.25, 1.0, 4.0, 16.0, 64.0)
-    ),
-)
 
 
 @dataclass(frozen=True)
@@ -199,56 +111,6 @@ def benchmark(
         | machines
         | {"seconds": round(time.perf_counter() - start, 1), "resumed": bool(done), "left_out": left_out}
     )
-
-
-def run_of(text):
-    """The Run that a command line means by "harmonic" or "harmonic:weight=2,landmarks=path"; BenchmarkError."""
-    method, _, given = text.partition(":")
-    parameters = {}  # and the landmarks' source
-    for pair in filter(None, given.split(",")):
-        name, equals, value = pair.partition("=")
-        try:
-            parameters[name.strip()] = json.loads(value)
-        except ValueError:
-            parameters[name.strip()] = value.strip()
-        if not equals:
-            raise BenchmarkError(f"{text}: {pair!r} is no parameter; write {method}:NAME=VALUE,NAME=VALUE")
-    source = parameters.pop("landmarks", "given")
-    return Run(text, method, parameters, source)
-
-
-def check_runs(runs, methods):
-    """The runs as a tuple, or BenchmarkError for an unknown method, parameter or source, or a name used twice."""
-    for run in runs:
-        if run.method not in methods:
-            raise BenchmarkError(f"{run.name}: there is no method {run.method!r}; there are {', '.join(methods)}")
-        known = list(inspect.signature(methods[run.method]).parameters)[1:]
-        unknown = sorted(set(run.parameters) - set(known))
-        if unknown:
-            raise BenchmarkError(
-                f"{run.name}: {run.method} has no parameter {', '.join(unknown)}; it has {', '.join(known) or 'none'}"
-            )
-        if run.landmarks not in SOURCES or not set(run.sets) <= set(SETS):
-            raise BenchmarkError(
-                f"{run.name}: no landmarks {run.landmarks!r} or sets {run.sets}; landmarks are one of "
-                f"{', '.join(SOURCES)}, sets some of {', '.join(SETS)}"
-            )
-    names = [run.name for run in runs]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice or not names:
-        raise BenchmarkError(f"runs named twice: {twice}; give each a name of its own" if twice else "no runs given")
-    return tuple(runs)
-
-
-def lacking(run):
-    """Why a run's networks cannot be loaded here, in words, or None."""
-    try:
-        networks_of(run.method, run.parameters)
-        if run.landmarks in DETECTORS:
-            network("ldnet", DETECTORS[run.landmarks])
-    except (ImportError, ValueError) as error:
-        return str(error)
-    return None
 
 
 def problems(subjects, sets):

@@ -1,5 +1,5 @@
-"""GIFTI files: surfaces and per-vertex maps through nibabel, once a first pass has seen that the sizes are true; and what
-Workbench wants to find in a file: the hemisphere, a coordinate system and a label table."""
+"""GIFTI files: surfaces and per-vertex maps through nibabel, once a first pass has seen that the sizes are true; and
+what Workbench wants to find in a file: the hemisphere, a coordinate system and a label table."""
 
 import base64
 import colorsys
@@ -141,7 +141,8 @@ def surface_bytes(surface, side=None, space=None):
 
 
 def values_bytes(values, side=None, labels=None):
-    """The bytes of a map (V,) or (V, k), float32 or int32; whole numbers get a label table, `labels` or one made here."""
+    """The bytes of a map (V,) or (V, k), float32 or int32; whole numbers get a label table,
+    `labels` or one made here."""
     meta = GiftiMetaData({"AnatomicalStructurePrimary": STRUCTURES[side]} if side else {})
     intent, table = "NIFTI_INTENT_SHAPE", GiftiLabelTable()
     if values.dtype.kind == "i":

@@ -120,33 +120,9 @@ def write_surface(path, surface, original_vertices=None, frame=None):
 
 # Names of files that are no FreeSurfer surface or map, whatever they begin with (lh.map.csv).
 FOREIGN_SUFFIXES = (
-    ".csv",
-    ".tsv",
-    ".json",
-    ".xml",
-    ".mat",
-    ".nii",
-    ".gz",
-    ".zip",
-    ".label",
-    ".annot",
-    ".mgh",
-    ".mgz",
-    ".npy",
-    ".npz",
-    ".txt",
-    ".gii",
-    ".xlsx",
-    ".h5",
-    ".png",
-    ".ply",
-    ".obj",
-    ".off",
-    ".stl",
-    ".vtk",
-    ".vtp",
-    ".asc",
-)
+    ".csv", ".tsv", ".json", ".xml", ".mat", ".nii", ".gz", ".zip", ".label", ".annot", ".mgh", ".mgz", ".npy", ".npz",
+    ".txt", ".gii", ".xlsx", ".h5", ".png", ".ply", ".obj", ".off", ".stl", ".vtk", ".vtp", ".asc",
+)  # fmt: skip
 
 
 def _foreign(path):

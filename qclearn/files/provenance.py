@@ -45,8 +45,8 @@ def versions(*packages):
 def fingerprint(surface):
     """`{"vertices": V, "sha256": hex}` of a surface: what landmarks files and reports know it by.
 
-    The hash is over the vertices (V, 3) as little-endian float32, which is what most formats store, and the faces (F, 3)
-    as little-endian int64, so that a surface has one hash in all formats that keep the order of its vertices.
+    The hash is over the vertices (V, 3) as little-endian float32, which is what most formats store, and the faces
+    (F, 3) as little-endian int64, so that a surface has one hash in all formats that keep the order of its vertices.
     """
     with np.errstate(over="ignore"):  # beyond float32 all are infinite
         digest = hashlib.sha256((surface.vertices.astype("<f4") + np.float32(0)).tobytes())  # + 0: one zero, not two
@@ -55,7 +55,8 @@ def fingerprint(surface):
 
 
 def origin(inputs, curves, command):
-    """What report.json keeps of where it comes from: `inputs`, `landmarks` (a whole landmarks file), `versions`, `command`.
+    """What report.json keeps of where it comes from: `inputs`, `landmarks` (a whole landmarks file), `versions`,
+    `command`.
 
     inputs: side -> (path, surface as read); curves: the landmarks as given; command: the words of the command line.
     """

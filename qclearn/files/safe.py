@@ -25,8 +25,8 @@ import numpy as np
 
 from ..surfaces.surface import SurfaceError
 
-# Unpacked, a file may hold so many times its own bytes, or so many bytes where that is more. Coordinates and faces shrink
-# 2 to 6 times, a map that is zero nearly everywhere up to 1000 times, but then it is short.
+# Unpacked, a file may hold so many times its own bytes, or so many bytes where that is more. Coordinates and faces
+# shrink 2 to 6 times, a map that is zero nearly everywhere up to 1000 times, but then it is short.
 RATIO, ROOM = 100, 64 << 20
 LONGEST_NAME = 200  # of a curve
 LONGEST_MESSAGE = 2000
@@ -47,7 +47,8 @@ def allowance(size):
 
 
 def read_bytes(path):
-    """All bytes of a regular file, unzipped where it is called .gz or .mgz; SurfaceError, naming it, if it cannot be."""
+    """All bytes of a regular file, unzipped where it is called .gz or .mgz; SurfaceError, naming it,
+    if it cannot be."""
     try:
         mode = path.stat().st_mode
         if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):  # reading it might never end
@@ -194,7 +195,8 @@ def full_disk(folder, written, size=None):
     if size is None:
         need = f"{_megabytes(written)} were written and more is needed, {_megabytes(free)} are free"
     else:
-        need = f"about {_megabytes(size)} are needed, {_megabytes(free)} are free, {_megabytes(max(size - free, 0))} are missing"
+        missing = _megabytes(max(size - free, 0))
+        need = f"about {_megabytes(size)} are needed, {_megabytes(free)} are free, {missing} are missing"
     return f"the disk is full (No space left on device): {need}; make room, or choose a folder on another disk."
 
 

@@ -33,8 +33,8 @@ _FORMATS = (
 )
 # Formats that are known and not read or written here: what to do instead.
 _REFUSED = {
-    ".nii": "CIFTI holds both hemispheres and volumes at once: take one surface's map out, wb_command -cifti-separate IN COLUMN "
-    "-metric CORTEX_LEFT OUT.func.gii (-label for a .dlabel.nii); a volume: mri_vol2surf or wb_command "
+    ".nii": "CIFTI holds both hemispheres and volumes at once: take one surface's map out, wb_command -cifti-separate "
+    "IN COLUMN -metric CORTEX_LEFT OUT.func.gii (-label for a .dlabel.nii); a volume: mri_vol2surf or wb_command "
     "-volume-to-surface-mapping",
     ".label": "a label lists vertices and gives no value to each: `qclearn open --label` takes it",
     ".npz": "an npz holds several arrays: save one as .npy",
@@ -85,8 +85,8 @@ def read_values(path):
     .mgh, .mgz, .annot, or FreeSurfer morphometry, known by its content under any other name.
 
     Whole numbers stay integers where the format says that they are: .npy, a text without a point, GIFTI's and MGH's
-    integer types, and an annotation's regions (their place in its table, -1 for none). SurfaceError, naming the file and
-    the remedy, where it cannot be read.
+    integer types, and an annotation's regions (their place in its table, -1 for none). SurfaceError, naming the file
+    and the remedy, where it cannot be read.
     """
     path = Path(path)
     suffix = suffix_of(path)
@@ -128,10 +128,10 @@ def read_labels(path):
 def write_values(path, values, side=None, labels=None):
     """Write values (V,) or (V, k) in the format of the path's suffix, as `read_values` reads them; whole or not at all.
 
-    GIFTI, MGH and morphometry store float32, GIFTI and MGH integers as int32; morphometry takes (V,) alone. A GIFTI gets the
-    hemisphere, side = "left" or "right" (else the one that its name says), and whole numbers a label table, `labels` as
-    from read_labels. SurfaceError where the format is not written here, where numbers do not fit it, or the folder
-    cannot be written.
+    GIFTI, MGH and morphometry store float32, GIFTI and MGH integers as int32; morphometry takes (V,) alone. A GIFTI
+    gets the hemisphere, side = "left" or "right" (else the one that its name says), and whole numbers a label table,
+    `labels` as from read_labels. SurfaceError where the format is not written here, where numbers do not fit it, or the
+    folder cannot be written.
     """
     path, values = Path(path), np.asarray(values)
     suffix = suffix_of(path)

@@ -13,17 +13,18 @@ from ..registration.fit import LandmarkError, check_landmarks, check_weights
 from .born import Born
 from .cpnet_paper import PaperCPNet, PaperCPNetConfig
 from .layers import ConditionedUNet, disk_mesh
+from .linearised import Linearised
 from .polar import PolarSolver
 from .polargrid import PolarGrid, PolarMesh
-from .torchplane import bounded, fit_mobius, mobius, mobius_columns
+from .torchplane import bounded, fit_mobius, mobius
 from .train import TrainConfig
 
 INSIDE, LOSS = (1e-3, 8), (1e-3, 20)  # tolerance and most steps of the solver inside the network, and in the loss
 
 FIELD = 0.03  # of the U-Nets' outputs that bend the field itself
 
-# What the two corrections see on the grid, in order: name -> (how often its frame turns with the spoke, scale that brings
-# it to the size of 1, why it is shown). Complex ones make two channels.
+# What the two corrections see on the grid, in order: name -> (how often its frame turns with the spoke, scale that
+# brings it to the size of 1, why it is shown). Complex ones make two channels.
 FIRST = {
     "nu": (2, 1, "the Born step, which is corrected"),
     "moved": (1, 5, "what it does to the nodes, to first order"),
@@ -114,7 +115,8 @@ class BestCPNet(nn.Module):
             return f, chord, self.correct(problem, residual, linear, change.float())
 
     def correct(self, problem, residual, linear, change):
-        """The dual step for a corrected residual (B, M), plus a correction of the field itself, from the U-Net's output.
+        """The dual step for a corrected residual (B, M), plus a correction of the field itself, from the U-Net's
+        output.
 
         change (B, 8, rings, spokes): at the landmarks a factor and, in units of the residual's size, a vector in the
         frame of the spoke; on the grid a factor and an addition in the frame that turns twice with the spoke.
@@ -146,7 +148,8 @@ class BestCPNet(nn.Module):
         return self.stack([*channels[:6], count, *channels[6:]]), problem.conditions
 
     def second_features(self, problem, one, f):
-        """SECOND as channels (B, 10, rings, spokes), conditions (B, 6), the chord step, and the residual, seen and linear."""
+        """SECOND as channels (B, 10, rings, spokes), conditions (B, 6), the chord step, and the residual,
+        seen and linear."""
         parameters = fit_mobius(self.grid.sample(f, problem.places), problem.q, problem.mask)
         w_all = mobius(f, *parameters)
         w = self.grid.sample(w_all, problem.places)
@@ -169,7 +172,8 @@ class BestCPNet(nn.Module):
         return z.expand(count, -1)
 
     def turning(self, field, times):
-        """Real and imaginary part of a field (B, rings, spokes) in the frame that turns so many times with the spoke."""
+        """Real and imaginary part of a field (B, rings, spokes)
+        in the frame that turns so many times with the spoke."""
         field = field * self.spoke.conj() ** times
         return field.real, field.imag
 
@@ -190,10 +194,11 @@ class BestCPNet(nn.Module):
         """mu (F,) on a disk mesh z (V,), faces (F, 3) whose map takes `moving` to `target` (M,), as `fit_landmarks`.
 
         The map is `solve_beltrami_disk(z, faces, mu)` and the best Möbius map after it. Trained for `config.smooth` and
-        `config.match`; beyond these ranges the linearised fit still has the weights, the corrections those of the nearest
-        place inside; and gamma / beta is used up to `config.stiffest`. looks: exact maps on the network's mesh in between (default: the configuration's), each better and
-        slower. curve is not used. LandmarkError for bad landmarks or weights, or more than `config.most`
-        landmarks; BeltramiError or SurfaceError where the mesh is no disk.
+        `config.match`; beyond these ranges the linearised fit still has the weights, the corrections those of the
+        nearest place inside; and gamma / beta is used up to `config.stiffest`. looks: exact maps on the network's mesh
+        in between (default: the configuration's), each better and slower. curve is not used. LandmarkError for bad
+        landmarks or weights, or more than `config.most` landmarks; BeltramiError or SurfaceError where the mesh is no
+        disk.
         """
         return self.on_mesh(disk_mesh(z, faces), self(*self.problem(moving, target, alpha, beta, gamma), looks))
 
@@ -253,7 +258,8 @@ class BestCPNet(nn.Module):
 
     @property
     def fine(self):
-        """Another polar mesh, on which the loss is measured: (solver, mesh, corners (F, 3) and weights of its faces)."""
+        """Another polar mesh, on which the loss is measured: (solver, mesh, corners (F, 3)
+        and weights of its faces)."""
         if not hasattr(self, "_fine"):
             rings, spokes = 4 * self.config.rings // 3, 4 * self.config.spokes // 3
             solver = PolarSolver(rings, spokes, self.grid.power)
@@ -282,37 +288,6 @@ class BestCPNet(nn.Module):
                 [low + (high - low) * x for x, (low, high) in ((b, self.config.smooth), (g, self.config.match))], 1
             )
         return p, q, mask, 10**logs
-
-
-class Linearised:
-    """One batch of landmark problems, linearised at the identity: the Born step `nu` and what it promises.
-
-    ranges (2, 2): of log10 of beta / alpha and gamma / alpha, to which the conditions of the U-Nets are cut.
-    """
-
-    def __init__(self, grid, born, ranges, p, q, mask, weights):
-        self.p, self.q, self.mask, self.weights = p, q, mask, weights
-        b, g = weights.unbind(1)
-        self.parameters = a, theta = fit_mobius(p, q, mask)
-        w = mobius(p, a, theta)
-        self.slope = torch.exp(1j * theta)[:, None] * (1 - a.abs() ** 2)[:, None] / (1 - a.conj()[:, None] * p) ** 2
-        self.scale = (g / mask.sum(1)).sqrt()[:, None] * mask
-        self.places = grid.locate(p)
-        self.J = born.jacobian(self.places)
-        self.step = born.prepare(self.J, self.slope, mobius_columns(w), self.scale, torch.ones_like(b), b)
-        self.residual = (w - q) * mask
-        self.c, self.promised = self.step(self.residual * self.scale)
-        self.nu = grid.field(self.c)
-        self.displacement = (q - w) / self.slope
-        self.born_displacement = self.linear(self.c)
-        low, high = torch.tensor(ranges).to(weights).T
-        logs = torch.log10(weights.clamp(min=1e-12)).clamp(low, high)
-        self.conditions = torch.stack([logs[:, 0], logs[:, 1] - 4, torch.log10(mask.sum(1)) - 2], 1)
-
-    def linear(self, c):
-        """What coefficients c (B, modes) do to the landmarks, to first order, before the Möbius map: (B, M)."""
-        v = torch.einsum("bmkn,bn->bmk", self.J.conj(), c).real
-        return torch.complex(v[..., 0], v[..., 1])
 
 
 PRESETS = {"paper": (PaperCPNet, PaperCPNetConfig()), "best": (BestCPNet, BestCPNetConfig())}

@@ -1,4 +1,5 @@
-"""CP-Net as printed: the control's landmarks fixed, those of a subject in, one network for each (alpha, beta, gamma)."""
+"""CP-Net as printed: the control's landmarks fixed, those of a subject in, one network for each
+(alpha, beta, gamma)."""
 
 from dataclasses import dataclass
 

@@ -68,7 +68,8 @@ class BestDBSNet(DiskNetwork):
         return self.solver.z[self.solver.faces].mean(1)
 
     def run(self, mu, steps=0):
-        """The map of mu (F,) on the polar mesh as a function of points, after `steps` more steps of the exact solver."""
+        """The map of mu (F,) on the polar mesh as a function of points,
+        after `steps` more steps of the exact solver."""
         f = self.refine(torch.from_numpy(mu).to(self.z)[None], steps)
         return PolarFunction((f[:, 1:].view(self.z.shape) / self.z)[0].cpu().numpy())
 
@@ -90,7 +91,8 @@ class BestDBSNet(DiskNetwork):
             return torch.cat([f.new_zeros(len(f), 1), f.flatten(1)], 1)
 
     def features(self, mu):
-        """What is known in closed form: features (B, 14, rings, spokes), see FEATURES, and the first u, v (B, rings, spokes)."""
+        """What is known in closed form: features (B, 14, rings, spokes), see FEATURES, and the first u, v (B, rings,
+        spokes)."""
         maps, potentials, angles = two_steps(self.solver, mu)
         first, second, beyond = (f[:, 1:].view(-1, *self.z.shape[1:]) for f in maps)  # (B, rings, spokes)
         start, change, residual = (torch.log(a / b) for a, b in ((second, self.z), (second, first), (beyond, second)))

@@ -133,7 +133,8 @@ class PaperDBSNet(DiskNetwork):
         self.boundary_route = BoundaryRoute(2 * (2 * config.frequencies + 1) ** 2, torch.from_numpy(usual).float())
 
     def forward(self, mu):
-        """(f (B, V), angles (B, 4 size)) of images mu (B, size, size): rows upwards, pixels are the cells of the mesh."""
+        """(f (B, V), angles (B, 4 size)) of images mu (B, size, size): rows upwards,
+        pixels are the cells of the mesh."""
         with torch.autocast(mu.device.type, enabled=False):
             low = self.fourier(mu)
             back = self.inner_route.back

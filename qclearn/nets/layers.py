@@ -10,7 +10,7 @@ from scipy import ndimage
 from torch import nn
 from torch.nn import functional
 
-from ..plane.beltrami import check_coefficient
+from ..plane.checks import check_coefficient
 from ..plane.disk import BeltramiDiskSolver
 from ..plane.diskmesh import locate
 
@@ -103,7 +103,8 @@ class PolarUNet(nn.Module):
 
 
 class ConditionedUNet(PolarUNet):
-    """The polar U-Net with a scale and a shift of every channel, level by level, from conditions (B, n): FiLM layers."""
+    """The polar U-Net with a scale and a shift of every channel, level by level, from conditions (B, n):
+    FiLM layers."""
 
     def __init__(self, inputs, outputs, conditions, channels, blocks):
         super().__init__(inputs, outputs, channels, blocks)

@@ -1,7 +1,7 @@
 """LD-Net: the course of sulci between given endpoints, from the curvature image of a surface on its disk.
 
-Preset `paper` (`ldnet_paper`) predicts a set number of points on a fixed list of curves, as printed. Preset `best` shows
-where sulci run and lets the shortest path on the surface follow. Source: paper, section 'Landmark Detection'.
+Preset `paper` (`ldnet_paper`) predicts a set number of points on a fixed list of curves, as printed. Preset `best`
+shows where sulci run and lets the shortest path on the surface follow. Source: paper, section 'Landmark Detection'.
 """
 
 from dataclasses import dataclass
@@ -23,8 +23,8 @@ ENDS, CHORDS, FINER = 1.0, 64, 3  # pixels; points on a chord; points on a curve
 
 @dataclass(frozen=True)
 class BestLDNetConfig:
-    """Sizes of the better LD-Net. size: of the image, a power of two; widths: channels at 1/2, 1/4, ... of the size; band:
-    standard deviation of the soft band around a curve, in pixels."""
+    """Sizes of the better LD-Net. size: of the image, a power of two; widths: channels at 1/2, 1/4, ... of the size;
+    band: standard deviation of the soft band around a curve, in pixels."""
 
     preset: str = "best"
     size: int = 128
@@ -101,7 +101,8 @@ class BestLDNet(nn.Module):
         return self.head(x)[:, 0]
 
     def channels(self, grey, ends, shown):
-        """What the network sees, (B, 4, S, S), of images (B, S, S) in 0..255 and endpoints (B, K, 2) where shown (B, K)."""
+        """What the network sees, (B, 4, S, S), of images (B, S, S) in 0..255 and endpoints (B, K, 2) where shown (B,
+        K)."""
         size = self.config.size
         centre = (2 * torch.arange(size, device=grey.device) + 1) / size - 1
         disk = ((centre[:, None] ** 2 + centre**2) <= 1).to(grey.dtype)
@@ -114,7 +115,8 @@ class BestLDNet(nn.Module):
         return torch.stack([(grey / 127.5 - 1) * disk, disk.expand_as(grey), marks, chords], 1)
 
     def loss(self, batch, generator):
-        """Binary cross-entropy against the soft band around the shown curves, a hit weighing four times, and the overlap.
+        """Binary cross-entropy against the soft band around the shown curves, a hit weighing four times, and the
+        overlap.
 
         batch: images (B, 2, S, S), ends (B, K, 2), curves (B, K, P) as `CurveDataset` gives them. Augmentation: the
         symmetries of the square, contrast, some of the curves, parts of curves.
@@ -156,7 +158,8 @@ class BestLDNet(nn.Module):
         return sampled.sigmoid().double().cpu().numpy(), H
 
     def detect(self, surface, z, endpoints):
-        """The sulci between pairs of endpoints (K, 2) as curves in the disk map z: list of (k,) complex, vertices' images.
+        """The sulci between pairs of endpoints (K, 2) as curves in the disk map z: list of (k,) complex, vertices'
+        images.
 
         The shortest paths in `heat_metric`. SurfaceError for a surface that is not a disk or another's z; LandmarkError
         for endpoints out of range or equal.
@@ -206,7 +209,8 @@ def some(curves, generator):
 
 
 def contrast(grey, generator):
-    """Images (B, 1, S, S) in 0..255 with another gamma, 0.6 to 1.6, and some of them smoothed: surfaces differ in both."""
+    """Images (B, 1, S, S) in 0..255 with another gamma, 0.6 to 1.6, and some of them smoothed:
+    surfaces differ in both."""
     gamma, blur = (torch.rand(len(grey), 1, 1, 1, generator=generator).to(grey.device) for _ in range(2))
     smooth = F.avg_pool2d(grey, 3, stride=1, padding=1)
     grey = torch.lerp(grey, smooth, (2 * blur - 1).clamp(min=0))

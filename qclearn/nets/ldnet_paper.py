@@ -28,8 +28,8 @@ class PaperLDNetConfig:
 class PaperLDNet(nn.Module):
     """As printed: the image through convolutions, starting and ending points through a perceptron each, concatenated.
 
-    For a fixed list of curves, in the order it was trained on; `points` on each, the inner ones predicted, the endpoints
-    as given. The curves are polylines of the image and need not lie on edges of the surface.
+    For a fixed list of curves, in the order it was trained on; `points` on each, the inner ones predicted, the
+    endpoints as given. The curves are polylines of the image and need not lie on edges of the surface.
     """
 
     def __init__(self, config):
@@ -76,7 +76,8 @@ class PaperLDNet(nn.Module):
         return torch.cat([ends[..., :1], inner, ends[..., 1:]], 2)
 
     def loss(self, batch, generator):
-        """`L_LD`, the mean over the batch, and the points' mean distance in the image; symmetries of the square drawn."""
+        """`L_LD`, the mean over the batch, and the points' mean distance in the image;
+        symmetries of the square drawn."""
         images, _, curves = batch
         every = (curves.shape[2] - 1) // (self.config.points - 1)  # the set has more points, equally spaced too
         curves = curves[..., ::every]

@@ -40,7 +40,8 @@ def picture(surface, z, size):
 
 
 def stamp(points, shown, size, width):
-    """Images (B, size, size) of points (B, n), complex: the largest of `exp(-d^2 / 2 width^2)`, d in pixels, where shown."""
+    """Images (B, size, size) of points (B, n), complex: the largest of `exp(-d^2 / 2 width^2)`, d in pixels,
+    where shown."""
     column, row = (((part + 1) * size - 1) / 2 for part in (points.real, points.imag))
     reach = int(3 * width + 0.5)
     step = torch.arange(-reach, reach + 1, device=points.device)

@@ -14,7 +14,8 @@ from itertools import pairwise
 import numpy as np
 import torch
 
-from ..plane.beltrami import BeltramiError, hat_gradients, signed_areas
+from ..plane.beltrami import hat_gradients, signed_areas
+from ..plane.checks import BeltramiError
 from ..plane.disk import LOST_STEP, SMALLEST_STEP
 from ..plane.diskmesh import polar_disk
 from .polarcg import Preconditioner, Solve, Stencil
@@ -92,8 +93,8 @@ class PolarSystem:
     """K(mu) and the loads of one batch mu (B, F) on the mesh of a `PolarSolver`, for fields (B, S, nr, nt).
 
     spoke, arc, diagonal (B, nr, nt): edge weights -K_ab, spokes outwards from each ring, arcs on it, diagonals outwards
-    from it; pole: the load of U; floored (B,): boundary steps that `boundary` had to raise. BeltramiError where |mu| < 1
-    fails.
+    from it; pole: the load of U; floored (B,): boundary steps that `boundary` had to raise. BeltramiError where
+    |mu| < 1 fails.
     """
 
     def __init__(self, solver, mu):
@@ -112,7 +113,8 @@ class PolarSystem:
         return self.spoke.new_zeros(len(self.spoke), copies, self.nr - 1, self.nt)
 
     def solve(self, load, start, tolerance, limit):
-        """(x, steps): K x = load from start (None: from 0), 0 on the circle; see `PolarSolver.solve`. Differentiable."""
+        """(x, steps): K x = load from start (None: from 0), 0 on the circle; see `PolarSolver.solve`.
+        Differentiable."""
         return Solve.apply(*self.weights, load, start, IDENTITY, self.tables, tolerance, limit)
 
     def precondition(self, load):

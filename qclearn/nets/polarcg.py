@@ -1,4 +1,5 @@
-"""Systems K x = load on a polar mesh without a matrix: a stencil, a preconditioner by FFT, conjugate gradients, their adjoint."""
+"""Systems K x = load on a polar mesh without a matrix: a stencil, a preconditioner by FFT, conjugate gradients,
+their adjoint."""
 
 import torch
 

@@ -122,7 +122,8 @@ def as_tensor(table):
 
 
 def _eigenvectors(area, spokes, arcs, nt, count):
-    """Radial parts (nt, nr, nr) of all eigenvectors by angular mode; eigenvalues and places of the smoothest (count,)."""
+    """Radial parts (nt, nr, nr) of all eigenvectors by angular mode;
+    eigenvalues and places of the smoothest (count,)."""
     nr, inner = len(area), np.arange(len(area) - 1)
     radial = np.zeros((nr, nr))
     radial[inner, inner + 1] = radial[inner + 1, inner] = -spokes

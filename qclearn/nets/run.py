@@ -20,7 +20,8 @@ from .weights import digest, stem
 def run_training(
     network, preset="best", gamma=None, out=Path("run"), data=None, steps=None, seed=None, quick=False, threads=None
 ):
-    """Train `network` by its recipe: (path of its weights file, last row of the log); (None, row) off the first process.
+    """Train `network` by its recipe: (path of its weights file, last row of the log); (None, row) off the first
+    process.
 
     The recipe is the network's row in `nets.networks`: `TRAINING[preset]` of its module and the function of its data;
     steps and seed replace the recipe's. TrainingError as `train`.

@@ -1,4 +1,5 @@
-"""The plane in torch, for batches of complex points: the paper's activation, disk Möbius maps and their fit, the square."""
+"""The plane in torch, for batches of complex points: the paper's activation, disk Möbius maps and their fit,
+the square."""
 
 import torch
 
@@ -23,7 +24,8 @@ def mobius_columns(w):
 
 
 def fit_mobius(f, q, mask, steps=4):
-    """Parameters (a, theta), (B,) each, of the disk Möbius map that brings f (B, M) closest to q: Gauss-Newton steps."""
+    """Parameters (a, theta), (B,) each, of the disk Möbius map that brings f (B, M) closest to q:
+    Gauss-Newton steps."""
     f, q = f.detach().to(torch.complex128), q.to(torch.complex128)
     a, theta = torch.zeros_like(f[:, 0]), torch.angle((mask * q * f.conj()).sum(1))
     for _ in range(steps):

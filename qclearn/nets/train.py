@@ -250,7 +250,8 @@ def claim(folder, model, config):
 
 
 def write_checkpoint(folder, model, optimiser, step, log):
-    """Parameters, the optimiser's state, the step and the log's sums since its last row: one file, whole or not at all."""
+    """Parameters, the optimiser's state, the step and the log's sums since its last row: one file,
+    whole or not at all."""
     tensors = {f"model.{name}": tensor for name, tensor in model.state_dict().items()}
     for number, state in optimiser.state_dict()["state"].items():
         tensors |= {f"optimiser.{number}.{key}": value for key, value in state.items()}

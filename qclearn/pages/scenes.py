@@ -14,6 +14,14 @@ import warnings
 
 import numpy as np
 import pyvista as pv
+from matplotlib.colors import LinearSegmentedColormap
+from scipy.spatial import cKDTree
+
+from ..registration.register import lift
+from .plot import CURVE_STYLES, map_curves
+
+SHADES = LinearSegmentedColormap.from_list("shades", ["0.38", "1.0"])  # lit from one side, black to white is too dark
+LIFT = 0.6  # of tubes in 3-D above the surface, in their radius
 
 
 class RendererError(RuntimeError):
@@ -142,3 +150,102 @@ def _keep_what_is_shown(plotter):
                 elif np.issubdtype(arrays[name].dtype, np.floating):
                     arrays[name] = _rounded(arrays[name], VALUE_STEPS)
         mapper.dataset = shown
+
+
+def surface_scene(surface, values=None, curves=(), cmap=SHADES, clim=None, title=None):
+    """A PyVista Plotter with the surface in 3-D, coloured by values (V,), and curves upon it; show it with `Scene`.
+
+    curves: pairs (points (k, 3) or vertex path (k,), style of `CURVE_STYLES`), drawn as tubes that lie a little above
+    the surface. An open surface is seen from the side away from its opening. Only float32 arrays that are seen go in: a
+    page carries the whole scene.
+    """
+    require_renderer()
+    plotter = pv.Plotter(window_size=(700, 500))
+    plotter.set_background("white")
+    mesh = _add_surface(plotter, surface, values, cmap=cmap, clim=clim, title=title)
+    radius = 0.006 * np.linalg.norm(np.ptp(surface.vertices, axis=0))
+    for curve, style in curves:
+        curve = np.asarray(curve)
+        points = surface.vertices[curve] if curve.ndim == 1 else curve
+        # A tube about a line within the surface would sink and rise with its faces, and flicker where the two meet.
+        points = points + LIFT * radius * mesh["Normals"][cKDTree(surface.vertices).query(points)[1]]
+        tube = pv.lines_from_points(points.astype(np.float32)).tube(radius=radius, n_sides=8)
+        tube.clear_data()
+        plotter.add_mesh(tube, color=CURVE_STYLES[style]["color"])
+    if surface.boundary_loops:
+        away = surface.vertices.mean(0) - surface.vertices[np.concatenate(surface.boundary_loops)].mean(0)
+        plotter.view_vector(away, viewup=(0, 1, 0) if abs(away[2]) > 0.9 * np.linalg.norm(away) else (0, 0, 1))
+    return plotter
+
+
+def _add_surface(plotter, surface, values, shift=(0, 0, 0), cmap=SHADES, clim=None, title=None):
+    """Add the surface, moved by `shift`, to a Plotter; returns the mesh that it shows."""
+    vertices = (surface.vertices + np.asarray(shift)).astype(np.float32)
+    mesh = pv.PolyData.from_regular_faces(vertices, surface.faces)
+    # The plotter would compute normals only while it draws, too late for whoever looks at its meshes before.
+    mesh = mesh.compute_normals(cell_normals=False, split_vertices=False, consistent_normals=False)
+    colour = {"color": "lightgray"}
+    if values is not None:
+        mesh.point_data["values"] = np.asarray(values, np.float32)
+        colour = {
+            "scalars": "values",
+            "cmap": cmap,
+            "clim": clim,
+            "show_scalar_bar": title is not None,
+            "scalar_bar_args": {"title": title or "", "color": "black"},
+        }
+    plotter.add_mesh(mesh, smooth_shading=True, ambient=0.15, **colour)
+    return mesh
+
+
+def stacked_scene(surfaces, values, **more):
+    """A Plotter with surfaces one below the other, to the same scale: one camera turns them all. `more`: colours.
+
+    surfaces: list, the first on top; values: a list of (V,). Seen horizontally, from the side that
+    `surface_scene` shows of the first.
+    """
+    plotter = surface_scene(surfaces[0], values[0], **more)
+    edge = surfaces[0].vertices[:, 2].min()
+    for surface, colours in zip(surfaces[1:], values[1:]):
+        middle = (surfaces[0].vertices.mean(0) - surface.vertices.mean(0))[:2]
+        edge -= 0.08 * np.ptp(surface.vertices[:, 2])
+        _add_surface(plotter, surface, colours, (*middle, edge - surface.vertices[:, 2].max()), **more)
+        edge -= np.ptp(surface.vertices[:, 2])
+    plotter.camera.parallel_projection = True  # the lower one is as near as the upper one
+    x, y, _ = plotter.camera.direction
+    plotter.view_vector((-x, -y, 0), viewup=(0, 0, 1))
+    return plotter
+
+
+def surface_picture(surface, values=None, direction=None, up=(0, 0, 1), height=138.0, **more):
+    """A photograph (rows, columns, 3) of the surface, without perspective: `height` units of length fill its height.
+
+    direction: from the surface towards the eye; without one, away from its opening. `more` goes to `surface_scene`.
+    """
+    plotter = surface_scene(surface, values, **more)
+    plotter.off_screen, plotter.window_size = True, (960, 640)
+    if direction is not None:
+        plotter.view_vector(direction, viewup=up)
+    plotter.camera.parallel_projection = True
+    plotter.camera.parallel_scale = height / 2
+    pixels = plotter.screenshot(return_img=True)
+    plotter.close()
+    return pixels
+
+
+def registration_scene(registration, shape, registered=True, **more):
+    """The landmarks of one `Registration` in 3-D, as in the paper: registered curves yellow, targets red; a Plotter.
+
+    shape: the control surface, or another one with its faces (inflated, say); registered=False shows the moving curves
+    where the best Möbius map of the disk leaves them. `more` goes to `surface_scene`.
+    """
+    r = registration
+    moving, targets = (list(side) for side in zip(*r.curves.values()))
+    if registered:
+        moving = map_curves(r.disk_moving, r.faces_moving, r.disk_map, moving)
+    curves = [
+        (lift(shape, r.disk_control, curve), style)
+        for side, style in ((targets, "target"), (moving, "registered"))
+        for curve in side
+    ]
+    return surface_scene(shape, curves=curves, **more)

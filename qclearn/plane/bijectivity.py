@@ -6,7 +6,8 @@ import numpy as np
 import shapely
 from scipy import sparse
 
-from .beltrami import BeltramiError, Dirichlet, assemble, check_map, check_mesh
+from .beltrami import Dirichlet, assemble
+from .checks import BeltramiError, check_map, check_mesh
 from .diskmesh import boundary_loop
 
 TINY = 1e-300

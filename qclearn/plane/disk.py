@@ -10,19 +10,10 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
-from .beltrami import (
-    Dirichlet,
-    assemble,
-    check_coefficient,
-    check_mesh,
-    check_used,
-    hat_gradients,
-    signed_areas,
-    stiffness,
-    stiffness_blocks,
-)
+from .beltrami import Dirichlet, assemble, hat_gradients, signed_areas, stiffness, stiffness_blocks
 from .bijectivity import RepairWarning, check_embedding, flipped_faces
 from .bijectivity import repair as switch_rows
+from .checks import check_coefficient, check_mesh, check_used
 from .diskmesh import SurfaceError, boundary_loop, locate
 from .dissection import nested_dissection
 from .mobius import mobius, mobius_inverse
@@ -162,7 +153,8 @@ class BeltramiDiskSolver:
         return self.normalise(self.free_boundary.f)
 
     def normalise(self, raw):
-        """The disk map (V,) that follows `raw` (V,), which keeps the circle, by the Möbius map to f(0) = 0, f(1) = 1."""
+        """The disk map (V,) that follows `raw` (V,), which keeps the circle, by the Möbius map to f(0) = 0, f(1)
+        = 1."""
         self.a = 0j
         for _ in range(50):  # the vertex values move by a Möbius map, the value at 0 between them not quite
             centre = self.weights @ mobius(raw[self.origin], self.a)
@@ -245,7 +237,8 @@ class BeltramiDiskSolver:
         mu, scale = self.mu, 1 / (1 - abs(self.mu) ** 2)
         q = np.einsum("fk,fk->f", self.gradients, x[self.faces])
         r = q + scale * ((2 - 1 / scale) * q - 2 * mu * q.conj())
-        # With p = grad lam it is 2 |T| scale (mu Re(conj(p) r) - p q), linear in lam: one sparse matrix for all of them.
+        # With p = grad lam it is 2 |T| scale (mu Re(conj(p) r) - p q), linear in lam: one sparse matrix for all of
+        # them.
         along, across = 0.5 * mu * r.conj() - q, 0.5 * mu * r
         rows = along[:, None] * self.gradients + across[:, None] * self.gradients.conj()
         rows *= (2 * self.areas * scale)[:, None]

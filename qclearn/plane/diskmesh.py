@@ -3,7 +3,7 @@
 import numpy as np
 import shapely
 
-from .beltrami import BeltramiError, check_faces, check_mesh, planar_points
+from .checks import BeltramiError, check_faces, check_mesh, planar_points
 
 INSET = 1e-4  # share of the radius that points moved onto the boundary polygon stay inside it
 

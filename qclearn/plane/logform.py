@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from .beltrami import Dirichlet, check_coefficient, diffuse, signed_areas, stiffness
+from .beltrami import Dirichlet, diffuse, signed_areas, stiffness
+from .checks import check_coefficient
 from .disk import BeltramiDiskSolver
 
 

@@ -81,7 +81,8 @@ def mobius_misfits(p, q, turns=4, rounds=30):
     """Distances |M(p) - q| (B, M) after the best disk Möbius map of each of B point sets p, q (B, M), all at once.
 
     Damped Gauss-Newton steps from `turns` rotations. A step is a Möbius map near the identity that follows the map so
-    far, `dw = i w dtheta - da + conj(da) w^2`: `best_mobius` of hundreds of sets in the time of one; their mean squares agree to 1e-4 of themselves.
+    far, `dw = i w dtheta - da + conj(da) w^2`: `best_mobius` of hundreds of sets in the time of one; their mean squares
+    agree to 1e-4 of themselves.
     """
     count, start = len(p), np.angle((p.conj() * q).sum(1))
     w = np.concatenate([p * np.exp(1j * (start + turn))[:, None] for turn in 2 * np.pi * np.arange(turns) / turns])

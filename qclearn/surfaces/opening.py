@@ -15,8 +15,8 @@ def open_surface(surface, mask):
     the others are filled with their own vertices; where the opening touches itself in a vertex, all fans but the
     largest go; inner edges that join two vertices of the rim are cut and the smaller side goes (ears and teeth that
     hang by one edge). Vertices keep their places and order; the indices are also the disk's `original_vertices`. Raises
-    SurfaceError for a mask of the wrong shape, one that cuts all or nothing or of which more than half would be filled, a
-    curve that would lose vertices, and where no disk with an inner vertex is left.
+    SurfaceError for a mask of the wrong shape, one that cuts all or nothing or of which more than half would be filled,
+    a curve that would lose vertices, and where no disk with an inner vertex is left.
     """
     mask = _checked_mask(surface, mask)
     n_masked = int(mask.sum())
@@ -34,8 +34,8 @@ def open_surface(surface, mask):
     filled = int(mask[vertices].sum())
     if filled > n_masked / 2:
         raise SurfaceError(
-            f"only a pinhole would open: {filled} of the mask's {n_masked} vertices lie in holes away from the largest and "
-            f"would be filled; give a mask in one piece (the medial wall), or smooth this one."
+            f"only a pinhole would open: {filled} of the mask's {n_masked} vertices lie in holes away from the largest "
+            f"and would be filled; give a mask in one piece (the medial wall), or smooth this one."
         )
     curves = {name: _renumbered(name, path, new_index) for name, path in surface.curves.items()}
     opened = Surface(surface.vertices[vertices], corners.reshape(-1, 3), curves, vertices)

@@ -15,8 +15,10 @@ import pytest
 from distributed import Client, LocalCluster
 
 from qclearn.benchmark import run as module
+from qclearn.benchmark import runs as table
 from qclearn.benchmark.results import BenchmarkError, read_results
-from qclearn.benchmark.run import FRONT, RUNS, Run, benchmark, check_runs, lacking, problems, run_of
+from qclearn.benchmark.run import benchmark, problems
+from qclearn.benchmark.runs import FRONT, RUNS, Run, check_runs, lacking, run_of
 from qclearn.cli import main
 from qclearn.methods import METHODS, networks
 from qclearn.plane.mobius import mobius
@@ -270,7 +272,7 @@ def test_runs_whose_networks_are_missing_say_why(monkeypatch):
     def missing(name, preset, gamma=None):
         raise ImportError(f"no {name}")
 
-    for place in (module, networks):
+    for place in (table, networks):
         monkeypatch.setattr(place, "network", missing)
     reasons = {run.name: lacking(run) for run in RUNS}
     assert reasons["harmonic 1"] is None and reasons["Gauss-Newton"] is None

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from qclearn.benchmark import FRONT
+from qclearn.benchmark import RUNS as RUNS_OF_THE_BENCHMARK
 from qclearn.benchmark.results import (
     BenchmarkError,
     Journal,
@@ -22,8 +24,6 @@ from qclearn.benchmark.results import (
     schema,
     summary,
 )
-from qclearn.benchmark.run import FRONT
-from qclearn.benchmark.run import RUNS as RUNS_OF_THE_BENCHMARK
 
 RUNS = [
     {

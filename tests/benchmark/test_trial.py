@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from qclearn.benchmark import Run
 from qclearn.benchmark.pairs import cohort_pair, displacement_pair, mapped, prepare, twisted
-from qclearn.benchmark.run import Run
 from qclearn.benchmark.trial import trial
 from qclearn.methods import METHODS
 from qclearn.plane.bijectivity import RepairWarning

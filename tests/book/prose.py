@@ -8,7 +8,8 @@ import nbformat
 MASK = "\N{WHITE SQUARE}"
 # In this order: what is fenced goes before what is between dollars, that before what is between backticks.
 NO_PROSE = [
-    r"(?s)^(?P<f>`{3,})\w*[ \t]*\n.*?^(?P=f)[ \t]*$",  # code; the fences of directives have braces behind their backticks
+    # code; the fences of directives have braces behind their backticks
+    r"(?s)^(?P<f>`{3,})\w*[ \t]*\n.*?^(?P=f)[ \t]*$",
     r"(?s)^(?P<m>:{3,}|`{3,})\{(?:math|code-block|bibliography|raw)\}.*?^(?P=m)[ \t]*$",
     r"(?s)\$\$.*?\$\$(?:[ \t]*\([\w:-]+\))?",
     r"(?s)\\begin\{(?P<e>align\*?|equation\*?|gather\*?)\}.*?\\end\{(?P=e)\}",
@@ -49,7 +50,8 @@ def prose(text):
 
 
 def typed_results(text, literals):
-    """(numbers that look like results and stand in no literal, each with what is around it; literals that are not there)."""
+    """(numbers that look like results and stand in no literal, each with what is around it;
+    literals that are not there)."""
     text = prose(text)
     unused = [phrase for phrase in literals if phrase not in text]
     for phrase in sorted(literals, key=len, reverse=True):

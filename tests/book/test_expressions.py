@@ -1,4 +1,5 @@
-"""The numbers of the prose: asked while the page is executed, stored in its Markdown cells, and held to one value a page."""
+"""The numbers of the prose: asked while the page is executed, stored in its Markdown cells,
+and held to one value a page."""
 
 import expressions
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
@@ -12,7 +13,8 @@ FAILURE = {"status": "error", "ename": "AttributeError", "evalue": "no 'count'"}
 
 
 def executed(*cells, answers, end, kept=None):
-    """The notebook of `cells` as nbmake would leave it: each question answered by the next of `answers`, at the end `end`."""
+    """The notebook of `cells` as nbmake would leave it: each question answered by the next of `answers`,
+    at the end `end`."""
     notebook = new_notebook(cells=list(cells))
     expressions.ask(notebook)
     given = [*answers, end]

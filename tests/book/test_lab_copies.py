@@ -70,7 +70,8 @@ def executed():
     value = {"status": "ok", "data": {"text/plain": "'0.5'"}}
     text = (
         "# Here\n\n$$ x $$ (eq-here)\n\nFrom {eq}`eq-here`: {eval}`n` by {cite:t}`guo2023automatic`.\n\n"
-        ":::{prf:theorem} Name\n:label: thm-here\n\nText.\n\n:::\n\n:::{exercise} Title\n:label: ex-here\n\nDo.\n\n:::\n\n"
+        ":::{prf:theorem} Name\n:label: thm-here\n\nText.\n\n:::\n\n"
+        ":::{exercise} Title\n:label: ex-here\n\nDo.\n\n:::\n\n"
         ":::{solution} ex-here\n:class: dropdown\n\n```python\nprint(':::')\n```\n\n:::\n"
     )
     caption = ":::{figure}\n:name: fig-here\n\nA caption.\n\n:::\n\nMore."

@@ -1,4 +1,5 @@
-"""Random Beltrami coefficients: their size, their spectra, the paper's recipe over a folder of images; moved landmarks."""
+"""Random Beltrami coefficients: their size, their spectra, the paper's recipe over a folder of images;
+moved landmarks."""
 
 import shutil
 

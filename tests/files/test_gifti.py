@@ -15,7 +15,8 @@ CENTRE = np.array([[1.0, 0, 0, 5], [0, 1, 0, -7], [0, 0, 1, 9], [0, 0, 0, 1]])
 
 @pytest.mark.parametrize("name, side", [
     ("lh.pial", "left"), ("rh.thickness", "right"), ("100307.L.midthickness.32k_fs_LR.surf.gii", "left"),
-    ("sub-01_hemi-R_pial.surf.gii", "right"), ("fsaverage_left.gii", "left"), ("registered.surf.gii", None), ("l.gii", None),
+    ("sub-01_hemi-R_pial.surf.gii", "right"), ("fsaverage_left.gii", "left"),
+    ("registered.surf.gii", None), ("l.gii", None),
     ("lh_to_rh.gii", None), ("Laura.gii", None),
 ])  # fmt: skip
 def test_the_hemisphere_is_read_from_a_name_that_says_it(name, side):

@@ -218,7 +218,8 @@ def test_merging_stl_points_that_leaves_a_slit_warns(tmp_path, face, corner, bit
 
 
 @pytest.mark.parametrize("old, new, message", [
-    (b"element face 4", b"element face -128", "negative count"), (b"element vertex 5", b"property int q", "before any element"),
+    (b"element face 4", b"element face -128", "negative count"),
+    (b"element vertex 5", b"property int q", "before any element"),
     (b"double x", b"quad x", "not understood"), (b"uchar int vertex", b"uchar float vertex", "no whole numbers"),
     (b"element face 4", b"element vertex 5", "twice"),
 ])  # fmt: skip

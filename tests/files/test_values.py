@@ -63,8 +63,10 @@ def test_mgz_agrees_with_nibabel(tmp_path):
 
 
 @pytest.mark.parametrize("name, words", [
-    ("x.dscalar.nii", "wb_command -cifti-separate"), ("x.dlabel.nii", "wb_command -cifti-separate"), ("x.nii.gz", "mri_vol2surf"),
-    ("x.csv", "convert it|choose another name"), ("lh.x.csv", "convert it|choose another name"), ("x.npz", "save one as .npy"),
+    ("x.dscalar.nii", "wb_command -cifti-separate"), ("x.dlabel.nii", "wb_command -cifti-separate"),
+    ("x.nii.gz", "mri_vol2surf"),
+    ("x.csv", "convert it|choose another name"), ("lh.x.csv", "convert it|choose another name"),
+    ("x.npz", "save one as .npy"),
     ("x.annot", "vertex records|mris_convert"), ("x.h5", "convert it|choose another name"),
 ])  # fmt: skip
 def test_formats_that_are_not_read_or_written_are_refused_by_name(tmp_path, name, words):
@@ -77,7 +79,8 @@ def test_formats_that_are_not_read_or_written_are_refused_by_name(tmp_path, name
 
 
 @pytest.mark.parametrize("name, values", [
-    ("v.gii", np.array([2**31])), ("v.gii", np.array([-2**40])), ("v.mgh", np.array([2**31])), ("lh.thickness", np.array([2**24 + 1])),
+    ("v.gii", np.array([2**31])), ("v.gii", np.array([-2**40])),
+    ("v.mgh", np.array([2**31])), ("lh.thickness", np.array([2**24 + 1])),
     ("v.gii", np.array([1e300])), ("v.mgh", np.array([-1e39])), ("lh.thickness", np.array([1e39])),
 ])  # fmt: skip
 def test_numbers_that_do_not_fit_are_refused(tmp_path, name, values):

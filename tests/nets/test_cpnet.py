@@ -16,7 +16,7 @@ from qclearn.nets.polar import PolarSolver
 from qclearn.nets.polargrid import PolarGrid, PolarMesh
 from qclearn.nets.torchplane import bounded, fit_mobius, mobius_columns
 from qclearn.nets.train import TrainConfig, train
-from qclearn.plane.beltrami import BeltramiError
+from qclearn.plane.checks import BeltramiError
 from qclearn.plane.diskmesh import polar_disk, square_disk
 from qclearn.plane.mobius import best_mobius, mobius, mobius_slope
 from qclearn.registration.checked import exact_map

@@ -12,8 +12,9 @@ from qclearn.nets.dbsnet_paper import FourierLayer, PaperDBSNetConfig, poisson_m
 from qclearn.nets.layers import PolarPad
 from qclearn.nets.polar import two_steps
 from qclearn.nets.train import TrainConfig, take_step
-from qclearn.plane.beltrami import BeltramiError, wirtinger
+from qclearn.plane.beltrami import wirtinger
 from qclearn.plane.bijectivity import flipped_faces
+from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import BeltramiDiskSolver
 from qclearn.plane.diskmesh import polar_disk, square_disk
 from qclearn.plane.fourier import fourier_coefficients

@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import torch
+from known_surfaces import sphere
 
 from data_synth import make_cortex
 from data_synth.datasets import CurveDataset
@@ -19,7 +20,6 @@ from qclearn.registration.landmarks import curve_distance, curves_in_space, dete
 from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.curvature import area_radius, sulcal_depth
 from qclearn.surfaces.surface import SurfaceError
-from known_surfaces import sphere
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::qclearn.plane.bijectivity.RepairWarning"),

@@ -76,7 +76,8 @@ def test_corrected_loss_vanishes_at_discretisation_level_on_exact_maps(exact):
 
 
 def test_printed_loss_allows_the_collapse_and_the_corrected_one_does_not():
-    """All boundary angles but one shrink, positive and of sum 2 pi, the point 1 is fixed, the interior solved exactly."""
+    """All boundary angles but one shrink, positive and of sum 2 pi, the point 1 is fixed,
+    the interior solved exactly."""
     z, faces = square_disk(32)
     mu = DISK_MAPS[1].on_faces(z, faces)
     mesh, given = LossMesh(z, faces, torch.float64), torch.from_numpy(mu)[None]

@@ -6,7 +6,7 @@ import torch
 from meshes import random_mu
 
 from qclearn.nets.polar import PolarSolver
-from qclearn.plane.beltrami import BeltramiError
+from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import BeltramiDiskSolver
 from qclearn.plane.exactmaps import DISK_MAPS
 

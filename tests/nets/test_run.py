@@ -1,4 +1,5 @@
-"""`qclearn train`: every recipe runs, is resumed and shared by two processes, and its weights file loads and says its origin."""
+"""`qclearn train`: every recipe runs, is resumed and shared by two processes,
+and its weights file loads and says its origin."""
 
 import json
 import os

@@ -1,4 +1,5 @@
-"""The training loop: it learns, goes on after a kill to the same losses, shares a batch, and refuses what cannot run."""
+"""The training loop: it learns, goes on after a kill to the same losses, shares a batch,
+and refuses what cannot run."""
 
 import csv
 import json

@@ -15,12 +15,9 @@ from qclearn.pages.plot import (
     mu_histogram,
     polar_lines,
     registration_figure,
-    registration_scene,
     square_lines,
-    stacked_scene,
-    surface_picture,
-    surface_scene,
 )
+from qclearn.pages.scenes import registration_scene, stacked_scene, surface_picture, surface_scene
 from qclearn.plane.diskmesh import polar_disk, square_disk
 from qclearn.plane.mobius import mobius
 from qclearn.registration.register import register

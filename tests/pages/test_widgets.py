@@ -85,7 +85,8 @@ def test_terms_are_value_weight_and_product(state):
 
 
 def test_terms_are_measured_on_the_map_and_not_on_what_the_fit_believes():
-    """A fit that reports wonders gets the terms of its map, and those of a good fit are near what it believes itself."""
+    """A fit that reports wonders gets the terms of its map,
+    and those of a good fit are near what it believes itself."""
     twist = example_problems()[0]
     state = fit_state(twist, 1.0, 1e-2, 1e4)
     boasting = dataclasses.replace(state.fit, losses=dict.fromkeys(state.fit.losses, 0.0), landmark_error=0.0)

@@ -11,7 +11,6 @@ from meshes import random_disk, random_mu
 from scipy import sparse
 
 from qclearn.plane.beltrami import (
-    BeltramiError,
     Dirichlet,
     assemble,
     beltrami_coefficient,
@@ -26,6 +25,7 @@ from qclearn.plane.beltrami import (
     stiffness,
     wirtinger,
 )
+from qclearn.plane.checks import BeltramiError
 from qclearn.plane.diskmesh import boundary_loop, polar_disk, square_disk
 from qclearn.plane.exactmaps import (
     DISK_MAPS,

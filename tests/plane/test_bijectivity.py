@@ -9,7 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from meshes import random_disk, strip
 
-from qclearn.plane.beltrami import BeltramiError, signed_areas, stiffness
+from qclearn.plane.beltrami import signed_areas, stiffness
 from qclearn.plane.bijectivity import (
     check_bijective,
     check_embedding,
@@ -19,6 +19,7 @@ from qclearn.plane.bijectivity import (
     repair,
     reversed_faces,
 )
+from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import BeltramiDiskSolver
 from qclearn.plane.diskmesh import boundary_loop, polar_disk
 from qclearn.plane.exactmaps import DISK_MAPS, SLIDING

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from qclearn.plane.beltrami import BeltramiError
+from qclearn.plane.checks import BeltramiError
 from qclearn.plane.diskmesh import pixel_centres, polar_disk, square_disk
 from qclearn.plane.fourier import (
     coefficient_count,

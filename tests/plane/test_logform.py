@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from meshes import random_disk, random_mu
 
-from qclearn.plane.beltrami import BeltramiError
+from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import solve_beltrami_disk
 from qclearn.plane.diskmesh import boundary_loop, polar_disk, square_disk
 from qclearn.plane.exactmaps import DISK_MAPS, after, moebius, sliding, twist

@@ -1,4 +1,5 @@
-"""Curves that a detector finds: used where they can be, replaced by the shortest path where not. (Maps: test_register.)"""
+"""Curves that a detector finds: used where they can be, replaced by the shortest path where not. (Maps:
+test_register.)"""
 
 import numpy as np
 import pytest

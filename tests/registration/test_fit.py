@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from meshes import random_disk, random_mu
 
-from qclearn.plane.beltrami import BeltramiError, beltrami_coefficient, signed_areas
+from qclearn.plane.beltrami import beltrami_coefficient, signed_areas
 from qclearn.plane.bijectivity import check_bijective
+from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import solve_beltrami_disk
 from qclearn.plane.diskmesh import locate, polar_disk, square_disk
 from qclearn.plane.exactmaps import TWIST

@@ -36,13 +36,19 @@ def folded(z):
 
 
 @pytest.mark.parametrize("name, change, message", [
-    ("disk_map", lambda z: z[:-1], "faces of disk_map do not use"), ("disk_control", lambda z: z[:-1], "faces of disk_control"),
-    ("disk_map", lambda z: z * np.nan, "disk_map is not finite at 28"), ("disk_map", lambda z: 2 * z, "leaves the unit disk"),
+    ("disk_map", lambda z: z[:-1], "faces of disk_map do not use"),
+    ("disk_control", lambda z: z[:-1], "faces of disk_control"),
+    ("disk_map", lambda z: z * np.nan, "disk_map is not finite at 28"),
+    ("disk_map", lambda z: 2 * z, "leaves the unit disk"),
     ("disk_map", lambda z: z.real, "disk_map is float64"), ("disk_map", lambda z: z.conj(), "disk_map is folded"),
-    ("disk_control", folded, "disk_control is folded"), ("faces_moving", lambda f: f + 1, "faces of disk_map do not use"),
-    ("faces_control", lambda f: f.astype(float), "faces_control is float64"), ("faces_moving", lambda f: f[:, :2], "faces_moving is int64 of shape"),
-    ("points", lambda p: p[:-1], "points is float64 of shape"), ("points", lambda p: p + np.inf, "points is not finite"),
-    ("mu", lambda m: m[:-2], "mu is complex128 of shape"), ("format_version", lambda _: np.array(2), "newer version.*update"),
+    ("disk_control", folded, "disk_control is folded"),
+    ("faces_moving", lambda f: f + 1, "faces of disk_map do not use"),
+    ("faces_control", lambda f: f.astype(float), "faces_control is float64"),
+    ("faces_moving", lambda f: f[:, :2], "faces_moving is int64 of shape"),
+    ("points", lambda p: p[:-1], "points is float64 of shape"),
+    ("points", lambda p: p + np.inf, "points is not finite"),
+    ("mu", lambda m: m[:-2], "mu is complex128 of shape"),
+    ("format_version", lambda _: np.array(2), "newer version.*update"),
 ])  # fmt: skip
 def test_what_is_wrong_is_named(tmp_path, arrays, name, change, message):
     """Without a checksum, as other programs may write it."""

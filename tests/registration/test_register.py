@@ -12,8 +12,9 @@ from known_surfaces import grooved_sphere
 from scipy.spatial.transform import Rotation
 
 from qclearn.files.provenance import fingerprint
-from qclearn.plane.beltrami import BeltramiError, beltrami_coefficient
+from qclearn.plane.beltrami import beltrami_coefficient
 from qclearn.plane.bijectivity import BijectivityError, check_bijective
+from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import solve_beltrami_disk
 from qclearn.plane.diskmesh import polar_disk
 from qclearn.plane.mobius import best_mobius, compose_mobius, mobius

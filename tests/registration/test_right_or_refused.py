@@ -1,4 +1,5 @@
-"""What the main job owes every valid pair: a map that is written, never worse than doing nothing, or a named refusal."""
+"""What the main job owes every valid pair: a map that is written, never worse than doing nothing,
+or a named refusal."""
 
 import re
 
@@ -8,12 +9,13 @@ from meshes import random_disk
 from test_register import bowl, entries, spoke
 
 import qclearn as qc
-from qclearn.cli import read_landmarks
-from qclearn.plane.beltrami import BeltramiError, beltrami_coefficient
+from qclearn.plane.beltrami import beltrami_coefficient
 from qclearn.plane.bijectivity import RepairWarning, check_bijective, check_embedding
+from qclearn.plane.checks import BeltramiError
 from qclearn.plane.diskmesh import boundary_loop, locate, polar_disk
 from qclearn.plane.mobius import best_mobius, mobius
 from qclearn.registration.fit import LandmarkError, fit_landmarks, sampling_matrix
+from qclearn.registration.landmarkfile import read_landmarks
 from qclearn.registration.metrics import measured_losses
 from qclearn.registration.register import register, transfer
 from qclearn.surfaces.surface import Surface, SurfaceError

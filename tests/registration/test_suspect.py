@@ -140,7 +140,8 @@ def test_a_surface_onto_itself_is_not_suspect(sides):
 
 
 def test_surfaces_that_share_one_numbering_are_not_called_exchanged(sides):
-    """One mesh whose curves lie elsewhere in one of its disk maps, to targets that are off by as much: exchanged they fit."""
+    """One mesh whose curves lie elsewhere in one of its disk maps, to targets that are off by as much:
+    exchanged they fit."""
     control, w = sides["control"]
     paths = np.array([entry["control"] for entry in SULCI[:6]])
     rng = np.random.default_rng(3)

@@ -1,4 +1,5 @@
-"""What the checks of the built site and of JupyterLab share: a browser, a web server for the site, and one JupyterLab."""
+"""What the checks of the built site and of JupyterLab share: a browser, a web server for the site,
+and one JupyterLab."""
 
 import functools
 import shutil

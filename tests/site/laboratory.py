@@ -87,7 +87,8 @@ def wait_until_idle(page, seconds=120):
     page.wait_for_selector(IDLE, timeout=1000 * seconds)
 
 
-# Opens a notebook; with the kernel of the first one where it needs none of its own, since a kernel takes a second to start.
+# Opens a notebook; with the kernel of the first one where it needs none of its own, since a kernel takes a second to
+# start.
 OPEN = """async ([path, own_kernel]) => {
   const kernel = own_kernel || !window.idleKernel ? undefined : window.idleKernel;
   const panel = await window.jupyterapp.commands.execute('docmanager:open', {path, factory: 'Notebook', kernel});
@@ -102,11 +103,13 @@ LOOK = """() => [...window.panel.content.node.querySelectorAll('.jp-Cell')].map(
   const all = (place, what) => [...area.querySelectorAll(place)].map(what);
   return {
     text: area.innerText,
-    // jupyterlab_myst shows the value of {eval} as a span without any attribute; so do formulas and code in their insides.
+    // jupyterlab_myst shows the value of {eval} as a span without any attribute;
+    // so do formulas and code in their insides.
     numbers: (markdown ? all('span:not(.katex *, pre *, code *)', e => e) : [])
       .filter(e => e.attributes.length + e.childElementCount === 0).map(e => e.textContent.trim()),
     // What it cannot resolve has a warning sign; links to the outside have a sign of their own.
-    unknown: all('span, a:not([href^=http])', e => e.querySelector(':scope > svg') && e.innerText.trim()).filter(text => text),
+    unknown: all('span, a:not([href^=http])', e => e.querySelector(':scope > svg') && e.innerText.trim())
+        .filter(text => text),
     errors: all('[data-mime-type*=stderr], [data-mime-type*=error]', e => e.innerText),
     figures: all('img.page-figure', e => [e.alt, e.naturalWidth]),
     captions: all('figcaption', e => e.innerText.trim()),

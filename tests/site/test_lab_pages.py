@@ -1,5 +1,6 @@
-"""Every page in a real JupyterLab: nothing unknown, nothing unresolved, each figure with its picture, description and caption,
-and the numbers of the book. `make lab-copies` makes the pages; planted faults show that each of these is noticed."""
+"""Every page in a real JupyterLab: nothing unknown, nothing unresolved, each figure with its picture, description and
+caption, and the numbers of the book. `make lab-copies` makes the pages; planted faults show that each of these is
+noticed."""
 
 import html
 import json
@@ -24,8 +25,8 @@ def squeezed(text):
 
 
 def faults(cells, figures, numbers, unsure=()):
-    """What is wrong with a page as JupyterLab shows it. figures: the numbers of its captions in the book; numbers: those of
-    its text in the book, of which the positions `unsure` may differ."""
+    """What is wrong with a page as JupyterLab shows it. figures: the numbers of its captions in the book; numbers:
+    those of its text in the book, of which the positions `unsure` may differ."""
 
     def of(what):
         return [entry for cell in cells for entry in cell[what]]

@@ -1,4 +1,5 @@
-"""The live page in a real JupyterLab: a slider moved with the keyboard changes picture and text, and the kernel survives."""
+"""The live page in a real JupyterLab: a slider moved with the keyboard changes picture and text,
+and the kernel survives."""
 
 import re
 

@@ -40,8 +40,8 @@ NAMED = {"default": (1.0, 1e-2, 1e5), "1e4": (1.0, 1.0, 1e4), "1e5": (1.0, 1.0, 
 def figures(seeds, quick=False):
     """Ratios to the fit at random and at named weights, the paper's preset, Gauss-Newton from CP-Net, and times.
 
-    "without the U-Nets": Born step, one exact solve and a chord step, what is left of CP-Net with one look. Times are the
-    processor's.
+    "without the U-Nets": Born step, one exact solve and a chord step, what is left of CP-Net with one look. Times are
+    the processor's.
     """
     rng, size = np.random.default_rng(0), 2_500 if quick else 10_000
     landmarks = dict(zip(seeds[:2] if quick else seeds, curves_of(seeds[:2] if quick else seeds, size)))
@@ -252,7 +252,8 @@ def paper(subjects, quick):
 
 
 def latency(net, p, q, repeats=20):
-    """Milliseconds of one call on the square mesh of 128 x 128 cells, known from a call before, by looks; the medians."""
+    """Milliseconds of one call on the square mesh of 128 x 128 cells, known from a call before, by looks;
+    the medians."""
     mesh, clock = square_disk(128), {"landmarks": len(p)}
     for looks in range(4):
         passed = []

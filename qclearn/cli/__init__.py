@@ -1,0 +1,50 @@
+"""The command line: `qclearn register`, `open`, `transfer`, `demo`, ...
+
+One line on stderr and exit code 2 for bad input; exit code 3 for a registration that is written, but suspect.
+"""
+
+import sys
+from importlib.metadata import version
+
+import click
+
+from . import registration, studies, surfaces
+from .output import fail
+
+# SurfaceError, LandmarkError, BeltramiError and BijectivityError are ValueErrors; ImportError: torch may be missing
+USER_ERRORS = (ValueError, OSError, ImportError)
+
+
+def main(arguments=None):
+    """Entry point: runs a command; bad input becomes one line on stderr and exit code 2."""
+    try:
+        command = ["qclearn", *(sys.argv[1:] if arguments is None else arguments)]
+        cli.main(arguments, prog_name="qclearn", standalone_mode=False, obj=command)
+    except click.exceptions.Exit as stop:
+        sys.exit(stop.exit_code)
+    except click.Abort:
+        fail("interrupted", 130)
+    except click.ClickException as error:
+        fail(f"{error.format_message()} (qclearn --help lists the commands)")
+    except MemoryError:
+        fail("there is not enough memory for this; close other programs, use a machine with more, or coarser surfaces")
+    except USER_ERRORS as error:
+        fail(str(error))
+
+
+@click.group(no_args_is_help=False)
+@click.version_option(version("qclearn"))
+def cli():
+    """Quasi-conformal registration of cortical surfaces."""
+
+
+for command in (
+    registration.register,
+    registration.demo,
+    surfaces.open_command,
+    surfaces.transfer,
+    surfaces.synth,
+    studies.train,
+    studies.benchmark,
+):
+    cli.add_command(command)

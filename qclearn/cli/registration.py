@@ -1,0 +1,137 @@
+"""`qclearn register` and `demo`: a pair of surfaces to a folder with the map, the report and the figure."""
+
+import json
+from pathlib import Path
+
+import click
+
+import qclearn as qc
+
+from ..files.meshes import Frame, frame_of
+from ..files.provenance import origin
+from ..registration.landmarkfile import read_landmarks
+from ..registration.landmarks import curves_of_both
+from ..registration.mapfile import write_registration
+from ..registration.register import register as run_registration
+from .output import fail, output_folder
+
+
+@click.command()
+@click.argument("moving")
+@click.argument("control")
+@click.option("--landmarks", help="JSON file of curves; without it, the curves that both npz surfaces carry.")
+@click.option("--out", required=True, help="Folder for registration.npz, report.json, registered.surf.gii, figure.png.")
+@click.option(
+    "--method",
+    type=click.Choice(["exact", "network"]),
+    default="exact",
+    show_default=True,
+    help="network: LD-Net, CP-Net, DBS-Net, with the exact method where they fall short.",
+)
+@click.option(
+    "--tolerance",
+    type=float,
+    help="Landmark error in the disk above which a network's map is refined by "
+    "Gauss-Newton steps (inf: never)  [default: 0.005]",
+)
+@click.option("--alpha", type=float, default=1.0, show_default=True, help="Weight of |mu|^2.")
+@click.option("--beta", type=float, default=1e-2, show_default=True, help="Weight of |grad mu|^2.")
+@click.option("--gamma", type=float, default=1e5, show_default=True, help="Weight of the landmark mismatch.")
+@click.option("--sliding", is_flag=True, help="Let inner points slide along their target curves.")
+@click.option("--mirror", is_flag=True, help="Mirror the moving surface first (right onto left).")
+@click.option("--accept-suspect", is_flag=True, help="End with exit code 0 where the registration is suspect.")
+def register(moving, control, landmarks, out, mirror, accept_suspect, **options):
+    """Register MOVING to CONTROL along landmark curves; writes a certified point-to-point map.
+
+    \b
+    Exit codes: 0  registered
+                2  refused: one line on stderr says what, where and what to do; nothing is written
+                3  written, but suspect: one line on stderr, and "suspect" in report.json, say why
+
+    \b
+    A registration is suspect where
+      mirror:      the curves fit the mirrored moving surface much better: --mirror was forgotten
+      exchanged:   they fit much better with MOVING and CONTROL exchanged
+      numbering:   they fit much better as vertex numbers of the whole surface, before `open` cut it
+      reversed:    a curve fits much better run from its other end
+      swapped:     curves fit much better with each other's names
+      error:       the landmarks end over 3 mm from their targets, and most of it was there before
+      curve:       one curve ends over 5 mm from its target, and five times as far as the median one
+      rows:        the map folded, and was repaired at more than 0.5 % of the vertices
+      distortion:  |mu| is over 0.9 on more than 1 % of the surface
+    """
+    inputs = {side: (path, qc.read_surface(path)) for side, path in (("moving", moving), ("control", control))}
+    surfaces = [surface for _, surface in inputs.values()]
+    curves = read_landmarks(landmarks) if landmarks else shared_curves(*surfaces)
+    surfaces[0] = qc.mirror(surfaces[0]) if mirror else surfaces[0]
+    register_into(out, *surfaces, curves, inputs, accept_suspect, **options)
+
+
+@click.command()
+@click.option("--out", default="qclearn-demo", show_default=True, help="Folder to write to.")
+@click.option("--accept-suspect", is_flag=True, help="End with exit code 0 where the registration is suspect.")
+def demo(out, accept_suspect):
+    """Register real cortex: fsaverage5's right hemisphere, mirrored, onto its left one along named sulci."""
+    right, left = qc.fsaverage5("right"), qc.fsaverage5("left")
+    inputs = {"moving": ("fsaverage5 right", right), "control": ("fsaverage5 left", left)}
+    register_into(out, qc.mirror(right), left, qc.demo_landmarks(), inputs, accept_suspect)
+
+
+def register_into(out, moving, control, curves, inputs, accept_suspect, **options):
+    """Run the pipeline, write its four files together, print the report; exit code 3 where the result is suspect.
+
+    inputs: side -> (path, surface as read), for the report.
+    """
+    from ..pages.plot import registration_figure
+
+    with output_folder(out) as folder:
+        result = run_registration(moving, control, curves, progress=True, **options)
+        figure = registration_figure(result, moving, control)
+        figure.savefig(folder / "figure.png", dpi=150)
+        write_registration(
+            folder / "registration.npz",
+            {
+                name: getattr(result, name)
+                for name in ("points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving", "faces_control")
+            },
+        )
+        report = result.report | origin(inputs, curves, click.get_current_context().obj)
+        (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
+        qc.write_surface(folder / "registered.surf.gii", result.surface, frame=frame_of_control(inputs["control"]))
+    print_report(report, out)
+    if report["suspect"]:
+        fail("suspect: " + "; ".join(report["suspect"]), 0 if accept_suspect else 3)
+
+
+def frame_of_control(given):
+    """The hemisphere and coordinate system of the control's file, in which the registered surface lies."""
+    path, _ = given
+    return frame_of(path) if Path(path).is_file() else Frame("left")  # the demo's control
+
+
+def print_report(report, out):
+    """The figures a user asks first, as a few lines."""
+    click.echo(
+        f"landmark error  {report['landmark_error']:.2e} in the disk "
+        f"({report['landmark_error_before']:.2e} after the best Möbius map), {report['landmark_error_mm']:.2f} mm"
+    )
+    click.echo(
+        f"|mu|            mean {report['mean_abs_mu']:.3f}, SD {report['sd_abs_mu']:.3f}, "
+        f"maximum {report['max_abs_mu']:.3f}"
+    )
+    click.echo(
+        f"bijective       {'yes' if report['bijective'] else 'no'}, {report['flipped']} faces flipped, "
+        f"{report['degenerate']} without area on the control"
+    )
+    click.echo(f"fallbacks       {'; '.join(report['fallbacks']) or 'none'}")
+    click.echo(f"suspect         {'; '.join(word.split(':')[0] for word in report['suspect']) or 'no'}")
+    click.echo(f"seconds         {report['seconds']['total']:.1f}")
+    click.echo(f"written to      {out}")
+
+
+def shared_curves(moving, control):
+    """Landmarks from the curves that both surfaces carry under the same name."""
+    curves = curves_of_both(moving, control)
+    if not curves:
+        raise qc.LandmarkError("the surfaces share no curve names (curve_<name> in their npz files); give --landmarks")
+    return {"curves": curves}

@@ -1,0 +1,74 @@
+"""`qclearn train` and `benchmark`: what takes hours, and goes on where it was stopped."""
+
+from pathlib import Path
+
+import click
+
+
+@click.command()
+@click.argument("network", type=click.Choice(["ldnet", "cpnet", "dbsnet"]))
+@click.option("--preset", type=click.Choice(["best", "paper"]), default="best", show_default=True)
+@click.option("--gamma", type=float, help="The paper's CP-Net alone: the weight it is trained for (1e4, 1e5 or 2e5).")
+@click.option("--out", required=True, help="Folder of the run; one that was interrupted goes on from its checkpoint.")
+@click.option("--data", help="Folder where training sets are kept (default: the user's cache).")
+@click.option("--steps", type=int, help="Fewer or more steps than the recipe.")
+@click.option("--seed", type=int, help="Another seed than the recipe's.")
+@click.option("--quick", is_flag=True, help="A tiny training set, to see that all works.")
+@click.option("--threads", type=int, help="Threads of torch (default: all cores).")
+def train(network, preset, gamma, out, data, steps, seed, quick, threads):
+    """Train a network by the recipe of its shipped weights; writes log, checkpoint and weights. `torchrun` runs it on
+    several processes or machines: torchrun --nproc-per-node 2 -m qclearn train dbsnet --out run."""
+    from ..nets.run import run_training
+
+    path, row = run_training(network, preset, gamma, Path(out), data, steps, seed, quick, threads)
+    if path:
+        click.echo(
+            f"{path}: validation loss {row['validation_loss']:.4g} after {row['step']:.0f} steps, "
+            f"{row['seconds']:.0f} s"
+        )
+
+
+@click.command()
+@click.option("--out", required=True, help="JSON file to write; a run that was stopped goes on from FILE.partial.")
+@click.option("--subjects", type=int, default=24, show_default=True, help="How many of the synthetic cohort's 24.")
+@click.option("--vertices", type=int, default=10_000, show_default=True)
+@click.option(
+    "--set",
+    "sets",
+    multiple=True,
+    default=["cohort"],
+    show_default=True,
+    help="cohort, pairs, displacement or fsaverage5; may be repeated.",
+)
+@click.option(
+    "--method",
+    "methods",
+    multiple=True,
+    help="One method in place of all (harmonic, harmonic:weight=2,landmarks=path); may be repeated.",
+)
+@click.option("--fronts", is_flag=True, help="Also fits along a front of weights, to compare at equal distortion.")
+@click.option("--scheduler", help="Address of a dask scheduler, tcp://HOST:8786 (default: processes of this machine).")
+@click.option("--workers", type=int, default=2, show_default=True, help="Processes, without --scheduler.")
+@click.option("--data", help="Folder where synthetic subjects are kept (default: the user's cache).")
+def benchmark(out, subjects, vertices, sets, methods, fronts, scheduler, workers, data):
+    """Run registration methods on the same problems and write all figures to one file."""
+    from ..benchmark.results import summary
+    from ..benchmark.run import benchmark as run_benchmark
+    from ..benchmark.run import run_of
+
+    runs = [run_of(text) for text in methods] or None
+    results = run_benchmark(
+        out, subjects, vertices, sets, runs, scheduler=scheduler, workers=workers, folder=data, fronts=fronts
+    )
+    click.echo(f"{'run':38} done  certified  landmark error  mean |mu|  near sulci, mm  seconds")
+    for name in sets:
+        click.echo(f"{name}:")
+        for run, line in summary([row for row in results["rows"] if row["set"] == name]).items():
+            figures = (line["landmark_error"], line["mean_abs_mu"], line["correspondence_sulci_mm"], line["seconds"])
+            cells = [" " * 9 if value is None else f"{value:9.2g}" for value in figures]
+            click.echo(
+                f"{run:38} {line['pairs'] - line['failed']:2}/{line['pairs']:<2}  {line['certified']:5}      "
+                + "  ".join(cells)
+            )
+    for name, reason in results["provenance"]["left_out"].items():
+        click.echo(f"left out: {name}: {reason}")

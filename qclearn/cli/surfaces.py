@@ -1,0 +1,116 @@
+"""`qclearn open`, `transfer` and `synth`: surfaces, and values on them."""
+
+import os
+from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import replace
+from pathlib import Path
+
+import click
+import numpy as np
+from tqdm import tqdm
+
+import qclearn as qc
+
+from ..files.meshes import frame_of
+from ..files.values import read_labels
+from ..registration.mapfile import read_registration
+from ..registration.register import transfer as transfer_map
+from .output import say
+
+
+@click.command("open")
+@click.argument("surface")
+@click.option("--mask", help="Per-vertex file (.npy, .txt, .gii, .mgh, morphometry): non-zero vertices are cut away.")
+@click.option("--label", help="FreeSurfer .label file: its vertices are cut away.")
+@click.option("--keep", is_flag=True, help="The file names what to keep (lh.cortex.label, thickness), not what to cut.")
+@click.option("--reverse", is_flag=True, help="Reverse every face first (for a surface that is inside out).")
+@click.option(
+    "--hemisphere", type=click.Choice(["left", "right"]), help="For GIFTI output, where the names do not say it."
+)
+@click.option("--out", required=True, help="File to write; an npz also keeps the original vertex numbers.")
+def open_command(surface, mask, label, keep, reverse, hemisphere, out):
+    """Cut a closed hemisphere open at its medial wall, so that it becomes a disk."""
+    if (mask is None) == (label is None):
+        raise click.UsageError("open needs one of --mask FILE and --label FILE")
+    closed = qc.read_surface(surface)
+    closed = qc.Surface(closed.vertices, closed.faces[:, ::-1], closed.curves) if reverse else closed
+    qc.require_outward(closed)
+    mask = qc.read_mask(mask or label, closed, keep)
+    opened, original = qc.open_surface(closed, mask)
+    frame = frame_of(surface)
+    qc.write_surface(out, opened, original_vertices=original, frame=replace(frame, side=hemisphere or frame.side))
+    say(f"{out}: {len(opened.vertices)} of {len(closed.vertices)} vertices, boundary of {len(opened.boundary)}")
+    if filled := int(mask[original].sum()):
+        say(f"{filled} of the mask's {int(mask.sum())} vertices stay: holes away from the opening are filled")
+
+
+@click.command()
+@click.argument("registration")
+@click.argument("values")
+@click.option("--to", type=click.Choice(["moving", "control"]), required=True, help="Where the values are carried.")
+@click.option(
+    "--nearest",
+    is_flag=True,
+    help="Take the nearest corner's value instead of interpolating; whole numbers (labels, an .annot) need it.",
+)
+@click.option("--hemisphere", type=click.Choice(["left", "right"]), help="For GIFTI output whose name does not say it.")
+@click.option("--out", required=True, help="File to write: .npy, .txt, .gii, .mgh or a FreeSurfer morphometry name.")
+def transfer(registration, values, to, nearest, hemisphere, out):
+    """Carry a per-vertex map (VALUES) over to the other surface of a REGISTRATION (registration.npz)."""
+    maps = read_registration(registration)
+    disks = {
+        "moving": (maps["disk_map"], maps["faces_moving"]),
+        "control": (maps["disk_control"], maps["faces_control"]),
+    }
+    z_from, faces_from = disks["control" if to == "moving" else "moving"]
+    z_to, _ = disks[to]
+    given = qc.read_values(values)
+    if given.dtype.kind in "biu" and not nearest:
+        raise ValueError(
+            f"{values}: holds whole numbers, which interpolation would blend into others; add --nearest to carry "
+            "them as labels, or save them with a decimal point (as floats) to interpolate"
+        )
+    carried = transfer_map(given, z_from, faces_from, z_to, nearest)
+    qc.write_values(out, carried, side=hemisphere, labels=read_labels(values) if nearest else None)
+    say(f"{out}: {len(z_to)} values on the {to} surface")
+
+
+@click.command()
+@click.option("--seed", type=int, help="Which individual (default 0).")
+@click.option("--vertices", type=int, default=10_000, show_default=True)
+@click.option("--hemisphere", type=click.Choice(["left", "right"]), help="Which side (default left).")
+@click.option("--cohort", type=int, help="Instead of one: make the first K subjects of the fixed cohort.")
+@click.option("--workers", type=int, default=2, show_default=True, help="Subjects of the cohort made at the same time.")
+@click.option("--out", help="File to write (.npz); with --cohort the folder (default: the user's cache).")
+def synth(seed, vertices, hemisphere, cohort, workers, out):
+    """Grow a synthetic hemisphere with named sulci, or a cohort of them."""
+    import data_synth  # here: compiles the growth kernel
+    from data_synth.cohort import default_folder
+
+    if cohort is not None:
+        if seed is not None or hemisphere is not None:
+            raise click.UsageError("a cohort has its own seeds and left hemispheres: drop --seed and --hemisphere")
+        folder = Path(out) if out else default_folder()
+        subjects = data_synth.cohort(cohort, vertices, folder, workers=workers)
+        click.echo(f"{len(subjects)} subjects in {folder}")
+        return
+    if out is None:
+        raise click.UsageError("synth needs --out FILE.npz")
+    if Path(out).suffix != ".npz" or Path(out).is_dir():
+        raise click.UsageError(f"{out}: synth writes a file whose name ends in .npz; give such an --out")
+    if not os.access(Path(out).absolute().parent, os.W_OK):
+        raise OSError(f"{out}: its folder does not exist or cannot be written to; make it, or give another --out")
+    seed, hemisphere = seed or 0, hemisphere or "left"
+    data_synth.save_cortex(out, grow_with_bar(data_synth.make_cortex, seed, vertices, hemisphere))
+    click.echo(f"{out}: seed {seed}, {hemisphere}")
+
+
+def grow_with_bar(make_cortex, *arguments):
+    """make_cortex in a thread of its own, while a progress bar follows its clock."""
+    clock = np.zeros(2, dtype=np.int64)
+    with ThreadPoolExecutor(1) as pool, tqdm(desc="growing", delay=2, leave=False) as bar:
+        job = pool.submit(make_cortex, *arguments, clock=clock)
+        while wait([job], timeout=0.2).not_done:
+            bar.total = int(clock[1]) or None
+            bar.update(int(clock[0]) - bar.n)
+        return job.result()

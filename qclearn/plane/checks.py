@@ -1,0 +1,108 @@
+"""What a planar mesh, a map of it, a coefficient and pins must be;
+what is none becomes a BeltramiError that says why."""
+
+import numpy as np
+
+
+class BeltramiError(ValueError):
+    """A Beltrami coefficient, a planar mesh or a constraint that admits no quasi-conformal solution."""
+
+
+def complex_numbers(values, name):
+    """An array as complex128, or BeltramiError that calls it by its name."""
+    try:
+        values = np.asarray(values)
+        if values.dtype.kind not in "biufcO":  # no text and no dates, which NumPy would read or count
+            raise TypeError(f"they have type {values.dtype}")
+        return values.astype(complex, copy=False)
+    except (TypeError, ValueError) as error:
+        raise BeltramiError(f"{name} must be complex numbers, but {error}") from None
+
+
+def planar_points(points, name="z"):
+    """Points of the plane as complex128, (P,) or one of them alone, or BeltramiError."""
+    points = complex_numbers(points, name)
+    if points.ndim > 1:
+        raise BeltramiError(f"{name} has shape {points.shape}: give complex numbers (V,), x + iy, one a point")
+    return points
+
+
+def check_faces(faces, n_vertices=None):
+    """Triangles as int64 (F, 3), or BeltramiError: not integers, not three corners, or vertices that are not there."""
+    try:
+        faces = np.asarray(faces)
+    except ValueError:
+        raise BeltramiError("faces have rows of unequal lengths; split polygons into triangles (F, 3)") from None
+    if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu" or not len(faces):
+        raise BeltramiError(
+            f"faces have shape {faces.shape} and type {faces.dtype}: give integers (F, 3), at least one "
+            "triangle of vertex indices"
+        )
+    faces = faces.astype(np.int64, copy=False)  # products of indices leave the smaller types
+    if faces.min() < 0 or (n_vertices is not None and faces.max() >= n_vertices):
+        outside = np.flatnonzero(((faces < 0) | (faces >= (n_vertices or np.inf))).any(1))
+        last = "" if n_vertices is None else n_vertices - 1
+        raise BeltramiError(
+            f"faces {outside[:5].tolist()} name vertices outside 0..{last}; do the mesh and the "
+            "vertices belong together?"
+        )
+    return faces
+
+
+def check_mesh(z, faces):
+    """A planar mesh as complex128 (V,) and int64 (F, 3), or BeltramiError that says what it is instead."""
+    z = np.atleast_1d(planar_points(z))
+    return z, check_faces(faces, len(z))
+
+
+def check_map(f, n_vertices):
+    """A map as one number or point a vertex, complex (V,) or real (V, 3), or BeltramiError."""
+    surface = np.ndim(f) == 2 and np.shape(f)[1] == 3 and np.asarray(f).dtype.kind in "biuf"
+    f = np.asarray(f, float) if surface else np.atleast_1d(planar_points(f, "f"))
+    if len(f) != n_vertices:
+        raise BeltramiError(f"f has shape {f.shape}, but the mesh has {n_vertices} vertices: give one value a vertex")
+    return f
+
+
+def check_coefficient(mu, n_faces):
+    """`mu` as a complex array (F,), or BeltramiError if its shape is wrong or |mu| < 1 fails anywhere."""
+    mu = complex_numbers(mu, "mu")
+    if mu.shape != (n_faces,):
+        raise BeltramiError(f"mu has shape {mu.shape}, but the mesh has {n_faces} faces: give one value a face")
+    bad = np.flatnonzero(~(abs(mu) < 1))
+    if len(bad):
+        raise BeltramiError(
+            f"|mu| < 1 fails on {len(bad)} faces (first: {bad[:5].tolist()}, mu = {mu[bad[0]]:.3g}); "
+            "no orientation-preserving map has such a coefficient: truncate or mend mu there"
+        )
+    return mu
+
+
+def check_used(z, faces):
+    """BeltramiError where a vertex is in no face: nothing says where it goes."""
+    unused = np.flatnonzero(np.bincount(faces.ravel(), minlength=len(z)) == 0)
+    if len(unused):
+        raise BeltramiError(
+            f"vertices {unused[:5].tolist()} are in no face; do the mesh and the vertices belong together?"
+        )
+
+
+def check_pins(pinned, values, n_vertices):
+    """`pinned` as integers and `values` as complex numbers, or BeltramiError."""
+    pinned, values = np.atleast_1d(np.asarray(pinned)), np.atleast_1d(complex_numbers(values, "values"))
+    if pinned.ndim != 1 or pinned.shape != values.shape or len(pinned) == 0:
+        raise BeltramiError(
+            f"{pinned.shape} pinned vertices with {values.shape} values: give one value a vertex, "
+            "and pin at least one vertex"
+        )
+    if not np.issubdtype(pinned.dtype, np.integer):
+        raise BeltramiError(f"pinned vertices have type {pinned.dtype}: give integer vertex indices")
+    outside = pinned[(pinned < 0) | (pinned >= n_vertices)]
+    if len(outside):
+        raise BeltramiError(f"pinned vertices out of range 0..{n_vertices - 1}: {outside[:5].tolist()}")
+    unique, count = np.unique(pinned, return_counts=True)
+    if (count > 1).any():
+        raise BeltramiError(f"vertices pinned more than once: {unique[count > 1][:5].tolist()}; keep one value each")
+    if not np.isfinite(values).all():
+        raise BeltramiError(f"values not finite at pins {np.flatnonzero(~np.isfinite(values))[:5].tolist()}")
+    return pinned, values

@@ -1,0 +1,207 @@
+"""What makes triangles a surface: checked once, with the indices of what is wrong and the remedy in each
+SurfaceError."""
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from ..plane.diskmesh import SurfaceError
+
+LARGEST = 1e60  # of a coordinate: a squared area, its fourth power, is still a number
+
+
+def frozen(array):
+    array.flags.writeable = False
+    return array
+
+
+def counted(items, one, many=None):
+    return f"{len(items)} {one if len(items) == 1 else many or one + 's'}"
+
+
+def some(items):
+    """The first five of a list or an array, and how many more: for error messages."""
+    items = items if isinstance(items, list) else items.tolist()
+    shown = ", ".join(str(item) for item in items[:5])
+    return shown + (f" and {len(items) - 5} more" if len(items) > 5 else "")
+
+
+def original_numbers(numbers, n_vertices):
+    """original_vertices as checked integers, or None."""
+    if numbers is None:
+        return None
+    numbers = np.asarray(numbers)
+    if numbers.shape != (n_vertices,) or not np.issubdtype(numbers.dtype, np.integer):
+        raise SurfaceError(
+            f"original_vertices must be {n_vertices} whole numbers, one a vertex, not {numbers.dtype} of shape "
+            f"{numbers.shape}; give the second result of open_surface, or leave them out."
+        )
+    if numbers.min() < 0 or len(np.unique(numbers)) < n_vertices:
+        raise SurfaceError(
+            "original_vertices has negative numbers or one number twice, and a vertex of the whole surface is at most "
+            "one of the cut one; give the second result of open_surface, or leave them out."
+        )
+    return frozen(numbers.astype(np.int64))
+
+
+def vertex_array(vertices):
+    if np.iscomplexobj(vertices):
+        raise SurfaceError("vertices are complex; give a planar mesh as numpy.stack([z.real, z.imag, 0 * z.real], 1).")
+    try:
+        given = np.asarray(vertices).dtype
+        vertices = np.array(vertices, dtype=np.float64, order="C")
+    except (TypeError, ValueError) as error:
+        raise SurfaceError(f"vertices must be a (V, 3) array of real numbers, but {error}.") from None
+    if given.kind not in "fiu":
+        raise SurfaceError(f"vertices must be a (V, 3) array of real numbers, but they are of the type {given}.")
+    if vertices.ndim != 2 or vertices.shape[1] != 3:
+        raise SurfaceError(f"vertices must have the shape (V, 3), not {vertices.shape}; pad planar points with z = 0.")
+    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
+    if bad.size:
+        raise SurfaceError(
+            f"{counted(bad, 'vertex', 'vertices')} with NaN or infinite coordinates: {some(bad)}. "
+            f"Remove them with their faces, or export the surface again."
+        )
+    far = np.flatnonzero((np.abs(vertices) > LARGEST).any(axis=1))
+    if far.size:
+        raise SurfaceError(
+            f"{counted(far, 'vertex', 'vertices')} with coordinates beyond {LARGEST:g}: {some(far)}. Areas and volumes "
+            f"would overflow; give the surface in millimetres, or export it again if it is damaged."
+        )
+    return vertices
+
+
+def face_array(faces):
+    faces = np.asarray(faces)
+    if faces.ndim != 2 or faces.shape[1] != 3:
+        raise SurfaceError(f"faces must have the shape (F, 3), not {faces.shape}; split polygons into triangles.")
+    if faces.dtype.kind not in "iu":
+        raise SurfaceError(f"faces must be integers, not {faces.dtype}; convert them with faces.astype(int).")
+    if not len(faces):
+        raise SurfaceError("the surface has no faces; give at least one triangle.")
+    return np.array(faces, dtype=np.int64, order="C")
+
+
+def curve_path(name, path, n_vertices):
+    path = np.array(path)
+    if path.ndim != 1 or path.size == 0 or path.dtype.kind not in "iu":
+        raise SurfaceError(f"curve '{name}' must be a non-empty list of vertex indices (integers).")
+    bad = path[(path < 0) | (path >= n_vertices)]
+    if bad.size:
+        raise SurfaceError(
+            f"curve '{name}' names vertices that do not exist: {some(bad)}; "
+            f"indices run from 0 to {n_vertices - 1}: take the curve from this very surface."
+        )
+    return path.astype(np.int64)
+
+
+def check_faces(vertices, faces):
+    """Index range, unused vertices, degenerate faces."""
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        out = np.flatnonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))
+        raise SurfaceError(
+            f"{counted(out, 'face')} with corners outside 0 ... {len(vertices) - 1}: {some(out)}. "
+            f"Indices count from 0 (subtract 1 if the source counts from 1)."
+        )
+    unused = np.flatnonzero(np.bincount(faces.ravel(), minlength=len(vertices)) == 0)
+    if unused.size:
+        raise SurfaceError(
+            f"{counted(unused, 'vertex', 'vertices')} in no face: {some(unused)}. Drop them: used, corners = "
+            f"numpy.unique(faces, return_inverse=True); Surface(vertices[used], corners.reshape(-1, 3))."
+        )
+    degenerate = degenerate_faces(vertices, faces)
+    if degenerate.size:
+        raise SurfaceError(
+            f"{counted(degenerate, 'degenerate face')} (a repeated vertex or zero area): {some(degenerate)}. "
+            f"Merge coincident vertices and collapse these faces (pyvista.PolyData.clean does both)."
+        )
+
+
+def degenerate_faces(vertices, faces):
+    """Indices (k,) of the faces with a repeated vertex, or whose height over their longest side is below rounding."""
+    i, j, k = faces.T
+    a, b, c = vertices[i], vertices[j], vertices[k]
+    sides = np.stack([norms(b - a), norms(c - b), norms(a - c)])
+    double_area = norms(np.cross(b - a, c - a))
+    rounding = 8 * np.finfo(float).eps * np.abs(vertices).max()
+    return np.flatnonzero((i == j) | (j == k) | (k == i) | (double_area <= rounding * sides.max(axis=0)))
+
+
+def norms(vectors):
+    return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+
+
+def _check_duplicates(faces):
+    ordered = np.sort(faces, axis=1)
+    order = np.lexsort(ordered.T)
+    same = (ordered[order[1:]] == ordered[order[:-1]]).all(axis=1)
+    if same.any():
+        pairs = np.sort(np.stack([order[:-1][same], order[1:][same]], axis=1), axis=1)
+        raise SurfaceError(
+            f"duplicate faces: {counted(pairs, 'pair')} with the same vertices: {some(pairs)}. Keep one of each pair."
+        )
+
+
+def check_topology(n_vertices, faces):
+    """Edges (E, 2), their faces (E, 2) and the boundary half-edges (B, 2) of a mesh that is found manifold,
+    consistently oriented and connected."""
+    tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()  # half-edge 3 f + k leaves corner k of face f
+    key = np.minimum(tails, heads) * n_vertices + np.maximum(tails, heads)
+    order = np.argsort(key, kind="stable")
+    first = np.flatnonzero(np.diff(key[order], prepend=-1))
+    count = np.diff(first, append=len(key))
+    edges = np.stack(np.divmod(key[order[first]], n_vertices), axis=1)
+    one, two = order[first[count == 2]], order[first[count == 2] + 1]
+    crowded, wrong = edges[count > 2], tails[one] == tails[two]
+    if len(crowded) or wrong.any() or len(faces) == 2:  # where there are twins, one of these holds: a cheap test first
+        _check_duplicates(faces)
+    if len(crowded):
+        raise SurfaceError(
+            f"not manifold: {counted(crowded, 'edge')} (vertex pairs) with more than two faces: {some(crowded)}. "
+            f"Delete the extra faces or duplicate the vertices along these edges."
+        )
+    if wrong.any():
+        pairs = np.stack([one[wrong] // 3, two[wrong] // 3], axis=1)
+        raise SurfaceError(
+            f"inconsistent orientation: {counted(pairs, 'pair')} of faces that run along their common edge in the same "
+            f"direction: {some(pairs)}. Reverse one face of each pair (pyvista.PolyData.compute_normals("
+            f"consistent_normals=True) does it for a whole orientable surface)."
+        )
+    _check_connected(n_vertices, edges)
+    _check_fans(n_vertices, faces, one, two)
+    edge_faces = np.stack([order[first] // 3, np.full(len(edges), -1)], axis=1)
+    edge_faces[count == 2, 1] = two // 3
+    single = order[first[count == 1]]
+    return frozen(edges), frozen(edge_faces), np.stack([tails[single], heads[single]], axis=1)
+
+
+def _check_connected(n_vertices, edges):
+    n_components, label = _components(n_vertices, edges[:, 0], edges[:, 1])
+    if n_components > 1:
+        sizes = np.bincount(label)
+        firsts = np.unique(label, return_index=True)[1]
+        listed = [f"{sizes[k]} vertices around vertex {firsts[k]}" for k in np.argsort(-sizes)]
+        raise SurfaceError(
+            f"the surface has {n_components} components: {some(listed)}. Keep one of them "
+            f"(pyvista.PolyData.extract_largest) and drop the rest."
+        )
+
+
+def _check_fans(n_vertices, faces, one, two):
+    """The faces around a vertex must form one fan; one, two = the half-edges on the two sides of inner edges."""
+    corner = np.arange(3 * len(faces))
+    after = (corner // 3) * 3 + (corner + 1) % 3  # the corner at the head of half-edge `corner`
+    n_fans, label = _components(len(corner), np.r_[one, after[one]], np.r_[after[two], two])
+    if n_fans > n_vertices:
+        vertex_of_fan = np.empty(n_fans, dtype=np.int64)
+        vertex_of_fan[label] = faces.ravel()
+        bad = np.flatnonzero(np.bincount(vertex_of_fan, minlength=n_vertices) > 1)
+        raise SurfaceError(
+            f"not manifold: {counted(bad, 'vertex', 'vertices')} where several fans of faces meet in a point: "
+            f"{some(bad)}. Duplicate the vertex for each fan, or delete all fans but one."
+        )
+
+
+def _components(size, start, end):
+    graph = csr_array((np.ones(len(start), dtype=np.int8), (start, end)), shape=(size, size))
+    return connected_components(graph, directed=False)
