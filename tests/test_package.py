@@ -72,7 +72,14 @@ def test_the_wheel_runs_the_demo_in_a_bare_environment(packages, tmp_path):
         row["name"].lower()
         for row in json.loads(run(bare / "python", "-m", "pip", "list", "--format=json", cwd=tmp_path))
     }
-    assert "qclearn" in installed and not installed & {"torch", "numba", "scikit-image", "distributed", "jupyterlab", "pytest"}
+    assert "qclearn" in installed and not installed & {
+        "torch",
+        "numba",
+        "scikit-image",
+        "distributed",
+        "jupyterlab",
+        "pytest",
+    }
     run(bare / "qclearn", "demo", cwd=tmp_path)
     report = json.loads((tmp_path / "qclearn-demo" / "report.json").read_text(encoding="utf-8"))
     assert report["bijective"] and report["version"] == PROJECT["version"]

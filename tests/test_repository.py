@@ -54,6 +54,18 @@ def test_code_is_narrow(path):
     assert wide == []
 
 
+def test_the_files_that_the_guides_name_are_there():
+    named = {
+        word
+        for guide in ("CONTRIBUTING.md", "README.md")
+        for word in re.findall(r"`([\w./-]+)`", (ROOT / guide).read_text(encoding="utf-8"))
+        if word.startswith(("qclearn/", "data_synth/", "tests/", "tools/", "book/"))
+    }
+    assert len(named) > 15
+    made = {"book/_static/"}  # what a guide warns of
+    assert [name for name in sorted(named - made) if not (ROOT / name).exists()] == []
+
+
 def test_no_file_names_a_machine():
     try:
         listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout

@@ -8,7 +8,6 @@ run again are kept. The pages of the book read their figures from qclearn/benchm
 
 import argparse
 import importlib
-import json
 import os
 import platform
 import sys
@@ -22,6 +21,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded
 import torch
 from threadpoolctl import threadpool_limits
 
+from qclearn.benchmark.results import read_networks, write_networks
 from qclearn.files.provenance import commit, processor
 
 PARTS = ("polar", "ldnet", "cpnet", "dbsnet")
@@ -30,7 +30,7 @@ PARTS = ("polar", "ldnet", "cpnet", "dbsnet")
 def main():
     options = read_options()
     torch.set_num_threads(1)
-    results = json.loads(options.out.read_text()) if options.out and options.out.exists() else {}
+    results = read_networks(options.out) if options.out and options.out.exists() else {}
     for part in options.only:
         start = time.perf_counter()
         with threadpool_limits(1):
@@ -39,7 +39,7 @@ def main():
         show(part, results[part])
         if options.out:  # after every part: what was measured is not lost
             options.out.parent.mkdir(parents=True, exist_ok=True)
-            options.out.write_text(json.dumps(results, indent=1) + "\n")
+            write_networks(options.out, results)
 
 
 def read_options():

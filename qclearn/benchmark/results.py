@@ -1,4 +1,5 @@
-"""The benchmark's results file: its journal while it grows, its schema, and means over subjects."""
+"""Files of measured figures and their schemas: the benchmark's, its journal while it grows, and that of networks; means
+over subjects."""
 
 import json
 import os
@@ -13,6 +14,7 @@ from ..registration.metrics import paired_difference
 from ..surfaces.surface import SurfaceError
 
 SCHEMA_VERSION = 1  # raise it when a field's meaning changes, so that old files are not read as new ones
+WRITERS = {"benchmark": "qclearn benchmark", "networks": "tools/evaluate_networks.py"}  # of the files of each kind
 
 
 class BenchmarkError(ValueError):
@@ -118,10 +120,19 @@ def plain(value):
 
 def write_results(path, results):
     """Write a checked results file, whole or not at all; BenchmarkError if it cannot be."""
-    check_schema(path, results)
+    check_schema(path, results, "benchmark")
     head = json.dumps({name: value for name, value in results.items() if name != "rows"}, indent=1)
     rows = ",\n  ".join(json.dumps(row) for row in results["rows"])
-    text = f'{head[:-2]},\n "rows": [\n  {rows}\n ]\n}}\n'  # a row a line
+    write_text(path, f'{head[:-2]},\n "rows": [\n  {rows}\n ]\n}}\n')  # a row a line
+
+
+def write_networks(path, figures):
+    """Write the checked figures of networks, whole or not at all; BenchmarkError if it cannot be."""
+    check_schema(path, figures, "networks")
+    write_text(path, json.dumps(figures, indent=1) + "\n")
+
+
+def write_text(path, text):
     try:
         write_whole(Path(path), lambda place: place.write_text(text, encoding="utf-8"))
     except SurfaceError as error:
@@ -131,15 +142,26 @@ def write_results(path, results):
 def read_results(path):
     """A results file as nested dicts and lists, checked against the schema;
     BenchmarkError if it is none of this version."""
+    results = read_json(path, "benchmark")
+    check_version(path, results)
+    check_schema(path, results, "benchmark")
+    return results
+
+
+def read_networks(path):
+    """The figures of networks as nested dicts and lists; BenchmarkError if they do not fit their schema."""
+    figures = read_json(path, "networks")
+    check_schema(path, figures, "networks")
+    return figures
+
+
+def read_json(path, kind):
     try:
-        results = json.loads(Path(path).read_text(encoding="utf-8"))
+        return json.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
         raise BenchmarkError(f"{path}: cannot be read ({error.strerror}); check the name") from None
     except (ValueError, RecursionError) as error:
-        raise BenchmarkError(f"{path}: not a JSON file ({error}); give a file that `qclearn benchmark` wrote") from None
-    check_version(path, results)
-    check_schema(path, results)
-    return results
+        raise BenchmarkError(f"{path}: not a JSON file ({error}); give a file that `{WRITERS[kind]}` wrote") from None
 
 
 def check_version(path, results):
@@ -152,19 +174,20 @@ def check_version(path, results):
         )
 
 
-def schema():
-    """The JSON schema of a results file; each field's description says what it is, with units."""
-    return json.loads(files(__package__).joinpath("benchmark.schema.json").read_text(encoding="utf-8"))
+def schema(kind="benchmark"):
+    """The JSON schema of a file of measured figures, "benchmark" or "networks"; descriptions say what it holds, with
+    units."""
+    return json.loads(files(__package__).joinpath(f"{kind}.schema.json").read_text(encoding="utf-8"))
 
 
-def check_schema(path, results):
+def check_schema(path, results, kind):
     require("benchmark", "measured figures")
     from jsonschema import Draft202012Validator
 
-    error = next(Draft202012Validator(schema()).iter_errors(results), None)
+    error = next(Draft202012Validator(schema(kind)).iter_errors(results), None)
     if error:
         raise BenchmarkError(
-            f"{path}: not a valid results file: {error.json_path}: {error.message[:200]}; run the benchmark again"
+            f"{path}: not a valid results file: {error.json_path}: {error.message[:200]}; run `{WRITERS[kind]}` again"
         )
 
 

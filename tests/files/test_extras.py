@@ -28,7 +28,11 @@ def last_line(package, program):
         ("safetensors", "from qclearn.nets.weights import load", "nets"),
         ("torch", "import data_synth.training", "nets"),
         ("distributed", "from qclearn.benchmark import benchmark; benchmark('out.json')", "benchmark"),
-        ("jsonschema", "from qclearn.benchmark.results import check_schema; check_schema('out.json', {})", "benchmark"),
+        (
+            "jsonschema",
+            "from qclearn.benchmark.results import check_schema; check_schema('out.json', {}, 'networks')",
+            "benchmark",
+        ),
     ],
 )
 def test_the_library_names_the_extra_that_is_missing(package, program, extra):
