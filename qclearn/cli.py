@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 import qclearn as qc
 
-from .files import frame_of
+from .files import Frame, frame_of
 from .filesafe import full_disk, is_full, own_prefix, printable, sweep
 from .landmarkfile import read_landmarks
 from .landmarks import curves_of_both
@@ -159,10 +159,16 @@ def register_into(out, moving, control, curves, inputs, accept_suspect, **option
             "points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving", "faces_control")})
         report = result.report | origin(inputs, curves, click.get_current_context().obj)
         (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
-        qc.write_surface(folder / "registered.surf.gii", result.surface)
+        qc.write_surface(folder / "registered.surf.gii", result.surface, frame=frame_of_control(inputs["control"]))
     print_report(report, out)
     if report["suspect"]:
         fail("suspect: " + "; ".join(report["suspect"]), 0 if accept_suspect else 3)
+
+
+def frame_of_control(given):
+    """The hemisphere and coordinate system of the control's file, in which the registered surface lies."""
+    path, _ = given
+    return frame_of(path) if Path(path).is_file() else Frame("left")  # the demo's control
 
 
 def print_report(report, out):

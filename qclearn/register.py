@@ -64,6 +64,7 @@ class Unchecked(NamedTuple):
     vertices: np.ndarray
     faces: np.ndarray
     curves: Mapping = MappingProxyType({})
+    original_vertices: np.ndarray | None = None
 
 
 class Stages:

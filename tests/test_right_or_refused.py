@@ -225,7 +225,7 @@ def test_a_number_of_thousands_of_digits_in_a_landmarks_file_is_laid_to_the_file
 
 def test_coordinates_out_of_range_are_refused():
     surface = bowl(0.6)
-    with pytest.raises(SurfaceError, match="coordinates up to 1e.80.*millimetres"):
+    with pytest.raises(SurfaceError, match="coordinates beyond 1e.60.*millimetres"):
         Surface(surface.vertices * (1e80 / surface.vertices.max()), surface.faces)
 
 
