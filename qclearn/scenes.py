@@ -7,9 +7,9 @@ scene itself: geometry, viewer and all, 1 to 2 MB of HTML for a surface of 10,00
 import base64
 import ctypes
 import html
-import re
 import io
 import os
+import re
 import sys
 import warnings
 
