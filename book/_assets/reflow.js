@@ -12,13 +12,14 @@
     }
   }
 
+  const MEASURE = 110; // MathJax's step that measures the width (its STATE.METRICS); by itself it would keep the old one
   let width = window.innerWidth, timer;
   window.addEventListener("resize", () => {
     if (window.innerWidth === width) return;  // a telephone's address bar comes and goes
     width = window.innerWidth;
     clearTimeout(timer);
     timer = setTimeout(async () => {
-      await window.MathJax?.startup?.document?.rerenderPromise();
+      await window.MathJax?.startup?.document?.rerenderPromise(MEASURE);
       reachable();
     }, 200);
   });

@@ -11,13 +11,12 @@ LONG = "a_1 + " * 80
 PLANTED = {
     "code": ("<pre style='white-space: pre; overflow: auto'>" + "x = 1; " * 90 + "</pre>", "px cut off: pre"),
     "formula": (f"<div class='math' style='overflow: hidden; white-space: nowrap'>{LONG}</div>", "px cut off: div"),
-    "hidden part": ("<div style='overflow: hidden'><img alt='wide' src='_static/registration.png' "
-                    "style='width: 1500px; max-width: none'></div>", "px cut off: img"),
+    "hidden part": ("<div style='overflow: hidden'><img alt='' style='width: 1500px; max-width: none'></div>", "px cut off: img"),
     "table": (f"<table style='white-space: nowrap; width: 1500px'><tr><td>{LONG}</td></tr></table>", "a table without a box"),
     "wide page": ("<div style='width: 1500px'>wide</div>", "the page scrolls sideways"),
     "small print": ("<pre style='font-size: 9px'>small</pre>", "smaller than 12 px"),
     "shrunk": ("<pre style='transform: scale(0.5)'>shrunk</pre>", "shrunk: pre"),
-    "bold caption": ("<figure><figcaption style='font-weight: 700'>bold</figcaption></figure>", "bold: figcaption"),
+    "bold caption": ("<figure><figcaption style='font-weight: 700 !important'>bold</figcaption></figure>", "bold: figcaption"),
     "bold number": ("<p><span class='computed' style='font-weight: 700'>3.14</span></p>", "bold: span"),
 }
 
