@@ -12,10 +12,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-import expressions  # beside this file, as are guards and solutions
+import expressions  # beside this file, as are guards, packages and solutions
 import guards
 import nbformat
 import solutions
+from packages import installed_copy
 
 ROOT = Path(__file__).resolve().parent.parent
 # Not below _build: nbmake passes over everything there.
@@ -70,7 +71,22 @@ def execute(paths, jobs, seconds_per_cell):
     # Jupyter.
     settings = BUILD / "nbmake.ini"
     settings.write_text("[pytest]\n")
-    environment = os.environ | {"PYVISTA_OFF_SCREEN": "true", "JUPYTER_PREFER_ENV_PATH": "1"}
+    # A page runs where nothing of the repository lies, beside the package as it is installed from its wheel.
+    installed = installed_copy(BUILD / "wheel")
+    environment = os.environ | {
+        "PYVISTA_OFF_SCREEN": "true",
+        "JUPYTER_PREFER_ENV_PATH": "1",
+        "PYTHONPATH": str(installed),
+    }
+    found = subprocess.run(
+        [sys.executable, "-c", "import qclearn; print(qclearn.__file__)"],
+        env=environment,
+        cwd=BUILD,
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    assert found.startswith(str(installed)), f"the pages would run with {found}"
     command = [
         sys.executable,
         "-m",

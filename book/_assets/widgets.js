@@ -4,7 +4,7 @@
 // require.js, which reads this when it is loaded, knows where the package lies.
 window.require = { paths: { "@jupyter-widgets/html-manager/dist": new URL("vendor", document.currentScript.src).href } };
 
-// It asks for formulas in the words of MathJax 2, and the book has MathJax 3.
+// It asks for formulas in the words of MathJax 2, and the book has MathJax 4.
 (window.MathJax ??= {}).startup = {
   ready() {
     MathJax.startup.defaultReady();

@@ -14,7 +14,7 @@ EXTRAS = {
 def require(extra, what):
     """ImportError with the command that installs an extra, where a package of it is missing.
 
-    what: who needs it, in the plural, "the networks". Nothing is imported, only looked for. Returns an empty context,
+    what: who needs it, in the plural, "the networks". Nothing is imported. Returns an empty context,
     for the imports that follow: `with require("nets", "the networks"): import torch`.
     """
     missing = [package for package in EXTRAS[extra] if find_spec(package) is None]

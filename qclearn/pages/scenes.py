@@ -9,6 +9,7 @@ import ctypes
 import html
 import io
 import os
+import re
 import sys
 import warnings
 
@@ -87,7 +88,7 @@ class Scene:
         with warnings.catch_warnings():
             # trame-vtk 2.8 calls what VTK 9.6 deprecates.
             warnings.simplefilter("ignore", DeprecationWarning)
-            page = plotter.export_html(None).getvalue()
+            page = _named(plotter.export_html(None).getvalue(), description)
         self.page = page.replace("</body>", _legend(legend) + "</body>") if legend else page
         plotter.close()
 
@@ -101,6 +102,15 @@ class Scene:
             f'<img alt="{title}" src="data:image/png;base64,{self.picture}"><span>turn it in 3-D</span></button>'
             f'<iframe class="scene" title="{title}" height="{self.height}" data-page="{page}" hidden></iframe>'
         )
+
+
+def _named(page, title):
+    """The page with a language and a title, and with the reader's zoom, which trame-vtk's template forbids."""
+    head = (
+        f'<html lang="en"><head><title>{html.escape(title)}</title><meta name="viewport" content="width=device-width">'
+    )
+    page = re.sub(r'<meta name="viewport"[^>]*>', "", page, count=1)
+    return re.sub(r"<html>\s*<head>", lambda found: head, page, count=1)
 
 
 def _legend(colours):
