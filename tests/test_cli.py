@@ -17,8 +17,8 @@ from qclearn.files.meshes import read_surface, write_surface
 from qclearn.files.provenance import fingerprint
 from qclearn.plane.disk import solve_beltrami_disk
 from qclearn.plane.diskmesh import polar_disk
-from qclearn.registration.fit import LandmarkError
 from qclearn.registration.landmarks import detect_curves
+from qclearn.registration.problem import LandmarkError
 from qclearn.registration.register import register
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror, require_disk, require_outward
 

@@ -18,6 +18,7 @@ from data_synth.correspondence import locate_on_sphere
 from ..files.fsaverage import demo_landmarks, fsaverage5
 from ..methods import Problem
 from ..plane.bijectivity import RepairWarning
+from ..plane.diskmesh import interpolate
 from ..plane.mobius import mobius, mobius_inverse
 from ..registration.checked import Networks
 from ..registration.landmarks import curves_of_both
@@ -96,15 +97,14 @@ def mapped(surface):
 
 def cohort_pair(moving, control):
     """Two synthetic hemispheres with all curves they share and the template's dense correspondence."""
-    face, weights = locate_on_sphere(control.template, control.surface.faces, moving.template)
-    corners = control.surface.faces[face]
-    truth = np.einsum("pk,pkd->pd", weights, control.surface.vertices[corners])
+    faces = control.surface.faces
+    places = locate_on_sphere(control.template, faces, moving.template)
     return Pair(
         moving,
         control,
         tuple(curves_of_both(moving.surface, control.surface)),
-        truth,
-        np.einsum("pk,pk->p", weights, control.z[corners]),
+        interpolate(control.surface.vertices, faces, *places),
+        interpolate(control.z, faces, *places),
     )
 
 

@@ -4,20 +4,11 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..plane.beltrami import corner_average, face_mean, signed_areas
-from ..plane.diskmesh import polar_disk
+from ..plane.diskmesh import polar_disk, sampling_matrix
+from ..plane.fields import bounded, unbounded
 from ..plane.mobius import best_mobius
 from ..registration.checked import exact_map
-from ..registration.fit import (
-    Forward,
-    GaussNewton,
-    Landmarks,
-    bounded,
-    descend,
-    fit_landmarks,
-    fit_on_grid,
-    sampling_matrix,
-    unbounded,
-)
+from ..registration.fit import Forward, GaussNewton, Landmarks, descend, fit_landmarks, fit_on_grid
 from .problem import report
 
 COARSE, MESH = polar_disk(24, 72, power=1.4), polar_disk(32, 96, power=1.4)  # of CP-Net, and of the few steps

@@ -8,9 +8,9 @@ import numpy as np
 
 from ..plane.beltrami import Dirichlet, corner_average, signed_areas, stiffness
 from ..plane.bijectivity import RepairWarning
-from ..plane.diskmesh import boundary_loop
+from ..plane.diskmesh import boundary_loop, sampling_matrix
 from ..plane.mobius import best_mobius, mobius
-from ..registration.fit import check_landmarks, sampling_matrix
+from ..registration.problem import check_landmarks
 
 HARD = 1e6  # weight that holds a landmark to about a millionth of the disk's radius
 LARGEST = 0.99  # of |mu| after truncation

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from ..registration.fit import sampling_matrix
+from ..plane.diskmesh import sampling_matrix
 from .plot import CURVE_STYLES, FLIPPED_COLOUR, disk_axes, disk_plot, lines_plot, square_lines
 
 BINS = np.linspace(0, 1, 41)

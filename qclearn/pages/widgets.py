@@ -11,11 +11,12 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 from ..plane.beltrami import signed_areas
-from ..plane.diskmesh import polar_disk
+from ..plane.diskmesh import polar_disk, sampling_matrix
 from ..registration.checked import exact_map, gamma_words
-from ..registration.fit import LandmarkError, LandmarkFit, check_weights, fit_landmarks, sampling_matrix
+from ..registration.fit import LandmarkFit, fit_landmarks
 from ..registration.landmarks import fundus_metric, fundus_path, sample_curve
 from ..registration.metrics import measured_losses
+from ..registration.problem import LandmarkError, check_weights
 from ..registration.register import align, check_curves, load
 from ..surfaces.conformal import disk_conformal_map
 from ..surfaces.curvature import AreaRadius, area_radius

@@ -14,9 +14,10 @@ from scipy import sparse
 
 from ..plane.beltrami import beltrami_coefficient, check_coefficient
 from ..plane.bijectivity import BijectivityError, check_bijective
-from ..plane.diskmesh import boundary_loop
+from ..plane.diskmesh import boundary_loop, sampling_matrix
+from ..plane.fields import unbounded
 from ..plane.mobius import best_mobius, mobius
-from .fit import ROUNDING, LandmarkFit, MeshForward, fit_landmarks, sampling_matrix, unbounded
+from .fit import ROUNDING, LandmarkFit, MeshForward, fit_landmarks
 from .landmarks import detect_curves
 from .metrics import measured_losses
 

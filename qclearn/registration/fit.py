@@ -13,22 +13,13 @@ import numpy as np
 from scipy import sparse
 from threadpoolctl import threadpool_limits
 
-from ..plane.beltrami import (
-    BeltramiError,
-    assemble,
-    beltrami_coefficient,
-    check_coefficient,
-    check_mesh,
-    complex_numbers,
-    face_mean,
-    factorise,
-    signed_areas,
-    stiffness,
-)
+from ..plane.beltrami import beltrami_coefficient, check_coefficient, check_mesh, face_mean, factorise, stiffness
 from ..plane.bijectivity import check_bijective
 from ..plane.disk import BeltramiDiskSolver, unfold
-from ..plane.diskmesh import locate, polar_disk
+from ..plane.diskmesh import locate, polar_disk, sampling_matrix
+from ..plane.fields import bounded, bounded_pullback, mass_matrix, unbounded
 from ..plane.mobius import best_mobius, compose_mobius, mobius, mobius_slope
+from .problem import LandmarkError, check_landmarks, check_weights
 
 FIRST_GAMMA = 1e2  # continuation: one step at each power of ten from here to gamma
 STEPS_AT_GAMMA = 5
@@ -38,15 +29,10 @@ FEWEST_RINGS = 4  # of the polar mesh; half of them on the coarse one
 SETTLED_ON_GRID, SETTLED = 0.8, 0.92  # a step that keeps more than this share of the objective is the last one
 TANGENTIAL_WEIGHT = 0.1  # of a sliding landmark's residual along its target curve
 LANDMARKS_AT_ONCE = 16  # bounds the memory of the adjoint solves
-LARGEST = 1 - 1e-10  # of |mu|: tanh rounds to 1 from 19 on, where a step that is too long may lead
 DAMPINGS = 10.0 ** np.arange(-1, 10)  # of the steps of a fit that is taken up again, in parts of W
 TRUST, TRIES = 0.3, 4  # the largest change of nu in such a step, and how many of them are tried
 ROUNDING = 1e-9  # by which an objective may exceed another and count as equal
 MOBIUS_PRIOR = 1e-6  # weak, keeps the step of the three Möbius parameters bounded
-
-
-class LandmarkError(ValueError):
-    """Landmarks that cannot be fitted: says which, where and what to do."""
 
 
 @dataclass(frozen=True)
@@ -67,34 +53,6 @@ class LandmarkFit:
     steps: tuple
     losses: dict
     fallbacks: tuple
-
-
-def bounded(nu):
-    """The paper's activation `T(nu) = tanh(|nu|) nu / |nu|`: any complex field becomes one with |mu| < 1."""
-    size = abs(nu)
-    return np.divide(np.minimum(np.tanh(size), LARGEST), size, out=np.ones_like(size), where=size > 0) * nu
-
-
-def unbounded(mu):
-    """Inverse of `bounded`: `artanh(|mu|) mu / |mu|`."""
-    size = abs(mu)
-    return np.divide(np.arctanh(size), size, out=np.ones_like(size), where=size > 0) * mu
-
-
-def bounded_pullback(nu, grad_mu):
-    """Gradient with respect to nu of a loss whose gradient with respect to mu = T(nu) is grad_mu."""
-    size = abs(nu)
-    across = np.divide(np.tanh(size), size, out=np.ones_like(size), where=size > 0)
-    along = 1 - np.tanh(size) ** 2
-    direction = np.divide(nu, size, out=np.ones_like(nu), where=size > 0)
-    return 0.5 * ((along + across) * grad_mu + (along - across) * direction**2 * np.conj(grad_mu))
-
-
-def sampling_matrix(z, faces, points):
-    """The sparse real matrix (P, V) that evaluates a piecewise linear function of the disk mesh at points (P,)."""
-    face, weights = locate(z, faces, points)
-    rows = np.repeat(np.arange(len(weights)), 3)
-    return sparse.csr_array((weights.ravel(), (rows, np.asarray(faces)[face].ravel())), shape=(len(weights), len(z)))
 
 
 class Landmarks:
@@ -248,12 +206,6 @@ class GaussNewton:
             return -share * (lifted @ y + nu), complex(real, imaginary), turn, constant @ y
 
         return step
-
-
-def mass_matrix(z, faces):
-    """Consistent mass matrix of piecewise linear functions on a planar mesh, sparse (V, V)."""
-    blocks = signed_areas(z, faces)[:, None, None] * (np.ones((3, 3)) + np.eye(3)) / 12
-    return assemble(faces, blocks, len(z))
 
 
 def descend(newton, forward, step, nu, parameters, gamma, shares=SHARES):
@@ -447,56 +399,3 @@ def report_fit(newton, fine, z, faces, f, nu, parameters, steps, weights):
         losses,
         fine.words(),
     )
-
-
-def check_weights(alpha, beta, gamma):
-    """LandmarkError unless alpha > 0, beta >= 0 and gamma > 0 are finite."""
-    for name, value in (("alpha", alpha), ("beta", beta), ("gamma", gamma)):
-        number = isinstance(value, (int, float, np.integer, np.floating)) and np.isfinite(value)
-        if not (number and (value > 0 or (value == 0 and name == "beta"))):
-            raise LandmarkError(f"{name} = {value!r}: alpha and gamma must be positive and finite, beta not negative")
-
-
-def check_landmarks(moving, target, curve, sliding):
-    """Landmarks as complex arrays and curve labels, or LandmarkError."""
-    try:
-        moving, target = (
-            np.atleast_1d(complex_numbers(points, name))
-            for points, name in ((moving, "moving landmarks"), (target, "target landmarks"))
-        )
-    except BeltramiError as error:
-        raise LandmarkError(str(error)) from None
-    if moving.ndim != 1 or moving.shape != target.shape or len(moving) == 0:
-        raise LandmarkError(f"{moving.shape} moving and {target.shape} target landmarks: give one target a landmark")
-    for name, points in (("moving", moving), ("target", target)):
-        outside = np.flatnonzero(~(abs(points) <= 1 + 1e-9))
-        if len(outside):
-            raise LandmarkError(
-                f"{name} landmarks {outside[:5].tolist()} are not in the closed unit disk "
-                f"({points[outside[0]]:.4g}); map them with the surface's disk map first"
-            )
-        order = np.lexsort((points.imag, points.real))
-        twice = np.flatnonzero(abs(np.diff(points[order])) < 1e-12)
-        if len(twice):
-            pair = sorted(order[twice[0] : twice[0] + 2].tolist())
-            raise LandmarkError(
-                f"{name} landmarks {pair[0]} and {pair[1]} coincide at {points[pair[0]]:.4g}; "
-                "drop one of them (a bijection cannot part or merge points)"
-            )
-    if curve is None and sliding:
-        raise LandmarkError("sliding landmarks need the curve each belongs to: give curve (M,) of integer labels")
-    curve = np.zeros(len(moving), int) if curve is None else label_array(curve)
-    if curve.shape != moving.shape:
-        raise LandmarkError(f"{curve.shape} curve labels for {len(moving)} landmarks: give one label a landmark")
-    return moving, target, curve
-
-
-def label_array(curve):
-    """Curve labels as an array of integers, or LandmarkError."""
-    try:
-        labels = np.asarray(curve)
-    except ValueError:
-        raise LandmarkError("curve labels are lists of unequal lengths: give integers (M,)") from None
-    if labels.dtype.kind not in "iu":
-        raise LandmarkError(f"curve labels have type {labels.dtype}: give integers (M,)")
-    return labels

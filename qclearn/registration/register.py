@@ -16,21 +16,20 @@ from tqdm import tqdm
 
 from ..plane.beltrami import cotangent_stiffness
 from ..plane.bijectivity import RepairWarning, check_embedding, flipped_faces, repair
-from ..plane.diskmesh import locate
+from ..plane.diskmesh import interpolate, locate, sampling_matrix
 from ..plane.mobius import best_mobius, mobius
 from ..plane.triangles import edge_lengths
 from ..surfaces.conformal import disk_conformal_map
 from ..surfaces.surface import degenerate_faces, require_disk, require_outward
 from .checked import TOLERANCE, Networks, bijective_fit, gamma_words, guarded_curves, guarded_map
-from .fit import LandmarkError, check_weights, sampling_matrix
 from .landmarkfile import check_curves
 from .landmarks import detect_curves, resample, sample_curve
 from .metrics import coefficient_statistics, curve_rows, mean_rows
+from .problem import LandmarkError, check_weights, distinct, meeting
 from .suspect import reasons
 
 STAGES = {"exact": 5, "network": 9}
 POINTS_PER_CURVE = 10
-MEETING = 1e-9  # in the unit disk: landmarks closer than this are one point
 
 
 @dataclass(frozen=True)
@@ -262,7 +261,7 @@ def distinct_landmarks(entries, p, q):
 
     LandmarkError where two of them meet on one side only.
     """
-    meet_p, meet_q = (np.triu(abs(points[:, None] - points) < MEETING, 1) for points in (p, q))
+    meet_p, meet_q = meeting(p), meeting(q)
     torn = np.argwhere(meet_p != meet_q)
     if len(torn):
         first, second = (entries[k // POINTS_PER_CURVE]["name"] for k in torn[0])
@@ -271,13 +270,12 @@ def distinct_landmarks(entries, p, q):
             f"curves {first!r} and {second!r} share a point on the {side} side only, and a bijection "
             "can neither part nor merge points; let them meet on both sides or on neither"
         )
-    return np.flatnonzero(~meet_p.any(axis=0))
+    return distinct(p, q)
 
 
 def lift(surface, z, points):
     """Points (P, 3) on the surface whose images in its disk map z are `points` (P,) complex."""
-    face, weights = locate(z, surface.faces, points)
-    return np.einsum("pk,pkd->pd", weights, surface.vertices[surface.faces[face]])
+    return interpolate(surface.vertices, surface.faces, *locate(z, surface.faces, points))
 
 
 def error_rows(moving, control, z_control, entries, p, q, f, samples_moving, samples_control):
@@ -323,7 +321,6 @@ def transfer(values, z_from, faces_from, z_to, nearest=False):
             "come from (the cut-open one, if it was cut)"
         )
     face, weights = locate(z_from, faces_from, z_to)
-    corners = np.asarray(faces_from)[face]
     if nearest:
-        return values[corners[np.arange(len(face)), weights.argmax(1)]]
-    return np.einsum("pk,pk...->p...", weights, values[corners])
+        return values[np.asarray(faces_from)[face, weights.argmax(1)]]
+    return interpolate(values, faces_from, face, weights)

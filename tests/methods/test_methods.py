@@ -15,9 +15,10 @@ from qclearn.methods.thin_plate import thin_plate
 from qclearn.plane.beltrami import beltrami_coefficient, signed_areas, solve_beltrami, stiffness
 from qclearn.plane.bijectivity import RepairWarning, check_bijective, flipped_faces
 from qclearn.plane.disk import solve_beltrami_disk
-from qclearn.plane.diskmesh import boundary_loop, polar_disk
+from qclearn.plane.diskmesh import boundary_loop, polar_disk, sampling_matrix
 from qclearn.plane.exactmaps import moebius
-from qclearn.registration.fit import LandmarkError, fit_landmarks, sampling_matrix
+from qclearn.registration.fit import fit_landmarks
+from qclearn.registration.problem import LandmarkError
 from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.surface import Surface
 

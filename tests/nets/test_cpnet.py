@@ -17,11 +17,12 @@ from qclearn.nets.polargrid import PolarGrid, PolarMesh
 from qclearn.nets.torchplane import bounded, fit_mobius, mobius_columns
 from qclearn.nets.train import TrainConfig, train
 from qclearn.plane.beltrami import BeltramiError
-from qclearn.plane.diskmesh import polar_disk, square_disk
+from qclearn.plane.diskmesh import polar_disk, sampling_matrix, square_disk
 from qclearn.plane.mobius import best_mobius, mobius, mobius_slope
 from qclearn.registration.checked import exact_map
-from qclearn.registration.fit import Forward, GaussNewton, LandmarkError, Landmarks, fit_landmarks, sampling_matrix
+from qclearn.registration.fit import Forward, GaussNewton, Landmarks, fit_landmarks
 from qclearn.registration.metrics import measured_losses
+from qclearn.registration.problem import LandmarkError
 from qclearn.surfaces.surface import SurfaceError
 
 pytestmark = pytest.mark.usefixtures("one_thread")

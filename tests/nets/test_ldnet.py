@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import torch
+from known_surfaces import sphere
 
 from data_synth import make_cortex
 from data_synth.datasets import CurveDataset
@@ -14,12 +15,11 @@ from qclearn.nets.ldnet import PRESETS, BestLDNet, BestLDNetConfig, contrast, he
 from qclearn.nets.ldnet_paper import PaperLDNet, PaperLDNetConfig, nearest_pixels
 from qclearn.nets.pictures import stamp, turn
 from qclearn.plane.diskmesh import pixel_centres
-from qclearn.registration.fit import LandmarkError
 from qclearn.registration.landmarks import curve_distance, curves_in_space, detect_curves, weigh_edges
+from qclearn.registration.problem import LandmarkError
 from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.curvature import area_radius, sulcal_depth
 from qclearn.surfaces.surface import SurfaceError
-from known_surfaces import sphere
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::qclearn.plane.bijectivity.RepairWarning"),

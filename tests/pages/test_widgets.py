@@ -27,7 +27,8 @@ from qclearn.pages.widgets import (
 )
 from qclearn.plane.bijectivity import check_bijective
 from qclearn.plane.diskmesh import polar_disk, square_disk
-from qclearn.registration.fit import LandmarkError, fit_landmarks
+from qclearn.registration.fit import fit_landmarks
+from qclearn.registration.problem import LandmarkError
 from qclearn.surfaces.surface import Surface
 
 EXACT = {"exact fit": exact_fit}

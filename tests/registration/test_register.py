@@ -18,8 +18,9 @@ from qclearn.plane.disk import solve_beltrami_disk
 from qclearn.plane.diskmesh import polar_disk
 from qclearn.plane.mobius import best_mobius, compose_mobius, mobius
 from qclearn.registration.checked import exact_map
-from qclearn.registration.fit import LandmarkError, fit_landmarks
+from qclearn.registration.fit import fit_landmarks
 from qclearn.registration.landmarks import detect_curves, sample_curve
+from qclearn.registration.problem import LandmarkError
 from qclearn.registration.register import check_curves, lift, register, transfer
 from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror

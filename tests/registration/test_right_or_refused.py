@@ -11,10 +11,11 @@ import qclearn as qc
 from qclearn.cli import read_landmarks
 from qclearn.plane.beltrami import BeltramiError, beltrami_coefficient
 from qclearn.plane.bijectivity import RepairWarning, check_bijective, check_embedding
-from qclearn.plane.diskmesh import boundary_loop, locate, polar_disk
+from qclearn.plane.diskmesh import boundary_loop, locate, polar_disk, sampling_matrix
 from qclearn.plane.mobius import best_mobius, mobius
-from qclearn.registration.fit import LandmarkError, fit_landmarks, sampling_matrix
+from qclearn.registration.fit import fit_landmarks
 from qclearn.registration.metrics import measured_losses
+from qclearn.registration.problem import LandmarkError
 from qclearn.registration.register import register, transfer
 from qclearn.surfaces.surface import Surface, SurfaceError
 

@@ -16,21 +16,14 @@ from qclearn.nets.cpnet import BestCPNet
 from qclearn.nets.networks import PAPER_GAMMAS
 from qclearn.plane.beltrami import face_mean
 from qclearn.plane.disk import BeltramiDiskSolver
-from qclearn.plane.diskmesh import polar_disk, square_disk
+from qclearn.plane.diskmesh import polar_disk, sampling_matrix, square_disk
+from qclearn.plane.fields import bounded
 from qclearn.plane.mobius import best_mobius, mobius
 from qclearn.registration.checked import exact_map, moved_map
-from qclearn.registration.fit import (
-    Forward,
-    GaussNewton,
-    Landmarks,
-    bounded,
-    descend,
-    fit_landmarks,
-    sampling_matrix,
-    start_field,
-)
+from qclearn.registration.fit import Forward, GaussNewton, Landmarks, descend, fit_landmarks, start_field
 from qclearn.registration.landmarks import sample_curve
 from qclearn.registration.metrics import measured_losses
+from qclearn.registration.problem import distinct
 
 MESH = polar_disk(32, 96, power=1.4)
 POINTS = 10  # on each curve
@@ -78,8 +71,8 @@ def curves_of(seeds, vertices):
 def aligned(p, q):
     """The two sides' distinct landmarks (M,), the moving ones after the best Möbius map."""
     p = mobius(p, *best_mobius(p, q))
-    twice = [np.triu(abs(x[:, None] - x) < 1e-9, 1).any(0) for x in (p, q)]
-    return p[~(twice[0] | twice[1])], q[~(twice[0] | twice[1])]
+    once = distinct(p, q)
+    return p[once], q[once]
 
 
 def random_weights(config, rng):
