@@ -25,7 +25,7 @@ from .plane.disk import BeltramiDiskSolver, solve_beltrami_disk
 from .plane.diskmesh import disk_to_square, locate, polar_disk, square_disk, square_to_disk
 from .plane.logform import solve_beltrami_disk_log
 from .plane.mobius import best_mobius, compose_mobius, mobius, mobius_inverse
-from .registration import fit, problem
+from .registration import engine, fit, problem
 from .registration.fit import LandmarkFit, fit_landmarks
 from .registration.landmarks import detect_curves, fundus_metric, fundus_path, sample_curve
 from .registration.problem import LandmarkError
@@ -107,7 +107,7 @@ def _offer(name, *modules):
 _offer("bijectivity", bijectivity)
 _offer("disk", disk, conformal)
 _offer("diskmesh", diskmesh)
-_offer("fit", fit, problem, fields, diskmesh)
+_offer("fit", fit, engine, problem, fields, diskmesh)
 _offer("mobius", sys.modules[f"{__name__}.plane.mobius"])
 _offer("register", sys.modules[f"{__name__}.registration.register"])
 _offer("surface", surface)

@@ -1,14 +1,72 @@
-"""Landmarks and weights of a fit: what is checked of them before anything is computed."""
+"""What a fit is given: landmarks of one disk with their targets, and three weights, each checked once."""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
-from ..plane.beltrami import BeltramiError, complex_numbers
+from ..plane.beltrami import BeltramiError, check_mesh, complex_numbers
+from ..plane.diskmesh import sampling_matrix
+from ..plane.mobius import best_mobius
 
 MEETING = 1e-9  # in the unit disk: landmarks closer than this are one point
 
 
 class LandmarkError(ValueError):
     """Landmarks that cannot be fitted: says which, where and what to do."""
+
+
+@dataclass(frozen=True)
+class Weights:
+    """alpha of |mu|^2, beta of its gradient, gamma of the landmark mismatch (paper, eq. RegLoss).
+
+    LandmarkError unless alpha > 0, beta >= 0 and gamma > 0 are finite.
+    """
+
+    alpha: float = 1.0
+    beta: float = 1e-2
+    gamma: float = 1e5
+
+    def __post_init__(self):
+        check_weights(self.alpha, self.beta, self.gamma)
+
+    def at(self, gamma):
+        """The same with another gamma."""
+        return replace(self, gamma=gamma)
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Landmarks of one moving disk to be carried to their targets in the control's disk.
+
+    z (V,) complex, faces (F, 3): the moving surface's disk mesh, its boundary on the unit circle; moving, target (M,)
+    complex: landmarks p in that disk and q in the control's; curve (M,) int: which curve each belongs to, in order;
+    sliding: inner points of a curve may move along their target curve, where a method can let them.
+    A method returns f (V,) complex: where each vertex lies in the control's disk. BeltramiError for an unusable mesh,
+    LandmarkError for unusable landmarks.
+    """
+
+    z: np.ndarray
+    faces: np.ndarray
+    moving: np.ndarray
+    target: np.ndarray
+    curve: np.ndarray = field(default=None)
+    sliding: bool = False
+
+    def __post_init__(self):
+        checked = *check_mesh(self.z, self.faces), *check_landmarks(self.moving, self.target, self.curve, self.sliding)
+        for name, array in zip(("z", "faces", "moving", "target", "curve"), checked):
+            object.__setattr__(self, name, array)
+
+    @cached_property
+    def samples(self):
+        """Sparse (M, V): per-vertex data at the moving landmarks."""
+        return sampling_matrix(self.z, self.faces, self.moving)
+
+    @cached_property
+    def mobius(self):
+        """(a, theta) of the disk Möbius map that alone brings the landmarks nearest to their targets."""
+        return best_mobius(self.moving, self.target)
 
 
 def check_landmarks(moving, target, curve, sliding):

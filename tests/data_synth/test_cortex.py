@@ -4,6 +4,7 @@ from itertools import pairwise
 import numba
 import numpy as np
 import pytest
+from known_surfaces import sphere
 
 import data_synth
 from data_synth import CortexError, correspondence, load_cortex, make_cortex, save_cortex
@@ -18,7 +19,6 @@ from data_synth.tessellation import fibonacci_sphere, interior_edges
 from data_synth.untangle import untangle
 from qclearn import mean_curvature, read_surface, sulcal_depth
 from qclearn.surfaces.surface import SurfaceError, require_disk, require_outward
-from known_surfaces import sphere
 
 SIZE = 2500
 
