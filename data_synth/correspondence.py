@@ -3,6 +3,8 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
+from qclearn.plane.diskmesh import interpolate
+
 CANDIDATES = (6, 40)
 
 
@@ -12,8 +14,8 @@ def correspondence(a, b):
     Total: one wall bounds every template, and a rim point between the chords of b's rim goes to the nearest face. The
     map commutes with the sides: homologous points of a left and a right hemisphere correspond.
     """
-    face, barycentric = locate_on_sphere(b.template, b.surface.faces, a.template)
-    return np.einsum("pk,pkj->pj", barycentric, b.surface.vertices[b.surface.faces[face]])
+    places = locate_on_sphere(b.template, b.surface.faces, a.template)
+    return interpolate(b.surface.vertices, b.surface.faces, *places)
 
 
 def locate_on_sphere(template, faces, points):

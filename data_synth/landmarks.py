@@ -4,7 +4,7 @@ from copy import copy
 
 from data_synth.fields import random_coefficient
 from qclearn.plane.disk import BeltramiDiskSolver
-from qclearn.registration.fit import sampling_matrix
+from qclearn.plane.diskmesh import sampling_matrix
 
 
 class DiskMaps:

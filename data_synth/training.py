@@ -14,10 +14,10 @@ from data_synth.fields import KINDS, MAX_ABS, dead_leaves, image_coefficient, ra
 from data_synth.landmarks import DiskMaps, Perturbation
 from data_synth.template import SULCI
 from qclearn.plane.bijectivity import RepairWarning
-from qclearn.plane.diskmesh import polar_disk
+from qclearn.plane.diskmesh import polar_disk, sampling_matrix
 from qclearn.plane.mobius import best_mobius, mobius
-from qclearn.registration.fit import sampling_matrix
 from qclearn.registration.landmarks import sample_curve
+from qclearn.registration.problem import distinct
 from qclearn.surfaces.conformal import disk_conformal_map
 
 
@@ -115,7 +115,7 @@ class Pairs(_Seeded):
             p = sampling_matrix(self.maps.z, self.maps.faces, q) @ self.maps.solve(mu)
         elif kinds[3] < 0.85 or self.plain:
             p = mobius(p, *best_mobius(p, q))
-        once = np.flatnonzero(~(np.triu(abs(p[:, None] - p) < 1e-9, 1) | np.triu(abs(q[:, None] - q) < 1e-9, 1)).any(0))
+        once = distinct(p, q)
         padding = (0, self.most - len(once))
         logs = [rng.uniform(low, high) for low, high in self.ranges]
         return np.pad(p[once], padding), np.pad(q[once], padding), np.pad(np.ones(len(once)), padding), np.array(logs)

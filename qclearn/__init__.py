@@ -6,7 +6,7 @@ from types import ModuleType
 from .files.fsaverage import demo_landmarks, fsaverage5
 from .files.meshes import read_surface, write_surface
 from .files.values import read_mask, read_values, write_values
-from .plane import bijectivity, disk, diskmesh
+from .plane import bijectivity, disk, diskmesh, fields
 from .plane.beltrami import (
     beltrami_coefficient,
     compose_coefficients,
@@ -25,9 +25,10 @@ from .plane.disk import BeltramiDiskSolver, solve_beltrami_disk
 from .plane.diskmesh import disk_to_square, locate, polar_disk, square_disk, square_to_disk
 from .plane.logform import solve_beltrami_disk_log
 from .plane.mobius import best_mobius, compose_mobius, mobius, mobius_inverse
-from .registration import fit
-from .registration.fit import LandmarkError, LandmarkFit, fit_landmarks
+from .registration import engine, fit, problem
+from .registration.fit import LandmarkFit, fit_landmarks
 from .registration.landmarks import detect_curves, fundus_metric, fundus_path, sample_curve
+from .registration.problem import LandmarkError
 from .registration.register import Registration, register, transfer
 from .surfaces import conformal, surface
 from .surfaces.conformal import angle_distortion, disk_conformal_map
@@ -106,7 +107,7 @@ def _offer(name, *modules):
 _offer("bijectivity", bijectivity)
 _offer("disk", disk, conformal)
 _offer("diskmesh", diskmesh)
-_offer("fit", fit)
+_offer("fit", fit, engine, problem, fields, diskmesh)
 _offer("mobius", sys.modules[f"{__name__}.plane.mobius"])
 _offer("register", sys.modules[f"{__name__}.registration.register"])
 _offer("surface", surface)

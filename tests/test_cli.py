@@ -17,9 +17,9 @@ from qclearn.files.meshes import read_surface, write_surface
 from qclearn.files.provenance import fingerprint
 from qclearn.plane.disk import solve_beltrami_disk
 from qclearn.plane.diskmesh import polar_disk
-from qclearn.registration.fit import LandmarkError
 from qclearn.registration.landmarkfile import read_landmarks
 from qclearn.registration.landmarks import detect_curves
+from qclearn.registration.problem import LandmarkError
 from qclearn.registration.register import register
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror, require_disk, require_outward
 

@@ -161,7 +161,7 @@ def fit_case(rng):
 
 def above(error, z, faces, p, q, plain):
     """Whether a mean landmark error exceeds that of the best Moebius map, `plain`, by more than a hundredth."""
-    from qclearn.registration.fit import sampling_matrix
+    from qclearn.plane.diskmesh import sampling_matrix
 
     return bool(error > 1.01 * abs(sampling_matrix(z, faces, p) @ plain - q).mean() + 1e-9)
 

@@ -6,7 +6,6 @@ a known map moves farther and farther ("displacement"); the mirrored right side 
 """
 
 import time
-import warnings
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,13 +15,12 @@ from data_synth.cohort import hemispheres
 from data_synth.correspondence import locate_on_sphere
 
 from ..files.fsaverage import demo_landmarks, fsaverage5
-from ..methods import Problem
-from ..plane.bijectivity import RepairWarning
+from ..plane.diskmesh import interpolate
 from ..plane.mobius import mobius, mobius_inverse
-from ..registration.checked import Networks
+from ..registration.landmarkfile import check_curves
 from ..registration.landmarks import curves_of_both
-from ..registration.register import POINTS_PER_CURVE, align, check_curves, distinct_landmarks, lift, sample_side
-from ..surfaces.conformal import disk_conformal_map
+from ..registration.problem import Problem
+from ..registration.register import POINTS_PER_CURVE, align, conformal, distinct_landmarks, lift, load, sample_side
 from ..surfaces.surface import Surface, mirror
 
 # The seed of the control: the one that the paper's CP-Net is trained for. It is among the subjects that the networks
@@ -85,26 +83,22 @@ def mapped_subject(seed, n_vertices, folder=None):
 
 def mapped(surface):
     """A surface with its disk conformal map; seconds: the second, warm, of two runs."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", RepairWarning)
-        z = disk_conformal_map(surface)
-        start = time.perf_counter()
-        disk_conformal_map(surface)
-    seconds = time.perf_counter() - start
-    return Mapped(surface, z, None, seconds, tuple({str(warning.message) for warning in caught}))
+    z, words = conformal(surface)
+    start = time.perf_counter()
+    conformal(surface)
+    return Mapped(surface, z, None, time.perf_counter() - start, tuple(words))
 
 
 def cohort_pair(moving, control):
     """Two synthetic hemispheres with all curves they share and the template's dense correspondence."""
-    face, weights = locate_on_sphere(control.template, control.surface.faces, moving.template)
-    corners = control.surface.faces[face]
-    truth = np.einsum("pk,pkd->pd", weights, control.surface.vertices[corners])
+    faces = control.surface.faces
+    places = locate_on_sphere(control.template, faces, moving.template)
     return Pair(
         moving,
         control,
         tuple(curves_of_both(moving.surface, control.surface)),
-        truth,
-        np.einsum("pk,pk->p", weights, control.z[corners]),
+        interpolate(control.surface.vertices, faces, *places),
+        interpolate(control.z, faces, *places),
     )
 
 
@@ -152,16 +146,17 @@ def prepare(pair, source="given"):
     source = pair.given if source == "given" else source
     moving, control = pair.moving.surface, pair.control.surface
     curves = pair.curves if source in ("given", "exact") else tuple(ends_only(curve) for curve in pair.curves)
-    networks, notes = Networks(detector(source), None, None) if source in DETECTORS else None, []
+    detect = load("ldnet", DETECTORS[source]).detect if source in DETECTORS else None
     start = time.perf_counter()
     entries = check_curves(list(curves), moving, control)
     z = align(moving, pair.moving.z, control, pair.control.z, entries)
-    samples, _ = sample_side(moving, z, entries, "moving", networks, notes)
+    samples, _, notes = sample_side(moving, z, entries, "moving", detect)
     if source == "exact":
         target = samples @ pair.truth_disk
         target_mm = lift(control, pair.control.z, target)
     else:
-        samples_control, _ = sample_side(control, pair.control.z, entries, "control", networks, notes)
+        samples_control, _, more = sample_side(control, pair.control.z, entries, "control", detect)
+        notes = notes + more
         target, target_mm = samples_control @ pair.control.z, samples_control @ control.vertices
     p = samples @ z
     once = distinct_landmarks(entries, p, target)
@@ -172,9 +167,3 @@ def prepare(pair, source="given"):
 def ends_only(curve):
     """A curve's entry with the moving side's two ends alone, to be detected in between."""
     return {"name": curve["name"], "moving": [curve["moving"][0], curve["moving"][-1]], "control": curve["control"]}
-
-
-def detector(source):
-    from ..nets import load
-
-    return load("ldnet", DETECTORS[source]).detect

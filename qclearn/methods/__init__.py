@@ -5,12 +5,13 @@ lies in the control's disk, and says by a RepairWarning what it had to do beyond
 form can join the benchmark.
 """
 
+from ..registration.problem import Problem
 from .gauss_newton import coarse_steps, gauss_newton
 from .harmonic import harmonic
 from .mobius_only import mobius_only
 from .networks import cpnet_dbsnet, cpnet_exact, cpnet_steps, guarded
-from .problem import LandmarkSolver, Problem
 from .qc_iteration import qc_iteration
+from .solver import LandmarkSolver
 from .teichmuller import teichmuller
 from .thin_plate import thin_plate
 

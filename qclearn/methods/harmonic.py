@@ -7,7 +7,7 @@ from scipy import sparse
 
 from ..plane.beltrami import beltrami_coefficient, factorise, stiffness
 from ..plane.bijectivity import RepairWarning, flipped_faces
-from .problem import HARD, LandmarkSolver, truncated
+from .solver import HARD, LandmarkSolver, truncated
 
 MOST_ROUNDS = 40
 FIRST_WEIGHT = 100.0  # of the data in the smoothing; halved each round, so that no more of the match is lost than must

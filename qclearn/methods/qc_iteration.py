@@ -6,8 +6,8 @@ import numpy as np
 
 from ..plane.beltrami import beltrami_coefficient, factorise, stiffness
 from ..plane.bijectivity import RepairWarning, flipped_faces
-from ..registration.fit import mass_matrix
-from .problem import HARD, LandmarkSolver, truncated
+from ..plane.fields import mass_matrix
+from .solver import HARD, LandmarkSolver, truncated
 
 FIRST_SIGMA, GROWTH = 10.0, 1.6  # of the penalty on nu - mu(f), and its factor from round to round
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..plane.beltrami import beltrami_coefficient, signed_areas
 from ..plane.bijectivity import RepairWarning, flipped_faces
-from .problem import HARD, LandmarkSolver, truncated
+from .solver import HARD, LandmarkSolver, truncated
 
 MOST_ROUNDS = 60
 SETTLED = 1e-3  # change of the mean |mu|, relative, that ends the iteration

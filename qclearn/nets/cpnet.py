@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import torch
 from torch import nn
 
-from ..registration.fit import LandmarkError, check_landmarks, check_weights
+from ..registration.problem import LandmarkError, check_landmarks, check_weights
 from .born import Born
 from .cpnet_paper import PaperCPNet, PaperCPNetConfig
 from .layers import ConditionedUNet, disk_mesh

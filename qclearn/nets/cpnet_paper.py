@@ -9,7 +9,7 @@ from torch import nn
 from torch.nn import functional
 
 from ..plane.mobius import mobius, mobius_slope
-from ..registration.fit import LandmarkError, check_landmarks, check_weights
+from ..registration.problem import LandmarkError, check_landmarks, check_weights
 from .layers import disk_mesh
 from .losses import L_CP
 from .torchplane import bounded, fit_mobius, square_places

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from ..registration.fit import LandmarkError
+from ..registration.problem import LandmarkError
 from .losses import L_LD
 from .pictures import check_input, picture, turn
 

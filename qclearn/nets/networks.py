@@ -16,7 +16,7 @@ class Network:
     """Where one network's parts are.
 
     module: has PRESETS, preset -> (class, default config), and TRAINING, preset -> TrainConfig; call: what it answers,
-    "detect", "predict" or "solve" as in `qclearn.registration.checked.Networks`; data: "module:function" that gives
+    "detect", "predict" or "solve" as in `qclearn.registration.checked`; data: "module:function" that gives
     (config, folder, quick) -> (training, validation) sets; gammas: preset -> weights gamma that it is trained for, one
     file each.
     """

@@ -7,8 +7,8 @@ column j of a size x size image lies at `w = x + iy`, x = (2j + 1)/size - 1, y =
 import numpy as np
 import torch
 
-from ..registration.fit import LandmarkError
 from ..registration.landmarks import check_path
+from ..registration.problem import LandmarkError
 from ..surfaces.curvature import curvature_image, grey_levels, mean_curvature
 from ..surfaces.surface import SurfaceError, require_disk
 

@@ -6,18 +6,18 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from ..registration.fit import sampling_matrix
+from ..plane.diskmesh import sampling_matrix
 from .plot import CURVE_STYLES, FLIPPED_COLOUR, disk_axes, disk_plot, lines_plot, square_lines
 
 BINS = np.linspace(0, 1, 41)
 
 
 class Canvas:
-    """The figure of a Problem, one row a solver, whose artists are made once and only moved afterwards."""
+    """The figure of an `Example`, one row a solver, whose artists are made once and only moved afterwards."""
 
-    def __init__(self, problem, solvers):
-        self.problem = problem
-        self.scale = problem.radius.to_image if problem.radius else np.asarray
+    def __init__(self, example, solvers):
+        self.example, self.problem, radius = example, example.problem, example.radius
+        self.scale = radius.to_image if radius else np.asarray
         self.figure = Figure(figsize=(9.6, 2.8 * len(solvers)), dpi=100)
         axes = self.figure.subplots(
             len(solvers),
@@ -33,10 +33,9 @@ class Canvas:
                 "width_ratios": (1, 1, 1, 0.8),
             },
         )
-        lines = [problem.radius.from_image(line) if problem.radius else line for line in square_lines(15, 61)]
+        lines = [radius.from_image(line) if radius else line for line in square_lines(15, 61)]
         self.ends = np.cumsum([len(line) for line in lines])[:-1]
-        self.to_lines = sampling_matrix(problem.z, problem.faces, np.concatenate(lines))
-        self.to_landmarks = sampling_matrix(problem.z, problem.faces, problem.moving)
+        self.to_lines = sampling_matrix(self.problem.z, self.problem.faces, np.concatenate(lines))
         self.rows = {name: self._row(name, row) for name, row in zip(solvers, axes)}
 
     def _row(self, name, row):
@@ -102,7 +101,7 @@ class Canvas:
         return buffer.getvalue()
 
     def _update(self, points, flipped, grid, colours, bars, fit):
-        mapped, lines = (self.scale(points @ fit.f) for points in (self.to_landmarks, self.to_lines))
+        mapped, lines = (self.scale(points @ fit.f) for points in (self.problem.samples, self.to_lines))
         points.set_data(mapped.real, mapped.imag)
         corners = self.scale(fit.f)[self.problem.faces[fit.flipped]]
         flipped.set_verts(np.stack([corners.real, corners.imag], axis=-1))

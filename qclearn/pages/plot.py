@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
-from ..registration.fit import sampling_matrix
+from ..plane.diskmesh import sampling_matrix
 from ..surfaces.curvature import area_radius, grey_levels, mean_curvature
 
 # The paper's colours, in shades that colour-blind readers tell apart; a dashed line is the second cue for a target.

@@ -12,11 +12,14 @@ from scipy.spatial import Delaunay
 
 from ..plane.beltrami import signed_areas
 from ..plane.diskmesh import polar_disk
-from ..registration.checked import exact_map, gamma_words
-from ..registration.fit import LandmarkError, LandmarkFit, check_weights, fit_landmarks, sampling_matrix
+from ..registration.certified import CertifiedMap, exact_map
+from ..registration.checked import gamma_words, predicted
+from ..registration.fit import fit_problem
+from ..registration.landmarkfile import check_curves
 from ..registration.landmarks import fundus_metric, fundus_path, sample_curve
 from ..registration.metrics import measured_losses
-from ..registration.register import align, check_curves, load
+from ..registration.problem import LandmarkError, Problem, Weights
+from ..registration.register import align, load
 from ..surfaces.conformal import disk_conformal_map
 from ..surfaces.curvature import AreaRadius, area_radius
 from .canvas import Canvas
@@ -28,23 +31,16 @@ RINGS = 24  # of the polar mesh that carries the fit's unknowns: more gain littl
 
 
 @dataclass(frozen=True)
-class Problem:
-    """Landmarks to fit on a small disk mesh: name, z (V,), faces, moving and target (M,) complex, curve (M,) labels.
-
-    radius: the `AreaRadius` to draw it with, if the unit disk would crowd it.
-    """
+class Example:
+    """A landmark problem on a small disk mesh, with a name; radius: to draw it with, if the unit disk would crowd it."""
 
     name: str
-    z: np.ndarray
-    faces: np.ndarray
-    moving: np.ndarray
-    target: np.ndarray
-    curve: np.ndarray
+    problem: Problem
     radius: AreaRadius | None = None
 
 
 def example_problems():
-    """Three problems on a graded polar mesh of 3,073 vertices: list of `Problem`."""
+    """Three problems on a graded polar mesh of 3,073 vertices: list of `Example`."""
     z, faces = MESH
     t = np.linspace(-1, 1, 9)
     three = [0.55 + 0.25j * t, -0.35 + 0.35j + 0.2 * t * np.exp(0.7j), -0.1 - 0.5j + 0.3 * t]
@@ -52,19 +48,19 @@ def example_problems():
     close = [0.08j + 0.4 * t, -0.08j + 0.4 * t]
     shift = 0.35 * (1 - t**2) * 0.55
     return [
-        _problem("a smooth twist", z, faces, three, [p * np.exp(0.9j * (1 - abs(p) ** 2)) for p in three]),
-        _problem("points spaced anew along two curves", z, faces, two, [two[0] + shift, two[1] - shift]),
-        _problem("two neighbours pulled apart", z, faces, close, [close[0] + 0.25, close[1] - 0.25]),
+        _example("a smooth twist", z, faces, three, [p * np.exp(0.9j * (1 - abs(p) ** 2)) for p in three]),
+        _example("points spaced anew along two curves", z, faces, two, [two[0] + shift, two[1] - shift]),
+        _example("two neighbours pulled apart", z, faces, close, [close[0] + 0.25, close[1] - 0.25]),
     ]
 
 
-def _problem(name, z, faces, moving, target, radius=None):
+def _example(name, z, faces, moving, target, radius=None):
     labels = np.repeat(np.arange(len(moving)), [len(curve) for curve in moving])
-    return Problem(name, z, faces, np.concatenate(moving), np.concatenate(target), labels, radius)
+    return Example(name, Problem(z, faces, np.concatenate(moving), np.concatenate(target), labels), radius)
 
 
 def cortex_problem(name, moving, control, curves, vertices=None, points=5):
-    """The landmarks of two cortical surfaces, `points` a curve, on a small disk mesh: a `Problem`.
+    """The landmarks of two cortical surfaces, `points` a curve, on a small disk mesh: an `Example`.
 
     curves as in `register`, sulci between endpoints by `fundus_path`; the landmarks come from the full surfaces. The
     mesh: the graded polar one of the examples; or, given their number, vertices spread evenly over the moving surface,
@@ -85,7 +81,7 @@ def cortex_problem(name, moving, control, curves, vertices=None, points=5):
         z = z_moving[spread_vertices(moving, vertices)]
         faces = Delaunay(np.stack([z.real, z.imag], axis=1)).simplices.astype(np.int64)
         faces = np.where((signed_areas(z, faces) < 0)[:, None], faces[:, ::-1], faces)
-    return _problem(name, z, faces, *landmarks, area_radius(moving, z_moving))
+    return _example(name, z, faces, *landmarks, area_radius(moving, z_moving))
 
 
 def spread_vertices(surface, count):
@@ -106,7 +102,7 @@ class FitState:
     terms: name -> (value, weight, product) as `measured_losses` of the map, so that solvers are compared alike.
     """
 
-    fit: LandmarkFit | None
+    fit: CertifiedMap | None
     terms: dict
     seconds: float
     message: str
@@ -117,63 +113,40 @@ class FitState:
         return sum(product for *_, product in self.terms.values()) if self.terms else np.nan
 
 
-def exact_fit(problem, alpha, beta, gamma, sliding=False, watch=None):
-    """`fit_landmarks` on a Problem."""
-    return fit_landmarks(
-        problem.z,
-        problem.faces,
-        problem.moving,
-        problem.target,
-        alpha,
-        beta,
-        gamma,
-        problem.curve,
-        sliding,
-        rings=RINGS,
-        watch=watch,
-    )
+def exact_fit(problem, weights, watch=None):
+    """`fit_landmarks` on a `Problem`."""
+    return fit_problem(problem, weights, rings=RINGS, watch=watch)
 
 
-def network_fit(problem, alpha, beta, gamma, sliding=False, watch=None):
-    """CP-Net's coefficient for a Problem and the exact solver's map for it, so that what differs is CP-Net's alone."""
-    check_weights(alpha, beta, gamma)
-    if sliding:
+def network_fit(problem, weights, watch=None):
+    """CP-Net's coefficient for a `Problem` and the exact solver's map for it, so that what differs is CP-Net's alone."""
+    if problem.sliding:
         raise LandmarkError("CP-Net takes points to points, it knows no sliding; choose points")
     network = load("cpnet")
     if watch:
         watch()
-    mu = network.predict(
-        problem.z,
-        problem.faces,
-        problem.moving,
-        problem.target,
-        alpha=alpha,
-        beta=beta,
-        gamma=gamma,
-        curve=problem.curve,
-    )
-    fit = exact_map(problem.z, problem.faces, mu, problem.moving, problem.target)
-    return replace(fit, fallbacks=(*gamma_words(network, alpha, beta, gamma), *fit.fallbacks))
+    found = exact_map(problem, predicted(network.predict, problem, weights))
+    return replace(found, fallbacks=(*gamma_words(network, weights), *found.fallbacks))
 
 
 SOLVERS = {"exact fit": exact_fit, "CP-Net": network_fit}  # the first is what the others are compared with
 
 
-def fit_state(problem, alpha, beta, gamma, sliding=False, solver=exact_fit, watch=None):
+def fit_state(example, alpha, beta, gamma, sliding=False, solver=exact_fit, watch=None):
     """The answer to one place of the sliders: a FitState; bad input or a missing network becomes its message.
 
-    It depends on the arguments alone, not on where the sliders were before.
+    It depends on the arguments alone, not on where the sliders were before. solver: a callable like `exact_fit`.
     """
-    start = time.perf_counter()
+    start, problem = time.perf_counter(), replace(example.problem, sliding=sliding)
     try:
-        fit = solver(problem, alpha, beta, gamma, sliding, watch)
+        weights = Weights(alpha, beta, gamma)
+        fit = solver(problem, weights, watch)
     except (ValueError, ImportError) as error:  # LandmarkError, BeltramiError, SurfaceError, WeightsError; no torch
         return FitState(None, {}, time.perf_counter() - start, str(error))
     seconds = time.perf_counter() - start
-    mapped = sampling_matrix(problem.z, problem.faces, problem.moving) @ fit.f
-    losses = measured_losses(problem.z, problem.faces, fit.mu, mapped, problem.target, alpha, beta, gamma)
-    weights = {"L_mu": alpha, "L_grad_mu": beta, "L_Landmark": gamma}
-    terms = {name: (losses[name], weight, weight * losses[name]) for name, weight in weights.items()}
+    losses = measured_losses(problem, weights, fit.mu, problem.samples @ fit.f)
+    factors = {"L_mu": alpha, "L_grad_mu": beta, "L_Landmark": gamma}
+    terms = {name: (losses[name], factor, factor * losses[name]) for name, factor in factors.items()}
     certificate = (
         "certified bijective"
         if fit.bijective
@@ -284,15 +257,15 @@ class NewestOnly:
 
 
 class Tuner(ipywidgets.VBox):
-    """Sliders for alpha, beta and gamma over the landmark fit of a choice of problems (list of `Problem`).
+    """Sliders for alpha, beta and gamma over the landmark fit of a choice of examples (list of `Example`).
 
-    solvers: name -> callable like `exact_fit`; their answers stand one below the other, compared with the first. The first answer is computed
-    at once, so that a page without a kernel shows it; later ones come from a worker thread.
+    solvers: name -> callable like `exact_fit`; their answers stand one below the other, compared with the first. The
+    first answer is computed at once, so that a page without a kernel shows it; later ones come from a worker thread.
     """
 
-    def __init__(self, problems, solvers=None):
-        self.problems, self.solvers = {problem.name: problem for problem in problems}, solvers or SOLVERS
-        self.canvas, names = None, list(self.problems)
+    def __init__(self, examples, solvers=None):
+        self.examples, self.solvers = {example.name: example for example in examples}, solvers or SOLVERS
+        self.canvas, names = None, list(self.examples)
         self.problem = ipywidgets.Dropdown(
             options=names, value=names[0], description="problem", layout={"width": "34em"}
         )
@@ -334,16 +307,13 @@ class Tuner(ipywidgets.VBox):
             self.landmarks.value == "sliding",
         )
 
-    def answer(self, name, alpha, beta, gamma, sliding, watch=None):
-        """(picture, text) as HTML for one setting; an error becomes text without a picture, never a traceback."""
+    def answer(self, name, *setting, watch=None):
+        """(picture, text) as HTML for one `setting`; an error becomes text without a picture, never a traceback."""
         try:
-            problem = self.problems[name]
-            states = {
-                solver: fit_state(problem, alpha, beta, gamma, sliding, solve, watch)
-                for solver, solve in self.solvers.items()
-            }
-            if self.canvas is None or self.canvas.problem is not problem:
-                self.canvas = Canvas(problem, list(self.solvers))
+            example = self.examples[name]
+            states = {solver: fit_state(example, *setting, solve, watch) for solver, solve in self.solvers.items()}
+            if self.canvas is None or self.canvas.example is not example:
+                self.canvas = Canvas(example, list(self.solvers))
             words = "; ".join([f"{solver}: {describe(state)}" for solver, state in states.items()] + gaps(states))
             alternative = html.escape(f"Landmarks, deformed grid, |μ| and its histogram for {name}. {words}")
             data = base64.b64encode(self.canvas.draw(states)).decode()

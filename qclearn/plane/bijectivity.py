@@ -132,7 +132,7 @@ def repair(matrix, faces, lengths, f, switched=(), most_rounds=30):
     rows switched and a convex boundary this is Floater's theorem. Not certified: the caller checks the result.
     `switched` holds rows switched before. Without a flipped face nothing is solved and the problem is None.
     """
-    boundary, average, problem = boundary_loop(faces), None, None
+    boundary, average, dirichlet = boundary_loop(faces), None, None
     already, switched = switched, np.zeros(len(f), bool)
     switched[np.asarray(already, int)] = True
     for _ in range(most_rounds):
@@ -146,9 +146,9 @@ def repair(matrix, faces, lengths, f, switched=(), most_rounds=30):
         average = mean_value_matrix(faces, lengths, len(f)) if average is None else average
         keep = sparse.diags_array(np.where(switched, 0.0, 1 / matrix.diagonal()))
         mixed = keep @ matrix + sparse.diags_array(switched.astype(float)) @ average
-        problem = Dirichlet(mixed, boundary)
-        f = problem.solve(f[boundary])
-    return f, np.flatnonzero(switched), problem
+        dirichlet = Dirichlet(mixed, boundary)
+        f = dirichlet.solve(f[boundary])
+    return f, np.flatnonzero(switched), dirichlet
 
 
 def _interior_of(faces, boundary, n_vertices):

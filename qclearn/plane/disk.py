@@ -31,13 +31,13 @@ class FreeBoundary:
     3. `K_ii f_i = -K_ib f_b` with `f_b = exp(i theta_b)` and the same factorisation.
     """
 
-    def __init__(self, problem, lengths, pole, calibration=None):
-        self.problem, self.loop = problem, problem.pinned
+    def __init__(self, dirichlet, lengths, pole, calibration=None):
+        self.dirichlet, self.loop = dirichlet, dirichlet.pinned
         self.lengths, self.spans = lengths, lengths + np.roll(lengths, 1)
-        load = np.where(self.problem.free == pole, -2 * np.pi, 0.0)
-        self.U = np.zeros(problem.size)
-        self.U[self.problem.free] = self.problem.solve_free(load)
-        density = self.problem.coupling.T @ self.U[self.problem.free] / self.spans
+        load = np.where(self.dirichlet.free == pole, -2 * np.pi, 0.0)
+        self.U = np.zeros(dirichlet.size)
+        self.U[self.dirichlet.free] = self.dirichlet.solve_free(load)
+        density = self.dirichlet.coupling.T @ self.U[self.dirichlet.free] / self.spans
         self.raw_steps = steps = lengths * (density + np.roll(density, -1))
         self.calibration = calibration
         if calibration is not None:
@@ -48,18 +48,18 @@ class FreeBoundary:
             self.floored, steps = steps < SMALLEST_STEP * mean, np.maximum(steps, SMALLEST_STEP * mean)
         self.scale = 2 * np.pi / steps.sum()
         self.steps = self.scale * steps
-        self.f = self.problem.solve(np.exp(1j * np.concatenate([[0.0], np.cumsum(self.steps[:-1])])))
+        self.f = self.dirichlet.solve(np.exp(1j * np.concatenate([[0.0], np.cumsum(self.steps[:-1])])))
 
     def pullback(self, grad_f, solution=None):
         """Pairs (lam, x) with `dL = sum_pairs lam . dK x`, each (V, B), for gradients grad_f (V, B) with respect to f.
 
         solution: `K_ii^-1 grad_f` at the free vertices, if it is known.
         """
-        free, loop, f = self.problem.free, self.loop, self.f
+        free, loop, f = self.dirichlet.free, self.loop, self.f
         adjoint = np.zeros(grad_f.shape, complex)
-        adjoint[free] = -(self.problem.solve_free(grad_f[free]) if solution is None else solution)
+        adjoint[free] = -(self.dirichlet.solve_free(grad_f[free]) if solution is None else solution)
         del solution
-        grad_boundary = grad_f[loop] + self.problem.coupling.T @ adjoint[free]
+        grad_boundary = grad_f[loop] + self.dirichlet.coupling.T @ adjoint[free]
         grad_theta = (grad_boundary * f[loop, None].conj()).imag
         grad_step = np.cumsum(grad_theta[::-1], axis=0)[::-1] - grad_theta  # a step moves every later angle
         grad_step = self.scale * (grad_step - (self.steps @ grad_step) / (2 * np.pi))
@@ -69,7 +69,7 @@ class FreeBoundary:
         spread = self.lengths[:, None] * grad_step
         measure = np.zeros(grad_f.shape)
         measure[loop] = (spread + np.roll(spread, 1, axis=0)) / self.spans[:, None]
-        measure[free] = -self.problem.solve_free(self.problem.coupling @ measure[loop])
+        measure[free] = -self.dirichlet.solve_free(self.dirichlet.coupling @ measure[loop])
         return [(adjoint.real, f.real), (adjoint.imag, f.imag), (measure, self.U)]
 
 
@@ -188,13 +188,13 @@ class BeltramiDiskSolver:
         grad_f: sparse complex (B, V). The gradient with respect to mu is `sum_k sensitivity(x_k) @ adjoint_k`, x_k of
         `parts`. As the system is real, the solutions for i times a gradient are i times its own, up to the origin's.
         """
-        count, free = grad_f.shape[0], self.free_boundary.problem.free
+        count, free = grad_f.shape[0], self.free_boundary.dirichlet.free
         at = np.unique(np.concatenate([grad_f.indices, self.origin, self.loop[:2]]))
         few = grad_f[:, at].toarray().T
         direct, origin, grad_centre = self._unnormalise(np.concatenate([few, 1j * few], axis=1), at)
         load = np.zeros((len(self.z), count + 1), complex)
         load[at] = np.column_stack([direct[:, :count], origin])
-        solution = self.free_boundary.problem.solve_free(load[free])
+        solution = self.free_boundary.dirichlet.solve_free(load[free])
         del load
         solution = np.concatenate([solution[:, :-1], 1j * solution[:, :-1]], 1) + solution[:, -1:] * grad_centre
         grad_raw = np.zeros((len(self.z), 2 * count), complex)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import shapely
+from scipy import sparse
 
 from .checks import BeltramiError, check_faces, check_mesh, planar_points
 
@@ -120,6 +121,18 @@ def locate(z, faces, points):
         points = points.copy()
         inside[outside], points[outside] = _project_radially(z, faces, points[outside])
     return inside, _barycentric(z[faces[inside]], points)
+
+
+def interpolate(values, faces, face, weights):
+    """Per-vertex values (V, ...) at places in a mesh, (P, ...), linear in each face; the places as `locate` gives them."""
+    return np.einsum("pk,pk...->p...", weights, np.asarray(values)[np.asarray(faces)[face]])
+
+
+def sampling_matrix(z, faces, points):
+    """The sparse real matrix (P, V) that evaluates a piecewise linear function of the disk mesh at points (P,)."""
+    face, weights = locate(z, faces, points)
+    rows = np.repeat(np.arange(len(weights)), 3)
+    return sparse.csr_array((weights.ravel(), (rows, np.asarray(faces)[face].ravel())), shape=(len(weights), len(z)))
 
 
 def _pairs(z):

@@ -34,10 +34,10 @@ def solve_beltrami_disk_log(z, faces, mu):
     u[loop] = -np.log(abs(L[loop]))
     source = load(x.real + 1j * y.real)
     source[pole] -= 2 * np.pi
-    problem = Dirichlet(matrix, loop)
-    u[problem.free] = problem.solve_free(source[problem.free] - problem.coupling @ u[loop])
-    problem = Dirichlet(matrix, loop[:1])  # a constant in v is a rotation, which the normalisation removes
-    v[problem.free] = problem.solve_free(load(x.imag + 1j * y.imag)[problem.free])
+    dirichlet = Dirichlet(matrix, loop)
+    u[dirichlet.free] = dirichlet.solve_free(source[dirichlet.free] - dirichlet.coupling @ u[loop])
+    dirichlet = Dirichlet(matrix, loop[:1])  # a constant in v is a rotation, which the normalisation removes
+    v[dirichlet.free] = dirichlet.solve_free(load(x.imag + 1j * y.imag)[dirichlet.free])
     return mesh.normalise(L * np.exp(u + 1j * v))
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from ..files.provenance import fingerprint
 from ..files.safe import is_plain_name, read_bytes
 from ..surfaces.surface import SurfaceError, mirror
-from .fit import LandmarkError
 from .landmarks import check_path
+from .problem import LandmarkError
 
 CURVE_KEYS = {"name", "moving", "control", "detect"}
 SIDES = {"moving": "control", "control": "moving"}  # each side and the other

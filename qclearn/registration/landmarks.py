@@ -5,9 +5,9 @@ from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from ..plane.diskmesh import locate
+from ..plane.diskmesh import interpolate, locate
 from ..surfaces.curvature import mean_curvature, sulcal_depth
-from .fit import LandmarkError
+from .problem import LandmarkError
 
 SAMPLES = 400  # on a curve whose distance to another is measured
 CURVATURE_WEIGHT, DEPTH_WEIGHT = 0.5, 2.0  # exponents of the fundus metric
@@ -123,8 +123,8 @@ def detect_curves(surface, z, endpoints):
 def curves_in_space(surface, z, curves, count=SAMPLES):
     """Points (count, 3) on the surface, equally spaced by arc length, of each of the curves (k,) in its disk map z."""
     fine = [_subdivide(np.asarray(curve, complex), count) for curve in curves]
-    face, weights = locate(z, surface.faces, np.concatenate(fine))
-    points = np.einsum("pk,pkj->pj", weights, surface.vertices[surface.faces[face]])
+    places = locate(z, surface.faces, np.concatenate(fine))
+    points = interpolate(surface.vertices, surface.faces, *places)
     return [_equally_spaced(part, count) for part in np.split(points, np.cumsum([len(part) for part in fine])[:-1])]
 
 

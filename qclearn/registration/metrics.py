@@ -33,21 +33,23 @@ def mean_rows(rows):
     return {key: float(np.mean(values)) for key, values in found.items() if values}
 
 
-def measured_losses(z, faces, mu, mapped, target, alpha, beta, gamma):
+def measured_losses(problem, weights, mu, mapped):
     """The paper's loss of a map and its terms, whatever found the map: L_mu, L_grad_mu, L_Landmark and L_CP.
 
-    mu (F,) is the map's measured coefficient on the disk mesh z, faces; mapped, target (M,) its landmarks.
+    mu (F,) is the map's measured coefficient on the problem's disk mesh; mapped (M,) its landmarks.
     `L_mu = (1/pi) sum |T| |mu_T|^2`; for `L_grad_mu = (1/pi) int |grad mu|^2` mu is made piecewise linear by averages
     over the faces around each vertex, by area. Source: paper, eqs. muloss, musmooth, lmloss, RegLoss.
     """
+    z, faces = problem.z, problem.faces
     areas = signed_areas(z, faces)
     nodal = corner_average(faces, len(z), areas) @ mu
     terms = {
         "L_mu": float(areas @ abs(mu) ** 2) / np.pi,
         "L_grad_mu": float((nodal.conj() @ (stiffness(z, faces, np.zeros(len(faces))) @ nodal)).real) / np.pi,
-        "L_Landmark": float((abs(mapped - target) ** 2).mean()),
+        "L_Landmark": float((abs(mapped - problem.target) ** 2).mean()),
     }
-    return terms | {"L_CP": alpha * terms["L_mu"] + beta * terms["L_grad_mu"] + gamma * terms["L_Landmark"]}
+    factors = {"L_mu": weights.alpha, "L_grad_mu": weights.beta, "L_Landmark": weights.gamma}
+    return terms | {"L_CP": sum(factors[name] * term for name, term in terms.items())}
 
 
 def coefficient_measures(surface, z, mu):

@@ -16,21 +16,20 @@ from tqdm import tqdm
 
 from ..plane.beltrami import cotangent_stiffness
 from ..plane.bijectivity import RepairWarning, check_embedding, flipped_faces, repair
-from ..plane.diskmesh import locate
+from ..plane.diskmesh import interpolate, locate, sampling_matrix
 from ..plane.mobius import best_mobius, mobius
 from ..plane.triangles import edge_lengths
 from ..surfaces.conformal import disk_conformal_map
 from ..surfaces.surface import degenerate_faces, require_disk, require_outward
-from .checked import TOLERANCE, Networks, bijective_fit, gamma_words, guarded_curves, guarded_map
-from .fit import LandmarkError, check_weights, sampling_matrix
+from .checked import TOLERANCE, bijective_fit, gamma_words, guarded_curves, predicted, refined, unfolded
 from .landmarkfile import check_curves
 from .landmarks import detect_curves, resample, sample_curve
 from .metrics import coefficient_statistics, curve_rows, mean_rows
+from .problem import LandmarkError, Problem, Weights, distinct, meeting
 from .suspect import reasons
 
 STAGES = {"exact": 5, "network": 9}
 POINTS_PER_CURVE = 10
-MEETING = 1e-9  # in the unit disk: landmarks closer than this are one point
 
 
 @dataclass(frozen=True)
@@ -119,49 +118,57 @@ def register(
     the networks are asked for and torch is not installed.
     """
     tolerance = check_method(method, sliding, tolerance)
-    check_weights(alpha, beta, gamma)
+    weights = Weights(alpha, beta, gamma)
     for surface in (moving, control):
         require_disk(surface)
         require_outward(surface)
     entries = check_curves(curves, moving, control)
-    stages, fallbacks, networks = Stages(STAGES[method], progress), [], None
+    stages, detect, before = Stages(STAGES[method], progress), None, []
     if method == "network":
         with stages("load"):
-            networks = Networks(load("ldnet").detect, load("cpnet").predict, load("dbsnet").solve)
-            fallbacks += gamma_words(load("cpnet"), alpha, beta, gamma)
+            detect, predict, solve = load("ldnet").detect, load("cpnet").predict, load("dbsnet").solve
+            before += gamma_words(load("cpnet"), weights)
     with stages("disk_moving"):
-        z_moving = _conformal(moving, "moving", fallbacks)
+        z_moving, words_moving = conformal(moving)
     with stages("disk_control"):
-        z_control = _conformal(control, "control", fallbacks)
+        z_control, words_control = conformal(control)
+    before += [f"moving: {word}" for word in words_moving] + [f"control: {word}" for word in words_control]
     with stages("detect"):
         z_moving = align(moving, z_moving, control, z_control, entries)
-        samples_moving, lines_moving = sample_side(moving, z_moving, entries, "moving", networks, fallbacks)
-        samples_control, lines_control = sample_side(control, z_control, entries, "control", networks, fallbacks)
+        samples_moving, lines_moving, found_moving = sample_side(moving, z_moving, entries, "moving", detect)
+        samples_control, lines_control, found_control = sample_side(control, z_control, entries, "control", detect)
     p, q = samples_moving @ z_moving, samples_control @ z_control
-    once, before = distinct_landmarks(entries, p, q), len(fallbacks)
-    problem = z_moving, moving.faces, p[once], q[once], alpha, beta, gamma, once // POINTS_PER_CURVE
-    if networks:
-        fit = guarded_map(networks, *problem, tolerance, fallbacks, stages)
+    once = distinct_landmarks(entries, p, q)
+    problem = Problem(z_moving, moving.faces, p[once], q[once], once // POINTS_PER_CURVE, sliding)
+    if method == "network":  # `guarded_map`, by its parts
+        with stages("predict"):
+            mu = predicted(predict, problem, weights)
+        with stages("solve"):
+            f = solve(problem.z, problem.faces, mu)
+        with stages("certify"):
+            fit = unfolded(problem, mu, f)
+        with stages("refine"):
+            fit = refined(problem, weights, mu, fit, tolerance)
     else:
         with stages("map"):
-            fit = bijective_fit(*problem, sliding, fallbacks)
+            fit = bijective_fit(problem, weights)
     with stages("pull_back"):
         points = lift(control, z_control, fit.f)
         rows = error_rows(moving, control, z_control, entries, p, q, fit.f, samples_moving, samples_control)
-    means, words = mean_rows(rows), fallbacks[before:]
+    means, words = mean_rows(rows), list(fit.fallbacks)
     report = {
         **means,
         **coefficient_statistics(fit.mu),
         "flipped": len(fit.flipped),
         "bijective": fit.bijective,
         "degenerate": len(degenerate_faces(points, moving.faces)),
-        "fallbacks": fallbacks,
+        "fallbacks": [*before, *found_moving, *found_control, *words],
         "seconds": stages.report(),
         "method": method,
         "alpha": alpha,
         "beta": beta,
         "gamma": gamma,
-        **({"tolerance": tolerance if np.isfinite(tolerance) else None} if networks else {}),
+        **({"tolerance": tolerance if np.isfinite(tolerance) else None} if method == "network" else {}),
         "mobius": {"a": [fit.mobius[0].real, fit.mobius[0].imag], "theta": fit.mobius[1]},
         "curves": rows,
         "suspect": reasons(moving, control, z_moving, z_control, entries, means, rows, fit.mu, words),
@@ -188,19 +195,19 @@ def check_method(method, sliding, tolerance):
     return tolerance
 
 
-def load(name):
-    """One of the three networks with its shipped weights ("best"); ImportError where torch is not installed."""
+def load(name, preset="best", gamma=None):
+    """A network with its shipped weights; WeightsError if there are none, ImportError where torch is not installed."""
     from ..nets import load as load_network
 
-    return load_network(name)
+    return load_network(name, preset, gamma)
 
 
-def _conformal(surface, side, fallbacks):
+def conformal(surface):
+    """The disk conformal map of a surface (V,), and words on what was repaired, list."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RepairWarning)
         z = disk_conformal_map(surface)
-    fallbacks += [f"{side}: {warning.message}" for warning in caught]
-    return z
+    return z, [str(warning.message) for warning in caught]
 
 
 def align(moving, z_moving, control, z_control, entries):
@@ -236,10 +243,14 @@ def farthest_curve(entries, p, q):
     return entries[int(np.argmin([shift(k) for k in range(len(entries))]))]["name"]
 
 
-def sample_side(surface, z, entries, side, networks, fallbacks):
-    """One side's landmarks: (sampling matrix (10 K, V), list of K curves in the disk); detects where only ends are given."""
-    if networks:
-        lines = guarded_curves(networks.detect, surface, z, entries, side, fallbacks)
+def sample_side(surface, z, entries, side, detect=None):
+    """One side's landmarks: (sampling matrix (10 K, V), list of K curves in the disk, list of words).
+
+    Where only ends are given, by `detect` as in checked.py, or else the shortest paths.
+    """
+    words = []
+    if detect:
+        lines, words = guarded_curves(detect, surface, z, entries, side)
     else:
         ends = [entry[side] for entry in entries if entry["detect"][side]]
         found = iter(detect_curves(surface, z, ends) if ends else [])
@@ -247,7 +258,7 @@ def sample_side(surface, z, entries, side, networks, fallbacks):
     stops = np.cumsum([0, *map(len, lines)])
     corners = sampling_matrix(z, surface.faces, np.concatenate(lines))  # of all at once: looking up places is slow
     matrices = [resample(surface, corners[start:stop], POINTS_PER_CURVE) for start, stop in pairwise(stops)]
-    return vstack(matrices).tocsr(), lines
+    return vstack(matrices).tocsr(), lines, words
 
 
 def distinct_landmarks(entries, p, q):
@@ -255,7 +266,7 @@ def distinct_landmarks(entries, p, q):
 
     LandmarkError where two of them meet on one side only.
     """
-    meet_p, meet_q = (np.triu(abs(points[:, None] - points) < MEETING, 1) for points in (p, q))
+    meet_p, meet_q = meeting(p), meeting(q)
     torn = np.argwhere(meet_p != meet_q)
     if len(torn):
         first, second = (entries[k // POINTS_PER_CURVE]["name"] for k in torn[0])
@@ -264,13 +275,12 @@ def distinct_landmarks(entries, p, q):
             f"curves {first!r} and {second!r} share a point on the {side} side only, and a bijection "
             "can neither part nor merge points; let them meet on both sides or on neither"
         )
-    return np.flatnonzero(~meet_p.any(axis=0))
+    return distinct(p, q)
 
 
 def lift(surface, z, points):
     """Points (P, 3) on the surface whose images in its disk map z are `points` (P,) complex."""
-    face, weights = locate(z, surface.faces, points)
-    return np.einsum("pk,pkd->pd", weights, surface.vertices[surface.faces[face]])
+    return interpolate(surface.vertices, surface.faces, *locate(z, surface.faces, points))
 
 
 def error_rows(moving, control, z_control, entries, p, q, f, samples_moving, samples_control):
@@ -316,7 +326,6 @@ def transfer(values, z_from, faces_from, z_to, nearest=False):
             "come from (the cut-open one, if it was cut)"
         )
     face, weights = locate(z_from, faces_from, z_to)
-    corners = np.asarray(faces_from)[face]
     if nearest:
-        return values[corners[np.arange(len(face)), weights.argmax(1)]]
-    return np.einsum("pk,pk...->p...", weights, values[corners])
+        return values[np.asarray(faces_from)[face, weights.argmax(1)]]
+    return interpolate(values, faces_from, face, weights)

@@ -8,7 +8,7 @@ from scipy.sparse import coo_array
 from scipy.spatial import ConvexHull, QhullError
 
 from ..plane.beltrami import cotangent_stiffness
-from ..plane.diskmesh import locate, pixel_centres
+from ..plane.diskmesh import interpolate, locate, pixel_centres
 from .surface import SurfaceError
 
 CLOSING_RADIUS = 0.05  # radius of the ball that closes the sulci, in units of sqrt(area of the convex hull)
@@ -186,9 +186,9 @@ def curvature_image(surface, z, size=128, values=None):
         values = grey_levels(mean_curvature(surface), surface.vertex_areas)
     radius, w = area_radius(surface, z), pixel_centres(size)
     inside = abs(w) <= 1
-    face, weights = locate(z, surface.faces, radius.from_image(w[inside]))
     image = np.full((size, size), np.nan)
-    image[inside] = np.einsum("pk,pk->p", weights, np.asarray(values, float)[surface.faces[face]])
+    places = locate(z, surface.faces, radius.from_image(w[inside]))
+    image[inside] = interpolate(values, surface.faces, *places)
     return image, radius
 
 

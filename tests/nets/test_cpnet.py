@@ -19,9 +19,11 @@ from qclearn.nets.train import TrainConfig, train
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.diskmesh import polar_disk, square_disk
 from qclearn.plane.mobius import best_mobius, mobius, mobius_slope
-from qclearn.registration.checked import exact_map
-from qclearn.registration.fit import Forward, GaussNewton, LandmarkError, Landmarks, fit_landmarks, sampling_matrix
+from qclearn.registration.certified import exact_map
+from qclearn.registration.engine import GaussNewton
+from qclearn.registration.fit import fit_landmarks
 from qclearn.registration.metrics import measured_losses
+from qclearn.registration.problem import LandmarkError, Problem, Weights
 from qclearn.surfaces.surface import SurfaceError
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -115,11 +117,10 @@ def test_the_born_step_is_the_first_step_of_the_fit(net, landmarks):
     p, q = landmarks
     q = mobius(q, *best_mobius(q, p))
     z, faces = polar_disk(12, 36, 1.4)
-    newton = GaussNewton(z, faces, Landmarks(q, None, False), 1.0, 0.1)
-    forward = Forward(z, faces, p, sampling_matrix(z, faces, z[faces].mean(1)))
-    zero = np.zeros(len(z), complex)
-    change, *_, promised = newton.prepare(zero, forward, (0j, 0.0), 1e3)(zero, p)
-    fit = np.array(forward.to_faces @ change)
+    newton = GaussNewton(Problem(z, faces, p, q), (z, faces), Weights(1.0, 0.1))
+    state = newton.at(np.zeros(len(z), complex), (0j, 0.0))
+    change, *_, promised = newton.linearise(state, 1e3)(state)
+    fit = np.array(newton.to_faces @ change)
     born = net.answers(z, faces, p, q, 1.0, 0.1, 1e3)["Born step"]
     assert abs(np.arctanh(abs(born)) * born / abs(born) - fit).max() < 0.1 * abs(fit).max()
     assert promised < 0.9 * 1e3 * (abs(p - q) ** 2).mean()
@@ -143,7 +144,8 @@ def test_an_untrained_network_is_its_closed_form_steps(net, landmarks):
     np.testing.assert_array_equal(answers["2 looks"], net.predict(z, faces, *landmarks, 1.0, 0.1, 1e3, looks=2))
     fit = fit_landmarks(z, faces, *landmarks, 1.0, 0.1, 1e3)
     born, once, twice = (
-        exact_map(z, faces, answers[name], *landmarks).landmark_error for name in ("Born step", "1 look", "2 looks")
+        exact_map(Problem(z, faces, *landmarks), answers[name]).landmark_error
+        for name in ("Born step", "1 look", "2 looks")
     )
     assert twice < 1.1 * fit.landmark_error < 0.5 * abs(landmarks[0] - landmarks[1]).mean()
     assert abs(once - fit.landmark_error) < abs(born - fit.landmark_error)
@@ -322,7 +324,7 @@ def test_the_shipped_network_is_better_than_its_linear_start():
     z, faces = polar_disk(32, 96, 1.4)
     answers, losses = net.answers(z, faces, p, q, 1.0, 0.1, 1e4, looks=1), {}
     for name, mu in answers.items():
-        found = exact_map(z, faces, mu, p, q)
-        mapped = sampling_matrix(z, faces, p) @ found.f
-        losses[name] = measured_losses(z, faces, found.mu, mapped, q, 1.0, 0.1, 1e4)["L_CP"]
+        problem = Problem(z, faces, p, q)
+        found = exact_map(problem, mu)
+        losses[name] = measured_losses(problem, Weights(1.0, 0.1, 1e4), found.mu, problem.samples @ found.f)["L_CP"]
     assert losses["first correction"] < 0.8 * losses["Born step"]

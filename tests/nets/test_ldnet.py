@@ -15,8 +15,8 @@ from qclearn.nets.ldnet import PRESETS, BestLDNet, BestLDNetConfig, contrast, he
 from qclearn.nets.ldnet_paper import PaperLDNet, PaperLDNetConfig, nearest_pixels
 from qclearn.nets.pictures import stamp, turn
 from qclearn.plane.diskmesh import pixel_centres
-from qclearn.registration.fit import LandmarkError
 from qclearn.registration.landmarks import curve_distance, curves_in_space, detect_curves, weigh_edges
+from qclearn.registration.problem import LandmarkError
 from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.curvature import area_radius, sulcal_depth
 from qclearn.surfaces.surface import SurfaceError

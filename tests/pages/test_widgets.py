@@ -11,8 +11,8 @@ import pytest
 from qclearn.pages.canvas import Canvas
 from qclearn.pages.widgets import (
     SOLVERS,
+    Example,
     NewestOnly,
-    Problem,
     Superseded,
     Tuner,
     cortex_problem,
@@ -27,7 +27,8 @@ from qclearn.pages.widgets import (
 )
 from qclearn.plane.bijectivity import check_bijective
 from qclearn.plane.diskmesh import polar_disk, square_disk
-from qclearn.registration.fit import LandmarkError, fit_landmarks
+from qclearn.registration.fit import fit_landmarks
+from qclearn.registration.problem import LandmarkError, Problem, Weights
 from qclearn.surfaces.surface import Surface
 
 EXACT = {"exact fit": exact_fit}
@@ -47,17 +48,17 @@ def answered(tuner, control, value):
 
 
 @pytest.fixture(scope="module")
-def problem():
+def example():
     """Two short curves on a small mesh, turned by a twist that leaves the circle where it is."""
     z, faces = square_disk(16)
     moving = np.concatenate([0.4 + 0.1j * np.arange(-1, 2), -0.3 + 0.15 * np.arange(3)])
     target = moving * np.exp(0.6j * (1 - abs(moving) ** 2))
-    return Problem("twist", z, faces, moving, target, np.repeat([0, 1], 3))
+    return Example("twist", Problem(z, faces, moving, target, np.repeat([0, 1], 3)))
 
 
 @pytest.fixture(scope="module")
-def state(problem):
-    return fit_state(problem, 1.0, 1e-2, 1e4)
+def state(example):
+    return fit_state(example, 1.0, 1e-2, 1e4)
 
 
 def bowl(height, rings=9):
@@ -65,16 +66,16 @@ def bowl(height, rings=9):
     return Surface(np.stack([z.real, z.imag, height * (1 - abs(z) ** 2)], axis=1), faces)
 
 
-def test_gamma_buys_landmarks_with_distortion(problem):
-    loose, tight = fit_state(problem, 1.0, 1e-2, 1e1), fit_state(problem, 1.0, 1e-2, 1e4)
+def test_gamma_buys_landmarks_with_distortion(example):
+    loose, tight = fit_state(example, 1.0, 1e-2, 1e1), fit_state(example, 1.0, 1e-2, 1e4)
     assert tight.fit.landmark_error < 0.1 * loose.fit.landmark_error
     assert tight.terms["L_mu"][0] > loose.terms["L_mu"][0]
 
 
-def test_alpha_and_beta_press_on_their_own_terms(problem):
-    reference = fit_state(problem, 1.0, 1e-2, 1e2)
-    assert fit_state(problem, 100.0, 1e-2, 1e2).terms["L_mu"][0] < 0.6 * reference.terms["L_mu"][0]
-    assert fit_state(problem, 1.0, 1.0, 1e2).terms["L_grad_mu"][0] < 0.6 * reference.terms["L_grad_mu"][0]
+def test_alpha_and_beta_press_on_their_own_terms(example):
+    reference = fit_state(example, 1.0, 1e-2, 1e2)
+    assert fit_state(example, 100.0, 1e-2, 1e2).terms["L_mu"][0] < 0.6 * reference.terms["L_mu"][0]
+    assert fit_state(example, 1.0, 1.0, 1e2).terms["L_grad_mu"][0] < 0.6 * reference.terms["L_grad_mu"][0]
 
 
 def test_terms_are_value_weight_and_product(state):
@@ -101,30 +102,34 @@ def test_state_tells_certificate_and_error_in_words(state):
     assert f"{state.fit.landmark_error:.2e}" in describe(state)
 
 
-def test_flipped_triangles_are_reported_and_drawn(problem, state):
+def test_flipped_triangles_are_reported_and_drawn(example, state):
     folded = state.fit.f.copy()
-    inner = np.flatnonzero(abs(problem.z) < 0.1)[0]
+    inner = np.flatnonzero(abs(example.problem.z) < 0.1)[0]
     folded[inner] += 0.5
-    flipped = check_bijective(problem.z, problem.faces, folded).flipped
+    flipped = check_bijective(example.problem.z, example.problem.faces, folded).flipped
     assert len(flipped) > 0
     bad = dataclasses.replace(state.fit, f=folded, bijective=False, flipped=flipped)
-    answer = fit_state(problem, 1.0, 1e-2, 1e4, solver=lambda *_: bad)
-    assert f"not bijective: {len(flipped)} of {len(problem.faces)} triangles" in answer.message
-    canvas = Canvas(problem, ["exact fit"])
+    answer = fit_state(example, 1.0, 1e-2, 1e4, solver=lambda *_: bad)
+    assert f"not bijective: {len(flipped)} of {len(example.problem.faces)} triangles" in answer.message
+    canvas = Canvas(example, ["exact fit"])
     canvas.draw({"exact fit": answer})
     assert len(canvas.rows["exact fit"][1].get_paths()) == len(flipped)
 
 
 @pytest.mark.parametrize("weights, word", [((0.0, 1e-2, 1e4), "alpha"), ((1.0, 1e-2, np.nan), "gamma")])
-def test_weights_out_of_range_become_a_message(problem, weights, word):
-    answer = fit_state(problem, *weights)
+def test_weights_out_of_range_become_a_message(example, weights, word):
+    answer = fit_state(example, *weights)
     assert answer.fit is None and word in answer.message
 
 
-def test_bad_landmarks_become_a_message(problem):
-    twice = problem.moving.copy()
+def test_bad_landmarks_become_a_message(example):
+    twice = example.problem.moving.copy()
     twice[1] = twice[0]
-    answer = fit_state(dataclasses.replace(problem, moving=twice), 1.0, 1e-2, 1e4)
+
+    def on_bad_landmarks(problem, *rest):
+        return exact_fit(dataclasses.replace(problem, moving=twice), *rest)
+
+    answer = fit_state(example, 1.0, 1e-2, 1e4, solver=on_bad_landmarks)
     assert "coincide" in describe(answer)
     assert "coincide" in table({"exact fit": answer})
 
@@ -134,20 +139,22 @@ def test_table_escapes_messages(state):
     assert "a &lt; b" in text and "<b>&lt;b&gt;</b>" in text
 
 
-def test_canvas_draws_the_map(problem, state):
-    canvas = Canvas(problem, ["exact fit"])
+def test_canvas_draws_the_map(example, state):
+    canvas = Canvas(example, ["exact fit"])
     assert canvas.draw({"exact fit": state}).startswith(PNG)
     points, _, grid, colours, bars = canvas.rows["exact fit"]
-    np.testing.assert_allclose(points.get_xydata() @ [1, 1j], problem.target, atol=10 * state.fit.landmark_error)
+    np.testing.assert_allclose(
+        points.get_xydata() @ [1, 1j], example.problem.target, atol=10 * state.fit.landmark_error
+    )
     np.testing.assert_array_equal(colours.get_array(), abs(state.fit.mu))
-    assert bars.get_data().values.sum() == len(problem.faces)
+    assert bars.get_data().values.sum() == len(example.problem.faces)
     assert abs(np.concatenate(grid.get_segments()) @ [1, 1j]).max() <= 1 + 1e-12
 
 
-def test_canvas_shows_no_stale_map_beside_an_error(problem, state):
-    canvas = Canvas(problem, ["exact fit"])
+def test_canvas_shows_no_stale_map_beside_an_error(example, state):
+    canvas = Canvas(example, ["exact fit"])
     good = canvas.draw({"exact fit": state})
-    bad = canvas.draw({"exact fit": fit_state(problem, -1.0, 1e-2, 1e4)})
+    bad = canvas.draw({"exact fit": fit_state(example, -1.0, 1e-2, 1e4)})
     assert not any(artist.get_visible() for artist in canvas.rows["exact fit"])
     assert bad != good
     assert canvas.draw({"exact fit": state}) == good
@@ -176,27 +183,27 @@ def test_newest_request_wins_and_older_work_stops():
     assert shown == [5, 6]
 
 
-def test_watch_stops_a_fit(problem):
+def test_watch_stops_a_fit(example):
     def watch():
         raise Superseded
 
     with pytest.raises(Superseded):
-        fit_state(problem, 1.0, 1e-2, 1e4, watch=watch)
+        fit_state(example, 1.0, 1e-2, 1e4, watch=watch)
 
 
-def test_moving_a_slider_changes_picture_and_text(problem):
-    tuner = Tuner([problem], EXACT)
+def test_moving_a_slider_changes_picture_and_text(example):
+    tuner = Tuner([example], EXACT)
     image, text = png_of(tuner), tuner.text.value
     assert image.startswith(PNG) and "certified" in text
     assert answered(tuner, tuner.gamma, 10.0) != text
     assert png_of(tuner).startswith(PNG) and png_of(tuner) != image
-    expected = fit_state(problem, 1.0, 1e-2, 10.0)
+    expected = fit_state(example, 1.0, 1e-2, 10.0)
     assert f"{expected.fit.landmark_error:.2e}" in re.search('alt="([^"]*)"', tuner.picture.value)[1]
 
 
-def test_every_control_reaches_the_solver(problem):
-    other = dataclasses.replace(problem, name="other")
-    tuner = Tuner([problem, other], EXACT)
+def test_every_control_reaches_the_solver(example):
+    other = dataclasses.replace(example, name="other")
+    tuner = Tuner([example, other], EXACT)
     for control, value in (
         (tuner.alpha, 2.0),
         (tuner.beta, 0.1),
@@ -208,25 +215,25 @@ def test_every_control_reaches_the_solver(problem):
     assert tuner.setting() == ("other", 2.0, 0.1, 1e3, True)
     expected = fit_state(other, 2.0, 0.1, 1e3, sliding=True)
     assert f"{expected.fit.landmark_error:.2e}" in text
-    assert tuner.canvas.problem is other
+    assert tuner.canvas.example is other
 
 
-def test_an_unexpected_error_is_shown_and_the_next_move_works(problem):
-    def fails_above(problem, alpha, beta, gamma, sliding, watch):
-        if gamma > 1e4:
+def test_an_unexpected_error_is_shown_and_the_next_move_works(example):
+    def fails_above(problem, weights, watch):
+        if weights.gamma > 1e4:
             raise RuntimeError("no <answer> here")
-        return exact_fit(problem, alpha, beta, gamma, sliding, watch)
+        return exact_fit(problem, weights, watch)
 
-    tuner = Tuner([problem], {"fragile": fails_above})
+    tuner = Tuner([example], {"fragile": fails_above})
     assert "no &lt;answer&gt; here" in tuner.text.value
     assert "certified" in answered(tuner, tuner.gamma, 1e3) and png_of(tuner).startswith(PNG)
     assert "RuntimeError" in answered(tuner, tuner.gamma, 1e6)
     assert not tuner.picture.value  # no stale picture beside an error
 
 
-def test_answers_of_several_solvers_stand_below_each_other(problem):
+def test_answers_of_several_solvers_stand_below_each_other(example):
     tuner = Tuner(
-        [problem], {"exact fit": exact_fit, "half gamma": lambda p, a, b, g, *rest: exact_fit(p, a, b, g / 2, *rest)}
+        [example], {"exact fit": exact_fit, "half gamma": lambda p, w, watch: exact_fit(p, w.at(w.gamma / 2), watch)}
     )
     assert set(tuner.canvas.rows) == {"exact fit", "half gamma"}
     assert "<b>exact fit</b>" in tuner.text.value and "<b>half gamma</b>" in tuner.text.value
@@ -254,29 +261,29 @@ def network(monkeypatch):
     return stand_in
 
 
-def test_the_network_stands_below_the_fit_with_the_gap_between_them(problem, network):
-    tuner = Tuner([problem])
+def test_the_network_stands_below_the_fit_with_the_gap_between_them(example, network):
+    tuner = Tuner([example])
     assert list(tuner.canvas.rows) == ["exact fit", "CP-Net"]
     assert network.calls == ((1.0, 1e-2, 1e5),)
     ratio = float(re.search(r"L_CP of CP-Net is (\S+) times that of exact fit", tuner.text.value)[1])
     alternative = re.search('alt="([^"]*)"', tuner.picture.value)[1]
     assert f"is {ratio:.3g} times" in alternative and "CP-Net: landmark error" in alternative
-    states = {name: fit_state(problem, 1.0, 1e-2, 1e5, solver=solver) for name, solver in SOLVERS.items()}
+    states = {name: fit_state(example, 1.0, 1e-2, 1e5, solver=solver) for name, solver in SOLVERS.items()}
     assert ratio == pytest.approx(states["CP-Net"].loss / states["exact fit"].loss, rel=1e-2)
     network.share = 0.5
     assert float(re.search(r"is (\S+) times", answered(tuner, tuner.gamma, 1e4))[1]) > 2
     assert network.calls[-1] == (1.0, 1e-2, 1e4)
 
 
-def test_the_network_fit_is_the_exact_map_of_its_coefficient(problem, network):
-    fit = exact_fit(problem, 1.0, 1e-2, 1e4)
-    answer = network_fit(problem, 1.0, 1e-2, 1e4)
+def test_the_network_fit_is_the_exact_map_of_its_coefficient(example, network):
+    fit = exact_fit(example.problem, Weights(1.0, 1e-2, 1e4))
+    answer = network_fit(example.problem, Weights(1.0, 1e-2, 1e4))
     assert answer.bijective and abs(answer.f - fit.f).max() < 5e-3
     network.most = 1e3
-    assert "answered for gamma = 1e+03" in describe(fit_state(problem, 1.0, 1e-2, np.float64(1e4), solver=network_fit))
+    assert "answered for gamma = 1e+03" in describe(fit_state(example, 1.0, 1e-2, np.float64(1e4), solver=network_fit))
     network.share = 0.0
-    assert abs(network_fit(problem, 1.0, 1e-2, 1e4).mu).max() < 0.05  # a Möbius map between vertices
-    np.testing.assert_array_equal(gaps({"a": fit_state(problem, 1.0, 1e-2, 1e4)}), [])
+    assert abs(network_fit(example.problem, Weights(1.0, 1e-2, 1e4)).mu).max() < 0.05  # a Möbius map between vertices
+    np.testing.assert_array_equal(gaps({"a": fit_state(example, 1.0, 1e-2, 1e4)}), [])
 
 
 def test_the_shipped_network_comes_near_the_fit_on_a_smooth_problem():
@@ -286,7 +293,7 @@ def test_the_shipped_network_comes_near_the_fit_on_a_smooth_problem():
     assert "answered for gamma" not in passed.message
 
 
-def test_where_the_network_cannot_answer_the_fit_still_does(problem, network, monkeypatch):
+def test_where_the_network_cannot_answer_the_fit_still_does(example, network, monkeypatch):
     def refuse(*_, **__):
         raise LandmarkError("200 landmarks, and CP-Net takes 128")
 
@@ -294,7 +301,7 @@ def test_where_the_network_cannot_answer_the_fit_still_does(problem, network, mo
         raise ImportError("the networks need torch")
 
     monkeypatch.setattr(network, "predict", refuse)
-    tuner = Tuner([problem])
+    tuner = Tuner([example])
     assert "<b>CP-Net</b>: No map: 200 landmarks" in tuner.text.value and "times" not in tuner.text.value
     assert "certified" in tuner.text.value and png_of(tuner).startswith(PNG)
     assert "it knows no sliding" in answered(tuner, tuner.landmarks, "sliding")
@@ -304,15 +311,15 @@ def test_where_the_network_cannot_answer_the_fit_still_does(problem, network, mo
 
 
 @pytest.mark.parametrize("weights", [(0.0, 1e-2, 1e4), (1.0, -1.0, 1e4), (1.0, 1e-2, np.inf)])
-def test_the_network_is_not_asked_for_weights_out_of_range(problem, network, weights):
-    answer = fit_state(problem, *weights, solver=network_fit)
+def test_the_network_is_not_asked_for_weights_out_of_range(example, network, weights):
+    answer = fit_state(example, *weights, solver=network_fit)
     assert answer.fit is None and "must be positive" in answer.message and network.calls == ()
 
 
 @pytest.mark.parametrize("example", example_problems(), ids=lambda example: example.name)
 def test_examples_are_certified(example):
     for sliding in (False, True):
-        assert exact_fit(example, 1.0, 1e-2, 1e4, sliding).bijective
+        assert exact_fit(dataclasses.replace(example.problem, sliding=sliding), Weights(1.0, 1e-2, 1e4)).bijective
 
 
 def test_vertices_are_spread_evenly():
@@ -335,12 +342,12 @@ def test_cortex_problem_keeps_landmarks_of_the_full_surfaces():
         {"name": "arc", "moving": arc, "control": [vertex + 3 for vertex in arc]},
     ]
     small = cortex_problem("bowls", moving, control, curves, vertices=150, points=4)
-    assert len(small.z) == 150 and small.curve.tolist() == [0] * 4 + [1] * 4
-    on_arc = small.target[4:]  # the control is a surface of revolution: the arc stays one, equally divided
+    assert len(small.problem.z) == 150 and small.problem.curve.tolist() == [0] * 4 + [1] * 4
+    on_arc = small.problem.target[4:]  # the control is a surface of revolution: the arc stays one, equally divided
     np.testing.assert_allclose(abs(on_arc), abs(on_arc[0]), rtol=0.01)
     np.testing.assert_allclose(np.angle(on_arc[1:] / on_arc[:-1]), np.radians(80 / 3), rtol=0.02)
-    fit = exact_fit(small, 1.0, 1e-2, 1e4)
-    assert fit.bijective and fit.landmark_error < 0.1 * abs(small.moving - small.target).mean()
+    fit = exact_fit(small.problem, Weights(1.0, 1e-2, 1e4))
+    assert fit.bijective and fit.landmark_error < 0.1 * abs(small.problem.moving - small.problem.target).mean()
     polar = cortex_problem("bowls", moving, control, curves, points=4)
-    np.testing.assert_array_equal(polar.target, small.target)
-    np.testing.assert_array_equal(polar.z, example_problems()[0].z)
+    np.testing.assert_array_equal(polar.problem.target, small.problem.target)
+    np.testing.assert_array_equal(polar.problem.z, example_problems()[0].problem.z)

@@ -6,8 +6,10 @@ import pytest
 
 from qclearn.plane.diskmesh import polar_disk
 from qclearn.plane.mobius import mobius
-from qclearn.registration.checked import exact_map, fill, guarded_curves, moved_map
+from qclearn.registration.certified import exact_map, moved_map
+from qclearn.registration.checked import fill, guarded_curves
 from qclearn.registration.landmarks import detect_curves
+from qclearn.registration.problem import Problem
 from qclearn.surfaces.surface import Surface
 
 Z, FACES = polar_disk(14, 42)
@@ -29,8 +31,7 @@ def straight(change=lambda line: line):
 
 
 def guarded(detect, entries):
-    fallbacks = []
-    return guarded_curves(detect, BOWL, Z, entries, "moving", fallbacks), fallbacks
+    return guarded_curves(detect, BOWL, Z, entries, "moving")
 
 
 def test_given_curves_stay_and_good_ones_are_used():
@@ -109,7 +110,8 @@ def test_filling_keeps_the_polyline():
 def test_the_exact_map_of_no_coefficient_is_the_mobius_map():
     p = 0.6 * np.exp(2j * np.pi * np.arange(7) / 7)
     q = mobius(p, 0.2 + 0.1j, 0.7)
-    fit = exact_map(Z, FACES, np.zeros(len(FACES), complex), p, q)
+    problem = Problem(Z, FACES, p, q)
+    fit = exact_map(problem, np.zeros(len(FACES), complex))
     assert fit.mobius[0] == pytest.approx(0.2 + 0.1j, abs=2e-3) and fit.mobius[1] == pytest.approx(0.7, abs=5e-3)
     assert fit.bijective and fit.fallbacks == () and fit.landmark_error < 3e-3 and abs(fit.mu).max() < 0.05
-    np.testing.assert_allclose(fit.f, moved_map(Z, FACES, Z, p, q).f, atol=1e-6)
+    np.testing.assert_allclose(fit.f, moved_map(problem, Z).f, atol=1e-6)

@@ -6,8 +6,8 @@ from known_surfaces import distance_to_floor, grooved_sphere, icosphere, longitu
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
-from qclearn.registration.fit import LandmarkError
 from qclearn.registration.landmarks import detect_curves, fundus_metric, fundus_path, resample, sample_curve
+from qclearn.registration.problem import LandmarkError
 from qclearn.surfaces.surface import Surface
 
 BAD_PATHS = [

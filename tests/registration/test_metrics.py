@@ -8,6 +8,7 @@ from qclearn.nets import losses
 from qclearn.plane.beltrami import signed_areas
 from qclearn.plane.diskmesh import polar_disk
 from qclearn.registration.metrics import coefficient_statistics, curve_rows, mean_rows, measured_losses
+from qclearn.registration.problem import Problem, Weights
 
 Z, FACES = polar_disk(24, 72)
 CENTRES = Z[FACES].mean(1)
@@ -15,7 +16,7 @@ POINTS = np.array([0.1, 0.2j, -0.3])
 
 
 def measured(mu, mapped=POINTS, weights=(1.0, 1.0, 1.0)):
-    return measured_losses(Z, FACES, mu, mapped, POINTS, *weights)
+    return measured_losses(Problem(Z, FACES, POINTS, POINTS), Weights(*weights), mu, mapped)
 
 
 def test_a_constant_coefficient_has_no_gradient():

@@ -18,9 +18,10 @@ from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import solve_beltrami_disk
 from qclearn.plane.diskmesh import polar_disk
 from qclearn.plane.mobius import best_mobius, compose_mobius, mobius
-from qclearn.registration.checked import exact_map
-from qclearn.registration.fit import LandmarkError, fit_landmarks
+from qclearn.registration.certified import exact_map
+from qclearn.registration.fit import fit_landmarks, fit_problem
 from qclearn.registration.landmarks import detect_curves, sample_curve
+from qclearn.registration.problem import LandmarkError
 from qclearn.registration.register import check_curves, lift, register, transfer
 from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror
@@ -211,11 +212,11 @@ def folding_above(monkeypatch):
     """Let the fit report a fold wherever gamma exceeds a limit."""
 
     def limit(largest):
-        def folding(z, faces, p, q, alpha, beta, gamma, *rest, **more):
-            fit = fit_landmarks(z, faces, p, q, alpha, beta, gamma, *rest, **more)
-            return fit if gamma <= largest else replace(fit, bijective=False, flipped=np.array([7]))
+        def folding(problem, weights, **more):
+            fit = fit_problem(problem, weights, **more)
+            return fit if weights.gamma <= largest else replace(fit, bijective=False, flipped=np.array([7]))
 
-        monkeypatch.setattr("qclearn.registration.checked.fit_landmarks", folding)
+        monkeypatch.setattr("qclearn.registration.checked.fit_problem", folding)
 
     return limit
 
@@ -416,9 +417,9 @@ def test_the_steps_begin_at_the_networks_coefficient(networks, pair, monkeypatch
 
     def fit(*arguments, **options):
         seen.append(options)
-        return fit_landmarks(*arguments, **options)
+        return fit_problem(*arguments, **options)
 
-    monkeypatch.setattr("qclearn.registration.checked.fit_landmarks", fit)
+    monkeypatch.setattr("qclearn.registration.checked.fit_problem", fit)
     networks(predict=lambda *_, **__: prediction)
     assert by_networks(pair, tolerance=2e-3).report["landmark_error"] <= 2e-3
     assert seen[0]["start"] is prediction and seen[0]["enough"] == pytest.approx(1.8e-3)

@@ -12,11 +12,12 @@ import qclearn as qc
 from qclearn.plane.beltrami import beltrami_coefficient
 from qclearn.plane.bijectivity import RepairWarning, check_bijective, check_embedding
 from qclearn.plane.checks import BeltramiError
-from qclearn.plane.diskmesh import boundary_loop, locate, polar_disk
+from qclearn.plane.diskmesh import boundary_loop, locate, polar_disk, sampling_matrix
 from qclearn.plane.mobius import best_mobius, mobius
-from qclearn.registration.fit import LandmarkError, fit_landmarks, sampling_matrix
+from qclearn.registration.fit import fit_landmarks
 from qclearn.registration.landmarkfile import read_landmarks
 from qclearn.registration.metrics import measured_losses
+from qclearn.registration.problem import LandmarkError, Problem, Weights
 from qclearn.registration.register import register, transfer
 from qclearn.surfaces.surface import Surface, SurfaceError
 
@@ -132,11 +133,12 @@ def test_a_fit_gone_astray_is_taken_up_again_with_damped_steps():
 def test_a_damped_step_is_shorter_and_turns_to_the_steepest_descent():
     from test_fit import small_newton
 
-    newton, forward, nu, _ = small_newton(False)
-    step = newton.prepare(nu, forward, (0.1j, 0.2), 50.0)
-    sizes = [newton.prior(step(nu, forward.points, damping)[0]) for damping in (0.0, 0.1, 1, 10, 1e3)]
+    newton, nu, _ = small_newton(False)
+    state = newton.at(nu, (0.1j, 0.2))
+    step = newton.linearise(state, 50.0)
+    sizes = [newton.prior(step(state, damping)[0]) for damping in (0.0, 0.1, 1, 10, 1e3)]
     assert (np.diff(sizes) < 0).all()
-    far, farther = (step(nu, forward.points, damping)[0] for damping in (1e8, 1e9))
+    far, farther = (step(state, damping)[0] for damping in (1e8, 1e9))
     np.testing.assert_allclose(far, 10 * farther, atol=1e-4 * abs(far).max())
 
 
@@ -157,9 +159,8 @@ def test_a_registration_never_ends_above_the_best_mobius_map(mistake):
     samples = sampling_matrix(result.disk_moving, result.faces_moving, p)
     square, floor = ((abs(samples @ f - q) ** 2).mean() for f in (result.disk_map, best))
     assert square <= floor * (1 + 1e-9)
-    losses = measured_losses(
-        result.disk_moving, result.faces_moving, result.mu, samples @ result.disk_map, q, 1.0, 1e-2, 1e5
-    )
+    problem = Problem(result.disk_moving, result.faces_moving, p, q)
+    losses = measured_losses(problem, Weights(1.0, 1e-2, 1e5), result.mu, samples @ result.disk_map)
     assert losses["L_CP"] <= 1e5 * floor * (1 + 1e-3)  # as measured on the mesh, where a Möbius map has a little |mu|
     assert result.report["bijective"]
 

@@ -11,8 +11,8 @@ from qclearn.pages import kept
 from qclearn.plane.diskmesh import polar_disk
 from qclearn.plane.mobius import mobius
 from qclearn.registration import suspect
-from qclearn.registration.fit import LandmarkError
 from qclearn.registration.landmarkfile import check_curves
+from qclearn.registration.problem import LandmarkError
 from qclearn.registration.suspect import (
     LIMITS,
     large_error,

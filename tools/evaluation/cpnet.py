@@ -5,6 +5,7 @@ coefficient (`metrics.measured_losses`).
 """
 
 import time
+from dataclasses import astuple
 from itertools import pairwise
 
 import numpy as np
@@ -14,27 +15,20 @@ from data_synth.cohort import hemispheres
 from qclearn.nets import WeightsError, load
 from qclearn.nets.cpnet import BestCPNet
 from qclearn.nets.networks import PAPER_GAMMAS
-from qclearn.plane.beltrami import face_mean
 from qclearn.plane.disk import BeltramiDiskSolver
 from qclearn.plane.diskmesh import polar_disk, square_disk
+from qclearn.plane.fields import bounded
 from qclearn.plane.mobius import best_mobius, mobius
-from qclearn.registration.checked import exact_map, moved_map
-from qclearn.registration.fit import (
-    Forward,
-    GaussNewton,
-    Landmarks,
-    bounded,
-    descend,
-    fit_landmarks,
-    sampling_matrix,
-    start_field,
-)
+from qclearn.registration.certified import exact_map, moved_map
+from qclearn.registration.engine import GaussNewton
+from qclearn.registration.fit import fit_problem, start_field
 from qclearn.registration.landmarks import sample_curve
 from qclearn.registration.metrics import measured_losses
+from qclearn.registration.problem import Problem, Weights, distinct
 
 MESH = polar_disk(32, 96, power=1.4)
 POINTS = 10  # on each curve
-NAMED = {"default": (1.0, 1e-2, 1e5), "1e4": (1.0, 1.0, 1e4), "1e5": (1.0, 1.0, 1e5), "2e5": (1.0, 1.0, 2e5)}
+NAMED = {"default": Weights(), **{name: Weights(1.0, 1.0, float(name)) for name in ("1e4", "1e5", "2e5")}}
 
 
 def figures(seeds, quick=False):
@@ -78,29 +72,28 @@ def curves_of(seeds, vertices):
 def aligned(p, q):
     """The two sides' distinct landmarks (M,), the moving ones after the best Möbius map."""
     p = mobius(p, *best_mobius(p, q))
-    twice = [np.triu(abs(x[:, None] - x) < 1e-9, 1).any(0) for x in (p, q)]
-    return p[~(twice[0] | twice[1])], q[~(twice[0] | twice[1])]
+    once = distinct(p, q)
+    return p[once], q[once]
 
 
 def random_weights(config, rng):
-    """(alpha, beta, gamma), alpha and both ratios over three decades each."""
+    """Weights with alpha and both ratios over three decades each."""
     alpha = 10 ** rng.uniform(-1.5, 1.5)
-    return tuple(
-        float(x) for x in (alpha, alpha * 10 ** rng.uniform(*config.smooth), alpha * 10 ** rng.uniform(*config.match))
-    )
+    ratios = [10 ** rng.uniform(*config.smooth), 10 ** rng.uniform(*config.match)]
+    return Weights(float(alpha), *(float(alpha * ratio) for ratio in ratios))
 
 
 def compare(net, plain, p, q, weights):
     """One problem: the fit's loss and landmark error, and what each answer has, as ratios to them."""
-    start = time.process_time()
-    fit = fit_landmarks(*MESH, p, q, *weights)
+    problem, start, numbers = Problem(*MESH, p, q), time.process_time(), astuple(weights)
+    fit = fit_problem(problem, weights)
     seconds = {"fit": time.process_time() - start}
-    reference = measured(fit, p, q, weights)
+    reference = measured(problem, weights, fit)
     start = time.process_time()
-    mu = net.predict(*MESH, p, q, *weights)
+    mu = net.predict(*MESH, p, q, *numbers)
     seconds["network"] = time.process_time() - start
-    told = net.answers(*MESH, p, q, *weights, looks=2)
-    bare = plain.answers(*MESH, p, q, *weights, looks=2)
+    told = net.answers(*MESH, p, q, *numbers, looks=2)
+    bare = plain.answers(*MESH, p, q, *numbers, looks=2)
     answers = {
         "Born step": told["Born step"],
         "without the U-Nets": bare["1 look"],
@@ -109,40 +102,35 @@ def compare(net, plain, p, q, weights):
         "CP-Net, 1 look": told["1 look"],
         "CP-Net, 2 looks": told["2 looks"],
     }
-    found = {name: exact_map(*MESH, mu, p, q) for name, mu in answers.items()}
+    found = {name: exact_map(problem, mu) for name, mu in answers.items()}
     start = time.process_time()
-    found |= polished(mu, p, q, weights)
+    found |= polished(problem, mu, weights)
     seconds["two steps"] = time.process_time() - start
     return {
-        "weights": list(weights),
+        "weights": list(numbers),
         "before": float(abs(p - q).mean()),
         "fit": reference["L_CP"],
         "fit_error": fit.landmark_error,
         "fit_flipped": len(fit.flipped),
         "seconds": seconds,
-        "ratio": {name: measured(one, p, q, weights)["L_CP"] / reference["L_CP"] for name, one in found.items()},
+        "ratio": {name: measured(problem, weights, one)["L_CP"] / reference["L_CP"] for name, one in found.items()},
         "error": {name: one.landmark_error for name, one in found.items()},
         "flipped": {name: len(one.flipped) for name, one in found.items()},
     }
 
 
-def measured(fit, p, q, weights):
-    mapped = sampling_matrix(*MESH, p) @ fit.f
-    return measured_losses(*MESH, fit.mu, mapped, q, *weights)
+def measured(problem, weights, found):
+    return measured_losses(problem, weights, found.mu, problem.samples @ found.f)
 
 
-def polished(mu, p, q, weights, steps=2):
+def polished(problem, mu, weights, steps=2):
     """One and two Gauss-Newton steps of the fit from the network's mu, on the mesh: name -> map."""
-    z, faces = MESH
-    newton = GaussNewton(z, faces, Landmarks(q, None, False), *weights[:2])
-    forward = Forward(z, faces, p, face_mean(faces, len(z)))
-    nu, found = start_field(z, faces, mu, z), {}
-    forward.map(nu, (0j, 0.0))
-    parameters = best_mobius(forward.points, q)
+    engine, found = GaussNewton(problem, MESH, weights), {}
+    state = engine.at(start_field(*MESH, mu, engine.z), (0j, 0.0))
+    state = engine.moved(state, best_mobius(state.points, problem.target))
     for number in range(1, steps + 1):
-        step = newton.prepare(nu, forward, parameters, weights[2])
-        nu, parameters, _ = descend(newton, forward, step, nu, parameters, weights[2]) or (nu, parameters, None)
-        found[f"CP-Net, then {number} Gauss-Newton"] = exact_map(z, faces, bounded(forward.to_faces @ nu), p, q)
+        state = engine.step(state, weights.gamma) or state
+        found[f"CP-Net, then {number} Gauss-Newton"] = exact_map(problem, bounded(engine.to_faces @ state.nu))
     return found
 
 
@@ -203,15 +191,16 @@ def paper(subjects, quick):
         except WeightsError as error:
             print(f"without the paper's preset: {error}")
             continue
-        rows, weights = [], (1.0, 1.0, gamma)
+        rows, weights = [], Weights(1.0, 1.0, gamma)
         for moving in subjects[: 1 if quick else 12]:
             p, q = aligned(moving, net.targets.numpy().astype(complex))
-            fit = fit_landmarks(*MESH, p, q, *weights)
+            problem = Problem(*MESH, p, q)
+            fit = fit_problem(problem, weights)
             start = time.process_time()
             mu = net.predict(*MESH, p, q)
             passed = time.process_time() - start
-            answer = exact_map(*MESH, mu, p, q)
-            through = moved_map(*MESH, load("dbsnet", "paper").solve(*MESH, mu), p, q)
+            answer = exact_map(problem, mu)
+            through = moved_map(problem, load("dbsnet", "paper").solve(*MESH, mu))
             rows.append(
                 [
                     abs(p - q).mean(),
@@ -221,7 +210,7 @@ def paper(subjects, quick):
                     abs(answer.mu).mean(),
                     len(answer.flipped) > 0,
                     passed,
-                    measured(answer, p, q, weights)["L_CP"] / measured(fit, p, q, weights)["L_CP"],
+                    measured(problem, weights, answer)["L_CP"] / measured(problem, weights, fit)["L_CP"],
                     through.landmark_error,
                     len(through.flipped) > 0,
                     abs(through.mu).mean(),

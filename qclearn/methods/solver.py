@@ -1,50 +1,16 @@
-"""What every method is given, and what several of them share: the Beltrami solver with the circle and landmarks held."""
+"""What several methods share: the Beltrami solver with the circle and landmarks held, and how they say what they did."""
 
 import warnings
-from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
 from ..plane.beltrami import Dirichlet, corner_average, signed_areas, stiffness
 from ..plane.bijectivity import RepairWarning
 from ..plane.diskmesh import boundary_loop
-from ..plane.mobius import best_mobius, mobius
-from ..registration.fit import check_landmarks, sampling_matrix
+from ..plane.mobius import mobius
 
 HARD = 1e6  # weight that holds a landmark to about a millionth of the disk's radius
 LARGEST = 0.99  # of |mu| after truncation
-
-
-@dataclass(frozen=True)
-class Problem:
-    """Landmarks of one moving disk to be carried to their targets in the control's disk.
-
-    z (V,) complex, faces (F, 3): the moving surface's disk mesh, its boundary on the unit circle; moving, target (M,)
-    complex: landmarks p in that disk and q in the control's; curve (M,) int: which curve each belongs to, in order.
-    A method returns f (V,) complex: where each vertex lies in the control's disk. LandmarkError for unusable landmarks.
-    """
-
-    z: np.ndarray
-    faces: np.ndarray
-    moving: np.ndarray
-    target: np.ndarray
-    curve: np.ndarray = field(default=None)
-
-    def __post_init__(self):
-        checked = check_landmarks(self.moving, self.target, self.curve, sliding=False)
-        for name, array in zip(("moving", "target", "curve"), checked):
-            object.__setattr__(self, name, array)
-
-    @cached_property
-    def samples(self):
-        """Sparse (M, V): per-vertex data at the moving landmarks."""
-        return sampling_matrix(self.z, self.faces, self.moving)
-
-    @cached_property
-    def mobius(self):
-        """(a, theta) of the disk Möbius map that alone brings the landmarks nearest to their targets."""
-        return best_mobius(self.moving, self.target)
 
 
 class LandmarkSolver:
@@ -70,11 +36,11 @@ class LandmarkSolver:
     def solve(self, mu, weight=0.0):
         """The map f (V,) with coefficient mu (F,) and landmarks of this weight; BeltramiError for |mu| >= 1."""
         matrix = stiffness(self.z, self.faces, mu) + weight * self.normal
-        problem = Dirichlet(matrix, self.loop)
-        load = weight * (self.samples.T @ self.target)[problem.free]
+        dirichlet = Dirichlet(matrix, self.loop)
+        load = weight * (self.samples.T @ self.target)[dirichlet.free]
         f = np.empty(len(self.z), complex)
         f[self.loop] = self.boundary
-        f[problem.free] = problem.solve_free(load - problem.coupling @ self.boundary)
+        f[dirichlet.free] = dirichlet.solve_free(load - dirichlet.coupling @ self.boundary)
         return f
 
     def error(self, f):

@@ -1,0 +1,68 @@
+"""A map with its measures and its certificate, and the two ways to one without a fit."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..plane.beltrami import beltrami_coefficient
+from ..plane.bijectivity import check_bijective
+from ..plane.disk import BeltramiDiskSolver, unfold
+from ..plane.diskmesh import boundary_loop
+from ..plane.mobius import best_mobius, mobius
+
+
+@dataclass(frozen=True)
+class CertifiedMap:
+    """A disk map of a problem's landmarks, measured, and certified or reported.
+
+    f (V,): the map, Möbius part included; mu (F,): its measured coefficient; mobius: (a, theta); landmark_error: mean
+    |f(p) - q|; bijective, flipped: its certificate; fallbacks: words on what was done besides, empty if nothing was.
+    """
+
+    f: np.ndarray
+    mu: np.ndarray
+    mobius: tuple
+    landmark_error: float
+    bijective: bool
+    flipped: np.ndarray
+    fallbacks: tuple
+
+
+def certified(problem, f, parameters, fallbacks=()):
+    """A map f (V,) of a problem with the Möbius parameters that it holds, measured: CertifiedMap."""
+    certificate = check_bijective(problem.z, problem.faces, f)
+    return CertifiedMap(
+        f,
+        beltrami_coefficient(problem.z, problem.faces, f),
+        parameters,
+        float(abs(problem.samples @ f - problem.target).mean()),
+        certificate.bijective,
+        certificate.flipped,
+        tuple(fallbacks),
+    )
+
+
+def moved_map(problem, f, fallbacks=()):
+    """M after f (V,), M the disk Möbius map with the least `mean |M(f(p)) - q|^2`: CertifiedMap."""
+    loop = boundary_loop(problem.faces)
+    parameters = best_mobius(problem.samples @ f, problem.target)
+    f = mobius(f, *parameters)
+    f[loop] /= abs(f[loop])
+    return certified(problem, f, parameters, fallbacks)
+
+
+def exact_map(problem, mu):
+    """`moved_map` of the exact solver's map for mu (F,); where it folds, rows are switched and it is solved again."""
+    solver = BeltramiDiskSolver(problem.z, problem.faces)
+    solved = solver.solve(mu)
+    found = moved_map(problem, solved, solver_words(solver))
+    if found.bijective:
+        return found
+    f, rows = unfold(solver, mobius(solved, *found.mobius))
+    return certified(problem, f, found.mobius, solver_words(solver, len(rows)))
+
+
+def solver_words(solver, switched=0):
+    """What a solver's last map needed to stay one, in words, empty if nothing."""
+    words = [f"{switched} rows switched"] * bool(switched)
+    return (*words, *[f"{solver.floored} boundary steps raised"] * bool(solver.floored))

@@ -1,0 +1,251 @@
+"""The Gauss-Newton engine of the landmark fit: a problem, a mesh that carries nu, and states that steps lead on from.
+
+Unknowns: a complex field nu at the vertices of a graded polar mesh, `mu = T(nu) = tanh(|nu|) nu / |nu|` on faces, and
+a disk Möbius map M after the solver's f. Objective, to second order the paper's `L_CP`:
+    `nu^* W nu + gamma mean |M(f(p)) - q|^2`,   `W = (alpha mass + beta Laplace) / pi`.
+"""
+
+from copy import copy
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+from scipy import sparse
+
+from ..plane.beltrami import face_mean, factorise, stiffness
+from ..plane.disk import BeltramiDiskSolver, unfold
+from ..plane.diskmesh import sampling_matrix
+from ..plane.fields import bounded, bounded_pullback, mass_matrix
+from ..plane.mobius import compose_mobius, mobius, mobius_slope
+from .certified import solver_words
+
+SHARES = (1.0, 0.5, 0.25, 0.125)  # of a step, tried in turn by the line search
+SUFFICIENT_DECREASE = 0.3  # share of what the quadratic model promises that a step has to gain
+TANGENTIAL_WEIGHT = 0.1  # of a sliding landmark's residual along its target curve
+LANDMARKS_AT_ONCE = 16  # bounds the memory of the adjoint solves
+DAMPINGS = 10.0 ** np.arange(-1, 10)  # of the steps of a fit that is taken up again, in parts of W
+TRUST, TRIES = 0.3, 4  # the largest change of nu in such a step, and how many of them are tried
+MOBIUS_PRIOR = 1e-6  # weak, keeps the step of the three Möbius parameters bounded
+
+
+class Landmarks:
+    """The scaled residual of mapped landmarks, as points or sliding along their target curves.
+
+    Residual of one landmark: `sqrt(gamma / M) conj(t) (w - q)`, real part along the target's tangent t (weighted down
+    where it slides), imaginary part across it.
+    """
+
+    def __init__(self, target, curve, sliding):
+        self.target, self.tangent = target, np.ones(len(target), complex)
+        self.weights = np.ones((2, len(target)))
+        if sliding:
+            for label in np.unique(curve):
+                on = np.flatnonzero(curve == label)
+                inner = on[1:-1]
+                along = target[on[2:]] - target[on[:-2]]
+                self.tangent[inner] = along / abs(along)
+                self.weights[0, inner] = TANGENTIAL_WEIGHT
+
+    def components(self, change, gamma):
+        """Complex changes of the points (M, ...) as scaled residual components (2 M, ...)."""
+        shape = (-1,) + (1,) * (change.ndim - 1)
+        turned = self.tangent.conj().reshape(shape) * change
+        along, across = (self.weights[k].reshape(shape) for k in (0, 1))
+        return np.sqrt(gamma / len(self.target)) * np.concatenate([along * turned.real, across * turned.imag])
+
+    def residual(self, points, gamma):
+        """Components (2 M,) of mapped points (M,) less their targets."""
+        return self.components(points - self.target, gamma)
+
+    def error(self, points):
+        """Mean distance of mapped points (M,) from their targets."""
+        return abs(points - self.target).mean()
+
+    def jacobian(self, grad_re, grad_im, gamma):
+        """Gradients of the components (2 M, n) from those of Re w and Im w, (M, n)."""
+        turn = self.tangent.conj()[:, None]
+        along, across = self.weights[0][:, None], self.weights[1][:, None]
+        return np.sqrt(gamma / len(self.target)) * np.concatenate(
+            [along * (turn.real * grad_re - turn.imag * grad_im), across * (turn.imag * grad_re + turn.real * grad_im)]
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """One place of a fit: nu (N,) and the Möbius parameters, and the map that they give.
+
+    f (V,): M after the solver's map at every vertex of the mapped mesh; points (M,): the mapped landmarks; solution:
+    the solver that found it, with its factors, for the adjoint; switched: rows that were, so that f does not fold.
+    """
+
+    nu: np.ndarray
+    mobius: tuple
+    f: np.ndarray
+    points: np.ndarray
+    solution: BeltramiDiskSolver
+    switched: int = 0
+
+    @property
+    def words(self):
+        """What this map needed to stay one, in words, empty if nothing."""
+        return solver_words(self.solution, self.switched)
+
+
+class GaussNewton:
+    """The fit of a `Problem` with `Weights` on a polar mesh (z, faces) that carries nu and is mapped; W is factored once.
+
+    `at(nu, mobius)` is the state there, `step(state, gamma)` the next one, or None where no step lowers the objective.
+    """
+
+    def __init__(self, problem, mesh, weights):
+        (self.z, self.faces), self.problem, self.weights = mesh, problem, weights
+        self.landmarks = Landmarks(problem.target, problem.curve, problem.sliding)
+        flat = np.zeros(len(self.faces))
+        self.mass, self.laplace = mass_matrix(*mesh) / np.pi, stiffness(*mesh, flat) / np.pi
+        self.W = weights.alpha * self.mass + weights.beta * self.laplace
+        self.factors = factorise(self.W)
+        self.solver, self.to_faces, self.samples = self.mapping()
+        _ = self.solver.calibration  # cached, so that the copies in the states need not find it again
+
+    def mapping(self):
+        """The solver on the mapped mesh, and the sparse matrices to its faces (from nu) and landmarks (from its map)."""
+        mesh = self.z, self.faces
+        return (
+            BeltramiDiskSolver(*mesh),
+            face_mean(self.faces, len(self.z)),
+            sampling_matrix(*mesh, self.problem.moving),
+        )
+
+    def at(self, nu, parameters):
+        """The state with nodal nu (N,) and Möbius parameters (a, theta): one solve."""
+        solution = copy(self.solver)
+        solution.solve(bounded(self.to_faces @ nu))
+        return self.finished(nu, parameters, solution, mobius(solution.f, *parameters))
+
+    def moved(self, state, parameters):
+        """The state with the same nu and other Möbius parameters: no solve."""
+        return self.finished(state.nu, parameters, state.solution, mobius(state.solution.f, *parameters))
+
+    def finished(self, nu, parameters, solution, f):
+        return State(nu, parameters, f, self.samples @ f, solution)
+
+    def prior(self, nu):
+        return (nu.conj() @ (self.W @ nu)).real
+
+    def mismatch(self, points, gamma):
+        return (self.landmarks.residual(points, gamma) ** 2).sum()
+
+    def objective(self, state, gamma):
+        return self.prior(state.nu) + self.mismatch(state.points, gamma)
+
+    def error(self, state):
+        """Mean distance of a state's landmarks from their targets."""
+        return self.landmarks.error(state.points)
+
+    def jacobian(self, state, gamma):
+        """Gradients of the residual's components with respect to nu, complex (2 M, N)."""
+        return self.landmarks.jacobian(*self.gradients(state), gamma)
+
+    def gradients(self, state):
+        """Gradients of Re w and Im w of the mapped landmarks with respect to nu, complex (M, N) each."""
+        solution, slope = state.solution, mobius_slope(state.solution.f, *state.mobius)
+        parts, points = [], (self.samples @ sparse.diags_array(slope.conj())).tocsr()
+        chains = [self.chain(state, x) for x in solution.parts]
+        for rows in range(0, points.shape[0], LANDMARKS_AT_ONCE):
+            adjoints = solution.adjoints(points[rows : rows + LANDMARKS_AT_ONCE])
+            real, imaginary = np.split(sum(chain @ adjoint for chain, adjoint in zip(chains, adjoints)), 2)
+            parts.append((real + 1j * imaginary).T.reshape(2, -1, len(state.nu)))
+        return np.concatenate(parts, axis=1)
+
+    def chain(self, state, x):
+        """Sparse real (2 N, V): from an adjoint of the potential x to the gradient with respect to nu, Re above Im.
+
+        In one product what would otherwise take a dense array of faces by landmarks.
+        """
+        by_mu = state.solution.sensitivity(x).tocoo()
+        data = bounded_pullback((self.to_faces @ state.nu)[by_mu.row], by_mu.data)
+        chain = self.to_faces.T.tocsr() @ sparse.csr_array((data, (by_mu.row, by_mu.col)), shape=by_mu.shape)
+        return sparse.vstack([chain.real, chain.imag]).tocsr()
+
+    def mobius_columns(self, state):
+        """Changes of the mapped landmarks (M, 3) with a Möbius increment (theta, Re a, Im a) after the map.
+
+        As a composition: `dw = i w dtheta - da + conj(da) w^2`.
+        """
+        w = state.f
+        return self.samples @ np.stack([1j * w, w**2 - 1, -1j * (1 + w**2)], axis=1)
+
+    def linearise(self, state, gamma):
+        """The linearisation at a state: returns `propose(state, damping)`, which may be asked again at later states.
+
+        It gives (change of nu, da, dtheta, least objective of the model). damping adds `damping (change^* W change)` to
+        what is minimised (Levenberg), and its like for the Möbius part: a shorter step, turned towards the steepest
+        descent.
+        """
+        J = self.jacobian(state, gamma)
+        Jm = self.landmarks.components(self.mobius_columns(state), gamma)
+        lifted = self.factors.solve(np.ascontiguousarray(J.real.T)) + 1j * self.factors.solve(
+            np.ascontiguousarray(J.imag.T)
+        )
+        gram = (J.conj() @ lifted).real
+
+        def propose(state, damping=0.0):
+            share, weight = 1 / (1 + damping), MOBIUS_PRIOR + damping
+            S = np.eye(len(J)) + share * gram + Jm @ Jm.T / weight
+            constant = self.landmarks.residual(state.points, gamma) - share * (J.conj() @ state.nu).real
+            y = np.linalg.solve(S, constant)  # undamped, the model's least objective is constant . y
+            turn, real, imaginary = -Jm.T @ y / weight
+            return -share * (lifted @ y + state.nu), complex(real, imaginary), turn, constant @ y
+
+        return propose
+
+    def step(self, state, gamma, propose=None, shares=SHARES):
+        """The state after one step by a backtracking line search, or None where no share of it lowers the objective.
+
+        A share s of the step is taken once it brings a sufficient part of what the quadratic model promises,
+        `(2s - s^2)` of the full step's gain; the promise fails where the map is far from linear in nu. propose: a
+        linearisation to use again, else that at the state.
+        """
+        before = self.objective(state, gamma)
+        change, da, dtheta, promised = (propose or self.linearise(state, gamma))(state)
+        for share in shares:
+            found = self.at(state.nu + share * change, compose_mobius(state.mobius, (share * da, share * dtheta)))
+            gain = before - self.objective(found, gamma)
+            if gain > SUFFICIENT_DECREASE * (2 * share - share**2) * (before - promised):
+                return found
+        return found if gain > 0 else None
+
+    def damped_step(self, state, gamma, propose):
+        """The state after one Levenberg step, of the least damping that keeps it small and lowers the objective, or None.
+
+        Which are small enough to trust the linearisation costs no map to find out.
+        """
+        before = self.objective(state, gamma)
+        steps = (propose(state, damping) for damping in DAMPINGS)
+        small = (found for found in steps if abs(found[0]).max() <= TRUST)
+        for change, da, dtheta, _ in islice(small, TRIES):
+            found = self.at(state.nu + change, compose_mobius(state.mobius, (da, dtheta)))
+            if self.objective(found, gamma) < before:
+                return found
+        return None
+
+
+class SurfaceGaussNewton(GaussNewton):
+    """The same with the problem's own disk mesh mapped: where a face is flipped, rows are switched and it is solved again."""
+
+    def mapping(self):
+        z, faces = self.problem.z, self.problem.faces
+        to_faces = sampling_matrix(self.z, self.faces, z[faces].mean(1))
+        return BeltramiDiskSolver(z, faces), to_faces, self.problem.samples
+
+    def finished(self, nu, parameters, solution, f):
+        f, rows = unfold(solution, f)
+        return State(nu, parameters, f, self.samples @ f, solution, len(rows))
+
+    def mobius_alone(self, parameters):
+        """The state with nu = 0 whose map is the Möbius map at every vertex itself, mended where it folds triangles."""
+        solution = copy(self.solver)
+        solution.mu, solution.floored = np.zeros(len(solution.faces), complex), 0
+        f = mobius(solution.z, *parameters)
+        f[solution.loop] /= abs(f[solution.loop])
+        return self.finished(np.zeros(len(self.z), complex), parameters, solution, f)

@@ -1,0 +1,132 @@
+"""What a fit is given: landmarks of one disk with their targets, and three weights, each checked once."""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from ..plane.beltrami import BeltramiError, check_mesh, complex_numbers
+from ..plane.diskmesh import sampling_matrix
+from ..plane.mobius import best_mobius
+
+MEETING = 1e-9  # in the unit disk: landmarks closer than this are one point
+
+
+class LandmarkError(ValueError):
+    """Landmarks that cannot be fitted: says which, where and what to do."""
+
+
+@dataclass(frozen=True)
+class Weights:
+    """alpha of |mu|^2, beta of its gradient, gamma of the landmark mismatch (paper, eq. RegLoss).
+
+    LandmarkError unless alpha > 0, beta >= 0 and gamma > 0 are finite.
+    """
+
+    alpha: float = 1.0
+    beta: float = 1e-2
+    gamma: float = 1e5
+
+    def __post_init__(self):
+        check_weights(self.alpha, self.beta, self.gamma)
+
+    def at(self, gamma):
+        """The same with another gamma."""
+        return replace(self, gamma=gamma)
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Landmarks of one moving disk to be carried to their targets in the control's disk.
+
+    z (V,) complex, faces (F, 3): the moving surface's disk mesh, its boundary on the unit circle; moving, target (M,)
+    complex: landmarks p in that disk and q in the control's; curve (M,) int: which curve each belongs to, in order;
+    sliding: inner points of a curve may move along their target curve, where a method can let them.
+    A method returns f (V,) complex: where each vertex lies in the control's disk. BeltramiError for an unusable mesh,
+    LandmarkError for unusable landmarks.
+    """
+
+    z: np.ndarray
+    faces: np.ndarray
+    moving: np.ndarray
+    target: np.ndarray
+    curve: np.ndarray = field(default=None)
+    sliding: bool = False
+
+    def __post_init__(self):
+        checked = *check_mesh(self.z, self.faces), *check_landmarks(self.moving, self.target, self.curve, self.sliding)
+        for name, array in zip(("z", "faces", "moving", "target", "curve"), checked):
+            object.__setattr__(self, name, array)
+
+    @cached_property
+    def samples(self):
+        """Sparse (M, V): per-vertex data at the moving landmarks."""
+        return sampling_matrix(self.z, self.faces, self.moving)
+
+    @cached_property
+    def mobius(self):
+        """(a, theta) of the disk Möbius map that alone brings the landmarks nearest to their targets."""
+        return best_mobius(self.moving, self.target)
+
+
+def check_landmarks(moving, target, curve, sliding):
+    """Landmarks as complex arrays and curve labels, or LandmarkError."""
+    try:
+        moving, target = (
+            np.atleast_1d(complex_numbers(points, name))
+            for points, name in ((moving, "moving landmarks"), (target, "target landmarks"))
+        )
+    except BeltramiError as error:
+        raise LandmarkError(str(error)) from None
+    if moving.ndim != 1 or moving.shape != target.shape or len(moving) == 0:
+        raise LandmarkError(f"{moving.shape} moving and {target.shape} target landmarks: give one target a landmark")
+    for name, points in (("moving", moving), ("target", target)):
+        outside = np.flatnonzero(~(abs(points) <= 1 + 1e-9))
+        if len(outside):
+            raise LandmarkError(
+                f"{name} landmarks {outside[:5].tolist()} are not in the closed unit disk "
+                f"({points[outside[0]]:.4g}); map them with the surface's disk map first"
+            )
+        order = np.lexsort((points.imag, points.real))
+        twice = np.flatnonzero(abs(np.diff(points[order])) < 1e-12)
+        if len(twice):
+            pair = sorted(order[twice[0] : twice[0] + 2].tolist())
+            raise LandmarkError(
+                f"{name} landmarks {pair[0]} and {pair[1]} coincide at {points[pair[0]]:.4g}; "
+                "drop one of them (a bijection cannot part or merge points)"
+            )
+    if curve is None and sliding:
+        raise LandmarkError("sliding landmarks need the curve each belongs to: give curve (M,) of integer labels")
+    curve = np.zeros(len(moving), int) if curve is None else label_array(curve)
+    if curve.shape != moving.shape:
+        raise LandmarkError(f"{curve.shape} curve labels for {len(moving)} landmarks: give one label a landmark")
+    return moving, target, curve
+
+
+def label_array(curve):
+    """Curve labels as an array of integers, or LandmarkError."""
+    try:
+        labels = np.asarray(curve)
+    except ValueError:
+        raise LandmarkError("curve labels are lists of unequal lengths: give integers (M,)") from None
+    if labels.dtype.kind not in "iu":
+        raise LandmarkError(f"curve labels have type {labels.dtype}: give integers (M,)")
+    return labels
+
+
+def check_weights(alpha, beta, gamma):
+    """LandmarkError unless alpha > 0, beta >= 0 and gamma > 0 are finite."""
+    for name, value in (("alpha", alpha), ("beta", beta), ("gamma", gamma)):
+        number = isinstance(value, (int, float, np.integer, np.floating)) and np.isfinite(value)
+        if not (number and (value > 0 or (value == 0 and name == "beta"))):
+            raise LandmarkError(f"{name} = {value!r}: alpha and gamma must be positive and finite, beta not negative")
+
+
+def meeting(points):
+    """Which later points (M,) are an earlier one again: (M, M) bool, true at (earlier, later)."""
+    return np.triu(abs(points[:, None] - points) < MEETING, 1)
+
+
+def distinct(p, q):
+    """Which landmarks of two sides (M,) to keep so that each point of either counts once, (k,) int."""
+    return np.flatnonzero(~(meeting(p) | meeting(q)).any(0))

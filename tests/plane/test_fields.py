@@ -1,0 +1,36 @@
+"""Nodal fields on a disk mesh: the activation with its inverse and pullback, and the integral of products."""
+
+import numpy as np
+import pytest
+
+from qclearn.plane.beltrami import signed_areas
+from qclearn.plane.diskmesh import polar_disk
+from qclearn.plane.fields import bounded, bounded_pullback, mass_matrix, unbounded
+
+
+def complex_normal(rng, *shape):
+    return rng.normal(size=shape) + 1j * rng.normal(size=shape)
+
+
+def test_the_activation_is_the_papers_and_has_its_inverse():
+    nu = complex_normal(np.random.default_rng(0), 500) * np.logspace(-9, 0.5, 500)
+    np.testing.assert_allclose(bounded(nu), np.tanh(abs(nu)) * np.exp(1j * np.angle(nu)), rtol=1e-14)
+    np.testing.assert_allclose(unbounded(bounded(nu)), nu, rtol=1e-6)
+    assert abs(bounded(np.array([50 + 50j, -1e9]))).max() < 1
+    assert bounded(np.zeros(1, complex)) == 0 and unbounded(np.zeros(1, complex)) == 0
+
+
+def test_the_activations_pullback_is_its_derivative_also_at_zero():
+    rng = np.random.default_rng(1)
+    nu, change, grad = (complex_normal(rng, 40) for _ in range(3))
+    nu[0] = 0
+    step = 1e-6
+    slope = (bounded(nu + step * change) - bounded(nu - step * change)) / (2 * step)
+    np.testing.assert_allclose((bounded_pullback(nu, grad).conj() * change).real, (grad.conj() * slope).real, atol=1e-8)
+
+
+def test_the_mass_matrix_integrates_products():
+    z, faces = polar_disk(40, 160)
+    mass = mass_matrix(z, faces)
+    assert mass.sum() == pytest.approx(signed_areas(z, faces).sum())
+    assert (z.conj() @ (mass @ z)).real == pytest.approx(np.pi / 2, rel=2e-3)
