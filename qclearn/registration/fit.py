@@ -5,11 +5,14 @@ a disk Möbius map M after the solver's f. Objective, to second order the paper'
     `nu^* W nu + gamma mean |M(f(p)) - q|^2`,   `W = (alpha mass + beta Laplace) / pi`.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
 
 import numpy as np
+from jaxtyping import Complex, Integer
+from numpy import ndarray
 from scipy import sparse
 from threadpoolctl import threadpool_limits
 
@@ -58,12 +61,12 @@ class LandmarkFit:
     losses: L_mu, L_grad_mu, L_Landmark, L_CP of the coefficient field; fallbacks: words, empty if none was needed.
     """
 
-    f: np.ndarray
-    mu: np.ndarray
+    f: Complex[ndarray, " V"]
+    mu: Complex[ndarray, " F"]
     mobius: tuple
     landmark_error: float
     bijective: bool
-    flipped: np.ndarray
+    flipped: Integer[ndarray, " k"]
     steps: tuple
     losses: dict
     fallbacks: tuple
@@ -295,20 +298,20 @@ def descend_damped(newton, forward, step, nu, parameters, gamma):
 
 @threadpool_limits.wrap(limits=1)  # on matrices of this size BLAS threads wait for each other: up to five times slower
 def fit_landmarks(
-    z,
-    faces,
-    moving,
-    target,
-    alpha=1.0,
-    beta=1e-2,
-    gamma=1e5,
-    curve=None,
-    sliding=False,
-    start=None,
-    rings=None,
-    watch=None,
-    enough=0.0,
-):
+    z: Complex[ndarray, " V"],
+    faces: Integer[ndarray, " F 3"],
+    moving: Complex[ndarray, " M"],
+    target: Complex[ndarray, " M"],
+    alpha: float = 1.0,
+    beta: float = 1e-2,
+    gamma: float = 1e5,
+    curve: Integer[ndarray, " M"] | None = None,
+    sliding: bool = False,
+    start: Complex[ndarray, " F"] | None = None,
+    rings: int | None = None,
+    watch: Callable | None = None,
+    enough: float = 0.0,
+) -> LandmarkFit:
     """The quasi-conformal disk map that takes landmarks `moving` to `target`: a LandmarkFit, certified or reported.
 
     Minimises `alpha mean|nu|^2 + beta mean|grad nu|^2 + gamma mean|M(f(p)) - q|^2` (means over the unit disk and over
