@@ -1,15 +1,21 @@
-"""Settings that every test shares: nothing opens a window, and hypothesis draws the same examples in every run."""
+"""Settings that every test shares: nothing opens a window, hypothesis draws the same examples in every run, and the
+library's public functions are held to the shapes that they are annotated with."""
 
 import os
 
 import pytest
 from hypothesis import settings
+from shapes import hold
+
+import qclearn
 
 os.environ.setdefault("PYVISTA_OFF_SCREEN", "true")
 os.environ.setdefault("MPLBACKEND", "agg")
 
 settings.register_profile("qclearn", deadline=None, derandomize=True)
 settings.load_profile("qclearn")
+
+hold(qclearn)
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from .values import read_mask
 _FILES = {"pial": "pial", "white": "white", "inflated": "infl", "sphere": "sphere"}
 
 
-def fsaverage5(hemisphere="left", kind="pial"):
+def fsaverage5(hemisphere: str = "left", kind: str = "pial") -> Surface:
     """The open hemisphere "left" or "right" of fsaverage5 as "pial", "white", "inflated" or "sphere" surface, in mm.
 
     The medial wall, where the cortical thickness is 0, is cut away by open_surface on the pial surface; all kinds of a
@@ -46,7 +46,7 @@ def named_sulci(hemisphere, original_indices):
     return {name: _renumbered(name, entry[hemisphere]["vertices"], original_indices) for name, entry in sulci.items()}
 
 
-def demo_landmarks():
+def demo_landmarks() -> dict:
     """The landmarks of fsaverage5's mirrored right side (moving) and its left side (control), as in a landmarks file.
 
     `{"curves": [{"name", "moving": [start, end], "control": [start, end]}]}`: endpoints only, in the numbering of

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import nibabel
 import numpy as np
+from jaxtyping import Integer
+from numpy import ndarray
 
 from ..surfaces.surface import Surface, SurfaceError
 from . import gifti, meshformats
@@ -37,7 +39,7 @@ class Frame:
     volume: dict | None = None
 
 
-def read_surface(path):
+def read_surface(path: str | Path) -> Surface:
     """Surface from a file: .npz (vertices, faces, curve_<name>), .gii (also gzipped), .ply, .obj, .off, .stl,
     .vtk, .vtp, or FreeSurfer's binary triangles, known by their content under any other name (lh.pial, rh.white).
 
@@ -84,14 +86,19 @@ def frame_of(path):
     return Frame(side)
 
 
-def write_surface(path, surface, original_vertices=None, frame=None):
+def write_surface(
+    path: str | Path,
+    surface: Surface | tuple,
+    original_vertices: Integer[ndarray, " V"] | None = None,
+    frame: Frame | None = None,
+) -> None:
     """Write a surface in the format of the path's suffix (see read_surface; a FreeSurfer name such as lh.pial, or no
     suffix, gives FreeSurfer's binary); the file appears whole or not at all.
 
     Coordinates keep float64 exactly, but FreeSurfer, GIFTI and STL store float32, and STL has no vertex numbers. Only
-    npz keeps the curves and original_vertices, (V,) int, the second result of open_surface (by default the
-    surface's own). frame: `frame_of` the file
-    the coordinates come from: GIFTI gets its hemisphere (else the one that the name says) and coordinate system,
+    npz keeps the curves and original_vertices, the second result of open_surface (by default the surface's own).
+    surface: also a named tuple with a surface's arrays, such as `Registration.surface`. frame: `frame_of` the file the
+    coordinates come from: GIFTI gets its hemisphere (else the one that the name says) and coordinate system,
     FreeSurfer its volume geometry. Raises SurfaceError where the format is unknown or the folder cannot be written.
     """
     path, frame = Path(path), frame or Frame()

@@ -6,8 +6,10 @@ from pathlib import Path
 
 import nibabel
 import numpy as np
+from jaxtyping import Bool, Real
+from numpy import ndarray
 
-from ..surfaces.surface import SurfaceError
+from ..surfaces.surface import Surface, SurfaceError
 from . import gifti
 from .meshes import FOREIGN_SUFFIXES, suffix_of
 from .safe import FormatError, explain, npy_array, read_bytes, require_all, write_whole
@@ -40,8 +42,11 @@ _REFUSED = {
     ".npz": "an npz holds several arrays: save one as .npy",
 }
 
+# One number a vertex, or k of them.
+Values = Real[ndarray, " V *k"] | Bool[ndarray, " V *k"]
 
-def read_mask(path, surface, keep=False):
+
+def read_mask(path: str | Path, surface: Surface, keep: bool = False) -> Bool[ndarray, " V"]:
     """Mask (V,) bool of the vertices to cut away: those a file names or gives a nonzero value; for open_surface.
 
     Files: a FreeSurfer .label (vertex numbers), or one number a vertex as `read_values` reads it. keep=True: the file
@@ -80,7 +85,7 @@ def read_mask(path, surface, keep=False):
     return mask
 
 
-def read_values(path):
+def read_values(path: str | Path) -> Values:
     """Values (V,), or (V, k) of k maps, of a per-vertex file: .npy, .txt, .gii (.shape, .func, .label, also gzipped),
     .mgh, .mgz, .annot, or FreeSurfer morphometry, known by its content under any other name.
 
@@ -125,7 +130,7 @@ def read_labels(path):
         return {-1: ("???", (1.0, 1.0, 1.0, 0.0))} | known
 
 
-def write_values(path, values, side=None, labels=None):
+def write_values(path: str | Path, values: Values, side: str | None = None, labels: dict | None = None) -> None:
     """Write values (V,) or (V, k) in the format of the path's suffix, as `read_values` reads them; whole or not at all.
 
     GIFTI, MGH and morphometry store float32, GIFTI and MGH integers as int32; morphometry takes (V,) alone. A GIFTI

@@ -5,6 +5,8 @@ Wirtinger derivatives and its Beltrami coefficient are constants of the triangle
 """
 
 import numpy as np
+from jaxtyping import Complex, Float, Integer
+from numpy import ndarray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
@@ -20,7 +22,7 @@ from .checks import (  # noqa: F401  (complex_numbers: for those who look for it
 )
 
 
-def signed_areas(z, faces):
+def signed_areas(z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"]) -> Float[ndarray, " F"]:
     """Signed area of each triangle, positive when counter-clockwise: Im(conj(b - a)(c - a)) / 2, shape (F,).
 
     BeltramiError where a face names a vertex that is not there.
@@ -30,7 +32,7 @@ def signed_areas(z, faces):
     return 0.5 * ((b - a).conj() * (c - a)).imag
 
 
-def hat_gradients(z, faces):
+def hat_gradients(z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"]) -> Complex[ndarray, " F 3"]:
     """Gradients of the three hat functions of each triangle as complex numbers, shape (F, 3), 1/length.
 
     `grad phi_i = i (z_k - z_j) / (2 |T|)` for a counter-clockwise triangle (i, j, k): the pair (A_i, B_i) of the
@@ -53,7 +55,9 @@ def hat_gradients(z, faces):
     return 0.5j * opposite / area[:, None]
 
 
-def wirtinger(z, faces, f):
+def wirtinger(
+    z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"], f: Complex[ndarray, " V"] | Float[ndarray, " V 3"]
+) -> tuple[Complex[ndarray, " F *c"], Complex[ndarray, " F *c"]]:
     """The derivatives `f_z = (f_x - i f_y)/2` and `f_zbar = (f_x + i f_y)/2` of a piecewise linear map, each (F,).
 
     `f` is complex (V,); a real target (V, 3) gives complex arrays (F, 3), one column a coordinate.
@@ -64,14 +68,18 @@ def wirtinger(z, faces, f):
     return f_z, f_zbar
 
 
-def jacobian(z, faces, f):
+def jacobian(
+    z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"], f: Complex[ndarray, " V"]
+) -> Float[ndarray, " F"]:
     """Jacobian determinant of a planar map on each triangle, `|f_z|^2 - |f_zbar|^2`, (F,); negative where it folds."""
     f = planar_points(f, "f")  # a surface (V, 3) has no sign to tell
     f_z, f_zbar = wirtinger(z, faces, f)
     return abs(f_z) ** 2 - abs(f_zbar) ** 2
 
 
-def beltrami_coefficient(z, faces, f):
+def beltrami_coefficient(
+    z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"], f: Complex[ndarray, " V"] | Float[ndarray, " V 3"]
+) -> Complex[ndarray, " F"]:
     """The Beltrami coefficient `mu = f_zbar / f_z` of a map on each triangle, complex (F,).
 
     `f` complex (V,): a planar map; |mu| > 1 where it reverses orientation, infinite where it is anti-conformal.
@@ -88,7 +96,9 @@ def beltrami_coefficient(z, faces, f):
         return difference / (total + area_element)
 
 
-def compose_coefficients(mu_f, f_z, mu_g):
+def compose_coefficients(
+    mu_f: Complex[ndarray, " *F"], f_z: Complex[ndarray, " *F"], mu_g: Complex[ndarray, " *F"]
+) -> Complex[ndarray, " *F"]:
     """Coefficient of g after f: `(mu_f + t mu_g) / (1 + conj(mu_f) t mu_g)`, `t = conj(f_z)/f_z`, (F,).
 
     `mu_g` holds the coefficient of g at the image points f(z).
@@ -97,7 +107,7 @@ def compose_coefficients(mu_f, f_z, mu_g):
     return (mu_f + turned) / (1 + np.conj(mu_f) * turned)
 
 
-def inverse_coefficient(mu, f_z):
+def inverse_coefficient(mu: Complex[ndarray, " *F"], f_z: Complex[ndarray, " *F"]) -> Complex[ndarray, " *F"]:
     """Coefficient of the inverse of f at the image points f(z): `-mu f_z / conj(f_z)`, (F,)."""
     return -np.asarray(mu) * f_z / np.conj(f_z)
 
@@ -135,7 +145,9 @@ def face_mean(faces, n_vertices):
     return sparse.csr_array((np.full(len(rows), 1 / 3), (rows, faces.ravel())), shape=(len(faces), n_vertices))
 
 
-def stiffness(z, faces, mu):
+def stiffness(
+    z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"], mu: Complex[ndarray, " F"]
+) -> Float[sparse.csc_array, " V V"]:
     """The matrix `K(mu)_ij = sum_T |T| grad phi_i . A(mu_T) grad phi_j`, sparse (V, V), positive semi-definite.
 
     `(K u)_i = 0` is the mended form of the paper's eqs. linear_system_x and linear_system_y (with the area weight).
@@ -145,7 +157,9 @@ def stiffness(z, faces, mu):
     return assemble(faces, stiffness_blocks(hat_gradients(z, faces), signed_areas(z, faces), mu), len(z))
 
 
-def cotangent_stiffness(vertices, faces):
+def cotangent_stiffness(
+    vertices: Float[ndarray, " V 3"], faces: Integer[ndarray, " F 3"]
+) -> Float[sparse.csc_array, " V V"]:
     """The surface's own stiffness matrix, sparse (V, V): off-diagonal entries `-(cot a + cot b)/2`.
 
     It equals K(mu) of any embedding of the surface with Beltrami coefficient mu: no embedding is needed.
@@ -209,7 +223,13 @@ class Dirichlet:
         return x
 
 
-def solve_beltrami(z, faces, mu, pinned, values):
+def solve_beltrami(
+    z: Complex[ndarray, " V"],
+    faces: Integer[ndarray, " F 3"],
+    mu: Complex[ndarray, " F"],
+    pinned: Integer[ndarray, " K"],
+    values: Complex[ndarray, " K"],
+) -> Complex[ndarray, " V"]:
     """The Linear Beltrami Solver: the piecewise linear map with coefficient mu and given values, complex (V,).
 
     Solves `div(A(mu) grad u) = 0` for both coordinates with `f = values` (K,) at the vertices `pinned` (K,).

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
+from jaxtyping import Complex, Integer
+from numpy import ndarray
 from scipy import sparse
 
 from .beltrami import Dirichlet, assemble
@@ -26,7 +28,7 @@ class Certificate:
     """Outcome of `check_bijective`: `bijective`, the `flipped` faces (k,), and whether the `boundary` is simple."""
 
     bijective: bool
-    flipped: np.ndarray
+    flipped: Integer[ndarray, " k"]
     boundary: bool
 
 
@@ -67,7 +69,9 @@ def integers(x):
     return np.array(whole, dtype=object).reshape(len(x))
 
 
-def check_bijective(z, faces, f):
+def check_bijective(
+    z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"], f: Complex[ndarray, " V"]
+) -> Certificate:
     """Decide whether the piecewise linear map z -> f of a triangulated disk is a bijection onto its image.
 
     It is one when every triangle keeps its positive orientation and the image of the boundary is a simple polygon
@@ -86,7 +90,7 @@ def check_bijective(z, faces, f):
     return check_embedding(faces, f)
 
 
-def check_embedding(faces, f):
+def check_embedding(faces: Integer[ndarray, " F 3"], f: Complex[ndarray, " V"]) -> Certificate:
     """The certificate of a planar picture f (V,) of a triangulated disk, whatever its source (a surface, say)."""
     f, faces = check_mesh(f, faces)
     flipped, loop = reversed_faces(faces, f), f[boundary_loop(faces)]

@@ -8,6 +8,8 @@ import warnings
 from functools import cached_property
 
 import numpy as np
+from jaxtyping import Complex, Float, Integer
+from numpy import ndarray
 from scipy import sparse
 
 from .beltrami import Dirichlet, assemble, hat_gradients, signed_areas, stiffness, stiffness_blocks
@@ -81,7 +83,7 @@ class BeltramiDiskSolver:
     f(0) is the piecewise linear value in the face that contains 0; f(1) the boundary angle, linear along the edge.
     """
 
-    def __init__(self, z, faces):
+    def __init__(self, z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"]):
         (self.z, self.faces), self.order = check_mesh(z, faces), None
         check_used(self.z, self.faces)
         self.areas, self.gradients = signed_areas(self.z, self.faces), hat_gradients(self.z, self.faces)
@@ -110,7 +112,7 @@ class BeltramiDiskSolver:
         self.pole = self._choose_pole()
 
     @cached_property
-    def calibration(self):
+    def calibration(self) -> Float[sparse.csr_array, " B B"] | None:
         """Sparse (B, B): scales the angle steps so that mu = 0 gives back the mesh itself; None where they do anyway.
 
         An ear (a triangle with three boundary vertices) carries no flux and a sliver a wrong one; the error is much
@@ -145,14 +147,14 @@ class BeltramiDiskSolver:
             raise SurfaceError("the disk mesh has no interior vertex; refine it")
         return interior[abs(self.z[interior]).argmin()]
 
-    def solve(self, mu):
+    def solve(self, mu: Complex[ndarray, " F"]) -> Complex[ndarray, " V"]:
         """The map f (V,) with Beltrami coefficient mu (F,); BeltramiError unless |mu| < 1 everywhere."""
         self.mu, self.free_boundary = check_coefficient(mu, len(self.faces)), None  # the last factors make room
         self.free_boundary = FreeBoundary(self._problem(self.mu), self.lengths, self.pole, self.calibration)
         self.floored = int(self.free_boundary.floored.sum())
         return self.normalise(self.free_boundary.f)
 
-    def normalise(self, raw):
+    def normalise(self, raw: Complex[ndarray, " V"]) -> Complex[ndarray, " V"]:
         """The disk map (V,) that follows `raw` (V,), which keeps the circle, by the Möbius map to f(0) = 0, f(1)
         = 1."""
         self.a = 0j
@@ -168,7 +170,7 @@ class BeltramiDiskSolver:
         self.f[self.loop] /= abs(self.f[self.loop])
         return self.f.copy()  # the pullback refers to self.f
 
-    def pullback(self, grad_f):
+    def pullback(self, grad_f: Complex[ndarray, " *B V"]) -> Complex[ndarray, " *B F"]:
         """Gradient with respect to mu, (F,) or (B, F), from gradients with respect to the last f, (V,) or (B, V).
 
         Both gradients are `dL/dRe + i dL/dIm` of a real L. Two rounds of solves with the kept factorisation.
@@ -182,10 +184,10 @@ class BeltramiDiskSolver:
             grad_mu[:, some] += self.sensitivity(x) @ lam[:, some]
         return grad_mu.T.reshape(*grad_f.shape[:-1], len(self.faces))
 
-    def adjoints(self, grad_f):
-        """What `pullback` sums up before it comes to the faces, for B gradients and i times each: three (V, 2 B), real.
+    def adjoints(self, grad_f: Complex[sparse.csr_array, " B V"]) -> list[Float[ndarray, " V 2*B"]]:
+        """What `pullback` sums up before it comes to the faces, for B gradients and i times each: three, real.
 
-        grad_f: sparse complex (B, V). The gradient with respect to mu is `sum_k sensitivity(x_k) @ adjoint_k`, x_k of
+        The gradient with respect to mu is `sum_k sensitivity(x_k) @ adjoint_k`, x_k of
         `parts`. As the system is real, the solutions for i times a gradient are i times its own, up to the origin's.
         """
         count, free = grad_f.shape[0], self.free_boundary.dirichlet.free
@@ -202,7 +204,7 @@ class BeltramiDiskSolver:
         return [lam for lam, _ in self.free_boundary.pullback(grad_raw, solution)]
 
     @property
-    def parts(self):
+    def parts(self) -> tuple[Float[ndarray, " V"], Float[ndarray, " V"], Float[ndarray, " V"]]:
         """The three potentials (V,) that `adjoints` belong to: Re f, Im f and U of the last solution."""
         return self.free_boundary.f.real, self.free_boundary.f.imag, self.free_boundary.U
 
@@ -229,7 +231,7 @@ class BeltramiDiskSolver:
         origin[inner] = self.weights * slope[inner].conj()
         return grad_w * slope.conj()[:, None], origin, grad_centre
 
-    def sensitivity(self, x):
+    def sensitivity(self, x: Float[ndarray, " V"]) -> Complex[sparse.sparray, " F V"]:
         """Sparse (F, V): applied to lam, the gradient with respect to mu of `lam . K(mu) x`.
 
         Per face the derivative of `|T| grad lam . A(mu) grad x`.
@@ -260,7 +262,9 @@ def unfold(solver, f):
     return f, rows
 
 
-def solve_beltrami_disk(z, faces, mu, repair=False):
+def solve_beltrami_disk(
+    z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"], mu: Complex[ndarray, " F"], repair: bool = False
+) -> Complex[ndarray, " V"]:
     """The disk self-map with Beltrami coefficient mu (F,) and a free boundary, f(0) = 0 and f(1) = 1: complex (V,).
 
     z (V,) complex with its boundary on the unit circle. Exact up to discretisation: the flux form, one factorisation

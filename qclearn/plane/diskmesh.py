@@ -2,6 +2,8 @@
 
 import numpy as np
 import shapely
+from jaxtyping import Complex, Float, Integer
+from numpy import ndarray
 from scipy import sparse
 
 from .checks import BeltramiError, check_faces, check_mesh, planar_points
@@ -13,13 +15,13 @@ class SurfaceError(ValueError):
     """A surface, or a file of one, that cannot be used: says what was found, where (indices) and what to do."""
 
 
-def square_to_disk(w):
+def square_to_disk(w: Complex[ndarray, " *P"]) -> Complex[ndarray, " *P"]:
     """Radial map of the square [-1, 1]^2 onto the unit disk, `w max(|cos t|, |sin t|)`, t = arg w; 0 to 0."""
     w = np.asarray(w, complex)
     return w * _radius_ratio(w)
 
 
-def disk_to_square(z):
+def disk_to_square(z: Complex[ndarray, " *P"]) -> Complex[ndarray, " *P"]:
     """Inverse of `square_to_disk`: `z / max(|cos t|, |sin t|)` (the paper's formula with its absolute values)."""
     z = np.asarray(z, complex)
     return z / _radius_ratio(z)
@@ -31,7 +33,7 @@ def _radius_ratio(w):
     return np.divide(largest, size, out=np.ones_like(size), where=size > 0)
 
 
-def square_disk(n):
+def square_disk(n: int) -> tuple[Complex[ndarray, " V"], Integer[ndarray, " F 3"]]:
     """Disk mesh with the topology of an n x n square grid, n even: (z (V,), faces (F, 3)).
 
     Every cell is split by the diagonal that runs into the square's corner of its quadrant; the other choice puts a
@@ -49,7 +51,7 @@ def square_disk(n):
     return square_to_disk((x + 1j * y).ravel()), np.concatenate([first, second])
 
 
-def polar_disk(nr, nt, power=1.0):
+def polar_disk(nr: int, nt: int, power: float = 1.0) -> tuple[Complex[ndarray, " V"], Integer[ndarray, " F 3"]]:
     """Graded polar disk mesh: vertex 0 at the centre, then nr rings of nt vertices at radius (j / nr)^power.
 
     Returns (z (1 + nr nt,), faces); all quads are split along the same diagonal, so that the mesh is invariant under
@@ -96,7 +98,9 @@ def _alone(faces):
     return there[np.minimum(np.searchsorted(there, opposite), len(there) - 1)] != opposite
 
 
-def locate(z, faces, points):
+def locate(
+    z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"], points: Complex[ndarray, " P"]
+) -> tuple[Integer[ndarray, " P"], Float[ndarray, " P 3"]]:
     """Where points lie in a disk mesh: (face (P,), barycentric coordinates (P, 3), non-negative, sum 1).
 
     A point beyond the boundary polygon (between a chord and its arc, say) is first moved radially onto the polygon;

@@ -1,13 +1,17 @@
 """The log form: a second, independent route to the disk map with a free boundary, for tests and for teaching."""
 
 import numpy as np
+from jaxtyping import Complex, Integer
+from numpy import ndarray
 
 from .beltrami import Dirichlet, diffuse, signed_areas, stiffness
 from .checks import check_coefficient
 from .disk import BeltramiDiskSolver
 
 
-def solve_beltrami_disk_log(z, faces, mu):
+def solve_beltrami_disk_log(
+    z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"], mu: Complex[ndarray, " F"]
+) -> Complex[ndarray, " V"]:
     """The disk self-map with Beltrami coefficient mu (F,), free boundary, f(0) = 0 and f(1) = 1, complex (V,).
 
     Away from the pole `F = log f` solves `F_zbar = mu F_z`. With `L = z + mu0 conj(z)`, mu0 the mean of mu around the

@@ -1,15 +1,21 @@
 """Möbius maps of the unit disk: the conformal freedom that a Beltrami coefficient does not see."""
 
 import numpy as np
+from jaxtyping import Complex, Float
+from numpy import ndarray
 from scipy.optimize import least_squares
 
 
-def mobius(z, a=0.0, theta=0.0):
+def mobius(
+    z: Complex[ndarray, " *P"], a: Complex[ndarray, " *#P"] = 0.0, theta: Float[ndarray, " *#P"] = 0.0
+) -> Complex[ndarray, " *P"]:
     """The disk Möbius map `exp(i theta) (z - a) / (1 - conj(a) z)`, which sends a to 0; theta in radians."""
     return np.exp(1j * theta) * (z - a) / (1 - np.conj(a) * z)
 
 
-def mobius_inverse(w, a=0.0, theta=0.0):
+def mobius_inverse(
+    w: Complex[ndarray, " *P"], a: Complex[ndarray, " *#P"] = 0.0, theta: Float[ndarray, " *#P"] = 0.0
+) -> Complex[ndarray, " *P"]:
     """Inverse of `mobius(., a, theta)`."""
     w = np.exp(-1j * theta) * w
     return (w + a) / (1 + np.conj(a) * w)
@@ -20,7 +26,9 @@ def mobius_slope(z, a=0.0, theta=0.0):
     return np.exp(1j * theta) * (1 - abs(a) ** 2) / (1 - np.conj(a) * z) ** 2
 
 
-def best_mobius(p, q, weights=None):
+def best_mobius(
+    p: Complex[ndarray, " M"], q: Complex[ndarray, " M"], weights: Float[ndarray, " M"] | None = None
+) -> tuple[complex, float]:
     """The disk Möbius map, as (a, theta), that minimises `mean |M(p) - q|^2` over points of the unit disk.
 
     Least squares over `s` in the plane with `a = s / sqrt(1 + |s|^2)`, which keeps |a| < 1, from eight rotations,
@@ -70,7 +78,7 @@ def centring_mobius(z, weights):
     return a
 
 
-def compose_mobius(first, second):
+def compose_mobius(first: tuple[complex, float], second: tuple[complex, float]) -> tuple[complex, float]:
     """Parameters (a, theta) of `second` after `first`, each given as (a, theta)."""
     a = mobius_inverse(second[0], *first)  # what the composition sends to 0
     at_one = mobius(mobius(1.0, *first), *second)

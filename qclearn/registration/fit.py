@@ -1,8 +1,11 @@
 """The best quasi-conformal map for given landmarks, without a network: Gauss-Newton on nodal coefficients, mesh by mesh."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Complex, Integer
+from numpy import ndarray
 from threadpoolctl import threadpool_limits
 
 from ..plane.beltrami import check_coefficient
@@ -35,20 +38,20 @@ class LandmarkFit(CertifiedMap):
 
 
 def fit_landmarks(
-    z,
-    faces,
-    moving,
-    target,
-    alpha=1.0,
-    beta=1e-2,
-    gamma=1e5,
-    curve=None,
-    sliding=False,
-    start=None,
-    rings=None,
-    watch=None,
-    enough=0.0,
-):
+    z: Complex[ndarray, " V"],
+    faces: Integer[ndarray, " F 3"],
+    moving: Complex[ndarray, " M"],
+    target: Complex[ndarray, " M"],
+    alpha: float = 1.0,
+    beta: float = 1e-2,
+    gamma: float = 1e5,
+    curve: Integer[ndarray, " M"] | None = None,
+    sliding: bool = False,
+    start: Complex[ndarray, " F"] | None = None,
+    rings: int | None = None,
+    watch: Callable | None = None,
+    enough: float = 0.0,
+) -> LandmarkFit:
     """The quasi-conformal disk map that takes landmarks `moving` to `target`: a LandmarkFit, certified or reported.
 
     Minimises `alpha mean|nu|^2 + beta mean|grad nu|^2 + gamma mean|M(f(p)) - q|^2` (means over the unit disk and over

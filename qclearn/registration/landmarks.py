@@ -1,19 +1,24 @@
 """Landmark curves on a surface: sampling by arc length, and a sulcus found between two endpoints without a network."""
 
 import numpy as np
+from jaxtyping import Complex, Float, Integer
+from numpy import ndarray
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from ..plane.diskmesh import interpolate, locate
 from ..surfaces.curvature import mean_curvature, sulcal_depth
+from ..surfaces.surface import Surface
 from .problem import LandmarkError
 
 SAMPLES = 400  # on a curve whose distance to another is measured
 CURVATURE_WEIGHT, DEPTH_WEIGHT = 0.5, 2.0  # exponents of the fundus metric
 
 
-def sample_curve(surface, path, count=10):
+def sample_curve(
+    surface: Surface, path: Integer[ndarray, " k"], count: int = 10
+) -> Float[sparse.csr_array, " count V"]:
     """Sparse matrix (count, V) that evaluates per-vertex data at equally spaced points of a vertex path.
 
     The points are equally spaced by arc length in space, ends included: `sample_curve(s, p) @ s.vertices` are the
@@ -70,7 +75,7 @@ def check_path(surface, path):
     return path
 
 
-def fundus_metric(surface):
+def fundus_metric(surface: Surface) -> Float[ndarray, " E"]:
     """Length of every edge of `surface.edges` in a metric that is short along the floor of sulci, (E,).
 
     An edge's length in space times the mean over its ends of `exp(H/(2 s) - 2 d/m)`, with H the mean curvature (limited
@@ -94,7 +99,9 @@ def weigh_edges(surface, cost):
     return length * (cost[first] + cost[second]) / 2
 
 
-def fundus_path(surface, start, end, metric=None):
+def fundus_path(
+    surface: Surface, start: int, end: int, metric: Float[ndarray, " E"] | None = None
+) -> Integer[ndarray, " k"]:
     """Vertex path (k,) of a sulcus between two endpoints: the shortest one in `fundus_metric` (computed if not given).
 
     LandmarkError if the endpoints coincide or are out of range.
@@ -111,7 +118,9 @@ def fundus_path(surface, start, end, metric=None):
     return np.array(path[::-1])
 
 
-def detect_curves(surface, z, endpoints):
+def detect_curves(
+    surface: Surface, z: Complex[ndarray, " V"], endpoints: Integer[ndarray, " K 2"]
+) -> list[Complex[ndarray, " _"]]:
     """The sulci between pairs of endpoints (K, 2) as curves in the disk map z: list of (k,) complex.
 
     The shortest paths in `fundus_metric`: the classical twin of LD-Net, behind the same call.

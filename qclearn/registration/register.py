@@ -11,6 +11,8 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Bool, Complex, Float, Integer, Num
+from numpy import ndarray
 from scipy.sparse import vstack
 from tqdm import tqdm
 
@@ -20,7 +22,7 @@ from ..plane.diskmesh import interpolate, locate, sampling_matrix
 from ..plane.mobius import best_mobius, mobius
 from ..plane.triangles import edge_lengths
 from ..surfaces.conformal import disk_conformal_map
-from ..surfaces.surface import degenerate_faces, require_disk, require_outward
+from ..surfaces.surface import Surface, degenerate_faces, require_disk, require_outward
 from .checked import TOLERANCE, bijective_fit, gamma_words, guarded_curves, predicted, refined, unfolded
 from .landmarkfile import check_curves
 from .landmarks import detect_curves, resample, sample_curve
@@ -42,18 +44,18 @@ class Registration:
     complex each; faces_moving, faces_control.
     """
 
-    points: np.ndarray
-    disk_map: np.ndarray
-    mu: np.ndarray
+    points: Float[ndarray, " V 3"]
+    disk_map: Complex[ndarray, " V"]
+    mu: Complex[ndarray, " F"]
     report: dict
-    disk_moving: np.ndarray
-    disk_control: np.ndarray
+    disk_moving: Complex[ndarray, " V"]
+    disk_control: Complex[ndarray, " W"]
     curves: dict
-    faces_moving: np.ndarray
-    faces_control: np.ndarray
+    faces_moving: Integer[ndarray, " F 3"]
+    faces_control: Integer[ndarray, " G 3"]
 
     @property
-    def surface(self):
+    def surface(self) -> "Unchecked":
         """The moving surface's faces at the registered points, for `write_surface`: an `Unchecked` surface."""
         return Unchecked(self.points, self.faces_moving)
 
@@ -92,17 +94,17 @@ class Stages:
 
 
 def register(
-    moving,
-    control,
-    curves,
-    method="exact",
-    alpha=1.0,
-    beta=1e-2,
-    gamma=1e5,
-    sliding=False,
-    progress=False,
-    tolerance=None,
-):
+    moving: Surface,
+    control: Surface,
+    curves: dict | list,
+    method: str = "exact",
+    alpha: float = 1.0,
+    beta: float = 1e-2,
+    gamma: float = 1e5,
+    sliding: bool = False,
+    progress: bool = False,
+    tolerance: float | None = None,
+) -> Registration:
     """Register the moving surface to the control surface along landmark curves: a Registration, certified bijective.
 
     curves: the landmarks file as read from JSON, `{"curves": [{"name", "moving", "control"}, ...]}` with vertex
@@ -312,7 +314,13 @@ def true_path(surface, entry, side):
     return known if known[0] == given[0] else known[::-1]
 
 
-def transfer(values, z_from, faces_from, z_to, nearest=False):
+def transfer(
+    values: Num[ndarray, " V *k"] | Bool[ndarray, " V *k"],
+    z_from: Complex[ndarray, " V"],
+    faces_from: Integer[ndarray, " F 3"],
+    z_to: Complex[ndarray, " P"],
+    nearest: bool = False,
+) -> Num[ndarray, " P *k"] | Bool[ndarray, " P *k"]:
     """Per-vertex values (V,) or (V, k) of one disk mesh carried to the points z_to of the same disk.
 
     From control to moving: `transfer(values, disk_control, faces_control, disk_map)`; back:

@@ -3,6 +3,8 @@
 import warnings
 
 import numpy as np
+from jaxtyping import Complex, Float
+from numpy import ndarray
 
 from ..plane.beltrami import Dirichlet, cotangent_stiffness
 from ..plane.bijectivity import BijectivityError, RepairWarning, check_embedding
@@ -10,10 +12,10 @@ from ..plane.bijectivity import repair as switch_rows
 from ..plane.disk import LARGE, FreeBoundary, elimination_order
 from ..plane.mobius import centring_mobius, mobius
 from ..plane.triangles import corner_angles, edge_lengths
-from .surface import SurfaceError, require_disk
+from .surface import Surface, SurfaceError, require_disk
 
 
-def disk_conformal_map(surface):
+def disk_conformal_map(surface: Surface) -> Complex[ndarray, " V"]:
     """The conformal map of a disk-like surface onto the unit disk, complex (V,), boundary exactly on the circle.
 
     Gauge: the surface's area centroid at 0, the first vertex of `surface.boundary` at 1. The flux form with the
@@ -71,7 +73,7 @@ def _centre_and_unfold(surface, matrix, f):
     return f, switched
 
 
-def angle_distortion(surface, z):
+def angle_distortion(surface: Surface, z: Complex[ndarray, " V"]) -> Float[ndarray, " F 3"]:
     """Angles in the disk minus angles on the surface, in degrees, (F, 3): column k at vertex `faces[:, k]`."""
     disk, original = (corner_angles(edge_lengths(points, surface.faces)) for points in (z, surface.vertices))
     return np.degrees(disk - original)

@@ -3,19 +3,21 @@
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Complex, Float
+from numpy import ndarray
 from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.spatial import ConvexHull, QhullError
 
 from ..plane.beltrami import cotangent_stiffness
 from ..plane.diskmesh import interpolate, locate, pixel_centres
-from .surface import SurfaceError
+from .surface import Surface, SurfaceError
 
 CLOSING_RADIUS = 0.05  # radius of the ball that closes the sulci, in units of sqrt(area of the convex hull)
 CLOSING_CELL = 1 / 130  # side of a voxel, same unit
 
 
-def mean_curvature(surface):
+def mean_curvature(surface: Surface) -> Float[ndarray, " V"]:
     """Mean curvature (k1 + k2)/2 of each vertex (V,), 1/length: positive on gyri if the faces look outward.
 
     `H = n . (K x) / (2 A)` with the cotangent stiffness K, the mixed Voronoi area A of Meyer et al. (2003) and the
@@ -84,7 +86,7 @@ def _fill_boundary(surface, values):
     return values
 
 
-def sulcal_depth(surface):
+def sulcal_depth(surface: Surface) -> Float[ndarray, " V"]:
     """Depth of each vertex (V,) below the outer envelope, >= 0 and 0 on gyral crowns, in the surface's length.
 
     The distance to the outside of the morphological closing of the filled surface by a ball of radius 0.05 L, where
@@ -132,8 +134,8 @@ def _filled(surface, origin, cell, shape):
 class AreaRadius:
     """A monotone change of radius of the unit disk, linear between knots: `disk` (K,) <-> `image` (K,), both 0 to 1."""
 
-    disk: np.ndarray
-    image: np.ndarray
+    disk: Float[ndarray, " K"]
+    image: Float[ndarray, " K"]
 
     def to_image(self, z):
         """Image coordinates of points z of the disk, complex; angles are kept."""
@@ -174,7 +176,9 @@ def _samples(surface, z, m):
     return points.ravel(), np.repeat(surface.face_areas / m**2, m**2)
 
 
-def curvature_image(surface, z, size=128, values=None):
+def curvature_image(
+    surface: Surface, z: Complex[ndarray, " V"], size: int = 128, values: Float[ndarray, " V"] | None = None
+) -> tuple[Float[ndarray, " size size"], AreaRadius]:
     """Image (size, size) of a per-vertex map on the disk, NaN outside it, and the `AreaRadius` of its coordinates.
 
     z (V,) is a disk map of the surface, as `disk_conformal_map` gives. The pixel in row i and column j shows the point

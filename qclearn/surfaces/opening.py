@@ -1,13 +1,15 @@
 """Cutting a closed hemisphere open along a mask (the medial wall), so that a disk is left."""
 
 import numpy as np
+from jaxtyping import Bool, Integer
+from numpy import ndarray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from .surface import Surface, SurfaceError, require_disk
 
 
-def open_surface(surface, mask):
+def open_surface(surface: Surface, mask: Bool[ndarray, " V"]) -> tuple[Surface, Integer[ndarray, " W"]]:
     """The disk left when the vertices of mask are cut away, and their indices in the input: (Surface, (V',) int).
 
     mask: (V,) bool, True = cut. A face stays if none of its corners is cut; of what stays the piece of largest area

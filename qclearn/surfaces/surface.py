@@ -1,8 +1,11 @@
 """Triangulated surfaces: validated once, immutable afterwards, with the topology that everything else asks for."""
 
+from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
+from jaxtyping import Float, Integer
+from numpy import ndarray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 
@@ -30,7 +33,20 @@ class Surface:
     out of a whole one, the vertices' numbers there. The arrays are read-only, so what was checked stays true.
     """
 
-    def __init__(self, vertices, faces, curves=None, original_vertices=None):
+    vertices: Float[ndarray, " V 3"]
+    faces: Integer[ndarray, " F 3"]
+    edges: Integer[ndarray, " E 2"]
+    edge_faces: Integer[ndarray, " E 2"]
+    curves: dict[str, Integer[ndarray, " _"]]
+    original_vertices: Integer[ndarray, " V"] | None
+
+    def __init__(
+        self,
+        vertices: Float[ndarray, " V 3"],
+        faces: Integer[ndarray, " F 3"],
+        curves: Mapping[str, Integer[ndarray, " _"]] | None = None,
+        original_vertices: Integer[ndarray, " V"] | None = None,
+    ):
         self.vertices = frozen(vertex_array(vertices))
         self.faces = frozen(face_array(faces))
         check_faces(self.vertices, self.faces)
@@ -45,7 +61,7 @@ class Surface:
         return f"Surface({len(self.vertices)} vertices, {len(self.faces)} faces{curves})"
 
     @cached_property
-    def boundary_loops(self):
+    def boundary_loops(self) -> list[Integer[ndarray, " _"]]:
         """List of (k,) int arrays: each loop runs along its faces' own edges (the surface on its left seen from
         outside), starts at its smallest vertex index; loops in the order of their first vertices."""
         following = dict(self._boundary_halfedges.tolist())
@@ -59,36 +75,36 @@ class Surface:
         return loops
 
     @cached_property
-    def boundary(self):
+    def boundary(self) -> Integer[ndarray, " B"]:
         """The boundary loop (k,) int, from its smallest vertex index; SurfaceError unless there is exactly one."""
         if len(self.boundary_loops) != 1:
             raise SurfaceError(_loops_message(self))
         return self.boundary_loops[0]
 
     @property
-    def euler_characteristic(self):
+    def euler_characteristic(self) -> int:
         """V - E + F: 2 for a sphere, 1 for a disk, less by 1 for each further hole and by 2 for each handle."""
         return len(self.vertices) - len(self.edges) + len(self.faces)
 
     @cached_property
-    def face_areas(self):
+    def face_areas(self) -> Float[ndarray, " F"]:
         """Areas of the faces (F,), in squared units of the vertices."""
         a, b, c = (self.vertices[corner] for corner in self.faces.T)
         return frozen(0.5 * norms(np.cross(b - a, c - a)))
 
     @cached_property
-    def vertex_areas(self):
+    def vertex_areas(self) -> Float[ndarray, " V"]:
         """One third of the areas of the faces around each vertex (V,)."""
         total = np.bincount(self.faces.ravel(), weights=np.repeat(self.face_areas, 3), minlength=len(self.vertices))
         return frozen(total / 3)
 
     @property
-    def area(self):
+    def area(self) -> float:
         """Total area."""
         return float(self.face_areas.sum())
 
     @cached_property
-    def volume(self):
+    def volume(self) -> float:
         """Signed enclosed volume, each loop capped by a fan from its centroid; positive = the faces look outward."""
         centred = self.vertices - self.vertices.mean(axis=0)
         six_volumes = np.linalg.det(centred[self.faces]).sum()
@@ -100,7 +116,7 @@ class Surface:
         return float(six_volumes / 6)
 
 
-def require_disk(surface):
+def require_disk(surface: Surface) -> None:
     """Raise SurfaceError unless the surface is a topological disk: one boundary loop and Euler characteristic 1."""
     if len(surface.boundary_loops) != 1:
         raise SurfaceError(_loops_message(surface))
@@ -114,7 +130,7 @@ def require_disk(surface):
         )
 
 
-def require_outward(surface):
+def require_outward(surface: Surface) -> None:
     """Raise SurfaceError unless the faces look outward: positive `volume`, beyond rounding."""
     if abs(surface.volume) <= 1e-12 * surface.area**1.5:
         raise SurfaceError(
@@ -128,7 +144,7 @@ def require_outward(surface):
         )
 
 
-def mirror(surface):
+def mirror(surface: Surface) -> Surface:
     """The surface with x negated and every face reversed, so that outward stays outward; vertices and curves keep
     their indices."""
     vertices = surface.vertices * [-1.0, 1.0, 1.0]

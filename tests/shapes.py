@@ -1,0 +1,103 @@
+"""The shapes that the public functions are annotated with, held to whenever a test calls one of them.
+
+Whatever NumPy takes for such an array counts as one, and numbers of a narrower kind too (integers as real numbers, real
+numbers as complex ones). What an annotation does not admit, the library has to refuse by an error of its own: a call
+that comes back all the same is a ShapeError, as is a result of another shape than announced.
+"""
+
+import inspect
+import sys
+from collections.abc import Mapping
+from functools import cached_property, wraps
+from typing import get_type_hints
+
+import numpy as np
+from beartype import BeartypeConf
+from beartype.door import is_bearable
+from jaxtyping import jaxtyped
+
+NUMBERS = BeartypeConf(is_pep484_tower=True)  # integers are real numbers, real numbers complex ones
+
+
+class ShapeError(AssertionError):
+    """An argument or a result that is not what the annotation says."""
+
+
+def readings(value):
+    """What a value may be taken for: itself, an array, and an array of a wider kind of numbers."""
+    yield value
+    if isinstance(value, Mapping):
+        yield {name: np.asarray(item) for name, item in value.items()}
+    elif not isinstance(value, str | None) and np.ndim(value):
+        array = np.asarray(value)
+        yield array
+        yield from (array.astype(wider) for wider in (float, complex) if array.dtype.kind in "iuf")
+    elif isinstance(value, int | float | complex | np.generic):
+        yield from (np.asarray(value, wider) for wider in (float, complex) if not np.iscomplexobj(value))
+        yield np.asarray(value)
+        yield value.item() if isinstance(value, np.generic) else value
+
+
+def admits(hint, value):
+    """Whether the value is what the annotation says, in the dimensions bound so far."""
+    try:
+        return any(is_bearable(reading, hint, conf=NUMBERS) for reading in readings(value))
+    except ValueError:  # rows of unequal lengths
+        return False
+
+
+def held(function):
+    """The function with its arguments and its result held to its annotations."""
+    signature, hints = inspect.signature(function), get_type_hints(function)
+    result_hint = hints.pop("return", None)
+
+    @wraps(function)
+    def call(*args, **kwargs):
+        with jaxtyped("context"):
+            given = signature.bind(*args, **kwargs).arguments
+            wrong = [name for name, value in given.items() if name in hints and not admits(hints[name], value)]
+            result = function(*args, **kwargs)
+            if wrong:
+                raise ShapeError(f"{function.__qualname__} takes {', '.join(wrong)} that its annotations exclude")
+            if result_hint is not None and not admits(result_hint, result):
+                raise ShapeError(f"{function.__qualname__} returns {result!r}, which is not {result_hint}")
+            return result
+
+    return call
+
+
+def hold_class(cls):
+    """A class with its public methods held to their annotations, and its attributes once it is made."""
+    for name, member in list(vars(cls).items()):
+        if isinstance(member, cached_property):
+            member.func = held(member.func)
+        elif isinstance(member, property):
+            setattr(cls, name, property(held(member.fget)))
+        elif inspect.isfunction(member) and not name.startswith("_"):
+            setattr(cls, name, held(member))
+    make, attributes = held(cls.__init__), get_type_hints(cls)
+
+    @wraps(cls.__init__)
+    def init(self, *args, **kwargs):
+        make(self, *args, **kwargs)
+        with jaxtyped("context"):
+            wrong = [
+                name for name, hint in attributes.items() if not is_bearable(getattr(self, name), hint, conf=NUMBERS)
+            ]
+        if wrong:
+            raise ShapeError(f"{cls.__name__} has {', '.join(wrong)} that its annotations exclude")
+
+    cls.__init__ = init
+
+
+def hold(package):
+    """Hold all that `package.__all__` names to its annotations, wherever its modules have it in hand."""
+    modules = [module for name, module in sys.modules.items() if name.split(".")[0] == package.__name__]
+    for public in (getattr(package, name) for name in package.__all__):
+        if inspect.isfunction(public):
+            checked = held(public)
+            for module in modules:
+                for name in [name for name, value in vars(module).items() if value is public]:
+                    setattr(module, name, checked)
+        elif not issubclass(public, Exception):
+            hold_class(public)

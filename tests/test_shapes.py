@@ -1,0 +1,103 @@
+"""The shapes of the public functions: none is missing, and what the tests hold them to does refuse."""
+
+import inspect
+from typing import get_args, get_type_hints
+
+import numpy as np
+import pytest
+from jaxtyping import AbstractArray, Complex, Float
+from numpy import ndarray
+from scipy import sparse
+from shapes import ShapeError, held, hold_class
+
+import qclearn as qc
+
+PUBLIC = [getattr(qc, name) for name in qc.__all__]
+
+
+def functions_of(public):
+    """Pairs (name, function): a function itself, or what a class offers, its making included."""
+    if inspect.isfunction(public):
+        yield public.__name__, public
+    elif not issubclass(public, Exception):
+        for name, member in vars(public).items():
+            member = getattr(member, "fget", None) or getattr(member, "func", member)
+            if inspect.isfunction(member) and (name == "__init__" or not name.startswith("_")):
+                yield f"{public.__name__}.{name}", member
+
+
+FUNCTIONS = dict(pair for public in PUBLIC for pair in functions_of(public))
+
+
+def parts(hint):
+    """An annotation and all that it is made of."""
+    yield hint
+    for inner in get_args(hint):
+        yield from parts(inner)
+
+
+def without_shape(hint):
+    """Whether an annotation has an array in it of which nothing says the shape."""
+    return any(part in (ndarray, np.generic) or is_sparse(part) for part in parts(hint))
+
+
+def is_sparse(part):
+    return inspect.isclass(part) and issubclass(part, sparse.sparray) and not issubclass(part, AbstractArray)
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_every_argument_and_result_is_annotated_and_every_array_has_a_shape(name):
+    function = FUNCTIONS[name]
+    hints = get_type_hints(function)
+    expected = set(inspect.signature(function).parameters) - {"self"} | (
+        {"return"} if "__init__" not in name else set()
+    )
+    assert set(hints) >= expected
+    assert [key for key, hint in hints.items() if without_shape(hint)] == []
+
+
+@pytest.mark.parametrize("cls", [public for public in PUBLIC if inspect.isclass(public)])
+def test_every_array_of_a_public_class_has_a_shape(cls):
+    assert [name for name, hint in get_type_hints(cls).items() if without_shape(hint)] == []
+
+
+def test_an_array_without_a_shape_is_noticed():
+    assert without_shape(ndarray) and without_shape(tuple[Float[ndarray, " V"], ndarray | None])
+    assert without_shape(sparse.csc_array) and not without_shape(Float[sparse.csc_array, " V V"] | None)
+
+
+def test_a_planted_wrong_shape_is_noticed():
+    """Of the result, of arguments that do not go together, and of what a class keeps."""
+
+    def transposed(z: Complex[ndarray, " V"]) -> Float[ndarray, " V 2"]:
+        return np.stack([z.real, z.imag])
+
+    def added(p: Complex[ndarray, " M"], q: Complex[ndarray, " M"]) -> Complex[ndarray, " M"]:
+        return np.asarray(p) + np.asarray(q)
+
+    class Mesh:
+        z: Complex[ndarray, " V"]
+
+        def __init__(self, z: Complex[ndarray, " V"]):
+            self.z = np.asarray(z)[:, None]
+
+    with pytest.raises(ShapeError, match=r"transposed returns"):
+        held(transposed)(np.zeros(3, complex))
+    with pytest.raises(ShapeError, match="added takes q that"):
+        held(added)(np.zeros(3, complex), np.zeros(1, complex))
+    np.testing.assert_array_equal(held(added)([1, 2], [1j, 2j]), [1 + 1j, 2 + 2j])
+    hold_class(Mesh)
+    with pytest.raises(ShapeError, match="Mesh has z that"):
+        Mesh(np.zeros(3, complex))
+
+
+def test_the_public_functions_are_held_to_their_shapes():
+    """Wherever they are in hand; and the library's own refusal comes first."""
+    from qclearn.plane import beltrami, diskmesh
+
+    z, faces = qc.polar_disk(2, 6)
+    assert qc.locate is diskmesh.locate and qc.jacobian is beltrami.jacobian
+    with pytest.raises(ShapeError, match="compose_coefficients takes mu_g"):
+        qc.compose_coefficients(np.zeros(3, complex), np.ones(3, complex), np.zeros((2, 3), complex))
+    with pytest.raises(qc.BeltramiError, match="give complex numbers"):
+        qc.signed_areas(np.stack([z, z]), faces)
