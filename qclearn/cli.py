@@ -27,7 +27,7 @@ from .registration.landmarkfile import read_landmarks
 from .registration.landmarks import curves_of_both
 from .registration.mapfile import read_registration, write_registration
 from .registration.register import register as run_registration
-from .registration.register import transfer as transfer_map
+from .registration.transfer import transfer as transfer_map
 
 # SurfaceError, LandmarkError, BeltramiError and BijectivityError are ValueErrors; ImportError: torch may be missing
 USER_ERRORS = (ValueError, OSError, ImportError)

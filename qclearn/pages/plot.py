@@ -336,7 +336,7 @@ def registration_scene(registration, shape, registered=True, **more):
     shape: the control surface, or another one with its faces (inflated, say); registered=False shows the moving curves
     where the best Möbius map of the disk leaves them. `more` goes to `surface_scene`.
     """
-    from ..registration.register import lift
+    from ..registration.transfer import lift
 
     r = registration
     moving, targets = (list(side) for side in zip(*r.curves.values()))

@@ -9,6 +9,7 @@ from ..plane.diskmesh import interpolate, locate
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 from .problem import LandmarkError
 
+POINTS_PER_CURVE = 10
 SAMPLES = 400  # on a curve whose distance to another is measured
 CURVATURE_WEIGHT, DEPTH_WEIGHT = 0.5, 2.0  # exponents of the fundus metric
 
