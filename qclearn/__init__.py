@@ -29,7 +29,8 @@ from .registration import engine, fit, problem
 from .registration.fit import LandmarkFit, fit_landmarks
 from .registration.landmarks import detect_curves, fundus_metric, fundus_path, sample_curve
 from .registration.problem import LandmarkError
-from .registration.register import Registration, register, transfer
+from .registration.register import Registration, register
+from .registration.transfer import transfer
 from .surfaces import conformal, surface
 from .surfaces.conformal import angle_distortion, disk_conformal_map
 from .surfaces.curvature import curvature_image, mean_curvature, sulcal_depth
@@ -109,5 +110,5 @@ _offer("disk", disk, conformal)
 _offer("diskmesh", diskmesh)
 _offer("fit", fit, engine, problem, fields, diskmesh)
 _offer("mobius", sys.modules[f"{__name__}.plane.mobius"])
-_offer("register", sys.modules[f"{__name__}.registration.register"])
+_offer("register", *(sys.modules[f"{__name__}.registration.{name}"] for name in ("register", "transfer")))
 _offer("surface", surface)

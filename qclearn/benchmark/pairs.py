@@ -18,9 +18,10 @@ from ..files.fsaverage import demo_landmarks, fsaverage5
 from ..plane.diskmesh import interpolate
 from ..plane.mobius import mobius, mobius_inverse
 from ..registration.landmarkfile import check_curves
-from ..registration.landmarks import curves_of_both
+from ..registration.landmarks import POINTS_PER_CURVE, curves_of_both
 from ..registration.problem import Problem
-from ..registration.register import POINTS_PER_CURVE, align, conformal, distinct_landmarks, lift, load, sample_side
+from ..registration.register import align, conformal, distinct_landmarks, load, sample_side
+from ..registration.transfer import lift
 from ..surfaces.surface import Surface, mirror
 
 # The seed of the control: the one that the paper's CP-Net is trained for. It is among the subjects that the networks

@@ -14,7 +14,7 @@ from ..methods.networks import networks_of
 from ..plane.beltrami import beltrami_coefficient
 from ..plane.bijectivity import RepairWarning, check_bijective
 from ..plane.diskmesh import locate, polar_disk
-from ..registration.landmarks import curve_distance, sample_curve
+from ..registration.landmarks import POINTS_PER_CURVE, curve_distance, sample_curve
 from ..registration.metrics import (
     coefficient_histogram,
     coefficient_measures,
@@ -23,7 +23,7 @@ from ..registration.metrics import (
     landmark_measures,
     near_curves,
 )
-from ..registration.register import POINTS_PER_CURVE, lift
+from ..registration.transfer import lift
 from .pairs import prepare
 
 LONG, REPETITIONS = 2.0, 3  # seconds after which a map is not computed again for its time; otherwise, how often

@@ -14,7 +14,7 @@ import qclearn as qc
 from ..files.meshes import frame_of
 from ..files.values import read_labels
 from ..registration.mapfile import read_registration
-from ..registration.register import transfer as transfer_map
+from ..registration.transfer import transfer as transfer_map
 from .output import say
 
 

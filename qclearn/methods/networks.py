@@ -1,4 +1,4 @@
-"""The paper's networks as registration methods: CP-Net proposes mu, DBS-Net, the exact solver or a few steps make the map."""
+"""The paper's networks as registration methods: CP-Net proposes mu; DBS-Net, the exact solver or steps make maps."""
 
 from dataclasses import replace
 

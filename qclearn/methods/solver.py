@@ -1,4 +1,4 @@
-"""What several methods share: the Beltrami solver with the circle and landmarks held, and how they say what they did."""
+"""What several methods share: the Beltrami solver with circle and landmarks held, and how they say what they did."""
 
 import warnings
 
@@ -17,8 +17,9 @@ class LandmarkSolver:
     """The Linear Beltrami Solver on a problem's disk mesh, its circle held by the best Möbius map.
 
     Landmarks join by a penalty, so that they may lie between vertices: the map minimises
-    `1/2 int grad f . A(mu) grad f + (weight / 2) sum_k |f(p_k) - q_k|^2`, i.e. `(K(mu) + weight E^T E) f = weight E^T q`
-    at the free vertices, with E the sampling matrix. weight 0: no landmarks; HARD: held; between: soft.
+    `1/2 int grad f . A(mu) grad f + (weight / 2) sum_k |f(p_k) - q_k|^2`, i.e.
+    `(K(mu) + weight E^T E) f = weight E^T q` at the free
+    vertices, with E the sampling matrix. weight 0: no landmarks; HARD: held; between: soft.
     """
 
     def __init__(self, z, faces, samples, target, boundary):

@@ -18,7 +18,7 @@ import pyvista as pv
 from matplotlib.colors import LinearSegmentedColormap
 from scipy.spatial import cKDTree
 
-from ..registration.register import lift
+from ..registration.transfer import lift
 from .plot import CURVE_STYLES, map_curves
 
 SHADES = LinearSegmentedColormap.from_list("shades", ["0.38", "1.0"])  # lit from one side, black to white is too dark

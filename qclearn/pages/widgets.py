@@ -32,7 +32,7 @@ RINGS = 24  # of the polar mesh that carries the fit's unknowns: more gain littl
 
 @dataclass(frozen=True)
 class Example:
-    """A landmark problem on a small disk mesh, with a name; radius: to draw it with, if the unit disk would crowd it."""
+    """A landmark problem on a small disk mesh and its name; radius: to draw it with where the disk would crowd it."""
 
     name: str
     problem: Problem
@@ -119,7 +119,7 @@ def exact_fit(problem, weights, watch=None):
 
 
 def network_fit(problem, weights, watch=None):
-    """CP-Net's coefficient for a `Problem` and the exact solver's map for it, so that what differs is CP-Net's alone."""
+    """CP-Net's coefficient for a `Problem` and the exact solver's map for it: what differs is CP-Net's alone."""
     if problem.sliding:
         raise LandmarkError("CP-Net takes points to points, it knows no sliding; choose points")
     network = load("cpnet")

@@ -27,8 +27,9 @@ MARGIN = 0.9  # of the tolerance: what refinement aims at, as the report also co
 def guarded_curves(detect, surface, z, entries, side):
     """The curves of one side in its disk map z: as given, by `detect`, or else the shortest path; and words on these.
 
-    Two lists: (k,) complex curves, str. entries as `check_curves` returns them. A detected curve is not used where it leaves the disk or misses
-    its endpoints, crosses itself, or crosses or touches another one between the ends.
+    Two lists: (k,) complex curves, str. entries as `check_curves` returns them. A detected curve is not
+    used where it leaves the disk or misses its endpoints, crosses itself, or crosses or touches another one between
+    the ends.
     """
     lines, names = [z[entry[side]] for entry in entries], [entry["name"] for entry in entries]
     wanted = [k for k, entry in enumerate(entries) if entry["detect"][side]]

@@ -92,7 +92,7 @@ class State:
 
 
 class GaussNewton:
-    """The fit of a `Problem` with `Weights` on a polar mesh (z, faces) that carries nu and is mapped; W is factored once.
+    """The fit of a `Problem` with `Weights` on a polar mesh (z, faces) that carries nu and is mapped; W factored once.
 
     `at(nu, mobius)` is the state there, `step(state, gamma)` the next one, or None where no step lowers the objective.
     """
@@ -108,7 +108,7 @@ class GaussNewton:
         _ = self.solver.calibration  # cached, so that the copies in the states need not find it again
 
     def mapping(self):
-        """The solver on the mapped mesh, and the sparse matrices to its faces (from nu) and landmarks (from its map)."""
+        """The solver on the mapped mesh, and the sparse matrices from nu to its faces and from its map to landmarks."""
         mesh = self.z, self.faces
         return (
             BeltramiDiskSolver(*mesh),
@@ -216,7 +216,7 @@ class GaussNewton:
         return found if gain > 0 else None
 
     def damped_step(self, state, gamma, propose):
-        """The state after one Levenberg step, of the least damping that keeps it small and lowers the objective, or None.
+        """The state after a Levenberg step, or None: of the least damping that keeps it small and lowers the objective.
 
         Which are small enough to trust the linearisation costs no map to find out.
         """
@@ -231,7 +231,7 @@ class GaussNewton:
 
 
 class SurfaceGaussNewton(GaussNewton):
-    """The same with the problem's own disk mesh mapped: where a face is flipped, rows are switched and it is solved again."""
+    """The same with the problem's own disk mesh mapped: where a face is flipped, rows are switched, solved again."""
 
     def mapping(self):
         z, faces = self.problem.z, self.problem.faces

@@ -1,4 +1,4 @@
-"""The best quasi-conformal map for given landmarks, without a network: Gauss-Newton on nodal coefficients, mesh by mesh."""
+"""The best quasi-conformal map for given landmarks, without a network: Gauss-Newton steps, mesh after mesh."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -76,6 +76,8 @@ def fit_problem(problem, weights, start=None, rings=None, watch=None, enough=0.0
     rings = rings or int(np.clip(np.sqrt(len(problem.z) / 3), 8, 32))
     coarse = GaussNewton(problem, polar_disk(rings // 2, 3 * (rings // 2), power=POWER), weights)
     begin = start_field(problem.z, problem.faces, start, coarse.z)
+    # At a tenth of gamma: the coarse mesh's own error moves the landmarks, and the full weight would bend nu after it.
+    # On the tests' smooth problems that costs up to a step more there and ends up to 3 % higher in L_CP.
     state, steps = fit_on_grid(coarse, coarse.at(begin, problem.mobius), weights.gamma / 10, watch)
     fine = SurfaceGaussNewton(problem, polar_disk(rings, 3 * rings, power=POWER), weights)
     # Only what the steps have changed comes from the coarse mesh, so that a start keeps its details.
@@ -119,15 +121,15 @@ def fit_on_grid(engine, state, gamma, watch=None):
     """Steps on a polar mesh, from nu = 0 with continuation in gamma: (state, steps)."""
     low = gamma if state.nu.any() else min(FIRST_GAMMA, gamma)
     levels = [*10.0 ** np.arange(np.log10(low), np.log10(gamma) - 1e-9), *[gamma] * STEPS_AT_GAMMA]
-    for taken, level in enumerate(levels, 1):
+    for steps, level in enumerate(levels, 1):
         if watch:
             watch()
         before = engine.objective(state, level)
         found = engine.step(state, level)
         state = found or state
         if level == gamma and (found is None or engine.objective(state, gamma) > SETTLED_ON_GRID * before):
-            break
-    return state, taken
+            return state, steps
+    return state, len(levels)
 
 
 def fit_on_mesh(engine, state, watch=None, enough=0.0, damped=False):

@@ -12,6 +12,7 @@ from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import Surface
 from .problem import LandmarkError
 
+POINTS_PER_CURVE = 10
 SAMPLES = 400  # on a curve whose distance to another is measured
 CURVATURE_WEIGHT, DEPTH_WEIGHT = 0.5, 2.0  # exponents of the fundus metric
 

@@ -18,20 +18,20 @@ from tqdm import tqdm
 
 from ..plane.beltrami import cotangent_stiffness
 from ..plane.bijectivity import RepairWarning, check_embedding, flipped_faces, repair
-from ..plane.diskmesh import interpolate, locate, sampling_matrix
+from ..plane.diskmesh import sampling_matrix
 from ..plane.mobius import best_mobius, mobius
 from ..plane.triangles import edge_lengths
 from ..surfaces.conformal import disk_conformal_map
 from ..surfaces.surface import Surface, degenerate_faces, require_disk, require_outward
 from .checked import TOLERANCE, bijective_fit, gamma_words, guarded_curves, predicted, refined, unfolded
 from .landmarkfile import check_curves
-from .landmarks import detect_curves, resample, sample_curve
-from .metrics import coefficient_statistics, curve_rows, mean_rows
+from .landmarks import POINTS_PER_CURVE, detect_curves, resample, sample_curve
+from .metrics import coefficient_statistics, mean_rows
 from .problem import LandmarkError, Problem, Weights, distinct, meeting
 from .suspect import reasons
+from .transfer import error_rows, lift
 
 STAGES = {"exact": 5, "network": 9}
-POINTS_PER_CURVE = 10
 
 
 @dataclass(frozen=True)
@@ -278,62 +278,3 @@ def distinct_landmarks(entries, p, q):
             "can neither part nor merge points; let them meet on both sides or on neither"
         )
     return distinct(p, q)
-
-
-def lift(surface, z, points):
-    """Points (P, 3) on the surface whose images in its disk map z are `points` (P,) complex."""
-    return interpolate(surface.vertices, surface.faces, *locate(z, surface.faces, points))
-
-
-def error_rows(moving, control, z_control, entries, p, q, f, samples_moving, samples_control):
-    """Per curve its landmark errors; for a detected one also between the true curves, where the surfaces carry them.
-
-    `landmark_error_true` is the error of the map between points on the true curves, which took no part in finding it.
-    """
-    mapped = samples_moving @ f
-    off = np.linalg.norm(lift(control, z_control, mapped) - samples_control @ control.vertices, axis=1)
-    before = abs(mobius(p, *best_mobius(p, q)) - q)
-    rows = curve_rows([entry["name"] for entry in entries], before, abs(mapped - q), off)
-    for row, entry in zip(rows, entries):
-        paths = true_path(moving, entry, "moving"), true_path(control, entry, "control")
-        if any(entry["detect"].values()) and all(path is not None for path in paths):
-            true_p, true_q = (
-                sample_curve(surface, path, POINTS_PER_CURVE) for surface, path in zip((moving, control), paths)
-            )
-            row["landmark_error_true"] = float(abs(true_p @ f - true_q @ z_control).mean())
-    return rows
-
-
-def true_path(surface, entry, side):
-    """The vertex path of a curve as given, or as the surface itself carries it between the given endpoints, else None."""
-    given, known = entry[side], surface.curves.get(entry["name"])
-    if not entry["detect"][side]:
-        return given
-    if known is None or sorted(known[[0, -1]]) != sorted(given):
-        return None
-    return known if known[0] == given[0] else known[::-1]
-
-
-def transfer(
-    values: Num[ndarray, " V *k"] | Bool[ndarray, " V *k"],
-    z_from: Complex[ndarray, " V"],
-    faces_from: Integer[ndarray, " F 3"],
-    z_to: Complex[ndarray, " P"],
-    nearest: bool = False,
-) -> Num[ndarray, " P *k"] | Bool[ndarray, " P *k"]:
-    """Per-vertex values (V,) or (V, k) of one disk mesh carried to the points z_to of the same disk.
-
-    From control to moving: `transfer(values, disk_control, faces_control, disk_map)`; back:
-    `transfer(values, disk_map, faces_moving, disk_control)`. Linear in each triangle, or with `nearest` the value of
-    the corner with the largest weight (for labels). ValueError if the count of values is not that of the vertices.
-    """
-    values = np.asarray(values)
-    if len(values) != len(z_from):
-        raise ValueError(
-            f"{len(values)} values for {len(z_from)} vertices: give one a vertex of the surface they "
-            "come from (the cut-open one, if it was cut)"
-        )
-    face, weights = locate(z_from, faces_from, z_to)
-    if nearest:
-        return values[np.asarray(faces_from)[face, weights.argmax(1)]]
-    return interpolate(values, faces_from, face, weights)

@@ -22,7 +22,8 @@ from qclearn.registration.certified import exact_map
 from qclearn.registration.fit import fit_landmarks, fit_problem
 from qclearn.registration.landmarks import detect_curves, sample_curve
 from qclearn.registration.problem import LandmarkError
-from qclearn.registration.register import check_curves, lift, register, transfer
+from qclearn.registration.register import check_curves, register
+from qclearn.registration.transfer import lift, transfer
 from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror
 

@@ -18,7 +18,8 @@ from qclearn.registration.fit import fit_landmarks
 from qclearn.registration.landmarkfile import read_landmarks
 from qclearn.registration.metrics import measured_losses
 from qclearn.registration.problem import LandmarkError, Problem, Weights
-from qclearn.registration.register import register, transfer
+from qclearn.registration.register import register
+from qclearn.registration.transfer import transfer
 from qclearn.surfaces.surface import Surface, SurfaceError
 
 SMALL, COARSE = polar_disk(16, 48), random_disk(0, 16)
