@@ -1,7 +1,7 @@
 """The benchmark's problems: pairs of surfaces with landmark curves and, where there is one, the true dense map.
 
-Four sets: synthetic subjects against one control ("cohort") or against each other ("pairs"); one surface whose landmarks
-a known map moves farther and farther ("displacement"); the mirrored right side of fsaverage5 against its left
+Four sets: synthetic subjects against one control ("cohort") or against each other ("pairs"); one surface whose
+landmarks a known map moves farther and farther ("displacement"); the mirrored right side of fsaverage5 against its left
 ("fsaverage5"), where nobody knows the true map.
 """
 
@@ -140,9 +140,9 @@ def fsaverage_pair():
 def prepare(pair, source="given"):
     """The landmarks of a pair as a `Prepared` problem, the moving disk aligned by them as `register` does.
 
-    source: "given", "exact" (the moving curves and their true images), or the moving curves detected between their given
-    ends, by the shortest "path" or by LD-Net, "ldnet" or "ldnet_paper"; the control keeps its own, if it has more than
-    ends.
+    source: "given", "exact" (the moving curves and their true images), or the moving curves detected between their
+    given ends, by the shortest "path" or by LD-Net, "ldnet" or "ldnet_paper"; the control keeps its own, if it has
+    more than ends.
     """
     source = pair.given if source == "given" else source
     moving, control = pair.moving.surface, pair.control.surface

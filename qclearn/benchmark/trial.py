@@ -43,8 +43,8 @@ WITHOUT_TRUTH = dict.fromkeys(
 
 
 def trial(pair, run, method):
-    """A row's figures of one run on one pair, dict: `status` "done" with what the results schema names, or "failed" with
-    the error's message."""
+    """A row's figures of one run on one pair, dict: `status` "done" with what the results schema names, or "failed"
+    with the error's message."""
     try:
         with threadpool_limits(1):
             prepared = prepare(pair, run.landmarks)
@@ -110,7 +110,8 @@ def one_thread():
 
 
 def memory(name, reset_peak=False):
-    """Resident memory of this process now ("VmRSS") or its peak ("VmHWM"), in MB; None where the system is not Linux."""
+    """Resident memory of this process now ("VmRSS") or its peak ("VmHWM"), in MB; None where the system is not
+    Linux."""
     try:
         if reset_peak:
             ctypes.CDLL(None).malloc_trim(0)  # hand back what earlier tasks freed: to use that again would not show
@@ -150,7 +151,8 @@ def measured(pair, prepared, f, points, keep_field):
 
 
 def true_errors(pair, f):
-    """Errors between the true curves, whatever landmarks the map was found with; None where a side carries ends only."""
+    """Errors between the true curves, whatever landmarks the map was found with; None where a side carries ends
+    only."""
     whole = [curve for curve in pair.curves if min(len(curve["moving"]), len(curve["control"])) > 2]
     if not whole or pair.given == "exact":
         return {"landmark_error_true": None, "landmark_error_true_mm": None}

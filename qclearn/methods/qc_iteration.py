@@ -18,7 +18,8 @@ def qc_iteration(problem, alpha=1.0, rounds=20):
     Splits off mu(f) with the penalty `sigma int |nu - mu(f)|^2`, sigma rising, and alternates: f from nu by the solver
     with the landmarks held; nu from f by `(L + (alpha + sigma) M) nu = sigma M mu(f)` (Laplace and mass matrix of the
     disk), truncated. Where the last f folds, it is solved from nu without landmarks, and a RepairWarning says so. The
-    circle is held by the best Möbius map. Source: Lam, Lui (2014), Landmark and intensity based registration, section 4.
+    circle is held by the best Möbius map. Source: Lam, Lui (2014), Landmark and intensity based registration, section
+    4.
     """
     if not (alpha >= 0 and rounds >= 1):
         raise ValueError(f"alpha = {alpha}, rounds = {rounds}: give alpha from 0 and at least one round")

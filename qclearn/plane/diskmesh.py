@@ -128,7 +128,8 @@ def locate(
 
 
 def interpolate(values, faces, face, weights):
-    """Per-vertex values (V, ...) at places in a mesh, (P, ...), linear in each face; the places as `locate` gives them."""
+    """Per-vertex values (V, ...) at places in a mesh, (P, ...), linear in each face; the places as `locate` gives
+    them."""
     return np.einsum("pk,pk...->p...", weights, np.asarray(values)[np.asarray(faces)[face]])
 
 

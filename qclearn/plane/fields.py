@@ -1,4 +1,5 @@
-"""Nodal fields on a disk mesh: the paper's activation, which makes any of them a coefficient, and integrals of products."""
+"""Nodal fields on a disk mesh: the paper's activation, which makes any of them a coefficient, and integrals of
+products."""
 
 import numpy as np
 

@@ -74,7 +74,7 @@ def check_surfaces(stated, moving, control):
             hint = (
                 f"exchanged: they fit the {other} surface; exchange MOVING and CONTROL"
                 if wanted and _is_one(wanted, surfaces[other])
-                else "numbers of one mesh mean nothing on another: give the surface they were made on, or make them anew"
+                else "numbers of one mesh mean nothing on another: give the surface they belong to, or make them anew"
             )
             raise LandmarkError(
                 f"the landmarks were made for another {side} surface ({_stated(wanted)}; this one has "

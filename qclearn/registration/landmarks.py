@@ -86,7 +86,8 @@ def fundus_metric(surface: Surface) -> Float[ndarray, " E"]:
 
 
 def fundus_cost(surface, H, curvature_weight=CURVATURE_WEIGHT, depth_weight=DEPTH_WEIGHT):
-    """What a unit of length costs at each vertex (V,): the exponential in `fundus_metric`, with other weights if given."""
+    """What a unit of length costs at each vertex (V,): the exponential in `fundus_metric`, with other weights if
+    given."""
     depth = sulcal_depth(surface)
     H = np.clip(H / (H.std() or 1.0), -2, 2)
     deep = np.percentile(depth, 95) or depth.max() or 1.0  # a surface without folds has no depth
@@ -151,7 +152,8 @@ def _equally_spaced(points, count):
 
 
 def curve_distance(one, other):
-    """Mean distance between two curves (n, 3), (m, 3) of equally spaced points, in their length, whatever their direction.
+    """Mean distance between two curves (n, 3), (m, 3) of equally spaced points, in their length, whatever their
+    direction.
 
     The mean over either curve's points of the distance in space to the nearest point of the other, both ways averaged.
     """

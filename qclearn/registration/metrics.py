@@ -1,4 +1,5 @@
-"""What reports and tables say about a map: the size of its coefficient, its errors, its distortion, the paper's losses."""
+"""What reports and tables say about a map: the size of its coefficient, its errors, its distortion, the paper's
+losses."""
 
 import numpy as np
 from scipy import sparse
@@ -55,8 +56,9 @@ def measured_losses(problem, weights, mu, mapped):
 def coefficient_measures(surface, z, mu):
     """|mu| over the faces of the moving mesh, over its disk's area and over the surface's own area, plain numbers.
 
-    `coefficient_statistics` and `p95_abs_mu` count each face once, as the paper's table does; `_disk` and `_area` weight
-    it by its area in the disk and in space. Infinite where a face is mapped with its orientation exactly reversed.
+    `coefficient_statistics` and `p95_abs_mu` count each face once, as the paper's table does; `_disk` and `_area`
+    weight it by its area in the disk and in space. Infinite where a face is mapped with its orientation exactly
+    reversed.
     """
     size, result = abs(mu), {**coefficient_statistics(mu), "p95_abs_mu": float(np.percentile(abs(mu), 95))}
     for name, areas in (("disk", signed_areas(z, surface.faces)), ("area", surface.face_areas)):
@@ -110,9 +112,9 @@ def correspondence_measures(points, truth, near):
 def distortion_measures(surface, points):
     """Distortion of the registration in space, moving surface -> points (V, 3) on the control.
 
-    `angle_distortion`: mean over all corners of |angle there - angle here|, degrees; `area_distortion`: mean over faces,
-    by their area, of |log2 of the area ratio|, both total areas made equal. A face that has lost its area counts with
-    the ratio `SMALLEST_RATIO`.
+    `angle_distortion`: mean over all corners of |angle there - angle here|, degrees; `area_distortion`: mean over
+    faces, by their area, of |log2 of the area ratio|, both total areas made equal. A face that has lost its area
+    counts with the ratio `SMALLEST_RATIO`.
     """
     here, there = (corner_angles(edge_lengths(vertices, surface.faces)) for vertices in (surface.vertices, points))
     a, b, c = (points[corner] for corner in surface.faces.T)
@@ -125,7 +127,8 @@ def distortion_measures(surface, points):
 
 
 def paired_difference(one, other, rng, draws=10_000, level=0.95):
-    """Mean over subjects of one - other, with its bootstrap interval (percentiles of resampled means): (mean, low, high).
+    """Mean over subjects of one - other, with its bootstrap interval (percentiles of resampled means): (mean, low,
+    high).
 
     one, other: the same subjects' figures, in the same order; pairs in which either is missing (NaN) are left out, and
     without any pair all three are NaN.

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float, Integer, Num
+from jaxtyping import Complex, Float, Integer
 from numpy import ndarray
 from scipy.sparse import vstack
 from tqdm import tqdm
@@ -61,7 +61,8 @@ class Registration:
 
 
 class Unchecked(NamedTuple):
-    """A surface that no rule of `Surface` has judged: a face that lands on one edge of the control has no area there."""
+    """A surface that no rule of `Surface` has judged: a face that lands on one edge of the control has no area
+    there."""
 
     vertices: np.ndarray
     faces: np.ndarray

@@ -13,8 +13,8 @@ import numpy as np
 
 from ..plane.mobius import mobius_misfits
 
-# The thresholds. Beside each what tools/suspect_table.py measured: the range in good cases | in cases with a mistake, which
-# need not pass each of them. Every single value is in kept/suspect.json.
+# The thresholds. Beside each what tools/suspect_table.py measured: the range in good cases | in cases with a mistake,
+# which need not pass each of them. Every single value is in kept/suspect.json.
 LIMITS = {
     "error_mm": 3.0,  # mean landmark error, mm, together with the next; 0.06 to 4.1 | 8.4 to 70
     "error_share": 1 / 3,  # of the error that the best Möbius map leaves; 0.003 to 0.17 | 0.41 to 2.7
@@ -25,7 +25,7 @@ LIMITS = {
     "strong_area": 0.01,  # share of the moving surface's area above that; 0 to 0.0007 | 0.0006 to 0.86
     "better": 0.75,  # misfit of the curves concerned in another reading, over that as given; 1.75 to 43 | 0.036 to 0.34
     "plausible": 1.0,  # the same misfit over the curves' length in the disk; 0.36 to 3.6 | 0.031 to 0.38
-    "surface_given": 0.33,  # misfit as given over that length, for other surfaces or numbers; 0.013 to 0.28 | 0.55 to 3.0
+    "surface_given": 0.33,  # misfit as given over that length, other surfaces or numbers; 0.013 to 0.28 | 0.55 to 3.0
 }
 FEWEST = 3  # curves: with fewer, a Möbius map takes wrong ends to wrong ends as well as right ones to right ones
 STEP = 0.9  # of the misfit of all curves: what a further change of their order must come below
@@ -172,7 +172,8 @@ def accepted(given, other):
 def compared(given, other):
     """Misfits of the curves that another reading reads otherwise, dict.
 
-    `given` and `plausible`: as given and in the other reading, over the curves' length in the disk; `better`: over each other.
+    `given` and `plausible`: as given and in the other reading, over the curves' length in the disk; `better`: over
+    each other.
     """
     rows = ((given.p != other.p) | (given.q != other.q)).any(1)
     before, after = np.sqrt((misfits([given, other])[:, rows] ** 2).mean(1))

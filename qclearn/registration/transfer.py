@@ -1,6 +1,8 @@
 """What a finished map carries from one surface to the other: points, values, and the errors of their curves."""
 
 import numpy as np
+from jaxtyping import Bool, Complex, Integer, Num
+from numpy import ndarray
 
 from ..plane.diskmesh import interpolate, locate
 from ..plane.mobius import best_mobius, mobius
@@ -13,7 +15,13 @@ def lift(surface, z, points):
     return interpolate(surface.vertices, surface.faces, *locate(z, surface.faces, points))
 
 
-def transfer(values, z_from, faces_from, z_to, nearest=False):
+def transfer(
+    values: Num[ndarray, " V *k"] | Bool[ndarray, " V *k"],
+    z_from: Complex[ndarray, " V"],
+    faces_from: Integer[ndarray, " F 3"],
+    z_to: Complex[ndarray, " P"],
+    nearest: bool = False,
+) -> Num[ndarray, " P *k"] | Bool[ndarray, " P *k"]:
     """Per-vertex values (V,) or (V, k) of one disk mesh carried to the points z_to of the same disk.
 
     From control to moving: `transfer(values, disk_control, faces_control, disk_map)`; back:
