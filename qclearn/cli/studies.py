@@ -54,7 +54,7 @@ def benchmark(out, subjects, vertices, sets, methods, fronts, scheduler, workers
     """Run registration methods on the same problems and write all figures to one file."""
     from ..benchmark.results import summary
     from ..benchmark.run import benchmark as run_benchmark
-    from ..benchmark.run import run_of
+    from ..benchmark.runs import run_of
 
     runs = [run_of(text) for text in methods] or None
     results = run_benchmark(

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-import numpy as np
+from jaxtyping import Complex, Integer
+from numpy import ndarray
 
 from ..plane.beltrami import beltrami_coefficient
 from ..plane.bijectivity import check_bijective
@@ -19,12 +20,12 @@ class CertifiedMap:
     |f(p) - q|; bijective, flipped: its certificate; fallbacks: words on what was done besides, empty if nothing was.
     """
 
-    f: np.ndarray
-    mu: np.ndarray
+    f: Complex[ndarray, " V"]
+    mu: Complex[ndarray, " F"]
     mobius: tuple
     landmark_error: float
     bijective: bool
-    flipped: np.ndarray
+    flipped: Integer[ndarray, " k"]
     fallbacks: tuple
 
 

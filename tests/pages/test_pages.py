@@ -10,7 +10,7 @@ import pytest
 from IPython.display import Image
 from matplotlib.image import imread
 
-from qclearn import pages
+from qclearn.pages import cells as pages
 
 
 @pytest.fixture
