@@ -10,14 +10,13 @@ from numpy import ndarray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from .checks import (  # noqa: F401  (complex_numbers: for those who look for it here)
+from .checks import (
     BeltramiError,
     check_coefficient,
     check_map,
     check_mesh,
     check_pins,
     check_used,
-    complex_numbers,
     planar_points,
 )
 

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..plane.beltrami import BeltramiError, check_mesh, complex_numbers
+from ..plane.checks import BeltramiError, check_mesh, complex_numbers
 from ..plane.diskmesh import sampling_matrix
 from ..plane.mobius import best_mobius
 

@@ -21,8 +21,9 @@ from ..plane.bijectivity import RepairWarning, check_embedding, flipped_faces, r
 from ..plane.diskmesh import sampling_matrix
 from ..plane.mobius import best_mobius, mobius
 from ..plane.triangles import edge_lengths
+from ..surfaces.checks import degenerate_faces
 from ..surfaces.conformal import disk_conformal_map
-from ..surfaces.surface import Surface, degenerate_faces, require_disk, require_outward
+from ..surfaces.surface import Surface, require_disk, require_outward
 from .checked import TOLERANCE, bijective_fit, gamma_words, guarded_curves, predicted, refined, unfolded
 from .landmarkfile import check_curves
 from .landmarks import POINTS_PER_CURVE, detect_curves, resample, sample_curve

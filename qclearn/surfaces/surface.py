@@ -10,11 +10,10 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 
 from ..plane.diskmesh import SurfaceError
-from .checks import (  # noqa: F401  (degenerate_faces: for those who look for it here)
+from .checks import (
     check_faces,
     check_topology,
     curve_path,
-    degenerate_faces,
     face_array,
     frozen,
     norms,
