@@ -13,7 +13,7 @@ from data_synth.untangle import untangle
 from qclearn.surfaces.surface import Surface
 
 HEMISPHERES = ("left", "right")
-FEWEST, MOST = 1_000, 100_000
+FEWEST, MOST = 1_000, 200_000
 
 
 class CortexError(ValueError):

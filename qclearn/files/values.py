@@ -235,6 +235,8 @@ def _annotation(path, data):
     if not np.array_equal(np.sort(words[1 : 2 * n_vertices : 2]), np.arange(n_vertices)):
         raise FormatError("its vertices are not numbered from 0 on, each once")
     colours, table, names = nibabel.freesurfer.read_annot(path, orig_ids=True)
+    if not len(table):
+        raise FormatError("its colour table is empty")
     order = np.argsort(table[:, 4], kind="stable")
     place = np.searchsorted(table[order, 4], colours).clip(max=len(order) - 1)
     found = table[order[place], 4] == colours

@@ -128,7 +128,14 @@ def test_a_damaged_annotation_is_refused(tmp_path):
         path, np.array([0, 1, 0]), np.array([[9, 9, 9, 0, 0], [8, 8, 8, 0, 0]]), ["a", "b"], fill_ctab=True
     )
     data = path.read_bytes()
-    for bad in (data[:20], data[:28], data[:4] + b"\0\0\0\7" + data[8:], data[:8] + b"\0\1\2\3" + data[12:]):
+    no_colours = np.array([3, 0, 0, 1, 0, 2, 0, 1, -2, 0, 4, 0, 0], ">i4").tobytes()
+    for bad in (
+        data[:20],
+        data[:28],
+        data[:4] + b"\0\0\0\7" + data[8:],
+        data[:8] + b"\0\1\2\3" + data[12:],
+        no_colours,
+    ):
         path.write_bytes(bad)
         with pytest.raises(SurfaceError, match="lh.a.annot: not a readable FreeSurfer annotation"):
             read_values(path)
