@@ -268,7 +268,7 @@ def test_the_network_method_and_its_tolerance_reach_the_pipeline(folder, monkeyp
         detect=detect_curves,
         predict=lambda z, faces, *_, **__: np.zeros(len(faces), complex),
         solve=solve_beltrami_disk,
-        gamma_used=lambda alpha, beta, gamma: gamma,
+        gamma_used=lambda weights: weights.gamma,
     )
     monkeypatch.setattr(sys.modules["qclearn.registration.register"], "load", lambda name: blocks)
     for tolerance, words in (

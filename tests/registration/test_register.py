@@ -286,7 +286,7 @@ def networks(monkeypatch):
 
     def install(detect=detect_curves, predict=exact_predict, solve=solve_beltrami_disk, most=np.inf):
         blocks = SimpleNamespace(
-            detect=detect, predict=predict, solve=solve, gamma_used=lambda alpha, beta, gamma: min(gamma, most)
+            detect=detect, predict=predict, solve=solve, gamma_used=lambda weights: min(weights.gamma, most)
         )
         monkeypatch.setattr(sys.modules["qclearn.registration.register"], "load", lambda name: blocks)
 

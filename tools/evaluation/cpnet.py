@@ -92,8 +92,8 @@ def compare(net, plain, p, q, weights):
     start = time.process_time()
     mu = net.predict(*MESH, p, q, *numbers)
     seconds["network"] = time.process_time() - start
-    told = net.answers(*MESH, p, q, *numbers, looks=2)
-    bare = plain.answers(*MESH, p, q, *numbers, looks=2)
+    told = net.answers(problem, weights, looks=2)
+    bare = plain.answers(problem, weights, looks=2)
     answers = {
         "Born step": told["Born step"],
         "without the U-Nets": bare["1 look"],
