@@ -1,11 +1,11 @@
 """Landmark curves on a surface: sampling by arc length, and a sulcus found between two endpoints without a network."""
 
 import numpy as np
+import scipy
 from jaxtyping import Complex, Float, Integer
 from numpy import ndarray
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
-from scipy.spatial import cKDTree
 
 from ..plane.diskmesh import interpolate, locate
 from ..surfaces.curvature import mean_curvature, sulcal_depth
@@ -157,4 +157,5 @@ def curve_distance(one, other):
 
     The mean over either curve's points of the distance in space to the nearest point of the other, both ways averaged.
     """
-    return (cKDTree(one).query(other)[0].mean() + cKDTree(other).query(one)[0].mean()) / 2
+    trees = scipy.spatial.cKDTree(one), scipy.spatial.cKDTree(other)
+    return (trees[0].query(other)[0].mean() + trees[1].query(one)[0].mean()) / 2

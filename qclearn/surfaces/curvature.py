@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from jaxtyping import Complex, Float
 from numpy import ndarray
-from scipy import ndimage
 from scipy.sparse import coo_array
-from scipy.spatial import ConvexHull, QhullError
 
 from ..plane.beltrami import cotangent_stiffness
 from ..plane.diskmesh import interpolate, locate, pixel_centres
@@ -96,8 +95,8 @@ def sulcal_depth(surface: Surface) -> Float[ndarray, " V"]:
     """
     vertices = surface.vertices
     try:
-        scale = np.sqrt(ConvexHull(vertices).area)
-    except QhullError:
+        scale = np.sqrt(scipy.spatial.ConvexHull(vertices).area)
+    except scipy.spatial.QhullError:
         raise SurfaceError("the surface lies in a plane, so it has no depth; use the surface in space.") from None
     cell, radius = CLOSING_CELL * scale, CLOSING_RADIUS / CLOSING_CELL
     margin = (radius + 4) * cell
@@ -105,14 +104,16 @@ def sulcal_depth(surface: Surface) -> Float[ndarray, " V"]:
     shape = np.ceil((vertices.max(axis=0) + margin - origin) / cell).astype(int)
     closed = _close(_filled(surface, origin, cell, shape), radius)
     # half a voxel: the distance is to the nearest centre outside, the envelope lies between two centres
-    depth = ndimage.map_coordinates(ndimage.distance_transform_edt(closed), ((vertices - origin) / cell).T, order=1)
+    depth = scipy.ndimage.map_coordinates(
+        scipy.ndimage.distance_transform_edt(closed), ((vertices - origin) / cell).T, order=1
+    )
     return cell * np.maximum(depth - 0.5, 0)
 
 
 def _close(solid, radius):
     """Morphological closing by a ball of `radius` voxels; cavities are filled."""
-    dilated = ndimage.binary_fill_holes(ndimage.distance_transform_edt(~solid) <= radius)
-    return ndimage.distance_transform_edt(dilated) > radius
+    dilated = scipy.ndimage.binary_fill_holes(scipy.ndimage.distance_transform_edt(~solid) <= radius)
+    return scipy.ndimage.distance_transform_edt(dilated) > radius
 
 
 def _filled(surface, origin, cell, shape):
