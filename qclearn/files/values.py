@@ -47,7 +47,7 @@ Values = Real[ndarray, " V *k"] | Bool[ndarray, " V *k"]
 
 
 def read_mask(path: str | Path, surface: Surface, keep: bool = False) -> Bool[ndarray, " V"]:
-    """Mask (V,) bool of the vertices to cut away: those a file names or gives a nonzero value; for open_surface.
+    """Mask of the vertices to cut away: those a file names or gives a nonzero value; for open_surface.
 
     Files: a FreeSurfer .label (vertex numbers), or one number a vertex as `read_values` reads it. keep=True: the file
     says what to keep (lh.cortex.label, thickness), so all else is cut. Raises SurfaceError, also where more than half

@@ -39,10 +39,9 @@ STAGES = {"exact": 5, "network": 9}
 class Registration:
     """Result of `register`.
 
-    points (V, 3): where each moving vertex lies on the control surface, in its length unit; disk_map (V,) complex:
-    the same in the control's disk; mu (F,): measured coefficient of disk_moving -> disk_map; report: dict for JSON;
-    disk_moving (V,), disk_control: the two disk maps; curves: name -> (moving, control) curves in their disks, (k,)
-    complex each; faces_moving, faces_control.
+    points: where each moving vertex lies on the control surface, in its length unit; disk_map: the same in the
+    control's disk; mu: measured coefficient of disk_moving -> disk_map; report: dict for JSON; disk_moving,
+    disk_control: the two disk maps; curves: name -> (moving, control) curves in their disks, (k,) complex each.
     """
 
     points: Float[ndarray, " V 3"]

@@ -22,7 +22,7 @@ def transfer(
     z_to: Complex[ndarray, " P"],
     nearest: bool = False,
 ) -> Num[ndarray, " P *k"] | Bool[ndarray, " P *k"]:
-    """Per-vertex values (V,) or (V, k) of one disk mesh carried to the points z_to of the same disk.
+    """Per-vertex values of one disk mesh carried to the points z_to of the same disk.
 
     From control to moving: `transfer(values, disk_control, faces_control, disk_map)`; back:
     `transfer(values, disk_map, faces_moving, disk_control)`. Linear in each triangle, or with `nearest` the value of

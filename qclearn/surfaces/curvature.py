@@ -17,7 +17,7 @@ CLOSING_CELL = 1 / 130  # side of a voxel, same unit
 
 
 def mean_curvature(surface: Surface) -> Float[ndarray, " V"]:
-    """Mean curvature (k1 + k2)/2 of each vertex (V,), 1/length: positive on gyri if the faces look outward.
+    """Mean curvature (k1 + k2)/2 of each vertex, 1/length: positive on gyri if the faces look outward.
 
     `H = n . (K x) / (2 A)` with the cotangent stiffness K, the mixed Voronoi area A of Meyer et al. (2003) and the
     vertex normal n of Max (1999). It is exact, 1/r, where the neighbours lie on a sphere of radius r and no triangle
@@ -86,7 +86,7 @@ def _fill_boundary(surface, values):
 
 
 def sulcal_depth(surface: Surface) -> Float[ndarray, " V"]:
-    """Depth of each vertex (V,) below the outer envelope, >= 0 and 0 on gyral crowns, in the surface's length.
+    """Depth of each vertex below the outer envelope, >= 0 and 0 on gyral crowns, in the surface's length.
 
     The distance to the outside of the morphological closing of the filled surface by a ball of radius 0.05 L, where
     L = sqrt(area of the convex hull): the envelope of the local gyrification index (Schaer et al. 2008). Openings are
@@ -133,7 +133,7 @@ def _filled(surface, origin, cell, shape):
 
 @dataclass(frozen=True)
 class AreaRadius:
-    """A monotone change of radius of the unit disk, linear between knots: `disk` (K,) <-> `image` (K,), both 0 to 1."""
+    """A monotone change of radius of the unit disk, linear between knots: `disk` <-> `image`, both 0 to 1."""
 
     disk: Float[ndarray, " K"]
     image: Float[ndarray, " K"]
@@ -180,11 +180,11 @@ def _samples(surface, z, m):
 def curvature_image(
     surface: Surface, z: Complex[ndarray, " V"], size: int = 128, values: Float[ndarray, " V"] | None = None
 ) -> tuple[Float[ndarray, " size size"], AreaRadius]:
-    """Image (size, size) of a per-vertex map on the disk, NaN outside it, and the `AreaRadius` of its coordinates.
+    """Image of a per-vertex map on the disk, NaN outside it, and the `AreaRadius` of its coordinates.
 
-    z (V,) is a disk map of the surface, as `disk_conformal_map` gives. The pixel in row i and column j shows the point
+    z is a disk map of the surface, as `disk_conformal_map` gives. The pixel in row i and column j shows the point
     `radius.from_image(x + iy)`, x = (2j + 1)/size - 1, y = (2i + 1)/size - 1, linear in the face that holds it.
-    `values` (V,) is shown in its own unit; without it, mean curvature as grey levels from 0 (sulci) to 255 (gyri),
+    `values` are shown in their own unit; without them, mean curvature as grey levels from 0 (sulci) to 255 (gyri),
     see `grey_levels`. Source: paper, section 'Landmark Detection'; the radius is ours.
     """
     if values is None:

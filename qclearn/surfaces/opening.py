@@ -10,9 +10,9 @@ from .surface import Surface, SurfaceError, require_disk
 
 
 def open_surface(surface: Surface, mask: Bool[ndarray, " V"]) -> tuple[Surface, Integer[ndarray, " W"]]:
-    """The disk left when the vertices of mask are cut away, and their indices in the input: (Surface, (V',) int).
+    """The disk left when the vertices of mask are cut away, and their indices in the input.
 
-    mask: (V,) bool, True = cut. A face stays if none of its corners is cut; of what stays the piece of largest area
+    mask: True = cut. A face stays if none of its corners is cut; of what stays the piece of largest area
     is kept; of the gaps in it the largest (by area; an input's own boundary counts as largest) becomes the opening and
     the others are filled with their own vertices; where the opening touches itself in a vertex, all fans but the
     largest go; inner edges that join two vertices of the rim are cut and the smaller side goes (ears and teeth that

@@ -26,10 +26,10 @@ from .checks import (
 class Surface:
     """An oriented, connected, manifold triangle mesh in space, open or closed; raises SurfaceError if it is not one.
 
-    vertices (V, 3) float64 in any length unit; faces (F, 3) int64, orientation kept as given (outward = positive
-    `volume`); curves: dict name -> (k,) int64 vertex path; edges (E, 2) int64, sorted; edge_faces (E, 2), the faces on
-    the two sides of each edge, -1 beyond the boundary; original_vertices (V,) int64 or None: where the surface was cut
-    out of a whole one, the vertices' numbers there. The arrays are read-only, so what was checked stays true.
+    vertices: in any length unit; faces: orientation kept as given (outward = positive `volume`); curves: name -> vertex
+    path; edges: sorted; edge_faces: the faces on the two sides of each edge, -1 beyond the boundary; original_vertices:
+    where the surface was cut out of a whole one, the vertices' numbers there, else None. Floats are float64, integers
+    int64. The arrays are read-only, so what was checked stays true.
     """
 
     vertices: Float[ndarray, " V 3"]
@@ -61,7 +61,7 @@ class Surface:
 
     @cached_property
     def boundary_loops(self) -> list[Integer[ndarray, " _"]]:
-        """List of (k,) int arrays: each loop runs along its faces' own edges (the surface on its left seen from
+        """The boundary as loops: each runs along its faces' own edges (the surface on its left seen from
         outside), starts at its smallest vertex index; loops in the order of their first vertices."""
         following = dict(self._boundary_halfedges.tolist())
         loops = []
@@ -75,7 +75,7 @@ class Surface:
 
     @cached_property
     def boundary(self) -> Integer[ndarray, " B"]:
-        """The boundary loop (k,) int, from its smallest vertex index; SurfaceError unless there is exactly one."""
+        """The boundary loop, from its smallest vertex index; SurfaceError unless there is exactly one."""
         if len(self.boundary_loops) != 1:
             raise SurfaceError(_loops_message(self))
         return self.boundary_loops[0]
@@ -87,13 +87,13 @@ class Surface:
 
     @cached_property
     def face_areas(self) -> Float[ndarray, " F"]:
-        """Areas of the faces (F,), in squared units of the vertices."""
+        """Areas of the faces, in squared units of the vertices."""
         a, b, c = (self.vertices[corner] for corner in self.faces.T)
         return frozen(0.5 * norms(np.cross(b - a, c - a)))
 
     @cached_property
     def vertex_areas(self) -> Float[ndarray, " V"]:
-        """One third of the areas of the faces around each vertex (V,)."""
+        """One third of the areas of the faces around each vertex."""
         total = np.bincount(self.faces.ravel(), weights=np.repeat(self.face_areas, 3), minlength=len(self.vertices))
         return frozen(total / 3)
 
