@@ -7,6 +7,7 @@ from scipy.spatial import Delaunay
 
 from ..plane.beltrami import signed_areas
 from ..plane.diskmesh import polar_disk
+from ..registration.fit import POWER
 from ..registration.landmarkfile import check_curves
 from ..registration.landmarks import fundus_metric, fundus_path, sample_curve
 from ..registration.problem import Problem
@@ -16,7 +17,7 @@ from ..surfaces.curvature import AreaRadius, area_radius
 
 # CP-Net is trained for maps on this mesh. On another one the same mu gives another map: at a large gamma that
 # would hide how far the network is from the fit.
-MESH = polar_disk(32, 96, power=1.4)
+MESH = polar_disk(32, 96, POWER)
 
 
 @dataclass(frozen=True)

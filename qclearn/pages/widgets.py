@@ -102,7 +102,7 @@ def gaps(states):
     ]
 
 
-def table(states):
+def states_table(states):
     """States (dict solver name -> FitState) as HTML: a sentence each, their loss terms side by side, and the gaps."""
     shown = {name: state for name, state in states.items() if state.fit is not None}
     parts = [f"<p><b>{html.escape(name)}</b>: {html.escape(describe(state))}</p>" for name, state in states.items()]
@@ -238,7 +238,7 @@ class Tuner(ipywidgets.VBox):
             words = "; ".join([f"{solver}: {describe(state)}" for solver, state in states.items()] + gaps(states))
             alternative = html.escape(f"Landmarks, deformed grid, |μ| and its histogram for {name}. {words}")
             data = base64.b64encode(self.canvas.draw(states)).decode()
-            return f'<img alt="{alternative}" src="data:image/png;base64,{data}">', table(states)
+            return f'<img alt="{alternative}" src="data:image/png;base64,{data}">', states_table(states)
         except Superseded:
             raise
         except Exception as error:

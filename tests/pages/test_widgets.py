@@ -7,6 +7,7 @@ import threading
 
 import numpy as np
 import pytest
+from meshes import bowl
 
 from qclearn.pages.canvas import Canvas
 from qclearn.pages.examples import Example, cortex_problem, example_problems, spread_vertices
@@ -20,13 +21,12 @@ from qclearn.pages.widgets import (
     fit_state,
     gaps,
     network_fit,
-    table,
+    states_table,
 )
 from qclearn.plane.bijectivity import check_bijective
-from qclearn.plane.diskmesh import polar_disk, square_disk
+from qclearn.plane.diskmesh import square_disk
 from qclearn.registration.fit import fit_landmarks
 from qclearn.registration.problem import LandmarkError, Problem, Weights
-from qclearn.surfaces.surface import Surface
 
 EXACT = {"exact fit": exact_fit}
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -56,11 +56,6 @@ def example():
 @pytest.fixture(scope="module")
 def state(example):
     return fit_state(example, (1.0, 1e-2, 1e4))
-
-
-def bowl(height, rings=9):
-    z, faces = polar_disk(rings, 3 * rings)
-    return Surface(np.stack([z.real, z.imag, height * (1 - abs(z) ** 2)], axis=1), faces)
 
 
 def test_gamma_buys_landmarks_with_distortion(example):
@@ -128,11 +123,11 @@ def test_bad_landmarks_become_a_message(example):
 
     answer = fit_state(example, (1.0, 1e-2, 1e4), solver=on_bad_landmarks)
     assert "coincide" in describe(answer)
-    assert "coincide" in table({"exact fit": answer})
+    assert "coincide" in states_table({"exact fit": answer})
 
 
 def test_table_escapes_messages(state):
-    text = table({"<b>": dataclasses.replace(state, fit=None, message="a < b")})
+    text = states_table({"<b>": dataclasses.replace(state, fit=None, message="a < b")})
     assert "a &lt; b" in text and "<b>&lt;b&gt;</b>" in text
 
 
@@ -322,7 +317,7 @@ def test_examples_are_certified(example):
 
 
 def test_vertices_are_spread_evenly():
-    surface = bowl(0.5)
+    surface = bowl(0.5, 9)
     chosen = spread_vertices(surface, 80)
     assert len(np.unique(chosen)) == 80 and set(surface.boundary[::2]) <= set(chosen)
     distance = np.linalg.norm(surface.vertices[:, None] - surface.vertices[chosen], axis=2)
