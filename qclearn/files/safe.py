@@ -52,17 +52,17 @@ def read_bytes(path):
     try:
         mode = path.stat().st_mode
         if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):  # reading it might never end
-            raise SurfaceError(f"{path}: is {_kind(mode)}, not a regular file; save what it gives in a file first.")
+            raise SurfaceError(f"{path}: is {_kind(mode)}, not a regular file; save what it gives in a file first")
         data = path.read_bytes()
         if path.suffix.lower() in (".gz", ".mgz"):
             data = _unzipped(path, data)
     except (OSError, EOFError, zlib.error) as error:
         reason = getattr(error, "strerror", None) or error  # damaged gzip has none
-        raise SurfaceError(f"{path}: cannot be read ({reason}); check the name and copy the file again.") from None
+        raise SurfaceError(f"{path}: cannot be read ({reason}); check the name and copy the file again") from None
     except MemoryError:
         raise out_of_memory(path) from None
     if not data:
-        raise SurfaceError(f"{path}: the file is empty; copy or export it again.")
+        raise SurfaceError(f"{path}: the file is empty; copy or export it again")
     return data
 
 
@@ -77,7 +77,7 @@ def _unzipped(path, data):
     if len(unzipped) > most:
         raise SurfaceError(
             f"{path}: {len(data)} bytes unzip to more than {most}, which no surface or map does; it may be damaged or "
-            f"made to fill the memory. If it is sound, unzip it (gunzip) and give the file that comes out."
+            f"made to fill the memory. If it is sound, unzip it (gunzip) and give the file that comes out"
         )
     return unzipped
 
@@ -180,7 +180,7 @@ def write_whole(path, write, size=None):
             raise SurfaceError(f"{path}: {full_disk(path.parent, written, size)}") from None
         raise SurfaceError(
             f"{path}: cannot be written ({error.strerror or error}); choose a file in a folder that exists and is "
-            f"writable."
+            f"writable"
         ) from None
 
 

@@ -73,7 +73,7 @@ def _fill_boundary(surface, values):
     for loop in surface.boundary_loops:
         known[loop] = False
     if not known.any():
-        raise SurfaceError("all vertices lie on the boundary, so no curvature can be told; subdivide the surface.")
+        raise SurfaceError("all vertices lie on the boundary, so no curvature can be told; subdivide the surface")
     a, b = surface.edges.T
     neighbours = coo_array((np.ones(2 * len(a)), (np.r_[a, b], np.r_[b, a])), shape=(len(values),) * 2).tocsr()
     values = np.where(known, values, 0.0)
@@ -97,7 +97,7 @@ def sulcal_depth(surface: Surface) -> Float[ndarray, " V"]:
     try:
         scale = np.sqrt(scipy.spatial.ConvexHull(vertices).area)
     except scipy.spatial.QhullError:
-        raise SurfaceError("the surface lies in a plane, so it has no depth; use the surface in space.") from None
+        raise SurfaceError("the surface lies in a plane, so it has no depth; use the surface in space") from None
     cell, radius = CLOSING_CELL * scale, CLOSING_RADIUS / CLOSING_CELL
     margin = (radius + 4) * cell
     origin = vertices.min(axis=0) - margin

@@ -125,7 +125,7 @@ def require_disk(surface: Surface) -> None:
             f"the surface has {handles} handle{'s' * (handles > 1)} (Euler characteristic "
             f"{surface.euler_characteristic}, a disk has 1); loops through them cross the edges "
             f"{some(_handle_edges(surface))}. Repair the topology where the surface was made "
-            f"(FreeSurfer: mris_fix_topology) or cut the handles out with open_surface(surface, mask)."
+            f"(FreeSurfer: mris_fix_topology) or cut the handles out with open_surface(surface, mask)"
         )
 
 
@@ -134,12 +134,12 @@ def require_outward(surface: Surface) -> None:
     if abs(surface.volume) <= 1e-12 * surface.area**1.5:
         raise SurfaceError(
             "the surface encloses no volume (it lies in a plane), so its orientation cannot be told; "
-            "use the surface in space (pial, white or midthickness) instead of a flat patch."
+            "use the surface in space (pial, white or midthickness) instead of a flat patch"
         )
     if surface.volume < 0:
         raise SurfaceError(
             f"the surface looks inward (signed volume {surface.volume:.6g}). Reverse all faces: "
-            f"Surface(vertices, faces[:, ::-1], curves), or `qclearn open --reverse`."
+            f"Surface(vertices, faces[:, ::-1], curves), or `qclearn open --reverse`"
         )
 
 
