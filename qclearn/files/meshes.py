@@ -144,7 +144,7 @@ def suffix_of(path):
 def _unknown_format(content):
     return (
         f"the suffix is none of {', '.join(_READERS)}, {content}; rename the file or convert it, "
-        f"for example with mris_convert."
+        f"for example with mris_convert"
     )
 
 
@@ -262,7 +262,7 @@ def _warn_of_slits(path, surface):
             warnings.warn(
                 f"{path}: merging equal points leaves a slit at vertex {vertex} "
                 f"({surface.vertices[vertex].tolist()}), where two points that should be one may differ; check "
-                "the file, or close the slit (pyvista's clean with a tolerance).",
+                "the file, or close the slit (pyvista's clean with a tolerance)",
                 SlitWarning,
                 stacklevel=3,
             )

@@ -31,7 +31,7 @@ RATIO, ROOM = 100, 64 << 20
 LONGEST_NAME = 200  # of a curve
 LONGEST_MESSAGE = 2000
 _LEFTOVER = re.compile(r"\.qclearn-(\d{1,9})@(.*)-\w{8}(-.*)?", re.DOTALL)
-_AGAIN = "it may be cut short or of another format: copy or export it again."
+_AGAIN = "it may be cut short or of another format: copy or export it again"
 # Errors of bad bytes by their kind; of any other kind only where one of these libraries raised it.
 _BAD_BYTES = (ValueError, OverflowError, EOFError, OSError, struct.error, zlib.error, zipfile.BadZipFile, ExpatError)
 _LIBRARIES = {"nibabel", "numpy", "zipfile", "gzip", "xml", "ast", "tokenize", "json"}
@@ -86,7 +86,7 @@ def out_of_memory(path):
     """The SurfaceError for a file that the memory has no room for."""
     return SurfaceError(
         f"{path}: there is not enough memory to read it; close other programs, use a machine with more, "
-        f"or give a coarser surface."
+        f"or give a coarser surface"
     )
 
 
@@ -197,7 +197,7 @@ def full_disk(folder, written, size=None):
     else:
         missing = _megabytes(max(size - free, 0))
         need = f"about {_megabytes(size)} are needed, {_megabytes(free)} are free, {missing} are missing"
-    return f"the disk is full (No space left on device): {need}; make room, or choose a folder on another disk."
+    return f"the disk is full (No space left on device): {need}; make room, or choose a folder on another disk"
 
 
 def _megabytes(size):

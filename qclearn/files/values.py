@@ -195,7 +195,7 @@ def _fitting(path, values, whole=True):
 
 
 def _other(n_vertices):
-    return f"the surface has {n_vertices} vertices: take the file that belongs to this surface, or copy it again."
+    return f"the surface has {n_vertices} vertices: take the file that belongs to this surface, or copy it again"
 
 
 def _read_label(path, data):

@@ -155,12 +155,12 @@ def _loops_message(surface):
     if not loops:
         return (
             "the surface is closed (no boundary), where a disk is needed; cut it open along the medial wall: "
-            "open_surface(surface, mask), or `qclearn open SURFACE --label FILE --out FILE`."
+            "open_surface(surface, mask), or `qclearn open SURFACE --label FILE --out FILE`"
         )
     listed = [f"{len(loop)} vertices from vertex {loop[0]}" for loop in sorted(loops, key=len, reverse=True)]
     return (
         f"the surface has {len(loops)} boundary loops, where a disk has one: {some(listed)}. Fill the inner holes "
-        f"with faces, or cut a new opening that takes them in: open_surface(surface, mask)."
+        f"with faces, or cut a new opening that takes them in: open_surface(surface, mask)"
     )
 
 
