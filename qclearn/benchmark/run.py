@@ -132,7 +132,9 @@ def problems(subjects, sets):
             for curves in CURVE_COUNTS
             for distance in DISTANCES
         ]
-    return specs + [Spec("fsaverage5", "right to left")] * ("fsaverage5" in sets)
+    if "fsaverage5" in sets:
+        specs.append(Spec("fsaverage5", "right to left"))
+    return specs
 
 
 def submit_pair(client, spec, vertices, folder):
