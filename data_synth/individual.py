@@ -112,15 +112,16 @@ class Individual:
 
     def _dimples(self, lines):
         """Short furrows, each (30, 3) directions, where the others leave room: tertiary sulci."""
-        taken = np.vstack([course for course, _ in lines])
+        trees = [cKDTree(self.position(np.vstack([course for course, _ in lines])))]
         dimples = []
         for start in unit(self.rng.normal(size=(300, 3))):
             heading = unit(np.cross(start, self.rng.normal(size=3)))
             dimple = self._segment(start, heading, 0.0, self.rng.uniform(0.12, 0.35))
-            near = cKDTree(self.position(taken)).query(self.position(dimple))[0].min()
+            path = self.position(dimple)
+            near = min(tree.query(path)[0].min() for tree in trees)
             if near > SPACING and (wall_level(dimple) > 1.2).all():
                 dimples.append(dimple)
-                taken = np.vstack([taken, dimple])
+                trees.append(cKDTree(path))
         return dimples
 
     def _segment(self, start, along, angle, length):
