@@ -14,6 +14,7 @@ import tempfile
 import warnings
 from fractions import Fraction
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 from forked import forked, tally  # beside this file
@@ -22,7 +23,9 @@ from scipy.spatial import Delaunay
 import qclearn as qc
 from qclearn.plane.bijectivity import check_bijective
 from qclearn.plane.disk import solve_beltrami_disk
-from qclearn.plane.mobius import best_mobius, mobius
+from qclearn.plane.mobius import mobius
+from qclearn.registration.fit import ROUNDING
+from qclearn.registration.problem import Problem
 
 SECONDS, ADDRESSES = 120, 6 << 30
 FAULTS = {"false", "worse", "silent", "raw", "hang", "crash"}
@@ -150,15 +153,14 @@ def fit_case(rng):
         0.9 * np.sqrt(rng.uniform(size=m)) * np.exp(2j * np.pi * rng.uniform(size=m)),
     ][kind]
     fit = qc.fit_landmarks(z, faces, p, q, gamma=10.0 ** rng.uniform(2, 8))
-    plain = mobius(z, *best_mobius(p, q))
-    return faces, fit.f, fit.bijective, is_embedding(faces, plain) and above(fit.landmark_error, z, faces, p, q, plain)
+    return faces, fit.f, fit.bijective, above(Problem(z, faces, p, q), fit.f)
 
 
-def above(error, z, faces, p, q, plain):
-    """Whether a mean landmark error exceeds that of the best Moebius map, `plain`, by more than a hundredth."""
-    from qclearn.plane.diskmesh import sampling_matrix
-
-    return bool(error > 1.01 * abs(sampling_matrix(z, faces, p) @ plain - q).mean() + 1e-9)
+def above(problem, f):
+    """Whether the mean squared landmark distance exceeds that of the best Moebius map, where that is a bijection."""
+    plain = mobius(problem.z, *problem.mobius)
+    best, found = ((abs(problem.samples @ w - problem.target) ** 2).mean() for w in (plain, f))
+    return bool(found > best * (1 + ROUNDING)) and is_embedding(problem.faces, plain)
 
 
 def register_case(rng):
@@ -178,10 +180,12 @@ def register_case(rng):
             for name, side in zip(("moving", "control"), sides)
         }
         curves.append({"name": f"c{k}", **ends})
-    result = qc.register(*sides, {"curves": curves})
-    report = result.report
-    worse = report["landmark_error"] > 1.01 * report["landmark_error_before"] + 1e-9
-    return sides[0].faces, result.disk_map, report["bijective"], worse
+    problems = []  # of landmarks, as `register` states them
+    with patch(
+        "qclearn.registration.register.Problem", lambda *given: problems.append(Problem(*given)) or problems[-1]
+    ):
+        result = qc.register(*sides, {"curves": curves})
+    return sides[0].faces, result.disk_map, result.report["bijective"], above(problems[-1], result.disk_map)
 
 
 CASES = {"beltrami": beltrami_case, "conformal": conformal_case, "fit": fit_case, "register": register_case}
