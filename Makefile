@@ -29,7 +29,7 @@ book: $(INSTALLED)
 test: $(INSTALLED)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
-	$(BIN)/python -m pytest -q -n $(JOBS) --ignore=tests/site tests
+	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile --no-loadscope-reorder --ignore=tests/site tests
 	$(BIN)/python tools/build_book.py --jobs $(JOBS)
 	$(BIN)/python tools/lab_copies.py --jobs $(JOBS)
 	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadgroup -rs tests/site

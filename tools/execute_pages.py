@@ -77,6 +77,7 @@ def execute(paths, jobs, seconds_per_cell):
         "PYVISTA_OFF_SCREEN": "true",
         "JUPYTER_PREFER_ENV_PATH": "1",
         "PYTHONPATH": str(installed),
+        "NUMBA_CACHE_DIR": str(BUILD / "numba"),  # not beside the code, which each build unpacks anew
     }
     found = subprocess.run(
         [sys.executable, "-c", "import qclearn; print(qclearn.__file__)"],

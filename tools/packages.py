@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 import tarfile
+import time
 import zipfile
 from pathlib import Path
 
@@ -32,7 +33,10 @@ def installed_copy(folder):
     shutil.rmtree(folder, ignore_errors=True)
     _, wheel = build_packages(folder / "packages")
     with zipfile.ZipFile(wheel) as archive:
-        archive.extractall(folder / "installed")
+        for member in archive.infolist():
+            # As old as its source: what numba compiled from the same file before is still good.
+            made = time.mktime((*member.date_time, 0, 0, -1))
+            os.utime(archive.extract(member, folder / "installed"), (made, made))
     return folder / "installed"
 
 

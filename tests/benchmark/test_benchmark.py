@@ -159,7 +159,7 @@ def cluster(tmp_path):
 
 
 def test_a_killed_worker_costs_only_its_task(tmp_path, folder, inside, cluster):
-    runs = [Run(f"mine {k}", "shrunk", {"shift": 0.02 * k, "wait": 0.3}) for k in range(6)]
+    runs = [Run(f"mine {k}", "shrunk", {"shift": 0.02 * k, "wait": 0.1}) for k in range(6)]
     undisturbed = small(tmp_path / "a.json", folder, runs)
     address, start_worker = cluster
     workers = [start_worker("--nthreads", "1") for _ in range(2)]

@@ -11,6 +11,7 @@ import meshes
 import numpy as np
 import pytest
 from known_surfaces import grooved_sphere
+from reports import REPORT
 from scipy.spatial.transform import Rotation
 
 from qclearn.files.provenance import fingerprint
@@ -27,27 +28,6 @@ from qclearn.registration.register import check_curves, register
 from qclearn.registration.transfer import lift, transfer
 from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror
-
-REPORT = {
-    "landmark_error_before",
-    "landmark_error",
-    "landmark_error_mm",
-    "mean_abs_mu",
-    "sd_abs_mu",
-    "max_abs_mu",
-    "flipped",
-    "bijective",
-    "degenerate",
-    "fallbacks",
-    "seconds",
-    "method",
-    "alpha",
-    "beta",
-    "gamma",
-    "mobius",
-    "version",
-    "suspect",
-}
 
 
 bowl = partial(meshes.bowl, rings=14, lean=0.4)
