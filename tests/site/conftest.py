@@ -22,6 +22,14 @@ def browser():
         browser.close()
 
 
+@pytest.fixture(scope="session")
+def window(browser):
+    """One window for all pages of the site: what they share is fetched and compiled once."""
+    window = browser.new_context()
+    yield window
+    window.close()
+
+
 class QuietHandler(SimpleHTTPRequestHandler):
     def log_message(self, *arguments):
         pass

@@ -1,11 +1,8 @@
-"""At the widths of a desk and of a telephone nothing is cut off, shrunk or bold that should not be: layout.js looks."""
-
-from pathlib import Path
+"""What test_pages.py relies on: layout.js finds each fault, and formulas follow the width of the window."""
 
 import pytest
-from opened import PAGES, WIDTHS, opened
+from view import NARROW, WIDE, View
 
-FAULTS = Path(__file__).with_name("layout.js").read_text(encoding="utf-8")
 LONG = "a_1 + " * 80
 # What is put into a page, and the sentence that this must bring.
 PLANTED = {
@@ -30,36 +27,27 @@ PLANTED = {
 }
 
 
-@pytest.mark.parametrize("width", WIDTHS)
-@pytest.mark.parametrize("name", PAGES)
-def test_nothing_is_cut_off(browser, site_address, name, width):
-    with opened(browser, site_address + name, width) as page:
-        assert page.evaluate(FAULTS) == []
+@pytest.fixture(scope="module", params=[WIDE, NARROW])
+def plain_view(request, window, site_address):
+    view = View(window, site_address, "errata.html", request.param)
+    yield view
+    view.page.close()
 
 
-@pytest.fixture(scope="module", params=WIDTHS)
-def plain_page(request, browser, site_address):
-    with opened(browser, site_address + "errata.html", request.param) as page:
-        yield page
-
-
+@pytest.mark.xdist_group("planted")
 @pytest.mark.parametrize("planted", PLANTED)
-def test_a_planted_fault_is_found(plain_page, planted):
+def test_a_planted_fault_is_found(plain_view, planted):
     html, sentence = PLANTED[planted]
-    plain_page.evaluate(
-        """html => document.querySelector("article section").insertAdjacentHTML(
-        "beforeend", `<div id="planted">${html}</div>`)""",
-        html,
-    )
-    found = plain_page.evaluate(FAULTS)
-    plain_page.evaluate("() => document.getElementById('planted').remove()")
+    with plain_view.planted(html):
+        found = plain_view.layout_faults()
     assert any(sentence in fault for fault in found), found
 
 
-def test_formulas_are_broken_anew_when_the_window_changes(browser, site_address):
+def test_formulas_are_broken_anew_when_the_window_changes(window, site_address):
     lines = "() => document.querySelectorAll('article mjx-linebox').length"
-    with opened(browser, site_address + "lbs.html", 1280) as page:
-        wide = page.evaluate(lines)
-        page.set_viewport_size({"width": 390, "height": 900})
-        page.wait_for_function(f"wide => ({lines})() > wide", arg=wide)
-        assert page.evaluate(FAULTS) == []
+    view = View(window, site_address, "lbs.html")
+    wide = view.page.evaluate(lines)
+    view.resize(NARROW)
+    assert view.page.evaluate(lines) > wide
+    assert view.layout_faults() == []
+    view.page.close()

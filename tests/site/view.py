@@ -1,0 +1,77 @@
+"""A page of the site in a browser's window, and what is to be heard and found there."""
+
+import contextlib
+from pathlib import Path
+
+from axe_playwright_python.base import AXE_SCRIPT
+from places import SITE
+
+PAGES = sorted(path.name for path in SITE.glob("*.html"))
+WIDE, NARROW = 1280, 390  # a desk, a telephone
+# Both come from the theme, with every page, and change nothing that a reader could notice.
+HARMLESS = ("THEBE_JS_URL", "Got invalid theme mode")
+WIDGETS = "script[type='application/vnd.jupyter.widget-view+json']"
+HANDLES = ".jupyter-widgets .noUi-handle"
+LAYOUT = Path(__file__).with_name("layout.js").read_text(encoding="utf-8")
+AXE = Path(__file__).with_name("axe.js").read_text(encoding="utf-8")
+TYPESET = "() => MathJax.startup.promise.then(() => document.fonts.ready).then(() => null)"
+# reflow.js waits 200 ms for the end of a change of size, and asks MathJax then.
+EXPECT_A_CHANGE = """() => { window.resized = new Promise(done =>
+    addEventListener("resize", () => setTimeout(done, 250), {once: true})); }"""
+PLANT = """html => (document.querySelector("article section") ?? document.querySelector("article"))
+    .insertAdjacentHTML("beforeend", `<div id="planted">${html}</div>`)"""
+CHANGED = "() => window.resized.then(() => window.MathJax?.startup?.document?.whenReady(() => null)).then(() => null)"
+
+
+def axe_findings(frame, **rules):
+    """What axe-core calls serious or critical in a page or a frame of it."""
+    frame.evaluate(AXE_SCRIPT)
+    return frame.evaluate(AXE, rules)
+
+
+class View:
+    """A page opened in a tab of a window, formulas typeset and widgets built; everything that it asked for and
+    complained about."""
+
+    def __init__(self, window, address, name, width=WIDE):
+        self.address, self.requests, self.complaints = address, [], []
+        self.page = window.new_page()
+        self.page.set_viewport_size({"width": width, "height": 900})
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.page.on("requestfailed", lambda request: self.complain(f"failed: {request.url}"))
+        self.page.on("response", lambda answer: answer.status < 400 or self.complain(f"{answer.status}: {answer.url}"))
+        self.page.on("console", lambda message: message.type != "error" or self.complain(message.text))
+        self.page.on("pageerror", lambda error: self.complain(error.message))
+        self.page.goto(address + name, wait_until="load")
+        if self.page.locator("script[src*='mathjax']").count():
+            self.page.wait_for_function("() => window.MathJax?.startup?.promise")
+            self.page.evaluate(TYPESET)
+        if self.page.locator(WIDGETS).count():
+            self.page.wait_for_selector(HANDLES, state="attached", timeout=30_000)
+            self.page.wait_for_load_state("networkidle")
+
+    def complain(self, text):
+        if not any(known in text for known in HARMLESS):
+            self.complaints.append(text)
+
+    def resize(self, width):
+        self.page.evaluate(EXPECT_A_CHANGE)
+        self.page.set_viewport_size({"width": width, "height": 900})
+        self.page.evaluate(CHANGED)
+
+    def layout_faults(self):
+        return self.page.evaluate(LAYOUT)
+
+    def axe_findings(self, **rules):
+        return axe_findings(self.page, **rules)
+
+    def all(self, selector, what):
+        """`what`, an expression of JavaScript in e, of all elements that a selector finds."""
+        return self.page.eval_on_selector_all(selector, f"found => found.map(e => {what})")
+
+    @contextlib.contextmanager
+    def planted(self, html):
+        """The page with something more at its end."""
+        self.page.evaluate(PLANT, html)
+        yield
+        self.page.evaluate("() => document.getElementById('planted').remove()")
