@@ -29,7 +29,6 @@ from qclearn.registration.transfer import lift, transfer
 from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror
 
-
 bowl = partial(meshes.bowl, rings=14, lean=0.4)
 
 
