@@ -235,16 +235,13 @@ def _annotation(path, data):
     if not np.array_equal(np.sort(words[1 : 2 * n_vertices : 2]), np.arange(n_vertices)):
         raise FormatError("its vertices are not numbered from 0 on, each once")
     colours, table, names = nibabel.freesurfer.read_annot(path, orig_ids=True)
-    if not len(table):
-        raise FormatError("its colour table is empty")
-    order = np.argsort(table[:, 4], kind="stable")
-    place = np.searchsorted(table[order, 4], colours).clip(max=len(order) - 1)
-    found = table[order[place], 4] == colours
-    bad = np.flatnonzero(~found & (colours != 0))
-    if bad.size or len(names) != len(table):
-        raise FormatError(f"{len(bad)} vertices have a colour that is not in its table of {len(names)} names")
-    labels = np.full(n_vertices, -1)
-    labels[words[1 : 2 * n_vertices : 2]] = np.where(found & (colours != 0), order[place], -1)
+    given = colours != 0
+    missing = np.count_nonzero(given & ~np.isin(colours, table[:, 4]))
+    if missing or not 0 < len(table) == len(names):
+        raise FormatError(f"{missing} vertices have a colour that is not in its table of {len(names)} names")
+    order, labels = np.argsort(table[:, 4], kind="stable"), np.full(n_vertices, -1)
+    place = order[np.searchsorted(table[order, 4], colours[given])]
+    labels[words[1 : 2 * n_vertices : 2][given]] = place
     return labels, table, names
 
 
