@@ -34,7 +34,7 @@ def ragged(height, rings, seed):
 
     An ear is a face with two edges on the rim. Vertices keep their order; returns the surface and the new numbers.
     """
-    surface, rng = bowl(height, rings), np.random.default_rng(seed)
+    surface, rng = bowl(height, rings=rings), np.random.default_rng(seed)
     n, faces = 3 * rings, surface.faces
     outer = faces >= len(surface.vertices) - n
     removed = (outer.sum(1) == 2) & (rng.uniform(size=len(faces)) < 0.4)
