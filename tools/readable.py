@@ -17,6 +17,9 @@ TITLED = re.compile(r"^(.*?)\s*<([^<>]+)>$", re.DOTALL)  # words <label>
 TO_LABEL = re.compile(r"\[([^\]]*)\]\(#([\w:-]+)\)")
 TO_PAGE = re.compile(r"\]\((\w+)\.md\)")
 BIBLIOGRAPHY = re.compile(r"^(:{3,}|`{3,})\{bibliography\}.*?^\1[ \t]*$", re.DOTALL | re.MULTILINE)
+# What JupyterLab has to be told: it counts each proof that does not ask it not to, and shows captions small and pale.
+TOLD = {"prf:proof": ":nonumber: true", "figure": ":class: not-prose"}
+OPENING = re.compile(r"^(?::{3,}|`{3,})\{(prf:proof|figure)\}.*$", re.MULTILINE)
 HIDDEN = ("hide-input", "hide-cell", "remove-input", "remove-cell")
 
 
@@ -96,21 +99,26 @@ def as_notebook(text):
 
 
 def numbering(text, chapter):
-    """The front matter that makes JupyterLab count as the book does: Figure 6.1, (6.1), Theorem 6.1, Proof."""
+    """The front matter that makes JupyterLab count as the book does: Figure 6.1, (6.1), Theorem 6.1."""
     kinds = {"figure", "table", "equation", "exercise"} | {
         f"proof:{kind}" for kind in re.findall(r"\{prf:(\w+)\}", text)
     }
-    settings = {
-        kind: {"enumerator": f"{chapter}.%s"} for kind in sorted(kinds - {"proof:ref", "proof:proof"}) if chapter
-    }
-    return "---\n" + yaml.safe_dump({"numbering": {**settings, "proof:proof": {"enabled": False}}}) + "---\n\n"
+    if not chapter:
+        return ""
+    settings = {kind: {"enumerator": f"{chapter}.%s"} for kind in kinds - {"proof:ref", "proof:proof"}}
+    return "---\n" + yaml.safe_dump({"numbering": settings}) + "---\n\n"
+
+
+def told(text):
+    """Opening lines with the option that `TOLD` has for them below."""
+    return OPENING.sub(lambda match: f"{match[0]}\n{TOLD[match[1]]}", text)
 
 
 def for_jupyterlab(notebook, readable, chapter):
     """Change an executed page in place into its copy for JupyterLab."""
     prose = [cell for cell in notebook.cells if cell.cell_type == "markdown"]
     for cell in prose:
-        cell.source = readable.text(cell.source)
+        cell.source = outside_code(told, readable.text(cell.source))
     for cell in notebook.cells:
         if set(HIDDEN) & set(cell.metadata.get("tags", [])):
             cell.metadata["jupyter"] = {**cell.metadata.get("jupyter", {}), "source_hidden": True}

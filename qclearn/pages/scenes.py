@@ -23,6 +23,13 @@ from .plot import CURVE_STYLES, map_curves
 
 SHADES = LinearSegmentedColormap.from_list("shades", ["0.38", "1.0"])  # lit from one side, black to white is too dark
 LIFT = 0.6  # of tubes in 3-D above the surface, in their radius
+# Styles stand in the elements: JupyterLab knows no style sheet of the book.
+FRAME = 'class="scene" width="100%" style="border:0"'
+POSTER = "position:relative;display:block;width:100%;padding:0;border:0;background:white;cursor:pointer"
+WORDS = (
+    "position:absolute;left:50%;bottom:16px;transform:translateX(-50%);padding:5px 13px;border-radius:16px;"
+    "background:#595959;color:white;font:16px sans-serif"
+)
 
 
 class RendererError(RuntimeError):
@@ -95,12 +102,13 @@ class Scene:
     def _repr_html_(self):
         title, page = html.escape(self.description), html.escape(self.page)
         if self.picture is None:
-            return f'<iframe class="scene" title="{title}" height="{self.height}" srcdoc="{page}"></iframe>'
+            return f'<iframe {FRAME} title="{title}" height="{self.height}" srcdoc="{page}"></iframe>'
         load = "const f=this.nextElementSibling;f.srcdoc=f.dataset.page;f.hidden=false;this.remove()"
         return (
-            f'<button class="scene-poster" type="button" onclick="{load}">'
-            f'<img alt="{title}" src="data:image/png;base64,{self.picture}"><span>turn it in 3-D</span></button>'
-            f'<iframe class="scene" title="{title}" height="{self.height}" data-page="{page}" hidden></iframe>'
+            f'<button class="scene-poster" type="button" style="{POSTER}" onclick="{load}">'
+            f'<img alt="{title}" style="width:100%" src="data:image/png;base64,{self.picture}">'
+            f'<span style="{WORDS}">turn it in 3-D</span></button>'
+            f'<iframe {FRAME} title="{title}" height="{self.height}" data-page="{page}" hidden></iframe>'
         )
 
 

@@ -71,6 +71,7 @@ def executed():
     text = (
         "# Here\n\n$$ x $$ (eq-here)\n\nFrom {eq}`eq-here`: {eval}`n` by {cite:t}`guo2023automatic`.\n\n"
         ":::{prf:theorem} Name\n:label: thm-here\n\nText.\n\n:::\n\n"
+        ":::{prf:proof}\n\nShort.\n\n:::\n\n"
         ":::{exercise} Title\n:label: ex-here\n\nDo.\n\n:::\n\n"
         ":::{solution} ex-here\n:class: dropdown\n\n```python\nprint(':::')\n```\n\n:::\n"
     )
@@ -88,6 +89,8 @@ def test_the_lab_copy_counts_as_the_book_and_folds_what_is_hidden(literature):
     notebook = for_jupyterlab(executed(), Readable("here", TARGETS, literature), 2)
     front = notebook.cells[0].source.split("---\n")[1]
     assert "enumerator: 2.%s" in front and "proof:theorem" in front and "# Here" in notebook.cells[0].source
+    assert ":::{prf:proof}\n:nonumber: true\n" in notebook.cells[0].source
+    assert notebook.cells[2].source.startswith(":::{figure}\n:class: not-prose\n:name: fig-here\n")
     assert notebook.cells[1].metadata["jupyter"]["source_hidden"]
     assert notebook.cells[0].metadata.user_expressions
 

@@ -25,7 +25,9 @@ def ball():
 def test_scene_is_one_page_that_asks_for_nothing():
     scene = Scene(ball()[1], 'a "ball" <round>')
     markup = scene._repr_html_()
-    assert 'title="a &quot;ball&quot; &lt;round&gt;"' in markup
+    assert 'title="a &quot;ball&quot; &lt;round&gt;"' in markup and markup.startswith(
+        '<iframe class="scene" width="100%" '
+    )
     assert "OfflineLocalView.load" in html.unescape(markup)
     assert not re.search(r'(?:src|href)\s*=\s*"https?://', scene.page)
 
@@ -47,7 +49,9 @@ def test_legend_is_written_over_the_scene():
 
 def test_poster_waits_for_a_click():
     markup = Scene(ball()[1], "a ball", poster=True)._repr_html_()
-    assert '<img alt="a ball" src="data:image/png;base64,' in markup
+    assert re.search(
+        '<button [^>]*style="[^"]*width:100%[^>]*><img alt="a ball" [^>]*src="data:image/png;base64,', markup
+    )
     assert "srcdoc=" not in markup.replace("f.srcdoc=f.dataset.page", "") and "data-page=" in markup
 
 

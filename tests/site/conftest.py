@@ -8,7 +8,7 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from types import SimpleNamespace
 
 import pytest
-from laboratory import Reader, jupyterlab
+from laboratory import Reader, jupyterlab, sign
 from places import COPIES, FLAGS, ROOT, SITE, chromium_path
 from playwright.sync_api import sync_playwright
 
@@ -52,8 +52,9 @@ def lab(browser, tmp_path_factory):
     shutil.copytree(COPIES, root / "copies") if COPIES.exists() else (root / "copies").mkdir(parents=True)
     shutil.copytree(ROOT / "book", root / "sources", ignore=shutil.ignore_patterns("_assets", ".ipynb_checkpoints"))
     (root / "planted").mkdir()
+    sign(home, (root / "copies").glob("*.ipynb"))
     with jupyterlab(home, root) as address:
-        yield SimpleNamespace(address=address, root=root)
+        yield SimpleNamespace(address=address, home=home, root=root)
 
 
 @pytest.fixture(scope="session")

@@ -9,7 +9,9 @@ import time
 import urllib.error
 import urllib.request
 
+import nbformat
 import pytest
+from nbformat.sign import NotebookNotary
 
 SETTINGS = {
     "apputils-extension/notification": '{"fetchNews": "false", "checkForUpdates": false}',
@@ -35,6 +37,14 @@ def wait_until_it_answers(server, address, log, seconds=60):
             assert server.poll() is None, f"JupyterLab ended:\n{log.read_text()}"
             time.sleep(0.3)
     pytest.fail(f"JupyterLab did not answer within {seconds} s:\n{log.read_text()}")
+
+
+def sign(home, paths):
+    """Let the JupyterLab of this home trust notebooks, as `make lab-copies` lets the reader's own."""
+    (home / "data").mkdir(exist_ok=True)  # where there is no folder, signatures stay in memory
+    notary = NotebookNotary(data_dir=str(home / "data"))
+    for path in paths:
+        notary.sign(nbformat.read(path, as_version=4))
 
 
 @contextlib.contextmanager
@@ -113,6 +123,11 @@ LOOK = """() => [...window.panel.content.node.querySelectorAll('.jp-Cell')].map(
     errors: all('[data-mime-type*=stderr], [data-mime-type*=error]', e => e.innerText),
     figures: all('img.page-figure', e => [e.alt, e.naturalWidth]),
     captions: all('figcaption', e => e.innerText.trim()),
+    small: all('figcaption', e => getComputedStyle(e).fontSize !== getComputedStyle(area).fontSize && e.innerText)
+        .filter(text => text),
+    // A scene waits behind its poster, which has its place.
+    scenes: all('iframe.scene', e => [e.hidden ? e.previousElementSibling : e, e.parentElement])
+        .map(([scene, cell]) => scene.offsetWidth / cell.offsetWidth),
     broken: all('img', e => e.complete && !e.naturalWidth && (e.alt || e.src)).filter(text => text),
   };
 })"""
