@@ -150,19 +150,19 @@ class GaussNewton:
         """Gradients of Re w and Im w of the mapped landmarks with respect to nu, complex (M, N) each."""
         solution, slope = state.solution, mobius_slope(state.solution.f, *state.mobius)
         parts, points = [], (self.samples @ sparse.diags_array(slope.conj())).tocsr()
-        chains = [self.chain(state, x) for x in solution.parts]
+        chains = [self.chain(state, by_mu) for by_mu in solution.sensitivities]
         for rows in range(0, points.shape[0], LANDMARKS_AT_ONCE):
             adjoints = solution.adjoints(points[rows : rows + LANDMARKS_AT_ONCE])
             real, imaginary = np.split(sum(chain @ adjoint for chain, adjoint in zip(chains, adjoints)), 2)
             parts.append((real + 1j * imaginary).T.reshape(2, -1, len(state.nu)))
         return np.concatenate(parts, axis=1)
 
-    def chain(self, state, x):
-        """Sparse real (2 N, V): from an adjoint of the potential x to the gradient with respect to nu, Re above Im.
+    def chain(self, state, sensitivity):
+        """Sparse real (2 N, V): from an adjoint of a potential to the gradient with respect to nu, Re above Im.
 
         In one product what would otherwise take a dense array of faces by landmarks.
         """
-        by_mu = state.solution.sensitivity(x).tocoo()
+        by_mu = sensitivity.tocoo()
         data = bounded_pullback((self.to_faces @ state.nu)[by_mu.row], by_mu.data)
         chain = self.to_faces.T.tocsr() @ sparse.csr_array((data, (by_mu.row, by_mu.col)), shape=by_mu.shape)
         return sparse.vstack([chain.real, chain.imag]).tocsr()
