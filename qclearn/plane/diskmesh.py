@@ -1,5 +1,7 @@
 """Meshes of the unit disk, the square beside it, and where a point lies in a disk mesh."""
 
+from functools import cached_property
+
 import numpy as np
 import shapely
 from jaxtyping import Complex, Float, Integer
@@ -115,16 +117,51 @@ def locate(
         )
     corners, wanted = _pairs(z[faces]), _pairs(points)
     low, high = wanted.min(0, initial=np.inf), wanted.max(0, initial=-np.inf)
-    near = np.flatnonzero(((corners.max(1) >= low) & (corners.min(1) <= high)).all(1))
-    tree = shapely.STRtree(shapely.polygons(corners[near]))  # building polygons takes the longest: only where needed
-    hit, face = tree.query(shapely.points(wanted), predicate="intersects")
-    inside = np.full(len(points), -1)
-    inside[hit] = near[face]
-    outside = np.flatnonzero(inside < 0)
-    if len(outside):
-        points = points.copy()
-        inside[outside], points[outside] = _project_radially(z, faces, points[outside])
-    return inside, _barycentric(z[faces[inside]], points)
+    # Building polygons takes the longest: only where they are needed.
+    return Lookup(z, faces, np.flatnonzero(((corners.max(1) >= low) & (corners.min(1) <= high)).all(1)))(points)
+
+
+class Lookup:
+    """Where points lie in one disk mesh, for many questions: `lookup(points)` as `locate`, its search tree kept.
+
+    z (V,) complex, faces (F, 3), near: the faces in which points can lie, all unless given. Nothing is checked.
+    """
+
+    def __init__(self, z, faces, near=None):
+        self.z, self.faces = z, faces
+        self.near = np.arange(len(faces)) if near is None else near
+        self.tree = shapely.STRtree(shapely.polygons(_pairs(z[faces[self.near]])))
+
+    def __call__(self, points):
+        hit, face = self.tree.query(shapely.points(_pairs(points)), predicate="intersects")
+        inside = np.full(len(points), -1)
+        inside[hit] = self.near[face]
+        outside = np.flatnonzero(inside < 0)
+        if len(outside):
+            points = points.copy()
+            inside[outside], points[outside] = self._project_radially(points[outside])
+        return inside, _barycentric(self.z[self.faces[inside]], points)
+
+    @cached_property
+    def _rim(self):
+        """The boundary vertices in the order of their angles, and the face with each one's edge to the next."""
+        loop = boundary_loop(self.faces)
+        rim = np.flatnonzero(_alone(self.faces))  # each boundary vertex begins one half-edge of the boundary
+        face = np.empty(len(self.z), int)
+        face[self.faces.ravel()[rim]] = rim // 3
+        loop = loop[np.argsort(np.angle(self.z[loop]))]
+        return loop, face[loop]
+
+    def _project_radially(self, points):
+        loop, face = self._rim
+        k = (np.searchsorted(np.angle(self.z[loop]), np.angle(points), side="right") - 1) % len(loop)
+        a, b = self.z[loop[k]], self.z[loop[(k + 1) % len(loop)]]
+        # The ray s p meets the chord a + t (b - a) where Im(conj(b - a)(s p - a)) = 0.
+        s = ((b - a).conj() * a).imag / ((b - a).conj() * points).imag
+        radius = abs(points)
+        gap = 1 - s * radius  # between the chord and the arc: none at a boundary vertex
+        s = s * (1 - INSET * np.clip(np.divide(1 - radius, gap, out=np.zeros_like(gap), where=gap > 0), 0, 1))
+        return face[k], s * points
 
 
 def interpolate(values, faces, face, weights):
@@ -160,23 +197,6 @@ def _barycentric(corners, points):
     )
     weights = np.maximum(weights, 0)  # rounding, at an edge
     return weights / weights.sum(1, keepdims=True)
-
-
-def _project_radially(z, faces, points):
-    loop = boundary_loop(faces)
-    order = np.argsort(np.angle(z[loop]))
-    loop = loop[order]
-    k = (np.searchsorted(np.angle(z[loop]), np.angle(points), side="right") - 1) % len(loop)
-    a, b = z[loop[k]], z[loop[(k + 1) % len(loop)]]
-    # The ray s p meets the chord a + t (b - a) where Im(conj(b - a)(s p - a)) = 0.
-    s = ((b - a).conj() * a).imag / ((b - a).conj() * points).imag
-    radius = abs(points)
-    gap = 1 - s * radius  # between the chord and the arc: none at a boundary vertex
-    s = s * (1 - INSET * np.clip(np.divide(1 - radius, gap, out=np.zeros_like(gap), where=gap > 0), 0, 1))
-    rim = np.flatnonzero(_alone(faces))  # each boundary vertex begins one half-edge of the boundary
-    face = np.empty(len(z), int)
-    face[faces.ravel()[rim]] = rim // 3
-    return face[loop[k]], s * points
 
 
 def pixel_centres(size):

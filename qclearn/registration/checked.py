@@ -82,7 +82,8 @@ def bijective_fit(problem, weights, start=None, enough=0.0):
 def predicted(predict, problem, weights):
     """The mu (F,) that a network's `predict` answers for a problem."""
     mesh = problem.z, problem.faces
-    return predict(*mesh, problem.moving, problem.target, curve=problem.curve, **asdict(weights))
+    known = {name: value for name, value in asdict(weights).items() if name != "delta"}  # of the features: ours alone
+    return predict(*mesh, problem.moving, problem.target, curve=problem.curve, **known)
 
 
 def guarded_map(predict, solve, problem, weights, tolerance):

@@ -16,8 +16,9 @@ from ..plane.beltrami import face_mean, factorise, stiffness
 from ..plane.disk import BeltramiDiskSolver, unfold
 from ..plane.diskmesh import sampling_matrix
 from ..plane.fields import bounded, bounded_pullback, mass_matrix
-from ..plane.mobius import compose_mobius, mobius, mobius_slope
+from ..plane.mobius import compose_mobius, mobius, mobius_fields, mobius_slope
 from .certified import solver_words
+from .normal import NormalEquations
 
 SHARES = (1.0, 0.5, 0.25, 0.125)  # of a step, tried in turn by the line search
 SUFFICIENT_DECREASE = 0.3  # share of what the quadratic model promises that a step has to gain
@@ -37,6 +38,7 @@ class Landmarks:
 
     def __init__(self, target, curve, sliding):
         self.target, self.tangent = target, np.ones(len(target), complex)
+        self.count = max(len(target), 1)  # of none, where features lead alone, the mean is 0
         self.weights = np.ones((2, len(target)))
         if sliding:
             for label in np.unique(curve):
@@ -51,11 +53,17 @@ class Landmarks:
         shape = (-1,) + (1,) * (change.ndim - 1)
         turned = self.tangent.conj().reshape(shape) * change
         along, across = (self.weights[k].reshape(shape) for k in (0, 1))
-        return np.sqrt(gamma / len(self.target)) * np.concatenate([along * turned.real, across * turned.imag])
+        return np.sqrt(gamma / self.count) * np.concatenate([along * turned.real, across * turned.imag])
 
     def residual(self, points, gamma):
         """Components (2 M,) of mapped points (M,) less their targets."""
         return self.components(points - self.target, gamma)
+
+    def rows(self, samples, gamma):
+        """Sparse complex R (2 M, N) for points `samples @ w`: the components change by `Re(conj(R) dw)`."""
+        turns = np.concatenate([self.weights[0] * self.tangent, 1j * self.weights[1] * self.tangent])
+        scale = np.sqrt(gamma / self.count)
+        return (sparse.diags_array(scale * turns) @ sparse.vstack([samples, samples])).tocsr()
 
     def error(self, points):
         """Mean distance of mapped points (M,) from their targets."""
@@ -65,7 +73,7 @@ class Landmarks:
         """Gradients of the components (2 M, n) from those of Re w and Im w, (M, n)."""
         turn = self.tangent.conj()[:, None]
         along, across = self.weights[0][:, None], self.weights[1][:, None]
-        return np.sqrt(gamma / len(self.target)) * np.concatenate(
+        return np.sqrt(gamma / self.count) * np.concatenate(
             [along * (turn.real * grad_re - turn.imag * grad_im), across * (turn.imag * grad_re + turn.real * grad_im)]
         )
 
@@ -97,8 +105,8 @@ class GaussNewton:
     `at(nu, mobius)` is the state there, `step(state, gamma)` the next one, or None where no step lowers the objective.
     """
 
-    def __init__(self, problem, mesh, weights):
-        (self.z, self.faces), self.problem, self.weights = mesh, problem, weights
+    def __init__(self, problem, mesh, weights, dense=None):
+        (self.z, self.faces), self.problem, self.weights, self.dense = mesh, problem, weights, dense
         self.landmarks = Landmarks(problem.target, problem.curve, problem.sliding)
         flat = np.zeros(len(self.faces))
         self.mass, self.laplace = mass_matrix(*mesh) / np.pi, stiffness(*mesh, flat) / np.pi
@@ -136,7 +144,8 @@ class GaussNewton:
         return (self.landmarks.residual(points, gamma) ** 2).sum()
 
     def objective(self, state, gamma):
-        return self.prior(state.nu) + self.mismatch(state.points, gamma)
+        features = 0.0 if self.dense is None else (self.dense.residual(state.f) ** 2).sum()
+        return self.prior(state.nu) + self.mismatch(state.points, gamma) + features
 
     def error(self, state):
         """Mean distance of a state's landmarks from their targets."""
@@ -149,7 +158,10 @@ class GaussNewton:
     def gradients(self, state):
         """Gradients of Re w and Im w of the mapped landmarks with respect to nu, complex (M, N) each."""
         solution, slope = state.solution, mobius_slope(state.solution.f, *state.mobius)
-        parts, points = [], (self.samples @ sparse.diags_array(slope.conj())).tocsr()
+        parts, points = (
+            [np.zeros((2, 0, len(state.nu)), complex)],
+            (self.samples @ sparse.diags_array(slope.conj())).tocsr(),
+        )
         chains = [self.chain(state, by_mu) for by_mu in solution.sensitivities]
         for rows in range(0, points.shape[0], LANDMARKS_AT_ONCE):
             adjoints = solution.adjoints(points[rows : rows + LANDMARKS_AT_ONCE])
@@ -168,20 +180,20 @@ class GaussNewton:
         return sparse.vstack([chain.real, chain.imag]).tocsr()
 
     def mobius_columns(self, state):
-        """Changes of the mapped landmarks (M, 3) with a Möbius increment (theta, Re a, Im a) after the map.
-
-        As a composition: `dw = i w dtheta - da + conj(da) w^2`.
-        """
-        w = state.f
-        return self.samples @ np.stack([1j * w, w**2 - 1, -1j * (1 + w**2)], axis=1)
+        """Changes of the mapped landmarks (M, 3) with a Möbius increment (theta, Re a, Im a) after the map."""
+        return self.samples @ mobius_fields(state.f)
 
     def linearise(self, state, gamma):
         """The linearisation at a state: returns `propose(state, damping)`, which may be asked again at later states.
+
+        Of landmarks alone; with features it is that of `NormalEquations`.
 
         It gives (change of nu, da, dtheta, least objective of the model). damping adds `damping (change^* W change)` to
         what is minimised (Levenberg), and its like for the Möbius part: a shorter step, turned towards the steepest
         descent.
         """
+        if self.dense is not None:
+            return NormalEquations(self, state, gamma).propose
         J = self.jacobian(state, gamma)
         Jm = self.landmarks.components(self.mobius_columns(state), gamma)
         lifted = self.factors.solve(np.ascontiguousarray(J.real.T)) + 1j * self.factors.solve(
@@ -199,8 +211,9 @@ class GaussNewton:
 
         return propose
 
-    def step(self, state, gamma, propose=None, shares=SHARES):
-        """The state after one step by a backtracking line search, or None where no share of it lowers the objective.
+    def step(self, state, gamma, propose=None, shares=SHARES, worth=0.0):
+        """The state after one step by a backtracking line search, or None where no share of it lowers the objective,
+        or the model promises less than the share `worth` of it.
 
         A share s of the step is taken once it brings a sufficient part of what the quadratic model promises,
         `(2s - s^2)` of the full step's gain; the promise fails where the map is far from linear in nu. propose: a
@@ -208,6 +221,8 @@ class GaussNewton:
         """
         before = self.objective(state, gamma)
         change, da, dtheta, promised = (propose or self.linearise(state, gamma))(state)
+        if before - promised < worth * before:
+            return None
         for share in shares:
             found = self.at(state.nu + share * change, compose_mobius(state.mobius, (share * da, share * dtheta)))
             gain = before - self.objective(found, gamma)
