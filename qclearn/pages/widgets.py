@@ -18,8 +18,9 @@ from ..registration.fit import fit_problem
 from ..registration.landmarkfile import check_curves
 from ..registration.landmarks import fundus_metric, fundus_path, sample_curve
 from ..registration.metrics import measured_losses
+from ..registration.preparation import align
 from ..registration.problem import LandmarkError, Problem, Weights
-from ..registration.register import align, load
+from ..registration.register import load
 from ..surfaces.conformal import disk_conformal_map
 from ..surfaces.curvature import AreaRadius, area_radius
 from .canvas import Canvas
