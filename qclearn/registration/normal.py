@@ -17,8 +17,8 @@ STEPS, ACCURACY = 30, 0.1  # of conjugate gradients: at most, and the residual t
 class NormalEquations:
     """`(W + J^T J) x = -(W nu + J^T r)` at a state of an engine, x = change of nu and of the Möbius parameters, real.
 
-    Preconditioned by `P = diag(W, B) + J_L^T J_L` with the landmarks' rows J_L and the features' part B on the Möbius
-    parameters, inverted by Woodbury's formula. Landmarks of a large gamma would else cost a step each.
+    Preconditioned by `P = diag(W, B) + J_L^T J_L` with quick rows J_L of the landmarks and the features' part B on the
+    Möbius parameters, inverted by Woodbury's formula. Landmarks of a large gamma would else cost a step each.
     """
 
     def __init__(self, engine, state, gamma):
@@ -31,7 +31,7 @@ class NormalEquations:
         self.residual = np.concatenate([engine.landmarks.residual(state.points, gamma), engine.dense.residual(state.f)])
         by_mobius = (features.conj() @ self.fields).real
         self.B = by_mobius.T @ by_mobius + MOBIUS_PRIOR * np.eye(3)
-        J = np.ascontiguousarray(engine.jacobian(state, gamma)).view(float)
+        J = np.ascontiguousarray(engine.quick_jacobian(state, gamma)).view(float)
         self.J = np.hstack([J, (landmarks.conj() @ self.fields).real])
         self.lifted = self.lift(self.J.T)
         self.S = np.linalg.inv(np.eye(len(self.J)) + self.J @ self.lifted)
