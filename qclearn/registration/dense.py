@@ -52,5 +52,6 @@ class Dense:
     def locate(self, f):
         """Where the moving vertices lie in the control's disk; kept for the last map that was asked for."""
         if self.last[0] is not f:
-            self.last = f, self.lookup(f if self.samples is None else self.samples @ f)
+            guess = None if self.last[1] is None else self.last[1][0]
+            self.last = f, self.lookup(f if self.samples is None else self.samples @ f, guess)
         return self.last[1]

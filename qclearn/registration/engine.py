@@ -20,7 +20,7 @@ from ..plane.fields import bounded, bounded_pullback, mass_matrix
 from ..plane.mobius import compose_mobius, mobius, mobius_fields, mobius_slope
 from ..plane.tangent import Tangent
 from .certified import solver_words
-from .normal import NormalEquations
+from .normal import MOBIUS_PRIOR, NormalEquations
 
 SHARES = (1.0, 0.5, 0.25, 0.125)  # of a step, tried in turn by the line search
 SUFFICIENT_DECREASE = 0.3  # share of what the quadratic model promises that a step has to gain
@@ -28,7 +28,6 @@ TANGENTIAL_WEIGHT = 0.1  # of a sliding landmark's residual along its target cur
 LANDMARKS_AT_ONCE = 16  # bounds the memory of the adjoint solves
 DAMPINGS = 10.0 ** np.arange(-1, 10)  # of the steps of a fit that is taken up again, in parts of W
 TRUST, TRIES = 0.3, 4  # the largest change of nu in such a step, and how many of them are tried
-MOBIUS_PRIOR = 1e-6  # weak, keeps the step of the three Möbius parameters bounded
 
 
 class Landmarks:

@@ -11,7 +11,8 @@ from ..plane.fields import bounded_pullback
 from ..plane.mobius import mobius_fields, mobius_slope
 
 MOBIUS_PRIOR = 1e-6  # weak, keeps the step of the three Möbius parameters bounded
-STEPS, ACCURACY = 30, 0.1  # of conjugate gradients: at most, and the residual to leave, in the preconditioner's norm
+STEPS = 40  # of conjugate gradients, at most
+ACCURACY = 0.1  # the residual that they leave, in the preconditioner's norm, up to gamma = 1e3; beyond, less by decades
 
 
 class NormalEquations:
@@ -23,6 +24,7 @@ class NormalEquations:
 
     def __init__(self, engine, state, gamma):
         self.engine, self.state, solution = engine, state, state.solution
+        self.accuracy = ACCURACY / max(1.0, np.log10(gamma) - 2) if len(state.points) else ACCURACY
         self.slope, self.fields = mobius_slope(solution.f, *state.mobius), mobius_fields(state.f)
         self.nu_faces = engine.to_faces @ state.nu
         landmarks, features = engine.landmarks.rows(engine.samples, gamma), engine.dense.rows(state.f)
@@ -73,7 +75,7 @@ class NormalEquations:
         z = p = self.precondition(rest)
         size = first = rest @ z
         for _ in range(STEPS):
-            if size <= ACCURACY**2 * first:
+            if size <= self.accuracy**2 * first:
                 break
             Hp = self.prior(p) + self.adjoint(self.forward(p))
             share = size / (p @ Hp)

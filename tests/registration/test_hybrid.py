@@ -88,7 +88,7 @@ def test_forward_and_adjoint_are_transposes(equations):
 def test_the_step_solves_the_normal_equations(equations, monkeypatch):
     engine, state, found = equations
     monkeypatch.setattr(normal, "STEPS", 300)
-    monkeypatch.setattr(normal, "ACCURACY", 1e-9)
+    monkeypatch.setattr(found, "accuracy", 1e-9)
     J = np.stack([found.forward(unit) for unit in np.eye(2 * len(state.nu) + 3)], axis=1)
     W = sparse.block_diag([sparse.kron(engine.W, np.eye(2)), normal.MOBIUS_PRIOR * np.eye(3)]).toarray()
     nu = np.concatenate([state.nu.view(float), np.zeros(3)])
