@@ -187,6 +187,7 @@ def test_register_is_the_library_and_mirror_mirrors(folder, capsys):
     out = folder / "out"
     run(
         "register",
+        "--no-features",
         folder / "moving.npz",
         folder / "control.npz",
         "--landmarks",
@@ -202,7 +203,9 @@ def test_register_is_the_library_and_mirror_mirrors(folder, capsys):
         1e3,
         "--sliding",
     )
-    expected = register(mirror(bowl(0.6)), bowl(0.9), CURVES, alpha=2.0, beta=0.1, gamma=1e3, sliding=True)
+    expected = register(
+        mirror(bowl(0.6)), bowl(0.9), CURVES, alpha=2.0, beta=0.1, gamma=1e3, sliding=True, features=None
+    )
     np.testing.assert_allclose(np.load(out / "registration.npz")["points"], expected.points, atol=1e-9)
     report = json.loads((out / "report.json").read_text())
     assert [report[key] for key in ("method", "alpha", "beta", "gamma")] == ["exact", 2.0, 0.1, 1e3]
@@ -217,6 +220,7 @@ def test_a_suspect_registration_is_written_and_says_so(folder, capsys, options, 
     with pytest.raises(SystemExit) as stop:
         run(
             "register",
+            "--no-features",
             folder / "moving.npz",
             folder / "control.npz",
             "--landmarks",
@@ -237,6 +241,7 @@ def test_a_suspect_registration_is_written_and_says_so(folder, capsys, options, 
 def test_the_report_says_where_it_comes_from_and_holds_the_landmarks(folder, capsys):
     arguments = [
         "register",
+        "--no-features",
         folder / "moving.npz",
         folder / "control.npz",
         "--landmarks",
@@ -329,6 +334,7 @@ def test_the_network_method_and_its_tolerance_reach_the_pipeline(folder, monkeyp
     ):
         run(
             "register",
+            "--no-features",
             folder / "moving.npz",
             folder / "control.npz",
             "--out",
@@ -361,14 +367,32 @@ def test_the_network_method_without_torch_is_one_line(folder, monkeypatch, capsy
 
 
 def test_without_landmarks_the_curves_that_both_surfaces_carry_are_used(folder):
-    run("register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out", "--gamma", 1e3)
+    run(
+        "register",
+        "--no-features",
+        folder / "moving.npz",
+        folder / "control.npz",
+        "--out",
+        folder / "out",
+        "--gamma",
+        1e3,
+    )
     report = json.loads((folder / "out" / "report.json").read_text())
     assert [row["name"] for row in report["curves"]] == ["east", "north"]
 
 
 def test_a_second_run_replaces_the_files_of_the_first(folder):
     for gamma in (10, 1000):
-        run("register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out", "--gamma", gamma)
+        run(
+            "register",
+            "--no-features",
+            folder / "moving.npz",
+            folder / "control.npz",
+            "--out",
+            folder / "out",
+            "--gamma",
+            gamma,
+        )
     assert everything(folder / "out") == FILES
     assert json.loads((folder / "out" / "report.json").read_text())["gamma"] == 1000
 
@@ -450,6 +474,7 @@ def test_bad_landmarks_files_are_one_line(content, message, folder, capsys):
         capsys,
         folder,
         "register",
+        "--no-features",
         folder / "moving.npz",
         folder / "control.npz",
         "--landmarks",
@@ -490,6 +515,7 @@ def test_landmarks_that_are_missing_are_one_line(folder, capsys):
         capsys,
         folder,
         "register",
+        "--no-features",
         folder / "moving.npz",
         folder / "control.npz",
         "--landmarks",
@@ -538,6 +564,7 @@ def test_a_failure_at_the_end_leaves_nothing(folder, capsys, monkeypatch):
         capsys,
         folder,
         "register",
+        "--no-features",
         folder / "moving.npz",
         folder / "control.npz",
         "--out",
@@ -554,7 +581,7 @@ def test_an_interrupt_says_so(folder, capsys, monkeypatch):
 
     monkeypatch.setattr("qclearn.cli.registration.run_registration", interrupt)
     with pytest.raises(SystemExit) as stop:
-        run("register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out")
+        run("register", "--no-features", folder / "moving.npz", folder / "control.npz", "--out", folder / "out")
     assert stop.value.code == 130 and capsys.readouterr().err.strip() == "qclearn: interrupted"
     assert not (folder / "out").exists()
 
@@ -570,14 +597,14 @@ def test_the_progress_bar_is_gone_before_the_message(folder, capsys, monkeypatch
 
     monkeypatch.setattr(module, "bijective_fit", fail)
     with pytest.raises(SystemExit):
-        run("register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out")
+        run("register", "--no-features", folder / "moving.npz", folder / "control.npz", "--out", folder / "out")
     assert re.search(r"\rqclearn: no\n$", capsys.readouterr().err)
 
 
 @pytest.fixture
 def registered(folder):
     """The folder of a finished registration of the two bowls, and a map on each of them."""
-    result = register(bowl(0.6), bowl(0.9), CURVES, gamma=1e3)
+    result = register(bowl(0.6), bowl(0.9), CURVES, gamma=1e3, features=None)
     np.savez(
         folder / "registration.npz",
         disk_map=result.disk_map,
@@ -747,7 +774,16 @@ def test_transfer_refuses_what_it_cannot_write(registered, capsys, name):
 
 
 def test_what_register_writes_is_checked_when_it_is_read(folder, capsys):
-    run("register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out", "--gamma", 1e3)
+    run(
+        "register",
+        "--no-features",
+        folder / "moving.npz",
+        folder / "control.npz",
+        "--out",
+        folder / "out",
+        "--gamma",
+        1e3,
+    )
     with np.load(folder / "out" / "registration.npz") as file:
         arrays = dict(file)
     assert {"checksum", "format_version"} <= set(arrays)
@@ -800,4 +836,4 @@ def test_a_bug_is_not_called_bad_input(folder, monkeypatch):
 
     monkeypatch.setattr("qclearn.files.meshes.npz_arrays", lambda data, wanted: buggy(data))
     with pytest.raises(KeyError):
-        run("register", folder / "moving.npz", folder / "control.npz", "--out", folder / "out")
+        run("register", "--no-features", folder / "moving.npz", folder / "control.npz", "--out", folder / "out")

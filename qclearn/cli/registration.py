@@ -47,7 +47,7 @@ from .output import fail, output_folder
     multiple=True,
     metavar="MOVING CONTROL[:WEIGHT]",
     help="Per-vertex files, one a side, that shall lie on each other (lh.sulc, thickness, ...); repeatable. "
-    "depth or curvature on both sides: computed.",
+    "depth depth, curvature curvature: computed  [default: these two]",
 )
 @click.option("--no-features", is_flag=True, help="Landmarks alone, the paper's setting.")
 @click.option("--no-landmarks", is_flag=True, help="Features alone.")
@@ -101,10 +101,10 @@ def demo(out, accept_suspect):
 
 
 def given_features(files, none):
-    """The features of the options --feature and --no-features, for `qc.register`; by default none."""
+    """The features of the options --feature and --no-features, for `qc.register`; by default the folds."""
     if files and none:
         raise FeatureError("--feature and --no-features exclude each other; drop one")
-    return [given_feature(*pair) for pair in files] or None
+    return None if none else [given_feature(*pair) for pair in files] or FOLDS
 
 
 def given_feature(moving, control):

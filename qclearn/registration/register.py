@@ -14,7 +14,7 @@ from tqdm import tqdm
 
 from ..surfaces.surface import Surface, require_disk, require_outward
 from .checked import TOLERANCE, bijective_fit, gamma_words, predicted, refined, unfolded
-from .features import Features, check_features
+from .features import FOLDS, Features, check_features
 from .landmarkfile import check_curves, held_apart
 from .preparation import Sides, conformal, lay_upon, sampled
 from .problem import LandmarkError, Weights, is_finite
@@ -95,7 +95,7 @@ def register(
     sliding: bool = False,
     progress: bool = False,
     tolerance: float | None = None,
-    features: list | tuple | None = None,
+    features: list | tuple | None = FOLDS,
     delta: float = 0.3,
     hold_out: list | tuple = (),
 ) -> Registration:

@@ -4,6 +4,7 @@ import json
 import re
 import sys
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,11 +19,12 @@ from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import solve_beltrami_disk
 from qclearn.plane.diskmesh import polar_disk
 from qclearn.plane.mobius import best_mobius, compose_mobius, mobius
+from qclearn.registration import register as pipeline
 from qclearn.registration.certified import exact_map
 from qclearn.registration.fit import fit_landmarks, fit_problem
 from qclearn.registration.landmarks import detect_curves, sample_curve
 from qclearn.registration.problem import LandmarkError
-from qclearn.registration.register import check_curves, register
+from qclearn.registration.register import check_curves
 from qclearn.registration.transfer import lift, transfer
 from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror
@@ -53,6 +55,8 @@ REPORT = {
     "version",
     "suspect",
 }
+
+register = partial(pipeline.register, features=None)  # bowls have no folds
 
 
 def bowl(height, rings=14):

@@ -64,8 +64,9 @@ def test_the_report_tells_features_and_held_out_curves(pairs):
 
 def test_curves_are_held_out_by_name_or_in_the_file():
     marked = [entry | {"hold_out": entry["name"] != "spoke 0"} for entry in entries(0)]
-    by_file = register(MOVING, CONTROL, {"curves": marked}, gamma=1e2).report
-    by_name = register(MOVING, CONTROL, entries(0), gamma=1e2, hold_out=("spoke 1", "spoke 2")).report
+    by_file = register(MOVING, CONTROL, {"curves": marked}, gamma=1e2, features=None).report
+    held = ("spoke 1", "spoke 2")
+    by_name = register(MOVING, CONTROL, entries(0), gamma=1e2, features=None, hold_out=held).report
     assert by_file["held_out_mm"] == by_name["held_out_mm"] and len(by_file["held_out_mm"]) == 2
 
 
@@ -134,7 +135,7 @@ REFUSED = [
     ({"features": ["sulc"]}, FeatureError, "unknown feature 'sulc'"),
     ({"features": [(FOLDS[0], FOLDS[0][1:])]}, FeatureError, "feature 1, control side: shape"),
     ({"hold_out": ["spoke 7"]}, LandmarkError, "no curve is called 'spoke 7'.*'spoke 0', 'spoke 1', 'spoke 2'"),
-    ({"hold_out": ["spoke 0", "spoke 1", "spoke 2"]}, LandmarkError, "all curves are held out"),
+    ({"hold_out": ["spoke 0", "spoke 1", "spoke 2"], "features": None}, LandmarkError, "all curves are held out"),
 ]
 
 
@@ -146,7 +147,12 @@ def test_what_cannot_be_done_is_refused(options, error, message):
 
 def test_neither_landmarks_nor_features_is_refused():
     with pytest.raises(LandmarkError, match="landmarks hold no curves"):
-        register(MOVING, CONTROL, [])
+        register(MOVING, CONTROL, [], features=None)
+
+
+def test_folds_lead_unless_they_are_told_not_to():
+    report = register(MOVING, CONTROL, entries(0), gamma=1e2).report
+    assert list(report["features"]) == list(report["r"]) == ["depth", "curvature"] and report["delta"] == 0.3
 
 
 def test_hold_out_is_true_or_false():
