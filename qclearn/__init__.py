@@ -26,6 +26,7 @@ from .plane.diskmesh import disk_to_square, locate, polar_disk, square_disk, squ
 from .plane.logform import solve_beltrami_disk_log
 from .plane.mobius import best_mobius, compose_mobius, mobius, mobius_inverse
 from .registration import engine, fit, problem
+from .registration.features import FeatureError
 from .registration.fit import LandmarkFit, fit_landmarks
 from .registration.landmarks import detect_curves, fundus_metric, fundus_path, sample_curve
 from .registration.problem import LandmarkError
@@ -42,6 +43,7 @@ __all__ = [
     "BeltramiError",
     "BijectivityError",
     "Certificate",
+    "FeatureError",
     "LandmarkError",
     "LandmarkFit",
     "Registration",
@@ -110,5 +112,7 @@ _offer("disk", disk, conformal)
 _offer("diskmesh", diskmesh)
 _offer("fit", fit, engine, problem, fields, diskmesh)
 _offer("mobius", sys.modules[f"{__name__}.plane.mobius"])
-_offer("register", *(sys.modules[f"{__name__}.registration.{name}"] for name in ("register", "transfer")))
+_offer(
+    "register", *(sys.modules[f"{__name__}.registration.{name}"] for name in ("register", "preparation", "transfer"))
+)
 _offer("surface", surface)

@@ -19,6 +19,7 @@ from qclearn.files.fsaverage import fsaverage5
 from qclearn.files.meshes import read_surface, write_surface
 from qclearn.files.provenance import fingerprint
 from qclearn.plane.disk import solve_beltrami_disk
+from qclearn.plane.diskmesh import polar_disk
 from qclearn.registration.landmarkfile import read_landmarks
 from qclearn.registration.landmarks import detect_curves
 from qclearn.registration.problem import LandmarkError
@@ -34,8 +35,9 @@ def run(*arguments):
 
 
 def to_register(folder, *options, out="out"):
-    """The words that register the two bowls of a folder."""
-    return ["register", folder / "moving.npz", folder / "control.npz", "--out", folder / out, *options]
+    """The words that register the two bowls of a folder, which have no folds."""
+    surfaces = folder / "moving.npz", folder / "control.npz"
+    return ["register", "--no-features", *surfaces, "--out", folder / out, *options]
 
 
 def to_transfer(folder, registration, values, to, out, *options):
@@ -107,7 +109,8 @@ def test_the_demo_registers_real_cortex(demo):
     assert report["bijective"] is True and report["flipped"] == 0
     assert report["landmark_error"] < report["landmark_error_before"] / 10
     assert report["landmark_error_before"] > 0.01 and report["max_abs_mu"] < 0.8
-    assert len(report["curves"]) >= 6 and set(report) >= REPORT | ADDED and report["suspect"] == []
+    assert len(report["curves"]) == 6 and set(report) >= REPORT | ADDED and report["suspect"] == []
+    assert len(report["held_out_mm"]) == 5 and min(min(row) for row in report["held_out_mm"].values()) > 0
 
 
 def test_the_demo_writes_four_files_that_belong_together(demo):
@@ -170,7 +173,9 @@ def test_register_is_the_library_and_mirror_mirrors(folder, capsys):
         1e3,
         "--sliding",
     )
-    expected = register(mirror(bowl(0.6)), bowl(0.9), CURVES, alpha=2.0, beta=0.1, gamma=1e3, sliding=True)
+    expected = register(
+        mirror(bowl(0.6)), bowl(0.9), CURVES, alpha=2.0, beta=0.1, gamma=1e3, sliding=True, features=None
+    )
     np.testing.assert_allclose(np.load(out / "registration.npz")["points"], expected.points, atol=1e-9)
     report = json.loads((out / "report.json").read_text())
     assert [report[key] for key in ("method", "alpha", "beta", "gamma")] == ["exact", 2.0, 0.1, 1e3]
@@ -219,6 +224,51 @@ def test_every_reason_and_exit_code_is_explained_in_the_help(capsys):
     for word in ("mirror", "exchanged", "numbering", "reversed", "swapped", "error", "curve", "rows", "distortion"):
         assert re.search(rf"^ +{word}: +\S", explained, re.MULTILINE), word
     assert re.search(r"0 +registered\n +2 +refused: .*\n +3 +written, but suspect", explained)
+
+
+def test_features_from_files_and_held_out_curves_reach_the_pipeline(folder, capsys):
+    z, _ = polar_disk(8, 24)
+    np.save(folder / "moving.sulc.npy", np.cos(6 * z.real) + z.imag)
+    (folder / "control.sulc.txt").write_text("\n".join(map(str, np.cos(6 * z.real) + z.imag)))
+    files = folder / "moving.sulc.npy", f"{folder / 'control.sulc.txt'}:0.5"
+    surfaces = folder / "moving.npz", folder / "control.npz", "--out", folder / "out"
+    options = "--feature", *files, "--feature", "curvature", "curvature", "--delta", 0.7, "--hold-out", "north"
+    run("register", *surfaces, *options, "--accept-suspect")
+    report, output = json.loads((folder / "out" / "report.json").read_text()), capsys.readouterr().out
+    assert report["features"] == {"moving.sulc.npy": pytest.approx(1 / 3), "curvature": pytest.approx(2 / 3)}
+    assert report["delta"] == 0.7 and list(report["held_out_mm"]) == ["north"]
+    assert re.search(r"^held out +\d\.\d\d mm", output, re.MULTILINE)
+    assert re.search(r"^r\(moving.sulc.npy\) +0?\.?\d", output, re.MULTILINE)
+
+
+def test_registration_without_landmarks(folder, capsys):
+    z, _ = polar_disk(8, 24)
+    np.save(folder / "sulc.npy", np.cos(6 * z.real + 1) + z.imag)
+    surfaces = folder / "moving.npz", folder / "control.npz", "--out", folder / "out"
+    run("register", *surfaces, "--no-landmarks", "--feature", folder / "sulc.npy", folder / "sulc.npy")
+    report, output = json.loads((folder / "out" / "report.json").read_text()), capsys.readouterr().out
+    assert report["landmark_error"] is None and report["curves"] == [] and "landmark error" not in output
+    assert {"figure.png", "report.json"} <= set(everything(folder / "out"))
+    error = refused(capsys, folder, "register", *surfaces, "--no-landmarks", "--landmarks", folder / "landmarks.json")
+    assert "exclude each other" in error
+    error = refused(capsys, folder, "register", *surfaces, "--no-landmarks", "--no-features")
+    assert "landmarks hold no curves" in error
+
+
+@pytest.mark.parametrize(
+    "options, message",
+    [
+        (["--feature", "depth", "depth", "--no-features"], "--feature and --no-features exclude each other"),
+        (["--feature", "thick.npy", "thick.npy"], "thick.npy, moving side: shape"),
+        (["--feature", "thick.npy", "absent.npy"], "absent.npy"),
+        (["--feature", "depth", "depth", "--delta", "-1"], "delta = -1.0: must be finite"),
+        (["--hold-out", "west"], "no curve is called 'west'"),
+    ],
+)
+def test_bad_features_are_one_line(folder, capsys, monkeypatch, options, message):
+    np.save(folder / "thick.npy", np.arange(5.0))
+    monkeypatch.chdir(folder)
+    assert message in refused(capsys, folder, "register", "moving.npz", "control.npz", "--out", "out", *options)
 
 
 def test_the_network_method_and_its_tolerance_reach_the_pipeline(folder, monkeypatch, capsys):
@@ -281,7 +331,7 @@ def test_a_second_run_replaces_the_files_of_the_first(folder):
         (["register", "a.npz", "b.npz"], "Missing option '--out'"),
         (["register", "a.npz", "b.npz", "--out", "x", "--gamma", "many"], "'many' is not a valid float"),
         (["register", "a.npz", "b.npz", "--out", "x", "--method", "magic"], "'magic' is not"),
-        (["register", "a.npz", "b.npz", "--out", "x", "--delta", "1"], "No such option"),
+        (["register", "a.npz", "b.npz", "--out", "x", "--epsilon", "1"], "No such option"),
         (
             ["register", "moving.npz", "control.npz", "--out", "x", "--tolerance", "1e-3"],
             "tolerance belongs to method 'network'",
@@ -449,7 +499,7 @@ def test_the_progress_bar_is_gone_before_the_message(folder, capsys, monkeypatch
 @pytest.fixture
 def registered(folder):
     """The folder of a finished registration of the two bowls, and a map on each of them."""
-    result = register(bowl(0.6), bowl(0.9), CURVES, gamma=1e3)
+    result = register(bowl(0.6), bowl(0.9), CURVES, gamma=1e3, features=None)
     np.savez(
         folder / "registration.npz",
         disk_map=result.disk_map,

@@ -180,11 +180,11 @@ def register_case(rng):
             for name, side in zip(("moving", "control"), sides)
         }
         curves.append({"name": f"c{k}", **ends})
-    problems = []  # of landmarks, as `register` states them
+    problems = []  # of landmarks, as they are stated
     with patch(
-        "qclearn.registration.register.Problem", lambda *given: problems.append(Problem(*given)) or problems[-1]
+        "qclearn.registration.preparation.Problem", lambda *given: problems.append(Problem(*given)) or problems[-1]
     ):
-        result = qc.register(*sides, {"curves": curves})
+        result = qc.register(*sides, {"curves": curves}, features=None)
     return sides[0].faces, result.disk_map, result.report["bijective"], above(problems[-1], result.disk_map)
 
 

@@ -148,7 +148,7 @@ def measure(kind, number, groups, register, known):
         if "readings" not in case:
             case |= readings(moving, control, check_curves(curves, moving, control))
         if register:
-            case |= outcome(qc.register(moving, control, curves, method=method), moving)
+            case |= outcome(qc.register(moving, control, curves, method=method, features=None), moving)
     except ValueError as error:
         case |= {"refused": str(error)}
     return case

@@ -19,8 +19,9 @@ from ..plane.diskmesh import interpolate
 from ..plane.mobius import mobius, mobius_inverse
 from ..registration.landmarkfile import check_curves
 from ..registration.landmarks import POINTS_PER_CURVE, curves_of_both
+from ..registration.preparation import align, conformal, distinct_landmarks, sample_side
 from ..registration.problem import Problem
-from ..registration.register import align, conformal, distinct_landmarks, load, sample_side
+from ..registration.register import load
 from ..registration.transfer import lift
 from ..surfaces.surface import Surface, mirror
 

@@ -4,11 +4,13 @@ import json
 from pathlib import Path
 
 import click
+import numpy as np
 
 import qclearn as qc
 
 from ..files.meshes import Frame, frame_of
 from ..files.provenance import origin
+from ..registration.features import FOLDS, Feature, FeatureError
 from ..registration.landmarkfile import read_landmarks
 from ..registration.landmarks import curves_of_both
 from ..registration.mapfile import write_registration
@@ -37,10 +39,23 @@ from .output import fail, output_folder
 @click.option("--alpha", type=float, default=1.0, show_default=True, help="Weight of |mu|^2.")
 @click.option("--beta", type=float, default=1e-2, show_default=True, help="Weight of |grad mu|^2.")
 @click.option("--gamma", type=float, default=1e5, show_default=True, help="Weight of the landmark mismatch.")
+@click.option("--delta", type=float, default=0.3, show_default=True, help="Weight of the features' mismatch.")
+@click.option(
+    "--feature",
+    "given",
+    nargs=2,
+    multiple=True,
+    metavar="MOVING CONTROL[:WEIGHT]",
+    help="Per-vertex files, one a side, that shall lie on each other (lh.sulc, thickness, ...); repeatable. "
+    "depth depth, curvature curvature: computed  [default: these two]",
+)
+@click.option("--no-features", is_flag=True, help="Landmarks alone, the paper's setting.")
+@click.option("--no-landmarks", is_flag=True, help="Features alone.")
+@click.option("--hold-out", multiple=True, metavar="NAME", help="A curve that is measured and not fitted; repeatable.")
 @click.option("--sliding", is_flag=True, help="Let inner points slide along their target curves.")
 @click.option("--mirror", is_flag=True, help="Mirror the moving surface first (right onto left).")
 @click.option("--accept-suspect", is_flag=True, help="End with exit code 0 where the registration is suspect.")
-def register(moving, control, landmarks, out, mirror, accept_suspect, **options):
+def register(moving, control, landmarks, out, mirror, accept_suspect, given, no_features, no_landmarks, **options):
     """Register MOVING to CONTROL along landmark curves; writes a certified point-to-point map.
 
     \b
@@ -59,22 +74,49 @@ def register(moving, control, landmarks, out, mirror, accept_suspect, **options)
       curve:       one curve ends over 5 mm from its target, and five times as far as the median one
       rows:        the map folded, and was repaired at more than 0.5 % of the vertices
       distortion:  |mu| is over 0.9 on more than 1 % of the surface
+      features:    those of the two sides hardly agree after the best Möbius map, or have opposite signs
     """
+    if no_landmarks and landmarks:
+        raise qc.LandmarkError("--landmarks and --no-landmarks exclude each other; drop one")
+    features = given_features(given, no_features)
     inputs = {side: (path, qc.read_surface(path)) for side, path in (("moving", moving), ("control", control))}
     surfaces = [surface for _, surface in inputs.values()]
-    curves = read_landmarks(landmarks) if landmarks else shared_curves(*surfaces)
+    curves = read_landmarks(landmarks) if landmarks else [] if no_landmarks else shared_curves(*surfaces)
     surfaces[0] = qc.mirror(surfaces[0]) if mirror else surfaces[0]
-    register_into(out, *surfaces, curves, inputs, accept_suspect, **options)
+    register_into(out, *surfaces, curves, inputs, accept_suspect, features=features, **options)
 
 
 @click.command()
 @click.option("--out", default="qclearn-demo", show_default=True, help="Folder to write to.")
 @click.option("--accept-suspect", is_flag=True, help="End with exit code 0 where the registration is suspect.")
 def demo(out, accept_suspect):
-    """Register real cortex: fsaverage5's right hemisphere, mirrored, onto its left one along named sulci."""
-    right, left = qc.fsaverage5("right"), qc.fsaverage5("left")
+    """Register real cortex: fsaverage5's right hemisphere, mirrored, onto its left one along six named sulci.
+
+    Five more take no part and are measured.
+    """
+    right, left, landmarks = qc.fsaverage5("right"), qc.fsaverage5("left"), qc.demo_landmarks()
+    hold_out = [curve["name"] for curve in landmarks["curves"][1::2]]
     inputs = {"moving": ("fsaverage5 right", right), "control": ("fsaverage5 left", left)}
-    register_into(out, qc.mirror(right), left, qc.demo_landmarks(), inputs, accept_suspect)
+    register_into(out, qc.mirror(right), left, landmarks, inputs, accept_suspect, hold_out=hold_out)
+
+
+def given_features(files, none):
+    """The features of the options --feature and --no-features, for `qc.register`; by default the folds."""
+    if files and none:
+        raise FeatureError("--feature and --no-features exclude each other; drop one")
+    return None if none else [given_feature(*pair) for pair in files] or FOLDS
+
+
+def given_feature(moving, control):
+    """A `Feature` from two files, or twice a name of FOLDS, with its weight, which stands behind a colon."""
+    path, colon, weight = control.rpartition(":")
+    try:
+        control, weight = (path, float(weight)) if colon else (control, 1.0)
+    except ValueError:  # a colon in the path
+        weight = 1.0
+    if moving == control and moving in FOLDS:
+        return moving, weight
+    return Feature(Path(moving).name, qc.read_values(moving), qc.read_values(control)), weight
 
 
 def register_into(out, moving, control, curves, inputs, accept_suspect, **options):
@@ -111,10 +153,16 @@ def frame_of_control(given):
 
 def print_report(report, out):
     """The figures a user asks first, as a few lines."""
-    click.echo(
-        f"landmark error  {report['landmark_error']:.2e} in the disk "
-        f"({report['landmark_error_before']:.2e} after the best Möbius map), {report['landmark_error_mm']:.2f} mm"
-    )
+    if report["curves"]:
+        click.echo(
+            f"landmark error  {report['landmark_error']:.2e} in the disk "
+            f"({report['landmark_error_before']:.2e} after the best Möbius map), {report['landmark_error_mm']:.2f} mm"
+        )
+    if report["held_out_mm"]:
+        before, after = np.mean(list(report["held_out_mm"].values()), axis=0)
+        click.echo(f"held out        {after:.2f} mm, mean of the curves ({before:.2f} after the best Möbius map)")
+    for name, (before, after) in report["r"].items():
+        click.echo(f"{f'r({name})':15s} {after:.3f} ({before:.3f} after the best Möbius map)")
     click.echo(
         f"|mu|            mean {report['mean_abs_mu']:.3f}, SD {report['sd_abs_mu']:.3f}, "
         f"maximum {report['max_abs_mu']:.3f}"

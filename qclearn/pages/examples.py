@@ -10,8 +10,8 @@ from ..plane.diskmesh import polar_disk
 from ..registration.fit import POWER
 from ..registration.landmarkfile import check_curves
 from ..registration.landmarks import fundus_metric, fundus_path, sample_curve
+from ..registration.preparation import align
 from ..registration.problem import Problem
-from ..registration.register import align
 from ..surfaces.conformal import disk_conformal_map
 from ..surfaces.curvature import AreaRadius, area_radius
 

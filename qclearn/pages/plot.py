@@ -165,7 +165,7 @@ def registration_figure(registration, moving, control):
             "width_ratios": (1, 1, 1, 1, 0.8),
         },
     )
-    curves = [list(side) for side in zip(*r.curves.values())]
+    curves = [list(side) for side in zip(*r.curves.values())] or [[], []]
     curvature = grey_levels(mean_curvature(moving), moving.vertex_areas)
     for axes, scale, unscale in zip(rows, (np.asarray, radius.to_image), (np.asarray, radius.from_image)):
         lines = [unscale(line) for line in polar_lines()]
@@ -207,11 +207,13 @@ def _label_registration(figure, rows, colours, report):
         ax.yaxis.tick_right()
         ax.yaxis.set_label_position("right")
     state = "certified bijective" if report["bijective"] else f"{report['flipped']} faces flipped"
-    figure.suptitle(
-        f"landmark error {report['landmark_error_before']:.2g} before, {report['landmark_error']:.2g} after "
-        rf"({report['landmark_error_mm']:.2g} mm); mean $|\mu|$ {report['mean_abs_mu']:.3f}; {state}",
-        fontsize=12,
-    )
+    words = "no landmarks"
+    if report["curves"]:
+        words = (
+            f"landmark error {report['landmark_error_before']:.2g} before, {report['landmark_error']:.2g} after "
+            f"({report['landmark_error_mm']:.2g} mm)"
+        )
+    figure.suptitle(rf"{words}; mean $|\mu|$ {report['mean_abs_mu']:.3f}; {state}", fontsize=12)
 
 
 def registration_disks(axes, registration, moving, vmax=0.6):

@@ -207,7 +207,8 @@ class Dirichlet:
         if self.factors is None:
             return np.zeros(load.shape, load.dtype)
         if np.iscomplexobj(load):  # casting the real matrix to complex would cost many times as much
-            return self.solve_free(load.real) + 1j * self.solve_free(load.imag)
+            pairs = np.ascontiguousarray(load).reshape(len(load), -1).view(float)
+            return self.solve_free(pairs).view(complex).reshape(load.shape)
         nonzero = load.reshape(len(load), -1).any(0)
         solution = np.zeros((len(load), len(nonzero)))
         if nonzero.any():

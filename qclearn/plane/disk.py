@@ -18,67 +18,17 @@ from .bijectivity import repair as switch_rows
 from .checks import check_coefficient, check_mesh, check_used
 from .diskmesh import SurfaceError, boundary_loop, locate
 from .dissection import nested_dissection
+from .freeboundary import FreeBoundary
 from .mobius import mobius, mobius_inverse
 
 LARGE = 20_000  # vertices from which on the order of elimination is worth its own search
-SMALLEST_STEP = 1e-3  # of the mean boundary step, where a negative weight makes the boundary run backwards
-LOST_STEP = 1e-8  # of the mean: beyond, at the end of a long peninsula, triangles are lost in the coordinates' rounding
-
-
-class FreeBoundary:
-    """The flux form for one stiffness matrix K, before normalisation: the map `f` sends the pole near 0.
-
-    1. `K_ii U_i = -2 pi e_o`, U = 0 on the boundary; 2. the fluxes `F = (K U)_b` sum to 2 pi, their densities
-    `q_k = F_k / (l_{k-1/2} + l_{k+1/2})` give the angle over each boundary edge, `l_{k+1/2} (q_k + q_{k+1})`;
-    3. `K_ii f_i = -K_ib f_b` with `f_b = exp(i theta_b)` and the same factorisation.
-    """
-
-    def __init__(self, dirichlet, lengths, pole, calibration=None):
-        self.dirichlet, self.loop = dirichlet, dirichlet.pinned
-        self.lengths, self.spans = lengths, lengths + np.roll(lengths, 1)
-        load = np.where(self.dirichlet.free == pole, -2 * np.pi, 0.0)
-        self.U = np.zeros(dirichlet.size)
-        self.U[self.dirichlet.free] = self.dirichlet.solve_free(load)
-        density = self.dirichlet.coupling.T @ self.U[self.dirichlet.free] / self.spans
-        self.raw_steps = steps = lengths * (density + np.roll(density, -1))
-        self.calibration = calibration
-        if calibration is not None:
-            steps = calibration @ steps
-        # Negative weights can make a step negative: then the smallest steps are raised, and the caller is told.
-        self.floored, mean = np.zeros(len(lengths), bool), 2 * np.pi / len(lengths)
-        if steps.min() <= LOST_STEP * mean:
-            self.floored, steps = steps < SMALLEST_STEP * mean, np.maximum(steps, SMALLEST_STEP * mean)
-        self.scale = 2 * np.pi / steps.sum()
-        self.steps = self.scale * steps
-        self.f = self.dirichlet.solve(np.exp(1j * np.concatenate([[0.0], np.cumsum(self.steps[:-1])])))
-
-    def pullback(self, grad_f, solution=None):
-        """Pairs (lam, x) with `dL = sum_pairs lam . dK x`, each (V, B), for gradients grad_f (V, B) with respect to f.
-
-        solution: `K_ii^-1 grad_f` at the free vertices, if it is known.
-        """
-        free, loop, f = self.dirichlet.free, self.loop, self.f
-        adjoint = np.zeros(grad_f.shape, complex)
-        adjoint[free] = -(self.dirichlet.solve_free(grad_f[free]) if solution is None else solution)
-        del solution
-        grad_boundary = grad_f[loop] + self.dirichlet.coupling.T @ adjoint[free]
-        grad_theta = (grad_boundary * f[loop, None].conj()).imag
-        grad_step = np.cumsum(grad_theta[::-1], axis=0)[::-1] - grad_theta  # a step moves every later angle
-        grad_step = self.scale * (grad_step - (self.steps @ grad_step) / (2 * np.pi))
-        grad_step[self.floored] = 0
-        if self.calibration is not None:
-            grad_step = self.calibration.T @ grad_step
-        spread = self.lengths[:, None] * grad_step
-        measure = np.zeros(grad_f.shape)
-        measure[loop] = (spread + np.roll(spread, 1, axis=0)) / self.spans[:, None]
-        measure[free] = -self.dirichlet.solve_free(self.dirichlet.coupling @ measure[loop])
-        return [(adjoint.real, f.real), (adjoint.imag, f.imag), (measure, self.U)]
 
 
 class BeltramiDiskSolver:
     """The disk self-map with coefficient mu and a free boundary, normalised f(0) = 0 and f(1) = 1, and its adjoint.
 
-    `solve(mu)` keeps its factorisation; `pullback(grad_f)` then carries gradients from f to mu by adjoint solves.
+    `solve(mu)` keeps its factorisation; `pullback(grad_f)` then carries gradients from f to mu by adjoint solves, and
+    `pushforward(dmu)` changes of mu to f.
     `floored` counts the boundary steps that had to be raised to stay positive. Results are not certified.
     f(0) is the piecewise linear value in the face that contains 0; f(1) the boundary angle, linear along the edge.
     """
@@ -149,7 +99,8 @@ class BeltramiDiskSolver:
 
     def solve(self, mu: Complex[ndarray, " F"]) -> Complex[ndarray, " V"]:
         """The map f (V,) with Beltrami coefficient mu (F,); BeltramiError unless |mu| < 1 everywhere."""
-        self.mu, self.free_boundary = check_coefficient(mu, len(self.faces)), None  # the last factors make room
+        self.mu = check_coefficient(mu, len(self.faces))
+        self.free_boundary = self._sensitivities = None  # the last factors make room
         self.free_boundary = FreeBoundary(self._problem(self.mu), self.lengths, self.pole, self.calibration)
         self.floored = int(self.free_boundary.floored.sum())
         return self.normalise(self.free_boundary.f)
@@ -179,16 +130,16 @@ class BeltramiDiskSolver:
         grad_raw, origin, grad_centre = self._unnormalise(np.atleast_2d(grad_f).T, np.arange(len(self.z)))
         grad_raw += origin[:, None] * grad_centre
         grad_mu = np.zeros((len(self.faces), grad_raw.shape[1]), complex)
-        for lam, x in self.free_boundary.pullback(grad_raw):
+        for matrix, lam in zip(self.sensitivities, self.free_boundary.pullback(grad_raw)):
             some = lam.any(0)  # gradients of Re f(p) alone have no part in Im f, and the other way round
-            grad_mu[:, some] += self.sensitivity(x) @ lam[:, some]
+            grad_mu[:, some] += matrix @ lam[:, some]
         return grad_mu.T.reshape(*grad_f.shape[:-1], len(self.faces))
 
     def adjoints(self, grad_f: Complex[sparse.csr_array, " B V"]) -> list[Float[ndarray, " V 2*B"]]:
         """What `pullback` sums up before it comes to the faces, for B gradients and i times each: three, real.
 
-        The gradient with respect to mu is `sum_k sensitivity(x_k) @ adjoint_k`, x_k of
-        `parts`. As the system is real, the solutions for i times a gradient are i times its own, up to the origin's.
+        The gradient with respect to mu is `sum_k sensitivities[k] @ adjoint_k`.
+        As the system is real, the solutions for i times a gradient are i times its own, up to the origin's.
         """
         count, free = grad_f.shape[0], self.free_boundary.dirichlet.free
         at = np.unique(np.concatenate([grad_f.indices, self.origin, self.loop[:2]]))
@@ -201,35 +152,61 @@ class BeltramiDiskSolver:
         solution = np.concatenate([solution[:, :-1], 1j * solution[:, :-1]], 1) + solution[:, -1:] * grad_centre
         grad_raw = np.zeros((len(self.z), 2 * count), complex)
         grad_raw[at] = direct + origin[:, None] * grad_centre
-        return [lam for lam, _ in self.free_boundary.pullback(grad_raw, solution)]
+        return self.free_boundary.pullback(grad_raw, solution)
 
     @property
-    def parts(self) -> tuple[Float[ndarray, " V"], Float[ndarray, " V"], Float[ndarray, " V"]]:
-        """The three potentials (V,) that `adjoints` belong to: Re f, Im f and U of the last solution."""
-        return self.free_boundary.f.real, self.free_boundary.f.imag, self.free_boundary.U
+    def sensitivities(self) -> list[Complex[sparse.sparray, " F V"]]:
+        """`sensitivity(x)` of the three potentials of the last solution: Re f, Im f and U; made once a solution."""
+        if self._sensitivities is None:
+            free = self.free_boundary
+            self._sensitivities = [self.sensitivity(x) for x in (free.f.real, free.f.imag, free.U)]
+        return self._sensitivities
+
+    def pushforward(self, dmu: Complex[ndarray, " *B F"]) -> Complex[ndarray, " *B V"]:
+        """Change of the last f, (V,) or (B, V), with a change of mu, (F,) or (B, F): the derivative, forwards.
+
+        The transpose of `pullback`: `Re sum conj(grad_f) pushforward(dmu) = Re sum conj(pullback(grad_f)) dmu`. Three
+        real solves with the kept factorisation.
+        """
+        dmu = np.asarray(dmu, complex)
+        changes = [(matrix.T @ np.atleast_2d(dmu).conj().T).real for matrix in self.sensitivities]
+        return self._renormalise(self.free_boundary.pushforward(changes)).T.reshape(*dmu.shape[:-1], len(self.z))
 
     def _unnormalise(self, grad_f, at):
         """Gradients with respect to the raw map at the vertices `at`, sorted, as (direct, origin, grad_centre).
 
         In all `direct + origin grad_centre`, where inside the disk `direct` is complex linear in grad_f.
         """
-        raw, f = self.free_boundary.f[at], self.f[at]
         edge, inner = np.searchsorted(at, self.loop[:2]), np.searchsorted(at, self.origin)
-        rotation = np.exp(1j * self.turn)
-        grad_w = grad_f * rotation
-        w = f * rotation
-        grad_turn = (grad_f.conj() * f[:, None]).imag.sum(0)
+        w, by_a, slope, by_conj_a = self._derivatives(at)
+        grad_w = grad_f * np.exp(1j * self.turn)
+        grad_turn = (grad_f.conj() * self.f[at, None]).imag.sum(0)
         grad_w[edge] += np.array([1 - self.share, self.share])[:, None] * 1j * w[edge, None] * grad_turn
-        # w = (raw - a) s with s = 1 / (1 - conj(a) raw), and a solves: weighted mean of w at the origin's face = 0.
-        s = 1 / (1 - np.conj(self.a) * raw)
-        slope, by_conj_a = (1 - abs(self.a) ** 2) * s**2, w * raw * s
-        grad_a = (-s.conj()[:, None] * grad_w + by_conj_a[:, None] * grad_w.conj()).sum(0)
-        P = -(self.weights * s[inner]).sum()
-        Q = (self.weights * by_conj_a[inner]).sum()
+        grad_a = (by_a.conj()[:, None] * grad_w + by_conj_a[:, None] * grad_w.conj()).sum(0)
+        P, Q = self.weights @ by_a[inner], self.weights @ by_conj_a[inner]
         grad_centre = -(grad_a * P - grad_a.conj() * Q) / (abs(P) ** 2 - abs(Q) ** 2)
         origin = np.zeros(len(at), complex)
         origin[inner] = self.weights * slope[inner].conj()
         return grad_w * slope.conj()[:, None], origin, grad_centre
+
+    def _renormalise(self, change):
+        """The change of f with a change (V, B) of the raw map: the transpose of `_unnormalise`."""
+        w, by_a, slope, by_conj_a = (part[:, None] for part in self._derivatives(slice(None)))
+        dw, at, edge = slope * change, self.origin, self.loop[:2]
+        P, Q, centre = self.weights @ by_a[at], self.weights @ by_conj_a[at], self.weights @ dw[at]
+        da = (Q * centre.conj() - P.conj() * centre) / (abs(P) ** 2 - abs(Q) ** 2)  # keeps the value at 0
+        dw += by_a * da + by_conj_a * da.conj()
+        dturn = np.array([1 - self.share, self.share]) @ (dw[edge] / w[edge]).imag
+        return (dw - 1j * w * dturn) * np.exp(-1j * self.turn)
+
+    def _derivatives(self, at):
+        """At the vertices `at`: w = (raw - a) / (1 - conj(a) raw) and its derivatives by a, by raw and by conj(a).
+
+        a solves: the weighted mean of w at the origin's face = 0.
+        """
+        raw, w = self.free_boundary.f[at], self.f[at] * np.exp(1j * self.turn)
+        s = 1 / (1 - np.conj(self.a) * raw)
+        return w, -s, (1 - abs(self.a) ** 2) * s**2, w * raw * s
 
     def sensitivity(self, x: Float[ndarray, " V"]) -> Complex[sparse.sparray, " F V"]:
         """Sparse (F, V): applied to lam, the gradient with respect to mu of `lam . K(mu) x`.

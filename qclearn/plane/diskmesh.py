@@ -1,5 +1,7 @@
 """Meshes of the unit disk, the square beside it, and where a point lies in a disk mesh."""
 
+from functools import cached_property
+
 import numpy as np
 import shapely
 from jaxtyping import Complex, Float, Integer
@@ -8,6 +10,7 @@ from scipy import sparse
 
 from .checks import BeltramiError, check_faces, check_mesh, planar_points
 
+WALK = 6  # faces that a point may have left behind since it was looked up
 INSET = 1e-4  # share of the radius that points moved onto the boundary polygon stay inside it
 
 
@@ -115,16 +118,79 @@ def locate(
         )
     corners, wanted = _pairs(z[faces]), _pairs(points)
     low, high = wanted.min(0, initial=np.inf), wanted.max(0, initial=-np.inf)
-    near = np.flatnonzero(((corners.max(1) >= low) & (corners.min(1) <= high)).all(1))
-    tree = shapely.STRtree(shapely.polygons(corners[near]))  # building polygons takes the longest: only where needed
-    hit, face = tree.query(shapely.points(wanted), predicate="intersects")
-    inside = np.full(len(points), -1)
-    inside[hit] = near[face]
-    outside = np.flatnonzero(inside < 0)
-    if len(outside):
-        points = points.copy()
-        inside[outside], points[outside] = _project_radially(z, faces, points[outside])
-    return inside, _barycentric(z[faces[inside]], points)
+    # Building polygons takes the longest: only where they are needed.
+    return Lookup(z, faces, np.flatnonzero(((corners.max(1) >= low) & (corners.min(1) <= high)).all(1)))(points)
+
+
+class Lookup:
+    """Where points lie in one disk mesh, for many questions: `lookup(points)` as `locate`, its search tree kept.
+
+    z (V,) complex, faces (F, 3), near: the faces in which points can lie, all unless given. Nothing is checked.
+    `lookup(points, guess)` tries the faces `guess` (P,) first, and their neighbours: soon done where points have moved
+    little since they were found there.
+    """
+
+    def __init__(self, z, faces, near=None):
+        self.z, self.faces = z, faces
+        self.near = np.arange(len(faces)) if near is None else near
+        self.tree = shapely.STRtree(shapely.polygons(_pairs(z[faces[self.near]])))
+
+    def __call__(self, points, guess=None):
+        inside = np.full(len(points), -1) if guess is None else self._walk(points, guess)
+        lost = np.flatnonzero(inside < 0)
+        hit, face = self.tree.query(shapely.points(_pairs(points[lost])), predicate="intersects")
+        inside[lost[hit]] = self.near[face]
+        outside = np.flatnonzero(inside < 0)
+        if len(outside):
+            points = points.copy()
+            inside[outside], points[outside] = self._project_radially(points[outside])
+        return inside, _barycentric(self.z[self.faces[inside]], points)
+
+    def _walk(self, points, face):
+        """The faces that hold points (P,), found from `face` (P,) across edges in a few steps; -1 where not."""
+        face, at = face.copy(), np.arange(len(points))
+        for _ in range(WALK):
+            sides = _edge_distances(self.z[self.faces[face[at]]], points[at])
+            first = sides.argmin(1)
+            beyond = sides[np.arange(len(at)), first] < 0
+            at, first = at[beyond], first[beyond]
+            if not len(at):
+                return face
+            face[at] = self._neighbours[face[at], first]
+            at = at[face[at] >= 0]
+        face[at] = -1
+        return face
+
+    @cached_property
+    def _neighbours(self):
+        """The face across from each corner of a face, (F, 3); -1 beyond the boundary."""
+        tails, heads, n = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel(), len(self.z)
+        there, back = tails * n + heads, heads * n + tails
+        order = np.argsort(there)
+        place = order[np.minimum(np.searchsorted(there, back, sorter=order), len(order) - 1)]
+        across = np.where(there[place] == back, place // 3, -1).reshape(-1, 3)
+        return np.roll(across, -1, axis=1)  # the edge from corner k lies across from corner k + 2
+
+    @cached_property
+    def _rim(self):
+        """The boundary vertices in the order of their angles, and the face with each one's edge to the next."""
+        loop = boundary_loop(self.faces)
+        rim = np.flatnonzero(_alone(self.faces))  # each boundary vertex begins one half-edge of the boundary
+        face = np.empty(len(self.z), int)
+        face[self.faces.ravel()[rim]] = rim // 3
+        loop = loop[np.argsort(np.angle(self.z[loop]))]
+        return loop, face[loop]
+
+    def _project_radially(self, points):
+        loop, face = self._rim
+        k = (np.searchsorted(np.angle(self.z[loop]), np.angle(points), side="right") - 1) % len(loop)
+        a, b = self.z[loop[k]], self.z[loop[(k + 1) % len(loop)]]
+        # The ray s p meets the chord a + t (b - a) where Im(conj(b - a)(s p - a)) = 0.
+        s = ((b - a).conj() * a).imag / ((b - a).conj() * points).imag
+        radius = abs(points)
+        gap = 1 - s * radius  # between the chord and the arc: none at a boundary vertex
+        s = s * (1 - INSET * np.clip(np.divide(1 - radius, gap, out=np.zeros_like(gap), where=gap > 0), 0, 1))
+        return face[k], s * points
 
 
 def interpolate(values, faces, face, weights):
@@ -144,39 +210,15 @@ def _pairs(z):
     return np.stack([z.real, z.imag], axis=-1)
 
 
+def _edge_distances(corners, points):
+    """Twice the signed areas of a point with each edge of a triangle, (P, 3), column k across from corner k."""
+    a, b, c = (corners[:, k] - points for k in range(3))
+    return np.stack([(b.conj() * c).imag, (c.conj() * a).imag, (a.conj() * b).imag], axis=1)
+
+
 def _barycentric(corners, points):
-    a, b, c = corners.T
-    area = ((b - a).conj() * (c - a)).imag
-    weights = (
-        np.stack(
-            [
-                ((b - points).conj() * (c - points)).imag,
-                ((c - points).conj() * (a - points)).imag,
-                ((a - points).conj() * (b - points)).imag,
-            ],
-            axis=1,
-        )
-        / area[:, None]
-    )
-    weights = np.maximum(weights, 0)  # rounding, at an edge
+    weights = np.maximum(_edge_distances(corners, points), 0)  # rounding, at an edge
     return weights / weights.sum(1, keepdims=True)
-
-
-def _project_radially(z, faces, points):
-    loop = boundary_loop(faces)
-    order = np.argsort(np.angle(z[loop]))
-    loop = loop[order]
-    k = (np.searchsorted(np.angle(z[loop]), np.angle(points), side="right") - 1) % len(loop)
-    a, b = z[loop[k]], z[loop[(k + 1) % len(loop)]]
-    # The ray s p meets the chord a + t (b - a) where Im(conj(b - a)(s p - a)) = 0.
-    s = ((b - a).conj() * a).imag / ((b - a).conj() * points).imag
-    radius = abs(points)
-    gap = 1 - s * radius  # between the chord and the arc: none at a boundary vertex
-    s = s * (1 - INSET * np.clip(np.divide(1 - radius, gap, out=np.zeros_like(gap), where=gap > 0), 0, 1))
-    rim = np.flatnonzero(_alone(faces))  # each boundary vertex begins one half-edge of the boundary
-    face = np.empty(len(z), int)
-    face[faces.ravel()[rim]] = rim // 3
-    return face[loop[k]], s * points
 
 
 def pixel_centres(size):

@@ -26,6 +26,14 @@ def mobius_slope(z, a=0.0, theta=0.0):
     return np.exp(1j * theta) * (1 - abs(a) ** 2) / (1 - np.conj(a) * z) ** 2
 
 
+def mobius_fields(w):
+    """Changes of points w (P,) with a Möbius increment (dtheta, Re da, Im da) after them, (P, 3).
+
+    As a composition: `dw = i w dtheta - da + conj(da) w^2`.
+    """
+    return np.stack([1j * w, w**2 - 1, -1j * (1 + w**2)], axis=1)
+
+
 def best_mobius(
     p: Complex[ndarray, " M"], q: Complex[ndarray, " M"], weights: Float[ndarray, " M"] | None = None
 ) -> tuple[complex, float]:

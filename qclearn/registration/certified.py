@@ -17,7 +17,8 @@ class CertifiedMap:
     """A disk map of a problem's landmarks, measured, and certified or reported.
 
     f: the map, Möbius part included; mu: its measured coefficient; mobius: (a, theta); landmark_error: mean
-    |f(p) - q|; bijective, flipped: its certificate; fallbacks: words on what was done besides, empty if nothing was.
+    |f(p) - q|, 0 without landmarks; bijective, flipped: its certificate; fallbacks: words on what was done besides,
+    empty if nothing was.
     """
 
     f: Complex[ndarray, " V"]
@@ -31,12 +32,12 @@ class CertifiedMap:
 
 def certified(problem, f, parameters, fallbacks=()):
     """A map f (V,) of a problem with the Möbius parameters that it holds, measured: CertifiedMap."""
-    certificate = check_bijective(problem.z, problem.faces, f)
+    certificate, off = check_bijective(problem.z, problem.faces, f), abs(problem.samples @ f - problem.target)
     return CertifiedMap(
         f,
         beltrami_coefficient(problem.z, problem.faces, f),
         parameters,
-        float(abs(problem.samples @ f - problem.target).mean()),
+        float(off.mean()) if len(off) else 0.0,
         certificate.bijective,
         certificate.flipped,
         tuple(fallbacks),

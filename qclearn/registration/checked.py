@@ -15,6 +15,7 @@ import shapely
 from ..plane.bijectivity import BijectivityError
 from .certified import exact_map, moved_map
 from .fit import ROUNDING, fit_problem
+from .hybrid import fit_registration
 from .landmarks import detect_curves
 from .metrics import measured_losses
 
@@ -64,25 +65,41 @@ def path_of(line):
     return shapely.linestrings(np.stack([line.real, line.imag], axis=1))
 
 
-def bijective_fit(problem, weights, start=None, enough=0.0):
-    """`fit_problem` at gamma, or at the next lower power of ten whose map is bijective (reported in its fallbacks)."""
-    gamma = weights.gamma
-    while gamma >= weights.gamma * 1e-4:
-        fit = fit_problem(problem, weights.at(gamma), start=start, enough=enough)
+def bijective_fit(problem, weights, start=None, enough=0.0, features=None):
+    """`fit_problem`, or with `Features` `fit_registration`, at the first `rungs` of weights whose map is bijective."""
+    for rung in rungs(weights, problem, features):
+        if features is None:
+            fit = fit_problem(problem, rung, start=start, enough=enough)
+        else:
+            fit = fit_registration(problem, rung, features, start)
         if fit.bijective:
-            lowered = [f"gamma lowered to {gamma:g}"] * (gamma < weights.gamma)
-            return replace(fit, fallbacks=(*fit.fallbacks, *lowered))
-        gamma /= 10
+            lowered = [name for name in ("delta", "gamma") if getattr(rung, name) < getattr(weights, name)]
+            words = [f"{name} lowered to {getattr(rung, name):g}" for name in lowered]
+            return replace(fit, fallbacks=(*fit.fallbacks, *words))
+    found = f"gamma = {rung.gamma:g}" if len(problem.moving) else f"delta = {rung.delta:g}"
     raise BijectivityError(
-        f"no bijective map for these landmarks down to gamma = {gamma * 10:g} "
+        f"no bijective map for these {'landmarks' if len(problem.moving) else 'features'} down to {found} "
         f"({len(fit.flipped)} faces flipped); check that no two curves cross or are swapped"
     )
+
+
+def rungs(weights, problem, features):
+    """The weights to try in turn: lower delta once, then gamma by powers of ten; without landmarks delta alone."""
+    yield weights
+    if features is not None:
+        for _ in range(1 if len(problem.moving) else 4):
+            weights = replace(weights, delta=weights.delta / 4)
+            yield weights
+    if len(problem.moving):
+        for power in range(1, 5):
+            yield weights.at(weights.gamma / 10**power)
 
 
 def predicted(predict, problem, weights):
     """The mu (F,) that a network's `predict` answers for a problem."""
     mesh = problem.z, problem.faces
-    return predict(*mesh, problem.moving, problem.target, curve=problem.curve, **asdict(weights))
+    known = {name: value for name, value in asdict(weights).items() if name != "delta"}  # of the features: ours alone
+    return predict(*mesh, problem.moving, problem.target, curve=problem.curve, **known)
 
 
 def guarded_map(predict, solve, problem, weights, tolerance):

@@ -7,6 +7,7 @@ a disk Möbius map M after the solver's f. Objective, to second order the paper'
 
 from copy import copy
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import islice
 
 import numpy as np
@@ -16,8 +17,10 @@ from ..plane.beltrami import face_mean, factorise, stiffness
 from ..plane.disk import BeltramiDiskSolver, unfold
 from ..plane.diskmesh import sampling_matrix
 from ..plane.fields import bounded, bounded_pullback, mass_matrix
-from ..plane.mobius import compose_mobius, mobius, mobius_slope
+from ..plane.mobius import compose_mobius, mobius, mobius_fields, mobius_slope
+from ..plane.tangent import Tangent
 from .certified import solver_words
+from .normal import MOBIUS_PRIOR, NormalEquations
 
 SHARES = (1.0, 0.5, 0.25, 0.125)  # of a step, tried in turn by the line search
 SUFFICIENT_DECREASE = 0.3  # share of what the quadratic model promises that a step has to gain
@@ -25,7 +28,6 @@ TANGENTIAL_WEIGHT = 0.1  # of a sliding landmark's residual along its target cur
 LANDMARKS_AT_ONCE = 16  # bounds the memory of the adjoint solves
 DAMPINGS = 10.0 ** np.arange(-1, 10)  # of the steps of a fit that is taken up again, in parts of W
 TRUST, TRIES = 0.3, 4  # the largest change of nu in such a step, and how many of them are tried
-MOBIUS_PRIOR = 1e-6  # weak, keeps the step of the three Möbius parameters bounded
 
 
 class Landmarks:
@@ -37,6 +39,7 @@ class Landmarks:
 
     def __init__(self, target, curve, sliding):
         self.target, self.tangent = target, np.ones(len(target), complex)
+        self.count = max(len(target), 1)  # of none, where features lead alone, the mean is 0
         self.weights = np.ones((2, len(target)))
         if sliding:
             for label in np.unique(curve):
@@ -51,11 +54,17 @@ class Landmarks:
         shape = (-1,) + (1,) * (change.ndim - 1)
         turned = self.tangent.conj().reshape(shape) * change
         along, across = (self.weights[k].reshape(shape) for k in (0, 1))
-        return np.sqrt(gamma / len(self.target)) * np.concatenate([along * turned.real, across * turned.imag])
+        return np.sqrt(gamma / self.count) * np.concatenate([along * turned.real, across * turned.imag])
 
     def residual(self, points, gamma):
         """Components (2 M,) of mapped points (M,) less their targets."""
         return self.components(points - self.target, gamma)
+
+    def rows(self, samples, gamma):
+        """Sparse complex R (2 M, N) for points `samples @ w`: the components change by `Re(conj(R) dw)`."""
+        turns = np.concatenate([self.weights[0] * self.tangent, 1j * self.weights[1] * self.tangent])
+        scale = np.sqrt(gamma / self.count)
+        return (sparse.diags_array(scale * turns) @ sparse.vstack([samples, samples])).tocsr()
 
     def error(self, points):
         """Mean distance of mapped points (M,) from their targets."""
@@ -65,7 +74,7 @@ class Landmarks:
         """Gradients of the components (2 M, n) from those of Re w and Im w, (M, n)."""
         turn = self.tangent.conj()[:, None]
         along, across = self.weights[0][:, None], self.weights[1][:, None]
-        return np.sqrt(gamma / len(self.target)) * np.concatenate(
+        return np.sqrt(gamma / self.count) * np.concatenate(
             [along * (turn.real * grad_re - turn.imag * grad_im), across * (turn.imag * grad_re + turn.real * grad_im)]
         )
 
@@ -97,8 +106,8 @@ class GaussNewton:
     `at(nu, mobius)` is the state there, `step(state, gamma)` the next one, or None where no step lowers the objective.
     """
 
-    def __init__(self, problem, mesh, weights):
-        (self.z, self.faces), self.problem, self.weights = mesh, problem, weights
+    def __init__(self, problem, mesh, weights, dense=None):
+        (self.z, self.faces), self.problem, self.weights, self.dense = mesh, problem, weights, dense
         self.landmarks = Landmarks(problem.target, problem.curve, problem.sliding)
         flat = np.zeros(len(self.faces))
         self.mass, self.laplace = mass_matrix(*mesh) / np.pi, stiffness(*mesh, flat) / np.pi
@@ -136,52 +145,60 @@ class GaussNewton:
         return (self.landmarks.residual(points, gamma) ** 2).sum()
 
     def objective(self, state, gamma):
-        return self.prior(state.nu) + self.mismatch(state.points, gamma)
+        features = 0.0 if self.dense is None else (self.dense.residual(state.f) ** 2).sum()
+        return self.prior(state.nu) + self.mismatch(state.points, gamma) + features
 
     def error(self, state):
         """Mean distance of a state's landmarks from their targets."""
         return self.landmarks.error(state.points)
 
     def jacobian(self, state, gamma):
-        """Gradients of the residual's components with respect to nu, complex (2 M, N)."""
+        """Gradients of the residual's components with respect to nu, complex (2 M, N), by adjoint solves."""
         return self.landmarks.jacobian(*self.gradients(state), gamma)
+
+    def quick_jacobian(self, state, gamma):
+        """The same, or what is near enough to precondition with: on a polar mesh solves cost little."""
+        return self.jacobian(state, gamma)
 
     def gradients(self, state):
         """Gradients of Re w and Im w of the mapped landmarks with respect to nu, complex (M, N) each."""
         solution, slope = state.solution, mobius_slope(state.solution.f, *state.mobius)
-        parts, points = [], (self.samples @ sparse.diags_array(slope.conj())).tocsr()
-        chains = [self.chain(state, x) for x in solution.parts]
+        parts, points = (
+            [np.zeros((2, 0, len(state.nu)), complex)],
+            (self.samples @ sparse.diags_array(slope.conj())).tocsr(),
+        )
+        chains = [self.chain(state, by_mu) for by_mu in solution.sensitivities]
         for rows in range(0, points.shape[0], LANDMARKS_AT_ONCE):
             adjoints = solution.adjoints(points[rows : rows + LANDMARKS_AT_ONCE])
             real, imaginary = np.split(sum(chain @ adjoint for chain, adjoint in zip(chains, adjoints)), 2)
             parts.append((real + 1j * imaginary).T.reshape(2, -1, len(state.nu)))
         return np.concatenate(parts, axis=1)
 
-    def chain(self, state, x):
-        """Sparse real (2 N, V): from an adjoint of the potential x to the gradient with respect to nu, Re above Im.
+    def chain(self, state, sensitivity):
+        """Sparse real (2 N, V): from an adjoint of a potential to the gradient with respect to nu, Re above Im.
 
         In one product what would otherwise take a dense array of faces by landmarks.
         """
-        by_mu = state.solution.sensitivity(x).tocoo()
+        by_mu = sensitivity.tocoo()
         data = bounded_pullback((self.to_faces @ state.nu)[by_mu.row], by_mu.data)
         chain = self.to_faces.T.tocsr() @ sparse.csr_array((data, (by_mu.row, by_mu.col)), shape=by_mu.shape)
         return sparse.vstack([chain.real, chain.imag]).tocsr()
 
     def mobius_columns(self, state):
-        """Changes of the mapped landmarks (M, 3) with a Möbius increment (theta, Re a, Im a) after the map.
-
-        As a composition: `dw = i w dtheta - da + conj(da) w^2`.
-        """
-        w = state.f
-        return self.samples @ np.stack([1j * w, w**2 - 1, -1j * (1 + w**2)], axis=1)
+        """Changes of the mapped landmarks (M, 3) with a Möbius increment (theta, Re a, Im a) after the map."""
+        return self.samples @ mobius_fields(state.f)
 
     def linearise(self, state, gamma):
         """The linearisation at a state: returns `propose(state, damping)`, which may be asked again at later states.
+
+        Of landmarks alone; with features it is that of `NormalEquations`.
 
         It gives (change of nu, da, dtheta, least objective of the model). damping adds `damping (change^* W change)` to
         what is minimised (Levenberg), and its like for the Möbius part: a shorter step, turned towards the steepest
         descent.
         """
+        if self.dense is not None:
+            return NormalEquations(self, state, gamma).propose
         J = self.jacobian(state, gamma)
         Jm = self.landmarks.components(self.mobius_columns(state), gamma)
         lifted = self.factors.solve(np.ascontiguousarray(J.real.T)) + 1j * self.factors.solve(
@@ -199,8 +216,9 @@ class GaussNewton:
 
         return propose
 
-    def step(self, state, gamma, propose=None, shares=SHARES):
-        """The state after one step by a backtracking line search, or None where no share of it lowers the objective.
+    def step(self, state, gamma, propose=None, shares=SHARES, worth=0.0):
+        """The state after one step by a backtracking line search, or None where no share of it lowers the objective,
+        or the model promises less than the share `worth` of it.
 
         A share s of the step is taken once it brings a sufficient part of what the quadratic model promises,
         `(2s - s^2)` of the full step's gain; the promise fails where the map is far from linear in nu. propose: a
@@ -208,6 +226,8 @@ class GaussNewton:
         """
         before = self.objective(state, gamma)
         change, da, dtheta, promised = (propose or self.linearise(state, gamma))(state)
+        if before - promised < worth * before:
+            return None
         for share in shares:
             found = self.at(state.nu + share * change, compose_mobius(state.mobius, (share * da, share * dtheta)))
             gain = before - self.objective(found, gamma)
@@ -241,6 +261,18 @@ class SurfaceGaussNewton(GaussNewton):
     def finished(self, nu, parameters, solution, f):
         f, rows = unfold(solution, f)
         return State(nu, parameters, f, self.samples @ f, solution, len(rows))
+
+    def quick_jacobian(self, state, gamma):
+        """The Jacobian in closed form: a few percent off, and without a solve, whatever the size of the mesh."""
+        real, imaginary = self.tangent.gradients(state.nu, state.solution.f)
+        slope = (self.samples @ mobius_slope(state.solution.f, *state.mobius))[:, None]
+        turned = slope.real * real - slope.imag * imaginary, slope.imag * real + slope.real * imaginary
+        return self.landmarks.jacobian(*turned, gamma)
+
+    @cached_property
+    def tangent(self):
+        """The closed form of the derivative at the landmarks."""
+        return Tangent(self.solver, (self.z, self.faces), self.samples)
 
     def mobius_alone(self, parameters):
         """The state with nu = 0 whose map is the Möbius map at every vertex itself, mended where it folds triangles."""

@@ -1,7 +1,7 @@
 """The best quasi-conformal map for given landmarks, without a network: Gauss-Newton steps, mesh after mesh."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Complex, Integer
@@ -30,11 +30,13 @@ class LandmarkFit(CertifiedMap):
     """Result of `fit_landmarks`: a `CertifiedMap` and how it was found.
 
     steps: Gauss-Newton steps on the polar mesh and on the given one; losses: L_mu, L_grad_mu, L_Landmark, L_CP of the
-    coefficient field.
+    coefficient field. With features also L_features, and r: their names -> correlations after the best Möbius map and
+    after this one.
     """
 
     steps: tuple
     losses: dict
+    r: dict = field(default_factory=dict)
 
 
 def fit_landmarks(
@@ -73,7 +75,7 @@ def fit_problem(problem, weights, start=None, rings=None, watch=None, enough=0.0
     """`fit_landmarks` of a `Problem` with `Weights`."""
     if rings is not None and not (isinstance(rings, (int, np.integer)) and rings >= FEWEST_RINGS):
         raise LandmarkError(f"rings = {rings!r}: give an integer from {FEWEST_RINGS}, or None to go by the mesh's size")
-    rings = rings or int(np.clip(np.sqrt(len(problem.z) / 3), 8, 32))
+    rings = rings or rings_for(problem.z)
     coarse = GaussNewton(problem, polar_disk(rings // 2, 3 * (rings // 2), power=POWER), weights)
     begin = start_field(problem.z, problem.faces, start, coarse.z)
     # At a tenth of gamma: the coarse mesh's own error moves the landmarks, and the full weight would bend nu after it.
@@ -87,6 +89,11 @@ def fit_problem(problem, weights, start=None, rings=None, watch=None, enough=0.0
     fit = report_fit(fine, state, (steps, polished))
     best = problem.samples @ mobius(problem.z, *problem.mobius)
     return fit_from_mobius(fine, fit, best, watch) if exceeds(fine, state, best) else fit
+
+
+def rings_for(z):
+    """How many rings the polar mesh that carries nu has for a mesh of so many vertices."""
+    return int(np.clip(np.sqrt(len(z) / 3), 8, 32))
 
 
 def exceeds(engine, state, best):
@@ -172,8 +179,15 @@ def report_fit(engine, state, steps):
     terms = {
         "L_mu": float((mu.conj() @ (engine.mass @ mu)).real),
         "L_grad_mu": float((mu.conj() @ (engine.laplace @ mu)).real),
-        "L_Landmark": float((abs(state.points - engine.problem.target) ** 2).mean()),
+        "L_Landmark": mean_square(state.points - engine.problem.target),
     }
-    total = np.dot((weights.alpha, weights.beta, weights.gamma), list(terms.values()))
+    terms["L_CP"] = float(np.dot((weights.alpha, weights.beta, weights.gamma), list(terms.values())))
+    if engine.dense is not None:
+        terms["L_features"] = float((engine.dense.residual(state.f) ** 2).sum() / weights.delta)
     found = certified(engine.problem, state.f, state.mobius, state.words)
-    return LandmarkFit(**vars(found), steps=steps, losses=terms | {"L_CP": float(total)})
+    return LandmarkFit(**vars(found), steps=steps, losses=terms)
+
+
+def mean_square(change):
+    """Mean |change|^2 over landmarks; 0 without any."""
+    return float((abs(change) ** 2).mean()) if len(change) else 0.0

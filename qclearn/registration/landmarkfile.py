@@ -11,7 +11,7 @@ from ..surfaces.surface import SurfaceError, mirror
 from .landmarks import check_path
 from .problem import LandmarkError
 
-CURVE_KEYS = {"name", "moving", "control", "detect"}
+CURVE_KEYS = {"name", "moving", "control", "detect", "hold_out"}
 SIDES = {"moving": "control", "control": "moving"}  # each side and the other
 
 
@@ -37,8 +37,11 @@ def read_landmarks(path):
     return contents
 
 
-def check_curves(curves, moving, control):
-    """The landmarks file's curves as checked dicts with arrays and `detect` per side, or LandmarkError."""
+def check_curves(curves, moving, control, fewest=1):
+    """The landmarks file's curves as checked dicts with arrays and `detect` per side, or LandmarkError.
+
+    fewest: how many there must be (0 where features lead).
+    """
     if isinstance(curves, dict):
         unknown = set(curves) - {"curves", "surfaces"}
         if unknown or "curves" not in curves:
@@ -48,7 +51,7 @@ def check_curves(curves, moving, control):
             )
         check_surfaces(curves.get("surfaces", {}), moving, control)
         curves = curves["curves"]
-    if not isinstance(curves, (list, tuple)) or not curves:
+    if not isinstance(curves, (list, tuple)) or len(curves) < fewest:
         raise LandmarkError('landmarks hold no curves: give at least one {"name", "moving", "control"}')
     entries = [_check_entry(number, entry, moving, control) for number, entry in enumerate(curves)]
     names = [entry["name"] for entry in entries]
@@ -56,6 +59,20 @@ def check_curves(curves, moving, control):
     if twice:
         raise LandmarkError(f"curve names used twice: {twice}; rename one of each")
     return entries
+
+
+def held_apart(entries, names):
+    """Checked curves as (to be fitted, held out): held out are those of these names and those whose entry says so."""
+    if isinstance(names, str):
+        names = [names]
+    unknown = sorted(set(names) - {entry["name"] for entry in entries})
+    if unknown:
+        raise LandmarkError(
+            f"no curve is called {', '.join(map(repr, unknown))}, so it cannot be held out; there are "
+            f"{', '.join(repr(entry['name']) for entry in entries) or 'none'}"
+        )
+    held = [entry for entry in entries if entry["hold_out"] or entry["name"] in names]
+    return [entry for entry in entries if entry not in held], held
 
 
 def check_surfaces(stated, moving, control):
@@ -99,10 +116,14 @@ def _stated(mark):
 def _check_entry(number, entry, moving, control):
     if not isinstance(entry, dict) or not {"name", "moving", "control"} <= set(entry) <= CURVE_KEYS:
         keys = sorted(map(str, entry)) if isinstance(entry, dict) else type(entry).__name__
-        raise LandmarkError(f"curve {number} has {keys}; it needs name, moving, control and may have detect")
-    if not isinstance(entry["name"], str) or not isinstance(entry.get("detect", True), bool):
-        raise LandmarkError(f"curve {number}: name must be text and detect true or false")
-    checked, surfaces = {"name": entry["name"], "detect": {}}, {"moving": moving, "control": control}
+        raise LandmarkError(f"curve {number} has {keys}; it needs name, moving, control and may have detect, hold_out")
+    flags = [entry.get("detect", True), entry.get("hold_out", False)]
+    if not isinstance(entry["name"], str) or not all(isinstance(flag, bool) for flag in flags):
+        raise LandmarkError(f"curve {number}: name must be text, and detect and hold_out true or false")
+    checked, surfaces = (
+        {"name": entry["name"], "detect": {}, "hold_out": flags[1]},
+        {"moving": moving, "control": control},
+    )
     for side, surface in surfaces.items():
         try:
             checked[side] = check_path(surface, entry[side])

@@ -126,6 +126,39 @@ def distortion_measures(surface, points):
     }
 
 
+def log2_distortions(surface, points):
+    """How much the registration stretches, moving surface -> points (V, 3): [mean, 95 %] over the surface's area.
+
+    `log2_area`: |log2 J|, J the ratio of areas, both total areas made equal; `log2_shape`: log2 R, R the ratio of the
+    two principal stretches, `(1 + |mu|) / (1 - |mu|)`. A face that has lost its area counts as `SMALLEST_RATIO`.
+    """
+    p, q = (_flattened(vertices, surface.faces) for vertices in (surface.vertices, points))
+    # On each face the map is w -> a w + b conj(w).
+    double_area = p[0] * p[1].conj() - p[1] * p[0].conj()
+    a = (q[0] * p[1].conj() - q[1] * p[0].conj()) / double_area
+    b = (q[1] * p[0] - q[0] * p[1]) / double_area
+    area = abs(a) ** 2 - abs(b) ** 2
+    weights = surface.face_areas / surface.area
+    area = np.maximum(area / (weights @ area), SMALLEST_RATIO)
+    mu = np.minimum(abs(b) / np.maximum(abs(a), np.finfo(float).tiny), 1 - SMALLEST_RATIO)
+    values = {"log2_area": abs(np.log2(area)), "log2_shape": np.log2((1 + mu) / (1 - mu))}
+    return {name: [float(weights @ value), _quantile(value, weights, 0.95)] for name, value in values.items()}
+
+
+def _flattened(vertices, faces):
+    """Two edges of each face, from its first corner, in a plane of its own: complex (2, F)."""
+    first, second = (vertices[faces[:, k]] - vertices[faces[:, 0]] for k in (1, 2))
+    length = np.linalg.norm(first, axis=1)
+    along = first / np.maximum(length, np.finfo(float).tiny)[:, None]
+    x = (second * along).sum(1)
+    return np.stack([length + 0j, x + 1j * np.linalg.norm(second - x[:, None] * along, axis=1)])
+
+
+def _quantile(values, weights, share):
+    order = np.argsort(values)
+    return float(values[order][np.searchsorted(np.cumsum(weights[order]), share)])
+
+
 def paired_difference(one, other, rng, draws=10_000, level=0.95):
     """Mean over subjects of one - other, with its bootstrap interval (percentiles of resampled means): (mean, low,
     high).

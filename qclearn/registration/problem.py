@@ -18,23 +18,25 @@ class LandmarkError(ValueError):
 
 @dataclass(frozen=True)
 class Weights:
-    """alpha of |mu|^2, beta of its gradient, gamma of the landmark mismatch (paper, eq. RegLoss).
+    """alpha of |mu|^2, beta of its gradient, gamma of the landmarks' mismatch (paper, eq. RegLoss), delta of features'.
 
-    LandmarkError unless alpha > 0, beta >= 0 and gamma > 0 are finite.
+    LandmarkError unless alpha > 0, beta >= 0, gamma > 0 and delta >= 0 are finite.
     """
 
     alpha: float = 1.0
     beta: float = 1e-2
     gamma: float = 1e5
+    delta: float = 0.0
 
     def __post_init__(self):
         for name in ("alpha", "beta", "gamma"):
             value = getattr(self, name)
-            number = isinstance(value, (int, float, np.integer, np.floating)) and np.isfinite(value)
-            if not (number and (value > 0 or (value == 0 and name == "beta"))):
+            if not (is_finite(value) and (value > 0 or (value == 0 and name == "beta"))):
                 raise LandmarkError(
                     f"{name} = {value!r}: alpha and gamma must be positive and finite, beta not negative"
                 )
+        if not (is_finite(self.delta) and self.delta >= 0):
+            raise LandmarkError(f"delta = {self.delta!r}: must be finite and not negative (0.1 to 1 is usual)")
 
     def at(self, gamma):
         """The same with another gamma."""
@@ -47,7 +49,8 @@ class Problem:
 
     z (V,) complex, faces (F, 3): the moving surface's disk mesh, its boundary on the unit circle; moving, target (M,)
     complex: landmarks p in that disk and q in the control's; curve (M,) int: which curve each belongs to, in order;
-    sliding: inner points of a curve may move along their target curve, where a method can let them.
+    sliding: inner points of a curve may move along their target curve, where a method can let them; fewest: how many
+    landmarks there must be (0: features lead).
     A method returns f (V,) complex: where each vertex lies in the control's disk. BeltramiError for an unusable mesh,
     LandmarkError for unusable landmarks.
     """
@@ -58,9 +61,11 @@ class Problem:
     target: np.ndarray
     curve: np.ndarray = field(default=None)
     sliding: bool = False
+    fewest: int = 1
 
     def __post_init__(self):
-        checked = *check_mesh(self.z, self.faces), *check_landmarks(self.moving, self.target, self.curve, self.sliding)
+        landmarks = check_landmarks(self.moving, self.target, self.curve, self.sliding, self.fewest)
+        checked = *check_mesh(self.z, self.faces), *landmarks
         for name, array in zip(("z", "faces", "moving", "target", "curve"), checked):
             object.__setattr__(self, name, array)
 
@@ -71,11 +76,12 @@ class Problem:
 
     @cached_property
     def mobius(self):
-        """(a, theta) of the disk Möbius map that alone brings the landmarks nearest to their targets."""
-        return best_mobius(self.moving, self.target)
+        """(a, theta) of the disk Möbius map that alone brings the landmarks nearest to their targets; the identity
+        without landmarks."""
+        return best_mobius(self.moving, self.target) if len(self.moving) else (0j, 0.0)
 
 
-def check_landmarks(moving, target, curve, sliding):
+def check_landmarks(moving, target, curve, sliding, fewest=1):
     """Landmarks as complex arrays and curve labels, or LandmarkError."""
     try:
         moving, target = (
@@ -84,7 +90,7 @@ def check_landmarks(moving, target, curve, sliding):
         )
     except BeltramiError as error:
         raise LandmarkError(str(error)) from None
-    if moving.ndim != 1 or moving.shape != target.shape or len(moving) == 0:
+    if moving.ndim != 1 or moving.shape != target.shape or len(moving) < fewest:
         raise LandmarkError(f"{moving.shape} moving and {target.shape} target landmarks: give one target a landmark")
     for name, points in (("moving", moving), ("target", target)):
         outside = np.flatnonzero(~(abs(points) <= 1 + 1e-9))
@@ -118,6 +124,11 @@ def label_array(curve):
     if labels.dtype.kind not in "iu":
         raise LandmarkError(f"curve labels have type {labels.dtype}: give integers (M,)")
     return labels
+
+
+def is_finite(value):
+    """Whether a value is one finite real number."""
+    return isinstance(value, (int, float, np.integer, np.floating)) and bool(np.isfinite(value))
 
 
 def meeting(points):

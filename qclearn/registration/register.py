@@ -1,36 +1,25 @@
 """The pipeline: two cortical surfaces and their landmark curves in, a certified point-to-point map out."""
 
 import time
-import warnings
 from collections.abc import Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.metadata import version
-from itertools import pairwise
 from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Complex, Float, Integer
 from numpy import ndarray
-from scipy.sparse import vstack
 from tqdm import tqdm
 
-from ..plane.beltrami import cotangent_stiffness
-from ..plane.bijectivity import RepairWarning, check_embedding, flipped_faces, repair
-from ..plane.diskmesh import sampling_matrix
-from ..plane.mobius import best_mobius, mobius
-from ..plane.triangles import edge_lengths
-from ..surfaces.checks import degenerate_faces
-from ..surfaces.conformal import disk_conformal_map
 from ..surfaces.surface import Surface, require_disk, require_outward
-from .checked import TOLERANCE, bijective_fit, gamma_words, guarded_curves, predicted, refined, unfolded
-from .landmarkfile import check_curves
-from .landmarks import POINTS_PER_CURVE, detect_curves, resample, sample_curve
-from .metrics import coefficient_statistics, mean_rows
-from .problem import LandmarkError, Problem, Weights, distinct, meeting
-from .suspect import reasons
-from .transfer import error_rows, lift
+from .checked import TOLERANCE, bijective_fit, gamma_words, predicted, refined, unfolded
+from .features import FOLDS, Features, check_features
+from .landmarkfile import check_curves, held_apart
+from .preparation import Sides, conformal, lay_upon, sampled
+from .problem import LandmarkError, Weights, is_finite
+from .report import report_of
+from .transfer import lift
 
 STAGES = {"exact": 5, "network": 9}
 
@@ -105,79 +94,102 @@ def register(
     sliding: bool = False,
     progress: bool = False,
     tolerance: float | None = None,
+    features: list | tuple | None = FOLDS,
+    delta: float = 0.3,
+    hold_out: list | tuple = (),
 ) -> Registration:
-    """Register the moving surface to the control surface along landmark curves: a Registration, certified bijective.
+    """Register the moving surface to the control surface by landmark curves and folds: a Registration, certified
+    bijective.
 
     curves: the landmarks file as read from JSON, `{"curves": [{"name", "moving", "control"}, ...]}` with vertex
     indices (two on a side are endpoints and that side's curve is detected, unless "detect" is false), or its list. A
     file that names its "surfaces" is refused for others (`fingerprint` in provenance.py says by what they are known).
-    alpha, beta, gamma: weights of |mu|, of its gradient and of the landmark mismatch (paper, eq. RegLoss).
+    features: per-vertex maps that shall lie on each other between the curves: "depth" and "curvature" are computed, a
+    pair of arrays (V,) and (W,) is the user's own, and (pair, weight) counts otherwise than 1; None: landmarks alone,
+    the paper's setting. With features, curves may be empty. hold_out: names of curves that take no part in the fit and
+    are measured (or `"hold_out": true` in the file).
+    alpha, beta, gamma: weights of |mu|, of its gradient and of the landmark mismatch (paper, eq. RegLoss); delta: of
+    the features' mismatch, sum of squared differences of standardised maps over the area, 2 (1 - r) a map.
     method: "exact" (shortest paths, Gauss-Newton fit, exact solver) or "network" (LD-Net, CP-Net, DBS-Net, whose map is
     replaced by the exact solver's where it folds and refined by Gauss-Newton steps where its landmark error in the
-    disk exceeds `tolerance`: 5e-3 unless given, inf to take what comes). What was done is in `report["fallbacks"]`;
+    disk exceeds `tolerance`: 5e-3 unless given, inf to take what comes; with features, the fit starts from CP-Net's
+    answer). What was done is in `report["fallbacks"]`;
     `report["suspect"]` lists why the result should not be trusted, empty where nothing is (see suspect.py).
     Both surfaces must be outward-oriented disks of the same handedness (`mirror` one of them otherwise).
-    Errors: SurfaceError, LandmarkError; BijectivityError if no bijective map was found at any gamma; ImportError if
-    the networks are asked for and torch is not installed.
+    Errors: SurfaceError, LandmarkError, FeatureError; BijectivityError if no bijective map was found at any gamma;
+    ImportError if the networks are asked for and torch is not installed.
     """
     tolerance = check_method(method, sliding, tolerance)
-    weights = Weights(alpha, beta, gamma)
+    weights = Weights(alpha, beta, gamma, check_delta(delta, features))
+    sides = given_sides(moving, control, curves, features, hold_out)
+    stages, networks = Stages(STAGES[method] + (features is not None), progress), {}
+    if method == "network":
+        with stages("load"):
+            networks = load_networks(sides, weights)
+    lay_out(sides, features, stages)
+    with stages("detect"):
+        lay_upon(sides)
+        landmarks = sampled(sides, networks["ldnet"].detect if networks else None, sliding)
+    if networks:
+        fit = fit_by_networks(networks, sides, landmarks.problem, weights, tolerance, stages)
+    else:
+        with stages("map"):
+            fit = bijective_fit(landmarks.problem, weights, None, 0.0, sides.features)
+    with stages("pull_back"):
+        points = lift(control, sides.z_control, fit.f)
+        found = report_of(sides, landmarks, weights, fit, points)
+    asked = {"method": method, **({"tolerance": finite_or_none(tolerance)} if networks else {})}
+    report = {**found, "seconds": stages.report(), **asked}
+    disks = sides.z_moving, sides.z_control
+    return Registration(points, fit.f, fit.mu, report, *disks, landmarks.lines, moving.faces, control.faces)
+
+
+def given_sides(moving, control, curves, features, hold_out):
+    """The surfaces and curves of a call, checked, as `Sides`."""
     for surface in (moving, control):
         require_disk(surface)
         require_outward(surface)
-    entries = check_curves(curves, moving, control)
-    stages, detect, before = Stages(STAGES[method], progress), None, []
-    if method == "network":
-        with stages("load"):
-            detect, predict, solve = load("ldnet").detect, load("cpnet").predict, load("dbsnet").solve
-            before += gamma_words(load("cpnet"), weights)
+    entries, held = held_apart(check_curves(curves, moving, control, int(features is None)), hold_out)
+    if not entries and features is None:
+        raise LandmarkError("all curves are held out: leave some to be fitted, or give features")
+    return Sides(moving, control, entries, held)
+
+
+def load_networks(sides, weights):
+    """The three networks by name; LandmarkError without landmarks."""
+    if not sides.entries:
+        raise LandmarkError("method 'network' needs landmarks: CP-Net knows nothing else; give method 'exact'")
+    networks = {name: load(name) for name in ("ldnet", "cpnet", "dbsnet")}
+    sides.words += gamma_words(networks["cpnet"], weights)
+    return networks
+
+
+def lay_out(sides, features, stages):
+    """The disk maps of both sides and their features, if any."""
     with stages("disk_moving"):
-        z_moving, words_moving = conformal(moving)
+        sides.z_moving, words_moving = conformal(sides.moving)
     with stages("disk_control"):
-        z_control, words_control = conformal(control)
-    before += [f"moving: {word}" for word in words_moving] + [f"control: {word}" for word in words_control]
-    with stages("detect"):
-        z_moving = align(moving, z_moving, control, z_control, entries)
-        samples_moving, lines_moving, found_moving = sample_side(moving, z_moving, entries, "moving", detect)
-        samples_control, lines_control, found_control = sample_side(control, z_control, entries, "control", detect)
-    p, q = samples_moving @ z_moving, samples_control @ z_control
-    once = distinct_landmarks(entries, p, q)
-    problem = Problem(z_moving, moving.faces, p[once], q[once], once // POINTS_PER_CURVE, sliding)
-    if method == "network":  # `guarded_map`, by its parts
-        with stages("predict"):
-            mu = predicted(predict, problem, weights)
-        with stages("solve"):
-            f = solve(problem.z, problem.faces, mu)
-        with stages("certify"):
-            fit = unfolded(problem, mu, f)
-        with stages("refine"):
-            fit = refined(problem, weights, mu, fit, tolerance)
-    else:
+        sides.z_control, words_control = conformal(sides.control)
+    sides.words += [f"moving: {word}" for word in words_moving] + [f"control: {word}" for word in words_control]
+    if features is not None:
+        with stages("features"):
+            maps = check_features(features, sides.moving, sides.control)
+            sides.features = Features(sides.moving, sides.control, sides.z_control, maps)
+
+
+def fit_by_networks(networks, sides, problem, weights, tolerance, stages):
+    """`guarded_map`, by its parts; with features the fit that starts from CP-Net's answer."""
+    with stages("predict"):
+        mu = predicted(networks["cpnet"].predict, problem, weights)
+    if sides.features is not None:
         with stages("map"):
-            fit = bijective_fit(problem, weights)
-    with stages("pull_back"):
-        points = lift(control, z_control, fit.f)
-        rows = error_rows(moving, control, z_moving, z_control, entries, (samples_moving, samples_control), fit.f)
-    report = {
-        **mean_rows(rows),
-        **coefficient_statistics(fit.mu),
-        "flipped": len(fit.flipped),
-        "bijective": fit.bijective,
-        "degenerate": len(degenerate_faces(points, moving.faces)),
-        "fallbacks": [*before, *found_moving, *found_control, *fit.fallbacks],
-        "seconds": stages.report(),
-        "method": method,
-        "alpha": alpha,
-        "beta": beta,
-        "gamma": gamma,
-        **({"tolerance": tolerance if np.isfinite(tolerance) else None} if method == "network" else {}),
-        "mobius": {"a": [fit.mobius[0].real, fit.mobius[0].imag], "theta": fit.mobius[1]},
-        "curves": rows,
-        "suspect": reasons(moving, control, z_moving, z_control, entries, rows, fit),
-        "version": version("qclearn"),
-    }
-    lines = {entry["name"]: pair for entry, pair in zip(entries, zip(lines_moving, lines_control))}
-    return Registration(points, fit.f, fit.mu, report, z_moving, z_control, lines, moving.faces, control.faces)
+            return bijective_fit(problem, weights, mu, 0.0, sides.features)
+    with stages("solve"):
+        f = networks["dbsnet"].solve(problem.z, problem.faces, mu)
+    with stages("certify"):
+        fit = unfolded(problem, mu, f)
+    with stages("refine"):
+        return refined(problem, weights, mu, fit, tolerance)
 
 
 def check_method(method, sliding, tolerance):
@@ -197,84 +209,22 @@ def check_method(method, sliding, tolerance):
     return tolerance
 
 
+def check_delta(delta, features):
+    """The weight of the features: delta, or 0 without any; LandmarkError where it would give them none."""
+    if features is None:
+        return 0.0
+    if is_finite(delta) and delta == 0:
+        raise LandmarkError("delta = 0: the features would take no part; give 0.1 to 1, or features=None")
+    return delta
+
+
+def finite_or_none(number):
+    """A number for JSON, which knows no infinity."""
+    return number if np.isfinite(number) else None
+
+
 def load(name, preset="best", gamma=None):
     """A network with its shipped weights; WeightsError if there are none, ImportError where torch is not installed."""
     from ..nets import load as load_network
 
     return load_network(name, preset, gamma)
-
-
-def conformal(surface):
-    """The disk conformal map of a surface (V,), and words on what was repaired, list."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", RepairWarning)
-        z = disk_conformal_map(surface)
-    return z, [str(warning.message) for warning in caught]
-
-
-def align(moving, z_moving, control, z_control, entries):
-    """z_moving after the Möbius map that best carries the given points (ends or whole curves) to the control's."""
-    p, q = [], []
-    for entry in entries:
-        whole = min(len(entry["moving"]), len(entry["control"])) > 2
-        count = POINTS_PER_CURVE if whole else 2
-        p.append(sample_curve(moving, entry["moving"], count) @ z_moving)
-        q.append(sample_curve(control, entry["control"], count) @ z_control)
-    z = mobius(z_moving, *best_mobius(np.concatenate(p), np.concatenate(q)))
-    z[moving.boundary] /= abs(z[moving.boundary])
-    if not check_embedding(moving.faces, z).bijective:
-        lengths = edge_lengths(moving.vertices, moving.faces)
-        z, _, _ = repair(cotangent_stiffness(moving.vertices, moving.faces), moving.faces, lengths, z)
-    steps = np.angle(np.roll(z[moving.boundary], -1) / z[moving.boundary])
-    if steps.min() <= 0 or len(flipped_faces(moving.faces, z)):
-        raise LandmarkError(
-            f"curve {farthest_curve(entries, p, q)!r} pulls the moving disk onto its rim: the Möbius map "
-            "that carries the given points to the control's leaves no room for the rest; check this "
-            "curve's ends on both sides, keep them off the rim, or give curves elsewhere as well"
-        )
-    return z
-
-
-def farthest_curve(entries, p, q):
-    """The name of the curve without which the best Möbius map of the others, points p, q a curve, moves 0 the least."""
-
-    def shift(left_out):
-        kept = [k for k in range(len(entries)) if k != left_out]
-        return abs(best_mobius(*(np.concatenate([side[k] for k in kept]) for side in (p, q)))[0]) if kept else 0.0
-
-    return entries[int(np.argmin([shift(k) for k in range(len(entries))]))]["name"]
-
-
-def sample_side(surface, z, entries, side, detect=None):
-    """One side's landmarks: (sampling matrix (10 K, V), list of K curves in the disk, list of words).
-
-    Where only ends are given, by `detect` as in checked.py, or else the shortest paths.
-    """
-    words = []
-    if detect:
-        lines, words = guarded_curves(detect, surface, z, entries, side)
-    else:
-        ends = [entry[side] for entry in entries if entry["detect"][side]]
-        found = iter(detect_curves(surface, z, ends) if ends else [])
-        lines = [next(found) if entry["detect"][side] else z[entry[side]] for entry in entries]
-    stops = np.cumsum([0, *map(len, lines)])
-    corners = sampling_matrix(z, surface.faces, np.concatenate(lines))  # of all at once: looking up places is slow
-    matrices = [resample(surface, corners[start:stop], POINTS_PER_CURVE) for start, stop in pairwise(stops)]
-    return vstack(matrices).tocsr(), lines, words
-
-
-def distinct_landmarks(entries, p, q):
-    """Which of the landmarks (10 K,) to fit, (k,) int: a point that curves share on both sides counts once.
-
-    LandmarkError where two of them meet on one side only.
-    """
-    meet_p, meet_q = meeting(p), meeting(q)
-    torn = np.argwhere(meet_p != meet_q)
-    if len(torn):
-        first, second = (entries[k // POINTS_PER_CURVE]["name"] for k in torn[0])
-        side = "moving" if meet_p[tuple(torn[0])] else "control"
-        raise LandmarkError(
-            f"curves {first!r} and {second!r} share a point on the {side} side only, and a bijection "
-            "can neither part nor merge points; let them meet on both sides or on neither"
-        )
-    return distinct(p, q)

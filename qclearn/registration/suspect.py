@@ -28,6 +28,7 @@ LIMITS = {
     "plausible": 1.0,  # the same misfit over the curves' length in the disk; 0.36 to 3.6 | 0.031 to 0.38
     "surface_given": 0.33,  # misfit as given over that length, other surfaces or numbers; 0.013 to 0.28 | 0.55 to 3.0
 }
+LEAST_R, COARSEST = 0.3, 16.0  # correlation below which features are no guide, and the scale in mm it is measured at
 FEWEST = 3  # curves: with fewer, a Möbius map takes wrong ends to wrong ends as well as right ones to right ones
 STEP = 0.9  # of the misfit of all curves: what a further change of their order must come below
 ROUNDING = 1e-9  # in the disk: a misfit of this size is none
@@ -56,11 +57,29 @@ def reasons(moving, control, z_moving, z_control, entries, rows, fit):
     """
     return [
         *mistakes(moving, control, z_moving, z_control, entries),
-        *large_error(mean_rows(rows)),
-        *odd_curves(rows),
+        *(large_error(mean_rows(rows)) if rows else ()),
+        *(odd_curves(rows) if rows else ()),
         *switched_rows(fit.fallbacks, len(moving.vertices)),
         *strong_distortion(moving, fit.mu),
     ]
+
+
+def disagreeing(features, f):
+    """`features:` where the `Features` of both sides hardly agree, or not in sign, after a Möbius map f (V,)."""
+    r = dict(zip(features.names, features.correlation(f, COARSEST)))
+    against = [name for name, value in r.items() if value < -LEAST_R]
+    hardly = [name for name, value in r.items() if abs(value) <= LEAST_R]
+    if against:
+        yield (
+            f"features: {listed(against)} of the two sides {'are' if len(against) > 1 else 'is'} of opposite sign "
+            f"(r = {min(r.values()):.2f}); negate one side: FreeSurfer's sulc and curv are the negative of ours"
+        )
+    if hardly:
+        yield (
+            f"features: {listed(hardly)} of the two sides hardly {'agree' if len(hardly) > 1 else 'agrees'} (r = "
+            f"{min(abs(r[name]) for name in hardly):.2f} at {COARSEST:g} mm after the best Möbius map); check that "
+            "both show the same thing, that a noisy surface is smoothed first, or give a landmark curve or two"
+        )
 
 
 def large_error(means):

@@ -1,6 +1,8 @@
 """Mean curvature, sulcal depth, and their images on a disk whose radius follows the cortical area."""
 
 from dataclasses import dataclass
+from functools import wraps
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy
@@ -10,12 +12,27 @@ from scipy.sparse import coo_array
 
 from ..plane.beltrami import cotangent_stiffness
 from ..plane.diskmesh import interpolate, locate, pixel_centres
+from .checks import frozen
 from .surface import Surface, SurfaceError
 
 CLOSING_RADIUS = 0.05  # radius of the ball that closes the sulci, in units of sqrt(area of the convex hull)
 CLOSING_CELL = 1 / 130  # side of a voxel, same unit
 
 
+def _once(function):
+    """Remember what a function finds for a surface, which cannot change, as long as the surface is there."""
+    kept = WeakKeyDictionary()
+
+    @wraps(function)
+    def remembered(surface):
+        if surface not in kept:
+            kept[surface] = frozen(function(surface))
+        return kept[surface]
+
+    return remembered
+
+
+@_once
 def mean_curvature(surface: Surface) -> Float[ndarray, " V"]:
     """Mean curvature (k1 + k2)/2 of each vertex, 1/length: positive on gyri if the faces look outward.
 
@@ -85,6 +102,7 @@ def _fill_boundary(surface, values):
     return values
 
 
+@_once
 def sulcal_depth(surface: Surface) -> Float[ndarray, " V"]:
     """Depth of each vertex below the outer envelope, >= 0 and 0 on gyral crowns, in the surface's length.
 

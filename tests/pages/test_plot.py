@@ -39,7 +39,7 @@ def registered():
         {"name": "spoke", "moving": path, "control": turned},
         {"name": "ring", "moving": list(range(80, 88)), "control": list(range(82, 90))},
     ]
-    return register(moving, control, curves, gamma=1e3), moving, control
+    return register(moving, control, curves, gamma=1e3, features=None), moving, control
 
 
 def longest_direction(mu):

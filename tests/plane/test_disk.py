@@ -308,6 +308,46 @@ def test_pullback_of_many_gradients():
     np.testing.assert_allclose(many, [solver.pullback(g) for g in grads], rtol=1e-10, atol=1e-13)
 
 
+# The tangent.
+
+
+def assert_tangent(solver, mu, change, step=1e-5):
+    """The pushforward at mu against central differences of fourth order and against the pullback."""
+    shifted = {k: solver.solve(mu + k * step * change) for k in (-2, -1, 1, 2)}
+    expected = (shifted[-2] - 8 * shifted[-1] + 8 * shifted[1] - shifted[2]) / (12 * step)
+    solver.solve(mu)
+    df = solver.pushforward(change)
+    np.testing.assert_allclose(df, expected, atol=1e-7 * abs(expected).max())
+    grad_f = random_complex(np.random.default_rng(3), len(df))
+    there, back = np.vdot(grad_f, df).real, np.vdot(solver.pullback(grad_f), change).real
+    assert there == pytest.approx(back, rel=1e-12, abs=1e-12 * np.linalg.norm(grad_f) * np.linalg.norm(df))
+
+
+@pytest.mark.parametrize("largest", [0.0, 0.6])
+def test_pushforward_equals_finite_differences_and_is_the_transpose_of_pullback(mesh, largest):
+    z, faces = mesh
+    rng = np.random.default_rng(7)
+    mu = random_mu(rng, z, faces, largest)
+    assert_tangent(BeltramiDiskSolver(z, faces), mu, random_complex(rng, len(faces)))
+
+
+def test_pushforward_with_raised_steps():
+    z, faces, mu = backward_problem()
+    assert_tangent(BeltramiDiskSolver(z, faces), mu, random_complex(np.random.default_rng(1), len(faces)), 1e-6)
+
+
+def test_pushforward_of_many_changes_keeps_zero_one_and_the_circle():
+    z, faces = MESHES["polar"]
+    rng = np.random.default_rng(0)
+    solver = BeltramiDiskSolver(z, faces)
+    f = solver.solve(random_mu(rng, z, faces, 0.5))
+    changes = random_complex(rng, (3, len(faces)))
+    many = solver.pushforward(changes)
+    np.testing.assert_allclose(many, [solver.pushforward(change) for change in changes], rtol=1e-10, atol=1e-13)
+    assert abs(many[:, z == 0]).max() < 1e-12 and abs(many[:, z == 1]).max() < 1e-12
+    assert abs((many * f.conj())[:, -18:].real).max() < 1e-12
+
+
 class DiskMap(torch.autograd.Function):
     """mu -> f, as a network's loss sees it: torch's gradient convention must be the solver's."""
 
@@ -403,5 +443,5 @@ def test_adjoints_are_those_of_the_pullback_and_of_i_times_its_gradients():
     grads.data *= np.exp(6j * rng.uniform(size=grads.nnz))
     dense = grads.toarray()
     expected = solver.pullback(np.concatenate([dense, 1j * dense]))
-    found = sum(solver.sensitivity(x) @ lam for x, lam in zip(solver.parts, solver.adjoints(grads)))
+    found = sum(by_mu @ lam for by_mu, lam in zip(solver.sensitivities, solver.adjoints(grads)))
     np.testing.assert_allclose(found.T, expected, atol=1e-11 * abs(expected).max())

@@ -5,7 +5,16 @@ import pytest
 from meshes import random_disk
 
 from qclearn.plane.beltrami import signed_areas
-from qclearn.plane.diskmesh import INSET, boundary_loop, disk_to_square, locate, polar_disk, square_disk, square_to_disk
+from qclearn.plane.diskmesh import (
+    INSET,
+    Lookup,
+    boundary_loop,
+    disk_to_square,
+    locate,
+    polar_disk,
+    square_disk,
+    square_to_disk,
+)
 from qclearn.plane.mobius import mobius
 
 MESHES = {
@@ -164,3 +173,16 @@ def test_locate_in_a_moved_mesh():
     found = (barycentric * moved[faces[face]]).sum(1)
     np.testing.assert_allclose(found, [0, found[1].real, found[2].real, 1j * found[3].imag], atol=1e-14)
     assert (abs(found[1:]) > 0.95).all()
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.01, 0.3, 2.0])
+def test_a_lookup_finds_the_same_faces_from_a_guess(shift):
+    """Where points have moved a little, far, out of the polygon, and where nothing has moved."""
+    z, faces = random_disk(3, 64)
+    lookup, rng = Lookup(z, faces), np.random.default_rng(0)
+    before = np.sqrt(rng.uniform(size=300)) * np.exp(2j * np.pi * rng.uniform(size=300))
+    points = before + shift * (rng.normal(size=300) + 1j * rng.normal(size=300))
+    points /= np.maximum(abs(points), 1)
+    guess, _ = lookup(before)
+    for found, expected in zip(lookup(points, guess), locate(z, faces, points)):
+        np.testing.assert_allclose(found, expected, atol=1e-12)

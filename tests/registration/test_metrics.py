@@ -7,8 +7,15 @@ import torch
 from qclearn.nets import losses
 from qclearn.plane.beltrami import signed_areas
 from qclearn.plane.diskmesh import polar_disk
-from qclearn.registration.metrics import coefficient_statistics, curve_rows, mean_rows, measured_losses
+from qclearn.registration.metrics import (
+    coefficient_statistics,
+    curve_rows,
+    log2_distortions,
+    mean_rows,
+    measured_losses,
+)
 from qclearn.registration.problem import Problem, Weights
+from qclearn.surfaces.surface import Surface
 
 Z, FACES = polar_disk(24, 72)
 CENTRES = Z[FACES].mean(1)
@@ -82,3 +89,18 @@ def test_statistics_are_over_faces():
         "sd_abs_mu": pytest.approx(0.2),
         "max_abs_mu": pytest.approx(0.6),
     }
+
+
+def test_a_stretch_is_told_apart_into_area_and_shape():
+    """One half of a flat disk stretched by 2 along x; then all of it by 3: only ratios to the whole count."""
+    flat = Surface(np.stack([Z.real, Z.imag, 0 * Z.real], axis=1), FACES)
+    found = log2_distortions(flat, 3 * flat.vertices[:, [2, 0, 1]])
+    assert found == {key: [pytest.approx(0, abs=1e-12)] * 2 for key in ("log2_area", "log2_shape")}
+    stretched = log2_distortions(flat, flat.vertices * [2.0, 0.5, 1.0])
+    assert stretched["log2_area"] == [pytest.approx(0, abs=1e-12)] * 2
+    assert stretched["log2_shape"] == [pytest.approx(2)] * 2
+    half = flat.vertices * np.where(Z.real > 0, 2.0, 1.0)[:, None] ** [1, 0, 0]
+    found, share = log2_distortions(flat, half), flat.face_areas[CENTRES.real > 0].sum() / flat.area
+    assert found["log2_shape"] == [pytest.approx(share, rel=0.02), pytest.approx(1)]
+    grown, rest = np.log2(2 / (1 + share)), np.log2(1 + share)
+    assert found["log2_area"][0] == pytest.approx(share * grown + (1 - share) * rest, rel=0.02)

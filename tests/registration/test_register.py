@@ -20,15 +20,17 @@ from qclearn.plane.bijectivity import BijectivityError, check_bijective
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import solve_beltrami_disk
 from qclearn.plane.mobius import best_mobius, compose_mobius, mobius
+from qclearn.registration import register as pipeline
 from qclearn.registration.certified import exact_map
 from qclearn.registration.fit import fit_landmarks, fit_problem
 from qclearn.registration.landmarks import detect_curves, sample_curve
 from qclearn.registration.problem import LandmarkError
-from qclearn.registration.register import check_curves, register
+from qclearn.registration.register import check_curves
 from qclearn.registration.transfer import lift, transfer
 from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror
 
+register = partial(pipeline.register, features=None)  # bowls have no folds
 bowl = partial(meshes.bowl, rings=14, lean=0.4)
 
 
@@ -550,7 +552,7 @@ BAD_CURVES = [
     ([CURVE, {"name": "b", "moving": [0, 5]}], r"curve 1 has \['moving', 'name'\]; it needs name, moving, control"),
     ([CURVE | {"colour": "red"}], "curve 0 has .*'colour'.*may have detect"),
     ([CURVE | {"name": 3}], "curve 0: name must be text"),
-    ([CURVE | {"detect": "no"}], "detect true or false"),
+    ([CURVE | {"detect": "no"}], "detect and hold_out true or false"),
     ([CURVE, CURVE], r"names used twice: \['a'\]; rename"),
     ([CURVE | {"moving": [0]}], "curve 'a', moving side: .*at least two vertex indices"),
     ([CURVE | {"control": [0, 999_999]}], r"curve 'a', control side: .*out of range 0..588: \[999999\]"),

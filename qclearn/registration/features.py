@@ -1,0 +1,167 @@
+"""Features of two surfaces, per-vertex maps that shall lie on each other: checked, smoothed scale by scale, compared.
+
+Sulcal depth and mean curvature, or any maps of the user's own (thickness, myelin, FreeSurfer's sulc), the same on both
+sides. What is compared is standardised by area on each side, so that units cancel and the mismatch is 2 (1 - r).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from ..plane.beltrami import cotangent_stiffness, factorise
+from ..plane.diskmesh import Lookup, interpolate
+from ..surfaces.curvature import mean_curvature, sulcal_depth
+
+FOLDS = ("depth", "curvature")  # the features that a surface has by itself
+OUTLIERS, SMOOTH_OUTLIERS = 2.5, 3.0  # standard deviations to which a map is clipped, before and after it is smoothed
+TAIL = 0.01  # of the vertices at either end, which do not count in these
+HEAT_STEPS = 4  # implicit steps of the heat flow to one scale
+FINEST = 4.0  # the scale at which features are compared in reports
+HEMISPHERE = 9e4  # mm^2: of a surface on which a scale is in mm; on others in proportion, whatever their unit
+
+
+class FeatureError(ValueError):
+    """A per-vertex map that cannot lead a registration: says which, on which side, and what to do."""
+
+
+@dataclass(frozen=True, eq=False)
+class Feature:
+    """One per-vertex map of both sides, moving (V,) and control (W,), and its weight among the features."""
+
+    name: str
+    moving: np.ndarray
+    control: np.ndarray
+    weight: float = 1.0
+
+
+class Features:
+    """The features of a moving and a control surface, the control in its disk map z_control (W,).
+
+    maps: `Feature`s, as `check_features` returns them. `shares` (C,): their weights, of sum 1; `areas` (V,): the moving
+    vertices' shares of its area; `lookup`: of the control's disk mesh.
+    """
+
+    def __init__(self, moving, control, z_control, maps):
+        self.names = [feature.name for feature in maps]
+        self.shares = np.array([feature.weight for feature in maps]) / sum(feature.weight for feature in maps)
+        self.sides = tuple(
+            Smoothing(surface, np.stack([getattr(feature, side) for feature in maps], axis=1))
+            for side, surface in (("moving", moving), ("control", control))
+        )
+        self.areas, self.faces = self.sides[0].areas, control.faces
+        self.lookup = Lookup(z_control, control.faces)
+
+    def at(self, sigma):
+        """Both sides' features at scale sigma, standardised: (V, C) and (W, C)."""
+        return tuple(side.at(sigma) for side in self.sides)
+
+    def correlation(self, f, sigma=FINEST):
+        """r (C,) over the moving area between features of scale sigma and the control's where f (V,) takes them."""
+        here, there = self.at(sigma)
+        there = standardised(interpolate(there, self.faces, *self.lookup(f)), self.areas)
+        return np.clip(self.areas @ (here * there), -1, 1)
+
+
+class Smoothing:
+    """Per-vertex values (V, C) of one surface at any scale: `at(sigma)`.
+
+    sigma: standard deviation of the smoothing kernel, in mm on a surface with the area of a HEMISPHERE.
+    """
+
+    def __init__(self, surface, values):
+        self.mass, self.stiffness = surface.vertex_areas, cotangent_stiffness(surface.vertices, surface.faces)
+        self.areas, self.unit = self.mass / surface.area, np.sqrt(surface.area / HEMISPHERE)
+        self.values, self.kept = clipped(values, self.areas, OUTLIERS), {}
+
+    def at(self, sigma):
+        """The smoothed values, outliers clipped, standardised; kept."""
+        if sigma not in self.kept:
+            self.kept[sigma] = standardised(clipped(self.heat(sigma), self.areas, SMOOTH_OUTLIERS), self.areas)
+        return self.kept[sigma]
+
+    def heat(self, sigma):
+        """The values after heat flow `A u' = -K u` for the time sigma^2 / 2, in implicit steps."""
+        time, values = (self.unit * sigma) ** 2 / (2 * HEAT_STEPS), self.values
+        factors = factorise(sparse.diags_array(self.mass) + time * self.stiffness)
+        for _ in range(HEAT_STEPS):
+            values = factors.solve(self.mass[:, None] * values)
+        return values
+
+
+def standardised(values, areas):
+    """Values (V, C) with mean 0 and variance 1 over shares of the area (V,); 0 where they are constant."""
+    values = values - areas @ values
+    deviation = np.sqrt(areas @ values**2)
+    return np.divide(values, deviation, out=np.zeros_like(values), where=deviation > 0)
+
+
+def clipped(values, areas, limit):
+    """Values (V, C) cut to so many standard deviations from their mean over the area, those of all but the TAIL."""
+    core = np.clip(values, *np.quantile(values, [TAIL, 1 - TAIL], axis=0))
+    mean = areas @ core
+    reach = limit * np.sqrt(areas @ (core - mean) ** 2)
+    return np.clip(values, mean - reach, mean + reach)
+
+
+def check_features(features, moving, control):
+    """The features of a call as a list of `Feature`s, or FeatureError, naming the map that cannot be used.
+
+    Each is a name of FOLDS, a pair of arrays (V,) and (W,), a `Feature`, or a pair of one of these and its weight.
+    """
+    if isinstance(features, (str, Feature)) or not isinstance(features, (list, tuple)) or not len(features):
+        raise FeatureError(f"features are {features!r}: give a list of them, or None for landmarks alone")
+    maps = [_feature(number, given, moving, control) for number, given in enumerate(features, 1)]
+    names = [feature.name for feature in maps]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise FeatureError(f"features named twice: {twice}; rename or drop one of each, or raise its weight")
+    return maps
+
+
+def _feature(number, given, moving, control):
+    given, weight = given if _has_weight(given) else (given, None)
+    if isinstance(given, str):
+        if given not in FOLDS:
+            raise FeatureError(f"unknown feature {given!r}: {' and '.join(FOLDS)} are computed, others are arrays")
+        compute = sulcal_depth if given == "depth" else mean_curvature
+        given = Feature(given, compute(moving), compute(control))
+    elif not isinstance(given, Feature):
+        if not isinstance(given, (list, tuple)) or len(given) != 2:
+            raise FeatureError(f"feature {number} is neither a name nor a pair of maps, one a side: {given!r:.60}")
+        given = Feature(f"feature {number}", *given)
+    weight = given.weight if weight is None else weight
+    if not (isinstance(weight, (int, float, np.integer, np.floating)) and np.isfinite(weight) and weight > 0):
+        raise FeatureError(f"{given.name}: weight {weight!r} is not positive and finite")
+    sides = (check_values(given, side, surface) for side, surface in (("moving", moving), ("control", control)))
+    return Feature(given.name, *sides, float(weight))
+
+
+def _has_weight(given):
+    pair = isinstance(given, (list, tuple)) and len(given) == 2
+    return pair and np.ndim(given[1]) == 0 and isinstance(given[0], (str, list, tuple, Feature))
+
+
+def check_values(feature, side, surface):
+    """One side of a feature as floats (V,), or FeatureError."""
+    name = f"{feature.name}, {side} side"
+    try:
+        values = np.asarray(getattr(feature, side))
+    except ValueError:
+        raise FeatureError(f"{name}: lists of unequal lengths; give one number a vertex") from None
+    if values.dtype.kind != "f":
+        raise FeatureError(
+            f"{name}: values of type {values.dtype}; a feature is a real measure at each vertex (labels have no "
+            "order, and a complex map has two parts): give floats"
+        )
+    if values.shape != (len(surface.vertices),):
+        raise FeatureError(
+            f"{name}: shape {values.shape} for {len(surface.vertices)} vertices; give one value a vertex of the "
+            "surface as it is registered (the cut-open one, if it was cut)"
+        )
+    unknown = np.flatnonzero(~np.isfinite(values))
+    if len(unknown):
+        raise FeatureError(f"{name}: not finite at vertices {unknown[:5].tolist()}; fill them in first")
+    if not np.ptp(values) > 1e-9 * abs(values).max():
+        raise FeatureError(f"{name}: the same value everywhere, {values[0]:g}; leave this feature out")
+    return values.astype(float)

@@ -1,0 +1,94 @@
+"""The derivative in closed form against the solver's own: smooth changes by their rate, single nodes by their size."""
+
+import numpy as np
+import pytest
+from meshes import random_disk
+
+from qclearn.plane.beltrami import face_mean, factorise, stiffness
+from qclearn.plane.disk import BeltramiDiskSolver
+from qclearn.plane.diskmesh import polar_disk, sampling_matrix, square_disk
+from qclearn.plane.fields import bounded, bounded_pullback, mass_matrix
+from qclearn.plane.tangent import FINER, Tangent, hats_inside
+
+POINTS = np.array([0.05, 0.3 + 0.2j, -0.62j, -0.8 + 0.1j, 0.97 * np.exp(2j)])
+
+
+def field(z):
+    """A coefficient's preimage nu, |mu| up to 0.4."""
+    return 0.4 * np.cos(2 * z.real) * np.exp(1j * (2 * z.imag + z.real))
+
+
+def solved(mesh, grid):
+    """The solver of a mesh at `field`, its map, and the matrix from nu on the polar mesh `grid` to its faces."""
+    z, faces = mesh
+    solver = BeltramiDiskSolver(z, faces)
+    to_faces = sampling_matrix(*grid, z[faces].mean(1)) if mesh is not grid else face_mean(faces, len(z))
+    return solver, solver.solve(bounded(to_faces @ field(grid[0]))), to_faces
+
+
+def both(mesh, grid, points):
+    """Gradients of Re f and Im f at points with respect to nu, (2, P, N): in closed form, and by adjoint solves."""
+    solver, f, to_faces = solved(mesh, grid)
+    samples, nu = sampling_matrix(*mesh, points), field(grid[0])
+    grad_f = np.concatenate([samples.toarray(), 1j * samples.toarray()])
+    exact = bounded_pullback(to_faces @ nu, solver.pullback(grad_f)) @ to_faces
+    return Tangent(solver, grid, samples).gradients(nu, f), exact.reshape(2, len(points), -1)
+
+
+@pytest.mark.parametrize("a, b", [(1.0, 0.0), (0.0, 1.0), (0.5j, 0.3)])
+def test_smooth_changes_by_their_rate(a, b):
+    """dnu = a + b conj(z): the closed form is that of the exact map, which the solver's tends to."""
+    errors = []
+    for rings in (12, 24):
+        grid = polar_disk(rings, 3 * rings, power=1.4)
+        closed, exact = both(grid, grid, POINTS)
+        dnu = a + b * grid[0].conj()
+        there, here = ((part.conj() @ dnu).real for part in (exact, closed))
+        errors.append(abs(there - here).max() / abs(there).max())
+    assert errors[1] < 0.06 and errors[1] < 0.4 * errors[0], errors
+
+
+MESHES = {"square": square_disk(24), "random": random_disk(3, 64), "own": polar_disk(12, 36, power=1.4)}
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_the_rows_are_near_the_exact_ones_in_the_priors_norm(name):
+    """Where nodes are close to points, too: |J_k - J| in the norm of W^-1, W = mass + 0.01 Laplace."""
+    grid = MESHES[name] if name == "own" else polar_disk(12, 36, power=1.4)
+    closed, exact = both(MESHES[name], grid, POINTS)
+    W = mass_matrix(*grid) + 1e-2 * stiffness(*grid, np.zeros(len(grid[1])))
+    factors = factorise(W)
+
+    def size(rows):
+        rows = rows.reshape(-1, len(grid[0]))
+        solution = factors.solve(rows.real.T.copy()) + 1j * factors.solve(rows.imag.T.copy())
+        return np.sqrt(np.einsum("pn,np->p", rows.conj(), solution).real)
+
+    ratio = size(closed - exact) / size(exact)
+    assert ratio.max() < 0.45 and np.median(ratio) < 0.2, ratio
+
+
+def test_zero_stays_and_one_turns_not():
+    mesh = polar_disk(12, 36, power=1.4)
+    closed, exact = both(mesh, mesh, np.array([1e-9, 1.0, 0.4]))
+    largest = abs(exact).max()
+    assert abs(closed[:, 0]).max() < 0.02 * largest  # f(0) = 0
+    assert abs(closed[1, 1]).max() < 1e-9 * largest  # arg f(1) = 0
+
+
+def test_points_that_share_a_triangle_are_told_apart():
+    """Their difference is that of the triangle's corners: a kernel at the points themselves knows nothing of it."""
+    points = 0.31 + 0.2j + np.array([0, 0.01])
+    closed, exact = both(square_disk(32), polar_disk(12, 36, power=1.4), points)
+    there, here = (np.linalg.norm(part[:, 1] - part[:, 0]) for part in (exact, closed))
+    off = np.linalg.norm((closed - exact)[:, 1] - (closed - exact)[:, 0])
+    assert off < 0.25 * there and 0.8 < here / there < 1.2
+
+
+def test_hats_on_parts_of_triangles_are_their_means():
+    z, faces = polar_disk(3, 9)
+    inside = hats_inside(faces, len(z)) @ z
+    np.testing.assert_allclose(inside.reshape(len(faces), FINER**2).mean(1), z[faces].mean(1), atol=1e-14)
+    squares = (abs(inside) ** 2).reshape(len(faces), -1).mean(1)
+    exact = (abs(z[faces]) ** 2).sum(1) / 12 + 9 * abs(z[faces].mean(1)) ** 2 / 12
+    np.testing.assert_allclose(squares, exact, atol=0.02)

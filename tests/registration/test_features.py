@@ -1,0 +1,123 @@
+"""Features: smoothed and compared as said, and every map that cannot be one refused by name."""
+
+import numpy as np
+import pytest
+from known_surfaces import grooved_sphere
+from scipy.special import j0, jn_zeros
+
+from qclearn.plane.diskmesh import polar_disk
+from qclearn.registration.dense import Dense
+from qclearn.registration.features import HEMISPHERE, Feature, FeatureError, Features, Smoothing, check_features
+from qclearn.surfaces.curvature import mean_curvature, sulcal_depth
+from qclearn.surfaces.surface import Surface
+
+Z, FACES = polar_disk(24, 72)
+
+
+def flat(unit=1.0):
+    """The unit disk in space, in some unit of length."""
+    return Surface(unit * np.stack([Z.real, Z.imag, 0 * Z.real], axis=1), FACES)
+
+
+def waves(w):
+    """Two maps of the disk, (V,) each."""
+    return np.cos(7 * w.real + 1) + np.sin(5 * w.imag), np.sin(6 * (w.real + w.imag)) + w.real
+
+
+def features(unit=1.0, scale=1.0, weights=(1.0, 1.0)):
+    surface = flat(unit)
+    maps = [Feature(f"wave {k}", scale * u + k, 3 * u, w) for k, (u, w) in enumerate(zip(waves(Z), weights))]
+    return Features(surface, surface, Z, maps)
+
+
+def test_heat_flow_damps_an_eigenfunction_of_the_disk_as_its_eigenvalue_says():
+    """J_0(k r) with J_0'(k) = 0 does not flow over the rim; implicit steps: `(1 + k^2 t / n)^-n`."""
+    k, sigma = jn_zeros(1, 2)[1], 20.0
+    wave = j0(k * abs(Z))[:, None]
+    time = sigma**2 / 2 * np.pi / HEMISPHERE
+    smoothing = Smoothing(flat(), wave)
+    smoothing.values = wave  # not clipped
+    expected = (1 + k**2 * time / 4) ** -4
+    assert 0.6 < expected < 0.9
+    np.testing.assert_allclose(smoothing.heat(sigma), expected * wave, atol=1e-2)
+
+
+def test_features_are_standardised_by_area_and_know_no_units():
+    usual, other = features(), features(unit=25.4, scale=1e3)
+    for side, again in zip(usual.at(8.0), other.at(8.0)):
+        np.testing.assert_allclose(usual.areas @ side, 0, atol=1e-12)
+        np.testing.assert_allclose(usual.areas @ side**2, 1)
+        np.testing.assert_allclose(side, again, atol=1e-8)
+
+
+def test_outliers_are_clipped():
+    values = waves(Z)[0].copy()
+    values[[5, 900]] = [1e4, -1e4]
+    smoothed = Smoothing(flat(), np.stack([values, waves(Z)[0]], axis=1)).at(4.0)
+    assert abs(smoothed).max() < 4
+    areas = flat().vertex_areas / flat().area
+    assert areas @ smoothed.prod(1) > 0.3  # unclipped: two spikes alone
+
+
+def test_the_mismatch_is_twice_one_less_the_correlation():
+    """Where the map keeps the variance: the same vertices on both sides, and a feature that is another one there."""
+    surface, (one, two) = flat(), waves(Z)
+    pair = Features(surface, surface, Z, [Feature("mixed", one + two, one - 0.3 * two)])
+    r = pair.correlation(Z)
+    assert 0.1 < r[0] < 0.9
+    assert (Dense(pair, 4.0, 0.7).residual(Z) ** 2).sum() == pytest.approx(0.7 * 2 * (1 - r[0]), rel=1e-6)
+
+
+def test_weights_are_shares():
+    mismatch = [
+        (Dense(features(weights=w), 8.0, 1.0).residual(0.9 * Z) ** 2).sum() for w in ((1, 3), (1, 1), (0.2, 0.6))
+    ]
+    assert mismatch[0] == pytest.approx(mismatch[2]) != pytest.approx(mismatch[1])
+
+
+def test_the_folds_are_depth_and_curvature():
+    surface, _ = grooved_sphere()
+    depth, curvature = check_features(("depth", "curvature"), surface, surface)
+    np.testing.assert_array_equal(depth.moving, sulcal_depth(surface))
+    np.testing.assert_array_equal(curvature.control, mean_curvature(surface))
+    assert (depth.name, depth.weight, curvature.name) == ("depth", 1.0, "curvature")
+
+
+def test_maps_of_the_users_own_with_and_without_weights():
+    one, two = waves(Z)
+    given = [(one, two), ((two, one), 2), Feature("sulc", one, one, 0.5), (Feature("thickness", one, one), 3.0)]
+    found = check_features(given, flat(), flat())
+    assert [(feature.name, feature.weight) for feature in found] == [
+        ("feature 1", 1.0),
+        ("feature 2", 2.0),
+        ("sulc", 0.5),
+        ("thickness", 3.0),
+    ]
+    np.testing.assert_array_equal(found[1].moving, two)
+
+
+ONE = waves(Z)[0]
+HOLE = np.where(np.arange(len(Z)) == 7, np.nan, ONE)
+BAD_FEATURES = [
+    ([("wave", ONE)], "^feature 1, moving side: values of type <U4"),
+    (["sulc"], "unknown feature 'sulc': depth and curvature are computed"),
+    ("depth", "features are 'depth': give a list"),
+    ([], r"features are \[\]: give a list of them, or None for landmarks alone"),
+    ([ONE], "feature 1 is neither a name nor a pair of maps"),
+    ([(ONE, ONE), (ONE, ONE[:-1])], rf"feature 2, control side: shape \({len(Z) - 1},\) for {len(Z)} vertices"),
+    ([(ONE, HOLE)], r"feature 1, control side: not finite at vertices \[7\]"),
+    ([(np.full(len(Z), 2.5), ONE)], "feature 1, moving side: the same value everywhere, 2.5; leave"),
+    ([Feature("sulc", ONE, ONE + 0j)], "sulc, control side: values of type complex128"),
+    ([Feature("areas", np.arange(len(Z)), ONE)], "areas, moving side: values of type int64.*labels have no order"),
+    ([(ONE > 0, ONE)], "feature 1, moving side: values of type bool"),
+    ([([[1.0], [1.0, 2.0]], ONE)], "feature 1, moving side: lists of unequal lengths"),
+    ([((ONE, ONE), 0.0)], "feature 1: weight 0.0 is not positive"),
+    ([((ONE, ONE), np.nan)], "feature 1: weight nan is not positive"),
+    ([Feature("sulc", ONE, ONE), Feature("sulc", ONE, ONE)], r"features named twice: \['sulc'\]"),
+]
+
+
+@pytest.mark.parametrize("given, message", BAD_FEATURES)
+def test_what_cannot_be_a_feature_is_refused_by_name(given, message):
+    with pytest.raises(FeatureError, match=message):
+        check_features(given, flat(), flat())

@@ -1,0 +1,181 @@
+"""Registration by features: the derivative and the step against brute force, and maps that must be found again."""
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+from qclearn.plane.diskmesh import polar_disk, sampling_matrix, square_disk
+from qclearn.plane.exactmaps import TWIST
+from qclearn.plane.mobius import compose_mobius, mobius, mobius_inverse
+from qclearn.registration import normal
+from qclearn.registration.dense import Dense
+from qclearn.registration.engine import GaussNewton
+from qclearn.registration.features import Feature, Features
+from qclearn.registration.fit import fit_problem
+from qclearn.registration.hybrid import Level, fit_registration
+from qclearn.registration.normal import NormalEquations
+from qclearn.registration.problem import LandmarkError, Problem, Weights
+from qclearn.registration.search import mobius_by_features
+from qclearn.surfaces.surface import Surface
+
+CONTROL, MOVING = polar_disk(40, 120), square_disk(40)
+
+
+def flat(z, faces):
+    return Surface(np.stack([z.real, z.imag, 0 * z.real], axis=1), faces)
+
+
+def folds(w):
+    """Two maps of the disk that no symmetry takes to themselves."""
+    return (
+        np.cos(9 * w.real + 2 * w.imag) + 0.6 * np.sin(7 * w.imag + 4 * w.real**2) + w.real,
+        np.sin(8 * w.real - 5 * w.imag) + np.cos(11 * w.imag) - w.imag,
+    )
+
+
+def features_of(exact, moving=MOVING):
+    """Features that `exact` takes to the control's, whose disk map is the disk itself."""
+    maps = [Feature(name, *pair) for name, *pair in zip("ab", folds(exact(moving[0])), folds(CONTROL[0]))]
+    return Features(flat(*moving), flat(*CONTROL), CONTROL[0], maps)
+
+
+def no_landmarks(z, faces):
+    return Problem(z, faces, [], [], fewest=0)
+
+
+# The derivative and the step
+
+
+@pytest.fixture(scope="module")
+def equations():
+    """Landmarks and features on a small mesh, linearised at a field and a Möbius map: (engine, state, equations)."""
+    rng = np.random.default_rng(1)
+    mesh = polar_disk(5, 15)
+    moving, target = 0.7 * np.exp(1j * np.arange(4)), 0.6 * np.exp(1j * np.arange(4) + 0.2j)
+    problem = Problem(*MOVING, moving, target)
+    dense = Dense(features_of(TWIST), 16.0, 0.5, sampling_matrix(*mesh, MOVING[0]))
+    engine = GaussNewton(problem, mesh, Weights(1.0, 0.02, 1e2, 0.5), dense)
+    nu = 0.2 * (rng.normal(size=len(mesh[0])) + 1j * rng.normal(size=len(mesh[0])))
+    state = engine.at(nu, (0.1 - 0.05j, 0.2))
+    return engine, state, NormalEquations(engine, state, 1e2)
+
+
+def test_the_derivative_of_all_residuals_equals_differences(equations):
+    """Up to the slopes, which are averaged over the control's faces."""
+    engine, state, found = equations
+    rng, step = np.random.default_rng(2), 1e-4
+
+    def residual(x):
+        moved = compose_mobius(state.mobius, (complex(x[-2], x[-1]), x[-3]))
+        at = engine.at(state.nu + x[:-3].view(complex), moved)
+        return np.concatenate([engine.landmarks.residual(at.points, 1e2), engine.dense.residual(at.f)])
+
+    for _ in range(3):
+        x = rng.normal(size=2 * len(state.nu) + 3)
+        expected = (residual(step * x) - residual(-step * x)) / (2 * step)
+        difference = found.forward(x) - expected
+        assert np.linalg.norm(difference[:8]) < 1e-6 * np.linalg.norm(expected[:8])  # landmarks
+        assert np.linalg.norm(difference) < 0.05 * np.linalg.norm(expected)
+
+
+def test_forward_and_adjoint_are_transposes(equations):
+    _, state, found = equations
+    rng = np.random.default_rng(3)
+    x, y = rng.normal(size=2 * len(state.nu) + 3), rng.normal(size=len(found.residual))
+    assert y @ found.forward(x) == pytest.approx(found.adjoint(y) @ x, rel=1e-12)
+
+
+def test_the_step_solves_the_normal_equations(equations, monkeypatch):
+    engine, state, found = equations
+    monkeypatch.setattr(normal, "STEPS", 300)
+    monkeypatch.setattr(found, "accuracy", 1e-9)
+    J = np.stack([found.forward(unit) for unit in np.eye(2 * len(state.nu) + 3)], axis=1)
+    W = sparse.block_diag([sparse.kron(engine.W, np.eye(2)), normal.MOBIUS_PRIOR * np.eye(3)]).toarray()
+    nu = np.concatenate([state.nu.view(float), np.zeros(3)])
+    expected = -np.linalg.solve(W + J.T @ J, W @ nu + J.T @ found.residual)
+    change, da, dtheta, promised = found.propose(state)
+    scale = abs(expected).max()
+    np.testing.assert_allclose(change.view(float), expected[:-3], atol=1e-6 * scale)
+    np.testing.assert_allclose([dtheta, da.real, da.imag], expected[-3:], atol=1e-6 * scale)
+    model = found.residual + J @ expected
+    assert promised == pytest.approx((nu + expected) @ W @ (nu + expected) + model @ model, rel=1e-8)
+
+
+# Maps found again
+
+
+@pytest.fixture(scope="module")
+def twisted():
+    return fit_registration(no_landmarks(*MOVING), Weights(beta=1e-3, delta=10.0), features_of(TWIST))
+
+
+def test_a_map_is_found_again_by_features_alone(twisted):
+    before, after = (abs(f - TWIST(MOVING[0])) for f in (MOVING[0], twisted.f))
+    assert before.mean() > 0.1 and after.mean() < 0.07 * before.mean()
+    assert twisted.bijective and twisted.fallbacks == () and twisted.landmark_error == 0
+    assert abs(twisted.mu).max() < 0.9
+
+
+def test_r_rises_and_is_that_of_the_map(twisted):
+    features = features_of(TWIST)
+    for k, name in enumerate("ab"):
+        before, after = twisted.r[name]
+        assert before == pytest.approx(features.correlation(MOVING[0])[k]) and before < 0.7
+        assert after == pytest.approx(features.correlation(twisted.f)[k]) and after > 0.99
+    assert twisted.losses["L_features"] < 0.02
+
+
+def test_features_lead_between_the_landmarks():
+    """Landmarks on a line through the centre; what lies beside it is known to the features alone."""
+    z, faces = MOVING
+    p = np.linspace(-0.6, 0.6, 9) + 0.05j
+    problem, weights = Problem(z, faces, p, TWIST(p)), Weights(gamma=1e4, delta=1.0)
+    alone, both = fit_problem(problem, weights), fit_registration(problem, weights, features_of(TWIST))
+    errors = [abs(fit.f - TWIST(z)).mean() for fit in (alone, both)]
+    assert errors[1] < errors[0] / 3 and both.landmark_error < 5e-3 and both.bijective
+
+
+def test_without_weight_features_change_nothing():
+    z, faces = MOVING
+    p = 0.6 * np.exp(2j * np.pi * np.arange(8) / 8)
+    problem, weights = Problem(z, faces, p, TWIST(p)), Weights(gamma=1e3)
+    hybrid = fit_registration(problem, Weights(gamma=1e3, delta=1e-9), features_of(TWIST))
+    np.testing.assert_allclose(hybrid.f, fit_problem(problem, weights).f, atol=5e-3)
+
+
+def test_a_fit_above_the_best_mobius_map_is_not_returned():
+    """No steps, and a field to start from that helps nothing."""
+    start = 0.6 * np.exp(9j * MOVING[0][MOVING[1]].mean(1).real)
+    fit = fit_registration(
+        no_landmarks(*MOVING), Weights(delta=0.3), features_of(TWIST), start, levels=[Level(8, 4.0, 0, True)]
+    )
+    np.testing.assert_allclose(fit.f, MOVING[0], atol=1e-12)
+    assert fit.fallbacks == ("the fit ended above the best Möbius map: that map is returned",)
+
+
+def test_a_large_delta_is_told():
+    fit = fit_registration(
+        no_landmarks(*MOVING), Weights(delta=11.0), features_of(TWIST), levels=[Level(8, 16.0, 1, True)]
+    )
+    assert fit.fallbacks == ("delta = 11 overfits: choose it by held-out curves",)
+
+
+@pytest.mark.parametrize("delta", [-0.1, np.nan, np.inf, "0.3", None])
+def test_an_unusable_delta_is_refused(delta):
+    with pytest.raises(LandmarkError, match="delta = .*must be finite and not negative"):
+        Weights(delta=delta)
+
+
+def test_watch_can_stop_it():
+    def stop():
+        raise TimeoutError("enough")
+
+    with pytest.raises(TimeoutError, match="enough"):
+        fit_registration(no_landmarks(*MOVING), Weights(delta=0.3), features_of(TWIST), watch=stop)
+
+
+def test_the_mobius_map_is_found_by_features_alone():
+    a, theta = 0.35 - 0.2j, 2.5
+    found = mobius_by_features(features_of(lambda z: mobius(z, a, theta)), MOVING[0])
+    w = mobius_inverse(mobius(MOVING[0], *found), a, theta)
+    assert abs(w - MOVING[0]).max() < 0.03

@@ -1,0 +1,160 @@
+"""The pipeline with features: curves that take no part are met, landmarks may be absent, and doubts are told."""
+
+import json
+import re
+import sys
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from test_register import bowl, entries
+
+from qclearn.plane.bijectivity import BijectivityError
+from qclearn.plane.diskmesh import polar_disk
+from qclearn.registration.features import Feature, FeatureError
+from qclearn.registration.hybrid import fit_registration
+from qclearn.registration.landmarks import detect_curves
+from qclearn.registration.problem import LandmarkError
+from qclearn.registration.register import register
+
+MOVING, CONTROL = bowl(0.6), bowl(1.2)  # vertices of the same number belong together
+HERE = polar_disk(14, 42)[0]
+FOLDS = [
+    np.cos(8 * HERE.real + 2 * HERE.imag) + HERE.real,
+    np.sin(7 * HERE.imag + 4 * HERE.real**2) - 0.5 * HERE.imag,
+]
+FEATURES = [Feature(name, values, values) for name, values in zip(("sulc", "myelin"), FOLDS)]
+
+
+def off(result):
+    """Mean distance of the registered points from where they belong."""
+    return np.linalg.norm(result.points - CONTROL.vertices, axis=1).mean()
+
+
+@pytest.fixture(scope="module")
+def pairs():
+    """One curve fitted, two held out: by landmarks alone and with features, at the same gamma."""
+    curves, held = entries(0), ["spoke 1", "spoke 2"]
+    return [
+        register(MOVING, CONTROL, curves, gamma=1e2, features=features, delta=1.0, hold_out=held)
+        for features in (None, FEATURES)
+    ]
+
+
+def test_features_carry_the_curves_that_were_held_out(pairs):
+    alone, hybrid = (np.array(list(result.report["held_out_mm"].values())) for result in pairs)
+    np.testing.assert_allclose(alone[:, 0], hybrid[:, 0])  # of the same Möbius map
+    assert alone.shape == (2, 2) and (hybrid[:, 1] < 0.5 * hybrid[:, 0]).all() and (hybrid < alone + 1e-9).all()
+    assert off(pairs[1]) < 0.5 * off(pairs[0])
+
+
+def test_the_report_tells_features_and_held_out_curves(pairs):
+    alone, hybrid = (result.report for result in pairs)
+    assert (alone["delta"], alone["features"], alone["r"]) == (0.0, {}, {})
+    assert (hybrid["delta"], hybrid["features"]) == (1.0, {"sulc": 0.5, "myelin": 0.5})
+    for before, after in hybrid["r"].values():
+        assert before < after <= 1 and after > 0.99
+    assert list(hybrid["held_out_mm"]) == ["spoke 1", "spoke 2"]
+    assert [row["name"] for row in hybrid["curves"]] == list(pairs[1].curves) == ["spoke 0"]
+    for key in ("log2_area", "log2_shape"):
+        assert 0 < hybrid[key][0] < hybrid[key][1]
+    assert hybrid["suspect"] == [] and hybrid["bijective"] and json.dumps(hybrid)
+
+
+def test_curves_are_held_out_by_name_or_in_the_file():
+    marked = [entry | {"hold_out": entry["name"] != "spoke 0"} for entry in entries(0)]
+    by_file = register(MOVING, CONTROL, {"curves": marked}, gamma=1e2, features=None).report
+    held = ("spoke 1", "spoke 2")
+    by_name = register(MOVING, CONTROL, entries(0), gamma=1e2, features=None, hold_out=held).report
+    assert by_file["held_out_mm"] == by_name["held_out_mm"] and len(by_file["held_out_mm"]) == 2
+
+
+def test_without_landmarks_features_alone_register():
+    result = register(MOVING, CONTROL, [], features=FEATURES, delta=3.0)
+    report = result.report
+    assert report["landmark_error"] is report["landmark_error_mm"] is report["landmark_error_before"] is None
+    assert report["curves"] == [] and result.curves == {} and report["bijective"] and report["suspect"] == []
+    assert off(result) < 0.03 and min(after for _, after in report["r"].values()) > 0.99
+
+
+@pytest.mark.parametrize(
+    "features, words",
+    [
+        ([Feature("sulc", FOLDS[0], -FOLDS[0])], "features: 'sulc' of the two sides is of opposite sign .*negate one"),
+        ([Feature("sulc", *FOLDS)], "features: 'sulc' of the two sides hardly agrees .*give a landmark curve"),
+    ],
+)
+def test_features_that_do_not_agree_make_it_suspect(features, words):
+    report = register(MOVING, CONTROL, entries(0), gamma=1e2, features=features).report
+    assert any(re.match(words, reason) for reason in report["suspect"]), report["suspect"]
+
+
+def test_delta_is_lowered_before_gamma(monkeypatch):
+    tried = []
+
+    def folding(problem, weights, *more):
+        tried.append((weights.delta, weights.gamma))
+        fit = fit_registration(problem, weights, *more)
+        return fit if weights.gamma < 1e4 else replace(fit, bijective=False, flipped=np.array([7]))
+
+    monkeypatch.setattr("qclearn.registration.checked.fit_registration", folding)
+    report = register(MOVING, CONTROL, entries(0), features=FEATURES[:1], delta=0.4).report
+    assert tried == [(0.4, 1e5), (0.1, 1e5), (0.1, 1e4), (0.1, 1e3)]
+    assert report["fallbacks"] == ["delta lowered to 0.1", "gamma lowered to 1000"]
+
+
+def test_features_that_fold_at_every_delta_are_refused(monkeypatch):
+    def folding(problem, weights, *more):
+        return SimpleNamespace(bijective=False, flipped=np.array([7]))
+
+    monkeypatch.setattr("qclearn.registration.checked.fit_registration", folding)
+    with pytest.raises(BijectivityError, match="for these features down to delta = 0.00390625"):
+        register(MOVING, CONTROL, [], features=FEATURES, delta=1.0)
+
+
+def test_the_networks_answer_is_where_the_features_begin(monkeypatch):
+    seen, mu = [], np.full(len(MOVING.faces), 0.1 + 0.05j)
+    blocks = SimpleNamespace(detect=detect_curves, predict=lambda *_, **__: mu, gamma_used=lambda a, b, gamma: gamma)
+    monkeypatch.setattr(sys.modules["qclearn.registration.register"], "load", lambda name: blocks)
+
+    def fit(problem, weights, features, start):
+        seen.append(start)
+        return fit_registration(problem, weights, features, start)
+
+    monkeypatch.setattr("qclearn.registration.checked.fit_registration", fit)
+    result = register(MOVING, CONTROL, entries(0), "network", gamma=1e2, features=FEATURES, delta=1.0)
+    assert seen[0] is mu and off(result) < 0.03
+    with pytest.raises(LandmarkError, match="method 'network' needs landmarks"):
+        register(MOVING, CONTROL, [], "network", features=FEATURES)
+
+
+REFUSED = [
+    ({"features": FEATURES, "delta": 0}, LandmarkError, "delta = 0: the features would take no part"),
+    ({"features": FEATURES, "delta": -1.0}, LandmarkError, "delta = -1.0: must be finite and not negative"),
+    ({"features": ["sulc"]}, FeatureError, "unknown feature 'sulc'"),
+    ({"features": [(FOLDS[0], FOLDS[0][1:])]}, FeatureError, "feature 1, control side: shape"),
+    ({"hold_out": ["spoke 7"]}, LandmarkError, "no curve is called 'spoke 7'.*'spoke 0', 'spoke 1', 'spoke 2'"),
+    ({"hold_out": ["spoke 0", "spoke 1", "spoke 2"], "features": None}, LandmarkError, "all curves are held out"),
+]
+
+
+@pytest.mark.parametrize("options, error, message", REFUSED)
+def test_what_cannot_be_done_is_refused(options, error, message):
+    with pytest.raises(error, match=message):
+        register(MOVING, CONTROL, entries(0), **options)
+
+
+def test_neither_landmarks_nor_features_is_refused():
+    with pytest.raises(LandmarkError, match="landmarks hold no curves"):
+        register(MOVING, CONTROL, [], features=None)
+
+
+def test_folds_lead_unless_they_are_told_not_to():
+    report = register(MOVING, CONTROL, entries(0), gamma=1e2).report
+    assert list(report["features"]) == list(report["r"]) == ["depth", "curvature"] and report["delta"] == 0.3
+
+
+def test_hold_out_is_true_or_false():
+    with pytest.raises(LandmarkError, match="curve 0: name must be text, and detect and hold_out true or false"):
+        register(MOVING, CONTROL, [entry | {"hold_out": "yes"} for entry in entries(0)])
