@@ -8,8 +8,8 @@ Ahlfors, Lectures on Quasiconformal Mappings, chapter V.
 """
 
 import numpy as np
+import scipy
 from scipy import sparse
-from scipy.spatial import cKDTree
 
 from .beltrami import corner_average, signed_areas
 from .diskmesh import Lookup
@@ -63,7 +63,7 @@ class Tangent:
         size = np.zeros(len(centre))
         np.maximum.at(size, table.row, abs(z[table.col] - centre[table.row]))
         reach = REACH * np.sqrt(self.nodes.areas)
-        tree = cKDTree(np.stack([self.nodes.z.real, self.nodes.z.imag], axis=1))
+        tree = scipy.spatial.cKDTree(np.stack([self.nodes.z.real, self.nodes.z.imag], axis=1))
         near = tree.query_ball_point(np.stack([centre.real, centre.imag], axis=1), 2 * size + reach.max())
         rows, columns = np.repeat(np.arange(len(near)), [len(some) for some in near]), np.concatenate(near).astype(int)
         inside = abs(self.nodes.z[columns] - centre[rows]) <= 2 * size[rows] + reach[columns]
