@@ -7,6 +7,7 @@ import pytest
 
 from data_synth import CohortWarning, CortexError, cohort, make_cortex
 from data_synth.generations import GENERATION, GENERATIONS
+from qclearn.cli import main
 
 module = importlib.import_module("data_synth.cohort")
 SIZE = 1000
@@ -92,6 +93,18 @@ def test_a_generation_keeps_to_its_own_files(folder, monkeypatch):
         make(folder, count=1, generation=other)
     with pytest.raises(CortexError, match="generation is 7"):
         make(folder, generation=7)
+
+
+def test_the_command_line_asks_for_a_generation(tmp_path, monkeypatch, capsys):
+    made = []
+    monkeypatch.setattr(module, "make_cortex", lambda seed, n, **options: made.append(options) or remembered(seed, n))
+    options = ["--cohort", "1", "--vertices", str(SIZE), "--out", str(tmp_path), "--workers", "1"]
+    main(["synth", *options])
+    main(["synth", *options, "--generation", str(GENERATION)])
+    assert made == [{"generation": GENERATION}]
+    with pytest.raises(SystemExit) as stop:
+        main(["synth", *options, "--generation", "7"])
+    assert stop.value.code == 2 and "generation is 7; this version makes 2, 3" in capsys.readouterr().err
 
 
 def test_a_folder_that_cannot_be_written(tmp_path):
