@@ -341,10 +341,7 @@ def test_recipes_see_targets_subjects_and_pictures(subjects, tmp_path):
     shorter = type(surface)(
         surface.vertices, surface.faces, surface.curves | {"calcarine sulcus": surface.curves["calcarine sulcus"][:-1]}
     )
-    recipes = [
-        CurveDataset(2, 1, [subject]).recipe
-        for subject in (first, second, type(first)(shorter, first.template, first.seed, first.hemisphere))
-    ]
+    recipes = [CurveDataset(2, 1, [subject]).recipe for subject in (first, second, replace(first, surface=shorter))]
     assert len(set(recipes)) == 3 and CurveDataset(2, 1, [first], points=9).recipe not in recipes
 
     pictures = []
