@@ -8,11 +8,11 @@ from pathlib import Path
 from platformdirs import user_cache_path
 from tqdm import tqdm
 
-from data_synth.cortex import CortexError, make_cortex
+from data_synth.cortex import CortexError, make_cortex, require_generation
+from data_synth.generations import GENERATION
 from data_synth.subjects import load_cortex, save_cortex
 from qclearn.files.meshes import write_whole
 
-GENERATION = 2  # raise it when the generator's output changes, so that old files are not taken for new ones
 SEEDS = tuple(range(1001, 1025))
 
 
@@ -20,39 +20,41 @@ class CohortWarning(UserWarning):
     """A damaged file of the cohort was found and made again."""
 
 
-def cohort(count=24, n_vertices=10_000, folder=None, progress=True, workers=2):
+def cohort(count=24, n_vertices=10_000, folder=None, progress=True, workers=2, generation=GENERATION):
     """The first `count` (1 to 24) left hemispheres of the fixed seeds, a list of Cortex: `hemispheres` of those seeds.
 
-    CortexError for a bad count or an unwritable folder.
+    CortexError for a bad count or generation, or an unwritable folder.
     """
     if not isinstance(count, int) or not 1 <= count <= len(SEEDS):
         raise CortexError(f"the cohort has 1 to {len(SEEDS)} subjects, not {count!r}.")
-    return hemispheres(SEEDS[:count], n_vertices, folder, progress, workers)
+    return hemispheres(SEEDS[:count], n_vertices, folder, progress, workers, generation)
 
 
-def hemispheres(seeds, n_vertices=10_000, folder=None, progress=True, workers=2):
+def hemispheres(seeds, n_vertices=10_000, folder=None, progress=True, workers=2, generation=GENERATION):
     """The left hemispheres of `seeds`, a list of Cortex, from files made where missing.
 
     Files lie in `folder` (default: `default_folder()`), each with its SHA-256 beside it; one that does not match is
     made again with a CohortWarning, and an interrupted run continues where it stopped. `workers` run at the same time,
-    a hemisphere of 10,000 vertices takes one about ten seconds. CortexError for an unwritable folder.
+    a hemisphere of 10,000 vertices takes one about ten seconds. CortexError for an unwritable folder, and for a file of
+    another generation among them.
     """
     if not isinstance(workers, int) or workers < 1:
         raise CortexError(f"workers is {workers!r}; give a whole number from 1.")
+    require_generation(generation)
     folder = default_folder() if folder is None else Path(folder)
-    _require_writable(folder)
-    paths = [subject_path(folder, seed, n_vertices) for seed in seeds]
+    paths = [subject_path(folder, seed, n_vertices, generation) for seed in seeds]
+    _require_writable(subject_path(folder, SEEDS[0], n_vertices, generation).parent)
     missing = [(seed, path) for seed, path in zip(seeds, paths) if not _is_whole(path)]
     # Threads suffice: the growth runs outside the interpreter's lock.
     with ThreadPoolExecutor(workers) as pool:
-        jobs = [pool.submit(_make, seed, n_vertices, path) for seed, path in missing]
+        jobs = [pool.submit(_make, seed, n_vertices, path, generation) for seed, path in missing]
         try:
             for job in tqdm(jobs, desc="synthetic hemispheres", disable=not progress or not jobs):
                 job.result()
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
-    return [load_cortex(path) for path in paths]
+    return [_of_generation(generation, path, load_cortex(path)) for path in paths]
 
 
 def default_folder():
@@ -60,14 +62,23 @@ def default_folder():
     return user_cache_path("qclearn") / "cohort"
 
 
-def subject_path(folder, seed, n_vertices):
+def subject_path(folder, seed, n_vertices, generation=GENERATION):
     """The file of one subject of the cohort."""
-    return Path(folder) / f"generation-{GENERATION}" / f"left-{n_vertices}-{seed}.npz"
+    return Path(folder) / f"generation-{generation}" / f"left-{n_vertices}-{seed}.npz"
 
 
-def _make(seed, n_vertices, path):
-    save_cortex(path, make_cortex(seed, n_vertices))
+def _make(seed, n_vertices, path, generation):
+    save_cortex(path, make_cortex(seed, n_vertices, generation=generation))
     write_whole(_checksum_path(path), lambda place: place.write_text(_digest(path)))
+
+
+def _of_generation(generation, path, subject):
+    if subject.generation != generation:
+        raise CortexError(
+            f"{path} holds a subject of generation {subject.generation} where those of generation {generation} lie; "
+            "remove it, and it is made again."
+        )
+    return subject
 
 
 def _checksum_path(path):
@@ -89,8 +100,7 @@ def _is_whole(path):
     return False
 
 
-def _require_writable(folder):
-    inner = subject_path(folder, SEEDS[0], 0).parent
+def _require_writable(inner):
     try:
         inner.mkdir(parents=True, exist_ok=True)
         trial = inner / ".writable"
@@ -98,5 +108,5 @@ def _require_writable(folder):
         trial.unlink()
     except OSError as error:
         raise CortexError(
-            f"the cohort's folder {folder} cannot be written ({error.strerror or error}); give another folder."
+            f"the cohort's folder {inner.parent} cannot be written ({error.strerror or error}); give another folder."
         ) from None

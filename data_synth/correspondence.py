@@ -3,7 +3,9 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
+from data_synth.cortex import require_one_generation
 from qclearn.plane.diskmesh import interpolate
+from qclearn.surfaces.curvature import sulcal_depth
 
 CANDIDATES = (6, 40)
 
@@ -12,10 +14,24 @@ def correspondence(a, b):
     """Points (V_a, 3) on b's surface, in mm, that correspond to a's vertices: b's face that holds a's template point.
 
     Total: one wall bounds every template, and a rim point between the chords of b's rim goes to the nearest face. The
-    map commutes with the sides: homologous points of a left and a right hemisphere correspond.
+    map commutes with the sides: homologous points of a left and a right hemisphere correspond. CortexError for
+    subjects of two generations.
     """
+    require_one_generation([a, b])
     places = locate_on_sphere(b.template, b.surface.faces, a.template)
     return interpolate(b.surface.vertices, b.surface.faces, *places)
+
+
+def depth_correlation(a, b):
+    """Correlation over a's vertices of their sulcal depth with that of their true partners on b.
+
+    Near 1, folds correspond, and a method that puts folds on folds is right; else the truth lies beside the folds.
+    CortexError for subjects of two generations.
+    """
+    require_one_generation([a, b])
+    places = locate_on_sphere(b.template, b.surface.faces, a.template)
+    there = interpolate(sulcal_depth(b.surface), b.surface.faces, *places)
+    return float(np.corrcoef(sulcal_depth(a.surface), there)[0, 1])
 
 
 def locate_on_sphere(template, faces, points):

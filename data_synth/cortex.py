@@ -5,8 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from data_synth.fundus import trace, trim
+from data_synth.generations import GENERATION, GENERATIONS
 from data_synth.growth import Sheet, depth_below, grow, hull_distance, neighbour_table
 from data_synth.individual import Individual, smooth_field
+from data_synth.pattern import pattern
 from data_synth.template import LONGEST
 from data_synth.tessellation import even_points, triangulate
 from data_synth.untangle import untangle
@@ -26,7 +28,6 @@ class Mechanics:
 
     growth: float = 1.81  # final stretch of the rest lengths
     modulation: float = 0.03  # its smooth relative variation
-    anisotropy: float = 0.85  # share of the growth that is missing along furrows
     bending: float = 1.2  # umbrella bi-Laplacian
     foundation: float = 0.0125  # spring to the unfolded surface ...
     saturation: float = 0.18  # ... whose force stays constant beyond this displacement
@@ -35,8 +36,7 @@ class Mechanics:
     depth: float = 0.26  # floor inside the hull
     touch: float = 1.3  # contact distance in grown edge lengths
     stiffness: float = 3.0  # of contact
-    pull: float = 0.018  # inward force on furrows, released after mid-growth
-    keep: float = 0.05  # share of it that stays
+    keep: float = 0.05  # share of the early pull on furrows that stays
     noise: float = 0.01  # random initial relief
     steps: int = 2000  # more above 10,000 vertices, like n^(1/2)
     time_step: float = 0.2
@@ -50,14 +50,15 @@ class Cortex:
     """A synthetic hemisphere: the surface in mm with its curves, and each vertex' point on the template sphere (V, 3).
 
     The template's frame is lateral, anterior, superior for both sides, so homologous points of left and right agree.
-    interrupted, branched: the names of the sulci that were drawn with a gap (a gyrus may bridge them) or with side
-    branches; the growth decides how much of either shows.
+    generation: of the generator's constants. interrupted, branched: the names of the sulci that were drawn with a gap
+    (a gyrus may bridge them) or with side branches; the growth decides how much of either shows.
     """
 
     surface: Surface
     template: np.ndarray
     seed: int
     hemisphere: str
+    generation: int
     interrupted: tuple[str, ...] = ()
     branched: tuple[str, ...] = ()
 
@@ -67,13 +68,31 @@ class Cortex:
         return self.surface.curves
 
 
-def _check(seed, n_vertices, hemisphere):
+def require_generation(generation):
+    """CortexError unless this version knows the generation."""
+    if isinstance(generation, bool) or generation not in GENERATIONS:
+        known = ", ".join(map(str, GENERATIONS))
+        raise CortexError(f"the generation is {generation!r}; this version makes {known}.")
+
+
+def require_one_generation(subjects):
+    """CortexError if the subjects, a list of Cortex, are of several generations."""
+    found = sorted({subject.generation for subject in subjects})
+    if len(found) > 1:
+        raise CortexError(
+            f"the subjects are of the generations {', '.join(map(str, found))}, whose folds follow other rules; "
+            "make all with one: make_cortex(..., generation=...)."
+        )
+
+
+def _check(seed, n_vertices, hemisphere, generation):
     if not isinstance(seed, (int, np.integer)) or isinstance(seed, bool) or not 0 <= seed < 2**63:
         raise CortexError(f"the seed is {seed!r}; give a whole number from 0, below 2^63.")
     if not isinstance(n_vertices, (int, np.integer)) or not FEWEST <= n_vertices <= MOST:
         raise CortexError(f"n_vertices is {n_vertices!r}; give a whole number from {FEWEST:,} to {MOST:,}.")
     if hemisphere not in HEMISPHERES:
         raise CortexError(f"the hemisphere is {hemisphere!r}; choose one of {', '.join(HEMISPHERES)}.")
+    require_generation(generation)
 
 
 def _normals(x, faces):
@@ -91,30 +110,39 @@ def vertex_normals(x, faces):
     return total / np.linalg.norm(total, axis=1, keepdims=True)
 
 
-def make_cortex(seed, n_vertices=10_000, hemisphere="left", mechanics=Mechanics(), clock=None):
+def make_cortex(seed, n_vertices=10_000, hemisphere="left", mechanics=Mechanics(), clock=None, generation=GENERATION):
     """A folded hemisphere without its medial wall: a disk of n_vertices, outward oriented, in millimetres (x right, y
     anterior, z superior), with the fundi of eight named sulci and every vertex' point on the template.
 
-    The seed (a whole number from 0) decides everything: the same seed, size and side give the same hemisphere, and both
-    sides of a seed resemble each other. Folds have the width of real ones from 8,000 vertices; coarser meshes fold more
-    coarsely. Takes time like n^1.5, 10 s at 10,000; `clock`, int64 (2,), is kept at the steps of growth done and in
-    all, for a progress bar in another thread. CortexError for a seed, size or side that is not possible.
+    The seed (a whole number from 0) decides everything: the same seed, size, side and generation give the same
+    hemisphere, and both sides of a seed resemble each other. Folds have the width of real ones from 8,000 vertices;
+    coarser meshes fold more coarsely. In generation 2 folds form 3 to 6 mm beside what corresponds on the template, in
+    generation 3 1 to 3 mm. Takes time like n^1.5, 10 s at 10,000; `clock`, int64 (2,), is kept at the steps of growth
+    done and in all, for a progress bar in another thread. CortexError for a seed, size, side or generation that is not
+    possible.
     """
-    _check(seed, n_vertices, hemisphere)
-    person = Individual(seed, hemisphere)
+    _check(seed, n_vertices, hemisphere, generation)
+    person = Individual(seed, hemisphere, GENERATIONS[generation])
+    surface, template = grown(person, n_vertices, mechanics, clock)
+    traits = tuple(person.interrupted), tuple(person.branched)
+    return Cortex(surface, template, seed, hemisphere, generation, *traits)
+
+
+def grown(person, n_vertices, mechanics=Mechanics(), clock=None):
+    """The folded surface of an `Individual` with its curves, and each vertex' template point (V, 3)."""
     directions, rim = even_points(person.position, n_vertices, person.rng)
     rest, template = person.position(directions), person.template(directions)
     faces = triangulate(rim, rest, template)
     sheet = Sheet(rest, faces, *neighbour_table(faces, n_vertices))
+    held = np.arange(n_vertices) < rim
     clock = np.zeros(2, dtype=np.int64) if clock is None else clock
-    x, hull = _fold(person, directions, rim, sheet, mechanics, clock)
-    x = untangle(x, faces, sheet.start, sheet.index, np.arange(n_vertices) < rim)
+    x, hull = _fold(person, directions, template, held, sheet, mechanics, clock)
+    x = untangle(x, faces, sheet.start, sheet.index, held)
     curves = _curves(person, x, sheet, depth_below(x, *hull))
     vertices = x * np.sqrt(person.area / _area(x, faces))
-    if hemisphere == "left":
+    if person.hemisphere == "left":
         vertices, faces = vertices * [-1, 1, 1], faces[:, ::-1]
-    traits = tuple(person.interrupted), tuple(person.branched)
-    return Cortex(Surface(vertices, faces, curves), template, seed, hemisphere, *traits)
+    return Surface(vertices, faces, curves), template
 
 
 def _curves(person, x, sheet, depth):
@@ -122,60 +150,44 @@ def _curves(person, x, sheet, depth):
     normal, length = vertex_normals(x, sheet.faces), np.sqrt(_area(x, sheet.faces))
     paths = {}
     for name, course in person.courses.items():
-        path = trace(x, sheet, normal, depth, person.position(course))
+        path = trace(x, sheet, normal, depth, person.position(course), person.guidance)
         paths[name] = trim(x, path, depth, LONGEST.get(name, np.inf) * length)
     return paths
 
 
-def _fold(person, directions, rim, sheet, mechanics, clock):
+def _fold(person, directions, template, held, sheet, mechanics, clock):
     """Folded positions (V, 3), in units of half the hemisphere, and the distance field of the hull."""
-    rest, faces, start, index = sheet
-    m, count, rng = mechanics, len(rest), person.rng
+    m, guidance, count = mechanics, person.guidance, len(sheet.rest)
     # With n vertices an edge is as long as n^-1/2: these factors keep modulus and wavelength.
     ratio = count / 10_000
-    normal = vertex_normals(rest, faces)
-    owner = np.repeat(np.arange(count), np.diff(start))
-    rest_length = np.linalg.norm(rest[owner] - rest[index], axis=1)
-    held = np.arange(count) < rim
-    pull, along = person.furrows(rest)
-    # Along a furrow the sheet grows less: real fundi are nearly straight, it is their banks that buckle.
-    edge = (rest[index] - rest[owner]) / rest_length[:, None]
-    parallel = np.einsum("ij,ij->i", edge, along[owner]) ** 2 * pull[owner]
-    growth = 1 + m.modulation * smooth_field(rng, directions, 0.5, 80)
-    growth = m.growth * 0.5 * (growth[owner] + growth[index])
-    parallel = 0.5 * (parallel + np.einsum("ij,ij->i", edge, along[index]) ** 2 * pull[index])
-    growth = 1 + (growth - 1) * (1 - m.anisotropy * parallel)
-    relief = np.where(held, 0, m.noise * smooth_field(rng, directions, 0.1, 600))
-    steps = round(m.steps * max(1, ratio) ** 0.5)
+    normal, furrows = vertex_normals(sheet.rest, sheet.faces), person.furrows(sheet.rest)
+    rest_length = sheet.lengths(sheet.rest)
+    growth = _growth(person, directions, sheet, furrows, m)
+    relief = np.where(held, 0, m.noise * smooth_field(person.rng, directions, 0.1, 600))
+    hold = guidance.hold * furrows.hold
+    if guidance.pattern:
+        hold = hold + guidance.pattern * person.presence(directions) * pattern(template)
     settings = (
-        steps,
-        m.time_step,
-        m.damping,
-        m.bending * ratio,
-        m.saturation,
-        m.outer,
-        m.depth,
-        m.touch * rest_length.mean(),
-        m.stiffness,
-        m.refresh,
-        m.settle,
-        m.limit,
-        m.keep,
-    )
+        round(m.steps * max(1, ratio) ** 0.5), m.time_step, m.damping, m.bending * ratio, m.saturation, m.outer,
+        m.depth, m.touch * rest_length.mean(), m.stiffness, m.refresh, m.settle, m.limit, m.keep,
+    )  # fmt: skip
     hull = hull_distance(person.hull)
     x = grow(
-        rest + relief[:, None] * normal,
-        rest,
-        normal,
-        start,
-        index,
-        rest_length,
-        held,
-        growth,
-        np.full(count, m.foundation / ratio),
-        m.pull / ratio * pull,
-        *hull,
-        np.array(settings, dtype=float),
-        clock,
-    )
+        sheet.rest + relief[:, None] * normal, sheet.rest, normal, sheet.start, sheet.index, rest_length, held, growth,
+        np.full(count, m.foundation / ratio), guidance.pull / ratio * furrows.pull, hold / ratio, *hull,
+        np.array(settings, dtype=float), clock,
+    )  # fmt: skip
     return x, hull
+
+
+def _growth(person, directions, sheet, furrows, mechanics):
+    """Final stretch (2E,) of the edges, less along furrows: real fundi are nearly straight, it is their banks that
+    buckle."""
+    rest, owner, index = sheet.rest, sheet.owner, sheet.index
+    edge = (rest[index] - rest[owner]) / sheet.lengths(rest)[:, None]
+    parallel = sum(
+        0.5 * np.einsum("ij,ij->i", edge, furrows.along[ends]) ** 2 * furrows.band[ends] for ends in (owner, index)
+    )
+    growth = 1 + mechanics.modulation * smooth_field(person.rng, directions, 0.5, 80)
+    growth = mechanics.growth * 0.5 * (growth[owner] + growth[index])
+    return 1 + (growth - 1) * (1 - person.guidance.anisotropy * parallel)

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
+from data_synth.cortex import require_one_generation
 from data_synth.fields import KINDS, MAX_ABS, dead_leaves, random_coefficient
 from data_synth.landmarks import DiskMaps, Perturbation
 from qclearn.files.extras import require
@@ -122,6 +123,7 @@ class CurveDataset(Seeded):
         known = tuple(surfaces[0].curves) if surfaces else ()
         if not known or any(set(surface.curves) != set(known) for surface in surfaces):
             raise DatasetError("subjects: give at least one, all with the same named curves")
+        require_one_generation(subjects)
         self.names = known if names is None else tuple(names)
         unknown = [name for name in self.names if name not in known]
         if unknown or not self.names:

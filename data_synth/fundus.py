@@ -5,8 +5,6 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-CORRIDOR = 0.11
-
 
 def concavity(x, normal, start, index):
     """Smoothed umbrella curvature (V,) times the edge length: positive in sulci, negative on crowns."""
@@ -19,18 +17,19 @@ def concavity(x, normal, start, index):
     return value / np.linalg.norm(x[owner] - x[index], axis=1).mean()
 
 
-def valley_path(x, start, index, valley, distance, ends, spacing):
+def valley_path(x, sheet, valley, distance, ends, guidance):
     """Vertices (k,) of the cheapest path between two regions, an edge costing its length over how good a valley it is.
 
-    valley (V,) in 0..1, 1 = fundus; distance (V,) from the course in the rest surface, whose edges are about
-    `spacing` long; ends: two arrays of candidate vertices, of which the best valley is taken.
+    valley (V,) in 0..1, 1 = fundus; distance (V,) from the course on the rest surface; ends: two arrays of candidate
+    vertices, of which the best valley is taken; guidance: `generations.Guidance`, for the corridor around the course.
     """
     first, last = (candidates[np.argmax(valley[candidates])] for candidates in ends)
-    owner = np.repeat(np.arange(len(x)), np.diff(start))
-    length = np.linalg.norm(x[owner] - x[index], axis=1)
-    node = (1.02 - valley) ** 2 * (1 + (distance / (0.5 * CORRIDOR)) ** 2) + 0.02
+    owner, index, length = sheet.owner, sheet.index, sheet.lengths(x)
+    # Added, not only multiplied: in a perfect valley a factor costs nothing, and the path would jump to a neighbour.
+    aside = (distance / guidance.aside) ** 2
+    node = (1.02 - valley) ** 2 * (1 + aside) + 0.02 + guidance.aside_cost * aside
     # Three edges wide at least, so that coarse meshes keep a connected corridor.
-    width = max(CORRIDOR, 3 * spacing)
+    width = max(guidance.corridor, 3 * sheet.lengths(sheet.rest).mean())
     keep = (distance[owner] < width) & (distance[index] < width)
     weight = (length * (node[owner] + node[index]))[keep]
     graph = coo_matrix((weight, (owner[keep], index[keep])), shape=(len(x), len(x))).tocsr()
@@ -41,24 +40,21 @@ def valley_path(x, start, index, valley, distance, ends, spacing):
     return np.array(path[::-1], dtype=np.int64)
 
 
-def trace(x, sheet, normal, depth, course, end_radius=0.045):
+def trace(x, sheet, normal, depth, course, guidance):
     """Fundus path (k,) that follows a course (m, 3) of points on the rest surface; depth (V,) below the hull.
 
-    x, normal (V, 3): the folded surface; sheet: the same one at rest, a `growth.Sheet`.
+    x, normal (V, 3): the folded surface; sheet: the same one at rest, a `growth.Sheet`; guidance: how closely.
     """
-    rest, _, start, index = sheet
-    distance, _ = cKDTree(course).query(rest)
-    curve = concavity(x, normal, start, index)
+    distance, _ = cKDTree(course).query(sheet.rest)
+    curve = concavity(x, normal, sheet.start, sheet.index)
     spread = np.percentile(depth, 95)
     valley = np.clip(0.5 + 3 * curve, 0, 1) * np.clip(0.15 + depth / spread, 0, 1)
-    tree = cKDTree(rest)
+    tree = cKDTree(sheet.rest)
     ends = []
     for end in (course[0], course[-1]):
-        candidates = np.array(tree.query_ball_point(end, end_radius))
+        candidates = np.array(tree.query_ball_point(end, guidance.ends))
         ends.append(candidates if len(candidates) else np.array([tree.query(end)[1]]))
-    owner = np.repeat(np.arange(len(x)), np.diff(start))
-    spacing = np.linalg.norm(rest[owner] - rest[index], axis=1).mean()
-    return valley_path(x, start, index, valley, distance, ends, spacing)
+    return valley_path(x, sheet, valley, distance, ends, guidance)
 
 
 def trim(x, path, depth, longest):

@@ -19,6 +19,15 @@ class Sheet(NamedTuple):
     start: np.ndarray
     index: np.ndarray
 
+    @property
+    def owner(self):
+        """The vertex (2E,) that each neighbour in `index` is one of."""
+        return np.repeat(np.arange(len(self.rest)), np.diff(self.start))
+
+    def lengths(self, x):
+        """Lengths (2E,) of the edges between each vertex and its neighbours at positions (V, 3)."""
+        return np.linalg.norm(x[self.owner] - x[self.index], axis=1)
+
 
 def neighbour_table(faces, count):
     """Neighbours in compressed rows: start (V + 1,), index (2E,)."""
@@ -179,14 +188,16 @@ def depth_below(x, field, low, spacing):
 
 
 @compiled
-def grow(x, rest, normal, start, index, rest_length, held, growth, anchor, pull, field, low, spacing, settings, clock):
+def grow(
+    x, rest, normal, start, index, rest_length, held, growth, anchor, pull, hold, field, low, spacing, settings, clock
+):
     """Positions (V, 3) of the folded shell, from `x` near the rest surface `rest`.
 
     settings: steps, time step, damping, bending, saturation, outer, depth, contact distance, contact stiffness,
     refresh interval, final factor of the bending, stiffness of hull and floor, share of the pull that stays.
-    growth (2E,) final stretch of each edge, anchor (V,) foundation stiffness, pull (V,) inward force; field: signed
-    distance to the hull (positive inside) on a grid from corner `low` with `spacing`; clock (2,) int64: steps done
-    and in all, for whoever watches from another thread.
+    growth (2E,) final stretch of each edge, anchor (V,) foundation stiffness, pull (V,) inward force, hold (V,) another
+    one, which stays; field: signed distance to the hull (positive inside) on a grid from corner `low` with `spacing`;
+    clock (2,) int64: steps done and in all, for whoever watches from another thread.
     """
     steps, dt, damping, bending, saturation, outer, depth, touch, stiffness, refresh, settle, wall, keep = settings
     steps, refresh = int(steps), int(refresh)
@@ -203,7 +214,8 @@ def grow(x, rest, normal, start, index, rest_length, held, growth, anchor, pull,
             where[:] = x
             for i in range(len(x)):
                 _depth_at(x[i], field, low, spacing, hull[i])
-        pulling = min(1.0, progress / 0.3) * max(keep, min(1.0, (0.85 - progress) / 0.35))
+        rise = min(1.0, progress / 0.3)
+        pulling = rise * max(keep, min(1.0, (0.85 - progress) / 0.35))
         stiff = bending * (1 + (settle - 1) * max(0.0, step / steps - 0.85) / 0.15)
         force[:] = 0
         _elastic(x, start, index, rest_length, growth, progress, stiff, laplacian, force)
@@ -219,7 +231,8 @@ def grow(x, rest, normal, start, index, rest_length, held, growth, anchor, pull,
                 inside += hull[i, 1 + k] * (x[i, k] - where[i, k])
             limit = max(0.0, -outer - inside) - max(0.0, inside - depth)
             for k in range(3):
-                total = force[i, k] + spring * d[k] - pulling * pull[i] * normal[i, k] + wall * limit * hull[i, 1 + k]
+                inward = (pulling * pull[i] + rise * hold[i]) * normal[i, k]
+                total = force[i, k] + spring * d[k] - inward + wall * limit * hull[i, 1 + k]
                 velocity[i, k] = (1 - damping) * (velocity[i, k] + dt * total)
                 x[i, k] += dt * velocity[i, k]
     return x

@@ -1,8 +1,12 @@
 """One individual: the deformed template, its size, its growth and its sulci with gaps, branches and neighbours."""
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.spatial import cKDTree
 
+from data_synth.generations import GENERATION, GENERATIONS
+from data_synth.pattern import pattern
 from data_synth.template import (
     CENTRE,
     COMPANIONS,
@@ -15,10 +19,9 @@ from data_synth.template import (
     wall_level,
 )
 
-VARIABILITY = 0.11  # root mean square displacement of the template, radians
 AREA, AREA_SPREAD = 95_000.0, 0.06  # folded area in mm^2, its relative deviation
 FOSSA_DEPTH, FOSSA_WIDTH = 0.26, 0.13
-FURROW_WIDTH = 0.05
+HOLD_WIDTH, BAND_WIDTH = 0.02, 0.05  # of the force that stays on furrows, and of the strip that grows less along them
 SPACING = 0.21  # least distance of tertiary furrows from others
 
 
@@ -29,14 +32,28 @@ def smooth_field(rng, directions, width, count):
     return field / field.std()
 
 
+class Furrows(NamedTuple):
+    """Furrows at points of the unfolded surface: strengths (V,) in 0..1, which fall off at three widths, and direction.
+
+    pull: of the early inward force; hold: of the one that stays; band: where the sheet grows less along the furrow;
+    along (V, 3): unit, zero at short furrows.
+    """
+
+    pull: np.ndarray
+    hold: np.ndarray
+    band: np.ndarray
+    along: np.ndarray
+
+
 class Individual:
     """The random traits of one hemisphere; the two sides of a seed share two thirds of the deformation's variance."""
 
-    def __init__(self, seed, hemisphere):
+    def __init__(self, seed, hemisphere, guidance=GENERATIONS[GENERATION]):
+        self.hemisphere, self.guidance = hemisphere, guidance
         shared = np.random.default_rng([seed, 0])
         self.rng = np.random.default_rng([seed, 1 + ("left", "right").index(hemisphere)])
-        self._shared = Diffeomorphism(shared, VARIABILITY * np.sqrt(2 / 3))
-        self._own = Diffeomorphism(self.rng, VARIABILITY * np.sqrt(1 / 3))
+        self._shared = Diffeomorphism(shared, guidance.variability * np.sqrt(2 / 3), guidance.smoothness)
+        self._own = Diffeomorphism(self.rng, guidance.variability * np.sqrt(1 / 3), guidance.smoothness)
         self._lobe_scale = 1 + 0.02 * np.clip(shared.normal(size=len(LOBES)), -2, 2)
         self.area = AREA * np.exp(AREA_SPREAD * np.clip(shared.normal(), -2, 2))
         self.courses = {name: self.deform(sulcus_course(points)) for name, points in SULCI.items()}
@@ -67,8 +84,29 @@ class Individual:
         return CENTRE + directions * (radius - sunk)[:, None]
 
     def furrows(self, rest):
-        """Early furrows at points of the unfolded surface: strength (V,) in 0..1 and unit direction along them (V,
-        3)."""
+        """The `Furrows` of all sulci at points of the unfolded surface (V, 3)."""
+        lines = self._lines()
+        straight = len(lines)
+        lines += [(course, np.full(len(course), self.rng.uniform(0.3, 0.7))) for course in self._dimples(lines)]
+        widths = self.guidance.width, HOLD_WIDTH, BAND_WIDTH
+        pull, hold, band = np.zeros((3, len(rest)))
+        along = np.zeros((len(rest), 3))
+        for k, (course, strength) in enumerate(lines):
+            path = self.position(course)
+            distance, nearest = cKDTree(path).query(rest)
+            early, lasting, wide = (strength[nearest] * np.exp(-0.5 * (distance / width) ** 2) for width in widths)
+            stronger = wide > band
+            along[stronger] = unit(np.gradient(path, axis=0))[nearest[stronger]] if k < straight else 0
+            pull, hold, band = np.maximum(pull, early), np.maximum(hold, lasting), np.maximum(band, wide)
+        return Furrows(pull, hold, band, along)
+
+    def presence(self, directions):
+        """How much of the template's own folds (k,) this individual has at directions (k, 3), a smooth random field."""
+        mean, deviation, most = self.guidance.presence
+        return np.clip(mean + deviation * smooth_field(self.rng, directions, 0.35, 80), 0, most)
+
+    def _lines(self):
+        """Courses (k, 3) of the sulci, their branches and companions, each with its strength (k,)."""
         lines = []
         for name, course in self.courses.items():
             strength, branches = self._interrupted(len(course)), self._branches(course)
@@ -78,18 +116,8 @@ class Individual:
             lines += [(branch, np.full(len(branch), 0.7)) for branch in branches]
         for points in COMPANIONS.values():
             course = self.deform(sulcus_course(points))
-            lines.append((course, self.rng.uniform(0.3, 0.9) * self._interrupted(len(course))))
-        straight = len(lines)
-        lines += [(course, np.full(len(course), self.rng.uniform(0.3, 0.7))) for course in self._dimples(lines)]
-        pull, along = np.zeros(len(rest)), np.zeros((len(rest), 3))
-        for k, (course, strength) in enumerate(lines):
-            path = self.position(course)
-            distance, nearest = cKDTree(path).query(rest)
-            value = strength[nearest] * np.exp(-0.5 * (distance / FURROW_WIDTH) ** 2)
-            stronger = value > pull
-            pull[stronger] = value[stronger]
-            along[stronger] = unit(np.gradient(path, axis=0))[nearest[stronger]] if k < straight else 0
-        return pull, along
+            lines.append((course, self.rng.uniform(*self.guidance.companions) * self._interrupted(len(course))))
+        return lines
 
     def _interrupted(self, count):
         """Strength (count,) along a course: one, but for a gap where a gyrus bridges about every third sulcus."""
@@ -119,10 +147,14 @@ class Individual:
             dimple = self._segment(start, heading, 0.0, self.rng.uniform(0.12, 0.35))
             path = self.position(dimple)
             near = min(tree.query(path)[0].min() for tree in trees)
-            if near > SPACING and (wall_level(dimple) > 1.2).all():
+            if near > SPACING and (wall_level(dimple) > 1.2).all() and self._suits(dimple):
                 dimples.append(dimple)
                 trees.append(cKDTree(path))
         return dimples
+
+    def _suits(self, dimple):
+        """Whether a short furrow (k, 3) lies where the template folds, if this individual leans to its folds."""
+        return not self.guidance.pattern or pattern(self.template(dimple)).mean() > 0
 
     def _segment(self, start, along, angle, length):
         """Directions (30, 3) of a slightly bent segment that leaves `start` at an angle to the heading `along`."""

@@ -12,11 +12,12 @@ from qclearn.files.meshes import write_whole
 from qclearn.surfaces.surface import Surface, SurfaceError
 
 TRAITS = ("interrupted", "branched")
+UNNUMBERED = 2  # the generation of files that do not say theirs: the last one that was not written into them
 
 
 def save_cortex(path, cortex):
-    """Write a hemisphere to an npz file: vertices, faces, curve_<name>, template, seed, hemisphere, and the names of
-    the sulci that are interrupted and branched.
+    """Write a hemisphere to an npz file: vertices, faces, curve_<name>, template, seed, hemisphere, generation, and the
+    names of the sulci that are interrupted and branched.
 
     The same hemisphere gives the same bytes. SurfaceError where the folder cannot be written; nothing partial stays.
     """
@@ -24,6 +25,7 @@ def save_cortex(path, cortex):
     arrays = {
         "vertices": cortex.surface.vertices, "faces": cortex.surface.faces, "template": cortex.template,
         "seed": np.array(cortex.seed), "hemisphere": np.array(cortex.hemisphere),
+        "generation": np.array(cortex.generation),
         **{trait: np.array(getattr(cortex, trait), dtype=str) for trait in TRAITS},
         **{f"curve_{name}": curve for name, curve in cortex.curves.items()},
     }  # fmt: skip
@@ -53,7 +55,7 @@ def load_cortex(path):
             f"{path} was written before sulci were marked as interrupted or branched; make it again with "
             f"`qclearn synth --seed {arrays['seed']}`."
         )
-    hemisphere = str(arrays["hemisphere"])
+    hemisphere, generation = str(arrays["hemisphere"]), int(arrays.get("generation", UNNUMBERED))
     if hemisphere not in HEMISPHERES or arrays["template"].shape != arrays["vertices"].shape:
         raise CortexError(
             f"{path} is damaged: hemisphere {hemisphere!r}, template {arrays['template'].shape}; make it again."
@@ -64,4 +66,4 @@ def load_cortex(path):
     except SurfaceError as error:
         raise CortexError(f"{path} is damaged: {error}") from None
     traits = (tuple(map(str, arrays[trait])) for trait in TRAITS)
-    return Cortex(surface, arrays["template"], int(arrays["seed"]), hemisphere, *traits)
+    return Cortex(surface, arrays["template"], int(arrays["seed"]), hemisphere, generation, *traits)

@@ -21,6 +21,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded
 import torch
 from threadpoolctl import threadpool_limits
 
+from data_synth.generations import GENERATION
 from qclearn.benchmark.results import read_networks, write_networks
 from qclearn.files.provenance import commit, processor
 
@@ -68,6 +69,7 @@ def provenance(options, seconds):
     return {
         "seeds": options.seeds,
         "quick": options.quick,
+        "generation": GENERATION,
         "commit": commit(),
         "date": date.today().isoformat(),
         "seconds": round(seconds, 1),

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.optimize import brentq
 
-from data_synth.cohort import hemispheres
+from data_synth.cohort import GENERATION, hemispheres
 from data_synth.correspondence import locate_on_sphere
 
 from ..files.fsaverage import demo_landmarks, fsaverage5
@@ -77,9 +77,9 @@ class Prepared:
     notes: list = field(default_factory=list)
 
 
-def mapped_subject(seed, n_vertices, folder=None):
+def mapped_subject(seed, n_vertices, folder=None, generation=GENERATION):
     """The synthetic left hemisphere of a seed, grown or read from `folder`, with its disk map."""
-    (subject,) = hemispheres([seed], n_vertices, folder, progress=False, workers=1)
+    (subject,) = hemispheres([seed], n_vertices, folder, progress=False, workers=1, generation=generation)
     return replace(mapped(subject.surface), template=subject.template)
 
 

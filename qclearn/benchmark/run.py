@@ -140,10 +140,12 @@ def submit_pair(client, spec, vertices, folder):
     """The future of a problem's Pair. Subjects are futures with keys of their own, so that pairs share them."""
     if spec.set == "fsaverage5":
         return client.submit(fsaverage_pair)
-    control = client.submit(mapped_subject, spec.control, vertices, folder)
+    # The generation goes along: the workers' own default may be another.
+    control = client.submit(mapped_subject, spec.control, vertices, folder, GENERATION)
     if spec.set == "displacement":
         return client.submit(displacement_pair, control, spec.distance, spec.curves, 0)
-    return client.submit(cohort_pair, client.submit(mapped_subject, spec.moving, vertices, folder), control)
+    moving = client.submit(mapped_subject, spec.moving, vertices, folder, GENERATION)
+    return client.submit(cohort_pair, moving, control)
 
 
 def finished(client, tasks, methods, vertices, folder):

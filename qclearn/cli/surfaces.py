@@ -80,18 +80,20 @@ def transfer(registration, values, to, nearest, hemisphere, out):
 @click.option("--vertices", type=int, default=10_000, show_default=True)
 @click.option("--hemisphere", type=click.Choice(["left", "right"]), help="Which side (default left).")
 @click.option("--cohort", type=int, help="Instead of one: make the first K subjects of the fixed cohort.")
+@click.option("--generation", type=int, help="Of the generator's constants (default: that of the other commands).")
 @click.option("--workers", type=int, default=2, show_default=True, help="Subjects of the cohort made at the same time.")
 @click.option("--out", help="File to write (.npz); with --cohort the folder (default: the user's cache).")
-def synth(seed, vertices, hemisphere, cohort, workers, out):
+def synth(seed, vertices, hemisphere, cohort, generation, workers, out):
     """Grow a synthetic hemisphere with named sulci, or a cohort of them."""
     import data_synth  # here: compiles the growth kernel
-    from data_synth.cohort import default_folder
+    from data_synth.cohort import GENERATION, default_folder
 
+    generation = GENERATION if generation is None else generation
     if cohort is not None:
         if seed is not None or hemisphere is not None:
             raise click.UsageError("a cohort has its own seeds and left hemispheres: drop --seed and --hemisphere")
         folder = Path(out) if out else default_folder()
-        subjects = data_synth.cohort(cohort, vertices, folder, workers=workers)
+        subjects = data_synth.cohort(cohort, vertices, folder, workers=workers, generation=generation)
         click.echo(f"{len(subjects)} subjects in {folder}")
         return
     if out is None:
@@ -101,15 +103,16 @@ def synth(seed, vertices, hemisphere, cohort, workers, out):
     if not os.access(Path(out).absolute().parent, os.W_OK):
         raise OSError(f"{out}: its folder does not exist or cannot be written to; make it, or give another --out")
     seed, hemisphere = seed or 0, hemisphere or "left"
-    data_synth.save_cortex(out, grow_with_bar(data_synth.make_cortex, seed, vertices, hemisphere))
-    click.echo(f"{out}: seed {seed}, {hemisphere}")
+    made = grow_with_bar(data_synth.make_cortex, seed, vertices, hemisphere, generation=generation)
+    data_synth.save_cortex(out, made)
+    click.echo(f"{out}: seed {seed}, {hemisphere}, generation {generation}")
 
 
-def grow_with_bar(make_cortex, *arguments):
+def grow_with_bar(make_cortex, *arguments, **options):
     """make_cortex in a thread of its own, while a progress bar follows its clock."""
     clock = np.zeros(2, dtype=np.int64)
     with ThreadPoolExecutor(1) as pool, tqdm(desc="growing", delay=2, leave=False) as bar:
-        job = pool.submit(make_cortex, *arguments, clock=clock)
+        job = pool.submit(make_cortex, *arguments, clock=clock, **options)
         while wait([job], timeout=0.2).not_done:
             bar.total = int(clock[1]) or None
             bar.update(int(clock[0]) - bar.n)

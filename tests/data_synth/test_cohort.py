@@ -1,12 +1,15 @@
 """Cohorts: subjects by seed, made once, continued after an interruption, damaged files made again."""
 
 import importlib
+import shutil
 from functools import cache
 
 import numpy as np
 import pytest
 
 from data_synth import CohortWarning, CortexError, cohort, make_cortex
+from data_synth.generations import GENERATION, GENERATIONS
+from qclearn.cli import main
 
 module = importlib.import_module("data_synth.cohort")
 SIZE = 1000
@@ -41,11 +44,11 @@ def test_nothing_is_made_twice(folder, monkeypatch):
 def test_an_interrupted_run_continues(folder, monkeypatch):
     made = []
 
-    def stop_after_one(seed, n_vertices):
+    def stop_after_one(seed, n_vertices, generation):
         if made:
             raise KeyboardInterrupt
         made.append(seed)
-        return remembered(seed, n_vertices)
+        return remembered(seed, n_vertices, generation=generation)
 
     paths = [module.subject_path(folder, seed, SIZE) for seed in module.SEEDS[:2]]
     before = paths[1].read_bytes()
@@ -55,7 +58,9 @@ def test_an_interrupted_run_continues(folder, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         make(folder, workers=1)
     assert paths[0].is_file() and not paths[1].is_file()
-    monkeypatch.setattr(module, "make_cortex", lambda seed, n: made.append(seed) or remembered(seed, n))
+    monkeypatch.setattr(
+        module, "make_cortex", lambda seed, n, **options: made.append(seed) or remembered(seed, n, **options)
+    )
     make(folder)
     assert made == list(module.SEEDS[:2])
     assert paths[1].read_bytes() == before
@@ -76,6 +81,32 @@ def test_a_damaged_file_is_made_again(folder, damage, monkeypatch):
         make(folder, count=1)
     assert path.read_bytes() == whole
     make(folder, count=1)  # and is whole from then on: a warning would be an error
+
+
+def test_a_generation_keeps_to_its_own_files(folder, monkeypatch):
+    assert module.subject_path(folder, 1, SIZE, 3).parent.name == "generation-3"
+    other = max(set(GENERATIONS) - {GENERATION})
+    strange, own = (module.subject_path(folder, module.SEEDS[0], SIZE, g) for g in (other, GENERATION))
+    strange.parent.mkdir()
+    for suffix in ("", ".sha256"):
+        shutil.copy(f"{own}{suffix}", f"{strange}{suffix}")
+    monkeypatch.setattr(module, "make_cortex", None)
+    with pytest.raises(CortexError, match=f"{strange.name} holds a subject of generation {GENERATION} where"):
+        make(folder, count=1, generation=other)
+    with pytest.raises(CortexError, match="generation is 7"):
+        make(folder, generation=7)
+
+
+def test_the_command_line_asks_for_a_generation(tmp_path, monkeypatch, capsys):
+    made = []
+    monkeypatch.setattr(module, "make_cortex", lambda seed, n, **options: made.append(options) or remembered(seed, n))
+    options = ["--cohort", "1", "--vertices", str(SIZE), "--out", str(tmp_path), "--workers", "1"]
+    main(["synth", *options])
+    main(["synth", *options, "--generation", str(GENERATION)])
+    assert made == [{"generation": GENERATION}]
+    with pytest.raises(SystemExit) as stop:
+        main(["synth", *options, "--generation", "7"])
+    assert stop.value.code == 2 and "generation is 7; this version makes 2, 3" in capsys.readouterr().err
 
 
 def test_a_folder_that_cannot_be_written(tmp_path):

@@ -1,5 +1,8 @@
 """The grown hemisphere: a folded disk with curves in its sulci, the same for the same seed, and files of it."""
 
+import hashlib
+import json
+from dataclasses import asdict, replace
 from functools import cache
 from itertools import pairwise
 
@@ -11,23 +14,26 @@ from known_surfaces import sphere
 import data_synth
 from data_synth import CortexError, correspondence, load_cortex, make_cortex, save_cortex
 from data_synth.compiled import compiled
-from data_synth.correspondence import locate_on_sphere
+from data_synth.correspondence import depth_correlation, locate_on_sphere
 from data_synth.fundus import trim
+from data_synth.generations import GENERATION, GENERATIONS
 from data_synth.growth import depth_below, grow, hull_distance, neighbour_table
 from data_synth.individual import Individual
 from data_synth.intersections import self_intersections
-from data_synth.template import CENTRE, SULCI, Diffeomorphism, hull_radius, unit, wall_level
+from data_synth.pattern import FILE, kept, pattern
+from data_synth.template import CENTRE, SULCI, Diffeomorphism, hull_radius, sulcus_course, unit, wall_level
 from data_synth.tessellation import fibonacci_sphere, interior_edges
 from data_synth.untangle import untangle
 from qclearn import mean_curvature, read_surface, sulcal_depth
+from qclearn.registration.landmarks import curve_distance
 from qclearn.surfaces.surface import SurfaceError, require_disk, require_outward
 
 SIZE = 2500
 
 
 @cache
-def subject(seed=1, hemisphere="left"):
-    return make_cortex(seed, SIZE, hemisphere)
+def subject(seed=1, hemisphere="left", generation=GENERATION):
+    return make_cortex(seed, SIZE, hemisphere, generation=generation)
 
 
 def edge_lengths(surface):
@@ -112,13 +118,65 @@ def test_curves_follow_the_courses_on_the_template():
     assert (apart.argmin(axis=1) == np.arange(len(names))).all()
 
 
-def test_the_seed_decides_everything():
-    again = make_cortex(1, SIZE)
-    assert np.array_equal(again.surface.vertices, subject().surface.vertices)
-    assert np.array_equal(again.surface.faces, subject().surface.faces)
-    assert np.array_equal(again.template, subject().template)
-    assert all(np.array_equal(again.curves[name], path) for name, path in subject().curves.items())
-    assert not np.array_equal(subject(2).surface.faces, subject().surface.faces)
+@pytest.mark.parametrize("generation", GENERATIONS)
+def test_the_seed_decides_everything(generation):
+    once, again = subject(generation=generation), make_cortex(1, SIZE, generation=generation)
+    assert again.generation == generation
+    assert np.array_equal(again.surface.vertices, once.surface.vertices)
+    assert np.array_equal(again.surface.faces, once.surface.faces)
+    assert np.array_equal(again.template, once.template)
+    assert all(np.array_equal(again.curves[name], path) for name, path in once.curves.items())
+    assert not np.array_equal(subject(2, generation=generation).surface.faces, once.surface.faces)
+
+
+@pytest.mark.parametrize("seed, digest", [(1, "aa56faab46cf288c"), (2, "32050b05e9e41936")])
+def test_the_second_generation_stays_what_it_was(seed, digest):
+    """To the micrometre: the last bits of a sum are the processor's."""
+    cortex = subject(seed, generation=2)
+    arrays = [np.round(1000 * cortex.surface.vertices), np.round(1e6 * cortex.template), cortex.surface.faces]
+    arrays += [cortex.curves[name] for name in SULCI]
+    found = hashlib.sha256(b"".join(array.astype(np.int64).tobytes() for array in arrays))
+    found.update(repr((cortex.interrupted, cortex.branched)).encode())
+    assert found.hexdigest()[:16] == digest
+
+
+def test_folds_correspond_better_in_the_third_generation():
+    second, third = (depth_correlation(subject(1, "left", g), subject(2, "left", g)) for g in (2, 3))
+    assert third > second + 0.1
+    apart = {}
+    for g in (2, 3):
+        one, two = subject(1, "left", g), subject(2, "left", g)
+        truth = correspondence(one, two)
+        apart[g] = np.mean([
+            curve_distance(truth[path], two.surface.vertices[two.curves[name]]) for name, path in one.curves.items()
+        ])  # fmt: skip
+    assert apart[3] < 0.7 * apart[2]
+
+
+def test_depths_of_a_subject_and_itself_agree():
+    assert depth_correlation(subject(), subject()) == pytest.approx(1)
+
+
+def test_generations_are_not_mixed():
+    with pytest.raises(CortexError, match="generation is 1; this version makes 2, 3"):
+        make_cortex(1, SIZE, generation=1)
+    other = replace(subject(2), generation=max(set(GENERATIONS) - {GENERATION}))
+    for pair in (correspondence, depth_correlation):
+        with pytest.raises(CortexError, match="of the generations 2, 3"):
+            pair(subject(), other)
+
+
+def test_the_template_leans_to_itself():
+    """The kept pattern is that of the template's own folds, deep where its named sulci run, and even in between."""
+    courses = {name: sulcus_course(points)[20:-20] for name, points in SULCI.items()}
+    assert min(pattern(course).mean() for course in courses.values()) > 0.3
+    tree, depth = kept()
+    np.testing.assert_allclose(pattern(tree.data[:50]), depth[:50], atol=1e-3)
+    assert depth.min() < 0 < depth.max()
+
+
+def test_the_pattern_was_grown_with_the_constants_of_its_generation():
+    assert json.loads(FILE.read_text())["guidance"] == json.loads(json.dumps(asdict(GENERATIONS[3])))
 
 
 def test_gaps_and_branches_are_recorded_where_they_were_drawn():
@@ -129,7 +187,7 @@ def test_gaps_and_branches_are_recorded_where_they_were_drawn():
         assert not person.interrupted and not person.branched
         middle = {name: np.linspace(0.2, 0.8, 200) * (len(course) - 1) for name, course in person.courses.items()}
         points = {name: person.position(course[middle[name].astype(int)]) for name, course in person.courses.items()}
-        pull, _ = person.furrows(np.concatenate(list(points.values())))
+        pull = person.furrows(np.concatenate(list(points.values()))).pull
         weakest = pull.reshape(len(points), 200).min(axis=1)
         gap = [name in person.interrupted for name in person.courses]
         assert set(person.interrupted) | set(person.branched) <= set(SULCI)
@@ -186,7 +244,7 @@ def test_saved_and_read_back(tmp_path):
     path = tmp_path / "subject.npz"
     save_cortex(path, subject(1, "right"))
     back = load_cortex(path)
-    assert (back.seed, back.hemisphere) == (1, "right")
+    assert (back.seed, back.hemisphere, back.generation) == (1, "right", GENERATION)
     assert (back.interrupted, back.branched) == (subject(1, "right").interrupted, subject(1, "right").branched)
     assert np.array_equal(back.template, subject(1, "right").template)
     for surface in (back.surface, read_surface(path)):
@@ -211,6 +269,10 @@ def test_unreadable_files(tmp_path):
         np.savez(path, **{name: file[name] for name in file.files if name != "interrupted"})
     with pytest.raises(CortexError, match="before sulci were marked.*synth --seed 1"):
         load_cortex(path)
+    save_cortex(path, subject())
+    with np.load(path) as file:
+        np.savez(path, **{name: file[name] for name in file.files if name != "generation"})
+    assert load_cortex(path).generation == 2  # before files said so
     np.savez(path, vertices=subject().surface.vertices, faces=subject().surface.faces)
     with pytest.raises(CortexError, match="lacks template, seed, hemisphere"):
         load_cortex(path)
@@ -264,6 +326,7 @@ def _grow_sphere(growth, steps=300):
         np.zeros(len(rest), bool),
         np.full(len(index), growth),
         np.full(len(rest), 0.01),
+        np.zeros(len(rest)),
         np.zeros(len(rest)),
         *field,
         settings,

@@ -2,6 +2,7 @@
 
 import os
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ import torch
 from skimage import io
 from torch.utils.data import DataLoader
 
-from data_synth import make_cortex
+from data_synth import CortexError, make_cortex
 from data_synth.datasets import CoefficientDataset, CurveDataset, DatasetError, DatasetWarning, LandmarkDataset, cached
 from data_synth.fields import MAX_ABS, ImageFolder
 from qclearn.plane.bijectivity import check_bijective
@@ -200,7 +201,7 @@ def test_the_order_of_the_curves_is_that_of_the_names(subjects):
     first, second = subjects
     surface = first.surface
     backwards = type(surface)(surface.vertices, surface.faces, dict(reversed(surface.curves.items())))
-    turned = type(first)(backwards, first.template, first.seed, first.hemisphere)
+    turned = replace(first, surface=backwards)
     options = {"size": 16, "max_abs": (0.0, 0.0)}
     one, other = (CurveDataset(4, 1, [second, subject], **options) for subject in (first, turned))
     assert one.names == other.names == tuple(second.curves)
@@ -232,7 +233,12 @@ def test_impossible_sets(subjects, make, message):
 
 def without_curves(subject):
     surface = type(subject.surface)(subject.surface.vertices, subject.surface.faces)
-    return type(subject)(surface, subject.template, subject.seed, subject.hemisphere)
+    return replace(subject, surface=surface)
+
+
+def test_subjects_of_two_generations_are_no_set(subjects):
+    with pytest.raises(CortexError, match="of the generations 2, 3"):
+        CurveDataset(3, 1, [replace(subject, generation=2 + k) for k, subject in enumerate(subjects)])
 
 
 class Counted(CoefficientDataset):
@@ -335,10 +341,7 @@ def test_recipes_see_targets_subjects_and_pictures(subjects, tmp_path):
     shorter = type(surface)(
         surface.vertices, surface.faces, surface.curves | {"calcarine sulcus": surface.curves["calcarine sulcus"][:-1]}
     )
-    recipes = [
-        CurveDataset(2, 1, [subject]).recipe
-        for subject in (first, second, type(first)(shorter, first.template, first.seed, first.hemisphere))
-    ]
+    recipes = [CurveDataset(2, 1, [subject]).recipe for subject in (first, second, replace(first, surface=shorter))]
     assert len(set(recipes)) == 3 and CurveDataset(2, 1, [first], points=9).recipe not in recipes
 
     pictures = []
