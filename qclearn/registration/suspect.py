@@ -17,13 +17,13 @@ from .metrics import mean_rows
 # The thresholds. Beside each what tools/suspect_table.py measured: the range in good cases | in cases with a mistake,
 # which need not pass each of them. Every single value is in kept/suspect.json.
 LIMITS = {
-    "error_mm": 3.0,  # mean landmark error, mm, together with the next; 0.06 to 4.1 | 8.4 to 70
-    "error_share": 1 / 3,  # of the error that the best Möbius map leaves; 0.003 to 0.17 | 0.41 to 2.7
-    "curve_mm": 5.0,  # error of one curve, mm, together with the next; 0.1 to 8.2 | 14 to 100
-    "curve_ratio": 5.0,  # times the error of the median curve; 1.3 to 5.8 | 1.2 to 3.2
-    "rows": 0.005,  # rows switched, per vertex; 0 to 0.004 | 0 to 0.85
+    "error_mm": 3.0,  # mean landmark error, mm, together with the next; 0.05 to 4.1 | 3.0 to 64
+    "error_share": 1 / 3,  # of the error that the best Möbius map leaves; 0.003 to 0.20 | 0.25 to 1.2
+    "curve_mm": 5.0,  # error of one curve, mm, together with the next; 0.1 to 8.2 | 9.4 to 95
+    "curve_ratio": 5.0,  # times the error of the median curve; 1.1 to 5.8 | 1.0 to 9.2
+    "rows": 0.005,  # rows switched, per vertex; 0 to 0.004 | 0 to 0.99
     "strong_mu": 0.9,  # what counts as strong distortion
-    "strong_area": 0.01,  # share of the moving surface's area above that; 0 to 0.0007 | 0.0006 to 0.86
+    "strong_area": 0.01,  # share of the moving surface's area above that; 0 to 0.0013 | 0 to 0.70
     "better": 0.75,  # misfit of the curves concerned in another reading, over that as given; 1.75 to 43 | 0.036 to 0.34
     "plausible": 1.0,  # the same misfit over the curves' length in the disk; 0.36 to 3.6 | 0.031 to 0.38
     "surface_given": 0.33,  # misfit as given over that length, other surfaces or numbers; 0.013 to 0.28 | 0.55 to 3.0
