@@ -144,9 +144,13 @@ class GaussNewton:
     def mismatch(self, points, gamma):
         return (self.landmarks.residual(points, gamma) ** 2).sum()
 
+    def residual(self, state, gamma):
+        """All residuals of a state: of the landmarks, and of the features if there are any."""
+        landmarks = self.landmarks.residual(state.points, gamma)
+        return landmarks if self.dense is None else np.concatenate([landmarks, self.dense.residual(state.f)])
+
     def objective(self, state, gamma):
-        features = 0.0 if self.dense is None else (self.dense.residual(state.f) ** 2).sum()
-        return self.prior(state.nu) + self.mismatch(state.points, gamma) + features
+        return self.prior(state.nu) + (self.residual(state, gamma) ** 2).sum()
 
     def error(self, state):
         """Mean distance of a state's landmarks from their targets."""
@@ -188,18 +192,17 @@ class GaussNewton:
         """Changes of the mapped landmarks (M, 3) with a Möbius increment (theta, Re a, Im a) after the map."""
         return self.samples @ mobius_fields(state.f)
 
-    def linearise(self, state, gamma):
+    def linearise(self, state, gamma, quick=False):
         """The linearisation at a state: returns `propose(state, damping)`, which may be asked again at later states.
 
-        Of landmarks alone; with features it is that of `NormalEquations`.
-
+        Of landmarks alone; with features it is that of `NormalEquations`. quick: with the Jacobian that is near enough.
         It gives (change of nu, da, dtheta, least objective of the model). damping adds `damping (change^* W change)` to
         what is minimised (Levenberg), and its like for the Möbius part: a shorter step, turned towards the steepest
         descent.
         """
         if self.dense is not None:
             return NormalEquations(self, state, gamma).propose
-        J = self.jacobian(state, gamma)
+        J = self.quick_jacobian(state, gamma) if quick else self.jacobian(state, gamma)
         Jm = self.landmarks.components(self.mobius_columns(state), gamma)
         lifted = self.factors.solve(np.ascontiguousarray(J.real.T)) + 1j * self.factors.solve(
             np.ascontiguousarray(J.imag.T)
