@@ -192,17 +192,17 @@ class GaussNewton:
         """Changes of the mapped landmarks (M, 3) with a Möbius increment (theta, Re a, Im a) after the map."""
         return self.samples @ mobius_fields(state.f)
 
-    def linearise(self, state, gamma, quick=False):
+    def linearise(self, state, gamma):
         """The linearisation at a state: returns `propose(state, damping)`, which may be asked again at later states.
 
-        Of landmarks alone; with features it is that of `NormalEquations`. quick: with the Jacobian that is near enough.
+        Of landmarks alone; with features it is that of `NormalEquations`.
         It gives (change of nu, da, dtheta, least objective of the model). damping adds `damping (change^* W change)` to
         what is minimised (Levenberg), and its like for the Möbius part: a shorter step, turned towards the steepest
         descent.
         """
         if self.dense is not None:
             return NormalEquations(self, state, gamma).propose
-        J = self.quick_jacobian(state, gamma) if quick else self.jacobian(state, gamma)
+        J = self.jacobian(state, gamma)
         Jm = self.landmarks.components(self.mobius_columns(state), gamma)
         lifted = self.factors.solve(np.ascontiguousarray(J.real.T)) + 1j * self.factors.solve(
             np.ascontiguousarray(J.imag.T)
