@@ -144,9 +144,13 @@ class GaussNewton:
     def mismatch(self, points, gamma):
         return (self.landmarks.residual(points, gamma) ** 2).sum()
 
+    def residual(self, state, gamma):
+        """All residuals of a state: of the landmarks, and of the features if there are any."""
+        landmarks = self.landmarks.residual(state.points, gamma)
+        return landmarks if self.dense is None else np.concatenate([landmarks, self.dense.residual(state.f)])
+
     def objective(self, state, gamma):
-        features = 0.0 if self.dense is None else (self.dense.residual(state.f) ** 2).sum()
-        return self.prior(state.nu) + self.mismatch(state.points, gamma) + features
+        return self.prior(state.nu) + (self.residual(state, gamma) ** 2).sum()
 
     def error(self, state):
         """Mean distance of a state's landmarks from their targets."""
@@ -192,7 +196,6 @@ class GaussNewton:
         """The linearisation at a state: returns `propose(state, damping)`, which may be asked again at later states.
 
         Of landmarks alone; with features it is that of `NormalEquations`.
-
         It gives (change of nu, da, dtheta, least objective of the model). damping adds `damping (change^* W change)` to
         what is minimised (Levenberg), and its like for the Möbius part: a shorter step, turned towards the steepest
         descent.
@@ -235,12 +238,14 @@ class GaussNewton:
                 return found
         return found if gain > 0 else None
 
-    def damped_step(self, state, gamma, propose):
+    def damped_step(self, state, gamma, propose, _, worth):
         """The state after a Levenberg step, or None: of the least damping that keeps it small and lowers the objective.
 
-        Which are small enough to trust the linearisation costs no map to find out.
+        Called as `step`. Which are small enough to trust the linearisation costs no map to find out.
         """
         before = self.objective(state, gamma)
+        if before - propose(state)[-1] < worth * before:
+            return None
         steps = (propose(state, damping) for damping in DAMPINGS)
         small = (found for found in steps if abs(found[0]).max() <= TRUST)
         for change, da, dtheta, _ in islice(small, TRIES):

@@ -11,6 +11,7 @@ from ..plane.fields import bounded_pullback
 from ..plane.mobius import mobius_fields, mobius_slope
 
 MOBIUS_PRIOR = 1e-6  # weak, keeps the step of the three Möbius parameters bounded
+RELIEF = 1e-3  # share of the landmarks' part on the Möbius parameters that P counts twice
 STEPS = 40  # of conjugate gradients, at most
 ACCURACY = 0.1  # the residual that they leave, in the preconditioner's norm, up to gamma = 1e3; beyond, less by decades
 
@@ -27,14 +28,16 @@ class NormalEquations:
         self.accuracy = ACCURACY / max(1.0, np.log10(gamma) - 2) if len(state.points) else ACCURACY
         self.slope, self.fields = mobius_slope(solution.f, *state.mobius), mobius_fields(state.f)
         self.nu_faces = engine.to_faces @ state.nu
-        landmarks, features = engine.landmarks.rows(engine.samples, gamma), engine.dense.rows(state.f)
-        self.rows = sparse.vstack([landmarks, features]).tocsr()
+        landmarks, self.residual = engine.landmarks.rows(engine.samples, gamma), engine.residual(state, gamma)
+        self.rows, self.B = landmarks, MOBIUS_PRIOR * np.eye(3)
+        if engine.dense is not None:
+            features = engine.dense.rows(state.f)
+            by_mobius = (features.conj() @ self.fields).real
+            self.rows, self.B = sparse.vstack([landmarks, features]).tocsr(), self.B + by_mobius.T @ by_mobius
         self.rows_conj, self.rows_T = self.rows.conj(), self.rows.T.tocsr()
-        self.residual = np.concatenate([engine.landmarks.residual(state.points, gamma), engine.dense.residual(state.f)])
-        by_mobius = (features.conj() @ self.fields).real
-        self.B = by_mobius.T @ by_mobius + MOBIUS_PRIOR * np.eye(3)
         J = np.ascontiguousarray(engine.quick_jacobian(state, gamma)).view(float)
         self.J = np.hstack([J, (landmarks.conj() @ self.fields).real])
+        self.B += RELIEF * self.J[:, -3:].T @ self.J[:, -3:]  # else Woodbury's formula would lose all digits
         self.lifted = self.lift(self.J.T)
         self.S = np.linalg.inv(np.eye(len(self.J)) + self.J @ self.lifted)
 
