@@ -238,14 +238,12 @@ class GaussNewton:
                 return found
         return found if gain > 0 else None
 
-    def damped_step(self, state, gamma, propose, _, worth):
+    def damped_step(self, state, gamma, propose):
         """The state after a Levenberg step, or None: of the least damping that keeps it small and lowers the objective.
 
-        Called as `step`. Which are small enough to trust the linearisation costs no map to find out.
+        Which are small enough to trust the linearisation costs no map to find out.
         """
         before = self.objective(state, gamma)
-        if before - propose(state)[-1] < worth * before:
-            return None
         steps = (propose(state, damping) for damping in DAMPINGS)
         small = (found for found in steps if abs(found[0]).max() <= TRUST)
         for change, da, dtheta, _ in islice(small, TRIES):

@@ -21,7 +21,7 @@ STEPS_AT_GAMMA = 5
 LINEARISATIONS, CHORDS = 12, 1  # at most, on the caller's mesh: each serves a step and so many more
 FEWEST_RINGS = 4  # of the polar mesh; half of them on the coarse one
 POWER = 1.4  # by which the rings of the polar meshes crowd towards the centre
-WORTH_ON_GRID, WORTH = 1e-2, 1e-3  # the share of the objective that the model has to promise for a further step
+SETTLED_ON_GRID, SETTLED = 0.8, 0.92  # a step that keeps more than this share of the objective is the last one
 ROUNDING = 1e-9  # by which an objective may exceed another and count as equal
 
 
@@ -131,16 +131,16 @@ def fit_on_grid(engine, state, gamma, watch=None):
     for steps, level in enumerate(levels, 1):
         if watch:
             watch()
-        found = engine.step(state, level, worth=WORTH_ON_GRID if level == gamma else 0.0)
-        if level == gamma and found is None:
-            return state, steps - 1
+        before = engine.objective(state, level)
+        found = engine.step(state, level)
         state = found or state
+        if level == gamma and (found is None or engine.objective(state, gamma) > SETTLED_ON_GRID * before):
+            return state, steps
     return state, len(levels)
 
 
 def fit_on_mesh(engine, state, watch=None, enough=0.0, damped=False):
-    """Last steps, on the caller's mesh, as long as they promise enough and the error is not below `enough`: (state,
-    steps).
+    """Last steps, on the caller's mesh, until they settle or the error is below `enough`: (state, steps).
 
     damped: Levenberg steps, one a linearisation, for a fit that has gone astray without.
     """
@@ -148,19 +148,19 @@ def fit_on_mesh(engine, state, watch=None, enough=0.0, damped=False):
     for _ in range(LINEARISATIONS):
         if engine.error(state) < enough:
             break
-        propose, before = engine.linearise(state, gamma), steps
+        propose, start = engine.linearise(state, gamma), engine.objective(state, gamma)
         # A further step with the same linearisation costs one solve: it is tried whole or not at all.
-        for shares in [SHARES] if damped else [SHARES, *[(1.0,)] * CHORDS]:
+        for shares in [None] if damped else [SHARES, *[(1.0,)] * CHORDS]:
             if watch:
                 watch()
-            step = engine.damped_step if damped else engine.step
-            found = step(state, gamma, propose, shares, WORTH)
+            before = engine.objective(state, gamma)
+            found = engine.damped_step(state, gamma, propose) if damped else engine.step(state, gamma, propose, shares)
             if found is None:
                 break
             state, steps = found, steps + 1
-            if engine.error(state) < enough:
+            if engine.objective(state, gamma) > SETTLED * before or engine.error(state) < enough:
                 break
-        if steps == before:
+        if engine.objective(state, gamma) > SETTLED * start:
             break
     return state, steps
 

@@ -12,7 +12,6 @@ from qclearn.plane.diskmesh import locate, polar_disk, sampling_matrix, square_d
 from qclearn.plane.exactmaps import TWIST
 from qclearn.plane.fields import bounded
 from qclearn.plane.mobius import best_mobius, compose_mobius, mobius, mobius_inverse
-from qclearn.registration import fit as fit_module
 from qclearn.registration.engine import MOBIUS_PRIOR, TANGENTIAL_WEIGHT, GaussNewton, Landmarks
 from qclearn.registration.fit import fit_landmarks, start_field
 from qclearn.registration.problem import LandmarkError, Problem, Weights
@@ -232,18 +231,6 @@ def test_sliding_frees_the_residual_along_the_curve_only():
     assert curves.losses["L_mu"] < 0.7 * points.losses["L_mu"]
 
 
-def test_the_fit_ends_within_a_thousandth_of_the_least_objective(monkeypatch):
-    """Two neighbours that part: a rule that stops at steps of small promise ends a tenth above."""
-    p = np.concatenate([[0.02, -0.02], 0.5 * np.exp(2j * np.pi * np.arange(8) / 8)])
-    q = np.concatenate([[0.05j, -0.05j], p[2:] * np.exp(0.1j)])
-    found = []
-    for worth in (1e-9, fit_module.WORTH, 0.1):
-        monkeypatch.setattr(fit_module, "WORTH", worth)
-        found.append(fit_landmarks(*SMALL, p, q).losses["L_CP"])
-    least, usual, early = found
-    assert usual < 1.002 * least and early > 1.05 * least
-
-
 # Start and watch
 
 
@@ -272,8 +259,8 @@ def test_a_start_must_be_a_coefficient_on_the_faces():
 def test_a_fit_ends_on_the_mesh_once_the_error_is_small_enough():
     p, q = smooth_problem(6)
     settled = fit_landmarks(*SMALL, p, q)
-    early = fit_landmarks(*SMALL, p, q, enough=5e-4)
-    assert settled.landmark_error < early.landmark_error < 5e-4
+    early = fit_landmarks(*SMALL, p, q, enough=10 * settled.landmark_error)
+    assert settled.landmark_error < early.landmark_error < 10 * settled.landmark_error
     assert early.steps[1] < settled.steps[1] and early.bijective
     assert fit_landmarks(*SMALL, p, q, enough=1.0).steps[1] == 0
 
