@@ -115,7 +115,8 @@ def test_features_that_fold_at_every_delta_are_refused(monkeypatch):
 
 def test_the_networks_answer_is_where_the_features_begin(monkeypatch):
     seen, mu = [], np.full(len(MOVING.faces), 0.1 + 0.05j)
-    blocks = SimpleNamespace(detect=detect_curves, predict=lambda *_, **__: mu, gamma_used=lambda weights: weights.gamma)
+    gamma = {"gamma_used": lambda weights: weights.gamma}
+    blocks = SimpleNamespace(detect=detect_curves, predict=lambda *_, **__: mu, **gamma)
     monkeypatch.setattr(sys.modules["qclearn.registration.register"], "load", lambda name: blocks)
 
     def fit(problem, weights, features, start):
