@@ -34,7 +34,7 @@ class DatasetWarning(UserWarning):
     """A kept training set was damaged or of another recipe, and was drawn again."""
 
 
-class _Seeded(Dataset):
+class Seeded(Dataset):
     """Items `draw(rng) -> tuple of arrays`, one generator an item, as float32 or complex64 tensors.
 
     ingredients: whatever else decides the items (arrays, numbers, names, sources of images), for the recipe.
@@ -72,7 +72,7 @@ def _tensor(array):
     return torch.as_tensor(array.astype(np.complex64 if np.iscomplexobj(array) else np.float32))
 
 
-class CoefficientDataset(_Seeded):
+class CoefficientDataset(Seeded):
     """For DBS-Net: (mu (F,), f (V,)) on a polar disk mesh, f the exact map; the two kinds of field in equal shares.
 
     source: where the fields of the kind "image" come from, `dead_leaves` or an `ImageFolder`.
@@ -88,7 +88,7 @@ class CoefficientDataset(_Seeded):
         return mu, self.maps.solve(mu)
 
 
-class LandmarkDataset(_Seeded):
+class LandmarkDataset(Seeded):
     """For CP-Net: (moving (M,), target (M,), mu (F,)) with moving = f(target) for a known map f on a polar mesh.
 
     targets: (M,) complex landmarks on the control, in the unit disk; mu is the coefficient of f. source: as in
@@ -108,7 +108,7 @@ class LandmarkDataset(_Seeded):
         return moving, self.targets, mu
 
 
-class CurveDataset(_Seeded):
+class CurveDataset(Seeded):
     """For LD-Net: (image (2, size, size), ends (K, 2), curves (K, points)) of synthetic subjects, turned and distorted.
 
     Channels: curvature in 0..255 on the disk (0 outside it) and the endpoints as 255; ends and curves are complex

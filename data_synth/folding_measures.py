@@ -3,6 +3,7 @@
 import numpy as np
 from scipy import sparse
 
+from data_synth.cortex import vertex_normals
 from qclearn.plane.beltrami import cotangent_stiffness, factorise
 
 
@@ -19,22 +20,13 @@ def _mesh(surface):
     return surface.vertices, surface.faces
 
 
-def vertex_normals(surface):
-    """Unit normals (V, 3), faces weighted by area."""
-    corners = surface.vertices[surface.faces]
-    face_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal = np.zeros(surface.vertices.shape)
-    np.add.at(normal, surface.faces.ravel(), np.repeat(face_normals, 3, axis=0))
-    return normal / np.linalg.norm(normal, axis=1, keepdims=True)
-
-
 def principal_curvatures(surface, rings=4):
     """Both principal curvatures (V,), k1 >= k2, positive where an outward surface is convex.
 
     From a quadric through the vertex, fitted by least squares to the neighbours within `rings` edges whose normals do
     not oppose its own (Cazals and Pouget 2005; the neighbourhood of Panozzo et al. 2010).
     """
-    normal = vertex_normals(surface)
+    normal = vertex_normals(surface.vertices, surface.faces)
     centre, other = _ring_pairs(surface, rings)
     facing = np.einsum("pk,pk->p", normal[centre], normal[other]) > 0
     enough = np.bincount(centre[facing], minlength=len(normal)) >= 6
@@ -99,7 +91,7 @@ def facing_distance(surface, start):
     locator = vtkStaticCellLocator()
     locator.SetDataSet(pyvista.PolyData.from_regular_faces(*_mesh(surface)))
     locator.BuildLocator()
-    normal, reach = vertex_normals(surface), 2 * np.ptp(surface.vertices, axis=0).max()
+    normal, reach = vertex_normals(surface.vertices, surface.faces), 2 * np.ptp(surface.vertices, axis=0).max()
     distance = np.full(len(normal), np.inf)
     t, hit, local, part = reference(0.0), [0.0] * 3, [0.0] * 3, reference(0)
     begins, ends = surface.vertices + start * normal, surface.vertices + reach * normal

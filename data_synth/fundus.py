@@ -19,7 +19,7 @@ def concavity(x, normal, start, index):
     return value / np.linalg.norm(x[owner] - x[index], axis=1).mean()
 
 
-def fundus_path(x, start, index, valley, distance, ends, spacing):
+def valley_path(x, start, index, valley, distance, ends, spacing):
     """Vertices (k,) of the cheapest path between two regions, an edge costing its length over how good a valley it is.
 
     valley (V,) in 0..1, 1 = fundus; distance (V,) from the course in the rest surface, whose edges are about
@@ -58,7 +58,7 @@ def trace(x, sheet, normal, depth, course, end_radius=0.045):
         ends.append(candidates if len(candidates) else np.array([tree.query(end)[1]]))
     owner = np.repeat(np.arange(len(x)), np.diff(start))
     spacing = np.linalg.norm(rest[owner] - rest[index], axis=1).mean()
-    return fundus_path(x, start, index, valley, distance, ends, spacing)
+    return valley_path(x, start, index, valley, distance, ends, spacing)
 
 
 def trim(x, path, depth, longest):

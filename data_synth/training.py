@@ -9,19 +9,20 @@ import warnings
 import numpy as np
 
 from data_synth.cohort import hemispheres
-from data_synth.datasets import CurveDataset, _Seeded, cached
+from data_synth.datasets import CurveDataset, Seeded, cached
 from data_synth.fields import KINDS, MAX_ABS, dead_leaves, image_coefficient, random_coefficient, smooth_coefficient
 from data_synth.landmarks import DiskMaps, Perturbation
 from data_synth.template import SULCI
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.diskmesh import polar_disk, sampling_matrix
 from qclearn.plane.mobius import best_mobius, mobius
+from qclearn.registration.fit import POWER
 from qclearn.registration.landmarks import sample_curve
 from qclearn.registration.problem import distinct
 from qclearn.surfaces.conformal import disk_conformal_map
 
 
-class Fields(_Seeded):
+class Fields(Seeded):
     """Beltrami coefficients alone, (mu (F,),), on the faces of `polar_disk(rings, spokes)`;
     both kinds equally often."""
 
@@ -34,7 +35,7 @@ class Fields(_Seeded):
         return (random_coefficient(*self.mesh, rng, kind=rng.choice(KINDS), **self.options),)
 
 
-class SquareFields(_Seeded):
+class SquareFields(Seeded):
     """The same fields before they are resampled to a disk: complex images (mu (size, size),) of the square."""
 
     def __init__(self, count, seed, size=64, max_abs=MAX_ABS, source=dead_leaves):
@@ -87,7 +88,7 @@ def ldnet(config, folder, quick=False):
     return training, validation
 
 
-class Pairs(_Seeded):
+class Pairs(Seeded):
     """For CP-Net: (moving (128,), target (128,), mask (128,), logs (2,)) from the curves of pairs of subjects.
 
     curves: (S, C, DATA_POINTS) complex, each subject in its own disk. `plain`: whole subjects, all curves, ten points a
@@ -100,7 +101,7 @@ class Pairs(_Seeded):
         super().__init__(count, seed, curves, ranges, plain, most)
         turns = [np.exp(1j * best_mobius(curve.ravel(), curves[0].ravel())[1]) for curve in curves]
         self.curves, self.ranges, self.plain, self.most = curves * np.reshape(turns, (-1, 1, 1)), ranges, plain, most
-        self.maps = DiskMaps(*polar_disk(32, 96, 1.4))
+        self.maps = DiskMaps(*polar_disk(32, 96, POWER))
 
     def draw(self, rng):
         kinds = rng.random(4)
@@ -127,7 +128,7 @@ class Pairs(_Seeded):
         return (1 - share) * first + share * second
 
 
-class ControlPairs(_Seeded):
+class ControlPairs(Seeded):
     """For the paper's CP-Net: (moving (M,), target (M,)) with the landmarks of one control as the targets.
 
     moving: the targets moved by a random map, as the paper does, or those of another subject (or of what lies between
@@ -138,7 +139,7 @@ class ControlPairs(_Seeded):
         super().__init__(count, seed, curves, control, moved)
         self.targets, self.moved = control.ravel(), moved
         self.curves = np.array([mobius(p, *best_mobius(p, self.targets)) for p in curves.reshape(len(curves), -1)])
-        self.perturbation = Perturbation(*polar_disk(32, 96, 1.4), self.targets)
+        self.perturbation = Perturbation(*polar_disk(32, 96, POWER), self.targets)
 
     def draw(self, rng):
         if rng.random() < self.moved:

@@ -4,6 +4,8 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 from qclearn.plane.beltrami import signed_areas
+from qclearn.plane.diskmesh import polar_disk
+from qclearn.surfaces.surface import Surface
 
 
 def random_disk(seed, n_boundary=48):
@@ -27,6 +29,13 @@ def random_mu(rng, z, faces, largest):
     powers = np.stack([centre**j * centre.conj() ** k for j in range(4) for k in range(4)])
     mu = (rng.normal(size=16) + 1j * rng.normal(size=16)) @ powers
     return largest * mu / abs(mu).max()
+
+
+def bowl(height, rings=8, lean=0.0, curves=None):
+    """A bowl, bottom up, steeper on one side with `lean`; vertices as in `polar_disk(rings, 3 * rings)`."""
+    z, faces = polar_disk(rings, 3 * rings)
+    rise = height * (1 - abs(z) ** 2) * (1 + lean * z.real)
+    return Surface(np.stack([z.real, z.imag, rise], axis=1), faces, curves or {})
 
 
 def strip(n_long=60, n_wide=3):

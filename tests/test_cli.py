@@ -3,8 +3,10 @@
 import json
 import re
 import sys
+from functools import partial
 from types import SimpleNamespace
 
+import meshes
 import nibabel
 import numpy as np
 import pytest
@@ -16,7 +18,6 @@ from qclearn.files.fsaverage import fsaverage5
 from qclearn.files.meshes import read_surface, write_surface
 from qclearn.files.provenance import fingerprint
 from qclearn.plane.disk import solve_beltrami_disk
-from qclearn.plane.diskmesh import polar_disk
 from qclearn.registration.landmarkfile import read_landmarks
 from qclearn.registration.landmarks import detect_curves
 from qclearn.registration.problem import LandmarkError
@@ -70,10 +71,8 @@ def refused(capsys, folder, *arguments):
     return output.err
 
 
-def bowl(height):
-    z, faces = polar_disk(8, 24)
-    spokes = {name: np.arange(1 + start, 1 + start + 24 * 6, 24) for name, start in (("east", 0), ("north", 6))}
-    return Surface(np.stack([z.real, z.imag, height * (1 - abs(z) ** 2) * (1 + 0.4 * z.real)], axis=1), faces, spokes)
+SPOKES = {name: np.arange(1 + start, 1 + start + 24 * 6, 24) for name, start in (("east", 0), ("north", 6))}
+bowl = partial(meshes.bowl, lean=0.4, curves=SPOKES)
 
 
 CURVES = {
@@ -268,7 +267,7 @@ def test_the_network_method_and_its_tolerance_reach_the_pipeline(folder, monkeyp
         detect=detect_curves,
         predict=lambda z, faces, *_, **__: np.zeros(len(faces), complex),
         solve=solve_beltrami_disk,
-        gamma_used=lambda alpha, beta, gamma: gamma,
+        gamma_used=lambda weights: weights.gamma,
     )
     monkeypatch.setattr(sys.modules["qclearn.registration.register"], "load", lambda name: blocks)
     for tolerance, words in (

@@ -17,18 +17,15 @@ import json
 import os
 import random
 import resource
-import signal
-import sys
 import tempfile
-import time
 import warnings
 import zipfile
 import zlib
-from collections import Counter
 from pathlib import Path
 
 import nibabel
 import numpy as np
+from forked import forked, tally  # beside this file
 
 import qclearn as qc
 from qclearn.files.meshes import SlitWarning
@@ -282,30 +279,18 @@ def verdict(path):
 
 
 def guarded(path, before):
-    """`verdict` in a forked process under limits of time and memory."""
-    log, answer = path.with_name("log"), path.with_name("answer")
-    child = os.fork()
-    if not child:
-        os.setsid()
+    """`verdict` in a forked process, which may write nothing and take no more than RESIDENT beyond `before`."""
+    log = path.with_name("log")
+
+    def work():
         for stream in (1, 2):
             os.dup2(os.open(log, os.O_CREAT | os.O_WRONLY | os.O_APPEND), stream)
-        resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
-        found = verdict(path)
+        found, text = verdict(path)
         peak = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)) * 1024
-        found = ("memory", found[0]) if peak > before + RESIDENT else found
-        answer.write_text(json.dumps([found[0], found[1][:300]]))
-        os._exit(0)
-    end = time.monotonic() + SECONDS
-    while os.waitpid(child, os.WNOHANG)[0] == 0:
-        if time.monotonic() > end:
-            os.killpg(child, signal.SIGKILL)
-            os.waitpid(child, 0)
-            return "hang", ""
-        time.sleep(0.002)
-    if not answer.exists():
-        return "crash", ""
-    found = tuple(json.loads(answer.read_text()))
-    return ("noisy", log.read_text()[:300]) if log.read_bytes() and found[0] not in FAULTS else found
+        return ("memory", found) if peak > before + RESIDENT else (found, text[:300])
+
+    found = forked(work, path.with_name("answer"), SECONDS, ADDRESSES)
+    return ("noisy", log.read_text()[:300]) if found[0] not in FAULTS and log.read_bytes() else found
 
 
 def cases(kind, count, seed, folder):
@@ -347,18 +332,15 @@ def main():
     parser.add_argument("--kind", choices=["files", "registration", "crafted"], default="files")
     parser.add_argument("--out", type=Path, default=Path(os.devnull), help="a line of JSON for each case")
     options = parser.parse_args()
-    count = Counter()
-    with tempfile.TemporaryDirectory() as first, options.out.open("w", encoding="utf-8") as rows:
-        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+    def found(first):
         for label, make in cases(options.kind, options.count, options.seed, first):
             with tempfile.TemporaryDirectory() as folder:
-                found, text = guarded(make(Path(folder)), before)
-            count[found] += 1
-            rows.write(json.dumps([label, found, text]) + "\n")
-            if found in FAULTS:
-                print(label, found, text, flush=True)
-    print(dict(count))
-    sys.exit(bool(FAULTS & set(count)))
+                yield label, *guarded(make(Path(folder)), before)
+
+    with tempfile.TemporaryDirectory() as first:
+        tally(found(first), FAULTS, options.out)
 
 
 if __name__ == "__main__":

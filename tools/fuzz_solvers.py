@@ -9,19 +9,14 @@ finite), raw (another exception), hang, crash.
 """
 
 import argparse
-import json
 import os
-import resource
-import signal
-import sys
 import tempfile
-import time
 import warnings
-from collections import Counter
 from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
+from forked import forked, tally  # beside this file
 from scipy.spatial import Delaunay
 
 import qclearn as qc
@@ -210,24 +205,6 @@ def verdict(kind, seed, number):
     return ("worse" if worse else "certified" if claim else "folded"), ""
 
 
-def guarded(kind, seed, number, folder):
-    """`verdict` in a forked process under limits of time and memory."""
-    answer = Path(folder, str(number))
-    child = os.fork()
-    if not child:
-        resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
-        answer.write_text(json.dumps(verdict(kind, seed, number)))
-        os._exit(0)
-    end = time.monotonic() + SECONDS
-    while os.waitpid(child, os.WNOHANG)[0] == 0:
-        if time.monotonic() > end:
-            os.kill(child, signal.SIGKILL)
-            os.waitpid(child, 0)
-            return "hang", ""
-        time.sleep(0.003)
-    return tuple(json.loads(answer.read_text())) if answer.exists() else ("crash", "")
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("kind", choices=list(CASES))
@@ -235,16 +212,12 @@ def main():
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=Path(os.devnull), help="a line of JSON for each case")
     options = parser.parse_args()
-    count = Counter()
-    with tempfile.TemporaryDirectory() as folder, options.out.open("w", encoding="utf-8") as rows:
-        for number in range(options.count):
-            found, text = guarded(options.kind, options.seed, number, folder)
-            count[found] += 1
-            rows.write(json.dumps([number, found, text[:300]]) + "\n")
-            if found in FAULTS:
-                print(number, found, text[:300], flush=True)
-    print(dict(count))
-    sys.exit(bool(FAULTS & set(count)))
+
+    def guarded(number, folder):
+        return forked(lambda: verdict(options.kind, options.seed, number), folder / str(number), SECONDS, ADDRESSES)
+
+    with tempfile.TemporaryDirectory() as folder:
+        tally(((number, *guarded(number, Path(folder))) for number in range(options.count)), FAULTS, options.out)
 
 
 if __name__ == "__main__":

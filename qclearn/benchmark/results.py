@@ -121,9 +121,9 @@ def plain(value):
 def write_results(path, results):
     """Write a checked results file, whole or not at all; BenchmarkError if it cannot be."""
     check_schema(path, results, "benchmark")
-    head = json.dumps({name: value for name, value in results.items() if name != "rows"}, indent=1)
-    rows = ",\n  ".join(json.dumps(row) for row in results["rows"])
-    write_text(path, f'{head[:-2]},\n "rows": [\n  {rows}\n ]\n}}\n')  # a row a line
+    rows = ",\n  ".join(json.dumps(row) for row in results["rows"])  # a row a line
+    text = json.dumps(results | {"rows": []}, indent=1).replace('"rows": []', f'"rows": [\n  {rows}\n ]')
+    write_text(path, text + "\n")
 
 
 def write_networks(path, figures):

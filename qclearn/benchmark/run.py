@@ -8,12 +8,10 @@ A run is a method with its parameters and a source of landmarks. A method of one
 `benchmark(..., methods=METHODS | {"mine": mine}, runs=(*RUNS, Run("mine", "mine")))`.
 """
 
-import platform
 import time
 from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass
 from datetime import date
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from tqdm import tqdm
@@ -23,6 +21,7 @@ from data_synth.cortex import FEWEST, MOST
 
 from ..files.extras import require
 from ..files.provenance import commit, processor
+from ..files.provenance import versions as versions_of
 from ..methods import METHODS
 from .pairs import CONTROL, cohort_pair, displacement_pair, fsaverage_pair, mapped_subject
 from .results import BenchmarkError, Journal
@@ -32,7 +31,7 @@ from .trial import trial
 DISTANCES, CURVE_COUNTS = (0.05, 0.1, 0.2, 0.3, 0.4), (4, 8)
 PATIENCE = 20  # seconds for a scheduler to answer and to have a worker
 KEEP_MEMORY = "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_"
-VERSIONS = ("qclearn", "numpy", "scipy", "distributed", "torch")
+PACKAGES = ("qclearn", "numpy", "scipy", "distributed", "torch")
 
 
 @dataclass(frozen=True)
@@ -132,7 +131,9 @@ def problems(subjects, sets):
             for curves in CURVE_COUNTS
             for distance in DISTANCES
         ]
-    return specs + [Spec("fsaverage5", "right to left")] * ("fsaverage5" in sets)
+    if "fsaverage5" in sets:
+        specs.append(Spec("fsaverage5", "right to left"))
+    return specs
 
 
 def submit_pair(client, spec, vertices, folder):
@@ -224,24 +225,17 @@ def check_workers(client, scheduler):
         )
     own = versions()
     differ = [
-        f"{address} has {name} {theirs[name]}, here {own[name]}"
+        f"{address} has {name} {theirs.get(name, 'none')}, here {own.get(name, 'none')}"
         for address, theirs in sorted(client.run(versions).items())
-        for name in own
-        if theirs[name] != own[name]
+        for name in own | theirs
+        if theirs.get(name) != own.get(name)
     ]
     if differ:
         raise BenchmarkError(f"workers have other versions ({'; '.join(differ[:5])}): install the same on all")
 
 
-def own_version(name="qclearn"):
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "none"
-
-
 def versions():
-    return {name: own_version(name) for name in VERSIONS} | {"python": platform.python_version()}
+    return versions_of(*PACKAGES)
 
 
 def machine(client):

@@ -14,6 +14,7 @@ from ..methods.networks import networks_of
 from ..plane.beltrami import beltrami_coefficient
 from ..plane.bijectivity import RepairWarning, check_bijective
 from ..plane.diskmesh import locate, polar_disk
+from ..registration.fit import POWER
 from ..registration.landmarks import POINTS_PER_CURVE, curve_distance, sample_curve
 from ..registration.metrics import (
     coefficient_histogram,
@@ -64,7 +65,7 @@ def trial(pair, run, method):
                 *prepared.notes,
                 *costs["notes"],
             ]
-            return {"status": "done", **measured(pair, prepared, f, points, run.keep_field), **costs}
+            return {"status": "done", **map_figures(pair, prepared, f, points, run.keep_field), **costs}
     except Exception as error:
         return {"status": "failed", "message": f"{type(error).__name__}: {error}"}
 
@@ -122,7 +123,7 @@ def memory(name, reset_peak=False):
         return None
 
 
-def measured(pair, prepared, f, points, keep_field):
+def map_figures(pair, prepared, f, points, keep_field):
     """All figures of a map f (V,) with registered points (V, 3)."""
     moving, control, problem = pair.moving.surface, pair.control.surface, prepared.problem
     mu, certificate = beltrami_coefficient(problem.z, problem.faces, f), check_bijective(problem.z, problem.faces, f)
@@ -145,7 +146,7 @@ def measured(pair, prepared, f, points, keep_field):
         near = near_curves(moving, [curve["moving"] for curve in pair.curves], NEAR)
         figures |= correspondence_measures(points, pair.truth, near) | floors(pair)
     if keep_field and figures["certified"]:
-        grid, faces = polar_disk(16, 48, power=1.4)
+        grid, faces = polar_disk(16, 48, POWER)
         figures["field"] = np.round(abs(mu)[locate(f, problem.faces, grid[faces].mean(1))[0]], 4)
     return figures
 

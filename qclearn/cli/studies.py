@@ -18,9 +18,11 @@ import click
 def train(network, preset, gamma, out, data, steps, seed, quick, threads):
     """Train a network by the recipe of its shipped weights; writes log, checkpoint and weights. `torchrun` runs it on
     several processes or machines: torchrun --nproc-per-node 2 -m qclearn train dbsnet --out run."""
-    from ..nets.run import run_training
+    from ..nets.run import run_training, use_threads
 
-    path, row = run_training(network, preset, gamma, Path(out), data, steps, seed, quick, threads)
+    use_threads(threads)
+    changes = {name: value for name, value in (("steps", steps), ("seed", seed)) if value is not None}
+    path, row = run_training(network, preset, gamma, Path(out), data, quick, **changes)
     if path:
         click.echo(
             f"{path}: validation loss {row['validation_loss']:.4g} after {row['step']:.0f} steps, "

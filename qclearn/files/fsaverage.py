@@ -25,7 +25,7 @@ def fsaverage5(hemisphere: str = "left", kind: str = "pial") -> Surface:
     if hemisphere not in ("left", "right") or kind not in _FILES:
         raise SurfaceError(
             f"fsaverage5 has no '{hemisphere}' '{kind}' surface; hemispheres are left and right, kinds "
-            f"{', '.join(_FILES)}."
+            f"{', '.join(_FILES)}"
         )
     vertices, faces = _opening(hemisphere)
     return Surface(_closed(hemisphere, kind).vertices[vertices], faces, original_vertices=vertices)
@@ -40,7 +40,7 @@ def named_sulci(hemisphere, original_indices):
     or where an endpoint was cut away.
     """
     if hemisphere not in ("left", "right"):
-        raise SurfaceError(f"fsaverage5 has no hemisphere '{hemisphere}'; hemispheres are left and right.")
+        raise SurfaceError(f"fsaverage5 has no hemisphere '{hemisphere}'; hemispheres are left and right")
     original_indices = np.asarray(original_indices)
     sulci = json.loads(files(__package__).joinpath("fsaverage5_sulci.json").read_text(encoding="utf-8"))["sulci"]
     return {name: _renumbered(name, entry[hemisphere]["vertices"], original_indices) for name, entry in sulci.items()}
@@ -64,7 +64,7 @@ def _renumbered(name, vertices, original_indices):
     if lost:
         raise SurfaceError(
             f"{name}: vertices {lost} of the closed fsaverage5 are not on the opened surface; "
-            f"open it with a smaller mask, and pass the original indices that belong to it."
+            f"open it with a smaller mask, and pass the original indices that belong to it"
         )
     return tuple(int(place[0]) for place in found)
 
@@ -85,5 +85,5 @@ def _closed(hemisphere, kind):
 def _folder():
     nilearn = find_spec("nilearn")  # finds it without importing it, which takes seconds
     if nilearn is None:
-        raise SurfaceError("fsaverage5 comes with nilearn, which is not installed; install it: pip install nilearn.")
+        raise SurfaceError("fsaverage5 comes with nilearn, which is not installed; install it: pip install nilearn")
     return Path(nilearn.submodule_search_locations[0], "datasets", "data", "fsaverage5")

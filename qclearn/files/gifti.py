@@ -66,7 +66,7 @@ def _announced(attributes):
     if attributes.get("Encoding") == "ExternalFileBinary":
         raise SurfaceError(
             "keeps its data in another file (as SPM writes it); convert it to one file, for example with "
-            "wb_command -gifti-convert GZIP_BASE64_BINARY IN OUT."
+            "wb_command -gifti-convert GZIP_BASE64_BINARY IN OUT"
         )
     return math.prod(map(int, sides)) * nibabel.nifti1.data_type_codes.dtype[kind].itemsize
 
@@ -104,7 +104,7 @@ def surface_arrays(image):
     points = image.get_arrays_from_intent("NIFTI_INTENT_POINTSET")
     triangles = image.get_arrays_from_intent("NIFTI_INTENT_TRIANGLE")
     if len(points) != 1 or len(triangles) != 1:
-        raise SurfaceError("is GIFTI, but not one surface; give a .surf.gii with one point set and its triangles.")
+        raise SurfaceError("is GIFTI, but not one surface; give a .surf.gii with one point set and its triangles")
     return points[0].data, triangles[0].data
 
 
@@ -115,7 +115,7 @@ def values_of(image):
         nibabel.nifti1.intent_codes[name] for name in ("NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE")
     }
     if intents or not arrays or len({array.shape for array in arrays}) > 1:
-        raise SurfaceError("holds no maps of one value a vertex; give a .func.gii, .shape.gii or .label.gii.")
+        raise SurfaceError("holds no maps of one value a vertex; give a .func.gii, .shape.gii or .label.gii")
     return arrays[0] if len(arrays) == 1 else np.stack(arrays, axis=-1)
 
 

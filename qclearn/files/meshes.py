@@ -144,7 +144,7 @@ def suffix_of(path):
 def _unknown_format(content):
     return (
         f"the suffix is none of {', '.join(_READERS)}, {content}; rename the file or convert it, "
-        f"for example with mris_convert."
+        f"for example with mris_convert"
     )
 
 
@@ -154,11 +154,11 @@ def _read_npz(_, data):
     )
     missing = {"vertices", "faces"} - set(arrays)
     if missing:
-        raise SurfaceError(f"lacks the array {' and '.join(sorted(missing))}; save vertices (V, 3), faces (F, 3).")
+        raise SurfaceError(f"lacks the array {' and '.join(sorted(missing))}; save vertices (V, 3), faces (F, 3)")
     curves = {key.removeprefix("curve_"): array for key, array in arrays.items() if key.startswith("curve_")}
     bad = next((name for name in curves if not is_plain_name(name)), None)
     if bad is not None:
-        raise SurfaceError(f"has a curve whose name is too long or holds control characters, {bad[:40]!r}; rename it.")
+        raise SurfaceError(f"has a curve whose name is too long or holds control characters, {bad[:40]!r}; rename it")
     return arrays["vertices"], arrays["faces"], curves, arrays.get("original_vertices")
 
 
@@ -173,7 +173,7 @@ def _write_npz(path, surface, original_vertices):
 
 def _read_freesurfer(path, data):
     if data.startswith(_FREESURFER_QUADS):
-        raise SurfaceError("holds quadrangles (FreeSurfer's old format); convert it with mris_convert to triangles.")
+        raise SurfaceError("holds quadrangles (FreeSurfer's old format); convert it with mris_convert to triangles")
     _check_freesurfer(data)
     return *nibabel.freesurfer.read_geometry(path), {}
 
@@ -262,7 +262,7 @@ def _warn_of_slits(path, surface):
             warnings.warn(
                 f"{path}: merging equal points leaves a slit at vertex {vertex} "
                 f"({surface.vertices[vertex].tolist()}), where two points that should be one may differ; check "
-                "the file, or close the slit (pyvista's clean with a tolerance).",
+                "the file, or close the slit (pyvista's clean with a tolerance)",
                 SlitWarning,
                 stacklevel=3,
             )

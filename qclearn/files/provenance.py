@@ -64,6 +64,6 @@ def origin(inputs, curves, command):
     return {
         "inputs": {side: {"path": path} | marks[side] for side, (path, _) in inputs.items()},
         "landmarks": {"curves": curves["curves"] if isinstance(curves, dict) else curves, "surfaces": marks},
-        "versions": versions("qclearn", "numpy", "scipy", *["torch"] * ("torch" in sys.modules)),
+        "versions": versions("qclearn", "numpy", "scipy", *(("torch",) if "torch" in sys.modules else ())),
         "command": command,
     }

@@ -31,7 +31,7 @@ RATIO, ROOM = 100, 64 << 20
 LONGEST_NAME = 200  # of a curve
 LONGEST_MESSAGE = 2000
 _LEFTOVER = re.compile(r"\.qclearn-(\d{1,9})@(.*)-\w{8}(-.*)?", re.DOTALL)
-_AGAIN = "it may be cut short or of another format: copy or export it again."
+_AGAIN = "it may be cut short or of another format: copy or export it again"
 # Errors of bad bytes by their kind; of any other kind only where one of these libraries raised it.
 _BAD_BYTES = (ValueError, OverflowError, EOFError, OSError, struct.error, zlib.error, zipfile.BadZipFile, ExpatError)
 _LIBRARIES = {"nibabel", "numpy", "zipfile", "gzip", "xml", "ast", "tokenize", "json"}
@@ -52,17 +52,17 @@ def read_bytes(path):
     try:
         mode = path.stat().st_mode
         if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):  # reading it might never end
-            raise SurfaceError(f"{path}: is {_kind(mode)}, not a regular file; save what it gives in a file first.")
+            raise SurfaceError(f"{path}: is {_kind(mode)}, not a regular file; save what it gives in a file first")
         data = path.read_bytes()
         if path.suffix.lower() in (".gz", ".mgz"):
             data = _unzipped(path, data)
     except (OSError, EOFError, zlib.error) as error:
         reason = getattr(error, "strerror", None) or error  # damaged gzip has none
-        raise SurfaceError(f"{path}: cannot be read ({reason}); check the name and copy the file again.") from None
+        raise SurfaceError(f"{path}: cannot be read ({reason}); check the name and copy the file again") from None
     except MemoryError:
         raise out_of_memory(path) from None
     if not data:
-        raise SurfaceError(f"{path}: the file is empty; copy or export it again.")
+        raise SurfaceError(f"{path}: the file is empty; copy or export it again")
     return data
 
 
@@ -77,7 +77,7 @@ def _unzipped(path, data):
     if len(unzipped) > most:
         raise SurfaceError(
             f"{path}: {len(data)} bytes unzip to more than {most}, which no surface or map does; it may be damaged or "
-            f"made to fill the memory. If it is sound, unzip it (gunzip) and give the file that comes out."
+            f"made to fill the memory. If it is sound, unzip it (gunzip) and give the file that comes out"
         )
     return unzipped
 
@@ -86,7 +86,7 @@ def out_of_memory(path):
     """The SurfaceError for a file that the memory has no room for."""
     return SurfaceError(
         f"{path}: there is not enough memory to read it; close other programs, use a machine with more, "
-        f"or give a coarser surface."
+        f"or give a coarser surface"
     )
 
 
@@ -180,7 +180,7 @@ def write_whole(path, write, size=None):
             raise SurfaceError(f"{path}: {full_disk(path.parent, written, size)}") from None
         raise SurfaceError(
             f"{path}: cannot be written ({error.strerror or error}); choose a file in a folder that exists and is "
-            f"writable."
+            f"writable"
         ) from None
 
 
@@ -197,7 +197,7 @@ def full_disk(folder, written, size=None):
     else:
         missing = _megabytes(max(size - free, 0))
         need = f"about {_megabytes(size)} are needed, {_megabytes(free)} are free, {missing} are missing"
-    return f"the disk is full (No space left on device): {need}; make room, or choose a folder on another disk."
+    return f"the disk is full (No space left on device): {need}; make room, or choose a folder on another disk"
 
 
 def _megabytes(size):

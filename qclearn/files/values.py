@@ -47,7 +47,7 @@ Values = Real[ndarray, " V *k"] | Bool[ndarray, " V *k"]
 
 
 def read_mask(path: str | Path, surface: Surface, keep: bool = False) -> Bool[ndarray, " V"]:
-    """Mask (V,) bool of the vertices to cut away: those a file names or gives a nonzero value; for open_surface.
+    """Mask of the vertices to cut away: those a file names or gives a nonzero value; for open_surface.
 
     Files: a FreeSurfer .label (vertex numbers), or one number a vertex as `read_values` reads it. keep=True: the file
     says what to keep (lh.cortex.label, thickness), so all else is cut. Raises SurfaceError, also where more than half
@@ -65,7 +65,7 @@ def read_mask(path: str | Path, surface: Surface, keep: bool = False) -> Bool[nd
     elif suffix_of(path) == ".annot":
         raise SurfaceError(
             f"{path}: an annotation names regions and does not say which to cut; give the subject's cortex "
-            f"label (lh.cortex.label, with --keep), or a mask of the regions to cut."
+            f"label (lh.cortex.label, with --keep), or a mask of the regions to cut"
         )
     else:
         values = read_values(path)
@@ -73,14 +73,14 @@ def read_mask(path: str | Path, surface: Surface, keep: bool = False) -> Bool[nd
             raise SurfaceError(f"{path}: holds values of the shape {values.shape}; {_other(n_vertices)}")
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
-            raise SurfaceError(f"{path}: is NaN or infinite at {len(bad)} vertices, the first {bad[0]}; use 0 and 1.")
+            raise SurfaceError(f"{path}: is NaN or infinite at {len(bad)} vertices, the first {bad[0]}; use 0 and 1")
         mask = values != 0
     if keep:
         return ~mask
     if mask.sum() > n_vertices / 2:
         raise SurfaceError(
             f"{path}: would cut {mask.sum()} of {n_vertices} vertices, so it seems to say what to keep, as "
-            f"lh.cortex.label and thickness do; read it with keep=True (`qclearn open --keep`), or give the other part."
+            f"lh.cortex.label and thickness do; read it with keep=True (`qclearn open --keep`), or give the other part"
         )
     return mask
 
@@ -99,16 +99,16 @@ def read_values(path: str | Path) -> Values:
     data = read_bytes(path)
     if suffix not in _READERS and not data.startswith(_MORPHOMETRY):
         raise SurfaceError(
-            f"{path}: no per-vertex file that is read here, which are {_FORMATS}; convert it to one of them."
+            f"{path}: no per-vertex file that is read here, which are {_FORMATS}; convert it to one of them"
         )
     kind, reader = _READERS.get(suffix, ("FreeSurfer morphometry file", _read_morphometry))
     with explain(path, kind):
         values = np.asarray(reader(path, data))
         if values.dtype.kind not in "biuf":
-            raise SurfaceError(f"holds {values.dtype}, not real numbers; save one real number a vertex.")
+            raise SurfaceError(f"holds {values.dtype}, not real numbers; save one real number a vertex")
         if values.ndim not in (1, 2) or not values.size:
             raise SurfaceError(
-                f"holds an array of the shape {values.shape}, not (V,) or (V, k); save one number a vertex."
+                f"holds an array of the shape {values.shape}, not (V,) or (V, k); save one number a vertex"
             )
     return values.astype(values.dtype.newbyteorder("="))
 
@@ -144,7 +144,7 @@ def write_values(path: str | Path, values: Values, side: str | None = None, labe
     if values.dtype.kind not in "biuf" or values.ndim not in (1, 2):
         raise SurfaceError(
             f"{path}: values of the type {values.dtype} and shape {values.shape} cannot be written; give real "
-            "numbers (V,) or (V, k): the real and imaginary parts of complex ones, say."
+            "numbers (V,) or (V, k): the real and imaginary parts of complex ones, say"
         )
     if suffix == ".gii":
         side = side or gifti.side_of_name(path)
@@ -161,17 +161,17 @@ def write_values(path: str | Path, values: Values, side: str | None = None, labe
     else:
         raise SurfaceError(
             f"{path}: not a format that is written here, which are {_FORMATS.replace(' .annot or', ' or')}; "
-            "choose another name."
+            "choose another name"
         )
 
 
 def _require_known(path, suffix, done):
     known = ".nii" if path.name.lower().endswith(".nii.gz") else suffix
     if known in _REFUSED:
-        raise SurfaceError(f"{path}: {known} files are not {done} here; {_REFUSED[known]}.")
+        raise SurfaceError(f"{path}: {known} files are not {done} here; {_REFUSED[known]}")
     if known == ".annot" and done == "written":
         raise SurfaceError(
-            f"{path}: .annot files are not written here; write a .label.gii and convert it, mris_convert --annot."
+            f"{path}: .annot files are not written here; write a .label.gii and convert it, mris_convert --annot"
         )
 
 
@@ -179,7 +179,7 @@ def _fitting(path, values, whole=True):
     """Values as int32 or float32; SurfaceError where one would change. whole=False: the format has float32 alone."""
     if values.ndim == 2 and not whole:
         raise SurfaceError(
-            f"{path}: FreeSurfer morphometry holds one map, not {values.shape[1]}; choose .mgh or .func.gii."
+            f"{path}: FreeSurfer morphometry holds one map, not {values.shape[1]}; choose .mgh or .func.gii"
         )
     integers = values.dtype.kind in "biu"
     largest = np.iinfo(np.int32).max if whole else 1 << 24  # float32 has every integer up to there
@@ -189,13 +189,13 @@ def _fitting(path, values, whole=True):
         value = values[tuple(bad[0])]
         raise SurfaceError(
             f"{path}: {value} at vertex {bad[0][0]} does not fit the format (which goes up to {largest:.10g}); "
-            "choose .npy or .txt."
+            "choose .npy or .txt"
         )
     return values.astype(np.int32 if integers and whole else np.float32)
 
 
 def _other(n_vertices):
-    return f"the surface has {n_vertices} vertices: take the file that belongs to this surface, or copy it again."
+    return f"the surface has {n_vertices} vertices: take the file that belongs to this surface, or copy it again"
 
 
 def _read_label(path, data):
@@ -258,7 +258,7 @@ def _read_mgh(_, data):
     if sum(side > 1 for side in shape[:3]) > 1:
         raise SurfaceError(
             f"holds a volume of {' x '.join(map(str, shape[:3]))}, not a map on a surface; sample it there "
-            "with mri_vol2surf."
+            "with mri_vol2surf"
         )
     require_all("value", (len(data) - 284) // size, math.prod(shape))
     values = np.asarray(nibabel.MGHImage.from_bytes(data).dataobj).reshape(-1, shape[3], order="F")

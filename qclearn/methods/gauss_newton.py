@@ -11,11 +11,11 @@ from ..plane.fields import bounded, unbounded
 from ..plane.mobius import best_mobius
 from ..registration.certified import exact_map
 from ..registration.engine import GaussNewton
-from ..registration.fit import fit_on_grid, fit_problem
+from ..registration.fit import POWER, fit_on_grid, fit_problem
 from ..registration.problem import Weights
 from .solver import report
 
-COARSE, MESH = polar_disk(24, 72, power=1.4), polar_disk(32, 96, power=1.4)  # of CP-Net, and of the few steps
+COARSE, MESH = polar_disk(24, 72, POWER), polar_disk(32, 96, POWER)  # of CP-Net, and of the few steps
 
 
 def gauss_newton(problem, alpha=1.0, beta=1e-2, gamma=1e5, sliding=False, rings=None):

@@ -36,8 +36,8 @@ def unfold(solver, f, smoothness):
     first = left = len(flipped_faces(solver.faces, f))
     rounds = 0
     while left and rounds < MOST_ROUNDS:
-        nu = truncated(smoothed(solver, truncated(measured(solver, f)), FIRST_WEIGHT / 2**rounds))
-        held = truncated(measured(solver, solver.solve(nu, HARD)))
+        nu = truncated(smoothed(solver, truncated(coefficient_of(solver, f)), FIRST_WEIGHT / 2**rounds))
+        held = truncated(coefficient_of(solver, solver.solve(nu, HARD)))
         f = solver.solve(truncated(held + smoothness * (nu - held)))
         left, rounds = len(flipped_faces(solver.faces, f)), rounds + 1
     if first:
@@ -47,7 +47,7 @@ def unfold(solver, f, smoothness):
     return f
 
 
-def measured(solver, f):
+def coefficient_of(solver, f):
     return beltrami_coefficient(solver.z, solver.faces, f)
 
 

@@ -55,12 +55,10 @@ class Born(nn.Module):
 
         Returns `step(residual) -> (coefficients, promised)` for complex scaled residuals (B, M).
         """
-        factor = (slope * scale)[..., None]
-        J = torch.stack(
-            [factor.real * J[:, :, 0] - factor.imag * J[:, :, 1], factor.imag * J[:, :, 0] + factor.real * J[:, :, 1]],
-            2,
-        ).flatten(1, 2)
-        D = alpha[:, None] + beta[:, None] * self.grid.values
+        factor, real, imaginary = (slope * scale)[..., None], J[:, :, 0], J[:, :, 1]
+        turned = factor.real * real - factor.imag * imaginary, factor.imag * real + factor.real * imaginary
+        J = torch.stack(turned, 2).flatten(1, 2)  # (B, 2 M, modes): of the real and the imaginary parts by turns
+        D = alpha[:, None] + beta[:, None] * self.grid.values  # (B, modes): the prior, diagonal in these coordinates
         rows = torch.view_as_real(J * D.rsqrt()[:, None]).flatten(2)
         columns = torch.view_as_real(columns * scale[..., None]).transpose(2, 3).flatten(1, 2).double()
         inverse = least_squares(columns, None)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import torch
 from torch import nn
 
-from ..registration.problem import LandmarkError, check_landmarks, check_weights
+from ..registration.problem import LandmarkError, Weights, check_landmarks
 from .born import Born
 from .cpnet_paper import PaperCPNet, PaperCPNetConfig
 from .layers import ConditionedUNet, disk_mesh
@@ -200,35 +200,36 @@ class BestCPNet(nn.Module):
         landmarks or weights, or more than `config.most` landmarks; BeltramiError or SurfaceError where the mesh is no
         disk.
         """
-        return self.on_mesh(disk_mesh(z, faces), self(*self.problem(moving, target, alpha, beta, gamma), looks))
+        given = self.tensors(moving, target, Weights(alpha, beta, gamma))
+        return self.on_mesh(disk_mesh(z, faces), self(*given, looks))
 
     @torch.no_grad()
-    def answers(self, z, faces, moving, target, alpha=1.0, beta=1e-2, gamma=1e5, looks=3):
-        """What `predict` would say after each of its stages: dict name -> mu (F,), in order."""
-        mesh = disk_mesh(z, faces)
-        problem, born, nu = self.begin(*self.problem(moving, target, alpha, beta, gamma))
+    def answers(self, problem, weights, looks=3):
+        """What `predict` would say of a `Problem` after each of its stages: dict name -> mu (F,), in order."""
+        mesh = disk_mesh(problem.z, problem.faces)
+        linearised, born, nu = self.begin(*self.tensors(problem.moving, problem.target, weights))
         found = {"Born step": born, "first correction": nu}
         for number in range(1, looks + 1):
-            _, chord, nu = self.look(problem, nu)
+            _, chord, nu = self.look(linearised, nu)
             found |= {"chord step": chord} if number == 1 else {}
             found[f"{number} look{'s' * (number > 1)}"] = nu
         return {name: self.on_mesh(mesh, nu) for name, nu in found.items()}
 
-    def problem(self, moving, target, alpha, beta, gamma):
-        """Checked input as tensors (1, ...)."""
+    def tensors(self, moving, target, weights):
+        """Checked landmarks, their mask and the ratios of the weights as tensors (1, ...)."""
         moving, target, _ = check_landmarks(moving, target, None, False)
-        check_weights(alpha, beta, gamma)
         check_count(moving, self.config.most)
         p, q = (torch.from_numpy(points)[None].to(self.grid.z) for points in (moving, target))
-        ratios = torch.tensor([[beta / alpha, self.gamma_used(alpha, beta, gamma) / alpha]])
+        ratios = torch.tensor([[weights.beta / weights.alpha, self.gamma_used(weights) / weights.alpha]])
         return p, q, torch.ones_like(p.real), ratios.to(self.grid.area)
 
-    def gamma_used(self, alpha, beta, gamma):
+    def gamma_used(self, weights):
         """The gamma that `predict` answers for: the given one, or a smaller one beyond `config.stiffest`.
 
         There, on the validation subjects, the answer for the smaller gamma is the better one at the larger gamma too.
         """
-        return min(gamma, alpha * 10**self.config.stiffest * max(beta / alpha, 10 ** self.config.smooth[0]))
+        smooth = max(weights.beta / weights.alpha, 10 ** self.config.smooth[0])
+        return min(weights.gamma, weights.alpha * 10**self.config.stiffest * smooth)
 
     def on_mesh(self, mesh, nu):
         """The coefficient mu (F,) of nu (1, rings, spokes) at the centroids of a `DiskMesh`."""

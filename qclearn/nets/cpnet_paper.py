@@ -9,7 +9,7 @@ from torch import nn
 from torch.nn import functional
 
 from ..plane.mobius import mobius, mobius_slope
-from ..registration.problem import LandmarkError, check_landmarks, check_weights
+from ..registration.problem import LandmarkError, Weights, check_landmarks
 from .layers import disk_mesh
 from .losses import L_CP
 from .torchplane import bounded, fit_mobius, square_places
@@ -94,8 +94,8 @@ class PaperCPNet(nn.Module):
             f, _ = network(mu)
             w = p + self.sample(f - network.mesh.z, p)
             w = mobius_of(w, *fit_mobius(w, targets, torch.ones_like(p.real)))
-            weights = network.mesh.areas / network.mesh.areas.sum()
-            loss = L_CP(network.mesh, network.on_faces(mu), w, targets, 1.0, 1.0, self.config.gamma, weights=weights)
+            shares, weights = network.mesh.areas / network.mesh.areas.sum(), Weights(1.0, 1.0, self.config.gamma)
+            loss = L_CP(network.mesh, network.on_faces(mu), w, targets, weights, shares=shares)
             error = (w - targets).abs().mean()
         return loss.mean(), {"error": error.item(), "mu": mu.abs().mean().item()}
 
@@ -124,7 +124,7 @@ class PaperCPNet(nn.Module):
         """
         gamma = alpha * self.config.gamma if gamma is None else gamma
         moving, target, _ = check_landmarks(moving, target, curve, False)
-        check_weights(alpha, beta, gamma)
+        Weights(alpha, beta, gamma)
         p = self.in_order(moving, target)
         if not np.allclose([beta / alpha, gamma / alpha], [1.0, self.config.gamma], rtol=1e-3):
             raise LandmarkError(

@@ -185,3 +185,21 @@ class PolarFunction:
     def __call__(self, z):
         place = [abs(z) * self.rings, np.angle(z) % (2 * np.pi) * self.spokes / (2 * np.pi)]
         return z * ndimage.map_coordinates(self.q, place, order=1, mode="nearest")
+
+
+def output_shapes(parts, run):
+    """What modules hand on during run(), in order: (name, module, its output's shape in words, without the batch).
+
+    parts: pairs (name, module).
+    """
+    rows = []
+
+    def note(name):
+        return lambda part, _, output: rows.append((name, part, " × ".join(map(str, output.shape[1:]))))
+
+    hooks = [part.register_forward_hook(note(name)) for name, part in parts]
+    with torch.no_grad():
+        run()
+    for hook in hooks:
+        hook.remove()
+    return rows

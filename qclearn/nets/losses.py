@@ -117,23 +117,23 @@ def L_DBSNet(mesh, mu, f, angles, eta=1.0, rho=1e-8, equation=L_LBS):
     return eta * equation(mesh, mu, f) + rho * L_Boundary(angles)
 
 
-def L_mu(mu, weights=None):
-    """`1/N sum_i |mu_i|^2` (B,) over the faces of mu (B, F), eq. muloss; weights (F,): of the faces, their sum 1."""
-    return _mean(mu.abs() ** 2, weights)
+def L_mu(mu, shares=None):
+    """`1/N sum_i |mu_i|^2` (B,) over the faces of mu (B, F), eq. muloss; shares (F,): of the faces, sum 1."""
+    return _mean(mu.abs() ** 2, shares)
 
 
-def L_grad_mu(mesh, mu, weights=None):
-    """`1/N sum_i |grad mu_i|^2` (B,) over faces, eq. musmooth; weights (F,): of the faces, their sum 1.
+def L_grad_mu(mesh, mu, shares=None):
+    """`1/N sum_i |grad mu_i|^2` (B,) over faces, eq. musmooth; shares (F,): of the faces, sum 1.
 
     The gradient of values that are constant on faces is not defined as printed: here mu is averaged to the vertices by
     area, and |grad mu|^2 is the squares of the four partial derivatives of its linear interpolant.
     """
     nodal = mesh.to_vertices(mu)
-    return _mean(mesh.gradient(nodal.real).abs() ** 2 + mesh.gradient(nodal.imag).abs() ** 2, weights)
+    return _mean(mesh.gradient(nodal.real).abs() ** 2 + mesh.gradient(nodal.imag).abs() ** 2, shares)
 
 
-def _mean(values, weights):
-    return values.mean(-1) if weights is None else values @ weights
+def _mean(values, shares):
+    return values.mean(-1) if shares is None else values @ shares
 
 
 def L_Landmark(points, target, present=None):
@@ -144,6 +144,7 @@ def L_Landmark(points, target, present=None):
     return (square * present).sum(-1) / present.sum(-1).clamp(min=1)
 
 
-def L_CP(mesh, mu, points, target, alpha, beta, gamma, present=None, weights=None):
-    """`alpha L_mu + beta L_grad_mu + gamma L_Landmark` (B,), eq. RegLoss; the weights are numbers or (B,)."""
-    return alpha * L_mu(mu, weights) + beta * L_grad_mu(mesh, mu, weights) + gamma * L_Landmark(points, target, present)
+def L_CP(mesh, mu, points, target, weights, present=None, shares=None):
+    """`alpha L_mu + beta L_grad_mu + gamma L_Landmark` (B,), eq. RegLoss, with the three of a `Weights`."""
+    terms = L_mu(mu, shares), L_grad_mu(mesh, mu, shares), L_Landmark(points, target, present)
+    return weights.alpha * terms[0] + weights.beta * terms[1] + weights.gamma * terms[2]

@@ -17,23 +17,17 @@ from .networks import network as row_of
 from .weights import digest, stem
 
 
-def run_training(
-    network, preset="best", gamma=None, out=Path("run"), data=None, steps=None, seed=None, quick=False, threads=None
-):
+def run_training(network, preset="best", gamma=None, out=Path("run"), data=None, quick=False, **changes):
     """Train `network` by its recipe: (path of its weights file, last row of the log); (None, row) off the first
     process.
 
     The recipe is the network's row in `nets.networks`: `TRAINING[preset]` of its module and the function of its data;
-    steps and seed replace the recipe's. TrainingError as `train`.
+    changes replace fields of its `TrainConfig`, as in steps=100. TrainingError as `train`.
     """
     row = row_of(network)
     if fault := gamma_fault(network, preset, gamma):
         raise TrainingError(fault)
-    if threads:
-        torch.set_num_threads(threads)
-    recipe = row.training[preset]
-    given = {"steps": steps, "seed": seed}
-    recipe = replace(recipe, **{name: value for name, value in given.items() if value is not None})
+    recipe = replace(row.training[preset], **changes)
     torch.manual_seed(recipe.seed)  # of the parameters' first values
     model = build(network, {"preset": preset} | ({} if gamma is None else {"gamma": gamma}))
     folder = Path(data) if data else user_cache_path("qclearn") / "training"
@@ -44,6 +38,12 @@ def run_training(
     path = out / f"{stem(network, preset, gamma)}.safetensors"
     save_weights(path, model, header(network, recipe, training, quick, last))
     return path, last
+
+
+def use_threads(count):
+    """As many threads of torch, or as torch has it where none are given."""
+    if count:
+        torch.set_num_threads(count)
 
 
 def header(network, recipe, training, quick, last):

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from math import cos, inf, pi
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -51,6 +52,14 @@ class TrainConfig:
     validate_every: int = 500
 
 
+class Process(NamedTuple):
+    """One of the processes that train together: its number, how many there are, and where its tensors are."""
+
+    rank: int = 0
+    world: int = 1
+    device: torch.device = torch.device("cpu")
+
+
 class Objective(nn.Module):
     """The loss as a forward pass, which is what the data-parallel wrapper can see."""
 
@@ -71,7 +80,8 @@ def train(model, training, validation, config, folder, progress=True):
     TrainingError for an impossible configuration, a folder of another run, or a loss that is not finite.
     """
     folder = Path(folder)
-    with process_group() as (rank, world, device):
+    with process_group() as process:
+        rank, world, device = process
         check_config(config, training, world)
         if rank == 0:
             claim(folder, model, config)
@@ -89,7 +99,7 @@ def train(model, training, validation, config, folder, progress=True):
         )  # None: unless on a terminal
         kept = time.perf_counter()
         while step < config.steps:
-            loss, figures = take_step(objective, optimiser, training, config, step, rank, world, device)
+            loss, figures = take_step(objective, optimiser, training, config, step, process)
             step += 1
             log.add(loss, figures)
             bar.update()
@@ -105,8 +115,9 @@ def train(model, training, validation, config, folder, progress=True):
     return log.last()
 
 
-def take_step(objective, optimiser, training, config, step, rank, world, device):
-    """One step: (loss, figures) of this process's share of the batch."""
+def take_step(objective, optimiser, training, config, step, process):
+    """One step: (loss, figures) of a `Process`'s share of the batch."""
+    rank, world, device = process
     items = batch_items(len(training), step, config)[rank::world]
     batch = tuple(tensor[items].to(device) for tensor in training.tensors)
     generator = torch.Generator().manual_seed(seed_of(config.seed, step, rank))
@@ -196,16 +207,16 @@ class Log:
 
 @contextmanager
 def process_group():
-    """(rank, number of processes, device): what torchrun has set, or one process alone."""
+    """A `Process`: what torchrun has set, or one alone."""
     accelerator = torch.accelerator.current_accelerator() if torch.accelerator.is_available() else None
     if "RANK" not in os.environ:
-        yield 0, 1, accelerator or torch.device("cpu")
+        yield Process(device=accelerator or torch.device("cpu"))
         return
     distributed.init_process_group()
     try:
         local = int(os.environ["LOCAL_RANK"])
         device = torch.device(accelerator.type, local) if accelerator else torch.device("cpu")
-        yield distributed.get_rank(), distributed.get_world_size(), device
+        yield Process(distributed.get_rank(), distributed.get_world_size(), device)
     finally:
         distributed.destroy_process_group()
 

@@ -1,98 +1,23 @@
-"""Live tuning of landmark fits: problems, solvers, the callback as a plain function, and a thin ipywidgets shell."""
+"""Live tuning of landmark fits: solvers, the callback as a plain function, and a thin ipywidgets shell."""
 
 import base64
 import html
 import threading
 import time
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 
 import ipywidgets
 import numpy as np
-from scipy.spatial import Delaunay
 
-from ..plane.beltrami import signed_areas
-from ..plane.diskmesh import polar_disk
 from ..registration.certified import CertifiedMap, exact_map
 from ..registration.checked import gamma_words, predicted
 from ..registration.fit import fit_problem
-from ..registration.landmarkfile import check_curves
-from ..registration.landmarks import fundus_metric, fundus_path, sample_curve
 from ..registration.metrics import measured_losses
-from ..registration.problem import LandmarkError, Problem, Weights
-from ..registration.register import align, load
-from ..surfaces.conformal import disk_conformal_map
-from ..surfaces.curvature import AreaRadius, area_radius
+from ..registration.problem import LandmarkError, Weights
+from ..registration.register import load
 from .canvas import Canvas
 
-# CP-Net is trained for maps on this mesh. On another one the same mu gives another map: at a large gamma that
-# would hide how far the network is from the fit.
-MESH = polar_disk(32, 96, power=1.4)
 RINGS = 24  # of the polar mesh that carries the fit's unknowns: more gain little here, and take longer
-
-
-@dataclass(frozen=True)
-class Example:
-    """A landmark problem on a small disk mesh and its name; radius: to draw it with where the disk would crowd it."""
-
-    name: str
-    problem: Problem
-    radius: AreaRadius | None = None
-
-
-def example_problems():
-    """Three problems on a graded polar mesh of 3,073 vertices: list of `Example`."""
-    z, faces = MESH
-    t = np.linspace(-1, 1, 9)
-    three = [0.55 + 0.25j * t, -0.35 + 0.35j + 0.2 * t * np.exp(0.7j), -0.1 - 0.5j + 0.3 * t]
-    two = [0.25j + 0.55 * t, -0.25j + 0.55 * t]
-    close = [0.08j + 0.4 * t, -0.08j + 0.4 * t]
-    shift = 0.35 * (1 - t**2) * 0.55
-    return [
-        _example("a smooth twist", z, faces, three, [p * np.exp(0.9j * (1 - abs(p) ** 2)) for p in three]),
-        _example("points spaced anew along two curves", z, faces, two, [two[0] + shift, two[1] - shift]),
-        _example("two neighbours pulled apart", z, faces, close, [close[0] + 0.25, close[1] - 0.25]),
-    ]
-
-
-def _example(name, z, faces, moving, target, radius=None):
-    labels = np.repeat(np.arange(len(moving)), [len(curve) for curve in moving])
-    return Example(name, Problem(z, faces, np.concatenate(moving), np.concatenate(target), labels), radius)
-
-
-def cortex_problem(name, moving, control, curves, vertices=None, points=5):
-    """The landmarks of two cortical surfaces, `points` a curve, on a small disk mesh: an `Example`.
-
-    curves as in `register`, sulci between endpoints by `fundus_path`; the landmarks come from the full surfaces. The
-    mesh: the graded polar one of the examples; or, given their number, vertices spread evenly over the moving surface,
-    joined at their places in its disk (Delaunay).
-    """
-    entries = check_curves(curves, moving, control)
-    z_moving, z_control = disk_conformal_map(moving), disk_conformal_map(control)
-    z_moving = align(moving, z_moving, control, z_control, entries)
-    landmarks = []
-    for surface, z, side in ((moving, z_moving, "moving"), (control, z_control, "control")):
-        metric = fundus_metric(surface)
-        paths = [
-            fundus_path(surface, *entry[side], metric) if entry["detect"][side] else entry[side] for entry in entries
-        ]
-        landmarks.append([sample_curve(surface, path, points) @ z for path in paths])
-    z, faces = MESH
-    if vertices is not None:
-        z = z_moving[spread_vertices(moving, vertices)]
-        faces = Delaunay(np.stack([z.real, z.imag], axis=1)).simplices.astype(np.int64)
-        faces = np.where((signed_areas(z, faces) < 0)[:, None], faces[:, ::-1], faces)
-    return _example(name, z, faces, *landmarks, area_radius(moving, z_moving))
-
-
-def spread_vertices(surface, count):
-    """Indices (count,) of vertices spread evenly in space: every other boundary vertex, then always the farthest."""
-    chosen = list(surface.boundary[::2])
-    distance = np.full(len(surface.vertices), np.inf)
-    for place in range(count):
-        if place == len(chosen):
-            chosen.append(int(distance.argmax()))
-        distance = np.minimum(distance, ((surface.vertices - surface.vertices[chosen[place]]) ** 2).sum(1))
-    return np.array(chosen)
 
 
 @dataclass(frozen=True)
@@ -132,21 +57,22 @@ def network_fit(problem, weights, watch=None):
 SOLVERS = {"exact fit": exact_fit, "CP-Net": network_fit}  # the first is what the others are compared with
 
 
-def fit_state(example, alpha, beta, gamma, sliding=False, solver=exact_fit, watch=None):
+def fit_state(example, weights, sliding=False, solver=exact_fit, watch=None):
     """The answer to one place of the sliders: a FitState; bad input or a missing network becomes its message.
 
-    It depends on the arguments alone, not on where the sliders were before. solver: a callable like `exact_fit`.
+    weights: three numbers (alpha, beta, gamma). It depends on the arguments alone, not on where the sliders were
+    before. solver: a callable like `exact_fit`.
     """
     start, problem = time.perf_counter(), replace(example.problem, sliding=sliding)
     try:
-        weights = Weights(alpha, beta, gamma)
+        weights = Weights(*weights)
         fit = solver(problem, weights, watch)
     except (ValueError, ImportError) as error:  # LandmarkError, BeltramiError, SurfaceError, WeightsError; no torch
         return FitState(None, {}, time.perf_counter() - start, str(error))
     seconds = time.perf_counter() - start
     losses = measured_losses(problem, weights, fit.mu, problem.samples @ fit.f)
-    factors = {"L_mu": alpha, "L_grad_mu": beta, "L_Landmark": gamma}
-    terms = {name: (losses[name], factor, factor * losses[name]) for name, factor in factors.items()}
+    factors = zip(("L_mu", "L_grad_mu", "L_Landmark"), astuple(weights))
+    terms = {name: (losses[name], factor, factor * losses[name]) for name, factor in factors}
     certificate = (
         "certified bijective"
         if fit.bijective
@@ -176,7 +102,7 @@ def gaps(states):
     ]
 
 
-def table(states):
+def states_table(states):
     """States (dict solver name -> FitState) as HTML: a sentence each, their loss terms side by side, and the gaps."""
     shown = {name: state for name, state in states.items() if state.fit is not None}
     parts = [f"<p><b>{html.escape(name)}</b>: {html.escape(describe(state))}</p>" for name, state in states.items()]
@@ -298,14 +224,9 @@ class Tuner(ipywidgets.VBox):
         )
 
     def setting(self):
-        """What the controls say: (problem name, alpha, beta, gamma, sliding)."""
-        return (
-            self.problem.value,
-            self.alpha.value,
-            self.beta.value,
-            self.gamma.value,
-            self.landmarks.value == "sliding",
-        )
+        """What the controls say: (problem name, weights, sliding)."""
+        weights = self.alpha.value, self.beta.value, self.gamma.value
+        return self.problem.value, weights, self.landmarks.value == "sliding"
 
     def answer(self, name, *setting, watch=None):
         """(picture, text) as HTML for one `setting`; an error becomes text without a picture, never a traceback."""
@@ -317,7 +238,7 @@ class Tuner(ipywidgets.VBox):
             words = "; ".join([f"{solver}: {describe(state)}" for solver, state in states.items()] + gaps(states))
             alternative = html.escape(f"Landmarks, deformed grid, |μ| and its histogram for {name}. {words}")
             data = base64.b64encode(self.canvas.draw(states)).decode()
-            return f'<img alt="{alternative}" src="data:image/png;base64,{data}">', table(states)
+            return f'<img alt="{alternative}" src="data:image/png;base64,{data}">', states_table(states)
         except Superseded:
             raise
         except Exception as error:

@@ -22,7 +22,7 @@ from .checks import (
 
 
 def signed_areas(z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"]) -> Float[ndarray, " F"]:
-    """Signed area of each triangle, positive when counter-clockwise: Im(conj(b - a)(c - a)) / 2, shape (F,).
+    """Signed area of each triangle, positive when counter-clockwise: Im(conj(b - a)(c - a)) / 2.
 
     BeltramiError where a face names a vertex that is not there.
     """
@@ -32,7 +32,7 @@ def signed_areas(z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"]) -> 
 
 
 def hat_gradients(z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"]) -> Complex[ndarray, " F 3"]:
-    """Gradients of the three hat functions of each triangle as complex numbers, shape (F, 3), 1/length.
+    """Gradients of the three hat functions of each triangle as complex numbers, in 1/length.
 
     `grad phi_i = i (z_k - z_j) / (2 |T|)` for a counter-clockwise triangle (i, j, k): the pair (A_i, B_i) of the
     paper's section on the LBS with its factor mended (divided by twice the area). Raises BeltramiError where a
@@ -57,9 +57,9 @@ def hat_gradients(z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"]) ->
 def wirtinger(
     z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"], f: Complex[ndarray, " V"] | Float[ndarray, " V 3"]
 ) -> tuple[Complex[ndarray, " F *c"], Complex[ndarray, " F *c"]]:
-    """The derivatives `f_z = (f_x - i f_y)/2` and `f_zbar = (f_x + i f_y)/2` of a piecewise linear map, each (F,).
+    """The derivatives `f_z = (f_x - i f_y)/2` and `f_zbar = (f_x + i f_y)/2` of a piecewise linear map.
 
-    `f` is complex (V,); a real target (V, 3) gives complex arrays (F, 3), one column a coordinate.
+    A map into space, real, gives one column a coordinate.
     """
     gradients, corners = hat_gradients(z, faces), check_map(f, len(np.atleast_1d(z)))[np.asarray(faces)]
     f_z = 0.5 * np.einsum("fk,fk...->f...", gradients.conj(), corners)
@@ -70,7 +70,7 @@ def wirtinger(
 def jacobian(
     z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"], f: Complex[ndarray, " V"]
 ) -> Float[ndarray, " F"]:
-    """Jacobian determinant of a planar map on each triangle, `|f_z|^2 - |f_zbar|^2`, (F,); negative where it folds."""
+    """Jacobian determinant of a planar map on each triangle, `|f_z|^2 - |f_zbar|^2`; negative where it folds."""
     f = planar_points(f, "f")  # a surface (V, 3) has no sign to tell
     f_z, f_zbar = wirtinger(z, faces, f)
     return abs(f_z) ** 2 - abs(f_zbar) ** 2
@@ -79,10 +79,10 @@ def jacobian(
 def beltrami_coefficient(
     z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"], f: Complex[ndarray, " V"] | Float[ndarray, " V 3"]
 ) -> Complex[ndarray, " F"]:
-    """The Beltrami coefficient `mu = f_zbar / f_z` of a map on each triangle, complex (F,).
+    """The Beltrami coefficient `mu = f_zbar / f_z` of a map on each triangle.
 
-    `f` complex (V,): a planar map; |mu| > 1 where it reverses orientation, infinite where it is anti-conformal.
-    `f` real (V, 3): a surface; then `mu = (E - G + 2iF) / (E + G + 2 sqrt(EG - F^2))` of the induced metric, which
+    `f` complex: a planar map; |mu| > 1 where it reverses orientation, infinite where it is anti-conformal.
+    `f` real: a surface; then `mu = (E - G + 2iF) / (E + G + 2 sqrt(EG - F^2))` of the induced metric, which
     never exceeds 1 and so cannot show a fold. Source: paper, section 'Quasi-Conformal Theory'.
     """
     f_z, f_zbar = wirtinger(z, faces, f)
@@ -98,7 +98,7 @@ def beltrami_coefficient(
 def compose_coefficients(
     mu_f: Complex[ndarray, " *F"], f_z: Complex[ndarray, " *F"], mu_g: Complex[ndarray, " *F"]
 ) -> Complex[ndarray, " *F"]:
-    """Coefficient of g after f: `(mu_f + t mu_g) / (1 + conj(mu_f) t mu_g)`, `t = conj(f_z)/f_z`, (F,).
+    """Coefficient of g after f: `(mu_f + t mu_g) / (1 + conj(mu_f) t mu_g)`, `t = conj(f_z)/f_z`.
 
     `mu_g` holds the coefficient of g at the image points f(z).
     """
@@ -107,7 +107,7 @@ def compose_coefficients(
 
 
 def inverse_coefficient(mu: Complex[ndarray, " *F"], f_z: Complex[ndarray, " *F"]) -> Complex[ndarray, " *F"]:
-    """Coefficient of the inverse of f at the image points f(z): `-mu f_z / conj(f_z)`, (F,)."""
+    """Coefficient of the inverse of f at the image points f(z): `-mu f_z / conj(f_z)`."""
     return -np.asarray(mu) * f_z / np.conj(f_z)
 
 
@@ -229,9 +229,9 @@ def solve_beltrami(
     pinned: Integer[ndarray, " K"],
     values: Complex[ndarray, " K"],
 ) -> Complex[ndarray, " V"]:
-    """The Linear Beltrami Solver: the piecewise linear map with coefficient mu and given values, complex (V,).
+    """The Linear Beltrami Solver: the piecewise linear map with coefficient mu and given values.
 
-    Solves `div(A(mu) grad u) = 0` for both coordinates with `f = values` (K,) at the vertices `pinned` (K,).
+    Solves `div(A(mu) grad u) = 0` for both coordinates with `f = values` at the vertices `pinned`.
     Not certified: with pins on the whole boundary the result's own coefficient differs from mu, and pins inside
     can fold it; ask `check_bijective`. Raises BeltramiError for |mu| >= 1, a folded source or unusable pins.
     Source: paper, section 'Linear Beltrami Solver', with the errata of the chapter on it.

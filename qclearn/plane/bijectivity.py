@@ -25,7 +25,7 @@ class RepairWarning(UserWarning):
 
 @dataclass(frozen=True)
 class Certificate:
-    """Outcome of `check_bijective`: `bijective`, the `flipped` faces (k,), and whether the `boundary` is simple."""
+    """Outcome of `check_bijective`: `bijective`, the `flipped` faces, and whether the `boundary` is simple."""
 
     bijective: bool
     flipped: Integer[ndarray, " k"]
@@ -77,7 +77,7 @@ def check_bijective(
     It is one when every triangle keeps its positive orientation and the image of the boundary is a simple polygon
     run once counter-clockwise. Decided for the numbers as they are, without rounding: triangles in doubt in exact
     arithmetic; one without area counts as flipped. Raises BeltramiError where the source mesh itself is folded or is
-    not a disk. Complex z and f (V,), faces (F, 3).
+    not a disk.
     """
     z, faces = check_mesh(z, faces)
     f = check_map(f, len(z))
@@ -91,7 +91,7 @@ def check_bijective(
 
 
 def check_embedding(faces: Integer[ndarray, " F 3"], f: Complex[ndarray, " V"]) -> Certificate:
-    """The certificate of a planar picture f (V,) of a triangulated disk, whatever its source (a surface, say)."""
+    """The certificate of a planar picture f of a triangulated disk, whatever its source (a surface, say)."""
     f, faces = check_mesh(f, faces)
     flipped, loop = reversed_faces(faces, f), f[boundary_loop(faces)]
     simple = bool(np.isfinite(loop).all()) and _simple_and_positive(loop)

@@ -34,7 +34,7 @@ def _radius_ratio(w):
 
 
 def square_disk(n: int) -> tuple[Complex[ndarray, " V"], Integer[ndarray, " F 3"]]:
-    """Disk mesh with the topology of an n x n square grid, n even: (z (V,), faces (F, 3)).
+    """Disk mesh with the topology of an n x n square grid, n even: (z, faces).
 
     Every cell is split by the diagonal that runs into the square's corner of its quadrant; the other choice puts a
     triangle with three boundary vertices at each corner, which carries no boundary flux.
@@ -101,7 +101,7 @@ def _alone(faces):
 def locate(
     z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"], points: Complex[ndarray, " P"]
 ) -> tuple[Integer[ndarray, " P"], Float[ndarray, " P 3"]]:
-    """Where points lie in a disk mesh: (face (P,), barycentric coordinates (P, 3), non-negative, sum 1).
+    """Where points lie in a disk mesh: (face, barycentric coordinates, non-negative, sum 1).
 
     A point beyond the boundary polygon (between a chord and its arc, say) is first moved radially onto the polygon;
     one inside the circle stays short of it by up to INSET of its radius, so that triangles there keep an area.

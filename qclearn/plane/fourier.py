@@ -6,7 +6,7 @@ channels is keeping them here.
 """
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from .beltrami import signed_areas
 from .disk import solve_beltrami_disk
@@ -75,7 +75,7 @@ def from_square(image, z, faces):
     image = _square(image)
     w = disk_to_square(np.asarray(z)[faces].mean(axis=1))
     row, column = (((x + 1) * len(image) - 1) / 2 for x in (w.imag, w.real))
-    return ndimage.map_coordinates(image, [row, column], order=1, mode="nearest")
+    return scipy.ndimage.map_coordinates(image, [row, column], order=1, mode="nearest")
 
 
 def compression_effect(z, faces, mu, ks, size=128):

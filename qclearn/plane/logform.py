@@ -12,7 +12,7 @@ from .disk import BeltramiDiskSolver
 def solve_beltrami_disk_log(
     z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"], mu: Complex[ndarray, " F"]
 ) -> Complex[ndarray, " V"]:
-    """The disk self-map with Beltrami coefficient mu (F,), free boundary, f(0) = 0 and f(1) = 1, complex (V,).
+    """The disk self-map with Beltrami coefficient mu, free boundary, f(0) = 0 and f(1) = 1.
 
     Away from the pole `F = log f` solves `F_zbar = mu F_z`. With `L = z + mu0 conj(z)`, mu0 the mean of mu around the
     pole, `F = log L + u + iv` with bounded u (Dirichlet, `u = -log|L|` on the circle) and v (natural condition):

@@ -1,9 +1,9 @@
 """Möbius maps of the unit disk: the conformal freedom that a Beltrami coefficient does not see."""
 
 import numpy as np
+import scipy
 from jaxtyping import Complex, Float
 from numpy import ndarray
-from scipy.optimize import least_squares
 
 
 def mobius(
@@ -55,7 +55,8 @@ def best_mobius(
 
     starts = [np.array([0.0, 0.0, turn]) for turn in np.arange(8) * np.pi / 4]
     best = min(
-        (least_squares(residual, x, jacobian, xtol=1e-14, ftol=1e-14, gtol=1e-14) for x in starts), key=lambda s: s.cost
+        (scipy.optimize.least_squares(residual, x, jacobian, xtol=1e-14, ftol=1e-14, gtol=1e-14) for x in starts),
+        key=lambda s: s.cost,
     )
     a, theta = unpack(best.x)
     return complex(a), float(np.angle(np.exp(1j * theta)))

@@ -16,7 +16,7 @@ from ..plane.mobius import best_mobius, mobius
 class CertifiedMap:
     """A disk map of a problem's landmarks, measured, and certified or reported.
 
-    f (V,): the map, Möbius part included; mu (F,): its measured coefficient; mobius: (a, theta); landmark_error: mean
+    f: the map, Möbius part included; mu: its measured coefficient; mobius: (a, theta); landmark_error: mean
     |f(p) - q|; bijective, flipped: its certificate; fallbacks: words on what was done besides, empty if nothing was.
     """
 

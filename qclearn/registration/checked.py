@@ -138,7 +138,7 @@ def not_above_mobius(problem, weights, found):
 
 def gamma_words(network, weights):
     """Words on the gamma that CP-Net answers for where it is not the given one, as a list."""
-    used = network.gamma_used(weights.alpha, weights.beta, weights.gamma)
+    used = network.gamma_used(weights)
     return [f"CP-Net answered for gamma = {used:.3g}"] if used < weights.gamma else []
 
 

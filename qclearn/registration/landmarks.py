@@ -1,11 +1,11 @@
 """Landmark curves on a surface: sampling by arc length, and a sulcus found between two endpoints without a network."""
 
 import numpy as np
+import scipy
 from jaxtyping import Complex, Float, Integer
 from numpy import ndarray
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
-from scipy.spatial import cKDTree
 
 from ..plane.diskmesh import interpolate, locate
 from ..surfaces.curvature import mean_curvature, sulcal_depth
@@ -77,7 +77,7 @@ def check_path(surface, path):
 
 
 def fundus_metric(surface: Surface) -> Float[ndarray, " E"]:
-    """Length of every edge of `surface.edges` in a metric that is short along the floor of sulci, (E,).
+    """Length of every edge of `surface.edges` in a metric that is short along the floor of sulci.
 
     An edge's length in space times the mean over its ends of `exp(H/(2 s) - 2 d/m)`, with H the mean curvature (limited
     to two of its standard deviations s) and d the sulcal depth (limited to 1.5 times m, its 95th percentile).
@@ -104,7 +104,7 @@ def weigh_edges(surface, cost):
 def fundus_path(
     surface: Surface, start: int, end: int, metric: Float[ndarray, " E"] | None = None
 ) -> Integer[ndarray, " k"]:
-    """Vertex path (k,) of a sulcus between two endpoints: the shortest one in `fundus_metric` (computed if not given).
+    """Vertex path of a sulcus between two endpoints: the shortest one in `fundus_metric` (computed if not given).
 
     LandmarkError if the endpoints coincide or are out of range.
     """
@@ -123,7 +123,7 @@ def fundus_path(
 def detect_curves(
     surface: Surface, z: Complex[ndarray, " V"], endpoints: Integer[ndarray, " K 2"]
 ) -> list[Complex[ndarray, " _"]]:
-    """The sulci between pairs of endpoints (K, 2) as curves in the disk map z: list of (k,) complex.
+    """The sulci between pairs of endpoints as curves in the disk map z.
 
     The shortest paths in `fundus_metric`: the classical twin of LD-Net, behind the same call.
     """
@@ -157,4 +157,5 @@ def curve_distance(one, other):
 
     The mean over either curve's points of the distance in space to the nearest point of the other, both ways averaged.
     """
-    return (cKDTree(one).query(other)[0].mean() + cKDTree(other).query(one)[0].mean()) / 2
+    trees = scipy.spatial.cKDTree(one), scipy.spatial.cKDTree(other)
+    return (trees[0].query(other)[0].mean() + trees[1].query(one)[0].mean()) / 2

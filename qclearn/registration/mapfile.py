@@ -47,7 +47,7 @@ def read_registration(path):
         if missing:
             raise SurfaceError(
                 f"not a registration.npz of this program (it lacks {', '.join(missing)}); give the one that "
-                "`qclearn register` wrote."
+                "`qclearn register` wrote"
             )
         _check_version(arrays)
         for name, like, row, kinds in _SHAPES:
@@ -66,7 +66,7 @@ def _check_version(arrays):
         raise _damaged("its format_version is no number")
     if version > FORMAT_VERSION:
         raise SurfaceError(
-            f"written by a newer version of this program (format {version}, here {FORMAT_VERSION}); update qclearn."
+            f"written by a newer version of this program (format {version}, here {FORMAT_VERSION}); update qclearn"
         )
 
 

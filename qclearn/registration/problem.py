@@ -28,7 +28,12 @@ class Weights:
     gamma: float = 1e5
 
     def __post_init__(self):
-        check_weights(self.alpha, self.beta, self.gamma)
+        for name, value in vars(self).items():
+            number = isinstance(value, (int, float, np.integer, np.floating)) and np.isfinite(value)
+            if not (number and (value > 0 or (value == 0 and name == "beta"))):
+                raise LandmarkError(
+                    f"{name} = {value!r}: alpha and gamma must be positive and finite, beta not negative"
+                )
 
     def at(self, gamma):
         """The same with another gamma."""
@@ -112,14 +117,6 @@ def label_array(curve):
     if labels.dtype.kind not in "iu":
         raise LandmarkError(f"curve labels have type {labels.dtype}: give integers (M,)")
     return labels
-
-
-def check_weights(alpha, beta, gamma):
-    """LandmarkError unless alpha > 0, beta >= 0 and gamma > 0 are finite."""
-    for name, value in (("alpha", alpha), ("beta", beta), ("gamma", gamma)):
-        number = isinstance(value, (int, float, np.integer, np.floating)) and np.isfinite(value)
-        if not (number and (value > 0 or (value == 0 and name == "beta"))):
-            raise LandmarkError(f"{name} = {value!r}: alpha and gamma must be positive and finite, beta not negative")
 
 
 def meeting(points):

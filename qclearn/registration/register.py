@@ -39,10 +39,9 @@ STAGES = {"exact": 5, "network": 9}
 class Registration:
     """Result of `register`.
 
-    points (V, 3): where each moving vertex lies on the control surface, in its length unit; disk_map (V,) complex:
-    the same in the control's disk; mu (F,): measured coefficient of disk_moving -> disk_map; report: dict for JSON;
-    disk_moving (V,), disk_control: the two disk maps; curves: name -> (moving, control) curves in their disks, (k,)
-    complex each; faces_moving, faces_control.
+    points: where each moving vertex lies on the control surface, in its length unit; disk_map: the same in the
+    control's disk; mu: measured coefficient of disk_moving -> disk_map; report: dict for JSON; disk_moving,
+    disk_control: the two disk maps; curves: name -> (moving, control) curves in their disks, (k,) complex each.
     """
 
     points: Float[ndarray, " V 3"]
@@ -158,15 +157,14 @@ def register(
             fit = bijective_fit(problem, weights)
     with stages("pull_back"):
         points = lift(control, z_control, fit.f)
-        rows = error_rows(moving, control, z_control, entries, p, q, fit.f, samples_moving, samples_control)
-    means, words = mean_rows(rows), list(fit.fallbacks)
+        rows = error_rows(moving, control, z_moving, z_control, entries, (samples_moving, samples_control), fit.f)
     report = {
-        **means,
+        **mean_rows(rows),
         **coefficient_statistics(fit.mu),
         "flipped": len(fit.flipped),
         "bijective": fit.bijective,
         "degenerate": len(degenerate_faces(points, moving.faces)),
-        "fallbacks": [*before, *found_moving, *found_control, *words],
+        "fallbacks": [*before, *found_moving, *found_control, *fit.fallbacks],
         "seconds": stages.report(),
         "method": method,
         "alpha": alpha,
@@ -175,7 +173,7 @@ def register(
         **({"tolerance": tolerance if np.isfinite(tolerance) else None} if method == "network" else {}),
         "mobius": {"a": [fit.mobius[0].real, fit.mobius[0].imag], "theta": fit.mobius[1]},
         "curves": rows,
-        "suspect": reasons(moving, control, z_moving, z_control, entries, means, rows, fit.mu, words),
+        "suspect": reasons(moving, control, z_moving, z_control, entries, rows, fit),
         "version": version("qclearn"),
     }
     lines = {entry["name"]: pair for entry, pair in zip(entries, zip(lines_moving, lines_control))}

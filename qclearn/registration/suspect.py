@@ -12,6 +12,7 @@ from itertools import combinations
 import numpy as np
 
 from ..plane.mobius import mobius_misfits
+from .metrics import mean_rows
 
 # The thresholds. Beside each what tools/suspect_table.py measured: the range in good cases | in cases with a mistake,
 # which need not pass each of them. Every single value is in kept/suspect.json.
@@ -47,18 +48,18 @@ class Reading:
     reason: str = ""
 
 
-def reasons(moving, control, z_moving, z_control, entries, means, rows, mu, words):
+def reasons(moving, control, z_moving, z_control, entries, rows, fit):
     """Why a registration is suspect: a list of texts, each with its fixed word first; empty where nothing is.
 
-    z_moving, z_control: disk maps; entries as `check_curves` returns them; means, rows: the landmark errors of
-    `error_rows` and their `mean_rows`; mu (F,): measured coefficient; words: the fallbacks of the fit.
+    z_moving, z_control: disk maps; entries as `check_curves` returns them; rows: the landmark errors of
+    `error_rows`; fit: the `CertifiedMap`.
     """
     return [
         *mistakes(moving, control, z_moving, z_control, entries),
-        *large_error(means),
+        *large_error(mean_rows(rows)),
         *odd_curves(rows),
-        *switched_rows(words, len(moving.vertices)),
-        *strong_distortion(moving, mu),
+        *switched_rows(fit.fallbacks, len(moving.vertices)),
+        *strong_distortion(moving, fit.mu),
     ]
 
 

@@ -22,7 +22,7 @@ def transfer(
     z_to: Complex[ndarray, " P"],
     nearest: bool = False,
 ) -> Num[ndarray, " P *k"] | Bool[ndarray, " P *k"]:
-    """Per-vertex values (V,) or (V, k) of one disk mesh carried to the points z_to of the same disk.
+    """Per-vertex values of one disk mesh carried to the points z_to of the same disk.
 
     From control to moving: `transfer(values, disk_control, faces_control, disk_map)`; back:
     `transfer(values, disk_map, faces_moving, disk_control)`. Linear in each triangle, or with `nearest` the value of
@@ -40,13 +40,14 @@ def transfer(
     return interpolate(values, faces_from, face, weights)
 
 
-def error_rows(moving, control, z_control, entries, p, q, f, samples_moving, samples_control):
+def error_rows(moving, control, z_moving, z_control, entries, samples, f):
     """Per curve its landmark errors; for a detected one also between the true curves, where the surfaces carry them.
 
+    samples: the landmarks of the moving and of the control surface, sparse (10 K, V) each; f (V,): the map.
     `landmark_error_true` is the error of the map between points on the true curves, which took no part in finding it.
     """
-    mapped = samples_moving @ f
-    off = np.linalg.norm(lift(control, z_control, mapped) - samples_control @ control.vertices, axis=1)
+    p, mapped, q = samples[0] @ z_moving, samples[0] @ f, samples[1] @ z_control
+    off = np.linalg.norm(lift(control, z_control, mapped) - samples[1] @ control.vertices, axis=1)
     before = abs(mobius(p, *best_mobius(p, q)) - q)
     rows = curve_rows([entry["name"] for entry in entries], before, abs(mapped - q), off)
     for row, entry in zip(rows, entries):

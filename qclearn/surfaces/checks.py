@@ -34,39 +34,39 @@ def original_numbers(numbers, n_vertices):
     if numbers.shape != (n_vertices,) or not np.issubdtype(numbers.dtype, np.integer):
         raise SurfaceError(
             f"original_vertices must be {n_vertices} whole numbers, one a vertex, not {numbers.dtype} of shape "
-            f"{numbers.shape}; give the second result of open_surface, or leave them out."
+            f"{numbers.shape}; give the second result of open_surface, or leave them out"
         )
     if numbers.min() < 0 or len(np.unique(numbers)) < n_vertices:
         raise SurfaceError(
             "original_vertices has negative numbers or one number twice, and a vertex of the whole surface is at most "
-            "one of the cut one; give the second result of open_surface, or leave them out."
+            "one of the cut one; give the second result of open_surface, or leave them out"
         )
     return frozen(numbers.astype(np.int64))
 
 
 def vertex_array(vertices):
     if np.iscomplexobj(vertices):
-        raise SurfaceError("vertices are complex; give a planar mesh as numpy.stack([z.real, z.imag, 0 * z.real], 1).")
+        raise SurfaceError("vertices are complex; give a planar mesh as numpy.stack([z.real, z.imag, 0 * z.real], 1)")
     try:
         given = np.asarray(vertices).dtype
         vertices = np.array(vertices, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
-        raise SurfaceError(f"vertices must be a (V, 3) array of real numbers, but {error}.") from None
+        raise SurfaceError(f"vertices must be a (V, 3) array of real numbers, but {error}") from None
     if given.kind not in "fiu":
-        raise SurfaceError(f"vertices must be a (V, 3) array of real numbers, but they are of the type {given}.")
+        raise SurfaceError(f"vertices must be a (V, 3) array of real numbers, but they are of the type {given}")
     if vertices.ndim != 2 or vertices.shape[1] != 3:
-        raise SurfaceError(f"vertices must have the shape (V, 3), not {vertices.shape}; pad planar points with z = 0.")
+        raise SurfaceError(f"vertices must have the shape (V, 3), not {vertices.shape}; pad planar points with z = 0")
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if bad.size:
         raise SurfaceError(
             f"{counted(bad, 'vertex', 'vertices')} with NaN or infinite coordinates: {some(bad)}. "
-            f"Remove them with their faces, or export the surface again."
+            f"Remove them with their faces, or export the surface again"
         )
     far = np.flatnonzero((np.abs(vertices) > LARGEST).any(axis=1))
     if far.size:
         raise SurfaceError(
             f"{counted(far, 'vertex', 'vertices')} with coordinates beyond {LARGEST:g}: {some(far)}. Areas and volumes "
-            f"would overflow; give the surface in millimetres, or export it again if it is damaged."
+            f"would overflow; give the surface in millimetres, or export it again if it is damaged"
         )
     return vertices
 
@@ -74,23 +74,23 @@ def vertex_array(vertices):
 def face_array(faces):
     faces = np.asarray(faces)
     if faces.ndim != 2 or faces.shape[1] != 3:
-        raise SurfaceError(f"faces must have the shape (F, 3), not {faces.shape}; split polygons into triangles.")
+        raise SurfaceError(f"faces must have the shape (F, 3), not {faces.shape}; split polygons into triangles")
     if faces.dtype.kind not in "iu":
-        raise SurfaceError(f"faces must be integers, not {faces.dtype}; convert them with faces.astype(int).")
+        raise SurfaceError(f"faces must be integers, not {faces.dtype}; convert them with faces.astype(int)")
     if not len(faces):
-        raise SurfaceError("the surface has no faces; give at least one triangle.")
+        raise SurfaceError("the surface has no faces; give at least one triangle")
     return np.array(faces, dtype=np.int64, order="C")
 
 
 def curve_path(name, path, n_vertices):
     path = np.array(path)
     if path.ndim != 1 or path.size == 0 or path.dtype.kind not in "iu":
-        raise SurfaceError(f"curve '{name}' must be a non-empty list of vertex indices (integers).")
+        raise SurfaceError(f"curve '{name}' must be a non-empty list of vertex indices (integers)")
     bad = path[(path < 0) | (path >= n_vertices)]
     if bad.size:
         raise SurfaceError(
             f"curve '{name}' names vertices that do not exist: {some(bad)}; "
-            f"indices run from 0 to {n_vertices - 1}: take the curve from this very surface."
+            f"indices run from 0 to {n_vertices - 1}: take the curve from this very surface"
         )
     return path.astype(np.int64)
 
@@ -101,19 +101,19 @@ def check_faces(vertices, faces):
         out = np.flatnonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))
         raise SurfaceError(
             f"{counted(out, 'face')} with corners outside 0 ... {len(vertices) - 1}: {some(out)}. "
-            f"Indices count from 0 (subtract 1 if the source counts from 1)."
+            f"Indices count from 0 (subtract 1 if the source counts from 1)"
         )
     unused = np.flatnonzero(np.bincount(faces.ravel(), minlength=len(vertices)) == 0)
     if unused.size:
         raise SurfaceError(
             f"{counted(unused, 'vertex', 'vertices')} in no face: {some(unused)}. Drop them: used, corners = "
-            f"numpy.unique(faces, return_inverse=True); Surface(vertices[used], corners.reshape(-1, 3))."
+            f"numpy.unique(faces, return_inverse=True); Surface(vertices[used], corners.reshape(-1, 3))"
         )
     degenerate = degenerate_faces(vertices, faces)
     if degenerate.size:
         raise SurfaceError(
             f"{counted(degenerate, 'degenerate face')} (a repeated vertex or zero area): {some(degenerate)}. "
-            f"Merge coincident vertices and collapse these faces (pyvista.PolyData.clean does both)."
+            f"Merge coincident vertices and collapse these faces (pyvista.PolyData.clean does both)"
         )
 
 
@@ -138,7 +138,7 @@ def _check_duplicates(faces):
     if same.any():
         pairs = np.sort(np.stack([order[:-1][same], order[1:][same]], axis=1), axis=1)
         raise SurfaceError(
-            f"duplicate faces: {counted(pairs, 'pair')} with the same vertices: {some(pairs)}. Keep one of each pair."
+            f"duplicate faces: {counted(pairs, 'pair')} with the same vertices: {some(pairs)}. Keep one of each pair"
         )
 
 
@@ -158,14 +158,14 @@ def check_topology(n_vertices, faces):
     if len(crowded):
         raise SurfaceError(
             f"not manifold: {counted(crowded, 'edge')} (vertex pairs) with more than two faces: {some(crowded)}. "
-            f"Delete the extra faces or duplicate the vertices along these edges."
+            f"Delete the extra faces or duplicate the vertices along these edges"
         )
     if wrong.any():
         pairs = np.stack([one[wrong] // 3, two[wrong] // 3], axis=1)
         raise SurfaceError(
             f"inconsistent orientation: {counted(pairs, 'pair')} of faces that run along their common edge in the same "
             f"direction: {some(pairs)}. Reverse one face of each pair (pyvista.PolyData.compute_normals("
-            f"consistent_normals=True) does it for a whole orientable surface)."
+            f"consistent_normals=True) does it for a whole orientable surface)"
         )
     _check_connected(n_vertices, edges)
     _check_fans(n_vertices, faces, one, two)
@@ -183,7 +183,7 @@ def _check_connected(n_vertices, edges):
         listed = [f"{sizes[k]} vertices around vertex {firsts[k]}" for k in np.argsort(-sizes)]
         raise SurfaceError(
             f"the surface has {n_components} components: {some(listed)}. Keep one of them "
-            f"(pyvista.PolyData.extract_largest) and drop the rest."
+            f"(pyvista.PolyData.extract_largest) and drop the rest"
         )
 
 
@@ -198,7 +198,7 @@ def _check_fans(n_vertices, faces, one, two):
         bad = np.flatnonzero(np.bincount(vertex_of_fan, minlength=n_vertices) > 1)
         raise SurfaceError(
             f"not manifold: {counted(bad, 'vertex', 'vertices')} where several fans of faces meet in a point: "
-            f"{some(bad)}. Duplicate the vertex for each fan, or delete all fans but one."
+            f"{some(bad)}. Duplicate the vertex for each fan, or delete all fans but one"
         )
 
 

@@ -16,7 +16,7 @@ from .surface import Surface, SurfaceError, require_disk
 
 
 def disk_conformal_map(surface: Surface) -> Complex[ndarray, " V"]:
-    """The conformal map of a disk-like surface onto the unit disk, complex (V,), boundary exactly on the circle.
+    """The conformal map of a disk-like surface onto the unit disk, boundary exactly on the circle.
 
     Gauge: the surface's area centroid at 0, the first vertex of `surface.boundary` at 1. The flux form with the
     surface's cotangent matrix: no iteration. Certified: no triangle is flipped; a RepairWarning says if boundary
@@ -74,6 +74,6 @@ def _centre_and_unfold(surface, matrix, f):
 
 
 def angle_distortion(surface: Surface, z: Complex[ndarray, " V"]) -> Float[ndarray, " F 3"]:
-    """Angles in the disk minus angles on the surface, in degrees, (F, 3): column k at vertex `faces[:, k]`."""
+    """Angles in the disk minus angles on the surface, in degrees: column k at vertex `faces[:, k]`."""
     disk, original = (corner_angles(edge_lengths(points, surface.faces)) for points in (z, surface.vertices))
     return np.degrees(disk - original)

@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from jaxtyping import Complex, Float
 from numpy import ndarray
-from scipy import ndimage
 from scipy.sparse import coo_array
-from scipy.spatial import ConvexHull, QhullError
 
 from ..plane.beltrami import cotangent_stiffness
 from ..plane.diskmesh import interpolate, locate, pixel_centres
@@ -18,7 +17,7 @@ CLOSING_CELL = 1 / 130  # side of a voxel, same unit
 
 
 def mean_curvature(surface: Surface) -> Float[ndarray, " V"]:
-    """Mean curvature (k1 + k2)/2 of each vertex (V,), 1/length: positive on gyri if the faces look outward.
+    """Mean curvature (k1 + k2)/2 of each vertex, 1/length: positive on gyri if the faces look outward.
 
     `H = n . (K x) / (2 A)` with the cotangent stiffness K, the mixed Voronoi area A of Meyer et al. (2003) and the
     vertex normal n of Max (1999). It is exact, 1/r, where the neighbours lie on a sphere of radius r and no triangle
@@ -74,7 +73,7 @@ def _fill_boundary(surface, values):
     for loop in surface.boundary_loops:
         known[loop] = False
     if not known.any():
-        raise SurfaceError("all vertices lie on the boundary, so no curvature can be told; subdivide the surface.")
+        raise SurfaceError("all vertices lie on the boundary, so no curvature can be told; subdivide the surface")
     a, b = surface.edges.T
     neighbours = coo_array((np.ones(2 * len(a)), (np.r_[a, b], np.r_[b, a])), shape=(len(values),) * 2).tocsr()
     values = np.where(known, values, 0.0)
@@ -87,7 +86,7 @@ def _fill_boundary(surface, values):
 
 
 def sulcal_depth(surface: Surface) -> Float[ndarray, " V"]:
-    """Depth of each vertex (V,) below the outer envelope, >= 0 and 0 on gyral crowns, in the surface's length.
+    """Depth of each vertex below the outer envelope, >= 0 and 0 on gyral crowns, in the surface's length.
 
     The distance to the outside of the morphological closing of the filled surface by a ball of radius 0.05 L, where
     L = sqrt(area of the convex hull): the envelope of the local gyrification index (Schaer et al. 2008). Openings are
@@ -96,23 +95,25 @@ def sulcal_depth(surface: Surface) -> Float[ndarray, " V"]:
     """
     vertices = surface.vertices
     try:
-        scale = np.sqrt(ConvexHull(vertices).area)
-    except QhullError:
-        raise SurfaceError("the surface lies in a plane, so it has no depth; use the surface in space.") from None
+        scale = np.sqrt(scipy.spatial.ConvexHull(vertices).area)
+    except scipy.spatial.QhullError:
+        raise SurfaceError("the surface lies in a plane, so it has no depth; use the surface in space") from None
     cell, radius = CLOSING_CELL * scale, CLOSING_RADIUS / CLOSING_CELL
     margin = (radius + 4) * cell
     origin = vertices.min(axis=0) - margin
     shape = np.ceil((vertices.max(axis=0) + margin - origin) / cell).astype(int)
     closed = _close(_filled(surface, origin, cell, shape), radius)
     # half a voxel: the distance is to the nearest centre outside, the envelope lies between two centres
-    depth = ndimage.map_coordinates(ndimage.distance_transform_edt(closed), ((vertices - origin) / cell).T, order=1)
+    depth = scipy.ndimage.map_coordinates(
+        scipy.ndimage.distance_transform_edt(closed), ((vertices - origin) / cell).T, order=1
+    )
     return cell * np.maximum(depth - 0.5, 0)
 
 
 def _close(solid, radius):
     """Morphological closing by a ball of `radius` voxels; cavities are filled."""
-    dilated = ndimage.binary_fill_holes(ndimage.distance_transform_edt(~solid) <= radius)
-    return ndimage.distance_transform_edt(dilated) > radius
+    dilated = scipy.ndimage.binary_fill_holes(scipy.ndimage.distance_transform_edt(~solid) <= radius)
+    return scipy.ndimage.distance_transform_edt(dilated) > radius
 
 
 def _filled(surface, origin, cell, shape):
@@ -132,7 +133,7 @@ def _filled(surface, origin, cell, shape):
 
 @dataclass(frozen=True)
 class AreaRadius:
-    """A monotone change of radius of the unit disk, linear between knots: `disk` (K,) <-> `image` (K,), both 0 to 1."""
+    """A monotone change of radius of the unit disk, linear between knots: `disk` <-> `image`, both 0 to 1."""
 
     disk: Float[ndarray, " K"]
     image: Float[ndarray, " K"]
@@ -179,11 +180,11 @@ def _samples(surface, z, m):
 def curvature_image(
     surface: Surface, z: Complex[ndarray, " V"], size: int = 128, values: Float[ndarray, " V"] | None = None
 ) -> tuple[Float[ndarray, " size size"], AreaRadius]:
-    """Image (size, size) of a per-vertex map on the disk, NaN outside it, and the `AreaRadius` of its coordinates.
+    """Image of a per-vertex map on the disk, NaN outside it, and the `AreaRadius` of its coordinates.
 
-    z (V,) is a disk map of the surface, as `disk_conformal_map` gives. The pixel in row i and column j shows the point
+    z is a disk map of the surface, as `disk_conformal_map` gives. The pixel in row i and column j shows the point
     `radius.from_image(x + iy)`, x = (2j + 1)/size - 1, y = (2i + 1)/size - 1, linear in the face that holds it.
-    `values` (V,) is shown in its own unit; without it, mean curvature as grey levels from 0 (sulci) to 255 (gyri),
+    `values` are shown in their own unit; without them, mean curvature as grey levels from 0 (sulci) to 255 (gyri),
     see `grey_levels`. Source: paper, section 'Landmark Detection'; the radius is ours.
     """
     if values is None:

@@ -10,9 +10,9 @@ from .surface import Surface, SurfaceError, require_disk
 
 
 def open_surface(surface: Surface, mask: Bool[ndarray, " V"]) -> tuple[Surface, Integer[ndarray, " W"]]:
-    """The disk left when the vertices of mask are cut away, and their indices in the input: (Surface, (V',) int).
+    """The disk left when the vertices of mask are cut away, and their indices in the input.
 
-    mask: (V,) bool, True = cut. A face stays if none of its corners is cut; of what stays the piece of largest area
+    mask: True = cut. A face stays if none of its corners is cut; of what stays the piece of largest area
     is kept; of the gaps in it the largest (by area; an input's own boundary counts as largest) becomes the opening and
     the others are filled with their own vertices; where the opening touches itself in a vertex, all fans but the
     largest go; inner edges that join two vertices of the rim are cut and the smaller side goes (ears and teeth that
@@ -28,7 +28,7 @@ def open_surface(surface: Surface, mask: Bool[ndarray, " V"]) -> tuple[Surface, 
         raise SurfaceError(
             f"the mask only makes holes inside a surface that is open already ({surface.boundary_loops[0].size} "
             f"boundary vertices from vertex {surface.boundary_loops[0][0]}); let the mask reach that boundary, or "
-            f"use the surface as it is."
+            f"use the surface as it is"
         )
     vertices, corners = np.unique(surface.faces[kept], return_inverse=True)
     new_index = np.full(len(surface.vertices), -1)
@@ -37,7 +37,7 @@ def open_surface(surface: Surface, mask: Bool[ndarray, " V"]) -> tuple[Surface, 
     if filled > n_masked / 2:
         raise SurfaceError(
             f"only a pinhole would open: {filled} of the mask's {n_masked} vertices lie in holes away from the largest "
-            f"and would be filled; give a mask in one piece (the medial wall), or smooth this one."
+            f"and would be filled; give a mask in one piece (the medial wall), or smooth this one"
         )
     curves = {name: _renumbered(name, path, new_index) for name, path in surface.curves.items()}
     opened = Surface(surface.vertices[vertices], corners.reshape(-1, 3), curves, vertices)
@@ -45,7 +45,7 @@ def open_surface(surface: Surface, mask: Bool[ndarray, " V"]) -> tuple[Surface, 
     if len(opened.boundary) == len(vertices):
         raise SurfaceError(
             f"the mask shreds the surface: the largest piece (faces left: {len(opened.faces)}) has no inner vertex, "
-            f"only vertices {vertices[:5].tolist()} on its rim; smooth the mask, or give one that cuts less."
+            f"only vertices {vertices[:5].tolist()} on its rim; smooth the mask, or give one that cuts less"
         )
     return opened, vertices
 
@@ -55,14 +55,14 @@ def _checked_mask(surface, mask):
     if mask.dtype != bool or mask.shape != (n_vertices,):
         raise SurfaceError(
             f"the mask must be {n_vertices} booleans, one a vertex (True = cut), not {mask.dtype} of shape "
-            f"{mask.shape}. From vertex indices: mask = numpy.zeros({n_vertices}, bool); mask[indices] = True."
+            f"{mask.shape}. From vertex indices: mask = numpy.zeros({n_vertices}, bool); mask[indices] = True"
         )
     if not mask.any():
-        raise SurfaceError("the mask cuts nothing; mark the vertices of the medial wall.")
+        raise SurfaceError("the mask cuts nothing; mark the vertices of the medial wall")
     if mask[surface.faces].any(axis=1).all():
         raise SurfaceError(
             f"the mask cuts everything ({mask.sum()} of {n_vertices} vertices, no face is left); if it marks what to "
-            f"keep, give its opposite (~mask, `qclearn open --keep`)."
+            f"keep, give its opposite (~mask, `qclearn open --keep`)"
         )
     return mask
 
@@ -140,6 +140,6 @@ def _renumbered(name, path, new_index):
     if lost.size:
         raise SurfaceError(
             f"curve '{name}' would lose {lost.size} of its {path.size} vertices, the first {lost[0]}; shorten the "
-            f"curve, leave it out (Surface(vertices, faces)), or cut less."
+            f"curve, leave it out (Surface(vertices, faces)), or cut less"
         )
     return new_index[path]

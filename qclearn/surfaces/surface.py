@@ -26,10 +26,10 @@ from .checks import (
 class Surface:
     """An oriented, connected, manifold triangle mesh in space, open or closed; raises SurfaceError if it is not one.
 
-    vertices (V, 3) float64 in any length unit; faces (F, 3) int64, orientation kept as given (outward = positive
-    `volume`); curves: dict name -> (k,) int64 vertex path; edges (E, 2) int64, sorted; edge_faces (E, 2), the faces on
-    the two sides of each edge, -1 beyond the boundary; original_vertices (V,) int64 or None: where the surface was cut
-    out of a whole one, the vertices' numbers there. The arrays are read-only, so what was checked stays true.
+    vertices: in any length unit; faces: orientation kept as given (outward = positive `volume`); curves: name -> vertex
+    path; edges: sorted; edge_faces: the faces on the two sides of each edge, -1 beyond the boundary; original_vertices:
+    where the surface was cut out of a whole one, the vertices' numbers there, else None. Floats are float64, integers
+    int64. The arrays are read-only, so what was checked stays true.
     """
 
     vertices: Float[ndarray, " V 3"]
@@ -61,7 +61,7 @@ class Surface:
 
     @cached_property
     def boundary_loops(self) -> list[Integer[ndarray, " _"]]:
-        """List of (k,) int arrays: each loop runs along its faces' own edges (the surface on its left seen from
+        """The boundary as loops: each runs along its faces' own edges (the surface on its left seen from
         outside), starts at its smallest vertex index; loops in the order of their first vertices."""
         following = dict(self._boundary_halfedges.tolist())
         loops = []
@@ -75,7 +75,7 @@ class Surface:
 
     @cached_property
     def boundary(self) -> Integer[ndarray, " B"]:
-        """The boundary loop (k,) int, from its smallest vertex index; SurfaceError unless there is exactly one."""
+        """The boundary loop, from its smallest vertex index; SurfaceError unless there is exactly one."""
         if len(self.boundary_loops) != 1:
             raise SurfaceError(_loops_message(self))
         return self.boundary_loops[0]
@@ -87,13 +87,13 @@ class Surface:
 
     @cached_property
     def face_areas(self) -> Float[ndarray, " F"]:
-        """Areas of the faces (F,), in squared units of the vertices."""
+        """Areas of the faces, in squared units of the vertices."""
         a, b, c = (self.vertices[corner] for corner in self.faces.T)
         return frozen(0.5 * norms(np.cross(b - a, c - a)))
 
     @cached_property
     def vertex_areas(self) -> Float[ndarray, " V"]:
-        """One third of the areas of the faces around each vertex (V,)."""
+        """One third of the areas of the faces around each vertex."""
         total = np.bincount(self.faces.ravel(), weights=np.repeat(self.face_areas, 3), minlength=len(self.vertices))
         return frozen(total / 3)
 
@@ -125,7 +125,7 @@ def require_disk(surface: Surface) -> None:
             f"the surface has {handles} handle{'s' * (handles > 1)} (Euler characteristic "
             f"{surface.euler_characteristic}, a disk has 1); loops through them cross the edges "
             f"{some(_handle_edges(surface))}. Repair the topology where the surface was made "
-            f"(FreeSurfer: mris_fix_topology) or cut the handles out with open_surface(surface, mask)."
+            f"(FreeSurfer: mris_fix_topology) or cut the handles out with open_surface(surface, mask)"
         )
 
 
@@ -134,12 +134,12 @@ def require_outward(surface: Surface) -> None:
     if abs(surface.volume) <= 1e-12 * surface.area**1.5:
         raise SurfaceError(
             "the surface encloses no volume (it lies in a plane), so its orientation cannot be told; "
-            "use the surface in space (pial, white or midthickness) instead of a flat patch."
+            "use the surface in space (pial, white or midthickness) instead of a flat patch"
         )
     if surface.volume < 0:
         raise SurfaceError(
             f"the surface looks inward (signed volume {surface.volume:.6g}). Reverse all faces: "
-            f"Surface(vertices, faces[:, ::-1], curves), or `qclearn open --reverse`."
+            f"Surface(vertices, faces[:, ::-1], curves), or `qclearn open --reverse`"
         )
 
 
@@ -155,12 +155,12 @@ def _loops_message(surface):
     if not loops:
         return (
             "the surface is closed (no boundary), where a disk is needed; cut it open along the medial wall: "
-            "open_surface(surface, mask), or `qclearn open SURFACE --label FILE --out FILE`."
+            "open_surface(surface, mask), or `qclearn open SURFACE --label FILE --out FILE`"
         )
     listed = [f"{len(loop)} vertices from vertex {loop[0]}" for loop in sorted(loops, key=len, reverse=True)]
     return (
         f"the surface has {len(loops)} boundary loops, where a disk has one: {some(listed)}. Fill the inner holes "
-        f"with faces, or cut a new opening that takes them in: open_surface(surface, mask)."
+        f"with faces, or cut a new opening that takes them in: open_surface(surface, mask)"
     )
 
 

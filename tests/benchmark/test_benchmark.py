@@ -190,7 +190,7 @@ def test_workers_with_several_threads_are_refused(tmp_path, folder, cluster):
 def test_workers_of_other_versions_are_refused(tmp_path, folder, cluster, monkeypatch):
     address, start_worker = cluster
     start_worker("--nthreads", "1")
-    monkeypatch.setattr(module, "own_version", lambda name="qclearn": "9.9")  # here, not there
+    monkeypatch.setattr(module, "versions_of", lambda *_: {"qclearn": "9.9"})  # here, not there
     with pytest.raises(BenchmarkError, match="has qclearn .*, here 9.9.*install the same"):
         small(tmp_path / "r.json", folder, [Run("mine", "shrunk")], scheduler=address)
 

@@ -1,3 +1,5 @@
+"""Cohorts: subjects by seed, made once, continued after an interruption, damaged files made again."""
+
 import importlib
 from functools import cache
 

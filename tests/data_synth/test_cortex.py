@@ -1,3 +1,5 @@
+"""The grown hemisphere: a folded disk with curves in its sulci, the same for the same seed, and files of it."""
+
 from functools import cache
 from itertools import pairwise
 

@@ -1,3 +1,5 @@
+"""Surfaces in every format: round trips, agreement with VTK and nibabel, and one named error for a damaged file."""
+
 import gzip
 import hashlib
 import os

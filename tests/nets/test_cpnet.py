@@ -121,7 +121,7 @@ def test_the_born_step_is_the_first_step_of_the_fit(net, landmarks):
     state = newton.at(np.zeros(len(z), complex), (0j, 0.0))
     change, *_, promised = newton.linearise(state, 1e3)(state)
     fit = np.array(newton.to_faces @ change)
-    born = net.answers(z, faces, p, q, 1.0, 0.1, 1e3)["Born step"]
+    born = net.answers(Problem(z, faces, p, q), Weights(1.0, 0.1, 1e3))["Born step"]
     assert abs(np.arctanh(abs(born)) * born / abs(born) - fit).max() < 0.1 * abs(fit).max()
     assert promised < 0.9 * 1e3 * (abs(p - q) ** 2).mean()
 
@@ -138,7 +138,7 @@ def test_fit_mobius_is_best_mobius(landmarks):
 
 def test_an_untrained_network_is_its_closed_form_steps(net, landmarks):
     z, faces = polar_disk(16, 48, 1.4)
-    answers = net.answers(z, faces, *landmarks, 1.0, 0.1, 1e3)
+    answers = net.answers(Problem(z, faces, *landmarks), Weights(1.0, 0.1, 1e3))
     np.testing.assert_allclose(answers["first correction"], answers["Born step"], atol=1e-5)
     np.testing.assert_allclose(answers["1 look"], answers["chord step"], atol=1e-5)
     np.testing.assert_array_equal(answers["2 looks"], net.predict(z, faces, *landmarks, 1.0, 0.1, 1e3, looks=2))
@@ -322,9 +322,8 @@ def test_the_shipped_network_is_better_than_its_linear_start():
     p = np.concatenate([0.4 + 0.25j * t, -0.3 - 0.1j + 0.25 * t, 0.35j + 0.2 * t])
     q = p * np.exp(0.5j * (1 - abs(p) ** 2)) + 0.05j * p**2
     z, faces = polar_disk(32, 96, 1.4)
-    answers, losses = net.answers(z, faces, p, q, 1.0, 0.1, 1e4, looks=1), {}
-    for name, mu in answers.items():
-        problem = Problem(z, faces, p, q)
+    problem, weights, losses = Problem(z, faces, p, q), Weights(1.0, 0.1, 1e4), {}
+    for name, mu in net.answers(problem, weights, looks=1).items():
         found = exact_map(problem, mu)
-        losses[name] = measured_losses(problem, Weights(1.0, 0.1, 1e4), found.mu, problem.samples @ found.f)["L_CP"]
+        losses[name] = measured_losses(problem, weights, found.mu, problem.samples @ found.f)["L_CP"]
     assert losses["first correction"] < 0.8 * losses["Born step"]

@@ -11,7 +11,7 @@ from qclearn.nets.dbsnet import BestDBSNet, BestDBSNetConfig, PaperDBSNet, deriv
 from qclearn.nets.dbsnet_paper import FourierLayer, PaperDBSNetConfig, poisson_matrix
 from qclearn.nets.layers import PolarPad
 from qclearn.nets.polar import two_steps
-from qclearn.nets.train import TrainConfig, take_step
+from qclearn.nets.train import Process, TrainConfig, take_step
 from qclearn.plane.beltrami import wirtinger
 from qclearn.plane.bijectivity import flipped_faces
 from qclearn.plane.checks import BeltramiError
@@ -159,7 +159,7 @@ def test_one_batch_can_be_learnt(preset):
 
     objective.parameters = net.parameters
     for step in range(25):
-        take_step(objective, optimiser, data, config, step, 0, 1, torch.device("cpu"))
+        take_step(objective, optimiser, data, config, step, Process())
     assert net.loss(data.tensors, None)[0].item() < 0.7 * before
 
 

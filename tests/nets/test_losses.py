@@ -23,6 +23,7 @@ from qclearn.plane.beltrami import solve_beltrami, stiffness
 from qclearn.plane.disk import solve_beltrami_disk
 from qclearn.plane.diskmesh import polar_disk, square_disk
 from qclearn.plane.exactmaps import DISK_MAPS
+from qclearn.registration.problem import Weights
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -136,5 +137,5 @@ def test_cp_loss_weighs_its_parts(problem):
     points, target = f[:, :4], f[:, 4:8]
     parts = L_mu(mu), L_grad_mu(mesh, mu), L_Landmark(points, target)
     torch.testing.assert_close(
-        L_CP(mesh, mu, points, target, 2.0, 3.0, torch.tensor([5.0])), 2 * parts[0] + 3 * parts[1] + 5 * parts[2]
+        L_CP(mesh, mu, points, target, Weights(2.0, 3.0, 5.0)), 2 * parts[0] + 3 * parts[1] + 5 * parts[2]
     )

@@ -4,6 +4,7 @@ import matplotlib
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from meshes import bowl
 
 from qclearn.pages.plot import (
     CURVE_STYLES,
@@ -18,7 +19,7 @@ from qclearn.pages.plot import (
     square_lines,
 )
 from qclearn.pages.scenes import registration_scene, stacked_scene, surface_picture, surface_scene
-from qclearn.plane.diskmesh import polar_disk, square_disk
+from qclearn.plane.diskmesh import square_disk
 from qclearn.plane.mobius import mobius
 from qclearn.registration.register import register
 from qclearn.surfaces.surface import Surface
@@ -27,11 +28,6 @@ from qclearn.surfaces.surface import Surface
 @pytest.fixture
 def ax():
     return Figure().subplots()
-
-
-def bowl(height):
-    z, faces = polar_disk(8, 24)
-    return Surface(np.stack([z.real, z.imag, height * (1 - abs(z) ** 2)], axis=1), faces)
 
 
 @pytest.fixture(scope="module")

@@ -7,29 +7,26 @@ import threading
 
 import numpy as np
 import pytest
+from meshes import bowl
 
 from qclearn.pages.canvas import Canvas
+from qclearn.pages.examples import Example, cortex_problem, example_problems, spread_vertices
 from qclearn.pages.widgets import (
     SOLVERS,
-    Example,
     NewestOnly,
     Superseded,
     Tuner,
-    cortex_problem,
     describe,
     exact_fit,
-    example_problems,
     fit_state,
     gaps,
     network_fit,
-    spread_vertices,
-    table,
+    states_table,
 )
 from qclearn.plane.bijectivity import check_bijective
-from qclearn.plane.diskmesh import polar_disk, square_disk
+from qclearn.plane.diskmesh import square_disk
 from qclearn.registration.fit import fit_landmarks
 from qclearn.registration.problem import LandmarkError, Problem, Weights
-from qclearn.surfaces.surface import Surface
 
 EXACT = {"exact fit": exact_fit}
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -58,24 +55,19 @@ def example():
 
 @pytest.fixture(scope="module")
 def state(example):
-    return fit_state(example, 1.0, 1e-2, 1e4)
-
-
-def bowl(height, rings=9):
-    z, faces = polar_disk(rings, 3 * rings)
-    return Surface(np.stack([z.real, z.imag, height * (1 - abs(z) ** 2)], axis=1), faces)
+    return fit_state(example, (1.0, 1e-2, 1e4))
 
 
 def test_gamma_buys_landmarks_with_distortion(example):
-    loose, tight = fit_state(example, 1.0, 1e-2, 1e1), fit_state(example, 1.0, 1e-2, 1e4)
+    loose, tight = fit_state(example, (1.0, 1e-2, 1e1)), fit_state(example, (1.0, 1e-2, 1e4))
     assert tight.fit.landmark_error < 0.1 * loose.fit.landmark_error
     assert tight.terms["L_mu"][0] > loose.terms["L_mu"][0]
 
 
 def test_alpha_and_beta_press_on_their_own_terms(example):
-    reference = fit_state(example, 1.0, 1e-2, 1e2)
-    assert fit_state(example, 100.0, 1e-2, 1e2).terms["L_mu"][0] < 0.6 * reference.terms["L_mu"][0]
-    assert fit_state(example, 1.0, 1.0, 1e2).terms["L_grad_mu"][0] < 0.6 * reference.terms["L_grad_mu"][0]
+    reference = fit_state(example, (1.0, 1e-2, 1e2))
+    assert fit_state(example, (100.0, 1e-2, 1e2)).terms["L_mu"][0] < 0.6 * reference.terms["L_mu"][0]
+    assert fit_state(example, (1.0, 1.0, 1e2)).terms["L_grad_mu"][0] < 0.6 * reference.terms["L_grad_mu"][0]
 
 
 def test_terms_are_value_weight_and_product(state):
@@ -89,9 +81,9 @@ def test_terms_are_measured_on_the_map_and_not_on_what_the_fit_believes():
     """A fit that reports wonders gets the terms of its map,
     and those of a good fit are near what it believes itself."""
     twist = example_problems()[0]
-    state = fit_state(twist, 1.0, 1e-2, 1e4)
+    state = fit_state(twist, (1.0, 1e-2, 1e4))
     boasting = dataclasses.replace(state.fit, losses=dict.fromkeys(state.fit.losses, 0.0), landmark_error=0.0)
-    assert fit_state(twist, 1.0, 1e-2, 1e4, solver=lambda *_: boasting).terms == state.terms
+    assert fit_state(twist, (1.0, 1e-2, 1e4), solver=lambda *_: boasting).terms == state.terms
     assert state.terms["L_mu"][0] == pytest.approx(state.fit.losses["L_mu"], rel=0.05)
     assert state.terms["L_Landmark"][0] == pytest.approx(state.fit.losses["L_Landmark"], rel=1e-6)
     assert 0.5 < state.terms["L_grad_mu"][0] / state.fit.losses["L_grad_mu"] < 1  # averages are smoother
@@ -109,7 +101,7 @@ def test_flipped_triangles_are_reported_and_drawn(example, state):
     flipped = check_bijective(example.problem.z, example.problem.faces, folded).flipped
     assert len(flipped) > 0
     bad = dataclasses.replace(state.fit, f=folded, bijective=False, flipped=flipped)
-    answer = fit_state(example, 1.0, 1e-2, 1e4, solver=lambda *_: bad)
+    answer = fit_state(example, (1.0, 1e-2, 1e4), solver=lambda *_: bad)
     assert f"not bijective: {len(flipped)} of {len(example.problem.faces)} triangles" in answer.message
     canvas = Canvas(example, ["exact fit"])
     canvas.draw({"exact fit": answer})
@@ -118,7 +110,7 @@ def test_flipped_triangles_are_reported_and_drawn(example, state):
 
 @pytest.mark.parametrize("weights, word", [((0.0, 1e-2, 1e4), "alpha"), ((1.0, 1e-2, np.nan), "gamma")])
 def test_weights_out_of_range_become_a_message(example, weights, word):
-    answer = fit_state(example, *weights)
+    answer = fit_state(example, weights)
     assert answer.fit is None and word in answer.message
 
 
@@ -129,13 +121,13 @@ def test_bad_landmarks_become_a_message(example):
     def on_bad_landmarks(problem, *rest):
         return exact_fit(dataclasses.replace(problem, moving=twice), *rest)
 
-    answer = fit_state(example, 1.0, 1e-2, 1e4, solver=on_bad_landmarks)
+    answer = fit_state(example, (1.0, 1e-2, 1e4), solver=on_bad_landmarks)
     assert "coincide" in describe(answer)
-    assert "coincide" in table({"exact fit": answer})
+    assert "coincide" in states_table({"exact fit": answer})
 
 
 def test_table_escapes_messages(state):
-    text = table({"<b>": dataclasses.replace(state, fit=None, message="a < b")})
+    text = states_table({"<b>": dataclasses.replace(state, fit=None, message="a < b")})
     assert "a &lt; b" in text and "<b>&lt;b&gt;</b>" in text
 
 
@@ -154,7 +146,7 @@ def test_canvas_draws_the_map(example, state):
 def test_canvas_shows_no_stale_map_beside_an_error(example, state):
     canvas = Canvas(example, ["exact fit"])
     good = canvas.draw({"exact fit": state})
-    bad = canvas.draw({"exact fit": fit_state(example, -1.0, 1e-2, 1e4)})
+    bad = canvas.draw({"exact fit": fit_state(example, (-1.0, 1e-2, 1e4))})
     assert not any(artist.get_visible() for artist in canvas.rows["exact fit"])
     assert bad != good
     assert canvas.draw({"exact fit": state}) == good
@@ -188,7 +180,7 @@ def test_watch_stops_a_fit(example):
         raise Superseded
 
     with pytest.raises(Superseded):
-        fit_state(example, 1.0, 1e-2, 1e4, watch=watch)
+        fit_state(example, (1.0, 1e-2, 1e4), watch=watch)
 
 
 def test_moving_a_slider_changes_picture_and_text(example):
@@ -197,7 +189,7 @@ def test_moving_a_slider_changes_picture_and_text(example):
     assert image.startswith(PNG) and "certified" in text
     assert answered(tuner, tuner.gamma, 10.0) != text
     assert png_of(tuner).startswith(PNG) and png_of(tuner) != image
-    expected = fit_state(example, 1.0, 1e-2, 10.0)
+    expected = fit_state(example, (1.0, 1e-2, 10.0))
     assert f"{expected.fit.landmark_error:.2e}" in re.search('alt="([^"]*)"', tuner.picture.value)[1]
 
 
@@ -212,8 +204,8 @@ def test_every_control_reaches_the_solver(example):
         (tuner.problem, "other"),
     ):
         text = answered(tuner, control, value)
-    assert tuner.setting() == ("other", 2.0, 0.1, 1e3, True)
-    expected = fit_state(other, 2.0, 0.1, 1e3, sliding=True)
+    assert tuner.setting() == ("other", (2.0, 0.1, 1e3), True)
+    expected = fit_state(other, (2.0, 0.1, 1e3), sliding=True)
     assert f"{expected.fit.landmark_error:.2e}" in text
     assert tuner.canvas.example is other
 
@@ -246,8 +238,8 @@ class StandIn:
 
     share, calls, most = 1.0, (), np.inf
 
-    def gamma_used(self, alpha, beta, gamma):
-        return min(gamma, self.most)
+    def gamma_used(self, weights):
+        return min(weights.gamma, self.most)
 
     def predict(self, z, faces, moving, target, *, alpha, beta, gamma, curve):
         self.calls = (*self.calls, (alpha, beta, gamma))
@@ -268,7 +260,7 @@ def test_the_network_stands_below_the_fit_with_the_gap_between_them(example, net
     ratio = float(re.search(r"L_CP of CP-Net is (\S+) times that of exact fit", tuner.text.value)[1])
     alternative = re.search('alt="([^"]*)"', tuner.picture.value)[1]
     assert f"is {ratio:.3g} times" in alternative and "CP-Net: landmark error" in alternative
-    states = {name: fit_state(example, 1.0, 1e-2, 1e5, solver=solver) for name, solver in SOLVERS.items()}
+    states = {name: fit_state(example, (1.0, 1e-2, 1e5), solver=solver) for name, solver in SOLVERS.items()}
     assert ratio == pytest.approx(states["CP-Net"].loss / states["exact fit"].loss, rel=1e-2)
     network.share = 0.5
     assert float(re.search(r"is (\S+) times", answered(tuner, tuner.gamma, 1e4))[1]) > 2
@@ -280,15 +272,17 @@ def test_the_network_fit_is_the_exact_map_of_its_coefficient(example, network):
     answer = network_fit(example.problem, Weights(1.0, 1e-2, 1e4))
     assert answer.bijective and abs(answer.f - fit.f).max() < 5e-3
     network.most = 1e3
-    assert "answered for gamma = 1e+03" in describe(fit_state(example, 1.0, 1e-2, np.float64(1e4), solver=network_fit))
+    assert "answered for gamma = 1e+03" in describe(
+        fit_state(example, (1.0, 1e-2, np.float64(1e4)), solver=network_fit)
+    )
     network.share = 0.0
     assert abs(network_fit(example.problem, Weights(1.0, 1e-2, 1e4)).mu).max() < 0.05  # a Möbius map between vertices
-    np.testing.assert_array_equal(gaps({"a": fit_state(example, 1.0, 1e-2, 1e4)}), [])
+    np.testing.assert_array_equal(gaps({"a": fit_state(example, (1.0, 1e-2, 1e4))}), [])
 
 
 def test_the_shipped_network_comes_near_the_fit_on_a_smooth_problem():
     twist = example_problems()[0]
-    passed, fitted = (fit_state(twist, 1.0, 1e-2, 1e3, solver=solver) for solver in (network_fit, exact_fit))
+    passed, fitted = (fit_state(twist, (1.0, 1e-2, 1e3), solver=solver) for solver in (network_fit, exact_fit))
     assert passed.fit.bijective and passed.loss < 2 * fitted.loss
     assert "answered for gamma" not in passed.message
 
@@ -312,7 +306,7 @@ def test_where_the_network_cannot_answer_the_fit_still_does(example, network, mo
 
 @pytest.mark.parametrize("weights", [(0.0, 1e-2, 1e4), (1.0, -1.0, 1e4), (1.0, 1e-2, np.inf)])
 def test_the_network_is_not_asked_for_weights_out_of_range(example, network, weights):
-    answer = fit_state(example, *weights, solver=network_fit)
+    answer = fit_state(example, weights, solver=network_fit)
     assert answer.fit is None and "must be positive" in answer.message and network.calls == ()
 
 
@@ -323,7 +317,7 @@ def test_examples_are_certified(example):
 
 
 def test_vertices_are_spread_evenly():
-    surface = bowl(0.5)
+    surface = bowl(0.5, 9)
     chosen = spread_vertices(surface, 80)
     assert len(np.unique(chosen)) == 80 and set(surface.boundary[::2]) <= set(chosen)
     distance = np.linalg.norm(surface.vertices[:, None] - surface.vertices[chosen], axis=2)

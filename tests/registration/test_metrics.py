@@ -51,10 +51,8 @@ def test_the_losses_are_those_that_networks_are_trained_with():
         torch.from_numpy(mu)[None],
         torch.from_numpy(mapped)[None],
         torch.from_numpy(POINTS)[None],
-        2.0,
-        0.1,
-        1e4,
-        weights=faces,
+        Weights(2.0, 0.1, 1e4),
+        shares=faces,
     )
     assert measured(mu, mapped, (2.0, 0.1, 1e4))["L_CP"] == pytest.approx(float(tensor[0]), rel=1e-12)
 

@@ -4,8 +4,10 @@ import json
 import re
 import sys
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
+import meshes
 import numpy as np
 import pytest
 from known_surfaces import grooved_sphere
@@ -16,7 +18,6 @@ from qclearn.plane.beltrami import beltrami_coefficient
 from qclearn.plane.bijectivity import BijectivityError, check_bijective
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import solve_beltrami_disk
-from qclearn.plane.diskmesh import polar_disk
 from qclearn.plane.mobius import best_mobius, compose_mobius, mobius
 from qclearn.registration.certified import exact_map
 from qclearn.registration.fit import fit_landmarks, fit_problem
@@ -49,11 +50,7 @@ REPORT = {
 }
 
 
-def bowl(height, rings=14):
-    """A bowl, bottom up, with one side steeper than the other; vertices as in `polar_disk(rings, 3 * rings)`."""
-    z, faces = polar_disk(rings, 3 * rings)
-    rise = height * (1 - abs(z) ** 2) * (1 + 0.4 * z.real)
-    return Surface(np.stack([z.real, z.imag, rise], axis=1), faces)
+bowl = partial(meshes.bowl, rings=14, lean=0.4)
 
 
 def spoke(angle, rings=14, first=2, last=9):
@@ -286,7 +283,7 @@ def networks(monkeypatch):
 
     def install(detect=detect_curves, predict=exact_predict, solve=solve_beltrami_disk, most=np.inf):
         blocks = SimpleNamespace(
-            detect=detect, predict=predict, solve=solve, gamma_used=lambda alpha, beta, gamma: min(gamma, most)
+            detect=detect, predict=predict, solve=solve, gamma_used=lambda weights: min(weights.gamma, most)
         )
         monkeypatch.setattr(sys.modules["qclearn.registration.register"], "load", lambda name: blocks)
 

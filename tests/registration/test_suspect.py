@@ -2,6 +2,7 @@
 
 import json
 from copy import deepcopy
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -207,11 +208,12 @@ def test_strong_distortion_is_measured_by_area_and_not_by_faces():
 def test_all_reasons_come_in_one_list(sides):
     (moving, z), (control, w) = sides["moving"], sides["control"]
     curves = check_curves([entry | {"moving": entry["moving"][::-1]} for entry in SULCI], moving, control)
-    rows = [{"name": entry["name"], "landmark_error_mm": 40.0 if k == 3 else 4.0} for k, entry in enumerate(SULCI)]
-    means = {"landmark_error_mm": 7.0, "landmark_error": 0.2, "landmark_error_before": 0.1}
-    found = reasons(
-        moving, control, z, w, curves, means, rows, np.full(len(moving.faces), 0.95), ["1888 rows switched"]
-    )
+    errors = {"landmark_error_before": 0.1, "landmark_error": 0.2}
+    rows = [
+        errors | {"name": entry["name"], "landmark_error_mm": 40.0 if k == 3 else 4.0} for k, entry in enumerate(SULCI)
+    ]
+    fit = SimpleNamespace(mu=np.full(len(moving.faces), 0.95), fallbacks=("1888 rows switched",))
+    found = reasons(moving, control, z, w, curves, rows, fit)
     assert words(found) == ["reversed", "error", "curve", "rows", "distortion"]
     assert json.loads(json.dumps(found)) == found
 

@@ -1,3 +1,5 @@
+"""Cutting a surface open: what is kept, what is filled, and which masks are refused."""
+
 import sys
 
 import numpy as np

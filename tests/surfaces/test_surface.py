@@ -1,3 +1,5 @@
+"""The checked surface: what is stored, its measures and boundary, and one error for each way not to be a surface."""
+
 import re
 import time
 

@@ -21,12 +21,12 @@ from qclearn.plane.fields import bounded
 from qclearn.plane.mobius import best_mobius, mobius
 from qclearn.registration.certified import exact_map, moved_map
 from qclearn.registration.engine import GaussNewton
-from qclearn.registration.fit import fit_problem, start_field
+from qclearn.registration.fit import POWER, fit_problem, start_field
 from qclearn.registration.landmarks import sample_curve
 from qclearn.registration.metrics import measured_losses
 from qclearn.registration.problem import Problem, Weights, distinct
 
-MESH = polar_disk(32, 96, power=1.4)
+MESH = polar_disk(32, 96, POWER)
 POINTS = 10  # on each curve
 NAMED = {"default": Weights(), **{name: Weights(1.0, 1.0, float(name)) for name in ("1e4", "1e5", "2e5")}}
 
@@ -92,8 +92,8 @@ def compare(net, plain, p, q, weights):
     start = time.process_time()
     mu = net.predict(*MESH, p, q, *numbers)
     seconds["network"] = time.process_time() - start
-    told = net.answers(*MESH, p, q, *numbers, looks=2)
-    bare = plain.answers(*MESH, p, q, *numbers, looks=2)
+    told = net.answers(problem, weights, looks=2)
+    bare = plain.answers(problem, weights, looks=2)
     answers = {
         "Born step": told["Born step"],
         "without the U-Nets": bare["1 look"],
