@@ -77,6 +77,7 @@ def execute(paths, jobs, seconds_per_cell):
         "PYVISTA_OFF_SCREEN": "true",
         "JUPYTER_PREFER_ENV_PATH": "1",
         "PYTHONPATH": str(installed),
+        "QCLEARN_PAGES": "static",  # explorables as elements for the site's script, not as widgets
     }
     found = subprocess.run(
         [sys.executable, "-c", "import qclearn; print(qclearn.__file__)"],

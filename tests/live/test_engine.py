@@ -10,7 +10,7 @@ import pytest
 from reference import COARSE, CONVERGED, FINE, MODULES, fit_in_steps, numbers, pairs, request, run_engine
 
 from qclearn.methods.harmonic import harmonic
-from qclearn.pages.widgets import example_problems
+from qclearn.pages.examples import example_problems
 from qclearn.plane.beltrami import beltrami_coefficient
 from qclearn.plane.bijectivity import RepairWarning, flipped_faces
 from qclearn.plane.disk import BeltramiDiskSolver

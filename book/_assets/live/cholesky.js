@@ -8,13 +8,18 @@ export class Cholesky {
     Object.assign(this, { n, tail, head, kernels });
     const { order, below } = minimumDegree(n, tail, head);
     const place = (this.place = new Int32Array(n)); // of an unknown in the order of elimination
-    order.forEach((v, j) => { place[v] = j; });
+    order.forEach((v, j) => {
+      place[v] = j;
+    });
     const start = new Int32Array(n + 1);
     for (let j = 0; j < n; j++) start[j + 1] = start[j] + below[j].length + 1;
     const rows = new Int32Array(start[n]);
     for (let j = 0; j < n; j++) {
       rows[start[j]] = j;
-      rows.set(below[j].map((v) => place[v]).sort((a, b) => a - b), start[j] + 1);
+      rows.set(
+        below[j].map((v) => place[v]).sort((a, b) => a - b),
+        start[j] + 1,
+      );
     }
     this.keep({ start, rows, ...byRows(n, start, rows) });
     this.L = kernels.numbers(start[n]);
@@ -48,23 +53,40 @@ export class Cholesky {
   }
 
   // X (n, R) with rows in the order of elimination, in place; in the kernels' memory
-  forward(X, R) { this.kernels.forward(this, X, R); }
-  backward(X, R) { this.kernels.backward(this, X, R); }
+  forward(X, R) {
+    this.kernels.forward(this, X, R);
+  }
+  backward(X, R) {
+    this.kernels.backward(this, X, R);
+  }
 }
 
 // An order of elimination that always takes an unknown with the fewest neighbours, and the neighbours that each had
 // left. Neighbours are sets of bits: for a few thousand unknowns exact degrees are cheap.
 function minimumDegree(n, tail, head) {
-  const words = (n + 31) >> 5, near = new Uint32Array(n * words);
-  const add = (a, b) => { near[a * words + (b >> 5)] |= 1 << (b & 31); };
-  const drop = (a, b) => { near[a * words + (b >> 5)] &= ~(1 << (b & 31)); };
-  tail.forEach((a, e) => { if (a >= 0 && head[e] >= 0) { add(a, head[e]); add(head[e], a); } });
+  const words = (n + 31) >> 5,
+    near = new Uint32Array(n * words);
+  const add = (a, b) => {
+    near[a * words + (b >> 5)] |= 1 << (b & 31);
+  };
+  const drop = (a, b) => {
+    near[a * words + (b >> 5)] &= ~(1 << (b & 31));
+  };
+  tail.forEach((a, e) => {
+    if (a >= 0 && head[e] >= 0) {
+      add(a, head[e]);
+      add(head[e], a);
+    }
+  });
   const degree = Int32Array.from({ length: n }, (_, v) => members(near, v * words, words).length);
-  const left = Array.from({ length: n }, (_, v) => v), order = [], below = [];
+  const left = Array.from({ length: n }, (_, v) => v),
+    order = [],
+    below = [];
   while (left.length) {
     let best = 0;
     for (let k = 1; k < left.length; k++) if (degree[left[k]] < degree[left[best]]) best = k;
-    const [v] = left.splice(best, 1), neighbours = members(near, v * words, words);
+    const [v] = left.splice(best, 1),
+      neighbours = members(near, v * words, words);
     order.push(v);
     below.push(neighbours);
     for (const u of neighbours) {
@@ -105,7 +127,9 @@ function byRows(n, start, rows) {
   };
   visit((j) => rowStart[j + 1]++);
   for (let j = 0; j < n; j++) rowStart[j + 1] += rowStart[j];
-  const next = rowStart.slice(), rowColumn = new Int32Array(rowStart[n]), rowPlace = new Int32Array(rowStart[n]);
+  const next = rowStart.slice(),
+    rowColumn = new Int32Array(rowStart[n]),
+    rowPlace = new Int32Array(rowStart[n]);
   visit((j, k, p) => {
     rowColumn[next[j]] = k;
     rowPlace[next[j]++] = p;
@@ -117,7 +141,8 @@ function byRows(n, start, rows) {
 // columns of B [(n), ...], by unknown. lower[e]: the entry in row head[e], column tail[e]; upper[e]: row tail[e].
 export function solveUnsymmetric(pattern, { lower, upper, diagonal }, B) {
   const { n, start, rows, rowStart, rowColumn, rowPlace, place, tail, head, edgeEntry } = pattern;
-  const L = new Float64Array(start[n]), U = new Float64Array(start[n]);
+  const L = new Float64Array(start[n]),
+    U = new Float64Array(start[n]);
   for (let e = 0; e < edgeEntry.length; e++) {
     if (edgeEntry[e] < 0) continue;
     const forwards = place[head[e]] > place[tail[e]];
@@ -125,18 +150,28 @@ export function solveUnsymmetric(pattern, { lower, upper, diagonal }, B) {
     U[edgeEntry[e]] += forwards ? upper[e] : lower[e];
   }
   for (let v = 0; v < n; v++) U[start[place[v]]] = diagonal[v];
-  const column = new Float64Array(n), row = new Float64Array(n);
+  const column = new Float64Array(n),
+    row = new Float64Array(n);
   for (let j = 0; j < n; j++) {
-    for (let p = start[j]; p < start[j + 1]; p++) { column[rows[p]] = L[p]; row[rows[p]] = U[p]; }
+    for (let p = start[j]; p < start[j + 1]; p++) {
+      column[rows[p]] = L[p];
+      row[rows[p]] = U[p];
+    }
     for (let q = rowStart[j]; q < rowStart[j + 1]; q++) {
-      const from = rowPlace[q], stop = start[rowColumn[q] + 1], l = L[from], u = U[from];
+      const from = rowPlace[q],
+        stop = start[rowColumn[q] + 1],
+        l = L[from],
+        u = U[from];
       for (let p = from; p < stop; p++) {
         column[rows[p]] -= L[p] * u;
         row[rows[p]] -= U[p] * l;
       }
     }
     U[start[j]] = row[j];
-    for (let p = start[j] + 1; p < start[j + 1]; p++) { L[p] = column[rows[p]] / row[j]; U[p] = row[rows[p]]; }
+    for (let p = start[j] + 1; p < start[j + 1]; p++) {
+      L[p] = column[rows[p]] / row[j];
+      U[p] = row[rows[p]];
+    }
   }
   return B.map((b) => {
     const x = new Float64Array(n);

@@ -1,7 +1,17 @@
 // The landmark fit: Gauss-Newton steps for a field nu on a polar mesh and a Möbius map M after the map f of mu = T(nu).
 //   minimise  nu^* W nu + gamma mean |M(f(p)) - q|^2,   W = (alpha mass + beta Laplace) / pi.
 // Unknowns are few in the dual: one system of the landmarks' size a step (registration/engine.py does the same).
-import { boundedFactor, choleskyDense, copy, dot, solveDense, squares, zeros, bounded, meanDistance } from "./complex.js";
+import {
+  boundedFactor,
+  choleskyDense,
+  copy,
+  dot,
+  solveDense,
+  squares,
+  zeros,
+  bounded,
+  meanDistance,
+} from "./complex.js";
 import { Cholesky } from "./cholesky.js";
 import { combine, gradients, rooms } from "./gradients.js";
 import { checkWeights, Problem } from "./landmarks.js";
@@ -41,7 +51,9 @@ export class Fit {
 
   // Go to nu and a Möbius map: one solve. False where there is no map.
   to(nu, map) {
-    const { mesh } = this, nuFaces = mesh.onFaces(nu), mu = zeros(mesh.F);
+    const { mesh } = this,
+      nuFaces = mesh.onFaces(nu),
+      mu = zeros(mesh.F);
     for (let t = 0; t < mesh.F; t++) {
       const factor = boundedFactor(nuFaces.x[t], nuFaces.y[t]);
       mu.x[t] = factor * nuFaces.x[t];
@@ -60,16 +72,27 @@ export class Fit {
     this.points = sample(w, this.places);
   }
 
-  prior2(nu = this.nu) { return this.mesh.quadratic(this.W, nu); }
-  objective(gamma) { return this.prior2() + this.problem.mismatch(this.points, gamma); }
-  get landmarkError() { return meanDistance(this.points, this.problem.q); }
+  prior2(nu = this.nu) {
+    return this.mesh.quadratic(this.W, nu);
+  }
+  objective(gamma) {
+    return this.prior2() + this.problem.mismatch(this.points, gamma);
+  }
+  get landmarkError() {
+    return meanDistance(this.points, this.problem.q);
+  }
 
   // J, lifted by the prior, and its Gram matrix
   linearise() {
-    const { mesh, room, prior, nu } = this, { J } = room, R = 2 * room.M, Jnu = new Float64Array(R);
+    const { mesh, room, prior, nu } = this,
+      { J } = room,
+      R = 2 * room.M,
+      Jnu = new Float64Array(R);
     gradients(this.solution, room, this.places, this.mobius, this.nuFaces, prior.place);
     for (let v = 0; v < mesh.V; v++) {
-      const j = prior.place[v] * 2 * R, x = nu.x[v], y = nu.y[v];
+      const j = prior.place[v] * 2 * R,
+        x = nu.x[v],
+        y = nu.y[v];
       for (let r = 0; r < R; r++) Jnu[r] += J[j + r] * x + J[j + R + r] * y;
     }
     this.Jnu = Jnu;
@@ -81,22 +104,37 @@ export class Fit {
   // The step from the last linearisation: {change of nu, Möbius increment, least objective of the model}. damping adds
   // `damping change^* W change`, and its like for M: shorter, towards the steepest descent.
   propose(gamma, damping = 0) {
-    const { M } = this.room, R = 2 * M, share = 1 / (1 + damping), weight = MOBIUS_PRIOR + damping;
-    const { problem, points, Jnu } = this, halves = (x) => [x.subarray(0, M), x.subarray(M)];
-    const scaled = (x) => { problem.components(...halves(x), gamma); return x; };
-    const three = this.mobiusColumns(M).map(scaled), r = scaled(new Float64Array(R).map((_, i) => {
-      const m = i % M, at = i < M ? "x" : "y";
-      return m < problem.count ? points[at][m] - problem.q[at][m] - share * Jnu[i] : 0;
-    }));
-    const S = this.dual(gamma, scaled), [a, b, c] = three;
+    const { M } = this.room,
+      R = 2 * M,
+      share = 1 / (1 + damping),
+      weight = MOBIUS_PRIOR + damping;
+    const { problem, points, Jnu } = this,
+      halves = (x) => [x.subarray(0, M), x.subarray(M)];
+    const scaled = (x) => {
+      problem.components(...halves(x), gamma);
+      return x;
+    };
+    const three = this.mobiusColumns(M).map(scaled),
+      r = scaled(
+        new Float64Array(R).map((_, i) => {
+          const m = i % M,
+            at = i < M ? "x" : "y";
+          return m < problem.count ? points[at][m] - problem.q[at][m] - share * Jnu[i] : 0;
+        }),
+      );
+    const S = this.dual(gamma, scaled),
+      [a, b, c] = three;
     for (let i = 0; i < R; i++) {
-      for (let j = 0; j < R; j++) S[i * R + j] = share * S[i * R + j] + (a[i] * a[j] + b[i] * b[j] + c[i] * c[j]) / weight;
+      for (let j = 0; j < R; j++)
+        S[i * R + j] = share * S[i * R + j] + (a[i] * a[j] + b[i] * b[j] + c[i] * c[j]) / weight;
       S[i * R + i] += 1;
     }
-    const y = solveDense(choleskyDense(S, R), R, r), promised = dot(y, r);
+    const y = solveDense(choleskyDense(S, R), R, r),
+      promised = dot(y, r);
     const [turn, dx, dy] = three.map((c) => -dot(c, y) / weight);
     problem.changes(...halves(y), gamma);
-    const step = combine(this.mesh, this.prior, this.room, y), change = zeros(this.mesh.V);
+    const step = combine(this.mesh, this.prior, this.room, y),
+      change = zeros(this.mesh.V);
     for (let v = 0; v < this.mesh.V; v++) {
       change.x[v] = -share * (step.x[v] + this.nu.x[v]);
       change.y[v] = -share * (step.y[v] + this.nu.y[v]);
@@ -106,11 +144,15 @@ export class Fit {
 
   // the Gram matrix of the components
   dual(gamma, scaled) {
-    const R = 2 * this.room.M, S = Float64Array.from(this.room.gram);
+    const R = 2 * this.room.M,
+      S = Float64Array.from(this.room.gram);
     const transpose = () => {
-      for (let i = 0; i < R; i++) for (let j = 0; j < i; j++) [S[i * R + j], S[j * R + i]] = [S[j * R + i], S[i * R + j]];
+      for (let i = 0; i < R; i++)
+        for (let j = 0; j < i; j++) [S[i * R + j], S[j * R + i]] = [S[j * R + i], S[i * R + j]];
     };
-    const rows = () => { for (let i = 0; i < R; i++) scaled(S.subarray(i * R, i * R + R)); };
+    const rows = () => {
+      for (let i = 0; i < R; i++) scaled(S.subarray(i * R, i * R + R));
+    };
     rows();
     transpose();
     rows();
@@ -120,13 +162,15 @@ export class Fit {
   // changes of the landmarks with a Möbius increment (theta, Re a, Im a) after the map, three arrays (2M)
   mobiusColumns(M) {
     const found = [0, 1, 2].map(() => new Float64Array(2 * M));
-    this.places.forEach(({ corners, weights }, m) => corners.forEach((v, k) => {
-      const [re, im] = columns(this.w.x[v], this.w.y[v]);
-      found.forEach((column, i) => {
-        column[m] += weights[k] * re[i];
-        column[M + m] += weights[k] * im[i];
-      });
-    }));
+    this.places.forEach(({ corners, weights }, m) =>
+      corners.forEach((v, k) => {
+        const [re, im] = columns(this.w.x[v], this.w.y[v]);
+        found.forEach((column, i) => {
+          column[m] += weights[k] * re[i];
+          column[M + m] += weights[k] * im[i];
+        });
+      }),
+    );
     return found;
   }
 
@@ -142,7 +186,8 @@ export class Fit {
 
   // One step by a backtracking line search; false, and nothing has changed, where no share of it lowers the objective.
   descend(gamma, step) {
-    const before = this.objective(gamma), begin = { nu: this.nu, mobius: this.mobius };
+    const before = this.objective(gamma),
+      begin = { nu: this.nu, mobius: this.mobius };
     let gain = -1;
     for (const share of SHARES) {
       gain = this.advance(begin, step, share) ? before - this.objective(gamma) : -1;
@@ -155,7 +200,8 @@ export class Fit {
 
   // the least damping that keeps the step small and lowers the objective
   dampedStep(gamma) {
-    const before = this.objective(gamma), begin = { nu: this.nu, mobius: this.mobius };
+    const before = this.objective(gamma),
+      begin = { nu: this.nu, mobius: this.mobius };
     for (const damping of DAMPINGS) {
       const step = this.propose(gamma, damping);
       if (largest(step.change) > TRUST) continue;
@@ -168,7 +214,8 @@ export class Fit {
   // Steps at each gamma of a list, at the last one until a step promises less than the share `tolerance` of the objective.
   run(gammas, most, tolerance = PROMISE, damped = false) {
     for (let k = 0; k < most + gammas.length - 1; k++) {
-      const last = k >= gammas.length - 1, gamma = gammas[Math.min(k, gammas.length - 1)];
+      const last = k >= gammas.length - 1,
+        gamma = gammas[Math.min(k, gammas.length - 1)];
       this.linearise();
       const step = this.propose(gamma);
       this.left = 1 - step.promised / this.objective(gamma);
@@ -187,8 +234,10 @@ export class Fit {
 
   // L_mu, L_grad_mu, L_Landmark and L_CP of the field T(nu)
   losses({ alpha, beta, gamma }) {
-    const { mass, laplace } = this.mesh.integrals, mu = bounded(this.nu);
-    const L_mu = this.mesh.quadratic(mass, mu), L_grad_mu = this.mesh.quadratic(laplace, mu);
+    const { mass, laplace } = this.mesh.integrals,
+      mu = bounded(this.nu);
+    const L_mu = this.mesh.quadratic(mass, mu),
+      L_grad_mu = this.mesh.quadratic(laplace, mu);
     const L_Landmark = squares(this.points, this.problem.q) / this.problem.count;
     return { L_mu, L_grad_mu, L_Landmark, L_CP: alpha * L_mu + beta * L_grad_mu + gamma * L_Landmark };
   }
@@ -200,14 +249,18 @@ const largest = ({ x, y }) => x.reduce((most, u, i) => Math.max(most, Math.hypot
 // mu = 0 each time. Ends nowhere above the best Möbius map.
 export function fitLandmarks({ coarse, fine }, request, { tolerance = PROMISE, most = 20 } = {}) {
   checkWeights(request);
-  const problem = new Problem(request), first = new Fit(coarse, problem), fit = new Fit(fine, problem, true);
-  const gamma = request.gamma / 10, levels = []; // the coarse mesh's own error would bend nu at the full weight
+  const problem = new Problem(request),
+    first = new Fit(coarse, problem),
+    fit = new Fit(fine, problem, true);
+  const gamma = request.gamma / 10,
+    levels = []; // the coarse mesh's own error would bend nu at the full weight
   for (let g = Math.min(FIRST_GAMMA, gamma); g < gamma * (1 - 1e-9); g *= 10) levels.push(g);
   first.weigh(request);
   first.to(first.nu, first.mobius);
   first.run([...levels, gamma], 5, tolerance);
   fit.weigh(request);
-  const best = moved(fit.problem.p, fit.mobius), mobius = fit.mobius;
+  const best = moved(fit.problem.p, fit.mobius),
+    mobius = fit.mobius;
   fit.take(first);
   fit.run([request.gamma], most, tolerance);
   if (exceeds(fit, request.gamma, best)) {
@@ -221,7 +274,8 @@ export function fitLandmarks({ coarse, fine }, request, { tolerance = PROMISE, m
 
 // whether a fit ends above the best Möbius map, which takes the landmarks to `best`
 function exceeds(fit, gamma, best) {
-  const { problem, points } = fit, most = 1 + ROUNDING;
+  const { problem, points } = fit,
+    most = 1 + ROUNDING;
   const lower = fit.objective(gamma) <= most * problem.mismatch(best, gamma);
   return !(lower && squares(points, problem.q) <= most * squares(best, problem.q));
 }

@@ -8,7 +8,8 @@ export class LandmarkError extends Error {}
 
 export function checkWeights(weights) {
   for (const name of ["alpha", "beta", "gamma"]) {
-    const value = weights[name], allowed = value > 0 || (value === 0 && name === "beta");
+    const value = weights[name],
+      allowed = value > 0 || (value === 0 && name === "beta");
     if (!(Number.isFinite(value) && allowed)) {
       throw new LandmarkError(`${name} = ${value}: alpha and gamma must be positive and finite, beta not negative`);
     }
@@ -20,16 +21,20 @@ const shown = (x, y) => `${Number(x.toPrecision(4))}${y < 0 ? "-" : "+"}${Number
 function checkPoints(name, { x, y }) {
   const far = [...x.keys()].filter((m) => !(Math.hypot(x[m], y[m]) <= 1 + 1e-9));
   if (far.length) {
-    throw new LandmarkError(`${name} landmarks ${JSON.stringify(far.slice(0, 5))} are not in the closed unit disk `
-      + `(${shown(x[far[0]], y[far[0]])}); map them with the surface's disk map first`);
+    throw new LandmarkError(
+      `${name} landmarks ${JSON.stringify(far.slice(0, 5))} are not in the closed unit disk ` +
+        `(${shown(x[far[0]], y[far[0]])}); map them with the surface's disk map first`,
+    );
   }
   const order = [...x.keys()].sort((a, b) => x[a] - x[b] || y[a] - y[b]);
   for (let k = 1; k < order.length; k++) {
     const [a, b] = [order[k - 1], order[k]];
     if (Math.hypot(x[a] - x[b], y[a] - y[b]) >= 1e-12) continue;
     const [first, second] = [Math.min(a, b), Math.max(a, b)];
-    throw new LandmarkError(`${name} landmarks ${first} and ${second} coincide at ${shown(x[first], y[first])}; `
-      + "drop one of them (a bijection cannot part or merge points)");
+    throw new LandmarkError(
+      `${name} landmarks ${first} and ${second} coincide at ${shown(x[first], y[first])}; ` +
+        "drop one of them (a bijection cannot part or merge points)",
+    );
   }
 }
 
@@ -41,10 +46,14 @@ export class Problem {
     this.q = fromPairs(target);
     this.count = moving.length;
     if (moving.length !== target.length || !moving.length) {
-      throw new LandmarkError(`(${moving.length},) moving and (${target.length},) target landmarks: give one target a landmark`);
+      throw new LandmarkError(
+        `(${moving.length},) moving and (${target.length},) target landmarks: give one target a landmark`,
+      );
     }
     if (this.count > MOST_LANDMARKS) {
-      throw new LandmarkError(`${this.count} landmarks, and this page takes at most ${MOST_LANDMARKS}: thin the curves`);
+      throw new LandmarkError(
+        `${this.count} landmarks, and this page takes at most ${MOST_LANDMARKS}: thin the curves`,
+      );
     }
     checkPoints("moving", this.p);
     checkPoints("target", this.q);
@@ -57,7 +66,8 @@ export class Problem {
     for (const label of new Set(this.curve)) {
       const on = [...this.curve.keys()].filter((m) => this.curve[m] === label);
       for (let k = 1; k + 1 < on.length; k++) {
-        const x = this.q.x[on[k + 1]] - this.q.x[on[k - 1]], y = this.q.y[on[k + 1]] - this.q.y[on[k - 1]];
+        const x = this.q.x[on[k + 1]] - this.q.x[on[k - 1]],
+          y = this.q.y[on[k + 1]] - this.q.y[on[k - 1]];
         const size = Math.hypot(x, y);
         this.frame[on[k]] = { x: x / size, y: y / size, along: TANGENTIAL_WEIGHT };
       }
@@ -68,7 +78,8 @@ export class Problem {
   components(u, v, gamma) {
     const k = Math.sqrt(gamma / this.count);
     this.frame.forEach(({ x, y, along }, m) => {
-      const a = k * along * (x * u[m] + y * v[m]), b = k * (x * v[m] - y * u[m]);
+      const a = k * along * (x * u[m] + y * v[m]),
+        b = k * (x * v[m] - y * u[m]);
       u[m] = a;
       v[m] = b;
     });
@@ -78,7 +89,8 @@ export class Problem {
   changes(u, v, gamma) {
     const k = Math.sqrt(gamma / this.count);
     this.frame.forEach(({ x, y, along }, m) => {
-      const a = k * (along * x * u[m] - y * v[m]), b = k * (along * y * u[m] + x * v[m]);
+      const a = k * (along * x * u[m] - y * v[m]),
+        b = k * (along * y * u[m] + x * v[m]);
       u[m] = a;
       v[m] = b;
     });
@@ -86,7 +98,8 @@ export class Problem {
 
   // the sum of squares of the components of w - q
   mismatch(w, gamma) {
-    const u = w.x.map((x, m) => x - this.q.x[m]), v = w.y.map((y, m) => y - this.q.y[m]);
+    const u = w.x.map((x, m) => x - this.q.x[m]),
+      v = w.y.map((y, m) => y - this.q.y[m]);
     this.components(u, v, gamma);
     return u.reduce((sum, x, m) => sum + x * x + v[m] * v[m], 0);
   }

@@ -3,7 +3,8 @@ import { zeros } from "./complex.js";
 import { TAU } from "./mesh.js";
 import { mobius, moved } from "./mobius.js";
 
-const LOST_STEP = 1e-8, SMALLEST_STEP = 1e-3; // of the mean boundary step: below the one, all below the other are raised
+const LOST_STEP = 1e-8,
+  SMALLEST_STEP = 1e-3; // of the mean boundary step: below the one, all below the other are raised
 
 export class DiskMap {
   constructor(mesh) {
@@ -32,7 +33,8 @@ export class DiskMap {
 
   // K_ii U_i = -2 pi e_0
   green() {
-    const { mesh, pair } = this, { place } = mesh.interior;
+    const { mesh, pair } = this,
+      { place } = mesh.interior;
     pair.fill(0);
     pair[2 * place[0]] = -TAU;
     this.solvePair();
@@ -41,7 +43,9 @@ export class DiskMap {
 
   // The fluxes of U through the circle, halved onto the edges, are the steps of the angle: harmonic measure.
   boundary() {
-    const { mesh, off, U, steps, raised, f } = this, { rim, spokes, free } = mesh, mean = TAU / spokes;
+    const { mesh, off, U, steps, raised, f } = this,
+      { rim, spokes, free } = mesh,
+      mean = TAU / spokes;
     const flux = new Float64Array(spokes);
     for (let i = 0; i < rim.length; i += 3) flux[rim[i + 2]] += off[rim[i]] * U[rim[i + 1]];
     for (let k = 0; k < spokes; k++) steps[k] = (flux[k] + flux[(k + 1) % spokes]) / 2;
@@ -63,10 +67,13 @@ export class DiskMap {
 
   // K_ii f_i = -K_ib f_b
   inside() {
-    const { mesh, off, pair, f } = this, { rim, free } = mesh, { place } = mesh.interior;
+    const { mesh, off, pair, f } = this,
+      { rim, free } = mesh,
+      { place } = mesh.interior;
     pair.fill(0);
     for (let i = 0; i < rim.length; i += 3) {
-      const to = 2 * place[rim[i + 1]], b = free + rim[i + 2];
+      const to = 2 * place[rim[i + 1]],
+        b = free + rim[i + 2];
       pair[to] -= off[rim[i]] * f.x[b];
       pair[to + 1] -= off[rim[i]] * f.y[b];
     }
@@ -84,13 +91,20 @@ export class DiskMap {
 
   // the Möbius map after f to f(0) = 0 and f(1) = 1; beyond the disk f(0) is folded, and the circle must not turn over
   normaliser() {
-    const { mesh: { free }, f } = this, inside = Math.hypot(f.x[0], f.y[0]) < 1;
-    const [ax, ay] = inside ? [f.x[0], f.y[0]] : [0, 0], [x, y] = mobius(f.x[free], f.y[free], ax, ay);
+    const {
+        mesh: { free },
+        f,
+      } = this,
+      inside = Math.hypot(f.x[0], f.y[0]) < 1;
+    const [ax, ay] = inside ? [f.x[0], f.y[0]] : [0, 0],
+      [x, y] = mobius(f.x[free], f.y[free], ax, ay);
     return [ax, ay, -Math.atan2(y, x)];
   }
 
   // the solution so normalised, as a new array
-  normalised() { return onCircle(this.mesh, moved(this.f, this.normaliser())); }
+  normalised() {
+    return onCircle(this.mesh, moved(this.f, this.normaliser()));
+  }
 }
 
 // rounding taken off the points of the circle

@@ -4,7 +4,10 @@ import { sample } from "./mesh.js";
 
 // {mu, size |mu| (F), mean, largest, flipped, L_mu, L_grad_mu, L_Landmark, L_CP, landmarkError, points}
 export function measure(mesh, w, { problem, places, weights }) {
-  const mu = mesh.coefficient(w), { faces, area, F, V } = mesh, nodal = zeros(V), share = new Float64Array(V);
+  const mu = mesh.coefficient(w),
+    { faces, area, F, V } = mesh,
+    nodal = zeros(V),
+    share = new Float64Array(V);
   const size = mu.x.map((x, t) => Math.hypot(x, mu.y[t]));
   let L_mu = 0;
   for (let t = 0; t < F; t++) {
@@ -19,15 +22,25 @@ export function measure(mesh, w, { problem, places, weights }) {
     nodal.x[v] /= share[v];
     nodal.y[v] /= share[v];
   }
-  const L_grad_mu = mesh.quadratic(mesh.integrals.laplace, nodal), found = {
-    mu, size, mean: size.reduce((a, b) => a + b, 0) / F, largest: size.reduce((a, b) => Math.max(a, b), 0),
-    flipped: mesh.flipped(w), L_mu, L_grad_mu,
-  };
+  const L_grad_mu = mesh.quadratic(mesh.integrals.laplace, nodal),
+    found = {
+      mu,
+      size,
+      mean: size.reduce((a, b) => a + b, 0) / F,
+      largest: size.reduce((a, b) => Math.max(a, b), 0),
+      flipped: mesh.flipped(w),
+      L_mu,
+      L_grad_mu,
+    };
   if (!problem) return found;
-  const points = sample(w, places), L_Landmark = squares(points, problem.q) / problem.count;
+  const points = sample(w, places),
+    L_Landmark = squares(points, problem.q) / problem.count;
   const { alpha, beta, gamma } = weights;
   return {
-    ...found, points, landmarkError: meanDistance(points, problem.q), L_Landmark,
+    ...found,
+    points,
+    landmarkError: meanDistance(points, problem.q),
+    L_Landmark,
     L_CP: alpha * L_mu + beta * L_grad_mu + gamma * L_Landmark,
   };
 }

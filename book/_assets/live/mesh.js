@@ -40,8 +40,10 @@ export class PolarMesh {
     const list = [];
     for (let k = 0; k < this.spokes; k++) list.push(0, this.vertex(1, k), this.vertex(1, k + 1));
     for (let j = 1; j < this.rings; j++) {
-      for (let k = 0; k < this.spokes; k++) list.push(this.vertex(j, k), this.vertex(j + 1, k), this.vertex(j + 1, k + 1));
-      for (let k = 0; k < this.spokes; k++) list.push(this.vertex(j, k), this.vertex(j + 1, k + 1), this.vertex(j, k + 1));
+      for (let k = 0; k < this.spokes; k++)
+        list.push(this.vertex(j, k), this.vertex(j + 1, k), this.vertex(j + 1, k + 1));
+      for (let k = 0; k < this.spokes; k++)
+        list.push(this.vertex(j, k), this.vertex(j + 1, k + 1), this.vertex(j, k + 1));
     }
     this.faces = Int32Array.from(list);
   }
@@ -49,11 +51,15 @@ export class PolarMesh {
   // tail, head (E): the edges; faceEdge (3 F): corner k's edge to corner k + 1; rim: [edge, free vertex, place on the
   // circle, ...] of the edges that reach the circle
   listEdges() {
-    const known = new Map(), tail = [], head = [], rim = [];
+    const known = new Map(),
+      tail = [],
+      head = [],
+      rim = [];
     this.faceEdge = new Int32Array(3 * this.F);
     for (let i = 0; i < 3 * this.F; i++) {
       const next = i % 3 === 2 ? i - 2 : i + 1;
-      const a = Math.min(this.faces[i], this.faces[next]), b = Math.max(this.faces[i], this.faces[next]);
+      const a = Math.min(this.faces[i], this.faces[next]),
+        b = Math.max(this.faces[i], this.faces[next]);
       const key = a * this.V + b;
       if (!known.has(key)) {
         known.set(key, tail.length);
@@ -63,7 +69,9 @@ export class PolarMesh {
       this.faceEdge[i] = known.get(key);
     }
     Object.assign(this, { tail: Int32Array.from(tail), head: Int32Array.from(head), E: tail.length });
-    tail.forEach((a, e) => { if (a < this.free && head[e] >= this.free) rim.push(e, a, head[e] - this.free); });
+    tail.forEach((a, e) => {
+      if (a < this.free && head[e] >= this.free) rim.push(e, a, head[e] - this.free);
+    });
     this.rim = Int32Array.from(rim);
   }
 
@@ -78,12 +86,18 @@ export class PolarMesh {
       const [a, b, c] = faces.subarray(3 * t, 3 * t + 3);
       const twice = (z.x[b] - z.x[a]) * (z.y[c] - z.y[a]) - (z.y[b] - z.y[a]) * (z.x[c] - z.x[a]);
       this.area[t] = twice / 2;
-      [[b, c], [c, a], [a, b]].forEach(([v, w], k) => { // i (w - v) / (2 area), at the corner opposite
+      [
+        [b, c],
+        [c, a],
+        [a, b],
+      ].forEach(([v, w], k) => {
+        // i (w - v) / (2 area), at the corner opposite
         gx[3 * t + k] = -(z.y[w] - z.y[v]) / twice;
         gy[3 * t + k] = (z.x[w] - z.x[v]) / twice;
       });
       for (let k = 0; k < 3; k++) {
-        const i = 3 * t + k, m = 3 * t + ((k + 1) % 3);
+        const i = 3 * t + k,
+          m = 3 * t + ((k + 1) % 3);
         this.plain[i] = this.area[t] * (gx[i] * gx[m] + gy[i] * gy[m]);
         this.real[i] = -2 * this.area[t] * (gx[i] * gx[m] - gy[i] * gy[m]);
         this.imaginary[i] = -2 * this.area[t] * (gx[i] * gy[m] + gy[i] * gx[m]);
@@ -97,9 +111,14 @@ export class PolarMesh {
     off.fill(0);
     diagonal.fill(0);
     for (let t = 0; t < F; t++) {
-      const a = mu.x[t], b = mu.y[t], square = a * a + b * b;
+      const a = mu.x[t],
+        b = mu.y[t],
+        square = a * a + b * b;
       if (!(square < 1)) return false;
-      const scale = 1 / (1 - square), p = (1 + square) * scale, q = a * scale, r = b * scale;
+      const scale = 1 / (1 - square),
+        p = (1 + square) * scale,
+        q = a * scale,
+        r = b * scale;
       for (let i = 3 * t; i < 3 * t + 3; i++) off[faceEdge[i]] += p * plain[i] + q * real[i] + r * imaginary[i];
     }
     for (let e = 0; e < E; e++) {
@@ -113,7 +132,8 @@ export class PolarMesh {
   get integrals() {
     if (this._integrals) return this._integrals;
     const make = () => ({ off: new Float64Array(this.E), diagonal: new Float64Array(this.V) });
-    const mass = make(), laplace = make();
+    const mass = make(),
+      laplace = make();
     this.stiffness(zeros(this.F), laplace.off, laplace.diagonal);
     for (let i = 0; i < 3 * this.F; i++) {
       const share = this.area[Math.floor(i / 3)] / 12;
@@ -131,7 +151,8 @@ export class PolarMesh {
     let sum = 0;
     for (let v = 0; v < this.V; v++) sum += diagonal[v] * (x[v] * x[v] + y[v] * y[v]);
     for (let e = 0; e < this.E; e++) {
-      const a = this.tail[e], b = this.head[e];
+      const a = this.tail[e],
+        b = this.head[e];
       sum += 2 * off[e] * (x[a] * x[b] + y[a] * y[b]);
     }
     return sum;
@@ -139,9 +160,12 @@ export class PolarMesh {
 
   // a nodal field's means over the corners of the faces
   onFaces({ x, y }) {
-    const mean = zeros(this.F), { faces } = this;
+    const mean = zeros(this.F),
+      { faces } = this;
     for (let t = 0; t < this.F; t++) {
-      const a = faces[3 * t], b = faces[3 * t + 1], c = faces[3 * t + 2];
+      const a = faces[3 * t],
+        b = faces[3 * t + 1],
+        c = faces[3 * t + 2];
       mean.x[t] = (x[a] + x[b] + x[c]) / 3;
       mean.y[t] = (y[a] + y[b] + y[c]) / 3;
     }
@@ -150,29 +174,48 @@ export class PolarMesh {
 
   // Where a point lies: the corners of its face and its barycentric weights. Beyond the last chord it is moved onto it.
   locate(x, y) {
-    const { rings, spokes, radius } = this, step = TAU / spokes;
-    const angle = (Math.atan2(y, x) + TAU) % TAU, k = Math.min(Math.floor(angle / step), spokes - 1);
-    const c = Math.cos(step * k), s = Math.sin(step * k);
-    let b = (y * c - x * s) / Math.sin(step), a = x * c + y * s - b * Math.cos(step); // a spoke_k + b spoke_(k + 1)
+    const { rings, spokes, radius } = this,
+      step = TAU / spokes;
+    const angle = (Math.atan2(y, x) + TAU) % TAU,
+      k = Math.min(Math.floor(angle / step), spokes - 1);
+    const c = Math.cos(step * k),
+      s = Math.sin(step * k);
+    let b = (y * c - x * s) / Math.sin(step),
+      a = x * c + y * s - b * Math.cos(step); // a spoke_k + b spoke_(k + 1)
     const shrink = 1 / Math.max(1, a + b);
     a *= shrink;
     b *= shrink;
     let j = 0;
     while (j < rings - 1 && radius[j + 1] <= a + b) j++;
-    const inner = radius[j], outer = radius[j + 1], out = (a + b - inner) / (outer - inner);
+    const inner = radius[j],
+      outer = radius[j + 1],
+      out = (a + b - inner) / (outer - inner);
     const lower = j === 0 || b <= outer * out;
-    const first = lower ? 1 - out : a / inner, far = lower ? b / outer : out;
-    const corners = [this.vertex(j, k), this.vertex(j + 1, k + 1), lower ? this.vertex(j + 1, k) : this.vertex(j, k + 1)];
+    const first = lower ? 1 - out : a / inner,
+      far = lower ? b / outer : out;
+    const corners = [
+      this.vertex(j, k),
+      this.vertex(j + 1, k + 1),
+      lower ? this.vertex(j + 1, k) : this.vertex(j, k + 1),
+    ];
     return { corners, weights: [first, far, 1 - first - far] };
   }
 
   // the measured coefficient of a map w of the vertices
   coefficient({ x, y }) {
-    const mu = zeros(this.F), { faces, gradient: { x: gx, y: gy } } = this;
+    const mu = zeros(this.F),
+      {
+        faces,
+        gradient: { x: gx, y: gy },
+      } = this;
     for (let t = 0; t < this.F; t++) {
-      let px = 0, py = 0, qx = 0, qy = 0; // 2 f_z and 2 f_zbar
+      let px = 0,
+        py = 0,
+        qx = 0,
+        qy = 0; // 2 f_z and 2 f_zbar
       for (let i = 3 * t; i < 3 * t + 3; i++) {
-        const u = x[faces[i]], v = y[faces[i]];
+        const u = x[faces[i]],
+          v = y[faces[i]];
         px += gx[i] * u + gy[i] * v;
         py += gx[i] * v - gy[i] * u;
         qx += gx[i] * u - gy[i] * v;
@@ -187,10 +230,14 @@ export class PolarMesh {
 
   // the faces that a map w turns over, beyond doubt of rounding
   flipped({ x, y }) {
-    const found = [], { faces } = this;
+    const found = [],
+      { faces } = this;
     for (let t = 0; t < this.F; t++) {
-      const a = faces[3 * t], b = faces[3 * t + 1], c = faces[3 * t + 2];
-      const left = (x[b] - x[a]) * (y[c] - y[a]), right = (y[b] - y[a]) * (x[c] - x[a]);
+      const a = faces[3 * t],
+        b = faces[3 * t + 1],
+        c = faces[3 * t + 2];
+      const left = (x[b] - x[a]) * (y[c] - y[a]),
+        right = (y[b] - y[a]) * (x[c] - x[a]);
       if (!(left - right > 1e-15 * (Math.abs(left) + Math.abs(right)) + TINY)) found.push(t);
     }
     return found;
