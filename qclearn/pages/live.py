@@ -13,11 +13,7 @@ import json
 import os
 import re
 from pathlib import Path
-from types import MappingProxyType
 
-import numpy as np
-
-from ..plane.mobius import mobius
 from .cells import drawn
 
 MODULES = Path(__file__).resolve().parents[2] / "book" / "_assets" / "live"
@@ -139,50 +135,6 @@ class Live:
     def read(self, name, state, found):
         """What else the widget offers by name, from its state and what it found."""
         raise AttributeError(name)
-
-
-class Mobius(Live):
-    """Möbius maps of the disk, of the chapter on conformal maps."""
-
-    page = "mobius"
-    initial = MappingProxyType({"size": 0.4, "direction": 30.0, "turn": 0.0, "figure": "polar"})
-    circle = 0.5 + 0.2 * np.exp(2j * np.pi * np.arange(181) / 180)
-
-    @staticmethod
-    def parameters(state):
-        """(a, theta) of the map."""
-        return state["size"] * np.exp(1j * np.radians(state["direction"])), np.radians(state["turn"])
-
-    def read(self, name, state, found):
-        if name in ("a", "theta"):
-            return self.parameters(state)[name == "theta"]
-        return super().read(name, state, found)
-
-    def answer(self, state):
-        """Centre and radius of what the red circle becomes, from three of its points."""
-        p, q, r = mobius(self.circle[[0, 60, 120]], *self.parameters(state))
-        w = (r - p) / (q - p)
-        centre = (q - p) * (w - abs(w) ** 2) / (2j * w.imag) + p
-        return {"centre": [centre.real, centre.imag], "radius": abs(p - centre)}
-
-    def picture(self, state):
-        """A Matplotlib figure of the disk and its image, and a description."""
-        from matplotlib.figure import Figure
-
-        from .plot import disk_axes, lines_plot
-
-        figure = Figure(figsize=(6.4, 3.3))
-        t, radii = np.exp(2j * np.pi * np.arange(181) / 180), np.linspace(0, 1, 31)
-        lines = [*(r * t for r in (0.2, 0.4, 0.6, 0.8, 1)), *(radii * t[k] for k in range(0, 180, 15))]
-        a, theta = self.parameters(state)
-        views = ("the disk and the pole a", lambda z: z, a), ("its image", lambda z: mobius(z, a, theta), 0)
-        for ax, (title, view, pole) in zip(figure.subplots(1, 2), views):
-            disk_axes(ax)
-            lines_plot(ax, [view(line) for line in lines], "#1F4E79")
-            ax.plot(view(self.circle).real, view(self.circle).imag, color="#B22222", linewidth=2)
-            ax.plot(np.real(pole), np.imag(pole), "o", color="#E69F00")
-            ax.set_title(title, fontsize=10)
-        return figure, "A polar grid of the disk with a red circle, and its image by a Möbius map: circles all."
 
 
 def explorable(live):

@@ -65,7 +65,8 @@ class Notebook:
 
 @pytest.fixture(scope="module")
 def mobius(browser, lab):
-    made = "from qclearn.pages.live import Mobius, explorable\nexplorer = explorable(Mobius())\nexplorer"
+    imports = "from qclearn.pages.explorables import Mobius\nfrom qclearn.pages.live import explorable\n"
+    made = imports + "explorer = explorable(Mobius())\nexplorer"
     notebook = Notebook(browser, lab, "mobius", made)
     yield notebook
     notebook.page.close()

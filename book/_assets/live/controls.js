@@ -53,14 +53,14 @@ const kinds = {
       (x) => x,
     ),
 
-  choice({ name, label, options }, act) {
+  choice({ name, label, options, also = {} }, act) {
     const id = `qc-live-${++count}`;
     const select = make(
       "select",
       { id },
       ...options.map(([value, text]) => make("option", { value, textContent: text })),
     );
-    select.addEventListener("change", () => act({ [name]: select.value }));
+    select.addEventListener("change", () => act({ [name]: select.value, ...also }));
     const element = make(
       "div",
       { className: "qc-live-choice" },

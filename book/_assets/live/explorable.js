@@ -3,7 +3,8 @@
 // static page (page.js) or JupyterLab (lab.js).
 //
 // spec: name, label, initial, controls, views, question, answer(state, host) -> answer or promise of it,
-//       draw(pictures, state, answer), words(state, answer) -> the read-outs, data(state, answer) -> what JSON has
+//       draw(pictures, state, answer), words(state, answer) -> the read-outs, data(state, answer) -> what JSON has;
+//       where there is more to say: rows(answer) of a table, afterwards(state, answer, host) -> a fuller answer, later
 // host: start (part of a state), save(state), tell(answer), ask (the kernel, or null)
 import { buildControls } from "./controls.js";
 import { Picture } from "./picture.js";
@@ -21,6 +22,7 @@ export class Explorable {
     this.state = { ...structuredClone(spec.initial), ...host.start };
     this.status = make("p", { className: "qc-live-status" });
     this.status.setAttribute("role", "status");
+    this.table = make("table", { className: "qc-live-table" });
     this.controls = buildControls(spec.controls, (change, settled) => this.change(change, settled));
     this.pictures = spec.views.map((view) => new Picture(view, spec.label));
     for (const picture of this.pictures) {
@@ -28,15 +30,8 @@ export class Explorable {
     }
     root.setAttribute("role", "group");
     root.setAttribute("aria-label", spec.label);
-    this.frame = make(
-      "div",
-      { className: "qc-live-frame" },
-      this.controls.element,
-      this.gallery(),
-      this.status,
-      this.buttons(),
-      this.guess(),
-    );
+    const parts = [this.controls.element, this.gallery(), this.status, this.table, this.buttons(), this.guess()];
+    this.frame = make("div", { className: "qc-live-frame" }, ...parts);
   }
 
   // Everything replaces what stood there for readers without scripts, but only once there is an answer to show.
@@ -82,6 +77,7 @@ export class Explorable {
       const answer = await this.spec.answer(state, this.host);
       if (answer === null || number < this.shown) return;
       this.show(number, state, answer);
+      if (this.spec.afterwards) this.complete(number, state, answer);
     } catch (error) {
       if (first) throw error;
       if (number >= this.shown) this.say(`No picture for this: ${error.message} The last one stays.`);
@@ -92,9 +88,16 @@ export class Explorable {
     Object.assign(this, { shown: number, answer });
     this.spec.draw(this.pictures, state, answer);
     this.say(this.spec.words(state, answer));
+    if (this.spec.rows) this.table.replaceChildren(...tableRows(this.spec.rows(answer)));
     this.pictures.forEach((picture) => picture.describe(this.status.textContent));
     this.host.tell(this.spec.data(state, answer));
     this.root.dispatchEvent(new CustomEvent("qc-live-answer", { detail: { number, of: this.asked } }));
+  }
+
+  // what comes later, if the answer is still the one that is shown
+  async complete(number, state, answer) {
+    const fuller = await this.spec.afterwards(state, answer, this.host).catch(() => null);
+    if (fuller && number === this.shown) this.spec.draw(this.pictures, state, (this.answer = fuller));
   }
 
   say(words) {
@@ -163,7 +166,7 @@ export class Explorable {
   downloadData() {
     const text = JSON.stringify(
       { page: this.spec.name, state: this.state, answer: this.spec.data(this.state, this.answer) },
-      null,
+      (_, value) => (ArrayBuffer.isView(value) ? Array.from(value) : value),
       1,
     );
     this.save(`data:application/json,${encodeURIComponent(text)}`, "json");
@@ -192,6 +195,13 @@ export class Explorable {
     }
   }
 }
+
+// rows of words as rows of a table, the first of them and the first of each as headings
+const tableRows = (rows) =>
+  rows.map((row, i) => {
+    const cells = row.map((text, k) => make(i && k ? "td" : "th", { textContent: text, scope: k ? "col" : "row" }));
+    return make("tr", {}, ...cells);
+  });
 
 // what of a state differs from where it starts
 export function difference(state, initial) {

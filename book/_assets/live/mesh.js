@@ -17,8 +17,12 @@ export class PolarMesh {
     this.listFaces();
     this.listEdges();
     this.elements();
+  }
+
+  // The factorisation for what is free inside the circle; made when it is first needed, since a picture needs none.
+  get interior() {
     const inside = (ends) => ends.map((v) => (v < this.free ? v : -1));
-    this.interior = new Cholesky(this.free, inside(this.tail), inside(this.head), kernels);
+    return (this._interior ??= new Cholesky(this.free, inside(this.tail), inside(this.head), this.kernels));
   }
 
   placeVertices() {
@@ -172,7 +176,7 @@ export class PolarMesh {
     return mean;
   }
 
-  // Where a point lies: the corners of its face and its barycentric weights. Beyond the last chord it is moved onto it.
+  // Where a point lies: its face, the face's corners and barycentric weights. Beyond the last chord it is moved onto it.
   locate(x, y) {
     const { rings, spokes, radius } = this,
       step = TAU / spokes;
@@ -198,7 +202,8 @@ export class PolarMesh {
       this.vertex(j + 1, k + 1),
       lower ? this.vertex(j + 1, k) : this.vertex(j, k + 1),
     ];
-    return { corners, weights: [first, far, 1 - first - far] };
+    const face = j === 0 ? k : (2 * j - (lower ? 1 : 0)) * spokes + k;
+    return { face, corners, weights: [first, far, 1 - first - far] };
   }
 
   // the measured coefficient of a map w of the vertices

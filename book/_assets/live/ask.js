@@ -1,0 +1,49 @@
+// Questions to the worker: promises that give null where a newer question of the same page has taken their place.
+
+const waiting = new Map(),
+  started = new WeakMap();
+let count = 0;
+
+// the host's worker, told once what it works with; files that are missing are null
+async function workerOf(host, files) {
+  const worker = host.worker();
+  if (!started.has(worker)) {
+    worker.onmessage = ({ data }) => {
+      const { resolve, reject } = waiting.get(data.id) ?? {};
+      waiting.delete(data.id);
+      if (data.error) reject?.(new Error(data.error));
+      else resolve?.(data.passed ? null : data.answer);
+    };
+    worker.onerror = (event) => {
+      event.preventDefault?.();
+      for (const { reject } of waiting.values()) reject(new Error("The worker could not be loaded."));
+      waiting.clear();
+    };
+    started.set(
+      worker,
+      Promise.all(Object.entries(files).map(async ([key, name]) => [key, await fileOf(host, name)])).then((entries) =>
+        worker.postMessage({ begin: Object.fromEntries(entries) }),
+      ),
+    );
+  }
+  await started.get(worker);
+  return worker;
+}
+
+async function fileOf(host, name) {
+  try {
+    return await host.file(name);
+  } catch {
+    return null;
+  }
+}
+
+// part: what of the answer is wanted, for tasks that have several
+export async function ask(host, page, request, part = "all") {
+  const worker = await workerOf(host, { kernels: "kernels.wasm" }),
+    id = ++count;
+  return new Promise((resolve, reject) => {
+    waiting.set(id, { resolve, reject });
+    worker.postMessage({ id, page, request, part });
+  });
+}

@@ -1,0 +1,65 @@
+// All that takes more than a moment: a module worker, so that sliders never wait. The newest request of a page wins.
+import { answerTuner } from "./tuner.js";
+import { plainKernels, wasmKernels } from "./kernels.js";
+import { PolarMesh } from "./mesh.js";
+
+const TASKS = { tuner: answerTuner };
+const newest = new Map(); // page -> its newest request
+let busy = false,
+  begun = null;
+
+// What tasks work with: kernels, meshes made when first needed, files of the page (ArrayBuffers) by name.
+class Bench {
+  constructor(kernels, files) {
+    Object.assign(this, { kernels, files, meshes: new Map() });
+  }
+
+  mesh(rings, spokes, power = 1.4) {
+    const name = `${rings} x ${spokes}, ${power}`;
+    if (!this.meshes.has(name)) this.meshes.set(name, new PolarMesh(rings, spokes, power, this.kernels));
+    return this.meshes.get(name);
+  }
+}
+
+async function begin({ kernels, ...files }) {
+  let found = plainKernels;
+  try {
+    if (kernels) found = await wasmKernels(kernels);
+  } catch {
+    // no WebAssembly here: the same in JavaScript, slower
+  }
+  return new Bench(found, files);
+}
+
+onmessage = ({ data }) => {
+  if (data.begin) {
+    begun = begin(data.begin);
+    return;
+  }
+  const older = newest.get(data.page);
+  if (older) postMessage({ id: older.id, passed: true });
+  newest.set(data.page, data);
+  if (!busy) work();
+};
+
+const pause = () => new Promise((resolve) => setTimeout(resolve));
+
+async function work() {
+  busy = true;
+  const bench = await begun;
+  while (newest.size) {
+    const [page, { id, request, part }] = newest.entries().next().value;
+    newest.delete(page);
+    const stale = async () => {
+      await pause();
+      return newest.has(page);
+    };
+    try {
+      postMessage({ id, answer: await TASKS[page](bench, request, part, stale) });
+    } catch (error) {
+      postMessage({ id, error: error.message });
+    }
+    await pause();
+  }
+  busy = false;
+}

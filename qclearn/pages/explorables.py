@@ -1,0 +1,158 @@
+"""The explorables: what Python knows of each, see `live.py`. The browser's side of one is `explore_<page>.js`."""
+
+import json
+import time
+import warnings
+from types import MappingProxyType
+
+import numpy as np
+from IPython.display import Image
+
+from ..files.fsaverage import demo_landmarks, fsaverage5
+from ..plane.bijectivity import RepairWarning
+from ..plane.diskmesh import polar_disk
+from ..plane.mobius import mobius
+from ..registration.fit import POWER, fit_problem
+from ..registration.metrics import measured_losses
+from ..registration.problem import Problem, Weights
+from ..surfaces.surface import mirror
+from .canvas import Canvas
+from .examples import cortex_problem, example_problems
+from .live import MODULES, Live
+from .widgets import describe, fit_state
+
+
+class Mobius(Live):
+    """Möbius maps of the disk, of the chapter on conformal maps."""
+
+    page = "mobius"
+    initial = MappingProxyType({"size": 0.4, "direction": 30.0, "turn": 0.0, "figure": "polar"})
+    circle = 0.5 + 0.2 * np.exp(2j * np.pi * np.arange(181) / 180)
+
+    @staticmethod
+    def parameters(state):
+        """(a, theta) of the map."""
+        return state["size"] * np.exp(1j * np.radians(state["direction"])), np.radians(state["turn"])
+
+    def read(self, name, state, found):
+        if name in ("a", "theta"):
+            return self.parameters(state)[name == "theta"]
+        return super().read(name, state, found)
+
+    def answer(self, state):
+        """Centre and radius of what the red circle becomes, from three of its points."""
+        p, q, r = mobius(self.circle[[0, 60, 120]], *self.parameters(state))
+        w = (r - p) / (q - p)
+        centre = (q - p) * (w - abs(w) ** 2) / (2j * w.imag) + p
+        return {"centre": [centre.real, centre.imag], "radius": abs(p - centre)}
+
+    def picture(self, state):
+        """A Matplotlib figure of the disk and its image, and a description."""
+        from matplotlib.figure import Figure
+
+        from .plot import disk_axes, lines_plot
+
+        figure = Figure(figsize=(6.4, 3.3))
+        t, radii = np.exp(2j * np.pi * np.arange(181) / 180), np.linspace(0, 1, 31)
+        lines = [*(r * t for r in (0.2, 0.4, 0.6, 0.8, 1)), *(radii * t[k] for k in range(0, 180, 15))]
+        a, theta = self.parameters(state)
+        views = ("the disk and the pole a", lambda z: z, a), ("its image", lambda z: mobius(z, a, theta), 0)
+        for ax, (title, view, pole) in zip(figure.subplots(1, 2), views):
+            disk_axes(ax)
+            lines_plot(ax, [view(line) for line in lines], "#1F4E79")
+            ax.plot(view(self.circle).real, view(self.circle).imag, color="#B22222", linewidth=2)
+            ax.plot(np.real(pole), np.imag(pole), "o", color="#E69F00")
+            ax.set_title(title, fontsize=10)
+        return figure, "A polar grid of the disk with a red circle, and its image by a Möbius map: circles all."
+
+
+class Tuner(Live):
+    """Weights, landmarks and targets of the landmark fit, of the page on live tuning."""
+
+    page = "tuner"
+    initial = MappingProxyType(
+        {
+            "problem": "cortex",
+            "landmarks": "points",
+            "solver": "exact",
+            "mesh": "coarser",
+            "alpha": 1.0,
+            "beta": 0.01,
+            "gamma": 100_000.0,
+            "lambda": 10.0,
+            "starts": {},
+            "targets": {},
+        }
+    )
+    meshes = MappingProxyType({"coarser": (24, 72), "finer": (32, 96)})
+
+    def __init__(self, cortex=None):
+        self.cortex = cortex or sulci()
+
+    @property
+    def examples(self):
+        """The problems, name -> `Example`."""
+        return dict(zip(("cortex", "twist", "anew", "neighbours"), [self.cortex, *example_problems()]))
+
+    def files(self):
+        """The kernels in WebAssembly, and the problems."""
+        problems = {name: as_json(example) for name, example in self.examples.items()}
+        return {"kernels.wasm": (MODULES / "kernels.wasm").read_bytes(), "problems.json": json.dumps(problems).encode()}
+
+    def problem(self, state):
+        """The problem as the reader has changed it, on the mesh that the browser uses."""
+        given, mesh = self.examples[state["problem"]].problem, polar_disk(*self.meshes[state["mesh"]], POWER)
+        sides = given.moving.copy(), given.target.copy()
+        for points, moves in zip(sides, (state["starts"], state["targets"])):
+            for place, (x, y) in moves.items():
+                points[int(place)] = complex(x, y)
+        return Problem(*mesh, *sides, given.curve, state["landmarks"] == "sliding")
+
+    def answer(self, state):
+        """The library's fit: its map, L_CP, landmark error and milliseconds."""
+        problem, weights = self.problem(state), Weights(*(state[name] for name in ("alpha", "beta", "gamma")))
+        start = time.perf_counter()
+        fit = fit_problem(problem, weights, rings=self.meshes[state["mesh"]][0])
+        losses = measured_losses(problem, weights, fit.mu, problem.samples @ fit.f)
+        return {
+            "map": as_pairs(fit.f),
+            "L_CP": losses["L_CP"],
+            "landmarkError": fit.landmark_error,
+            "ms": 1000 * (time.perf_counter() - start),
+        }
+
+    def picture(self, state):
+        """The library's figure of the exact fit, and a description."""
+        example = self.examples[state["problem"]]
+        found = {"exact fit": fit_state(example, tuple(state[name] for name in ("alpha", "beta", "gamma")))}
+        words = f"Landmarks, deformed grid, |μ| and its histogram for {example.name}. {describe(found['exact fit'])}"
+        return Image(Canvas(example, list(found)).draw(found)), words
+
+    def read(self, name, state, found):
+        """map (V,): the map that is shown, at the vertices of the mesh."""
+        if name == "map" and "map" in found:
+            return np.frombuffer(found["map"]).view(complex)
+        return super().read(name, state, found)
+
+
+def sulci():
+    """The sulci of fsaverage5's right hemisphere, mirrored, and of its left one: an `Example`."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RepairWarning)  # boundary steps at the ragged rim
+        return cortex_problem("sulci of fsaverage5", mirror(fsaverage5("right")), fsaverage5("left"), demo_landmarks())
+
+
+def as_json(example):
+    """An `Example` as the browser reads it."""
+    problem, radius = example.problem, example.radius
+    knots = None if radius is None else {"disk": radius.disk.tolist(), "image": radius.image.tolist()}
+    sides = {"moving": as_pairs(problem.moving), "target": as_pairs(problem.target)}
+    return {"label": example.name, **sides, "curve": problem.curve.tolist(), "radius": knots}
+
+
+def as_pairs(z):
+    """Complex numbers as pairs."""
+    return np.stack([z.real, z.imag], -1).tolist()
+
+
+EXPLORABLES = (Mobius, Tuner)
