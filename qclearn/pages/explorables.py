@@ -7,9 +7,11 @@ from types import MappingProxyType
 
 import numpy as np
 from IPython.display import Image
+from matplotlib.figure import Figure
 
 from ..files.fsaverage import demo_landmarks, fsaverage5
 from ..plane.bijectivity import RepairWarning
+from ..plane.disk import solve_beltrami_disk
 from ..plane.diskmesh import polar_disk
 from ..plane.mobius import mobius
 from ..registration.fit import POWER, fit_problem
@@ -19,6 +21,7 @@ from ..surfaces.surface import mirror
 from .canvas import Canvas
 from .examples import cortex_problem, example_problems
 from .live import MODULES, Live
+from .plot import disk_axes, disk_plot, lines_plot
 from .widgets import describe, fit_state
 
 
@@ -48,10 +51,6 @@ class Mobius(Live):
 
     def picture(self, state):
         """A Matplotlib figure of the disk and its image, and a description."""
-        from matplotlib.figure import Figure
-
-        from .plot import disk_axes, lines_plot
-
         figure = Figure(figsize=(6.4, 3.3))
         t, radii = np.exp(2j * np.pi * np.arange(181) / 180), np.linspace(0, 1, 31)
         lines = [*(r * t for r in (0.2, 0.4, 0.6, 0.8, 1)), *(radii * t[k] for k in range(0, 180, 15))]
@@ -64,6 +63,72 @@ class Mobius(Live):
             ax.plot(np.real(pole), np.imag(pole), "o", color="#E69F00")
             ax.set_title(title, fontsize=10)
         return figure, "A polar grid of the disk with a red circle, and its image by a Möbius map: circles all."
+
+
+class Mu(Live):
+    """A coefficient that the reader sets and paints, of the chapter on quasi-conformal maps."""
+
+    page = "mu"
+    initial = MappingProxyType(
+        {
+            "preset": "waves",
+            "size": 0.5,
+            "direction": 60.0,
+            "frequencies": 4,
+            "radius": 0.15,
+            "brush": (0.5, 0.5),
+            "strokes": (),
+        }
+    )
+    mesh = polar_disk(32, 96, POWER)
+    presets = MappingProxyType(
+        {
+            "constant": lambda z: 1 + 0 * z,
+            "radial": lambda z: z / z.conj(),
+            "waves": lambda z: np.sin(4 * z.real) * np.cos(3 * z.imag) + 0j,
+            "bump": lambda z: np.exp(-(abs(z - 0.3 - 0.2j) ** 2) / 0.3**2) + 0j,
+            "blank": lambda z: 0 * z,
+        }
+    )
+
+    def files(self):
+        """The kernels in WebAssembly."""
+        return {"kernels.wasm": (MODULES / "kernels.wasm").read_bytes()}
+
+    def coefficient(self, state):
+        """mu (F,) on the faces of the mesh: the preset, and what was painted over it."""
+        z, faces = self.mesh
+        centres = z[faces].mean(1)
+        mu = state["size"] * np.exp(1j * np.radians(state["direction"])) * self.presets[state["preset"]](centres)
+        for x, y, radius, re, im in state["strokes"]:
+            mu[abs(centres - complex(x, y)) <= radius] = complex(re, im)
+        return mu
+
+    def answer(self, state):
+        """The exact solver's map."""
+        return {"map": as_pairs(solve_beltrami_disk(*self.mesh, self.coefficient(state)))}
+
+    def read(self, name, state, found):
+        """mu (F,) on the faces of `mesh`; map (V,): the map that is shown."""
+        if name == "mu":
+            return self.coefficient(state)
+        if name == "map" and "map" in found:
+            return np.frombuffer(found["map"]).view(complex)
+        return super().read(name, state, found)
+
+    def picture(self, state):
+        """A Matplotlib figure of |mu| and of the grid under the exact map, and a description."""
+        (z, faces), mu = self.mesh, self.coefficient(state)
+        f, figure = solve_beltrami_disk(z, faces, mu), Figure(figsize=(6.4, 3.3))
+        sizes, image = figure.subplots(1, 2)
+        disk_plot(sizes, z, faces, abs(mu), cmap="YlGnBu", vmin=0, vmax=1)
+        disk_axes(image)
+        rings = f[1:].reshape(32, 96)
+        lines = [*(np.append(ring, ring[0]) for ring in rings[3::4]), *(np.append(f[0], s) for s in rings.T[::4])]
+        lines_plot(image, lines, "#1F4E79")
+        for ax, title in ((sizes, "|μ|"), (image, "grid under the exact map")):
+            ax.set_title(title, fontsize=10)
+        return figure, "The size of a coefficient in waves over the disk, and the grid bent by the map that has it."
 
 
 class Tuner(Live):
@@ -155,4 +220,4 @@ def as_pairs(z):
     return np.stack([z.real, z.imag], -1).tolist()
 
 
-EXPLORABLES = (Mobius, Tuner)
+EXPLORABLES = (Mobius, Mu, Tuner)

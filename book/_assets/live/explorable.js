@@ -26,7 +26,9 @@ export class Explorable {
     this.controls = buildControls(spec.controls, (change, settled) => this.change(change, settled));
     this.pictures = spec.views.map((view) => new Picture(view, spec.label));
     for (const picture of this.pictures) {
-      picture.onDrag = (index, point, settled) => this.change(picture.view.drag(this.state, index, point), settled);
+      picture.onDrag = (index, point, settled, by) =>
+        this.change(picture.view.drag(this.state, index, point, by), settled);
+      picture.onChoose = () => this.update();
     }
     root.setAttribute("role", "group");
     root.setAttribute("aria-label", spec.label);

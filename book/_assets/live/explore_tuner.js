@@ -212,22 +212,9 @@ export default {
   },
   rows,
   data(state, found) {
-    const { w, points, mean, largest, landmarkError, folds, L_mu, L_grad_mu, L_Landmark, L_CP, ms } =
-      found[state.solver];
+    const { w, points, size, ...numbers } = found[state.solver];
     const map = new Float64Array(2 * w.x.length).map((_, i) => (i % 2 ? w.y : w.x)[i >> 1]);
-    return {
-      map,
-      landmarks: Array.from(points.x, (x, m) => [x, points.y[m]]),
-      mean,
-      largest,
-      landmarkError,
-      folds,
-      L_mu,
-      L_grad_mu,
-      L_Landmark,
-      L_CP,
-      ms,
-    };
+    return { map, landmarks: Array.from(points.x, (x, m) => [x, points.y[m]]), ...numbers };
   },
   compare: (found, kernel) => {
     const gap = Math.max(

@@ -13,7 +13,8 @@ const SIZE = 320,
   REACH = 24; // pixels of the picture, its rim, and how far from a point a finger may be
 const STEP = 0.01; // of the disk's radius, by which an arrow key moves a point; ten times with shift
 
-// view: name, label; for what can be moved: points(state) -> [[x, y], ...], drag(state, index, point) -> part of a state
+// view: name, label; for what can be moved: points(state) -> [[x, y], ...] and drag(state, index, point, by) -> part of a
+// state, by a "pointer", by "keys", or "press" (Enter); anywhere: a pointer may begin everywhere
 export class Picture {
   constructor(view, title) {
     Object.assign(this, { view, title, chosen: 0, points: [] });
@@ -50,11 +51,14 @@ export class Picture {
       "picture with points to move: arrow keys move the chosen one, " + "Page Up and Page Down choose another",
     );
     canvas.addEventListener("pointerdown", (event) => this.take(event));
-    canvas.addEventListener("pointermove", (event) => this.dragging && this.onDrag(this.chosen, this.at(event), false));
+    canvas.addEventListener(
+      "pointermove",
+      (event) => this.dragging && this.onDrag(this.chosen, this.at(event), false, "pointer"),
+    );
     const drop = (event) => {
       if (!this.dragging) return;
       this.dragging = false;
-      this.onDrag(this.chosen, this.at(event), true);
+      this.onDrag(this.chosen, this.at(event), true, "pointer");
     };
     canvas.addEventListener("pointerup", drop);
     canvas.addEventListener("pointercancel", drop);
@@ -73,14 +77,15 @@ export class Picture {
   take(event) {
     const [x, y] = this.at(event),
       far = this.points.map(([u, v]) => Math.hypot(u - x, v - y));
-    const nearest = far.indexOf(Math.min(...far));
-    if (nearest < 0 || far[nearest] * (SIZE / 2) > REACH) return;
+    const nearest = far.indexOf(Math.min(...far)),
+      { anywhere } = this.view;
+    if (nearest < 0 || (!anywhere && far[nearest] * (SIZE / 2) > REACH)) return;
     this.chosen = nearest;
     this.dragging = true;
     this.canvas.focus();
     this.canvas.setPointerCapture(event.pointerId);
     event.preventDefault();
-    this.onDrag(nearest, this.points[nearest], false);
+    this.onDrag(nearest, anywhere ? [x, y] : this.points[nearest], false, "pointer");
   }
 
   key(event) {
@@ -88,12 +93,18 @@ export class Picture {
       moves = { ArrowLeft: [-size, 0], ArrowRight: [size, 0], ArrowUp: [0, size], ArrowDown: [0, -size] };
     const turn = { PageDown: 1, PageUp: -1 }[event.key],
       move = moves[event.key],
-      point = this.points[this.chosen];
-    if (!point || !(turn || move)) return;
+      count = this.points.length;
+    const press = (event.key === "Enter" || event.key === " ") && this.view.anywhere;
+    if (!count || !(turn || move || press)) return;
     event.preventDefault();
-    if (turn) this.chosen = (this.chosen + turn + this.points.length) % this.points.length;
+    if (turn) {
+      this.chosen = (this.chosen + turn + count) % count;
+      this.onChoose();
+      return;
+    }
     const [x, y] = this.points[this.chosen];
-    this.onDrag(this.chosen, turn ? [x, y] : inDisk(x + move[0], y + move[1]), true);
+    if (press) this.onDrag(this.chosen, [x, y], true, "press");
+    else this.onDrag(this.chosen, inDisk(x + move[0], y + move[1]), true, "keys");
   }
 
   // ---- strokes ----
@@ -151,6 +162,13 @@ export class Picture {
     this.pen.beginPath();
     this.pen.arc(this.X(point[0]), this.Y(point[1]), 9, 0, 7);
     this.stroke(COLOURS.ink, 1.2, [3, 2]);
+  }
+
+  // a circle of the disk: what the brush covers
+  ring([x, y], radius, colour) {
+    this.pen.beginPath();
+    this.pen.arc(this.X(x), this.Y(y), radius * (SIZE / 2 - MARGIN), 0, 7);
+    this.stroke(colour, 1.5);
   }
 
   words(text, x, y, align = "left") {

@@ -25,7 +25,7 @@ function squareLines() {
 }
 
 // to: from the disk to the picture, from: back; the same for all but the cortex
-export function grid(picture, mesh, w, to, from) {
+export function grid(picture, mesh, w, to, from, colour = COLOURS.grid, dash = []) {
   const key = from([0.5, 0])[0];
   if (places.get(mesh)?.key !== key) {
     places.set(mesh, { key, list: squareLines().map((line) => line.map((point) => mesh.locate(...from(point)))) });
@@ -34,7 +34,7 @@ export function grid(picture, mesh, w, to, from) {
     const { x, y } = sample(w, line);
     return Array.from(x, (u, j) => to([u, y[j]]));
   });
-  picture.lines(lines, COLOURS.grid);
+  picture.lines(lines, colour, 0.8, dash);
 }
 
 // light where there is little to see, as YlGnBu is; the hues differ in lightness for every kind of eye

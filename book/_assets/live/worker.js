@@ -2,8 +2,9 @@
 import { answerTuner } from "./tuner.js";
 import { plainKernels, wasmKernels } from "./kernels.js";
 import { PolarMesh } from "./mesh.js";
+import { answerMu } from "./paint.js";
 
-const TASKS = { tuner: answerTuner };
+const TASKS = { tuner: answerTuner, mu: answerMu };
 const newest = new Map(); // page -> its newest request
 let busy = false,
   begun = null;
