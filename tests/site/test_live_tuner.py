@@ -61,7 +61,7 @@ def test_read_outs_are_the_librarys(view, live):
     assert abs(f - fitted.f).max() < 1e-5
     mu = beltrami_coefficient(problem.z, problem.faces, fitted.f)
     losses = measured_losses(engine.problem, engine.weights, mu, fitted.points)
-    assert view.number("exact fit: landmark error") == pytest.approx(engine.error(fitted), rel=1e-3)
+    assert view.number("exact fit: landmark error") == pytest.approx(engine.error(fitted), rel=5e-3)
     assert view.number("mean .μ.") == pytest.approx(abs(mu).mean(), rel=1e-3)
     for term, value in losses.items():
         cells = view.root.locator("tr", has=view.page.get_by_role("rowheader", name=term, exact=True)).locator("td")
@@ -100,7 +100,7 @@ def test_fifty_quick_moves_end_in_the_state_of_the_last(view):
         e.value = 2 + k / 20;
         e.dispatchEvent(new Event(k < 49 ? 'input' : 'change'));
     } }""")
-    view.page.wait_for_function("() => window.answered?.newest", timeout=60_000)
+    view.page.wait_for_function("() => window.answered?.newest", timeout=20_000)
     view.page.wait_for_timeout(300)
     many, last = view.words, slider.input_value()
     reset(view)
@@ -149,7 +149,7 @@ def message_with(browser, site_address, prepare):
     page.wait_for_function(
         f"() => {{ const root = document.querySelector('.qc-live[data-page={NAME}]');"
         "return root.dataset.ready || root.textContent.includes('cannot'); }",
-        timeout=60_000,
+        timeout=20_000,
     )
     words, pictures = root.locator("[role=status]").inner_text(), root.locator("img, canvas").count()
     page.close()

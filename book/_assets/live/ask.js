@@ -2,7 +2,8 @@
 
 const waiting = new Map(),
   started = new WeakMap();
-let count = 0;
+let count = 0,
+  failed = null; // why there is no worker
 
 // the host's worker, told once what it works with; files that are missing are null
 async function workerOf(host, files) {
@@ -16,7 +17,8 @@ async function workerOf(host, files) {
     };
     worker.onerror = (event) => {
       event.preventDefault?.();
-      for (const { reject } of waiting.values()) reject(new Error("The worker could not be loaded."));
+      failed = new Error("worker.js could not be loaded");
+      for (const { reject } of waiting.values()) reject(failed);
       waiting.clear();
     };
     started.set(
@@ -43,6 +45,7 @@ export async function ask(host, page, request, part = "all") {
   const worker = await workerOf(host, { kernels: "kernels.wasm" }),
     id = ++count;
   return new Promise((resolve, reject) => {
+    if (failed) reject(failed);
     waiting.set(id, { resolve, reject });
     worker.postMessage({ id, page, request, part });
   });

@@ -82,7 +82,9 @@ export class Explorable {
       if (this.spec.afterwards) this.complete(number, state, answer);
     } catch (error) {
       if (first) throw error;
-      if (number >= this.shown) this.say(`No picture for this: ${error.message} The last one stays.`);
+      if (number < this.shown) return;
+      this.say(`No picture for this: ${error.message}. The last one stays.`);
+      this.announce(number);
     }
   }
 
@@ -93,13 +95,18 @@ export class Explorable {
     if (this.spec.rows) this.table.replaceChildren(...tableRows(this.spec.rows(answer)));
     this.pictures.forEach((picture) => picture.describe(this.status.textContent));
     this.host.tell(this.spec.data(state, answer));
-    this.root.dispatchEvent(new CustomEvent("qc-live-answer", { detail: { number, of: this.asked } }));
+    this.announce(number);
+  }
+
+  // for those who wait for an answer: its number, and that of the newest question
+  announce(number) {
+    this.root.dispatchEvent(new CustomEvent("qc-live-answer", { bubbles: true, detail: { number, of: this.asked } }));
   }
 
   // what comes later, if the answer is still the one that is shown
   async complete(number, state, answer) {
     const fuller = await this.spec.afterwards(state, answer, this.host).catch(() => null);
-    if (fuller && number === this.shown) this.spec.draw(this.pictures, state, (this.answer = fuller));
+    if (fuller && number === this.asked) this.spec.draw(this.pictures, state, (this.answer = fuller));
   }
 
   say(words) {

@@ -1,6 +1,7 @@
 // The paper's baseline: the harmonic map with the circle held by the best Möbius map and the landmarks drawn to their
 // targets by springs. It minimises 1/2 int |grad f|^2 + (lambda / 2) sum_k |f(p_k) - q_k|^2; no overlap correction.
 import { choleskyDense, copy, solveDense, zeros } from "./complex.js";
+import { rooms } from "./gradients.js";
 import { onCircle, DiskMap } from "./map.js";
 import { sample } from "./mesh.js";
 import { bestMobius, moved } from "./mobius.js";
@@ -10,13 +11,15 @@ export class Harmonic {
   constructor(mesh, problem) {
     Object.assign(this, { mesh, problem });
     this.places = Array.from(problem.p.x, (x, m) => mesh.locate(x, problem.p.y[m]));
-    const solution = new DiskMap(mesh),
+    const solution = (mesh.map ??= new DiskMap(mesh)),
       M = problem.count,
       R = M + (M & 1);
     solution.solve(zeros(mesh.F)); // leaves K(0) factored
     this.start = this.extension(solution, onCircle(mesh, moved(mesh.z, bestMobius(problem.p, problem.q))));
     const { place } = mesh.interior,
-      green = mesh.kernels.numbers(mesh.free * R);
+      green = rooms(mesh, M)
+        .g.subarray(0, mesh.free * R)
+        .fill(0);
     this.places.forEach(({ corners, weights }, m) =>
       corners.forEach((v, k) => {
         if (v < mesh.free) green[place[v] * R + m] += weights[k];

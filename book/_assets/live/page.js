@@ -29,7 +29,7 @@ function hostOf(spec, files) {
 
 async function file(name) {
   const answer = await fetch(new URL(name, import.meta.url));
-  if (!answer.ok) throw new Error(`${name} could not be loaded (${answer.status}).`);
+  if (!answer.ok) throw new Error(`${name} could not be loaded (${answer.status})`);
   return answer.arrayBuffer();
 }
 
@@ -47,6 +47,6 @@ for (const root of document.querySelectorAll(".qc-live[data-page]")) {
     if (host.start) root.scrollIntoView();
   } catch (error) {
     const note = root.querySelector("[role=status]") ?? root;
-    note.textContent = `This figure cannot compute here: ${error.message} The picture above was drawn when the book was made.`;
+    note.textContent = `This figure cannot compute here: ${error.message}. The picture above was drawn when the book was made.`;
   }
 }

@@ -10,7 +10,7 @@ export async function answerMu(bench, state) {
     map = (mesh.map ??= new DiskMap(mesh)),
     mu = muOnFaces(state, mesh);
   const whole = mapOf(map, mu);
-  if (!whole) throw new Error("|mu| must stay below 1: no map that keeps its orientation has such a coefficient.");
+  if (!whole) throw new Error("|mu| must stay below 1: no map that keeps its orientation has such a coefficient");
   const smooth = compressed(mesh, mu, state.frequencies, SIDE),
     kept = mapOf(map, smooth);
   return {

@@ -5,7 +5,7 @@ import { PolarMesh } from "./mesh.js";
 import { answerMu } from "./paint.js";
 
 const TASKS = { tuner: answerTuner, mu: answerMu };
-const newest = new Map(); // page -> its newest request
+const newest = new Map(); // what is asked, page and part -> the newest request for it
 let busy = false,
   begun = null;
 
@@ -37,9 +37,10 @@ onmessage = ({ data }) => {
     begun = begin(data.begin);
     return;
   }
-  const older = newest.get(data.page);
+  const kind = `${data.page} ${data.part}`,
+    older = newest.get(kind);
   if (older) postMessage({ id: older.id, passed: true });
-  newest.set(data.page, data);
+  newest.set(kind, data);
   if (!busy) work();
 };
 
@@ -49,11 +50,11 @@ async function work() {
   busy = true;
   const bench = await begun;
   while (newest.size) {
-    const [page, { id, request, part }] = newest.entries().next().value;
-    newest.delete(page);
+    const [kind, { id, page, request, part }] = newest.entries().next().value;
+    newest.delete(kind);
     const stale = async () => {
       await pause();
-      return newest.has(page);
+      return newest.size > 0;
     };
     try {
       postMessage({ id, answer: await TASKS[page](bench, request, part, stale) });
