@@ -17,10 +17,12 @@ from ..plane.mobius import mobius
 from ..registration.fit import POWER, fit_problem
 from ..registration.metrics import measured_losses
 from ..registration.problem import Problem, Weights
+from ..registration.register import load
 from ..surfaces.surface import mirror
 from .canvas import Canvas
 from .examples import cortex_problem, example_problems
 from .live import MODULES, Live
+from .livenets import cpnet_file
 from .plot import disk_axes, disk_plot, lines_plot
 from .widgets import describe, fit_state
 
@@ -141,6 +143,7 @@ class Tuner(Live):
             "landmarks": "points",
             "solver": "exact",
             "mesh": "coarser",
+            "looks": "0",
             "alpha": 1.0,
             "beta": 0.01,
             "gamma": 100_000.0,
@@ -160,9 +163,10 @@ class Tuner(Live):
         return dict(zip(("cortex", "twist", "anew", "neighbours"), [self.cortex, *example_problems()]))
 
     def files(self):
-        """The kernels in WebAssembly, and the problems."""
+        """The inner loops in WebAssembly, the problems, and CP-Net."""
         problems = {name: as_json(example) for name, example in self.examples.items()}
-        return {"kernels.wasm": (MODULES / "kernels.wasm").read_bytes(), "problems.json": json.dumps(problems).encode()}
+        loops = {name: (MODULES / name).read_bytes() for name in ("kernels.wasm", "layers.wasm")}
+        return loops | {"problems.json": json.dumps(problems).encode(), "cpnet.bin": cpnet_file(load("cpnet"))}
 
     def problem(self, state):
         """The problem as the reader has changed it, on the mesh that the browser uses."""

@@ -43,6 +43,16 @@ const tasks = {
       });
     });
   },
+  async cpnet() {
+    const { readNetwork } = await load("unet.js"), { CPNet } = await load("cpnet.js"), { plainLayers, wasmLayers } = await load("layers.js");
+    const layers = given.plain ? plainLayers : await wasmLayers(readFileSync(join(folder, "layers.wasm")));
+    const file = readFileSync(given.file), network = readNetwork(file.buffer.slice(file.byteOffset, file.byteOffset + file.byteLength));
+    const { rings, spokes, power } = network.config, net = new CPNet(mesh([rings, spokes, power]), layers, network);
+    return given.problems.map(({ moving, target, looks, ...weights }) => {
+      const begin = performance.now(), nu = net.run(fromPairs(moving), fromPairs(target), weights, looks);
+      return { nu: toPairs(nu), ms: performance.now() - begin };
+    });
+  },
   async refusals() {
     const { Problem, checkWeights } = await load("landmarks.js");
     return given.requests.map((request) => {

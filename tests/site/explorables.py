@@ -94,7 +94,7 @@ class View:
 
 
 def every_slider_moves(view, silent=()):
-    """By keyboard and by mouse: the value and the pictures or words change. silent: names of which only the pictures do."""
+    """By keyboard and by mouse: the value and the words change; of those named `silent` the pictures alone."""
     for slider in view.root.get_by_role("slider").all():
         name = slider.evaluate("e => document.querySelector(`label[for='${e.id}']`).textContent")
         assert name, "a slider without a name"
@@ -118,9 +118,9 @@ def every_choice_is_taken(view):
         for value in select.locator("option").evaluate_all("all => all.map(option => option.value)")[::-1]:
             if value == select.input_value():
                 continue
-            before = view.pictures()
+            before = view.words, view.pictures()
             view.after(lambda select=select, value=value: select.select_option(value))
-            assert view.pictures() != before, value
+            assert (view.words, view.pictures()) != before, value
 
 
 def undo_and_reset_go_back(view, slider):

@@ -1,4 +1,4 @@
-"""The explorable of Möbius maps on its page: every control, its read-outs against the library's, links and downloads."""
+"""The explorable of Möbius maps on its page: every control, read-outs against the library's, links and downloads."""
 
 import numpy as np
 import pytest

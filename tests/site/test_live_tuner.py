@@ -1,4 +1,4 @@
-"""The registration tuner on its page: every control, its read-outs against the library's fit, quick moves, what is missing."""
+"""The registration tuner on its page: controls, read-outs against the library's fit, quick moves, what is missing."""
 
 import re
 
@@ -19,8 +19,10 @@ from reference import fit_in_steps, pairs
 from test_accessible import findings
 
 from qclearn.pages.explorables import Tuner
+from qclearn.pages.widgets import network_fit
 from qclearn.plane.beltrami import beltrami_coefficient
 from qclearn.registration.metrics import measured_losses
+from qclearn.registration.problem import Weights
 
 PAGE, NAME = "live.html", "tuner"
 ASSETS = "**/_static/live/"
@@ -31,6 +33,7 @@ pytestmark = pytest.mark.xdist_group(PAGE)
 def view(browser, site_address):
     needs(SITE, PAGE, NAME)
     view = View(browser, site_address, PAGE, NAME)
+    view.root.locator("[role=status]:has-text('CP-Net: landmark error')").wait_for(timeout=30_000)
     yield view
     view.page.close()
 
@@ -161,6 +164,28 @@ def test_without_webassembly_it_computes_in_javascript(browser, site_address):
         browser, site_address, lambda page: page.route(ASSETS + "*.wasm", lambda route: route.abort())
     )
     assert "in JavaScript" in words and pictures
+
+
+def test_without_its_weights_the_network_is_missing_and_the_fit_stays(browser, site_address):
+    page = browser.new_page()
+    page.route(ASSETS + "cpnet.bin", lambda route: route.fulfill(status=404))
+    page.goto(site_address + PAGE)
+    words = page.locator(f".qc-live[data-page={NAME}] [role=status]:has-text('cpnet.bin could not be loaded')")
+    words.wait_for(timeout=30_000)
+    assert "exact fit: landmark error" in words.inner_text()
+    page.close()
+
+
+def test_cpnets_map_is_the_librarys(view, live):
+    reset(view)
+    view.after(lambda: view.root.get_by_role("combobox", name="problem").select_option("twist"))
+    view.after(lambda: view.root.get_by_role("combobox", name="map shown").select_option("network"))
+    data = downloads_hold_the_state(view, NAME)
+    problem = live.problem(data["state"])
+    found = network_fit(problem, Weights(*(data["state"][name] for name in ("alpha", "beta", "gamma"))))
+    # Weights in half precision here, in single precision there.
+    assert abs(np.array(data["answer"]["map"]).view(complex) - found.f).max() < 1e-3
+    assert data["answer"]["landmarkError"] == pytest.approx(found.landmark_error, rel=0.02)
 
 
 @pytest.mark.parametrize("name", ["problems.json", "worker.js", "explore_tuner.js"])

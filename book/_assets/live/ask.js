@@ -50,3 +50,10 @@ export async function ask(host, page, request, part = "all") {
     worker.postMessage({ id, page, request, part });
   });
 }
+
+// More files for the worker, key -> name; an error where one of them cannot be loaded.
+export async function give(host, files) {
+  const found = await Promise.all(Object.entries(files).map(async ([key, name]) => [key, await host.file(name)]));
+  const worker = await workerOf(host, { kernels: "kernels.wasm" });
+  worker.postMessage({ more: Object.fromEntries(found) });
+}

@@ -5,7 +5,8 @@
 // spec: name, label, initial, controls, views, question, answer(state, host) -> answer or promise of it,
 //       draw(pictures, state, answer), words(state, answer) -> the read-outs, data(state, answer) -> what JSON has;
 //       where there is more to say: rows(answer) of a table, afterwards(state, answer, host) -> a fuller answer, later
-// host: start (part of a state), save(state), tell(answer), ask (the kernel, or null)
+// host: start (part of a state), save(state), tell(answer), file(name), worker(), ask(state) (the kernel) and
+//       link(state), or null where there is none; refresh() is set here
 import { buildControls } from "./controls.js";
 import { Picture } from "./picture.js";
 
@@ -30,6 +31,7 @@ export class Explorable {
         this.change(picture.view.drag(this.state, index, point, by), settled);
       picture.onChoose = () => this.update();
     }
+    host.refresh = () => this.update(); // for what comes later than the first answer
     root.setAttribute("role", "group");
     root.setAttribute("aria-label", spec.label);
     const parts = [this.controls.element, this.gallery(), this.status, this.table, this.buttons(), this.guess()];

@@ -144,13 +144,17 @@ export default {
     }
     before.mark();
   },
-  words: (state, found) =>
-    `a = ${shown(found.a[0])} ${found.a[1] < 0 ? "−" : "+"} ${shown(Math.abs(found.a[1]))} i, θ = ${shown(state.turn)}°. ` +
-    `The red circle of radius ${SMALL.radius} has become a circle of radius ${shown(found.radius)}, round to ${found.off.toExponential(0)}. ` +
-    `Lengths change by ${shown(found.stretch)} at 0, by up to ${shown(found.largest)} on the circle. Angles do not change: no folds, mu = 0.`,
+  words(state, { a: [ax, ay], radius, off, stretch, largest }) {
+    const pole = `a = ${shown(ax)} ${ay < 0 ? "−" : "+"} ${shown(Math.abs(ay))} i, θ = ${shown(state.turn)}°`;
+    const red = `The red circle of radius ${SMALL.radius} has become a circle of radius ${shown(radius)}`;
+    const lengths = `Lengths change by ${shown(stretch)} at 0, by up to ${shown(largest)} on the circle`;
+    return `${pole}. ${red}, round to ${off.toExponential(0)}. ${lengths}. Angles do not change: no folds, mu = 0.`;
+  },
   data: (state, { a, theta, centre, radius, stretch, largest }) => ({ a, theta, centre, radius, stretch, largest }),
-  compare: (found, kernel) =>
-    `The kernel's red circle has radius ${shown(kernel.radius)}; the difference is ${Math.abs(kernel.radius - found.radius).toExponential(1)}.`,
+  compare(found, kernel) {
+    const difference = Math.abs(kernel.radius - found.radius).toExponential(1);
+    return `The kernel's red circle has radius ${shown(kernel.radius)}; the difference is ${difference}.`;
+  },
   question: {
     text: "The red circle has radius 0.2. What radius has it after the present map? ",
     truth: (state) => answer(state).radius,

@@ -107,15 +107,20 @@ export default {
   answer,
   draw,
   words(state, found) {
-    const { compressed } = found,
-      whole =
-        `largest |μ| ${short(found.largest)}, K ${short(K(found.largest))}, ${found.folds} folds, ` +
-        `mean displacement ${short(found.moved)}; exact map in ${found.ms.toFixed(1)} ms`;
-    const kept = compressed
-      ? `Compressed to k = ${state.frequencies}, ${(2 * state.frequencies + 1) ** 2} complex numbers: largest |μ| ${short(compressed.largest)}, ` +
-        `${compressed.folds} folds, the map moves by up to ${short(compressed.off)}`
-      : `Compressed to k = ${state.frequencies} |μ| overshoots 1: no map has such a coefficient`;
-    return `The map of mu: ${whole}. ${kept}. ${found.raised ? `${found.raised} boundary steps raised. ` : ""}In ${found.kernels}.`;
+    const { compressed, raised } = found,
+      k = state.frequencies,
+      said = [
+        `The map of mu: largest |μ| ${short(found.largest)}, K ${short(K(found.largest))}, ${found.folds} folds`,
+        `Mean displacement ${short(found.moved)}; exact map in ${found.ms.toFixed(1)} ms`,
+      ];
+    if (compressed) {
+      said.push(
+        `Compressed to k = ${k}, ${(2 * k + 1) ** 2} complex numbers: largest |μ| ${short(compressed.largest)}`,
+      );
+      said.push(`Its map has ${compressed.folds} folds; the map moves by up to ${short(compressed.off)}`);
+    } else said.push(`Compressed to k = ${k} |μ| overshoots 1: no map has such a coefficient`);
+    if (raised) said.push(`${raised} boundary steps raised`);
+    return `${said.join(". ")}. In ${found.kernels}.`;
   },
   data(state, { w, size, compressed, ...numbers }) {
     const map = new Float64Array(2 * w.x.length).map((_, i) => (i % 2 ? w.y : w.x)[i >> 1]);

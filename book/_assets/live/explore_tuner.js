@@ -1,12 +1,13 @@
 // The registration tuner: weights, landmarks and targets in the reader's hand, the exact fit at once.
-import { ask } from "./ask.js";
+import { ask, give } from "./ask.js";
 import { PolarMesh, sample } from "./mesh.js";
 import { COLOURS, inDisk } from "./picture.js";
 import { curvePicture, grid, heat, histogram } from "./plots.js";
 
 let problems = null; // name -> {label, moving, target, curve, radius}, once they have been loaded
 const meshes = new Map(); // for the pictures, which need no factorisation
-const SOLVERS = { exact: "exact fit", harmonic: "harmonic map" };
+const SOLVERS = { exact: "exact fit", network: "CP-Net", harmonic: "harmonic map" };
+let network = null; // whether CP-Net's file has come, or why it has not
 
 async function load(host) {
   problems ??= JSON.parse(new TextDecoder().decode(await host.file("problems.json")));
@@ -59,6 +60,7 @@ function request(state) {
     beta,
     gamma,
     lambda,
+    looks: Number(state.looks),
     sliding: state.landmarks === "sliding",
     mesh: state.mesh === "finer" ? [32, 96] : [24, 72],
   };
@@ -73,14 +75,25 @@ async function answer(state, host) {
 
 // the trade-off curve comes after the maps, when nothing newer is asked
 async function afterwards(state, found, host) {
+  if (network === null) fetchNetwork(host);
   const sweep = await ask(host, "tuner", found.asked, "sweep");
   return sweep && { ...found, sweep };
+}
+
+// CP-Net's megabyte comes after the first answer, which need not wait for it.
+async function fetchNetwork(host) {
+  network = "";
+  await give(host, { layers: "layers.wasm", cpnet: "cpnet.bin" }).catch((error) => {
+    network = error.message;
+  });
+  host.refresh();
 }
 
 const short = (x) =>
   x === 0 ? "0" : Math.abs(x) < 0.01 || Math.abs(x) >= 1e5 ? x.toExponential(2) : String(Number(x.toPrecision(4)));
 
 function sentence(name, one, faces) {
+  if (one.missing) return `${name}: no map, ${network || one.missing}`;
   const certificate = one.folds ? `not bijective: ${one.folds} of ${faces} triangles folded` : "certified bijective";
   const mended = one.switched ? `, ${one.switched} rows switched` : "";
   return (
@@ -112,7 +125,7 @@ const views = [
 ];
 
 function draw([moving, control, mu, bars, trade], state, found) {
-  const shown = found[state.solver],
+  const shown = found[state.solver].missing ? found.exact : found[state.solver],
     { problem } = found,
     mesh = meshOf(found.asked.mesh),
     to = draws(problem);
@@ -142,7 +155,7 @@ const rows = (found) => [
   ["", ...Object.values(SOLVERS)],
   ...["L_mu", "L_grad_mu", "L_Landmark", "L_CP"].map((term) => [
     term,
-    ...Object.keys(SOLVERS).map((name) => short(found[name][term])),
+    ...Object.keys(SOLVERS).map((name) => (found[name].missing ? "" : short(found[name][term]))),
   ]),
 ];
 
@@ -156,6 +169,7 @@ export default {
     landmarks: "points",
     solver: "exact",
     mesh: "coarser",
+    looks: "0",
     alpha: 1,
     beta: 0.01,
     gamma: 100000,
@@ -192,6 +206,16 @@ export default {
     { kind: "choice", name: "solver", label: "map shown", options: Object.entries(SOLVERS) },
     {
       kind: "choice",
+      name: "looks",
+      label: "looks of CP-Net at the exact map",
+      options: [
+        ["0", "0"],
+        ["1", "1"],
+        ["2", "2"],
+      ],
+    },
+    {
+      kind: "choice",
       name: "mesh",
       label: "mesh",
       options: [
@@ -207,12 +231,18 @@ export default {
   words(state, found) {
     const faces = meshOf(found.asked.mesh).F,
       sentences = Object.entries(SOLVERS).map(([key, name]) => sentence(name, found[key], faces));
-    const ratio = `L_CP of the harmonic map is ${short(found.harmonic.L_CP / found.exact.L_CP)} times that of the exact fit`;
-    return `${sentences.join(". ")}. ${ratio}. Exact on this mesh of ${found.asked.mesh.join(" x ")}, in ${found.kernels}.`;
+    const others = Object.keys(SOLVERS).filter((key) => key !== "exact" && !found[key].missing);
+    const gaps = others.map(
+      (key) => `L_CP of ${SOLVERS[key]} is ${short(found[key].L_CP / found.exact.L_CP)} times that of the exact fit`,
+    );
+    const { gamma } = found.network,
+      stiff = gamma < 0.999 * state.gamma ? [`CP-Net answers for gamma ${short(gamma)}`] : [];
+    const where = `Exact on this mesh of ${found.asked.mesh.join(" x ")}, in ${found.kernels}`;
+    return `${[...sentences, ...gaps, ...stiff, where].join(". ")}.`;
   },
   rows,
   data(state, found) {
-    const { w, points, size, ...numbers } = found[state.solver];
+    const { w, points, size, ...numbers } = found[state.solver].missing ? found.exact : found[state.solver];
     const map = new Float64Array(2 * w.x.length).map((_, i) => (i % 2 ? w.y : w.x)[i >> 1]);
     return { map, landmarks: Array.from(points.x, (x, m) => [x, points.y[m]]), ...numbers };
   },
@@ -220,10 +250,8 @@ export default {
     const gap = Math.max(
       ...found.exact.w.x.map((x, v) => Math.hypot(x - kernel.map[v][0], found.exact.w.y[v] - kernel.map[v][1])),
     );
-    return (
-      `The kernel's fit has L_CP ${short(kernel.L_CP)} and landmark error ${short(kernel.landmarkError)} in ${kernel.ms.toFixed(0)} ms; ` +
-      `the largest difference of the two maps at any vertex is ${gap.toExponential(1)}.`
-    );
+    const said = `The kernel's fit has L_CP ${short(kernel.L_CP)} and landmark error ${short(kernel.landmarkError)}`;
+    return `${said}, in ${kernel.ms.toFixed(0)} ms; the largest difference of the two maps is ${gap.toExponential(1)}.`;
   },
   question: {
     text: "Multiply γ by ten: what share of the present landmark error is left (0 to 1, or more)? ",

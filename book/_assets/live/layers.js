@@ -5,9 +5,12 @@ const BLOCK = 6; // pixels that layers.wasm takes at once: widths have to be mul
 
 export async function wasmLayers(bytes) {
   const memory = new WebAssembly.Memory({ initial: PAGES });
-  const stop = () => { throw new Error("a layer stopped"); };
+  const stop = () => {
+    throw new Error("a layer stopped");
+  };
   const { instance } = await WebAssembly.instantiate(bytes, { env: { memory, abort: stop } });
-  const wasm = instance.exports, at = (array) => array.byteOffset;
+  const wasm = instance.exports,
+    at = (array) => array.byteOffset;
   let top = 65536;
   return {
     name: "WebAssembly",
@@ -18,9 +21,23 @@ export async function wasmLayers(bytes) {
     },
     silu: (from, to) => wasm.silu(at(from), at(to), to.length),
     convolve(x, row, layer, step, out, [height, width], add) {
-      if (width % BLOCK) throw new Error(`the network's grid has ${width} spokes on a level: layers.wasm takes multiples of ${BLOCK}`);
+      if (width % BLOCK)
+        throw new Error(`the network's grid has ${width} spokes on a level: layers.wasm takes multiples of ${BLOCK}`);
       const { weight, bias, kernel, inputs, outputs } = layer;
-      wasm.convolve(at(x), 4 * row, inputs, kernel, step, at(weight), at(bias), at(out), height, width, outputs, add ? 1 : 0);
+      wasm.convolve(
+        at(x),
+        4 * row,
+        inputs,
+        kernel,
+        step,
+        at(weight),
+        at(bias),
+        at(out),
+        height,
+        width,
+        outputs,
+        add ? 1 : 0,
+      );
     },
   };
 }
@@ -37,7 +54,8 @@ export const plainLayers = {
   // out (height, width, outputs) = bias + convolution of x, rows of `row` numbers, with steps of `step`; add: onto out.
   // Weights lie as [outputs / 8][kernel][kernel][inputs][8].
   convolve(x, row, { weight, bias, kernel, inputs, outputs }, step, out, [height, width], add) {
-    const run = kernel * inputs, sum = new Float32Array(8);
+    const run = kernel * inputs,
+      sum = new Float32Array(8);
     for (let o = 0; o < outputs; o += 8) {
       const first = o * kernel * kernel * inputs;
       for (let i = 0; i < height; i++) {

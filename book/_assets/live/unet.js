@@ -8,7 +8,8 @@ export class UNet {
   constructor(layers, tensors, rings, spokes) {
     Object.assign(this, { layers, tensors, rings, spokes });
     const count = (name) => Object.keys(tensors).filter((key) => key.startsWith(`${name}.`) && key.endsWith("weight"));
-    const levels = count("coarser").length, blocks = count("bottom").length / 2;
+    const levels = count("coarser").length,
+      blocks = count("bottom").length / 2;
     const list = (n, make) => Array.from({ length: n }, (_, i) => make(i));
     const block = (name) => ({ first: this.layer(`${name}.first`), second: this.layer(`${name}.second`) });
     this.stem = this.layer("stem");
@@ -26,8 +27,13 @@ export class UNet {
 
   // weights as [outputs / 8][kernel][kernel][inputs][8], inputs made up to a multiple of 4, outputs to one of 8
   layer(name) {
-    const { shape: [O, I, kernel], data } = this.tensors[`${name}.weight`];
-    const inputs = upTo(I, 4), outputs = upTo(O, 8), weight = this.layers.numbers(outputs * kernel * kernel * inputs);
+    const {
+      shape: [O, I, kernel],
+      data,
+    } = this.tensors[`${name}.weight`];
+    const inputs = upTo(I, 4),
+      outputs = upTo(O, 8),
+      weight = this.layers.numbers(outputs * kernel * kernel * inputs);
     for (let o = 0, from = 0; o < O; o++) {
       for (let c = 0; c < I; c++) {
         for (let y = 0; y < kernel; y++) {
@@ -42,10 +48,13 @@ export class UNet {
     return { weight, bias, kernel, inputs, outputs };
   }
 
-  size(level) { return [this.rings >> level, this.spokes >> level]; }
+  size(level) {
+    return [this.rings >> level, this.spokes >> level];
+  }
 
   makeRoom() {
-    const { channels, layers } = this, numbers = (n) => layers.numbers(n);
+    const { channels, layers } = this,
+      numbers = (n) => layers.numbers(n);
     const area = (level) => this.size(level)[0] * this.size(level)[1];
     const wide = (level) => (this.size(level)[0] + 2) * (this.size(level)[1] + 2);
     [this.skips, this.fine, this.spare] = [0, 1, 2].map(() => channels.map((c, level) => numbers(area(level) * c)));
@@ -57,9 +66,13 @@ export class UNet {
   // x with one more ring and spoke on every side: beyond the centre the disk goes on at the opposite spoke, beyond the
   // circle the last ring is repeated
   padded(x, [height, width], channels) {
-    const { pad } = this, row = (width + 2) * channels, half = (width / 2) * channels, full = width * channels;
+    const { pad } = this,
+      row = (width + 2) * channels,
+      half = (width / 2) * channels,
+      full = width * channels;
     const put = (ring, from, opposite) => {
-      const to = ring * row + channels, cut = opposite ? half : 0;
+      const to = ring * row + channels,
+        cut = opposite ? half : 0;
       pad.set(x.subarray(from + cut, from + full), to);
       pad.set(x.subarray(from, from + cut), to + full - cut);
       pad.copyWithin(ring * row, ring * row + full, ring * row + full + channels);
@@ -86,14 +99,17 @@ export class UNet {
   // scales and shifts of all channels, level by level, from the conditions: FiLM
   films(conditions) {
     const [[weight, bias], [weight2, bias2]] = this.film;
-    const linear = (w, b, x) => b.data.map((sum, i) => x.reduce((all, value, j) => all + w.data[i * x.length + j] * value, sum));
+    const linear = (w, b, x) =>
+      b.data.map((sum, i) => x.reduce((all, value, j) => all + w.data[i * x.length + j] * value, sum));
     const hidden = Array.from(linear(weight, bias, conditions), (x) => x / (1 + Math.exp(-x)));
     return linear(weight2, bias2, hidden);
   }
 
   // this.input (rings, spokes, inputs made up) -> this.output (rings, spokes, outputs made up)
   run(conditions = null) {
-    const { channels, layers, skips, fine, spare } = this, last = channels.length - 1, films = conditions && this.films(conditions);
+    const { channels, layers, skips, fine, spare } = this,
+      last = channels.length - 1,
+      films = conditions && this.films(conditions);
     let at = 0;
     const modulate = (x, count) => {
       if (!films) return;
@@ -105,7 +121,15 @@ export class UNet {
     for (let level = 0; level < last; level++) {
       const size = this.size(level);
       this.block(this.down[level], skips[level], spare[level], size);
-      layers.convolve(skips[level], size[1] * channels[level], this.coarser[level], 2, skips[level + 1], this.size(level + 1), false);
+      layers.convolve(
+        skips[level],
+        size[1] * channels[level],
+        this.coarser[level],
+        2,
+        skips[level + 1],
+        this.size(level + 1),
+        false,
+      );
       modulate(skips[level + 1], channels[level + 1]);
     }
     for (const block of this.bottom) this.block(block, skips[last], spare[last], this.size(last));
@@ -119,10 +143,11 @@ export class UNet {
     }
     layers.silu(x, spare[0]);
     this.convolve(this.head, spare[0], this.output, this.size(0));
-    if (films) this.output.forEach((value, i) => {
-      const channel = i % this.head.outputs;
-      if (channel < this.outputs) this.output[i] = value * FIRST_SCALE * Math.exp(films[at + channel]);
-    });
+    if (films)
+      this.output.forEach((value, i) => {
+        const channel = i % this.head.outputs;
+        if (channel < this.outputs) this.output[i] = value * FIRST_SCALE * Math.exp(films[at + channel]);
+      });
     return this.output;
   }
 
@@ -130,7 +155,8 @@ export class UNet {
   doubled(x, skip, out, [height, width], channels) {
     for (let i = 0; i < 2 * height; i++) {
       for (let j = 0; j < 2 * width; j++) {
-        const to = (i * 2 * width + j) * channels, from = ((i >> 1) * width + (j >> 1)) * channels;
+        const to = (i * 2 * width + j) * channels,
+          from = ((i >> 1) * width + (j >> 1)) * channels;
         for (let c = 0; c < channels; c++) out[to + c] = skip[to + c] + x[from + c];
       }
     }
@@ -145,8 +171,13 @@ export function readNetwork(buffer) {
   const tensors = {};
   let at = 4 + length;
   for (const [name, shape, kind] of arrays) {
-    const count = shape.reduce((a, b) => a * b, 1), bytes = kind === "half" ? 2 : 4, part = buffer.slice(at, at + bytes * count);
-    tensors[name] = { shape, data: kind === "half" ? Float32Array.from(new Uint16Array(part), half) : new Float32Array(part) };
+    const count = shape.reduce((a, b) => a * b, 1),
+      bytes = kind === "half" ? 2 : 4,
+      part = buffer.slice(at, at + bytes * count);
+    tensors[name] = {
+      shape,
+      data: kind === "half" ? Float32Array.from(new Uint16Array(part), half) : new Float32Array(part),
+    };
     at += bytes * count;
   }
   return { config, tensors };
@@ -154,11 +185,17 @@ export function readNetwork(buffer) {
 
 // the number of an IEEE half
 function half(bits) {
-  const sign = bits & 0x8000 ? -1 : 1, exponent = (bits >> 10) & 31, fraction = bits & 1023;
+  const sign = bits & 0x8000 ? -1 : 1,
+    exponent = (bits >> 10) & 31,
+    fraction = bits & 1023;
   if (exponent === 0) return sign * fraction * 2 ** -24;
   return exponent === 31 ? (fraction ? NaN : sign * Infinity) : sign * (1 + fraction / 1024) * 2 ** (exponent - 15);
 }
 
 // the tensors of one part of a network, their names without its own
 export const partOf = (tensors, part) =>
-  Object.fromEntries(Object.entries(tensors).filter(([name]) => name.startsWith(`${part}.`)).map(([name, t]) => [name.slice(part.length + 1), t]));
+  Object.fromEntries(
+    Object.entries(tensors)
+      .filter(([name]) => name.startsWith(`${part}.`))
+      .map(([name, t]) => [name.slice(part.length + 1), t]),
+  );

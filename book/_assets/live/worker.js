@@ -37,6 +37,10 @@ onmessage = ({ data }) => {
     begun = begin(data.begin);
     return;
   }
+  if (data.more) {
+    begun = begun.then((bench) => Object.assign(bench, { files: { ...bench.files, ...data.more } }));
+    return;
+  }
   const kind = `${data.page} ${data.part}`,
     older = newest.get(kind);
   if (older) postMessage({ id: older.id, passed: true });
@@ -48,8 +52,8 @@ const pause = () => new Promise((resolve) => setTimeout(resolve));
 
 async function work() {
   busy = true;
-  const bench = await begun;
   while (newest.size) {
+    const bench = await begun;
     const [kind, { id, page, request, part }] = newest.entries().next().value;
     newest.delete(kind);
     const stale = async () => {
