@@ -41,3 +41,9 @@ def cpnet_file(network):
     }
     weights = half_weights(network.one, "one.") | half_weights(network.two, "two.")
     return packed(sizes | {"power": grid.power}, tables | weights)
+
+
+def dbsnet_file(network):
+    """DBS-Net `best`."""
+    config = network.config
+    return packed({"rings": config.rings, "spokes": config.spokes, "power": 1.0}, half_weights(network.unet, "unet."))

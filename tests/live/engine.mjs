@@ -14,6 +14,14 @@ const { fromPairs, toPairs } = await load("complex.js");
 const kernels = given.plain ? plainKernels : await wasmKernels(readFileSync(join(folder, "kernels.wasm")));
 const mesh = ([rings, spokes, power]) => new PolarMesh(rings, spokes, power, kernels);
 
+// a network from given.file
+async function network(Network) {
+  const { readNetwork } = await load("unet.js"), { plainLayers, wasmLayers } = await load("layers.js");
+  const layers = given.plain ? plainLayers : await wasmLayers(readFileSync(join(folder, "layers.wasm")));
+  const { buffer, byteOffset, byteLength } = readFileSync(given.file), file = readNetwork(buffer.slice(byteOffset, byteOffset + byteLength));
+  return new Network(mesh([file.config.rings, file.config.spokes, file.config.power]), layers, file);
+}
+
 const tasks = {
   async maps() {
     const { DiskMap } = await load("map.js");
@@ -44,14 +52,13 @@ const tasks = {
     });
   },
   async cpnet() {
-    const { readNetwork } = await load("unet.js"), { CPNet } = await load("cpnet.js"), { plainLayers, wasmLayers } = await load("layers.js");
-    const layers = given.plain ? plainLayers : await wasmLayers(readFileSync(join(folder, "layers.wasm")));
-    const file = readFileSync(given.file), network = readNetwork(file.buffer.slice(file.byteOffset, file.byteOffset + file.byteLength));
-    const { rings, spokes, power } = network.config, net = new CPNet(mesh([rings, spokes, power]), layers, network);
-    return given.problems.map(({ moving, target, looks, ...weights }) => {
-      const begin = performance.now(), nu = net.run(fromPairs(moving), fromPairs(target), weights, looks);
-      return { nu: toPairs(nu), ms: performance.now() - begin };
-    });
+    const { CPNet } = await load("cpnet.js"), net = await network(CPNet);
+    return given.problems.map(({ moving, target, looks, ...weights }) =>
+      toPairs(net.run(fromPairs(moving), fromPairs(target), weights, looks)));
+  },
+  async dbsnet() {
+    const { DBSNet } = await load("dbsnet.js"), net = await network(DBSNet);
+    return given.coefficients.map((mu) => toPairs(net.run(fromPairs(mu))));
   },
   async refusals() {
     const { Problem, checkWeights } = await load("landmarks.js");

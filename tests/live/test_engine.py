@@ -145,7 +145,7 @@ def test_bad_input_is_refused_in_the_librarys_words():
             assert said == str(refused.value)
 
 
-@pytest.mark.parametrize("name", ["kernels"])
+@pytest.mark.parametrize("name", ["kernels", "layers"])
 def test_the_binary_is_made_from_its_source(name, tmp_path):
     """Where npm can install the compiler of package-lock.json, it makes the very bytes that are committed."""
     if shutil.which("npm") is None:

@@ -8,7 +8,7 @@ from reference import MODULES, numbers, pairs, run_engine
 from qclearn.nets import cpnet
 from qclearn.nets.weights import load
 from qclearn.pages.examples import example_problems
-from qclearn.pages.livenets import cpnet_file
+from qclearn.pages.livenets import cpnet_file, dbsnet_file
 from qclearn.registration.problem import Weights
 
 
@@ -52,17 +52,32 @@ def test_cpnet_is_torchs(found, monkeypatch, one_thread):
         given = network.tensors(numbers(asked["moving"]), numbers(asked["target"]), weights)
         with torch.no_grad():
             nu = network.grid.with_centre(network(*given, asked["looks"]))[0].numpy()
-        assert abs(numbers(answer["nu"]) - nu).max() < 1e-3 * abs(nu).max()
+        assert abs(numbers(answer) - nu).max() < 1e-3 * abs(nu).max()
 
 
 def test_plain_layers_are_those_of_webassembly(found):
     some = problems()[:2]
     plain, fast = (run_engine("cpnet", plain=plain, file=str(found[1]), problems=some) for plain in (True, False))
     for one, other in zip(plain, fast):
-        assert abs(numbers(one["nu"]) - numbers(other["nu"])).max() < 1e-5 * abs(numbers(one["nu"])).max()
+        assert abs(numbers(one) - numbers(other)).max() < 1e-5 * abs(numbers(one)).max()
+
+
+def test_dbsnet_is_torchs(tmp_path, one_thread):
+    network, rng, made = halved(load("dbsnet")), np.random.default_rng(2), []
+    centres = network.pixels
+    for largest in (0.2, 0.4, 0.6):
+        a, b = rng.uniform(1, 4, 2)
+        made.append(largest * np.sin(a * centres.real + b) * np.exp(1j * b * centres.imag))
+    file = tmp_path / "dbsnet.bin"
+    file.write_bytes(dbsnet_file(network))
+    answers = run_engine("dbsnet", file=str(file), coefficients=[pairs(mu) for mu in made])
+    for mu, answer in zip(made, answers):
+        with torch.no_grad():
+            f = network(torch.from_numpy(mu).to(network.z)[None])[0].numpy()
+        assert abs(numbers(answer) - f).max() < 1e-4
 
 
 def test_nothing_of_a_network_stands_in_the_modules():
     """A network of other sizes needs no change: they come from the file."""
-    text = "".join((MODULES / name).read_text() for name in ("unet.js", "born.js", "cpnet.js"))
-    assert not any(f" {number}" in text for number in (24, 72, 512, 128))
+    text = "".join((MODULES / name).read_text() for name in ("unet.js", "born.js", "cpnet.js", "dbsnet.js"))
+    assert not any(f" {number}" in text for number in (24, 48, 72, 144, 512))
