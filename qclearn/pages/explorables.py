@@ -22,7 +22,7 @@ from ..surfaces.surface import mirror
 from .canvas import Canvas
 from .examples import cortex_problem, example_problems
 from .live import MODULES, Live
-from .livenets import cpnet_file
+from .livenets import cpnet_file, dbsnet_file
 from .plot import disk_axes, disk_plot, lines_plot
 from .widgets import describe, fit_state
 
@@ -78,6 +78,7 @@ class Mu(Live):
             "direction": 60.0,
             "frequencies": 4,
             "radius": 0.15,
+            "dbsnet": False,
             "brush": (0.5, 0.5),
             "strokes": (),
         }
@@ -94,8 +95,8 @@ class Mu(Live):
     )
 
     def files(self):
-        """The kernels in WebAssembly."""
-        return {"kernels.wasm": (MODULES / "kernels.wasm").read_bytes()}
+        """The inner loops in WebAssembly, and DBS-Net."""
+        return loops() | {"dbsnet.bin": dbsnet_file(load("dbsnet"))}
 
     def coefficient(self, state):
         """mu (F,) on the faces of the mesh: the preset, and what was painted over it."""
@@ -165,8 +166,7 @@ class Tuner(Live):
     def files(self):
         """The inner loops in WebAssembly, the problems, and CP-Net."""
         problems = {name: as_json(example) for name, example in self.examples.items()}
-        loops = {name: (MODULES / name).read_bytes() for name in ("kernels.wasm", "layers.wasm")}
-        return loops | {"problems.json": json.dumps(problems).encode(), "cpnet.bin": cpnet_file(load("cpnet"))}
+        return loops() | {"problems.json": json.dumps(problems).encode(), "cpnet.bin": cpnet_file(load("cpnet"))}
 
     def problem(self, state):
         """The problem as the reader has changed it, on the mesh that the browser uses."""
@@ -202,6 +202,11 @@ class Tuner(Live):
         if name == "map" and "map" in found:
             return np.frombuffer(found["map"]).view(complex)
         return super().read(name, state, found)
+
+
+def loops():
+    """The browser's inner loops, name -> bytes."""
+    return {name: (MODULES / name).read_bytes() for name in ("kernels.wasm", "layers.wasm")}
 
 
 def sulci():

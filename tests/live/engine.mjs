@@ -60,6 +60,10 @@ const tasks = {
     const { DBSNet } = await load("dbsnet.js"), net = await network(DBSNet);
     return given.coefficients.map((mu) => toPairs(net.run(fromPairs(mu))));
   },
+  async initial() {
+    const specs = await Promise.all(given.pages.map((page) => load(`explore_${page}.js`)));
+    return specs.map((spec) => spec.default.initial);
+  },
   async refusals() {
     const { Problem, checkWeights } = await load("landmarks.js");
     return given.requests.map((request) => {

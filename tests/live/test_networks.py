@@ -1,5 +1,7 @@
 """The networks in the browser's modules against those in torch, both with the half-precision weights of the site."""
 
+import json
+
 import numpy as np
 import pytest
 import torch
@@ -8,6 +10,7 @@ from reference import MODULES, numbers, pairs, run_engine
 from qclearn.nets import cpnet
 from qclearn.nets.weights import load
 from qclearn.pages.examples import example_problems
+from qclearn.pages.explorables import EXPLORABLES
 from qclearn.pages.livenets import cpnet_file, dbsnet_file
 from qclearn.registration.problem import Weights
 
@@ -75,6 +78,11 @@ def test_dbsnet_is_torchs(tmp_path, one_thread):
         with torch.no_grad():
             f = network(torch.from_numpy(mu).to(network.z)[None])[0].numpy()
         assert abs(numbers(answer) - f).max() < 1e-4
+
+
+def test_explorables_start_where_python_says():
+    states = run_engine("initial", pages=[live.page for live in EXPLORABLES])
+    assert states == [json.loads(json.dumps(dict(live.initial))) for live in EXPLORABLES]
 
 
 def test_nothing_of_a_network_stands_in_the_modules():

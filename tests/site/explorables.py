@@ -26,7 +26,9 @@ class View:
         self.page.add_init_script(f"({LISTEN})()")
         self.root = self.page.locator(f".qc-live[data-page={name}]")
         self.page.goto(f"{address}{page}")
-        self.page.wait_for_selector(f".qc-live[data-page={name}][data-ready]", timeout=20_000)
+        self.page.wait_for_selector(f".qc-live[data-page={name}][data-ready]", timeout=60_000)
+        self.page.wait_for_function("() => window.MathJax?.startup?.promise")  # which moves what stands below formulas
+        self.page.evaluate("() => MathJax.startup.promise.then(() => null)")
 
     def complain(self, text):
         if not any(known in text for known in HARMLESS):
@@ -51,7 +53,7 @@ class View:
         before = self.page.evaluate("() => window.answered?.number ?? 0")
         act()
         self.page.wait_for_function(
-            "before => window.answered?.newest && window.answered.number > before", arg=before, timeout=20_000
+            "before => window.answered?.newest && window.answered.number > before", arg=before, timeout=60_000
         )
 
     def slider(self, name):
@@ -103,11 +105,8 @@ def every_slider_moves(view, silent=()):
             if act == "keyboard":
                 view.press(slider, "ArrowRight")
             else:
-                slider.scroll_into_view_if_needed()
-                box = slider.bounding_box()
-                view.after(
-                    lambda box=box: view.page.mouse.click(box["x"] + 0.3 * box["width"], box["y"] + box["height"] / 2)
-                )
+                width = slider.bounding_box()["width"]
+                view.after(lambda slider=slider, width=width: slider.click(position={"x": 0.75 * width, "y": 8}))
             assert slider.input_value() != before, (name, act)
             changed = view.words != seen[0], view.pictures() != seen[1]
             assert changed[1] if name in silent else changed[0], (name, act)
@@ -142,7 +141,7 @@ def downloads_hold_the_state(view, name):
 def the_guess_is_answered(view):
     view.root.get_by_role("spinbutton").fill("0.5")
     view.root.get_by_role("button", name="Compare").click()
-    view.root.locator(".qc-live-truth:has-text('You said 0.5; it is')").wait_for(timeout=30_000)
+    view.root.locator(".qc-live-truth:has-text('You said 0.5; it is')").wait_for(timeout=60_000)
 
 
 def without_scripts(browser, address, page, name):

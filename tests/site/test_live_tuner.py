@@ -33,7 +33,7 @@ pytestmark = pytest.mark.xdist_group(PAGE)
 def view(browser, site_address):
     needs(SITE, PAGE, NAME)
     view = View(browser, site_address, PAGE, NAME)
-    view.root.locator("[role=status]:has-text('CP-Net: landmark error')").wait_for(timeout=30_000)
+    view.root.locator("[role=status]:has-text('CP-Net: landmark error')").wait_for(timeout=60_000)
     yield view
     view.page.close()
 
@@ -103,7 +103,7 @@ def test_fifty_quick_moves_end_in_the_state_of_the_last(view):
         e.value = 2 + k / 20;
         e.dispatchEvent(new Event(k < 49 ? 'input' : 'change'));
     } }""")
-    view.page.wait_for_function("() => window.answered?.newest", timeout=20_000)
+    view.page.wait_for_function("() => window.answered?.newest", timeout=60_000)
     view.page.wait_for_timeout(300)
     many, last = view.words, slider.input_value()
     reset(view)
@@ -152,7 +152,7 @@ def message_with(browser, site_address, prepare):
     page.wait_for_function(
         f"() => {{ const root = document.querySelector('.qc-live[data-page={NAME}]');"
         "return root.dataset.ready || root.textContent.includes('cannot'); }",
-        timeout=20_000,
+        timeout=60_000,
     )
     words, pictures = root.locator("[role=status]").inner_text(), root.locator("img, canvas").count()
     page.close()
@@ -171,7 +171,7 @@ def test_without_its_weights_the_network_is_missing_and_the_fit_stays(browser, s
     page.route(ASSETS + "cpnet.bin", lambda route: route.fulfill(status=404))
     page.goto(site_address + PAGE)
     words = page.locator(f".qc-live[data-page={NAME}] [role=status]:has-text('cpnet.bin could not be loaded')")
-    words.wait_for(timeout=30_000)
+    words.wait_for(timeout=60_000)
     assert "exact fit: landmark error" in words.inner_text()
     page.close()
 

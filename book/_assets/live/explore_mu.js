@@ -1,5 +1,5 @@
 // Paint a Beltrami coefficient, and see the map that has it.
-import { ask } from "./ask.js";
+import { ask, give } from "./ask.js";
 import { muAt, value } from "./coefficients.js";
 import { PolarMesh } from "./mesh.js";
 import { COLOURS } from "./picture.js";
@@ -33,9 +33,18 @@ function paint(state, point, by) {
   return { brush, strokes: [...state.strokes, stroke].slice(-MOST_STROKES) };
 }
 
+let given = null; // a promise of DBS-Net's file, which is asked for when DBS-Net is
+
 async function answer(state, host) {
-  const { preset, size, direction, strokes, frequencies } = state;
-  return ask(host, "mu", { preset, size, direction, strokes, frequencies });
+  const { preset, size, direction, strokes, frequencies, dbsnet } = state;
+  if (dbsnet) {
+    given ??= give(host, { layers: "layers.wasm", dbsnet: "dbsnet.bin" });
+    await given.catch((error) => {
+      given = null;
+      throw error;
+    });
+  }
+  return ask(host, "mu", { preset, size, direction, strokes, frequencies, dbsnet });
 }
 
 function draw([field, image, colours], state, found) {
@@ -66,7 +75,16 @@ const K = (size) => (1 + size) / (1 - size);
 export default {
   name: "mu",
   label: "Paint mu",
-  initial: { preset: "waves", size: 0.5, direction: 60, frequencies: 4, radius: 0.15, brush: [0.5, 0.5], strokes: [] },
+  initial: {
+    preset: "waves",
+    size: 0.5,
+    direction: 60,
+    frequencies: 4,
+    radius: 0.15,
+    dbsnet: false,
+    brush: [0.5, 0.5],
+    strokes: [],
+  },
   controls: [
     {
       kind: "choice",
@@ -92,6 +110,7 @@ export default {
       max: 20,
       step: 1,
     },
+    { kind: "switch", name: "dbsnet", label: "DBS-Net beside the exact map (loads 3 MB)" },
   ],
   views: [
     {
@@ -119,6 +138,13 @@ export default {
       );
       said.push(`Its map has ${compressed.folds} folds; the map moves by up to ${short(compressed.off)}`);
     } else said.push(`Compressed to k = ${k} |μ| overshoots 1: no map has such a coefficient`);
+    if (found.network) {
+      const { mesh: size, off, folds, ms, exact } = found.network;
+      said.push(
+        `DBS-Net on ${size.join(" x ")} differs from the exact map there by up to ${short(off)}, with ${folds} folds`,
+      );
+      said.push(`It takes ${ms.toFixed(0)} ms, the exact map ${exact.toFixed(0)} ms`);
+    }
     if (raised) said.push(`${raised} boundary steps raised`);
     return `${said.join(". ")}. In ${found.kernels}.`;
   },
