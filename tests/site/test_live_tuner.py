@@ -1,6 +1,6 @@
 """The registration tuner on its page: controls, read-outs against the library's fit, quick moves, what is missing."""
 
-import re
+import json
 
 import numpy as np
 import pytest
@@ -96,42 +96,32 @@ def test_landmarks_and_targets_are_dragged_and_moved_by_keys(view, live):
     assert view.words != words
 
 
+MANY = """e => { for (let k = 0; k < 50; k++) {
+    e.value = 2 + k / 20;
+    e.dispatchEvent(new Event(k < 49 ? 'input' : 'change'));
+} }"""
+
+
 def test_fifty_quick_moves_end_in_the_state_of_the_last(view):
     reset(view)
     slider = view.slider("gamma")
-    slider.evaluate("""e => { for (let k = 0; k < 50; k++) {
-        e.value = 2 + k / 20;
-        e.dispatchEvent(new Event(k < 49 ? 'input' : 'change'));
-    } }""")
-    view.page.wait_for_function("() => window.answered?.newest", timeout=60_000)
-    view.page.wait_for_timeout(300)
+    view.after(lambda: slider.evaluate(MANY))
     many, last = view.words, slider.input_value()
     reset(view)
-    view.after(
-        lambda: slider.evaluate("(e, value) => { e.value = value; e.dispatchEvent(new Event('change')); }", last)
-    )
+    assert view.words != many
+    move = "(e, value) => { e.value = value; e.dispatchEvent(new Event('change')); }"
+    view.after(lambda: slider.evaluate(move, last))
     assert view.words == many
 
 
-def test_points_that_meet_are_refused_in_words_and_the_picture_stays(view):
-    reset(view)
-    view.after(lambda: view.root.get_by_role("combobox", name="problem").select_option("neighbours"))
-    before = view.pictures()
-    address = view.page.url
-    point = Tuner.initial["targets"] | {"0": [0.25, 0.08], "1": [0.25, 0.08]}
-    other = (
-        re.sub(r"#.*", "", address) + "#live-tuner=" + f'{{"problem":"neighbours","targets":{point}}}'.replace("'", '"')
-    )
-    view.page.goto("about:blank")
-    view.page.goto(other)
-    view.page.wait_for_function(
-        "() => document.querySelector('.qc-live [role=status]').textContent.includes('coincide')"
-    )
-    assert (
-        "target landmarks 0 and 1 coincide at 0.25+0.08j"
-        in view.page.locator(".qc-live [role=status]").first.inner_text()
-    )
-    assert before
+def test_points_that_meet_are_refused_in_the_librarys_words(browser, site_address):
+    state = {"problem": "neighbours", "targets": {"0": [0.25, 0.08], "1": [0.25, 0.08]}}
+    page = browser.new_page()
+    page.goto(f"{site_address}{PAGE}#live-tuner={json.dumps(state)}")
+    words = page.locator(f".qc-live[data-page={NAME}] [role=status]:has-text('coincide')")
+    words.wait_for(timeout=60_000)
+    assert "target landmarks 0 and 1 coincide at 0.25+0.08j" in words.inner_text()
+    page.close()
 
 
 def test_the_guess_is_compared(browser, site_address):
