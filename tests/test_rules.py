@@ -67,6 +67,21 @@ def test_a_module_is_short(path):
     assert len(path.read_text(encoding="utf-8").splitlines()) <= MOST_LINES
 
 
+def borrowed(tree):
+    """Names with an underscore that a module takes from another one."""
+    names = [alias.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) for alias in node.names]
+    return [name for name in names if name.startswith("_") and not name.startswith("__")]
+
+
+@pytest.mark.parametrize("path", PATHS, ids=module_of)
+def test_a_name_with_an_underscore_stays_in_its_file(path):
+    assert borrowed(ast.parse(path.read_text(encoding="utf-8"))) == []
+
+
+def test_a_borrowed_name_is_found():
+    assert borrowed(ast.parse("from .fit import __doc__, _step, fit")) == ["_step"]
+
+
 @pytest.mark.parametrize(
     "line, fault",
     [

@@ -128,6 +128,7 @@ def write_results(path, results):
 
 def write_networks(path, figures):
     """Write the checked figures of networks, whole or not at all; BenchmarkError if it cannot be."""
+    figures = plain(figures)
     check_schema(path, figures, "networks")
     write_text(path, json.dumps(figures, indent=1) + "\n")
 

@@ -4,7 +4,7 @@ import base64
 import html
 import threading
 import time
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 
 import ipywidgets
 import numpy as np
@@ -71,8 +71,8 @@ def fit_state(example, weights, sliding=False, solver=exact_fit, watch=None):
         return FitState(None, {}, time.perf_counter() - start, str(error))
     seconds = time.perf_counter() - start
     losses = measured_losses(problem, weights, fit.mu, problem.samples @ fit.f)
-    factors = zip(("L_mu", "L_grad_mu", "L_Landmark"), astuple(weights))
-    terms = {name: (losses[name], factor, factor * losses[name]) for name, factor in factors}
+    factors = {"L_mu": weights.alpha, "L_grad_mu": weights.beta, "L_Landmark": weights.gamma}
+    terms = {name: (losses[name], factor, factor * losses[name]) for name, factor in factors.items()}
     certificate = (
         "certified bijective"
         if fit.bijective

@@ -28,7 +28,8 @@ class Weights:
     gamma: float = 1e5
 
     def __post_init__(self):
-        for name, value in vars(self).items():
+        for name in ("alpha", "beta", "gamma"):
+            value = getattr(self, name)
             number = isinstance(value, (int, float, np.integer, np.floating)) and np.isfinite(value)
             if not (number and (value > 0 or (value == 0 and name == "beta"))):
                 raise LandmarkError(

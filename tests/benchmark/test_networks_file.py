@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from qclearn.benchmark.results import BenchmarkError, read_networks, write_networks
@@ -18,6 +19,15 @@ def test_the_kept_figures_fit_their_schema_and_come_back(figures, tmp_path):
     write_networks(tmp_path / "networks.json", figures)
     assert read_networks(tmp_path / "networks.json") == figures
     assert (tmp_path / "networks.json").read_text() == kept("networks.json").read_text()
+
+
+def test_figures_are_written_as_python_has_them(figures, tmp_path):
+    """Tuples of a configuration and NumPy's numbers become what JSON knows."""
+    cpnet = figures["cpnet"] | {"ranges": {name: tuple(pair) for name, pair in figures["cpnet"]["ranges"].items()}}
+    displacement = np.float64(figures["dbsnet"]["mean_displacement"])
+    measured = figures | {"cpnet": cpnet, "dbsnet": figures["dbsnet"] | {"mean_displacement": displacement}}
+    write_networks(tmp_path / "networks.json", measured)
+    assert read_networks(tmp_path / "networks.json") == figures
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@ coefficient (`metrics.measured_losses`).
 """
 
 import time
-from dataclasses import astuple
 from itertools import pairwise
 
 import numpy as np
@@ -20,6 +19,7 @@ from qclearn.plane.diskmesh import polar_disk, square_disk
 from qclearn.plane.fields import bounded
 from qclearn.plane.mobius import best_mobius, mobius
 from qclearn.registration.certified import exact_map, moved_map
+from qclearn.registration.checked import predicted
 from qclearn.registration.engine import GaussNewton
 from qclearn.registration.fit import POWER, fit_problem, start_field
 from qclearn.registration.landmarks import sample_curve
@@ -85,12 +85,12 @@ def random_weights(config, rng):
 
 def compare(net, plain, p, q, weights):
     """One problem: the fit's loss and landmark error, and what each answer has, as ratios to them."""
-    problem, start, numbers = Problem(*MESH, p, q), time.process_time(), astuple(weights)
+    problem, start = Problem(*MESH, p, q), time.process_time()
     fit = fit_problem(problem, weights)
     seconds = {"fit": time.process_time() - start}
     reference = measured(problem, weights, fit)
     start = time.process_time()
-    mu = net.predict(*MESH, p, q, *numbers)
+    mu = predicted(net.predict, problem, weights)
     seconds["network"] = time.process_time() - start
     told = net.answers(problem, weights, looks=2)
     bare = plain.answers(problem, weights, looks=2)
@@ -107,7 +107,7 @@ def compare(net, plain, p, q, weights):
     found |= polished(problem, mu, weights)
     seconds["two steps"] = time.process_time() - start
     return {
-        "weights": list(numbers),
+        "weights": [weights.alpha, weights.beta, weights.gamma],
         "before": float(abs(p - q).mean()),
         "fit": reference["L_CP"],
         "fit_error": fit.landmark_error,
