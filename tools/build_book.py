@@ -10,7 +10,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-import lab_copies  # beside this file
+import export_live  # beside this file, as is lab_copies
+import lab_copies
 import nbformat
 from execute_pages import ROOT, SECONDS_PER_CELL, SOURCE, run
 
@@ -56,6 +57,7 @@ def main():
     pages = [name.strip().removesuffix(".ipynb") for name in arguments.pages.split(",") if name.strip()]
     run(pages, arguments.jobs, arguments.seconds_per_cell)
     if not arguments.no_site:
+        export_live.export()
         build_site()
         offer_downloads()
 

@@ -78,6 +78,7 @@ def execute(paths, jobs, seconds_per_cell):
         "JUPYTER_PREFER_ENV_PATH": "1",
         "PYTHONPATH": str(installed),
         "NUMBA_CACHE_DIR": str(BUILD / "numba"),  # not beside the code, which each build unpacks anew
+        "QCLEARN_PAGES": "static",  # explorables as elements for the site's script, not as widgets
     }
     found = subprocess.run(
         [sys.executable, "-c", "import qclearn; print(qclearn.__file__)"],

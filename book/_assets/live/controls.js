@@ -1,0 +1,95 @@
+// Controls from a list: {kind: "log" | "linear" | "choice" | "switch", name, label, ...} for the state's `name`.
+// Labels are names for everybody: what a screen reader says is what is to be read.
+
+const make = (tag, properties = {}, ...children) => {
+  const element = Object.assign(document.createElement(tag), properties);
+  element.append(...children);
+  return element;
+};
+let count = 0;
+
+// {element, show(state)}; act(part of a state, whether the movement has ended)
+export function buildControls(list, act) {
+  const rows = list.map((one) => kinds[one.kind](one, act));
+  return {
+    element: make("div", { className: "qc-live-controls" }, ...rows.map((row) => row.element)),
+    show: (state) => rows.forEach((row) => row.show(state)),
+  };
+}
+
+// A slider; a log one moves in the exponent of 10, and the state has the number itself.
+function slider({ name, label, min, max, step, digits = 3 }, act, there, back) {
+  const id = `qc-live-${++count}`,
+    shown = (value) => Number(value.toPrecision(digits)).toLocaleString("en", { maximumSignificantDigits: digits });
+  const input = make("input", { id, type: "range", min, max, step }),
+    output = make("output", { htmlFor: id });
+  const send = (settled) => act({ [name]: back(Number(input.value)) }, settled);
+  input.addEventListener("input", () => send(false));
+  input.addEventListener("change", () => send(true));
+  const element = make(
+    "div",
+    { className: "qc-live-slider" },
+    make("label", { htmlFor: id, textContent: label }),
+    input,
+    output,
+  );
+  return {
+    element,
+    show(state) {
+      input.value = there(state[name]);
+      output.textContent = shown(state[name]);
+      input.setAttribute("aria-valuetext", output.textContent);
+    },
+  };
+}
+
+const kinds = {
+  log: (one, act) => slider(one, act, Math.log10, (x) => Number((10 ** x).toPrecision(6))),
+  linear: (one, act) =>
+    slider(
+      one,
+      act,
+      (x) => x,
+      (x) => x,
+    ),
+
+  choice({ name, label, options, also = {} }, act) {
+    const id = `qc-live-${++count}`;
+    const select = make(
+      "select",
+      { id },
+      ...options.map(([value, text]) => make("option", { value, textContent: text })),
+    );
+    select.addEventListener("change", () => act({ [name]: select.value, ...also }));
+    const element = make(
+      "div",
+      { className: "qc-live-choice" },
+      make("label", { htmlFor: id, textContent: label }),
+      select,
+    );
+    return {
+      element,
+      show: (state) => {
+        select.value = state[name];
+      },
+    };
+  },
+
+  switch({ name, label }, act) {
+    const id = `qc-live-${++count}`,
+      input = make("input", { id, type: "checkbox" });
+    input.addEventListener("change", () => act({ [name]: input.checked }));
+    const element = make(
+      "div",
+      { className: "qc-live-switch" },
+      input,
+      make("label", { htmlFor: id, textContent: label }),
+    );
+    return {
+      element,
+      show: (state) => {
+        input.checked = state[name];
+      },
+    };
+  },
+};

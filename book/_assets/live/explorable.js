@@ -1,0 +1,222 @@
+// What every explorable has: controls, pictures, read-outs, undo, reset, downloads, a link that carries the state, and a
+// question with a guess. What it shows is a `spec`, one module each (explore_*.js); where it lives is a `host`: the
+// static page (page.js) or JupyterLab (lab.js).
+//
+// spec: name, label, initial, controls, views, question, answer(state, host) -> answer or promise of it,
+//       draw(pictures, state, answer), words(state, answer) -> the read-outs, data(state, answer) -> what JSON has;
+//       where there is more to say: rows(answer) of a table, afterwards(state, answer, host) -> a fuller answer, later
+// host: start (part of a state), save(state), tell(answer), file(name), worker(), ask(state) (the kernel) and
+//       link(state), or null where there is none; refresh() is set here
+import { buildControls } from "./controls.js";
+import { Picture } from "./picture.js";
+
+const MOST_UNDO = 200;
+const make = (tag, properties = {}, ...children) => {
+  const element = Object.assign(document.createElement(tag), properties);
+  element.append(...children);
+  return element;
+};
+
+export class Explorable {
+  constructor(root, spec, host) {
+    Object.assign(this, { root, spec, host, past: [], asked: 0, shown: 0 });
+    this.state = { ...structuredClone(spec.initial), ...host.start };
+    this.status = make("p", { className: "qc-live-status" });
+    this.status.setAttribute("role", "status");
+    this.table = make("table", { className: "qc-live-table" });
+    this.controls = buildControls(spec.controls, (change, settled) => this.change(change, settled));
+    this.pictures = spec.views.map((view) => new Picture(view, spec.label));
+    for (const picture of this.pictures) {
+      picture.onDrag = (index, point, settled, by) =>
+        this.change(picture.view.drag(this.state, index, point, by), settled);
+      picture.onChoose = () => this.update();
+    }
+    host.refresh = () => this.update(); // for what comes later than the first answer
+    root.setAttribute("role", "group");
+    root.setAttribute("aria-label", spec.label);
+    const parts = [this.controls.element, this.gallery(), this.status, this.table, this.buttons(), this.guess()];
+    this.frame = make("div", { className: "qc-live-frame" }, ...parts);
+  }
+
+  // Everything replaces what stood there for readers without scripts, but only once there is an answer to show.
+  async begin() {
+    await this.update(true);
+    this.root.replaceChildren(this.frame);
+    this.root.dataset.ready = "yes";
+    return this;
+  }
+
+  gallery() {
+    return make("div", { className: "qc-live-pictures" }, ...this.pictures.map((picture) => picture.element));
+  }
+
+  // part of a state, from a control, a drag, Python or undo; settled: the end of a movement
+  change(part, settled = true, remember = true) {
+    if (remember && !this.moving) {
+      this.past.push(structuredClone(this.state));
+      if (this.past.length > MOST_UNDO) this.past.shift();
+    }
+    this.moving = remember && !settled;
+    Object.assign(this.state, part);
+    this.undoButton.disabled = !this.past.length;
+    if (settled) this.host.save(this.state);
+    return this.update();
+  }
+
+  undo() {
+    if (this.past.length) return this.change(this.past.pop(), true, false);
+  }
+
+  reset() {
+    return this.change(structuredClone(this.spec.initial));
+  }
+
+  // Ask for the answer to the state; only the newest is shown, and an older one never after a newer one.
+  async update(first = false) {
+    const number = ++this.asked,
+      state = structuredClone(this.state);
+    this.controls.show(state);
+    this.pictures.forEach((picture) => picture.handles(state));
+    try {
+      const answer = await this.spec.answer(state, this.host);
+      if (answer === null || number < this.shown) return;
+      this.show(number, state, answer);
+      if (this.spec.afterwards) this.complete(number, state, answer);
+    } catch (error) {
+      if (first) throw error;
+      if (number < this.shown) return;
+      this.say(`No picture for this: ${error.message}. The last one stays.`);
+      this.announce(number);
+    }
+  }
+
+  show(number, state, answer) {
+    Object.assign(this, { shown: number, answer });
+    this.spec.draw(this.pictures, state, answer);
+    this.say(this.spec.words(state, answer));
+    if (this.spec.rows) this.table.replaceChildren(...tableRows(this.spec.rows(answer)));
+    this.pictures.forEach((picture) => picture.describe(this.status.textContent));
+    this.host.tell(this.spec.data(state, answer));
+    this.announce(number);
+  }
+
+  // for those who wait for an answer: its number, and that of the newest question
+  announce(number) {
+    this.root.dispatchEvent(new CustomEvent("qc-live-answer", { bubbles: true, detail: { number, of: this.asked } }));
+  }
+
+  // what comes later, if the answer is still the one that is shown
+  async complete(number, state, answer) {
+    const fuller = await this.spec.afterwards(state, answer, this.host).catch(() => null);
+    if (fuller && number === this.asked) this.spec.draw(this.pictures, state, (this.answer = fuller));
+  }
+
+  say(words) {
+    this.status.textContent = words;
+  }
+
+  buttons() {
+    const button = (label, act) => {
+      const element = make("button", { type: "button", textContent: label });
+      element.addEventListener("click", act);
+      return element;
+    };
+    this.undoButton = button("Undo", () => this.undo());
+    this.undoButton.disabled = true;
+    const row = make(
+      "div",
+      { className: "qc-live-buttons" },
+      this.undoButton,
+      button("Reset", () => this.reset()),
+      button("Picture (PNG)", () => this.downloadPicture()),
+      button("Data (JSON)", () => this.downloadData()),
+    );
+    if (this.host.link) row.append(button("Link to this state", () => this.copyLink()));
+    if (this.host.ask) row.append(button("Ask the kernel", () => this.askKernel()));
+    return row;
+  }
+
+  guess() {
+    const { question } = this.spec,
+      id = `guess-${this.spec.name}`;
+    const input = make("input", { id, type: "number", step: "any", required: true });
+    const said = make("output", { className: "qc-live-truth" });
+    const form = make(
+      "form",
+      { className: "qc-live-guess" },
+      make("label", { htmlFor: id }, make("b", { textContent: "Predict, then move. " }), question.text),
+      input,
+      make("button", { textContent: "Compare" }),
+      said,
+    );
+    form.addEventListener("submit", async (event) => {
+      event.preventDefault();
+      const truth = await question.truth(structuredClone(this.state), this.host);
+      said.textContent = `You said ${Number(input.value)}; it is ${truth.toPrecision(3)}. ${question.why}`;
+    });
+    return form;
+  }
+
+  downloadPicture() {
+    const canvases = this.pictures.map((picture) => picture.canvas),
+      gap = 20;
+    const sheet = make("canvas", {
+      width: canvases.reduce((sum, canvas) => sum + canvas.width + gap, -gap),
+      height: Math.max(...canvases.map((canvas) => canvas.height)),
+    });
+    const pen = sheet.getContext("2d");
+    pen.fillStyle = "white";
+    pen.fillRect(0, 0, sheet.width, sheet.height);
+    canvases.reduce((at, canvas) => {
+      pen.drawImage(canvas, at, 0);
+      return at + canvas.width + gap;
+    }, 0);
+    this.save(sheet.toDataURL("image/png"), "png");
+  }
+
+  downloadData() {
+    const text = JSON.stringify(
+      { page: this.spec.name, state: this.state, answer: this.spec.data(this.state, this.answer) },
+      (_, value) => (ArrayBuffer.isView(value) ? Array.from(value) : value),
+      1,
+    );
+    this.save(`data:application/json,${encodeURIComponent(text)}`, "json");
+  }
+
+  save(address, kind) {
+    make("a", { href: address, download: `${this.spec.name}.${kind}` }).click();
+  }
+
+  async copyLink() {
+    const link = this.host.link(this.state);
+    try {
+      await navigator.clipboard.writeText(link);
+      this.say(`Copied: ${link}`);
+    } catch {
+      this.say(`The link: ${link}`);
+    }
+  }
+
+  async askKernel() {
+    this.say("The kernel computes ...");
+    try {
+      this.say(this.spec.compare(this.answer, await this.host.ask(this.state)));
+    } catch (error) {
+      this.say(`The kernel has no answer: ${error.message}`);
+    }
+  }
+}
+
+// rows of words as rows of a table, the first of them and the first of each as headings
+const tableRows = (rows) =>
+  rows.map((row, i) => {
+    const cells = row.map((text, k) => make(i && k ? "td" : "th", { textContent: text, scope: k ? "col" : "row" }));
+    return make("tr", {}, ...cells);
+  });
+
+// what of a state differs from where it starts
+export function difference(state, initial) {
+  return Object.fromEntries(
+    Object.entries(state).filter(([name, value]) => JSON.stringify(value) !== JSON.stringify(initial[name])),
+  );
+}

@@ -1,0 +1,264 @@
+// The registration tuner: weights, landmarks and targets in the reader's hand, the exact fit at once.
+import { ask, give } from "./ask.js";
+import { PolarMesh, sample } from "./mesh.js";
+import { COLOURS, inDisk } from "./picture.js";
+import { curvePicture, grid, heat, histogram } from "./plots.js";
+
+let problems = null; // name -> {label, moving, target, curve, radius}, once they have been loaded
+const meshes = new Map(); // for the pictures, which need no factorisation
+const SOLVERS = { exact: "exact fit", network: "CP-Net", harmonic: "harmonic map" };
+let network = null; // whether CP-Net's file has come, or why it has not
+
+async function load(host) {
+  problems ??= JSON.parse(new TextDecoder().decode(await host.file("problems.json")));
+}
+
+const meshOf = ([rings, spokes]) => {
+  if (!meshes.has(rings)) meshes.set(rings, new PolarMesh(rings, spokes));
+  return meshes.get(rings);
+};
+
+// ---- radius: the cortex is drawn with one that follows its area, since the conformal disk crowds it ----
+
+function along(r, from, to) {
+  let k = 1;
+  while (k < from.length - 1 && from[k] < r) k++;
+  return to[k - 1] + ((to[k] - to[k - 1]) * (r - from[k - 1])) / (from[k] - from[k - 1]);
+}
+
+const scaled = ([x, y], from, to) => {
+  const r = Math.hypot(x, y),
+    factor = r > 0 ? along(Math.min(r, 1), from, to) / Math.min(r, 1) : 1;
+  return [x * factor, y * factor];
+};
+const draws =
+  ({ radius }) =>
+  (point) =>
+    radius ? scaled(point, radius.disk, radius.image) : point;
+const undraws =
+  ({ radius }) =>
+  (point) =>
+    radius ? scaled(point, radius.image, radius.disk) : point;
+
+// ---- the problem as the reader has changed it ----
+
+const changed = (points, moves) => points.map((point, m) => moves[m] ?? point);
+
+function problemOf(state) {
+  const problem = problems[state.problem] ?? Object.values(problems)[0];
+  return { ...problem, moving: changed(problem.moving, state.starts), target: changed(problem.target, state.targets) };
+}
+
+function request(state) {
+  const { moving, target, curve } = problemOf(state),
+    { alpha, beta, gamma, lambda } = state;
+  return {
+    moving,
+    target,
+    curve,
+    alpha,
+    beta,
+    gamma,
+    lambda,
+    looks: Number(state.looks),
+    sliding: state.landmarks === "sliding",
+    mesh: state.mesh === "finer" ? [32, 96] : [24, 72],
+  };
+}
+
+async function answer(state, host) {
+  await load(host);
+  const asked = request(state),
+    found = await ask(host, "tuner", asked);
+  return found && { ...found, asked, problem: problemOf(state) };
+}
+
+// the trade-off curve comes after the maps, when nothing newer is asked
+async function afterwards(state, found, host) {
+  if (network === null) fetchNetwork(host);
+  const sweep = await ask(host, "tuner", found.asked, "sweep");
+  return sweep && { ...found, sweep };
+}
+
+// CP-Net's megabyte comes after the first answer, which need not wait for it.
+async function fetchNetwork(host) {
+  network = "";
+  await give(host, { layers: "layers.wasm", cpnet: "cpnet.bin" }).catch((error) => {
+    network = error.message;
+  });
+  host.refresh();
+}
+
+const short = (x) =>
+  x === 0 ? "0" : Math.abs(x) < 0.01 || Math.abs(x) >= 1e5 ? x.toExponential(2) : String(Number(x.toPrecision(4)));
+
+function sentence(name, one, faces) {
+  if (one.missing) return `${name}: no map, ${network || one.missing}`;
+  const certificate = one.folds ? `not bijective: ${one.folds} of ${faces} triangles folded` : "certified bijective";
+  const mended = one.switched ? `, ${one.switched} rows switched` : "";
+  return (
+    `${name}: landmark error ${short(one.landmarkError)}, mean |μ| ${short(one.mean)}, largest ${short(one.largest)}, ` +
+    `L_CP ${short(one.L_CP)}; ${certificate}${mended}; ${one.ms.toFixed(0)} ms`
+  );
+}
+
+const views = [
+  {
+    name: "moving",
+    label: "moving disk: landmarks to drag (green)",
+    points: (state) => (problems ? problemOf(state).moving.map(draws(problemOf(state))) : []),
+    drag: (state, index, point) => ({
+      starts: { ...state.starts, [index]: inDisk(...undraws(problemOf(state))(point)) },
+    }),
+  },
+  {
+    name: "control",
+    label: "deformed grid; targets to drag (red), registered (orange)",
+    points: (state) => (problems ? problemOf(state).target.map(draws(problemOf(state))) : []),
+    drag: (state, index, point) => ({
+      targets: { ...state.targets, [index]: inDisk(...undraws(problemOf(state))(point)) },
+    }),
+  },
+  { name: "mu", label: "|μ| on the moving disk; folds in magenta" },
+  { name: "histogram", label: "triangles by |μ|" },
+  { name: "trade", label: "landmark error against mean |μ| as γ grows" },
+];
+
+function draw([moving, control, mu, bars, trade], state, found) {
+  const shown = found[state.solver].missing ? found.exact : found[state.solver],
+    { problem } = found,
+    mesh = meshOf(found.asked.mesh),
+    to = draws(problem);
+  const curves = (points) =>
+    [...new Set(problem.curve)].map((label) => points.filter((_, m) => problem.curve[m] === label));
+  const start = problem.moving.map(to),
+    target = problem.target.map(to);
+  const registered = Array.from(shown.points.x, (x, m) => to([x, shown.points.y[m]]));
+  moving.clear();
+  moving.circle();
+  moving.lines(curves(start), COLOURS.moving, 1);
+  start.forEach((point) => moving.dot(point, COLOURS.moving, 3));
+  moving.mark();
+  control.clear();
+  control.circle();
+  grid(control, mesh, shown.w, to, undraws(problem));
+  control.lines(curves(target), COLOURS.target, 1, [4, 3]);
+  target.forEach((point) => control.square(point, COLOURS.target, 3.5, 1.2));
+  registered.forEach((point) => control.dot(point, COLOURS.registered, 2));
+  control.mark();
+  heat(mu, mesh, shown.size, undraws(problem));
+  histogram(bars, shown.size);
+  curvePicture(trade, found.sweep ?? [], found.exact);
+}
+
+const rows = (found) => [
+  ["", ...Object.values(SOLVERS)],
+  ...["L_mu", "L_grad_mu", "L_Landmark", "L_CP"].map((term) => [
+    term,
+    ...Object.keys(SOLVERS).map((name) => (found[name].missing ? "" : short(found[name][term]))),
+  ]),
+];
+
+const also = { starts: {}, targets: {} }; // what was moved belongs to the problem it was moved in
+
+export default {
+  name: "tuner",
+  label: "Tuning alpha, beta and gamma",
+  initial: {
+    problem: "cortex",
+    landmarks: "points",
+    solver: "exact",
+    mesh: "coarser",
+    looks: "0",
+    alpha: 1,
+    beta: 0.01,
+    gamma: 100000,
+    lambda: 10,
+    starts: {},
+    targets: {},
+  },
+  controls: [
+    {
+      kind: "choice",
+      name: "problem",
+      label: "problem",
+      also,
+      options: [
+        ["cortex", "sulci of fsaverage5"],
+        ["twist", "a smooth twist"],
+        ["anew", "points spaced anew along two curves"],
+        ["neighbours", "two neighbours pulled apart"],
+      ],
+    },
+    {
+      kind: "choice",
+      name: "landmarks",
+      label: "landmarks",
+      options: [
+        ["points", "points"],
+        ["sliding", "sliding along their curves"],
+      ],
+    },
+    { kind: "log", name: "alpha", label: "α (alpha), weight of |μ|²", min: -2, max: 2, step: 0.1 },
+    { kind: "log", name: "beta", label: "β (beta), weight of |∇μ|²", min: -4, max: 1, step: 0.1 },
+    { kind: "log", name: "gamma", label: "γ (gamma), weight of the landmarks", min: 0, max: 7, step: 0.1 },
+    { kind: "log", name: "lambda", label: "λ (lambda), springs of the harmonic map", min: -1, max: 5, step: 0.1 },
+    { kind: "choice", name: "solver", label: "map shown", options: Object.entries(SOLVERS) },
+    {
+      kind: "choice",
+      name: "looks",
+      label: "looks of CP-Net at the exact map",
+      options: [
+        ["0", "0"],
+        ["1", "1"],
+        ["2", "2"],
+      ],
+    },
+    {
+      kind: "choice",
+      name: "mesh",
+      label: "mesh",
+      options: [
+        ["coarser", "24 x 72"],
+        ["finer", "finer: 32 x 96"],
+      ],
+    },
+  ],
+  views,
+  answer,
+  afterwards,
+  draw,
+  words(state, found) {
+    const faces = meshOf(found.asked.mesh).F,
+      sentences = Object.entries(SOLVERS).map(([key, name]) => sentence(name, found[key], faces));
+    const others = Object.keys(SOLVERS).filter((key) => key !== "exact" && !found[key].missing);
+    const gaps = others.map(
+      (key) => `L_CP of ${SOLVERS[key]} is ${short(found[key].L_CP / found.exact.L_CP)} times that of the exact fit`,
+    );
+    const { gamma } = found.network,
+      stiff = gamma < 0.999 * state.gamma ? [`CP-Net answers for gamma ${short(gamma)}`] : [];
+    const where = `Exact on this mesh of ${found.asked.mesh.join(" x ")}, in ${found.kernels}`;
+    return `${[...sentences, ...gaps, ...stiff, where].join(". ")}.`;
+  },
+  rows,
+  data(state, found) {
+    const { w, points, size, ...numbers } = found[state.solver].missing ? found.exact : found[state.solver];
+    const map = new Float64Array(2 * w.x.length).map((_, i) => (i % 2 ? w.y : w.x)[i >> 1]);
+    return { map, landmarks: Array.from(points.x, (x, m) => [x, points.y[m]]), ...numbers };
+  },
+  compare: (found, kernel) => {
+    const gap = Math.max(
+      ...found.exact.w.x.map((x, v) => Math.hypot(x - kernel.map[v][0], found.exact.w.y[v] - kernel.map[v][1])),
+    );
+    const said = `The kernel's fit has L_CP ${short(kernel.L_CP)} and landmark error ${short(kernel.landmarkError)}`;
+    return `${said}, in ${kernel.ms.toFixed(0)} ms; the largest difference of the two maps is ${gap.toExponential(1)}.`;
+  },
+  question: {
+    text: "Multiply γ by ten: what share of the present landmark error is left (0 to 1, or more)? ",
+    async truth(state, host) {
+      const now = await ask(host, "tuner", request(state), "error");
+      return (await ask(host, "tuner", { ...request(state), gamma: 10 * state.gamma }, "error")) / now;
+    },
+    why: "Where the landmarks are nearly met, each factor of ten takes the error down by about as much, and |μ| hardly moves.",
+  },
+};

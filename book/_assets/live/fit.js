@@ -1,0 +1,281 @@
+// The landmark fit: Gauss-Newton steps for a field nu on a polar mesh and a Möbius map M after the map f of mu = T(nu).
+//   minimise  nu^* W nu + gamma mean |M(f(p)) - q|^2,   W = (alpha mass + beta Laplace) / pi.
+// Unknowns are few in the dual: one system of the landmarks' size a step (registration/engine.py does the same).
+import {
+  boundedFactor,
+  choleskyDense,
+  copy,
+  dot,
+  solveDense,
+  squares,
+  zeros,
+  bounded,
+  meanDistance,
+} from "./complex.js";
+import { Cholesky } from "./cholesky.js";
+import { combine, gradients, rooms } from "./gradients.js";
+import { checkWeights, Problem } from "./landmarks.js";
+import { DiskMap, onCircle } from "./map.js";
+import { sample } from "./mesh.js";
+import { bestMobius, columns, compose, moved } from "./mobius.js";
+import { unfold } from "./repair.js";
+
+const SHARES = [1, 0.5, 0.25, 0.125]; // of a step, tried in turn
+const SUFFICIENT = 0.3; // share of what the model promises that a step has to gain
+const MOBIUS_PRIOR = 1e-6; // weak, keeps the three Möbius parameters' step bounded
+const FIRST_GAMMA = 1e2; // continuation on the coarse mesh: a step at each power of ten from here
+const PROMISE = 1e-3; // the share of the objective that a step has to promise to be taken
+const DAMPINGS = [0.1, 1, 10, 100, 1e3, 1e4, 1e5, 1e6];
+const TRUST = 0.3; // the largest change of nu in a damped step
+export const ROUNDING = 1e-9;
+
+export class Fit {
+  // mends: whether folds are mended by row switching, as on the mesh that is shown
+  constructor(mesh, problem, mends = false) {
+    Object.assign(this, { mesh, problem, mends });
+    this.solution = mesh.map ??= new DiskMap(mesh);
+    this.prior = mesh.prior ??= new Cholesky(mesh.V, mesh.tail, mesh.head, mesh.kernels);
+    this.room = rooms(mesh, problem.count);
+    this.places = Array.from(problem.p.x, (x, m) => mesh.locate(x, problem.p.y[m]));
+    this.nu = zeros(mesh.V);
+    this.mobius = bestMobius(problem.p, problem.q);
+    this.steps = 0;
+  }
+
+  weigh({ alpha, beta }) {
+    const { mass, laplace } = this.mesh.integrals;
+    const sum = (a, b) => a.map((x, i) => alpha * x + beta * b[i]);
+    this.W = { off: sum(mass.off, laplace.off), diagonal: sum(mass.diagonal, laplace.diagonal) };
+    this.prior.factor(this.W.off, this.W.diagonal);
+  }
+
+  // Go to nu and a Möbius map: one solve. False where there is no map.
+  to(nu, map) {
+    const { mesh } = this,
+      nuFaces = mesh.onFaces(nu),
+      mu = zeros(mesh.F);
+    for (let t = 0; t < mesh.F; t++) {
+      const factor = boundedFactor(nuFaces.x[t], nuFaces.y[t]);
+      mu.x[t] = factor * nuFaces.x[t];
+      mu.y[t] = factor * nuFaces.y[t];
+    }
+    if (!this.solution.solve(mu)) return false;
+    Object.assign(this, { nu, nuFaces, mobius: map });
+    this.follow(onCircle(mesh, moved(this.solution.f, compose(this.solution.normaliser(), map))));
+    return true;
+  }
+
+  follow(w) {
+    this.switched = 0;
+    if (this.mends) ({ w, switched: this.switched } = unfold(this.solution, w));
+    this.w = w;
+    this.points = sample(w, this.places);
+  }
+
+  prior2(nu = this.nu) {
+    return this.mesh.quadratic(this.W, nu);
+  }
+  objective(gamma) {
+    return this.prior2() + this.problem.mismatch(this.points, gamma);
+  }
+  get landmarkError() {
+    return meanDistance(this.points, this.problem.q);
+  }
+
+  // J, lifted by the prior, and its Gram matrix
+  linearise() {
+    const { mesh, room, prior, nu } = this,
+      { J } = room,
+      R = 2 * room.M,
+      Jnu = new Float64Array(R);
+    gradients(this.solution, room, this.places, this.mobius, this.nuFaces, prior.place);
+    for (let v = 0; v < mesh.V; v++) {
+      const j = prior.place[v] * 2 * R,
+        x = nu.x[v],
+        y = nu.y[v];
+      for (let r = 0; r < R; r++) Jnu[r] += J[j + r] * x + J[j + R + r] * y;
+    }
+    this.Jnu = Jnu;
+    prior.forward(J, 2 * R);
+    mesh.kernels.gram(2 * mesh.V, J, R, room.gram);
+    for (let c = 0; c < R; c++) for (let d = 0; d < c; d++) room.gram[d * R + c] = room.gram[c * R + d];
+  }
+
+  // The step from the last linearisation: {change of nu, Möbius increment, least objective of the model}. damping adds
+  // `damping change^* W change`, and its like for M: shorter, towards the steepest descent.
+  propose(gamma, damping = 0) {
+    const { M } = this.room,
+      R = 2 * M,
+      share = 1 / (1 + damping),
+      weight = MOBIUS_PRIOR + damping;
+    const { problem, points, Jnu } = this,
+      halves = (x) => [x.subarray(0, M), x.subarray(M)];
+    const scaled = (x) => {
+      problem.components(...halves(x), gamma);
+      return x;
+    };
+    const three = this.mobiusColumns(M).map(scaled),
+      r = scaled(
+        new Float64Array(R).map((_, i) => {
+          const m = i % M,
+            at = i < M ? "x" : "y";
+          return m < problem.count ? points[at][m] - problem.q[at][m] - share * Jnu[i] : 0;
+        }),
+      );
+    const S = this.dual(gamma, scaled),
+      [a, b, c] = three;
+    for (let i = 0; i < R; i++) {
+      for (let j = 0; j < R; j++)
+        S[i * R + j] = share * S[i * R + j] + (a[i] * a[j] + b[i] * b[j] + c[i] * c[j]) / weight;
+      S[i * R + i] += 1;
+    }
+    const y = solveDense(choleskyDense(S, R), R, r),
+      promised = dot(y, r);
+    const [turn, dx, dy] = three.map((c) => -dot(c, y) / weight);
+    problem.changes(...halves(y), gamma);
+    const step = combine(this.mesh, this.prior, this.room, y),
+      change = zeros(this.mesh.V);
+    for (let v = 0; v < this.mesh.V; v++) {
+      change.x[v] = -share * (step.x[v] + this.nu.x[v]);
+      change.y[v] = -share * (step.y[v] + this.nu.y[v]);
+    }
+    return { change, increment: [dx, dy, turn], promised };
+  }
+
+  // the Gram matrix of the components
+  dual(gamma, scaled) {
+    const R = 2 * this.room.M,
+      S = Float64Array.from(this.room.gram);
+    const transpose = () => {
+      for (let i = 0; i < R; i++)
+        for (let j = 0; j < i; j++) [S[i * R + j], S[j * R + i]] = [S[j * R + i], S[i * R + j]];
+    };
+    const rows = () => {
+      for (let i = 0; i < R; i++) scaled(S.subarray(i * R, i * R + R));
+    };
+    rows();
+    transpose();
+    rows();
+    return S;
+  }
+
+  // changes of the landmarks with a Möbius increment (theta, Re a, Im a) after the map, three arrays (2M)
+  mobiusColumns(M) {
+    const found = [0, 1, 2].map(() => new Float64Array(2 * M));
+    this.places.forEach(({ corners, weights }, m) =>
+      corners.forEach((v, k) => {
+        const [re, im] = columns(this.w.x[v], this.w.y[v]);
+        found.forEach((column, i) => {
+          column[m] += weights[k] * re[i];
+          column[M + m] += weights[k] * im[i];
+        });
+      }),
+    );
+    return found;
+  }
+
+  // to a share of a step from `begin`
+  advance({ nu, mobius }, { change, increment: [dx, dy, turn] }, share) {
+    const next = copy(nu);
+    for (let v = 0; v < next.x.length; v++) {
+      next.x[v] += share * change.x[v];
+      next.y[v] += share * change.y[v];
+    }
+    return this.to(next, compose(mobius, [share * dx, share * dy, share * turn]));
+  }
+
+  // One step by a backtracking line search; false, and nothing has changed, where no share of it lowers the objective.
+  descend(gamma, step) {
+    const before = this.objective(gamma),
+      begin = { nu: this.nu, mobius: this.mobius };
+    let gain = -1;
+    for (const share of SHARES) {
+      gain = this.advance(begin, step, share) ? before - this.objective(gamma) : -1;
+      if (gain > SUFFICIENT * (2 * share - share ** 2) * (before - step.promised)) return true;
+    }
+    if (gain > 0) return true;
+    this.to(begin.nu, begin.mobius);
+    return false;
+  }
+
+  // the least damping that keeps the step small and lowers the objective
+  dampedStep(gamma) {
+    const before = this.objective(gamma),
+      begin = { nu: this.nu, mobius: this.mobius };
+    for (const damping of DAMPINGS) {
+      const step = this.propose(gamma, damping);
+      if (largest(step.change) > TRUST) continue;
+      if (this.advance(begin, step, 1) && this.objective(gamma) < before) return true;
+      this.to(begin.nu, begin.mobius);
+    }
+    return false;
+  }
+
+  // Steps at each gamma of a list, at the last one until a step promises less than the share `tolerance` of the objective.
+  run(gammas, most, tolerance = PROMISE, damped = false) {
+    for (let k = 0; k < most + gammas.length - 1; k++) {
+      const last = k >= gammas.length - 1,
+        gamma = gammas[Math.min(k, gammas.length - 1)];
+      this.linearise();
+      const step = this.propose(gamma);
+      this.left = 1 - step.promised / this.objective(gamma);
+      if (last && this.left < tolerance) break;
+      const found = damped ? this.dampedStep(gamma) : this.descend(gamma, step);
+      this.steps += found ? 1 : 0;
+      if (last && !found) break;
+    }
+  }
+
+  // begin with another mesh's field and Möbius map
+  take(other) {
+    const places = Array.from(this.mesh.z.x, (x, v) => other.mesh.locate(x, this.mesh.z.y[v]));
+    return this.to(sample(other.nu, places), other.mobius);
+  }
+
+  // L_mu, L_grad_mu, L_Landmark and L_CP of the field T(nu)
+  losses({ alpha, beta, gamma }) {
+    const { mass, laplace } = this.mesh.integrals,
+      mu = bounded(this.nu);
+    const L_mu = this.mesh.quadratic(mass, mu),
+      L_grad_mu = this.mesh.quadratic(laplace, mu);
+    const L_Landmark = squares(this.points, this.problem.q) / this.problem.count;
+    return { L_mu, L_grad_mu, L_Landmark, L_CP: alpha * L_mu + beta * L_grad_mu + gamma * L_Landmark };
+  }
+}
+
+const largest = ({ x, y }) => x.reduce((most, u, i) => Math.max(most, Math.hypot(u, y[i])), 0);
+
+// The fit on a coarse mesh by continuation in gamma, then on the fine one. It depends on the request alone: it starts from
+// mu = 0 each time. Ends nowhere above the best Möbius map.
+export function fitLandmarks({ coarse, fine }, request, { tolerance = PROMISE, most = 20 } = {}) {
+  checkWeights(request);
+  const problem = new Problem(request),
+    first = new Fit(coarse, problem),
+    fit = new Fit(fine, problem, true);
+  const gamma = request.gamma / 10,
+    levels = []; // the coarse mesh's own error would bend nu at the full weight
+  for (let g = Math.min(FIRST_GAMMA, gamma); g < gamma * (1 - 1e-9); g *= 10) levels.push(g);
+  first.weigh(request);
+  first.to(first.nu, first.mobius);
+  first.run([...levels, gamma], 5, tolerance);
+  fit.weigh(request);
+  const best = moved(fit.problem.p, fit.mobius),
+    mobius = fit.mobius;
+  fit.take(first);
+  fit.run([request.gamma], most, tolerance);
+  if (exceeds(fit, request.gamma, best)) {
+    fit.to(zeros(fine.V), mobius);
+    fit.run([request.gamma], most, tolerance, true);
+    if (exceeds(fit, request.gamma, best)) fit.to(zeros(fine.V), mobius);
+  }
+  fit.coarseSteps = first.steps;
+  return fit;
+}
+
+// whether a fit ends above the best Möbius map, which takes the landmarks to `best`
+function exceeds(fit, gamma, best) {
+  const { problem, points } = fit,
+    most = 1 + ROUNDING;
+  const lower = fit.objective(gamma) <= most * problem.mismatch(best, gamma);
+  return !(lower && squares(points, problem.q) <= most * squares(best, problem.q));
+}

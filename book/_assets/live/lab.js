@@ -1,0 +1,45 @@
+// JupyterLab as a host, through anywidget: the state is the trait `state`, what was found is `found`, files are bytes.
+import { Explorable } from "./explorable.js";
+
+export async function render({ model, el }, spec, worker) {
+  const root = document.createElement("div");
+  root.className = "qc-live";
+  root.dataset.page = spec.name;
+  el.append(root);
+  const waiting = new Map();
+  let count = 0;
+  const host = {
+    start: model.get("state"),
+    link: null,
+    save(state) {
+      model.set("state", structuredClone(state));
+      model.save_changes();
+    },
+    tell(found) {
+      model.set("found", structuredClone(found));
+      model.save_changes();
+    },
+    // the bytes of a trait as an ArrayBuffer of their own
+    file(name) {
+      const bytes = model.get("files")[name];
+      if (!bytes) throw new Error(`${name} is missing.`);
+      return bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength);
+    },
+    worker,
+    ask: (state) =>
+      new Promise((resolve, reject) => {
+        waiting.set(++count, { resolve, reject });
+        model.send({ ask: count, state: structuredClone(state) });
+      }),
+  };
+  model.on("msg:custom", ({ answers, found, error }) => {
+    const { resolve, reject } = waiting.get(answers) ?? {};
+    waiting.delete(answers);
+    error ? reject?.(new Error(error)) : resolve?.(found);
+  });
+  const explorable = await new Explorable(root, spec, host).begin();
+  model.on("change:state", () => {
+    const state = model.get("state");
+    if (JSON.stringify(state) !== JSON.stringify(explorable.state)) explorable.change(state, true);
+  });
+}

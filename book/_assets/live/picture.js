@@ -1,0 +1,183 @@
+// A canvas that shows the unit disk, with points that mouse, finger and arrow keys move, and the strokes that all share.
+
+export const COLOURS = {
+  grid: "#1F4E79",
+  target: "#B22222",
+  registered: "#E69F00",
+  moving: "#117733",
+  fold: "#D000D0",
+  ink: "#222222",
+};
+const SIZE = 320,
+  MARGIN = 10,
+  REACH = 24; // pixels of the picture, its rim, and how far from a point a finger may be
+const STEP = 0.01; // of the disk's radius, by which an arrow key moves a point; ten times with shift
+
+// view: name, label; for what can be moved: points(state) -> [[x, y], ...] and drag(state, index, point, by) -> part of a
+// state, by a "pointer", by "keys", or "press" (Enter); anywhere: a pointer may begin everywhere
+export class Picture {
+  constructor(view, title) {
+    Object.assign(this, { view, title, chosen: 0, points: [] });
+    this.canvas = document.createElement("canvas");
+    this.sharpness = Math.min(2, Math.max(1, globalThis.devicePixelRatio || 1));
+    this.canvas.width = this.canvas.height = SIZE * this.sharpness;
+    this.pen = this.canvas.getContext("2d");
+    this.pen.scale(this.sharpness, this.sharpness);
+    this.canvas.setAttribute("role", view.drag ? "application" : "img");
+    this.canvas.setAttribute("aria-label", `${title}: ${view.label}`);
+    this.element = document.createElement("figure");
+    const caption = Object.assign(document.createElement("figcaption"), { textContent: view.label });
+    this.element.append(this.canvas, caption);
+    if (view.drag) this.listen();
+  }
+
+  describe(words) {
+    this.canvas.setAttribute("aria-label", `${this.title}: ${this.view.label}. ${words}`);
+  }
+
+  handles(state) {
+    this.points = this.view.points ? this.view.points(state) : [];
+    if (this.chosen >= this.points.length) this.chosen = 0;
+  }
+
+  // ---- moving points ----
+
+  listen() {
+    const { canvas } = this;
+    canvas.tabIndex = 0;
+    canvas.style.touchAction = "none";
+    canvas.setAttribute(
+      "aria-roledescription",
+      "picture with points to move: arrow keys move the chosen one, " + "Page Up and Page Down choose another",
+    );
+    canvas.addEventListener("pointerdown", (event) => this.take(event));
+    canvas.addEventListener(
+      "pointermove",
+      (event) => this.dragging && this.onDrag(this.chosen, this.at(event), false, "pointer"),
+    );
+    const drop = (event) => {
+      if (!this.dragging) return;
+      this.dragging = false;
+      this.onDrag(this.chosen, this.at(event), true, "pointer");
+    };
+    canvas.addEventListener("pointerup", drop);
+    canvas.addEventListener("pointercancel", drop);
+    canvas.addEventListener("keydown", (event) => this.key(event));
+    canvas.addEventListener("focus", () => this.onFocus?.());
+  }
+
+  at(event) {
+    const box = this.canvas.getBoundingClientRect(),
+      radius = (box.width * (SIZE / 2 - MARGIN)) / SIZE;
+    const x = (event.clientX - box.left - box.width / 2) / radius,
+      y = (box.top + box.height / 2 - event.clientY) / radius;
+    return inDisk(x, y);
+  }
+
+  take(event) {
+    const [x, y] = this.at(event),
+      far = this.points.map(([u, v]) => Math.hypot(u - x, v - y));
+    const nearest = far.indexOf(Math.min(...far)),
+      { anywhere } = this.view;
+    if (nearest < 0 || (!anywhere && far[nearest] * (SIZE / 2) > REACH)) return;
+    this.chosen = nearest;
+    this.dragging = true;
+    this.canvas.focus();
+    this.canvas.setPointerCapture(event.pointerId);
+    event.preventDefault();
+    this.onDrag(nearest, anywhere ? [x, y] : this.points[nearest], false, "pointer");
+  }
+
+  key(event) {
+    const size = STEP * (event.shiftKey ? 10 : 1),
+      moves = { ArrowLeft: [-size, 0], ArrowRight: [size, 0], ArrowUp: [0, size], ArrowDown: [0, -size] };
+    const turn = { PageDown: 1, PageUp: -1 }[event.key],
+      move = moves[event.key],
+      count = this.points.length;
+    const press = (event.key === "Enter" || event.key === " ") && this.view.anywhere;
+    if (!count || !(turn || move || press)) return;
+    event.preventDefault();
+    if (turn) {
+      this.chosen = (this.chosen + turn + count) % count;
+      this.onChoose();
+      return;
+    }
+    const [x, y] = this.points[this.chosen];
+    if (press) this.onDrag(this.chosen, [x, y], true, "press");
+    else this.onDrag(this.chosen, inDisk(x + move[0], y + move[1]), true, "keys");
+  }
+
+  // ---- strokes ----
+
+  X(x) {
+    return SIZE / 2 + x * (SIZE / 2 - MARGIN);
+  }
+  Y(y) {
+    return SIZE / 2 - y * (SIZE / 2 - MARGIN);
+  }
+
+  clear() {
+    this.pen.fillStyle = "white";
+    this.pen.fillRect(0, 0, SIZE, SIZE);
+  }
+
+  circle() {
+    this.pen.beginPath();
+    this.pen.arc(this.X(0), this.Y(0), SIZE / 2 - MARGIN, 0, 7);
+    this.stroke(COLOURS.ink, 1);
+  }
+
+  stroke(colour, width = 1, dash = []) {
+    Object.assign(this.pen, { strokeStyle: colour, lineWidth: width });
+    this.pen.setLineDash(dash);
+    this.pen.stroke();
+    this.pen.setLineDash([]);
+  }
+
+  // lines: arrays of [x, y]
+  lines(lines, colour, width = 0.8, dash = []) {
+    this.pen.beginPath();
+    for (const line of lines) line.forEach(([x, y], k) => this.pen[k ? "lineTo" : "moveTo"](this.X(x), this.Y(y)));
+    this.stroke(colour, width, dash);
+  }
+
+  dot([x, y], colour, radius = 4) {
+    this.pen.beginPath();
+    this.pen.arc(this.X(x), this.Y(y), radius, 0, 7);
+    this.pen.fillStyle = colour;
+    this.pen.fill();
+    this.stroke("black", 0.7);
+  }
+
+  square([x, y], colour, half = 4, width = 1.6) {
+    this.pen.strokeStyle = colour;
+    this.pen.lineWidth = width;
+    this.pen.strokeRect(this.X(x) - half, this.Y(y) - half, 2 * half, 2 * half);
+  }
+
+  // a ring around the point that the keys would move
+  mark() {
+    const point = this.points[this.chosen];
+    if (!point) return;
+    this.pen.beginPath();
+    this.pen.arc(this.X(point[0]), this.Y(point[1]), 9, 0, 7);
+    this.stroke(COLOURS.ink, 1.2, [3, 2]);
+  }
+
+  // a circle of the disk: what the brush covers
+  ring([x, y], radius, colour) {
+    this.pen.beginPath();
+    this.pen.arc(this.X(x), this.Y(y), radius * (SIZE / 2 - MARGIN), 0, 7);
+    this.stroke(colour, 1.5);
+  }
+
+  words(text, x, y, align = "left") {
+    Object.assign(this.pen, { fillStyle: COLOURS.ink, font: "12px sans-serif", textAlign: align });
+    this.pen.fillText(text, x, y);
+  }
+}
+
+export function inDisk(x, y, most = 0.98) {
+  const shrink = Math.max(1, Math.hypot(x, y) / most);
+  return [x / shrink, y / shrink];
+}

@@ -1,0 +1,115 @@
+// The worker's side of the tuner: maps of one landmark problem by several solvers, measured alike, and the trade-off.
+import { fitLandmarks } from "./fit.js";
+import { Harmonic } from "./harmonic.js";
+import { checkWeights, Problem } from "./landmarks.js";
+import { onCircle, DiskMap } from "./map.js";
+import { measure } from "./measures.js";
+import { sample } from "./mesh.js";
+import { bestMobius, moved } from "./mobius.js";
+import { plainLayers, wasmLayers } from "./layers.js";
+import { CPNet } from "./cpnet.js";
+import { unfold } from "./repair.js";
+import { readNetwork } from "./unet.js";
+import { bounded } from "./complex.js";
+
+const COARSE_SHARE = 2; // the coarse mesh has half as many rings
+const SWEEP = [1e1, 1e2, 1e3, 1e4, 1e5, 1e6]; // gamma / alpha of the trade-off curve
+
+const pairOfMeshes = (bench, [rings, spokes]) => ({
+  coarse: bench.mesh(rings / COARSE_SHARE, spokes / COARSE_SHARE),
+  fine: bench.mesh(rings, spokes),
+});
+
+// request: moving, target, curve, sliding, alpha, beta, gamma, mesh [rings, spokes], lambda, solver
+export async function answerTuner(bench, request, part, stale) {
+  const meshes = pairOfMeshes(bench, request.mesh);
+  if (part === "sweep") return sweep(meshes, request, stale);
+  if (part === "error") return fitLandmarks(meshes, request).landmarkError;
+  return {
+    kernels: bench.kernels.name,
+    exact: exact(meshes, request),
+    harmonic: springs(meshes.fine, request),
+    network: await pass(bench, meshes.fine, request),
+  };
+}
+
+function exact(meshes, request) {
+  const begin = performance.now(),
+    fit = fitLandmarks(meshes, request),
+    ms = performance.now() - begin;
+  const { problem, places, w, switched, left, coarseSteps, steps } = fit;
+  return {
+    ...shown(meshes.fine, w, { problem, places, weights: request }),
+    switched,
+    left,
+    steps: [coarseSteps, steps],
+    ms,
+  };
+}
+
+let springsOf = { key: "" }; // the last problem's, since lambda alone costs nothing then
+
+function springs(mesh, request) {
+  const begin = performance.now(),
+    key = JSON.stringify([request.moving, request.target, request.mesh]);
+  checkWeights(request);
+  if (springsOf.key !== key)
+    springsOf = { key, harmonic: new Harmonic(mesh, new Problem({ ...request, sliding: false })) };
+  const { problem, places } = springsOf.harmonic,
+    w = springsOf.harmonic.map(request.lambda),
+    ms = performance.now() - begin;
+  return { ...shown(mesh, w, { problem, places, weights: request }), ms };
+}
+
+let network = null; // CP-Net, made when its file has come
+
+async function networkOf(bench) {
+  if (!network) {
+    const layers = await wasmLayers(bench.files.layers).catch(() => plainLayers),
+      file = readNetwork(bench.files.cpnet);
+    network = new CPNet(bench.mesh(file.config.rings, file.config.spokes, file.config.power), layers, file);
+  }
+  return network;
+}
+
+// CP-Net's coefficient, the exact map that has it on this mesh, and the best Möbius map after it; or why there is none
+async function pass(bench, mesh, request) {
+  if (!bench.files.cpnet) return { missing: "CP-Net is still loading" };
+  if (request.sliding) return { missing: "CP-Net takes points to points, it knows no sliding; choose points" };
+  const net = await networkOf(bench),
+    problem = new Problem(request),
+    begin = performance.now();
+  if (problem.count > net.config.most)
+    return { missing: `${problem.count} landmarks, and CP-Net takes at most ${net.config.most}` };
+  const nu = net.run(problem.p, problem.q, request, request.looks),
+    solution = (mesh.map ??= new DiskMap(mesh));
+  const { x, y } = mesh.onFaces(mesh.z),
+    centres = Array.from(x, (u, t) => net.mesh.locate(u, y[t]));
+  if (!solution.solve(bounded(sample(nu, centres)))) return { missing: "CP-Net's coefficient has no map" };
+  const places = Array.from(problem.p.x, (u, m) => mesh.locate(u, problem.p.y[m])),
+    f = solution.normalised();
+  const found = unfold(solution, onCircle(mesh, moved(f, bestMobius(sample(f, places), problem.q))));
+  const ms = performance.now() - begin,
+    gamma = net.gammaUsed(request);
+  return { ...shown(mesh, found.w, { problem, places, weights: request }), switched: found.switched, gamma, ms };
+}
+
+// what of a measured map goes to the page
+function shown(mesh, w, of) {
+  const { size, points, flipped, ...numbers } = measure(mesh, w, of);
+  delete numbers.mu;
+  return { w, size: Float32Array.from(size), points, folds: flipped.length, ...numbers };
+}
+
+// Landmark error against mean |mu| as gamma grows, at the present alpha and beta; null as soon as it is out of date.
+async function sweep(meshes, request, stale) {
+  const found = [];
+  for (const ratio of SWEEP) {
+    if (await stale()) return null;
+    const gamma = ratio * request.alpha,
+      fit = fitLandmarks(meshes, { ...request, gamma });
+    const { mean } = measure(meshes.fine, fit.w, {});
+    found.push({ gamma, error: fit.landmarkError, mean });
+  }
+  return found;
+}

@@ -1,0 +1,49 @@
+"""Networks as the browser reads them: sizes, weights in half precision and tables, from the network that is loaded."""
+
+import json
+import struct
+
+import numpy as np
+
+
+def packed(config, arrays):
+    """A file for `readNetwork` of unet.js: uint32 length of a JSON header, the header, then the numbers of the arrays.
+
+    arrays: name -> array; float16 stays, all else becomes float32; complex ones get a last axis of two.
+    """
+    listed, parts = [], []
+    for name, array in arrays.items():
+        array = np.asarray(array)
+        if np.iscomplexobj(array):
+            array = np.stack([array.real, array.imag], -1)
+        array = array if array.dtype == np.float16 else array.astype(np.float32)
+        listed.append([name, list(array.shape), "half" if array.dtype == np.float16 else "single"])
+        parts.append(array.tobytes())
+    header = json.dumps({"config": config, "arrays": listed}).encode()
+    header += b" " * (-len(header) % 4)
+    return struct.pack("<I", len(header)) + header + b"".join(parts)
+
+
+def half_weights(module, prefix=""):
+    """A module's parameters in half precision, name -> array."""
+    return {f"{prefix}{name}": value.half().numpy() for name, value in module.state_dict().items()}
+
+
+def cpnet_file(network):
+    """CP-Net `best` with its tables."""
+    config, grid, born = network.config, network.grid, network.born
+    names = "rings", "spokes", "looks", "stiffest", "most", "smooth", "match"
+    sizes = {name: getattr(config, name) for name in names}
+    tables = {
+        "one": born.one.conj().resolve_conj().numpy(),
+        "two": born.two.numpy(),
+        **{name: getattr(grid, name).numpy() for name in ("radial", "values", "kept", "area", "spokes", "arcs")},
+    }
+    weights = half_weights(network.one, "one.") | half_weights(network.two, "two.")
+    return packed(sizes | {"power": grid.power}, tables | weights)
+
+
+def dbsnet_file(network):
+    """DBS-Net `best`."""
+    config = network.config
+    return packed({"rings": config.rings, "spokes": config.spokes, "power": 1.0}, half_weights(network.unet, "unet."))

@@ -1,0 +1,80 @@
+// Runs the book's browser modules under node: a task as JSON on standard input, its answer on standard output.
+//   node engine.mjs <folder of the modules> <task>
+import { readFileSync } from "node:fs";
+import { join } from "node:path";
+import { pathToFileURL } from "node:url";
+
+const folder = process.argv[2], task = process.argv[3];
+const load = (name) => import(pathToFileURL(join(folder, name)));
+const given = JSON.parse(readFileSync(0, "utf8"));
+const { plainKernels, wasmKernels } = await load("kernels.js");
+const { PolarMesh } = await load("mesh.js");
+const { fromPairs, toPairs } = await load("complex.js");
+
+const kernels = given.plain ? plainKernels : await wasmKernels(readFileSync(join(folder, "kernels.wasm")));
+const mesh = ([rings, spokes, power]) => new PolarMesh(rings, spokes, power, kernels);
+
+// a network from given.file
+async function network(Network) {
+  const { readNetwork } = await load("unet.js"), { plainLayers, wasmLayers } = await load("layers.js");
+  const layers = given.plain ? plainLayers : await wasmLayers(readFileSync(join(folder, "layers.wasm")));
+  const { buffer, byteOffset, byteLength } = readFileSync(given.file), file = readNetwork(buffer.slice(byteOffset, byteOffset + byteLength));
+  return new Network(mesh([file.config.rings, file.config.spokes, file.config.power]), layers, file);
+}
+
+const tasks = {
+  async maps() {
+    const { DiskMap } = await load("map.js");
+    return given.maps.map(({ size, mu }) => {
+      const map = new DiskMap(mesh(size));
+      map.solve(fromPairs(mu));
+      return { f: toPairs(map.normalised()), raised: map.raised.reduce((a, b) => a + b, 0) };
+    });
+  },
+  async fits() {
+    const { fitLandmarks } = await load("fit.js"), meshes = { coarse: mesh(given.coarse), fine: mesh(given.fine) };
+    return given.fits.map((request) => {
+      const begin = performance.now(), fit = fitLandmarks(meshes, request, given.options);
+      return {
+        f: toPairs(fit.w), losses: fit.losses(request), objective: fit.objective(request.gamma), error: fit.landmarkError, switched: fit.switched,
+        flipped: fit.mesh.flipped(fit.w), steps: [fit.coarseSteps, fit.steps], left: fit.left, ms: performance.now() - begin,
+      };
+    });
+  },
+  async harmonic() {
+    const { Problem } = await load("landmarks.js"), { Harmonic } = await load("harmonic.js"), { measure } = await load("measures.js");
+    return given.requests.map((request) => {
+      const problem = new Problem(request), fine = mesh(given.fine), found = new Harmonic(fine, problem);
+      return request.lambdas.map((lambda) => {
+        const w = found.map(lambda), { L_CP, flipped } = measure(fine, w, { problem, places: found.places, weights: request });
+        return { f: toPairs(w), L_CP, flipped };
+      });
+    });
+  },
+  async cpnet() {
+    const { CPNet } = await load("cpnet.js"), net = await network(CPNet);
+    return given.problems.map(({ moving, target, looks, ...weights }) =>
+      toPairs(net.run(fromPairs(moving), fromPairs(target), weights, looks)));
+  },
+  async dbsnet() {
+    const { DBSNet } = await load("dbsnet.js"), net = await network(DBSNet);
+    return given.coefficients.map((mu) => toPairs(net.run(fromPairs(mu))));
+  },
+  async initial() {
+    const specs = await Promise.all(given.pages.map((page) => load(`explore_${page}.js`)));
+    return specs.map((spec) => spec.default.initial);
+  },
+  async refusals() {
+    const { Problem, checkWeights } = await load("landmarks.js");
+    return given.requests.map((request) => {
+      try {
+        checkWeights(request);
+        new Problem(request);
+        return null;
+      } catch (error) {
+        return error.message;
+      }
+    });
+  },
+};
+process.stdout.write(JSON.stringify(await tasks[task]()));

@@ -1,0 +1,78 @@
+"""What the book's browser modules are held against: node to run them in, and the library's own answers."""
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from qclearn.plane.diskmesh import polar_disk, sampling_matrix
+from qclearn.registration.engine import GaussNewton, SurfaceGaussNewton
+from qclearn.registration.fit import FIRST_GAMMA
+from qclearn.registration.problem import Problem, Weights
+
+ROOT = Path(__file__).resolve().parents[2]
+MODULES = ROOT / "book" / "_assets" / "live"
+COARSE, FINE = (12, 36, 1.4), (24, 72, 1.4)
+CONVERGED = 1e-6  # of the objective: what the last step promised
+
+
+def run_engine(task, folder=MODULES, **given):
+    """The answer of tests/live/engine.mjs to a task; skips where there is no node."""
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("NO NODE: the browser's engine is NOT compared with the library. On Debian: apt-get install nodejs")
+    command = [node, Path(__file__).with_name("engine.mjs"), folder, task]
+    found = subprocess.run(command, input=json.dumps(given), capture_output=True, text=True, check=False)
+    assert found.returncode == 0, found.stderr
+    return json.loads(found.stdout)
+
+
+def pairs(z):
+    """Complex numbers as JSON has them."""
+    return np.stack([np.real(z), np.imag(z)], -1).tolist()
+
+
+def numbers(found):
+    """And back."""
+    return np.asarray(found) @ [1, 1j]
+
+
+def request(problem, alpha, beta, gamma):
+    """A problem with weights as the browser gets it."""
+    return {
+        "moving": pairs(problem.moving),
+        "target": pairs(problem.target),
+        "curve": problem.curve.tolist(),
+        "sliding": problem.sliding,
+        "alpha": alpha,
+        "beta": beta,
+        "gamma": gamma,
+    }
+
+
+def fit_in_steps(asked, on_coarse, on_fine):
+    """(engine, state) of so many of the library's Gauss-Newton steps on either mesh for a `request`.
+
+    So many, since at the minimum rounding decides whether one more is taken, and its promise says no more.
+    """
+    mesh = polar_disk(*FINE)
+    points = numbers(asked["moving"]), numbers(asked["target"])
+    problem = Problem(*mesh, *points, np.array(asked["curve"]), asked["sliding"])
+    weights = Weights(asked["alpha"], asked["beta"], asked["gamma"])
+    coarse = GaussNewton(problem, polar_disk(*COARSE), weights)
+    state, gamma = coarse.at(np.zeros(len(coarse.z), complex), problem.mobius), weights.gamma / 10
+    levels = 10.0 ** np.arange(np.log10(min(FIRST_GAMMA, gamma)), np.log10(gamma) - 1e-9)
+    state = steps(coarse, state, [*levels, *[gamma] * (on_coarse - len(levels))])
+    fine = SurfaceGaussNewton(problem, mesh, weights)
+    nu = sampling_matrix(coarse.z, coarse.faces, fine.z) @ state.nu
+    return fine, steps(fine, fine.at(nu, state.mobius), [weights.gamma] * on_fine)
+
+
+def steps(engine, state, gammas):
+    """A Gauss-Newton step for each gamma."""
+    for gamma in gammas:
+        state = engine.step(state, gamma) or state
+    return state

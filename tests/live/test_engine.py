@@ -1,0 +1,165 @@
+"""The browser's exact solver and fit, run by node, against the library: maps, fits, folds mended, refusals, kernels."""
+
+import shutil
+import subprocess
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reference import COARSE, CONVERGED, FINE, MODULES, fit_in_steps, numbers, pairs, request, run_engine
+
+from qclearn.methods.harmonic import harmonic
+from qclearn.pages.examples import example_problems
+from qclearn.plane.beltrami import beltrami_coefficient
+from qclearn.plane.bijectivity import RepairWarning, flipped_faces
+from qclearn.plane.disk import BeltramiDiskSolver
+from qclearn.plane.diskmesh import polar_disk
+from qclearn.registration.fit import report_fit
+from qclearn.registration.metrics import measured_losses
+from qclearn.registration.problem import LandmarkError, Problem, Weights
+
+SIZES = [COARSE, FINE, (32, 96, 1.4), (48, 144, 1.0)]
+
+
+def coefficient(size, rng):
+    z, faces = polar_disk(*size)
+    c, (a, b) = z[faces].mean(1), rng.uniform(1, 4, 2)
+    return 0.7 * np.sin(a * c.real + b) * np.exp(1j * b * c.imag)
+
+
+def scattered(seed):
+    """A request with landmarks anywhere and targets drawn apart at random: folds."""
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(4, 24))
+    p = 0.9 * np.sqrt(rng.random(count)) * np.exp(2j * np.pi * rng.random(count))
+    q = p + rng.uniform(0.03, 0.1) * (rng.normal(size=count) + 1j * rng.normal(size=count))
+    problem = Problem(*polar_disk(*FINE), p, q / np.maximum(1, 1.05 * abs(q)))
+    return request(problem, 1.0, float(10 ** rng.uniform(-4, -2)), float(10 ** rng.uniform(3.5, 6)))
+
+
+def settings():
+    """Twenty requests: the live page's problems with points and sliding, and scattered ones that switch rows."""
+    examples, rng = [example.problem for example in example_problems()], np.random.default_rng(3)
+    made = []
+    for k in range(18):
+        problem = replace(examples[k % 3], sliding=k >= 12)
+        alpha, beta, gamma = (float(10 ** rng.uniform(low, high)) for low, high in ((-1, 1), (-3, 0), (2, 6)))
+        made.append(request(problem, alpha, beta, gamma))
+    return [*made, scattered(1041), scattered(1045)]
+
+
+def fits(plain=False, **options):
+    return run_engine("fits", plain=plain, coarse=COARSE, fine=FINE, fits=settings(), options=options)
+
+
+@pytest.fixture(scope="module")
+def converged():
+    return fits(tolerance=CONVERGED, most=60)
+
+
+@pytest.fixture(scope="module")
+def quick():
+    """By the page's own rule."""
+    return fits()
+
+
+@pytest.mark.parametrize("plain", [False, True], ids=["wasm", "javascript"])
+def test_maps_are_the_solvers(plain):
+    rng = np.random.default_rng(1)
+    coefficients = [coefficient(size, rng) for size in SIZES]
+    given = [{"size": size, "mu": pairs(mu)} for size, mu in zip(SIZES, coefficients)]
+    for found, size, mu in zip(run_engine("maps", plain=plain, maps=given), SIZES, coefficients):
+        solver = BeltramiDiskSolver(*polar_disk(*size))
+        assert abs(numbers(found["f"]) - solver.solve(mu)).max() < 1e-10
+        assert found["raised"] == solver.floored
+
+
+def test_converged_fits_are_the_librarys(converged):
+    switched = []
+    for asked, found in zip(settings(), converged):
+        engine, state = fit_in_steps(asked, *found["steps"])
+        assert found["switched"] == state.switched
+        assert found["switched"] or found["left"] < CONVERGED
+        switched.append(state.switched)
+        assert abs(numbers(found["f"]) - state.f).max() < (1e-4 if state.switched else 1e-5)
+        loss = report_fit(engine, state, ()).losses["L_CP"]
+        assert abs(found["losses"]["L_CP"] / loss - 1) < (1e-4 if state.switched else 1e-6)
+        assert found["flipped"] == flipped_faces(engine.problem.faces, state.f).tolist()
+    assert sum(number > 0 for number in switched) >= 2
+
+
+def test_javascript_and_webassembly_agree(quick):
+    for plain, fast in zip(fits(plain=True), quick):
+        assert plain["steps"] == fast["steps"] and plain["switched"] == fast["switched"]
+        bound = 1e-6 if fast["switched"] else 1e-9  # |mu| comes near 1 there, and rounding counts for more
+        assert abs(plain["objective"] / fast["objective"] - 1) < bound
+
+
+def test_the_pages_rule_ends_near_the_minimum(quick, converged):
+    for found, last in zip(quick, converged):
+        if not last["switched"]:
+            assert -1e-9 < found["left"] < 1e-3
+            assert found["objective"] < 1.005 * last["objective"]
+
+
+def test_harmonic_maps_and_measured_losses_are_the_librarys():
+    problem = example_problems()[2].problem
+    problem = Problem(*polar_disk(*FINE), problem.moving, problem.target)
+    lambdas, weights = [0.0, 1.0, 1e3], Weights(1.0, 1e-2, 1e4)
+    asked = request(problem, 1.0, 1e-2, 1e4) | {"lambdas": lambdas}
+    (found,) = run_engine("harmonic", fine=FINE, requests=[asked])
+    for weight, one in zip(lambdas, found):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RepairWarning)
+            f = harmonic(problem, weight, correct=False)
+        assert abs(numbers(one["f"]) - f).max() < 1e-8  # a condition number of 1e8, with hard springs
+        mu = beltrami_coefficient(problem.z, problem.faces, f)
+        loss = measured_losses(problem, weights, mu, problem.samples @ f)["L_CP"]
+        assert one["L_CP"] == pytest.approx(loss, rel=1e-7)
+        assert one["flipped"] == flipped_faces(problem.faces, f).tolist()
+    assert found[2]["flipped"]  # hard springs fold this one
+
+
+def test_bad_input_is_refused_in_the_librarys_words():
+    mesh, good = polar_disk(6, 18), {"moving": [0.1, 0.5j], "target": [0.2, 0.4j]}
+    bad = [
+        good | {"moving": [0.1, 0.1]},
+        good | {"target": [0.3 - 0.25j, 0.3 - 0.25j]},
+        good | {"moving": [0.1, 1.5 + 0.5j]},
+        good | {"target": [0.1]},
+        good | {"moving": [], "target": []},
+        good | {"alpha": 0.0},
+        good | {"beta": -1.0},
+    ]
+    given = [{"alpha": 1.0, "beta": 0.1, "gamma": 1e4} | one for one in bad]
+    asked = [one | {side: pairs(np.array(one[side], complex)) for side in ("moving", "target")} for one in given]
+    words = run_engine("refusals", requests=asked)
+    for one, said in zip(given, words):
+        with pytest.raises(LandmarkError) as refused:
+            Weights(one["alpha"], one["beta"], one["gamma"])
+            Problem(*mesh, np.array(one["moving"], complex), np.array(one["target"], complex))
+        if "positive" in str(refused.value):
+            assert said.split(":")[1] == str(refused.value).split(":")[1]
+        else:
+            assert said == str(refused.value)
+
+
+@pytest.mark.parametrize("name", ["kernels", "layers"])
+def test_the_binary_is_made_from_its_source(name, tmp_path):
+    """Where npm can install the compiler of package-lock.json, it makes the very bytes that are committed."""
+    if shutil.which("npm") is None:
+        pytest.skip("NO NPM: that the .wasm files belong to their sources is NOT checked")
+    for file in ("package.json", "package-lock.json", f"{name}.ts"):
+        shutil.copy(MODULES / file, tmp_path)
+    install = ["npm", "ci", "--no-audit", "--no-fund", "--prefer-offline"]
+    if subprocess.run(install, cwd=tmp_path, capture_output=True, check=False, timeout=120).returncode:
+        pytest.skip("npm cannot install the compiler: that the .wasm files belong to their sources is NOT checked")
+    subprocess.run(["npm", "run", name], cwd=tmp_path, capture_output=True, check=True)
+    assert (tmp_path / f"{name}.wasm").read_bytes() == (MODULES / f"{name}.wasm").read_bytes()
+
+
+@pytest.mark.parametrize("path", sorted(MODULES.glob("*.[jt]s")), ids=lambda path: path.name)
+def test_a_module_is_short(path):
+    lines = path.read_text(encoding="utf-8").splitlines()
+    assert len(lines) <= 300 and max(map(len, lines)) <= 130

@@ -1,0 +1,91 @@
+"""The networks in the browser's modules against those in torch, both with the half-precision weights of the site."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+from reference import MODULES, numbers, pairs, run_engine
+
+from qclearn.nets import cpnet
+from qclearn.nets.weights import load
+from qclearn.pages.examples import example_problems
+from qclearn.pages.explorables import EXPLORABLES
+from qclearn.pages.livenets import cpnet_file, dbsnet_file
+from qclearn.registration.problem import Weights
+
+
+def halved(network):
+    """The network with weights as the browser has them."""
+    network.load_state_dict({name: value.half().float() for name, value in network.state_dict().items()})
+    return network
+
+
+def problems():
+    """Landmarks with weights inside the trained ranges: the live page's first two problems, and scattered points."""
+    rng, made = np.random.default_rng(5), []
+    points = [(example.problem.moving, example.problem.target) for example in example_problems()[:2]]
+    for _ in range(10):
+        count = int(rng.integers(4, 59))
+        p = 0.9 * np.sqrt(rng.random(count)) * np.exp(2j * np.pi * rng.random(count))
+        c = 0.15 * rng.normal(size=4)
+        q = p * np.exp(4j * c[0] * (1 - abs(p) ** 2)) + (1 - abs(p) ** 2) * (c[1] * p + 1j * c[2] * p.conj() + c[3] / 2)
+        points.append((p, q / np.maximum(1, 1.02 * abs(q))))
+    for k, (p, q) in enumerate(points):
+        beta = float(10 ** rng.uniform(-2, 1))
+        gamma = float(10 ** rng.uniform(2.3, 5.3))
+        weights = {"alpha": 1.0, "beta": beta, "gamma": gamma}
+        made.append({"moving": pairs(p), "target": pairs(q), "looks": k % 3, **weights})
+    return made
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    network = halved(load("cpnet"))
+    file = tmp_path_factory.mktemp("networks") / "cpnet.bin"
+    file.write_bytes(cpnet_file(network))
+    return network, file
+
+
+def test_cpnet_is_torchs(found, monkeypatch, one_thread):
+    network, file = found
+    monkeypatch.setattr(cpnet, "INSIDE", (1e-8, 300))  # the browser's looks are at the exact map
+    for asked, answer in zip(problems(), run_engine("cpnet", file=str(file), problems=problems())):
+        weights = Weights(*(asked[name] for name in ("alpha", "beta", "gamma")))
+        given = network.tensors(numbers(asked["moving"]), numbers(asked["target"]), weights)
+        with torch.no_grad():
+            nu = network.grid.with_centre(network(*given, asked["looks"]))[0].numpy()
+        assert abs(numbers(answer) - nu).max() < 1e-3 * abs(nu).max()
+
+
+def test_plain_layers_are_those_of_webassembly(found):
+    some = problems()[:2]
+    plain, fast = (run_engine("cpnet", plain=plain, file=str(found[1]), problems=some) for plain in (True, False))
+    for one, other in zip(plain, fast):
+        assert abs(numbers(one) - numbers(other)).max() < 1e-5 * abs(numbers(one)).max()
+
+
+def test_dbsnet_is_torchs(tmp_path, one_thread):
+    network, rng, made = halved(load("dbsnet")), np.random.default_rng(2), []
+    centres = network.pixels
+    for largest in (0.2, 0.4, 0.6):
+        a, b = rng.uniform(1, 4, 2)
+        made.append(largest * np.sin(a * centres.real + b) * np.exp(1j * b * centres.imag))
+    file = tmp_path / "dbsnet.bin"
+    file.write_bytes(dbsnet_file(network))
+    answers = run_engine("dbsnet", file=str(file), coefficients=[pairs(mu) for mu in made])
+    for mu, answer in zip(made, answers):
+        with torch.no_grad():
+            f = network(torch.from_numpy(mu).to(network.z)[None])[0].numpy()
+        assert abs(numbers(answer) - f).max() < 1e-4
+
+
+def test_explorables_start_where_python_says():
+    states = run_engine("initial", pages=[live.page for live in EXPLORABLES])
+    assert states == [json.loads(json.dumps(dict(live.initial))) for live in EXPLORABLES]
+
+
+def test_nothing_of_a_network_stands_in_the_modules():
+    """A network of other sizes needs no change: they come from the file."""
+    text = "".join((MODULES / name).read_text() for name in ("unet.js", "born.js", "cpnet.js", "dbsnet.js"))
+    assert not any(f" {number}" in text for number in (24, 48, 72, 144, 512))
