@@ -29,7 +29,7 @@ def screenshot(result, control, registered):
 def main():
     require_renderer()
     moving, control = qc.mirror(qc.fsaverage5("right")), qc.fsaverage5("left")
-    result = qc.register(moving, control, qc.demo_landmarks(), progress=True)
+    result = qc.register(moving, control, qc.demo_landmarks(), features=None, progress=True)
     figure = Figure(figsize=(11, 7.4), dpi=110)
     grid = figure.add_gridspec(
         2, 4, left=0.01, right=0.94, bottom=0.05, top=0.93, wspace=0.04, hspace=0.1, height_ratios=(1.35, 1)
