@@ -16,7 +16,7 @@ from pathlib import Path
 
 from .cells import drawn
 
-MODULES = Path(__file__).resolve().parents[2] / "book" / "_assets" / "live"
+MODULES = Path(__file__).with_name("browser")  # in a checkout a link to book/_assets/live
 IMPORT = re.compile(r'from "\./([\w.]+)"')
 JOINED = """const sources = %s;
 const address = {};
@@ -42,7 +42,7 @@ NOTE = (
 def modules():
     """The texts of the browser modules that a widget needs, name -> text, each after those that it imports."""
     if not MODULES.exists():
-        raise FileNotFoundError(f"no explorables in {MODULES}: they come with the book; install from a clone of it")
+        raise FileNotFoundError(f"no explorables in {MODULES}, a link to book/_assets/live; install the package again")
     found = {}
 
     def add(name):
