@@ -217,7 +217,8 @@ def _edge_distances(corners, points):
 
 
 def _barycentric(corners, points):
-    weights = np.maximum(_edge_distances(corners, points), 0)  # rounding, at an edge
+    weights = _edge_distances(corners, points)
+    weights = np.maximum(weights * np.sign(weights.sum(1, keepdims=True)), 0)  # a face turned over; rounding at an edge
     return weights / weights.sum(1, keepdims=True)
 
 

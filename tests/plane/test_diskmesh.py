@@ -186,3 +186,10 @@ def test_a_lookup_finds_the_same_faces_from_a_guess(shift):
     guess, _ = lookup(before)
     for found, expected in zip(lookup(points, guess), locate(z, faces, points)):
         np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_places_in_a_face_turned_over_have_weights_too():
+    z, faces = polar_disk(6, 18)
+    face, weights = locate(z, faces[:, ::-1], [0.3 + 0.1j, -0.55j])
+    np.testing.assert_allclose((z[faces[:, ::-1][face]] * weights).sum(1), [0.3 + 0.1j, -0.55j], atol=1e-15)
+    assert weights.min() >= 0

@@ -88,6 +88,7 @@ def test_what_is_moved_is_seen_by_python(mobius):
     mobius.page.keyboard.press("End")
     mobius.wait_for(f"{ROOT} [role=status]", "θ = 180°")
     canvas = mobius.page.locator(f"{ROOT} canvas").first
+    canvas.scroll_into_view_if_needed()
     box = canvas.bounding_box()
     centre, radius = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2), box["width"] * 150 / 320
     mobius.page.mouse.move(centre[0], centre[1] - 0.7 * radius)

@@ -13,7 +13,7 @@ from explorables import (
     without_scripts,
 )
 from places import SITE
-from test_accessible import findings
+from view import axe_findings
 
 import qclearn as qc
 from qclearn.pages.explorables import Mu
@@ -99,4 +99,4 @@ def test_nothing_complains_and_nothing_comes_from_elsewhere(view):
 
 
 def test_it_is_accessible(view):
-    assert findings(view.page) == []
+    assert axe_findings(view.page) == []

@@ -16,7 +16,7 @@ from explorables import (
 )
 from places import SITE
 from reference import fit_in_steps, pairs
-from test_accessible import findings
+from view import axe_findings
 
 from qclearn.pages.explorables import Tuner
 from qclearn.pages.widgets import network_fit
@@ -193,6 +193,6 @@ def test_nothing_complains_and_nothing_comes_from_elsewhere(view):
 
 def test_it_is_accessible(browser, site_address):
     view = View(browser, site_address, PAGE, NAME, width=390)
-    assert findings(view.page) == []
+    assert axe_findings(view.page) == []
     assert view.page.evaluate("() => document.documentElement.scrollWidth <= innerWidth")
     view.page.close()
