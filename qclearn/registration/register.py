@@ -17,7 +17,7 @@ from .checked import TOLERANCE, bijective_fit, gamma_words, predicted, refined, 
 from .features import FOLDS, Features, check_features
 from .landmarkfile import check_curves, held_apart
 from .preparation import Sides, conformal, lay_upon, sampled
-from .problem import LandmarkError, Weights, is_finite
+from .problem import LandmarkError, Weights
 from .report import report_of
 from .transfer import lift
 
@@ -211,9 +211,10 @@ def check_method(method, sliding, tolerance):
 
 def check_delta(delta, features):
     """The weight of the features: delta, or 0 without any; LandmarkError where it would give them none."""
+    Weights(delta=delta)
     if features is None:
         return 0.0
-    if is_finite(delta) and delta == 0:
+    if delta == 0:
         raise LandmarkError("delta = 0: the features would take no part; give 0.1 to 1, or features=None")
     return delta
 

@@ -133,6 +133,8 @@ def test_the_networks_answer_is_where_the_features_begin(monkeypatch):
 REFUSED = [
     ({"features": FEATURES, "delta": 0}, LandmarkError, "delta = 0: the features would take no part"),
     ({"features": FEATURES, "delta": -1.0}, LandmarkError, "delta = -1.0: must be finite and not negative"),
+    ({"features": None, "delta": -1.0}, LandmarkError, "delta = -1.0: must be finite and not negative"),
+    ({"features": None, "delta": "x"}, LandmarkError, "delta = 'x': must be finite and not negative"),
     ({"features": ["sulc"]}, FeatureError, "unknown feature 'sulc'"),
     ({"features": [(FOLDS[0], FOLDS[0][1:])]}, FeatureError, "feature 1, control side: shape"),
     ({"hold_out": ["spoke 7"]}, LandmarkError, "no curve is called 'spoke 7'.*'spoke 0', 'spoke 1', 'spoke 2'"),
