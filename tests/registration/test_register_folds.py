@@ -117,7 +117,11 @@ def test_the_networks_answer_is_where_the_features_begin(monkeypatch):
     seen, mu = [], np.full(len(MOVING.faces), 0.1 + 0.05j)
     gamma = {"gamma_used": lambda weights: weights.gamma}
     blocks = SimpleNamespace(detect=detect_curves, predict=lambda *_, **__: mu, **gamma)
-    monkeypatch.setattr(sys.modules["qclearn.registration.register"], "load", lambda name: blocks)
+    loaded, counts = [], []
+    pipeline = sys.modules["qclearn.registration.register"]
+    monkeypatch.setattr(pipeline, "load", lambda name: loaded.append(name) or blocks)
+    made = pipeline.Stages.__init__
+    monkeypatch.setattr(pipeline.Stages, "__init__", lambda self, *given: counts.append(given[0]) or made(self, *given))
 
     def fit(problem, weights, features, start):
         seen.append(start)
@@ -125,7 +129,8 @@ def test_the_networks_answer_is_where_the_features_begin(monkeypatch):
 
     monkeypatch.setattr("qclearn.registration.checked.fit_registration", fit)
     result = register(MOVING, CONTROL, entries(0), "network", gamma=1e2, features=FEATURES, delta=1.0)
-    assert seen[0] is mu and off(result) < 0.03
+    assert seen[0] is mu and off(result) < 0.03 and loaded == ["ldnet", "cpnet"]
+    assert counts == [len(result.report["seconds"]) - 1] and "tolerance" not in result.report
     with pytest.raises(LandmarkError, match="method 'network' needs landmarks"):
         register(MOVING, CONTROL, [], "network", features=FEATURES)
 
@@ -135,6 +140,7 @@ REFUSED = [
     ({"features": FEATURES, "delta": -1.0}, LandmarkError, "delta = -1.0: must be finite and not negative"),
     ({"features": None, "delta": -1.0}, LandmarkError, "delta = -1.0: must be finite and not negative"),
     ({"features": None, "delta": "x"}, LandmarkError, "delta = 'x': must be finite and not negative"),
+    ({"method": "network", "tolerance": 1e-3}, ValueError, "tolerance belongs to .*by landmarks alone"),
     ({"features": ["sulc"]}, FeatureError, "unknown feature 'sulc'"),
     ({"features": [(FOLDS[0], FOLDS[0][1:])]}, FeatureError, "feature 1, control side: shape"),
     ({"hold_out": ["spoke 7"]}, LandmarkError, "no curve is called 'spoke 7'.*'spoke 0', 'spoke 1', 'spoke 2'"),
