@@ -259,6 +259,7 @@ def test_registration_without_landmarks(folder, capsys):
     "options, message",
     [
         (["--feature", "depth", "depth", "--no-features"], "--feature and --no-features exclude each other"),
+        (["--delta", "0.3", "--no-features"], "--delta and --no-features exclude each other"),
         (["--feature", "thick.npy", "thick.npy"], "thick.npy, moving side: shape"),
         (["--feature", "thick.npy", "absent.npy"], "absent.npy"),
         (["--feature", "depth", "depth", "--delta", "-1"], "delta = -1.0: must be finite"),

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import click
 import numpy as np
+from click.core import ParameterSource
 
 import qclearn as qc
 
@@ -102,8 +103,10 @@ def demo(out, accept_suspect):
 
 def given_features(files, none):
     """The features of the options --feature and --no-features, for `qc.register`; by default the folds."""
-    if files and none:
-        raise FeatureError("--feature and --no-features exclude each other; drop one")
+    delta = click.get_current_context().get_parameter_source("delta") is ParameterSource.COMMANDLINE
+    for option, used in (("--feature", files), ("--delta", delta)):
+        if used and none:
+            raise FeatureError(f"{option} and --no-features exclude each other; drop one")
     return None if none else [given_feature(*pair) for pair in files] or FOLDS
 
 

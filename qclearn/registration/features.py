@@ -72,7 +72,7 @@ class Smoothing:
     def __init__(self, surface, values):
         self.mass, self.stiffness = surface.vertex_areas, cotangent_stiffness(surface.vertices, surface.faces)
         self.areas, self.unit = self.mass / surface.area, np.sqrt(surface.area / HEMISPHERE)
-        self.values, self.kept = clipped(values, self.areas, OUTLIERS), {}
+        self.values, self.kept = clipped(scaled(values), self.areas, OUTLIERS), {}
 
     def at(self, sigma):
         """The smoothed values, outliers clipped, standardised; kept."""
@@ -94,6 +94,11 @@ def standardised(values, areas):
     values = values - areas @ values
     deviation = np.sqrt(areas @ values**2)
     return np.divide(values, deviation, out=np.zeros_like(values), where=deviation > 0)
+
+
+def scaled(values):
+    """Values (V, C), not all 0, with 1 as the largest size of each map: their squares neither vanish nor overflow."""
+    return values / abs(values).max(0)
 
 
 def clipped(values, areas, limit):
@@ -164,4 +169,8 @@ def check_values(feature, side, surface):
         raise FeatureError(f"{name}: not finite at vertices {unknown[:5].tolist()}; fill them in first")
     if not np.ptp(values) > 1e-9 * abs(values).max():
         raise FeatureError(f"{name}: the same value everywhere, {values[0]:g}; leave this feature out")
-    return values.astype(float)
+    values = values.astype(float)
+    core = clipped(scaled(values[:, None]), surface.vertex_areas / surface.area, OUTLIERS)
+    if not np.ptp(core) > 1e-9:
+        raise FeatureError(f"{name}: the same value everywhere but for outliers; leave it out")
+    return values

@@ -54,13 +54,19 @@ def fit_registration(problem, weights, features, start=None, watch=None, levels=
         steps.append(taken)
     fit = report_fit(engine, state, tuple(steps))
     plain = engine.mobius_alone(problem.mobius)
-    if engine.objective(state, weights.gamma) > (1 + ROUNDING) * engine.objective(plain, weights.gamma):
-        fit = report_fit(engine, plain, tuple(steps))
-        word = "the fit ended above the best Möbius map: that map is returned"
-        fit = replace(fit, fallbacks=(*fit.fallbacks, word))
+    if not engine.objective(state, weights.gamma) <= (1 + ROUNDING) * engine.objective(plain, weights.gamma):
+        fit = instead(fit, report_fit(engine, plain, tuple(steps)))
     words = [f"delta = {weights.delta:g} overfits: choose it by held-out curves"] * (weights.delta > OVERFITS)
     r = np.transpose([features.correlation(plain.f), features.correlation(fit.f)]).tolist()
     return replace(fit, fallbacks=(*fit.fallbacks, *words), r=dict(zip(features.names, r)))
+
+
+def instead(fit, plain):
+    """What takes the place of a fit that ended above the best Möbius map: that map, unless it alone folds the mesh."""
+    word = "the fit ended above the best Möbius map: "
+    if plain.bijective or not fit.bijective:
+        return replace(plain, fallbacks=(*plain.fallbacks, word + "that map is returned"))
+    return replace(fit, fallbacks=(*fit.fallbacks, word + "kept, as that map folds the mesh"))
 
 
 def engine_of(level, problem, weights, features):

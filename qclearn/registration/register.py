@@ -17,11 +17,11 @@ from .checked import TOLERANCE, bijective_fit, gamma_words, predicted, refined, 
 from .features import FOLDS, Features, check_features
 from .landmarkfile import check_curves, held_apart
 from .preparation import Sides, conformal, lay_upon, sampled
-from .problem import LandmarkError, Weights, is_finite
+from .problem import LandmarkError, Weights
 from .report import report_of
 from .transfer import lift
 
-STAGES = {"exact": 5, "network": 9}
+STAGES = {"exact": (5, 6), "network": (9, 8)}  # how many run without and with features
 
 
 @dataclass(frozen=True)
@@ -119,13 +119,13 @@ def register(
     Errors: SurfaceError, LandmarkError, FeatureError; BijectivityError if no bijective map was found at any gamma;
     ImportError if the networks are asked for and torch is not installed.
     """
-    tolerance = check_method(method, sliding, tolerance)
+    tolerance = check_method(method, sliding, tolerance, features)
     weights = Weights(alpha, beta, gamma, check_delta(delta, features))
     sides = given_sides(moving, control, curves, features, hold_out)
-    stages, networks = Stages(STAGES[method] + (features is not None), progress), {}
+    stages, networks = Stages(STAGES[method][features is not None], progress), {}
     if method == "network":
         with stages("load"):
-            networks = load_networks(sides, weights)
+            networks = load_networks(sides, weights, ["ldnet", "cpnet", *["dbsnet"] * (features is None)])
     lay_out(sides, features, stages)
     with stages("detect"):
         lay_upon(sides)
@@ -138,7 +138,7 @@ def register(
     with stages("pull_back"):
         points = lift(control, sides.z_control, fit.f)
         found = report_of(sides, landmarks, weights, fit, points)
-    asked = {"method": method, **({"tolerance": finite_or_none(tolerance)} if networks else {})}
+    asked = {"method": method, **({"tolerance": finite_or_none(tolerance)} if networks and features is None else {})}
     report = {**found, "seconds": stages.report(), **asked}
     disks = sides.z_moving, sides.z_control
     return Registration(points, fit.f, fit.mu, report, *disks, landmarks.lines, moving.faces, control.faces)
@@ -155,11 +155,11 @@ def given_sides(moving, control, curves, features, hold_out):
     return Sides(moving, control, entries, held)
 
 
-def load_networks(sides, weights):
-    """The three networks by name; LandmarkError without landmarks."""
+def load_networks(sides, weights, names):
+    """The networks of these names, dict; LandmarkError without landmarks."""
     if not sides.entries:
         raise LandmarkError("method 'network' needs landmarks: CP-Net knows nothing else; give method 'exact'")
-    networks = {name: load(name) for name in ("ldnet", "cpnet", "dbsnet")}
+    networks = {name: load(name) for name in names}
     sides.words += gamma_words(networks["cpnet"], weights)
     return networks
 
@@ -192,14 +192,19 @@ def fit_by_networks(networks, sides, problem, weights, tolerance, stages):
         return refined(problem, weights, mu, fit, tolerance)
 
 
-def check_method(method, sliding, tolerance):
-    """The tolerance to use, or ValueError where method, sliding and tolerance do not go together."""
+def check_method(method, sliding, tolerance, features):
+    """The tolerance to use, or ValueError where method, sliding, tolerance and features do not go together."""
     if method not in STAGES:
         raise ValueError(f"unknown method {method!r}; this version has: {', '.join(STAGES)}")
     if method == "exact" and tolerance is not None:
         raise ValueError(
             "tolerance belongs to method 'network'; the exact fit steps until it settles: raise gamma for "
             "a smaller landmark error"
+        )
+    if features is not None and tolerance is not None:
+        raise ValueError(
+            "tolerance belongs to the networks' map by landmarks alone; with features the fit steps until it settles: "
+            "drop one of the two"
         )
     if method == "network" and sliding:
         raise ValueError("sliding belongs to method 'exact': CP-Net takes points to points")
@@ -211,9 +216,10 @@ def check_method(method, sliding, tolerance):
 
 def check_delta(delta, features):
     """The weight of the features: delta, or 0 without any; LandmarkError where it would give them none."""
+    Weights(delta=delta)
     if features is None:
         return 0.0
-    if is_finite(delta) and delta == 0:
+    if delta == 0:
         raise LandmarkError("delta = 0: the features would take no part; give 0.1 to 1, or features=None")
     return delta
 

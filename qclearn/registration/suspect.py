@@ -72,13 +72,15 @@ def disagreeing(features, f):
     if against:
         yield (
             f"features: {listed(against)} of the two sides {'are' if len(against) > 1 else 'is'} of opposite sign "
-            f"(r = {min(r.values()):.2f}); negate one side: FreeSurfer's sulc and curv are the negative of ours"
+            f"(r = {min(r.values()):.2f}); negate one side (FreeSurfer's curv is the negative of ours, "
+            "its sulc is not)"
         )
     if hardly:
         yield (
             f"features: {listed(hardly)} of the two sides hardly {'agree' if len(hardly) > 1 else 'agrees'} (r = "
             f"{min(abs(r[name]) for name in hardly):.2f} at {COARSEST:g} mm after the best Möbius map); check that "
-            "both show the same thing, that a noisy surface is smoothed first, or give a landmark curve or two"
+            "both show the same thing, that a noisy surface is smoothed first, or give a landmark curve or two, or "
+            "negate one side"
         )
 
 

@@ -50,6 +50,13 @@ def test_features_are_standardised_by_area_and_know_no_units():
         np.testing.assert_allclose(side, again, atol=1e-8)
 
 
+@pytest.mark.parametrize("scale", [1e-200, 1e200])
+def test_any_scale_will_do(scale):
+    u = waves(Z)[0]
+    pair = Features(flat(), flat(), Z, check_features([(scale * u, u)], flat(), flat()))
+    assert pair.correlation(Z)[0] == pytest.approx(1)
+
+
 def test_outliers_are_clipped():
     values = waves(Z)[0].copy()
     values[[5, 900]] = [1e4, -1e4]
@@ -98,7 +105,11 @@ def test_maps_of_the_users_own_with_and_without_weights():
 
 ONE = waves(Z)[0]
 HOLE = np.where(np.arange(len(Z)) == 7, np.nan, ONE)
+SPIKE = 0.3 + 1.0 * (np.arange(len(Z)) == 900)
+MASK = 1.0 * (np.arange(len(Z)) < len(Z) // 200)
 BAD_FEATURES = [
+    ([(ONE, SPIKE)], "feature 1, control side: the same value everywhere but for outliers; leave it out"),
+    ([(MASK, ONE)], "feature 1, moving side: the same value everywhere but for outliers; leave it out"),
     ([("wave", ONE)], "^feature 1, moving side: values of type <U4"),
     (["sulc"], "unknown feature 'sulc': depth and curvature are computed"),
     ("depth", "features are 'depth': give a list"),

@@ -1,5 +1,7 @@
 """Registration by features: the derivative and the step against brute force, and maps that must be found again."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import sparse
@@ -12,7 +14,7 @@ from qclearn.registration.dense import Dense
 from qclearn.registration.engine import GaussNewton
 from qclearn.registration.features import Feature, Features
 from qclearn.registration.fit import fit_problem
-from qclearn.registration.hybrid import Level, fit_registration
+from qclearn.registration.hybrid import Level, fit_registration, instead
 from qclearn.registration.normal import NormalEquations
 from qclearn.registration.problem import LandmarkError, Problem, Weights
 from qclearn.registration.search import mobius_by_features
@@ -151,6 +153,21 @@ def test_a_fit_above_the_best_mobius_map_is_not_returned():
     )
     np.testing.assert_allclose(fit.f, MOVING[0], atol=1e-12)
     assert fit.fallbacks == ("the fit ended above the best Möbius map: that map is returned",)
+
+
+def test_an_objective_that_is_no_number_is_not_below(monkeypatch):
+    monkeypatch.setattr("qclearn.registration.engine.SurfaceGaussNewton.objective", lambda *_: np.nan)
+    levels = [Level(8, 4.0, 0, True)]
+    fit = fit_registration(no_landmarks(*MOVING), Weights(delta=0.3), features_of(TWIST), levels=levels)
+    assert fit.fallbacks == ("the fit ended above the best Möbius map: that map is returned",)
+
+
+@pytest.mark.parametrize("plain, fitted, words", [(1, 1, "that"), (0, 0, "that"), (1, 0, "that"), (0, 1, "kept")])
+def test_a_mobius_map_that_alone_folds_the_mesh_is_not_returned(twisted, plain, fitted, words):
+    mobius_map, fit = replace(twisted, bijective=bool(plain)), replace(twisted, bijective=bool(fitted))
+    found = instead(fit, mobius_map)
+    assert found.bijective == bool(plain or fitted)
+    assert found.fallbacks[-1].startswith(f"the fit ended above the best Möbius map: {words}")
 
 
 def test_a_large_delta_is_told():

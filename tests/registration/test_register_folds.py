@@ -14,6 +14,7 @@ from qclearn.plane.bijectivity import BijectivityError
 from qclearn.plane.diskmesh import polar_disk
 from qclearn.registration.features import Feature, FeatureError
 from qclearn.registration.hybrid import fit_registration
+from qclearn.registration.landmarkfile import held_apart
 from qclearn.registration.landmarks import detect_curves
 from qclearn.registration.problem import LandmarkError
 from qclearn.registration.register import register
@@ -81,8 +82,8 @@ def test_without_landmarks_features_alone_register():
 @pytest.mark.parametrize(
     "features, words",
     [
-        ([Feature("sulc", FOLDS[0], -FOLDS[0])], "features: 'sulc' of the two sides is of opposite sign .*negate one"),
-        ([Feature("sulc", *FOLDS)], "features: 'sulc' of the two sides hardly agrees .*give a landmark curve"),
+        ([Feature("sulc", FOLDS[0], -FOLDS[0])], "features: .sulc. .*is of opposite sign .*its sulc is not"),
+        ([Feature("sulc", *FOLDS)], "features: 'sulc' of the two sides hardly agrees .*landmark curve.*negate"),
     ],
 )
 def test_features_that_do_not_agree_make_it_suspect(features, words):
@@ -117,7 +118,11 @@ def test_the_networks_answer_is_where_the_features_begin(monkeypatch):
     seen, mu = [], np.full(len(MOVING.faces), 0.1 + 0.05j)
     gamma = {"gamma_used": lambda weights: weights.gamma}
     blocks = SimpleNamespace(detect=detect_curves, predict=lambda *_, **__: mu, **gamma)
-    monkeypatch.setattr(sys.modules["qclearn.registration.register"], "load", lambda name: blocks)
+    loaded, counts = [], []
+    pipeline = sys.modules["qclearn.registration.register"]
+    monkeypatch.setattr(pipeline, "load", lambda name: loaded.append(name) or blocks)
+    made = pipeline.Stages.__init__
+    monkeypatch.setattr(pipeline.Stages, "__init__", lambda self, *given: counts.append(given[0]) or made(self, *given))
 
     def fit(problem, weights, features, start):
         seen.append(start)
@@ -125,7 +130,8 @@ def test_the_networks_answer_is_where_the_features_begin(monkeypatch):
 
     monkeypatch.setattr("qclearn.registration.checked.fit_registration", fit)
     result = register(MOVING, CONTROL, entries(0), "network", gamma=1e2, features=FEATURES, delta=1.0)
-    assert seen[0] is mu and off(result) < 0.03
+    assert seen[0] is mu and off(result) < 0.03 and loaded == ["ldnet", "cpnet"]
+    assert counts == [len(result.report["seconds"]) - 1] and "tolerance" not in result.report
     with pytest.raises(LandmarkError, match="method 'network' needs landmarks"):
         register(MOVING, CONTROL, [], "network", features=FEATURES)
 
@@ -133,6 +139,9 @@ def test_the_networks_answer_is_where_the_features_begin(monkeypatch):
 REFUSED = [
     ({"features": FEATURES, "delta": 0}, LandmarkError, "delta = 0: the features would take no part"),
     ({"features": FEATURES, "delta": -1.0}, LandmarkError, "delta = -1.0: must be finite and not negative"),
+    ({"features": None, "delta": -1.0}, LandmarkError, "delta = -1.0: must be finite and not negative"),
+    ({"features": None, "delta": "x"}, LandmarkError, "delta = 'x': must be finite and not negative"),
+    ({"method": "network", "tolerance": 1e-3}, ValueError, "tolerance belongs to .*by landmarks alone"),
     ({"features": ["sulc"]}, FeatureError, "unknown feature 'sulc'"),
     ({"features": [(FOLDS[0], FOLDS[0][1:])]}, FeatureError, "feature 1, control side: shape"),
     ({"hold_out": ["spoke 7"]}, LandmarkError, "no curve is called 'spoke 7'.*'spoke 0', 'spoke 1', 'spoke 2'"),
@@ -154,6 +163,19 @@ def test_neither_landmarks_nor_features_is_refused():
 def test_folds_lead_unless_they_are_told_not_to():
     report = register(MOVING, CONTROL, entries(0), gamma=1e2).report
     assert list(report["features"]) == list(report["r"]) == ["depth", "curvature"] and report["delta"] == 0.3
+
+
+@pytest.mark.parametrize("names", [None, 5, [1, "a"], [["a"]]])
+def test_names_to_hold_out_are_text(names):
+    with pytest.raises(LandmarkError, match="hold_out is .*: give a list of names of curves"):
+        held_apart([], names)
+
+
+def test_curves_are_held_apart_by_their_names_alone():
+    """Arrays of one shape, which have no truth value; and a text is one name."""
+    given = [{"name": name, "hold_out": False, "moving": np.arange(3)} for name in "abc"]
+    fitted, held = held_apart(given, "b")
+    assert [entry["name"] for entry in fitted] == ["a", "c"] and held == [given[1]]
 
 
 def test_hold_out_is_true_or_false():
