@@ -65,6 +65,8 @@ def held_apart(entries, names):
     """Checked curves as (to be fitted, held out): held out are those of these names and those whose entry says so."""
     if isinstance(names, str):
         names = [names]
+    if not isinstance(names, (list, tuple, set)) or not all(isinstance(name, str) for name in names):
+        raise LandmarkError(f"hold_out is {names!r:.60}: give a list of names of curves")
     unknown = sorted(set(names) - {entry["name"] for entry in entries})
     if unknown:
         raise LandmarkError(
@@ -72,7 +74,8 @@ def held_apart(entries, names):
             f"{', '.join(repr(entry['name']) for entry in entries) or 'none'}"
         )
     held = [entry for entry in entries if entry["hold_out"] or entry["name"] in names]
-    return [entry for entry in entries if entry not in held], held
+    apart = {entry["name"] for entry in held}
+    return [entry for entry in entries if entry["name"] not in apart], held
 
 
 def check_surfaces(stated, moving, control):

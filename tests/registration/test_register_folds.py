@@ -14,6 +14,7 @@ from qclearn.plane.bijectivity import BijectivityError
 from qclearn.plane.diskmesh import polar_disk
 from qclearn.registration.features import Feature, FeatureError
 from qclearn.registration.hybrid import fit_registration
+from qclearn.registration.landmarkfile import held_apart
 from qclearn.registration.landmarks import detect_curves
 from qclearn.registration.problem import LandmarkError
 from qclearn.registration.register import register
@@ -162,6 +163,19 @@ def test_neither_landmarks_nor_features_is_refused():
 def test_folds_lead_unless_they_are_told_not_to():
     report = register(MOVING, CONTROL, entries(0), gamma=1e2).report
     assert list(report["features"]) == list(report["r"]) == ["depth", "curvature"] and report["delta"] == 0.3
+
+
+@pytest.mark.parametrize("names", [None, 5, [1, "a"], [["a"]]])
+def test_names_to_hold_out_are_text(names):
+    with pytest.raises(LandmarkError, match="hold_out is .*: give a list of names of curves"):
+        held_apart([], names)
+
+
+def test_curves_are_held_apart_by_their_names_alone():
+    """Arrays of one shape, which have no truth value; and a text is one name."""
+    given = [{"name": name, "hold_out": False, "moving": np.arange(3)} for name in "abc"]
+    fitted, held = held_apart(given, "b")
+    assert [entry["name"] for entry in fitted] == ["a", "c"] and held == [given[1]]
 
 
 def test_hold_out_is_true_or_false():
