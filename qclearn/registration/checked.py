@@ -77,9 +77,10 @@ def bijective_fit(problem, weights, start=None, enough=0.0, features=None):
             words = [f"{name} lowered to {getattr(rung, name):g}" for name in lowered]
             return replace(fit, fallbacks=(*fit.fallbacks, *words))
     found = f"gamma = {rung.gamma:g}" if len(problem.moving) else f"delta = {rung.delta:g}"
+    advice = "no two curves cross or are swapped" if len(problem.moving) else "the features of both sides agree"
     raise BijectivityError(
         f"no bijective map for these {'landmarks' if len(problem.moving) else 'features'} down to {found} "
-        f"({len(fit.flipped)} faces flipped); check that no two curves cross or are swapped"
+        f"({len(fit.flipped)} faces flipped); check that {advice}"
     )
 
 

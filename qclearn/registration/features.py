@@ -135,6 +135,8 @@ def _feature(number, given, moving, control):
         if not isinstance(given, (list, tuple)) or len(given) != 2:
             raise FeatureError(f"feature {number} is neither a name nor a pair of maps, one a side: {given!r:.60}")
         given = Feature(f"feature {number}", *given)
+    if not isinstance(given.name, str):
+        raise FeatureError(f"feature {number}: its name {given.name!r} is not text")
     weight = given.weight if weight is None else weight
     if not (isinstance(weight, (int, float, np.integer, np.floating)) and np.isfinite(weight) and weight > 0):
         raise FeatureError(f"{given.name}: weight {weight!r} is not positive and finite")
@@ -143,8 +145,10 @@ def _feature(number, given, moving, control):
 
 
 def _has_weight(given):
-    pair = isinstance(given, (list, tuple)) and len(given) == 2
-    return pair and np.ndim(given[1]) == 0 and isinstance(given[0], (str, list, tuple, Feature))
+    if not (isinstance(given, (list, tuple)) and len(given) == 2):
+        return False
+    number = isinstance(given[1], str) or not hasattr(given[1], "__len__")
+    return number and isinstance(given[0], (str, list, tuple, Feature))
 
 
 def check_values(feature, side, surface):

@@ -15,6 +15,7 @@ from .dense import Dense
 from .engine import GaussNewton, SurfaceGaussNewton
 from .features import FINEST
 from .fit import POWER, ROUNDING, report_fit, rings_for, start_field
+from .problem import LandmarkError
 
 
 class Level(NamedTuple):
@@ -43,6 +44,8 @@ def fit_registration(problem, weights, features, start=None, watch=None, levels=
     features' correlations. start: mu (F,) on the faces to begin from; watch() is called before each step and may raise
     to stop it. A problem without landmarks begins at the identity: align its disk by features first.
     """
+    if not weights.delta > 0:
+        raise LandmarkError(f"delta = {weights.delta:g}: the features would take no part; give 0.1 to 1")
     engine = state = None
     steps = []
     for level in levels:

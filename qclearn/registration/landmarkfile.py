@@ -66,7 +66,7 @@ def held_apart(entries, names):
     if isinstance(names, str):
         names = [names]
     if not isinstance(names, (list, tuple, set)) or not all(isinstance(name, str) for name in names):
-        raise LandmarkError(f"hold_out is {str(names):.60}: give a list of names of curves")
+        raise LandmarkError(f"hold_out is {names!r:.60}: give a list of names of curves")
     unknown = sorted(set(names) - {entry["name"] for entry in entries})
     if unknown:
         raise LandmarkError(

@@ -170,6 +170,11 @@ def test_a_mobius_map_that_alone_folds_the_mesh_is_not_returned(twisted, plain, 
     assert found.fallbacks[-1].startswith(f"the fit ended above the best Möbius map: {words}")
 
 
+def test_features_without_weight_are_refused():
+    with pytest.raises(LandmarkError, match="delta = 0: the features would take no part"):
+        fit_registration(no_landmarks(*MOVING), Weights(), features_of(TWIST))
+
+
 def test_a_large_delta_is_told():
     fit = fit_registration(
         no_landmarks(*MOVING), Weights(delta=11.0), features_of(TWIST), levels=[Level(8, 16.0, 1, True)]

@@ -110,7 +110,7 @@ def test_features_that_fold_at_every_delta_are_refused(monkeypatch):
         return SimpleNamespace(bijective=False, flipped=np.array([7]))
 
     monkeypatch.setattr("qclearn.registration.checked.fit_registration", folding)
-    with pytest.raises(BijectivityError, match="for these features down to delta = 0.00390625"):
+    with pytest.raises(BijectivityError, match="for these features down to delta = 0.00390625 .*the features of both"):
         register(MOVING, CONTROL, [], features=FEATURES, delta=1.0)
 
 
