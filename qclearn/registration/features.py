@@ -12,6 +12,7 @@ from scipy import sparse
 from ..plane.beltrami import cotangent_stiffness, factorise
 from ..plane.diskmesh import Lookup, interpolate
 from ..surfaces.curvature import mean_curvature, sulcal_depth
+from ..surfaces.surface import SurfaceError
 
 FOLDS = ("depth", "curvature")  # the features that a surface has by itself
 OUTLIERS, SMOOTH_OUTLIERS = 2.5, 3.0  # standard deviations to which a map is clipped, before and after it is smoothed
@@ -21,7 +22,7 @@ FINEST = 4.0  # the scale at which features are compared in reports
 HEMISPHERE = 9e4  # mm^2: of a surface on which a scale is in mm; on others in proportion, whatever their unit
 
 
-class FeatureError(ValueError):
+class FeatureError(SurfaceError):
     """A per-vertex map that cannot lead a registration: says which, on which side, and what to do."""
 
 
