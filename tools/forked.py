@@ -11,6 +11,7 @@ from collections import Counter
 
 def forked(work, answer, seconds, addresses):
     """What `work()` returns, (verdict, text), by way of the file `answer`; ("hang", "") or ("crash", "") without it."""
+    answer.unlink(missing_ok=True)  # an earlier case's
     child = os.fork()
     if not child:
         os.setsid()

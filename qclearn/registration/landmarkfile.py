@@ -12,6 +12,8 @@ from .landmarks import check_path
 from .problem import LandmarkError
 
 CURVE_KEYS = {"name", "moving", "control", "detect", "hold_out"}
+# Lists and objects. Where a program has raised Python's limit of recursion, json.loads goes on until the stack ends.
+MOST_NESTED = 64
 SIDES = {"moving": "control", "control": "moving"}  # each side and the other
 
 
@@ -19,11 +21,13 @@ def read_landmarks(path):
     """The contents of a landmarks file; LandmarkError, naming it, if it cannot be read, is not JSON, or has a curve
     whose name is long or holds control characters."""
     try:
-        contents = json.loads(read_bytes(Path(path)).decode("utf-8-sig"))  # Windows puts a byte order mark before it
+        data = read_bytes(Path(path))
     except SurfaceError as error:
         raise LandmarkError(str(error)) from None
-    except RecursionError:
-        raise LandmarkError(f"{path}: lists nested too deeply; see the README for the format") from None
+    if nesting(data) > MOST_NESTED:
+        raise LandmarkError(f"{path}: lists nested too deeply; see the README for the format")
+    try:
+        contents = json.loads(data.decode("utf-8-sig"))  # Windows puts a byte order mark before it
     except ValueError as error:  # also of an integer of thousands of digits
         raise LandmarkError(f"{path}: not a JSON file ({error}); see the README for the format") from None
     curves = contents.get("curves") if isinstance(contents, dict) else contents
@@ -35,6 +39,13 @@ def read_landmarks(path):
                 f"characters: {name[:40]!r}; rename it"
             )
     return contents
+
+
+def nesting(data):
+    """How deep brackets and braces of a text (bytes) are nested, those in its strings counted with the others."""
+    text = np.frombuffer(data, np.uint8)
+    opened = np.isin(text, list(b"[{")).astype(np.int64) - np.isin(text, list(b"]}"))
+    return int(opened.cumsum().max(initial=0))
 
 
 def check_curves(curves, moving, control, fewest=1):
