@@ -23,6 +23,7 @@ FEWEST_RINGS = 4  # of the polar mesh; half of them on the coarse one
 POWER = 1.4  # by which the rings of the polar meshes crowd towards the centre
 SETTLED_ON_GRID, SETTLED = 0.8, 0.92  # a step that keeps more than this share of the objective is the last one
 ROUNDING = 1e-9  # by which an objective may exceed another and count as equal
+ABOVE = "the fit ended above the best Möbius map"
 
 
 @dataclass(frozen=True)
@@ -115,13 +116,16 @@ def fit_from_mobius(engine, astray, best, watch):
     state, steps = fit_on_mesh(engine, begin, watch, damped=True)
     taken = astray.steps[0], astray.steps[1] + steps
     fit = report_fit(engine, state, taken)
-    word = "the fit ended above the best Möbius map: "
     if fit.bijective and not exceeds(engine, state, best):
-        return replace(fit, fallbacks=(*fit.fallbacks, word + f"{steps} damped steps from there"))
-    fit = report_fit(engine, engine.mobius_alone(parameters), taken)
-    if fit.bijective or not astray.bijective:
-        return replace(fit, fallbacks=(*fit.fallbacks, word + "that map is returned"))
-    return replace(astray, fallbacks=(*astray.fallbacks, word + "kept, as that map folds the mesh"))
+        return replace(fit, fallbacks=(*fit.fallbacks, f"{ABOVE}: {steps} damped steps from there"))
+    return instead(astray, report_fit(engine, engine.mobius_alone(parameters), taken))
+
+
+def instead(fit, plain):
+    """What takes the place of a fit that ended above the best Möbius map: that map, unless it alone folds the mesh."""
+    if plain.bijective or not fit.bijective:
+        return replace(plain, fallbacks=(*plain.fallbacks, f"{ABOVE}: that map is returned"))
+    return replace(fit, fallbacks=(*fit.fallbacks, f"{ABOVE}: kept, as that map folds the mesh"))
 
 
 def fit_on_grid(engine, state, gamma, watch=None):

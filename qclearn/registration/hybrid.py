@@ -14,7 +14,7 @@ from ..plane.mobius import best_mobius
 from .dense import Dense
 from .engine import GaussNewton, SurfaceGaussNewton
 from .features import FINEST
-from .fit import POWER, ROUNDING, report_fit, rings_for, start_field
+from .fit import POWER, ROUNDING, instead, report_fit, rings_for, start_field
 from .problem import LandmarkError
 
 
@@ -62,14 +62,6 @@ def fit_registration(problem, weights, features, start=None, watch=None, levels=
     words = [f"delta = {weights.delta:g} overfits: choose it by held-out curves"] * (weights.delta > OVERFITS)
     r = np.transpose([features.correlation(plain.f), features.correlation(fit.f)]).tolist()
     return replace(fit, fallbacks=(*fit.fallbacks, *words), r=dict(zip(features.names, r)))
-
-
-def instead(fit, plain):
-    """What takes the place of a fit that ended above the best Möbius map: that map, unless it alone folds the mesh."""
-    word = "the fit ended above the best Möbius map: "
-    if plain.bijective or not fit.bijective:
-        return replace(plain, fallbacks=(*plain.fallbacks, word + "that map is returned"))
-    return replace(fit, fallbacks=(*fit.fallbacks, word + "kept, as that map folds the mesh"))
 
 
 def engine_of(level, problem, weights, features):
