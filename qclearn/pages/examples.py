@@ -6,7 +6,8 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 from ..plane.beltrami import signed_areas
-from ..plane.diskmesh import polar_disk
+from ..plane.diskmesh import interpolate, locate, polar_disk
+from ..registration.features import FOLDS, Feature, Features, check_features
 from ..registration.fit import POWER
 from ..registration.landmarkfile import check_curves
 from ..registration.landmarks import fundus_metric, fundus_path, sample_curve
@@ -14,6 +15,7 @@ from ..registration.preparation import align
 from ..registration.problem import Problem
 from ..surfaces.conformal import disk_conformal_map
 from ..surfaces.curvature import AreaRadius, area_radius
+from ..surfaces.surface import Surface
 
 # CP-Net is trained for maps on this mesh. On another one the same mu gives another map: at a large gamma that
 # would hide how far the network is from the fit.
@@ -22,11 +24,13 @@ MESH = polar_disk(32, 96, POWER)
 
 @dataclass(frozen=True)
 class Example:
-    """A landmark problem on a small disk mesh and its name; radius: to draw it with where the disk would crowd it."""
+    """A landmark problem on a small disk mesh and its name; radius: to draw it with where the disk would crowd it;
+    features: of the surfaces that it was taken from, if there are any."""
 
     name: str
     problem: Problem
     radius: AreaRadius | None = None
+    features: Features | None = None
 
 
 def example_problems():
@@ -43,17 +47,17 @@ def example_problems():
     ]
 
 
-def _example(name, mesh, moving, target, radius=None):
+def _example(name, mesh, moving, target, radius=None, features=None):
     labels = np.repeat(np.arange(len(moving)), [len(curve) for curve in moving])
-    return Example(name, Problem(*mesh, np.concatenate(moving), np.concatenate(target), labels), radius)
+    return Example(name, Problem(*mesh, np.concatenate(moving), np.concatenate(target), labels), radius, features)
 
 
 def cortex_problem(name, moving, control, curves, vertices=None, points=5):
-    """The landmarks of two cortical surfaces, `points` a curve, on a small disk mesh: an `Example`.
+    """The landmarks and folds of two cortical surfaces, `points` a curve, on a small disk mesh: an `Example`.
 
-    curves as in `register`, sulci between endpoints by `fundus_path`; the landmarks come from the full surfaces. The
-    mesh: the graded polar one of the examples; or, given their number, vertices spread evenly over the moving surface,
-    joined at their places in its disk (Delaunay).
+    curves as in `register`, sulci between endpoints by `fundus_path`; the landmarks come from the full surfaces, as do
+    depth and curvature. The mesh: the graded polar one of the examples; or, given their number, vertices spread evenly
+    over the moving surface, joined at their places in its disk (Delaunay).
     """
     entries = check_curves(curves, moving, control)
     z_moving, z_control = disk_conformal_map(moving), disk_conformal_map(control)
@@ -66,7 +70,16 @@ def cortex_problem(name, moving, control, curves, vertices=None, points=5):
         ]
         landmarks.append([sample_curve(surface, path, points) @ z for path in paths])
     mesh = MESH if vertices is None else joined(z_moving[spread_vertices(moving, vertices)])
-    return _example(name, mesh, *landmarks, area_radius(moving, z_moving))
+    features = folds_on(mesh, moving, z_moving, control, z_control)
+    return _example(name, mesh, *landmarks, area_radius(moving, z_moving), features)
+
+
+def folds_on(mesh, moving, z_moving, control, z_control):
+    """Depth and curvature of two surfaces, the moving ones on a small mesh (z, faces) of its disk: `Features`."""
+    places, whole = locate(z_moving, moving.faces, mesh[0]), check_features(FOLDS, moving, control)
+    small = Surface(interpolate(moving.vertices, moving.faces, *places), mesh[1])
+    maps = [Feature(one.name, interpolate(one.moving, moving.faces, *places), one.control) for one in whole]
+    return Features(small, control, z_control, maps)
 
 
 def joined(z):
