@@ -48,11 +48,14 @@ class Group:
         """Tasks: the subjects' disk maps as they are laid now."""
         return [self.submit(getattr, subject, "z") for subject in self.subjects]
 
+    def median(self):
+        """The number of the subject of median area, on whose mesh the others are averaged."""
+        return int(np.argsort([member.surface.area for member in self.members], kind="stable")[len(self.members) // 2])
+
     def lay_upon_mean(self):
         """Lay the subjects upon their mean by Möbius maps: that mean, on the mesh of the subject of median area, and
         the subjects' disk maps as `Fitted`."""
-        areas = [member.surface.area for member in self.members]
-        median = int(np.argsort(areas, kind="stable")[len(areas) // 2])
+        median = self.median()
         first = alone(self.result(self.subjects[median], self.members[median]))
         fits = [self.kept.read(0, member.key) for member in self.members]
         if all(fits):
