@@ -112,11 +112,9 @@ class Mu(Live):
         return {"map": as_pairs(solve_beltrami_disk(*self.mesh, self.coefficient(state)))}
 
     def read(self, name, state, found):
-        """mu (F,) on the faces of `mesh`; map (V,): the map that is shown."""
+        """mu (F,) on the faces of `mesh`."""
         if name == "mu":
             return self.coefficient(state)
-        if name == "map" and "map" in found:
-            return np.frombuffer(found["map"]).view(complex)
         return super().read(name, state, found)
 
     def picture(self, state):
@@ -196,12 +194,6 @@ class Tuner(Live):
         found = {"exact fit": fit_state(example, tuple(state[name] for name in ("alpha", "beta", "gamma")))}
         words = f"Landmarks, deformed grid, |μ| and its histogram for {example.name}. {describe(found['exact fit'])}"
         return Image(Canvas(example, list(found)).draw(found)), words
-
-    def read(self, name, state, found):
-        """map (V,): the map that is shown, at the vertices of the mesh."""
-        if name == "map" and "map" in found:
-            return np.frombuffer(found["map"]).view(complex)
-        return super().read(name, state, found)
 
 
 def loops():

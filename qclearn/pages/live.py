@@ -14,6 +14,8 @@ import os
 import re
 from pathlib import Path
 
+import numpy as np
+
 from .cells import drawn
 
 MODULES = Path(__file__).with_name("browser")  # in a checkout a link to book/_assets/live
@@ -133,7 +135,9 @@ class Live:
         return {}
 
     def read(self, name, state, found):
-        """What else the widget offers by name, from its state and what it found."""
+        """What else the widget offers by name, from its state and what it found; map (V,): the map that is shown."""
+        if name == "map" and "map" in found:
+            return np.frombuffer(found["map"]).view(complex)
         raise AttributeError(name)
 
 

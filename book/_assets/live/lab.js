@@ -38,6 +38,9 @@ export async function render({ model, el }, spec, worker) {
     error ? reject?.(new Error(error)) : resolve?.(found);
   });
   const explorable = await new Explorable(root, spec, host).begin();
+  for (const control of root.querySelectorAll("input, select, button, canvas")) {
+    control.dataset.lmSuppressShortcuts = "true"; // or JupyterLab takes arrow keys for its own
+  }
   model.on("change:state", () => {
     const state = model.get("state");
     if (JSON.stringify(state) !== JSON.stringify(explorable.state)) explorable.change(state, true);
