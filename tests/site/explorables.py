@@ -20,9 +20,9 @@ document.addEventListener('qc-live-answer', event => {
 ANSWERED = """([name, before]) => window.answered[name]?.newest && window.answered[name].number > before"""
 # Pointer events where a point of the disk is on a canvas, whatever moves in the window meanwhile.
 DRAG = """(canvas, points) => {
-  const box = canvas.getBoundingClientRect(), radius = box.width * 150 / 320;
   canvas.setPointerCapture = () => {}; // there is no pointer to capture
   points.forEach(([x, y], k) => {
+    const box = canvas.getBoundingClientRect(), radius = box.width * 150 / 320;
     const at = {clientX: box.left + box.width / 2 + x * radius, clientY: box.top + box.height / 2 - y * radius};
     const kinds = k ? ['pointermove'] : ['pointerdown'];
     if (k === points.length - 1) kinds.push('pointerup');
