@@ -141,6 +141,16 @@ class Live:
         raise AttributeError(name)
 
 
+def loops():
+    """The browser's inner loops, name -> bytes."""
+    return {name: (MODULES / name).read_bytes() for name in ("kernels.wasm", "layers.wasm")}
+
+
+def as_pairs(z):
+    """Complex numbers as pairs."""
+    return np.stack([z.real, z.imag], -1).tolist()
+
+
 def explorable(live):
     """The widget of an explorable, as `explorable(Mobius())`; while the book is made, what its page holds instead."""
     return Page(live) if os.environ.get("QCLEARN_PAGES") == "static" else widget_class()(live)
