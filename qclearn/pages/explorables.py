@@ -21,6 +21,8 @@ from ..registration.register import load
 from ..surfaces.surface import mirror
 from .canvas import Canvas
 from .examples import cortex_problem, example_problems
+from .explore_boundary import Boundary
+from .explore_lbs import LBS
 from .live import Live, as_pairs, loops
 from .livenets import cpnet_file, dbsnet_file
 from .plot import disk_axes, disk_plot, lines_plot
@@ -211,4 +213,4 @@ def as_json(example):
     return {"label": example.name, **sides, "curve": problem.curve.tolist(), "radius": knots}
 
 
-EXPLORABLES = (Mobius, Mu, Tuner)
+EXPLORABLES = (Mobius, Mu, Tuner, LBS, Boundary)
