@@ -22,6 +22,7 @@ from ..surfaces.surface import mirror
 from .canvas import Canvas
 from .examples import cortex_problem, example_problems
 from .explore_boundary import Boundary
+from .explore_growth import Growth
 from .explore_lbs import LBS
 from .live import Live, as_pairs, loops
 from .livenets import cpnet_file, dbsnet_file
@@ -213,4 +214,4 @@ def as_json(example):
     return {"label": example.name, **sides, "curve": problem.curve.tolist(), "radius": knots}
 
 
-EXPLORABLES = (Mobius, Mu, Tuner, LBS, Boundary)
+EXPLORABLES = (Mobius, Mu, Tuner, LBS, Boundary, Growth)
