@@ -14,6 +14,8 @@ import os
 import re
 from pathlib import Path
 
+import numpy as np
+
 from .cells import drawn
 
 MODULES = Path(__file__).with_name("browser")  # in a checkout a link to book/_assets/live
@@ -80,7 +82,15 @@ class Page:
         return (
             f'<div class="qc-live" data-page="{self.live.page}">'
             f'<img alt="{html.escape(alt)}" src="data:image/png;base64,{data}">'
-            f'<p class="qc-live-status" role="status">{html.escape(NOTE)}</p></div>'
+            f'<p class="qc-live-status" role="status">{html.escape(NOTE)}</p>{self.carried()}</div>'
+        )
+
+    def carried(self):
+        """The files that are this page's own, for the site's script."""
+        files = self.live.files() if self.live.own else {}
+        return "".join(
+            f'<script type="text/plain" data-file="{name}">{base64.b64encode(data).decode()}</script>'
+            for name, data in files.items()
         )
 
 
@@ -128,13 +138,27 @@ def widget_class():
 class Live:
     """What Python knows of an explorable: where it starts, its files, its picture, and the library's answer to it."""
 
+    own = False  # whether its files are made on its page, and stand in it; others lie beside the site's scripts
+
     def files(self):
         """Bytes that the browser needs, name -> bytes."""
         return {}
 
     def read(self, name, state, found):
-        """What else the widget offers by name, from its state and what it found."""
+        """What else the widget offers by name, from its state and what it found; map (V,): the map that is shown."""
+        if name == "map" and "map" in found:
+            return np.frombuffer(found["map"]).view(complex)
         raise AttributeError(name)
+
+
+def loops():
+    """The browser's inner loops, name -> bytes."""
+    return {name: (MODULES / name).read_bytes() for name in ("kernels.wasm", "layers.wasm")}
+
+
+def as_pairs(z):
+    """Complex numbers as pairs."""
+    return np.stack([z.real, z.imag], -1).tolist()
 
 
 def explorable(live):

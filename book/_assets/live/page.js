@@ -27,7 +27,10 @@ function hostOf(spec, files) {
   };
 }
 
+// a file that stands in the page, or lies beside this one
 async function file(name) {
+  const here = document.querySelector(`.qc-live script[data-file="${name}"]`);
+  if (here) return Uint8Array.from(atob(here.textContent), (byte) => byte.charCodeAt(0)).buffer;
   const answer = await fetch(new URL(name, import.meta.url));
   if (!answer.ok) throw new Error(`${name} could not be loaded (${answer.status})`);
   return answer.arrayBuffer();
@@ -43,8 +46,12 @@ for (const root of document.querySelectorAll(".qc-live[data-page]")) {
   try {
     const { default: spec } = await import(`./explore_${root.dataset.page}.js`),
       host = hostOf(spec, files);
-    await new Explorable(root, spec, host).begin();
+    const explorable = await new Explorable(root, spec, host).begin();
     if (host.start) root.scrollIntoView();
+    addEventListener("hashchange", () => { // a link that is followed on the page itself
+      const state = carried(spec.name);
+      if (state) explorable.change({ ...structuredClone(spec.initial), ...state });
+    });
   } catch (error) {
     const note = root.querySelector("[role=status]") ?? root;
     note.textContent = `This figure cannot compute here: ${error.message}. The picture above was drawn when the book was made.`;

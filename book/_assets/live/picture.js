@@ -82,7 +82,7 @@ export class Picture {
     if (nearest < 0 || (!anywhere && far[nearest] * (SIZE / 2) > REACH)) return;
     this.chosen = nearest;
     this.dragging = true;
-    this.canvas.focus();
+    this.canvas.focus({ preventScroll: true }); // or the point would slip from below the pointer
     this.canvas.setPointerCapture(event.pointerId);
     event.preventDefault();
     this.onDrag(nearest, anywhere ? [x, y] : this.points[nearest], false, "pointer");
@@ -139,6 +139,16 @@ export class Picture {
     this.pen.beginPath();
     for (const line of lines) line.forEach(([x, y], k) => this.pen[k ? "lineTo" : "moveTo"](this.X(x), this.Y(y)));
     this.stroke(colour, width, dash);
+  }
+
+  // a triangle, or any polygon
+  face(corners, colour) {
+    this.pen.beginPath();
+    corners.forEach(([x, y], k) => this.pen[k ? "lineTo" : "moveTo"](this.X(x), this.Y(y)));
+    this.pen.closePath();
+    this.pen.fillStyle = colour;
+    this.pen.fill();
+    this.stroke(colour, 1);
   }
 
   dot([x, y], colour, radius = 4) {
