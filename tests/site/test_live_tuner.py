@@ -19,6 +19,7 @@ from reference import fit_in_steps, pairs
 from view import axe_findings
 
 from qclearn.pages.explorables import Tuner
+from qclearn.pages.liveproblems import example
 from qclearn.pages.widgets import network_fit
 from qclearn.plane.beltrami import beltrami_coefficient
 from qclearn.registration.metrics import measured_losses
@@ -83,7 +84,7 @@ def test_controls_move_it(view):
 def test_landmarks_and_targets_are_dragged_and_moved_by_keys(view, live):
     reset(view)
     view.after(lambda: view.root.get_by_role("combobox", name="problem").select_option("twist"))
-    problem, words = live.examples["twist"].problem, view.words
+    problem, words = example("twist").problem, view.words
     for canvas, name, points in zip(
         view.root.locator("canvas").all(), ("starts", "targets"), (problem.moving, problem.target)
     ):
