@@ -14,9 +14,9 @@ from ..registration.fit import POWER, fit_problem
 from ..registration.metrics import measured_losses
 from ..registration.register import load
 from .canvas import Canvas
-from .live import Live
+from .live import Live, as_pairs, loops
 from .livenets import cpnet_file, dbsnet_file
-from .liveproblems import as_moved, as_pairs, example, loops, problems_file, weights_of
+from .liveproblems import as_moved, example, problems_file, weights_of
 from .livesurfaces import Landmarks, Sulci
 from .plot import disk_axes, disk_plot, lines_plot
 from .widgets import describe, fit_state
@@ -91,7 +91,7 @@ class Mu(Live):
 
     def files(self):
         """The inner loops in WebAssembly, and DBS-Net."""
-        return loops("kernels", "layers") | {"dbsnet.bin": dbsnet_file(load("dbsnet"))}
+        return loops() | {"dbsnet.bin": dbsnet_file(load("dbsnet"))}
 
     def coefficient(self, state):
         """mu (F,) on the faces of the mesh: the preset, and what was painted over it."""
@@ -107,11 +107,9 @@ class Mu(Live):
         return {"map": as_pairs(solve_beltrami_disk(*self.mesh, self.coefficient(state)))}
 
     def read(self, name, state, found):
-        """mu (F,) on the faces of `mesh`; map (V,): the map that is shown."""
+        """mu (F,) on the faces of `mesh`."""
         if name == "mu":
             return self.coefficient(state)
-        if name == "map" and "map" in found:
-            return np.frombuffer(found["map"]).view(complex)
         return super().read(name, state, found)
 
     def picture(self, state):
@@ -152,7 +150,7 @@ class Tuner(Live):
 
     def files(self):
         """The inner loops in WebAssembly, the problems, and CP-Net."""
-        return loops("kernels", "layers") | {"problems.json": problems_file(), "cpnet.bin": cpnet_file(load("cpnet"))}
+        return loops() | {"problems.json": problems_file(), "cpnet.bin": cpnet_file(load("cpnet"))}
 
     def problem(self, state):
         """The problem as the reader has changed it, on the mesh that the browser uses."""
@@ -177,12 +175,6 @@ class Tuner(Live):
         found = {"exact fit": fit_state(given, tuple(state[name] for name in ("alpha", "beta", "gamma")))}
         words = f"Landmarks, deformed grid, |μ| and its histogram for {given.name}. {describe(found['exact fit'])}"
         return Image(Canvas(given, list(found)).draw(found)), words
-
-    def read(self, name, state, found):
-        """map (V,): the map that is shown, at the vertices of the mesh."""
-        if name == "map" and "map" in found:
-            return np.frombuffer(found["map"]).view(complex)
-        return super().read(name, state, found)
 
 
 EXPLORABLES = (Mobius, Mu, Tuner, Sulci, Landmarks)

@@ -3,13 +3,11 @@
 import json
 from functools import cache
 
-import numpy as np
-
 from ..plane.diskmesh import polar_disk
 from ..registration.fit import POWER
 from ..registration.problem import Problem, Weights
 from .examples import CORTICES, cortices, example_problems, paired_problem
-from .live import MODULES
+from .live import as_pairs
 
 DRAWN = ("twist", "anew", "neighbours")
 
@@ -45,13 +43,3 @@ def as_moved(problem, state, mesh):
 def weights_of(state):
     """The `Weights` of a state."""
     return Weights(*(state[name] for name in ("alpha", "beta", "gamma")))
-
-
-def as_pairs(z):
-    """Complex numbers as pairs."""
-    return np.stack([z.real, z.imag], -1).tolist()
-
-
-def loops(*names):
-    """The browser's inner loops, name -> bytes."""
-    return {f"{name}.wasm": (MODULES / f"{name}.wasm").read_bytes() for name in names}

@@ -24,9 +24,9 @@ from ..registration.transfer import lift
 from ..surfaces.curvature import area_radius, grey_levels, mean_curvature, sulcal_depth
 from ..surfaces.surface import Surface
 from .examples import CORTICES, cortices, paired_problem
-from .live import Live
+from .live import Live, as_pairs, loops
 from .livenets import packed
-from .liveproblems import as_moved, as_pairs, loops, problems_file, weights_of
+from .liveproblems import as_moved, problems_file, weights_of
 from .plot import curves_plot, disk_plot
 from .scenes import surface_picture
 
@@ -149,7 +149,7 @@ class Sulci(Live):
             for name, pair in pairs.items()
         }
         return {
-            **loops("kernels"),
+            **loops(),
             "problems.json": problems_file(),
             "sulci.json": json.dumps(courses).encode(),
             **{
@@ -178,8 +178,6 @@ class Sulci(Live):
 
     def read(self, name, state, found):
         """map (V,): the map at the vertices of the mesh; mm: mean distance of landmarks from their targets."""
-        if name == "map" and "map" in found:
-            return np.frombuffer(found["map"]).view(complex)
         if name == "mm" and "mm" in found:
             return found["mm"]
         return super().read(name, state, found)

@@ -8,7 +8,7 @@
 //       onward {page, name, text, state(state, answer)}: a link to another explorable with a state for it
 // host: start (part of a state), save(state), tell(answer), file(name), worker(), ask(state) (the kernel) and
 //       link(state), or null where there is none; refresh() is set here
-import { buildControls } from "./controls.js";
+import { buildControls, freshId } from "./controls.js";
 import { Picture } from "./picture.js";
 
 const MOST_UNDO = 200;
@@ -145,7 +145,7 @@ export class Explorable {
 
   guess() {
     const { question } = this.spec,
-      id = `guess-${this.spec.name}`;
+      id = freshId();
     const input = make("input", { id, type: "number", step: "any", required: true });
     const said = make("output", { className: "qc-live-truth" });
     const form = make(

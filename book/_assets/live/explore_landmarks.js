@@ -170,22 +170,25 @@ export default {
   words(state, found) {
     const ends = found.own ? found.name : "Ends of your own",
       said = [
-        `${ends}: the path along the floor is ${mm(found.length)} long and ${mm(found.deep)} deep on average`,
+        `${ends}: the path along the floor is ${mm(found.length)} long and ${mm(found.deep)} deep on average, ` +
+          `at a cost of ${short(found.cost)}`,
         `The shortest way on the surface is ${mm(found.shortestLength)} long and ${mm(found.shortestDeep)} deep`,
       ];
     if (found.networkApart !== null) said.push(`LD-Net's curve is ${mm(found.networkApart)} from the path along the floor`);
     else said.push("LD-Net's curves are stored for the named sulci between their own ends");
+    if (!state.truth) return `${said.join(". ")}.`;
     if (found.floorOff !== null) {
       said.push(`From the true curve the path along the floor is ${mm(found.floorOff)} away, LD-Net's ${mm(found.networkOff)}`);
-    } else if (found.own) said.push("Nobody knows the true curve of a real cortex");
+    } else said.push(found.own ? "Nobody knows the true curve of a real cortex" : "Between other ends there is no true curve");
     return `${said.join(". ")}.`;
   },
   data: (state, { floor, ...found }) => ({ path: floor, ...found }),
   compare: (found, kernel) => {
-    const same = found.floor.filter((v) => kernel.path.includes(v)).length;
+    const same = found.floor.filter((v) => kernel.path.includes(v)).length,
+      gap = Math.abs(found.cost / kernel.cost - 1);
     return (
       `The kernel's path has ${kernel.path.length} vertices, of which ${same} are on the page's; ` +
-      `it costs ${short(kernel.cost)}, the page's ${short(found.cost)}.`
+      `relative to each other their costs differ by ${gap.toExponential(1)}.`
     );
   },
   question: {
