@@ -31,6 +31,10 @@ const tasks = {
       return { f: toPairs(map.normalised()), raised: map.raised.reduce((a, b) => a + b, 0) };
     });
   },
+  async compressed() {
+    const { compressed } = await load("coefficients.js"), one = mesh(given.size);
+    return given.ks.map((k) => toPairs(compressed(one, fromPairs(given.mu), k, given.side)));
+  },
   async fits() {
     const { fitLandmarks } = await load("fit.js"), meshes = { coarse: mesh(given.coarse), fine: mesh(given.fine) };
     return given.fits.map((request) => {
