@@ -73,6 +73,7 @@ const tasks = {
       lifted: given.points.map(([x, y]) => hemisphere.at(hemisphere.locate(x, y))),
       paths: paths.map(({ path, cost }) => ({ path, cost, length: lengthOf(hemisphere, path), deep: hemisphere.deep })),
       apart: curveDistance(hemisphere, paths[0].path, paths[1].path),
+      unfolded: Array.from((await load("unfold.js")).unfolded(hemisphere)),
     };
   },
   async initial() {
