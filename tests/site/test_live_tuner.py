@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 from explorables import InJupyterLab, OnTheSite
+from places import SITE
 from reference import fit_in_steps, pairs
 
 from qclearn.pages.explorables import Tuner
@@ -110,6 +111,13 @@ class TestOnTheSite(OnTheSite):
         state = {"problem": "neighbours", "targets": {"0": [0.25, 0.08], "1": [0.25, 0.08]}}
         words, _ = self.said(window, site_address, "coincide", state)
         assert "target landmarks 0 and 1 coincide at 0.25+0.08j" in words
+
+    def test_opened_as_a_file_it_says_why_and_shows_the_picture(self, window):
+        page = window.new_page()
+        page.goto((SITE / self.page).as_uri())
+        assert "opened as a file" in page.locator(f"{ROOT} [role=status]").inner_text()
+        assert page.locator(f"{ROOT} img[alt]").count() == 1
+        page.close()
 
     def test_without_webassembly_it_computes_in_javascript(self, window, site_address):
         assert self.said(window, site_address, "in JavaScript", missing="*.wasm")[1]
