@@ -2,6 +2,7 @@
 missing."""
 
 import json
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
@@ -92,6 +93,15 @@ class TestOnTheSite(OnTheSite):
         # Weights in half precision here, in single precision there.
         assert abs(np.array(data["answer"]["map"]).view(complex) - found.f).max() < 1e-3
         assert data["answer"]["landmarkError"] == pytest.approx(found.landmark_error, rel=0.02)
+
+    def test_it_leads_to_the_surface_where_there_is_one(self, shown):
+        shown.reset()
+        shown.press(shown.slider("beta"), "ArrowRight")
+        link = shown.root.get_by_role("link", name="See it on the surface")
+        page, state = unquote(link.get_attribute("href")).split("#live-sulci=")
+        assert page == "registration.html" and json.loads(state)["beta"] == shown.state()["beta"]
+        shown.choose("problem", "twist")
+        assert not link.is_visible()
 
     # What the page says where something is missing or wrong.
 
