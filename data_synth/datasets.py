@@ -17,6 +17,7 @@ from data_synth.fields import KINDS, MAX_ABS, dead_leaves, random_coefficient
 from data_synth.landmarks import DiskMaps, Perturbation
 from qclearn.files.extras import require
 from qclearn.files.safe import full_disk, is_full, own_prefix, sweep
+from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.diskmesh import polar_disk
 from qclearn.registration.landmarks import sample_curve
 from qclearn.surfaces.conformal import disk_conformal_map
@@ -144,7 +145,10 @@ class CurveDataset(Seeded):
     def _prepare(self, surface):
         samples = [sample_curve(surface, surface.curves[name], self.points) for name in self.names]
         grey = grey_levels(mean_curvature(surface), surface.vertex_areas)
-        return surface, grey, DiskMaps(disk_conformal_map(surface), surface.faces), samples
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RepairWarning)  # boundary steps of coarse subjects
+            z = disk_conformal_map(surface)
+        return surface, grey, DiskMaps(z, surface.faces), samples
 
     def draw(self, rng):
         surface, grey, maps, samples = self.subjects[rng.integers(len(self.subjects))]

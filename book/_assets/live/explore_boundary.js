@@ -106,14 +106,17 @@ export default {
       fair = turn(1),
       step = Math.min(state.step, values.length - 1),
       ended = state.step > step ? `, where it ended` : "";
+    const [least, most] = [Math.min(...measure), Math.max(...measure)].map((one) => short(one / fair)),
+      near = short(100 * nearHalf(found, state.pole)),
+      centre = short(Math.hypot(w.x[0], w.y[0])),
+      [printed, energy] = [0, 1].map((k) => `${short(values[step][k])} (${short(values[0][k])} at the start)`);
     const said = [
-      `Seen from ${short(x)} ${y < 0 ? "−" : "+"} ${short(Math.abs(y))} i the boundary steps are ${short(Math.min(...measure) / fair)} ` +
-        `to ${short(Math.max(...measure) / fair)} times the mean; the half circle nearest to the pole gets ${short(100 * nearHalf(found, state.pole))} %`,
-      `Step ${step} of a descent of ${NAMES[state.loss]}${ended}: printed loss ${short(values[step][0])} (${short(values[0][0])} at the start), ` +
-        `energy minus area ${short(values[step][1])} (${short(values[0][1])})`,
+      `Seen from ${short(x)} ${y < 0 ? "−" : "+"} ${short(Math.abs(y))} i the boundary steps are ${least} to ${most} times the mean; ` +
+        `the half circle nearest to the pole gets ${near} %`,
+      `Step ${step} of a descent of ${NAMES[state.loss]}${ended}: printed loss ${printed}, energy minus area ${energy}`,
       spread < COLLAPSED
         ? `The disk has collapsed: on average ${short(spread)} from the point 1`
-        : `With f(0) = 0 restored the map is up to ${short(off)} from the right one; as it is |f(0)| is ${short(Math.hypot(w.x[0], w.y[0]))}`,
+        : `With f(0) = 0 restored the map is up to ${short(off)} from the right one; as it is |f(0)| is ${centre}`,
     ];
     return `${said.join(". ")}. ${folds} folds. On this mesh of ${SIZE.slice(0, 2).join(" x ")}, in ${found.ms.toFixed(0)} ms.`;
   },
@@ -123,7 +126,8 @@ export default {
     return { map, measure, off, spread, folds, losses: values[Math.min(state.step, values.length - 1)] };
   },
   compare({ w, centred, values }, kernel) {
-    const gaps = [w, centred].map(({ x, y }) => Math.max(...x.map((u, v) => Math.hypot(u - kernel.map[v][0], y[v] - kernel.map[v][1]))));
+    const gap = ({ x, y }) => Math.max(...x.map((u, v) => Math.hypot(u - kernel.map[v][0], y[v] - kernel.map[v][1])));
+    const gaps = [w, centred].map(gap);
     const said = `The kernel's descent has ${kernel.count} steps, here there are ${values.length - 1}`;
     return `${said}; the largest difference of the two maps is ${Math.min(...gaps).toExponential(1)}.`;
   },

@@ -98,7 +98,8 @@ export default {
     const said = [
       `Frame ${last(state)}, the last is ${film.K - 1}: the edges want ${short(factor)} times their first length`,
       `The area is ${short(area / 100)} cm²`,
-      `Curvature times an edge is ${short(spread(curvature))} in the mean square, ${short(spread(film.first.curvature))} at first`,
+      `Curvature times an edge is ${short(spread(curvature))} in the mean square, ` +
+        `${short(spread(film.first.curvature))} at first`,
       `${crossing} of ${film.faces.length / 3} triangles cross others`,
       `Seen from ${state.turn}° round and ${state.tilt}° above`,
     ];
@@ -106,10 +107,13 @@ export default {
   },
   data: (state, { area, ratio, factor, crossing }) => ({ area: ratio, square: area, factor, crossing }),
   compare: (found, kernel) =>
-    `The kernel's area has grown by the factor ${short(kernel.area)}; the difference is ${Math.abs(kernel.area - found.ratio).toExponential(1)}.`,
+    `The kernel's area has grown by the factor ${short(kernel.area)}; ` +
+    `the difference is ${Math.abs(kernel.area - found.ratio).toExponential(1)}.`,
   question: {
     text: "By what factor has the area grown since the first frame? (The edges want the square of their own factor.) ",
     truth: async (state, host) => (await answer(state, host)).ratio,
-    why: "The sheet stays compressed: it folds to make room, and its edges remain shorter than they want to be; along furrows they want less.",
+    why:
+      "The sheet stays compressed: it folds to make room, and its edges remain shorter than they want to be; " +
+      "along furrows they want less.",
   },
 };
