@@ -111,7 +111,8 @@ export default {
       centre = short(Math.hypot(w.x[0], w.y[0])),
       [printed, energy] = [0, 1].map((k) => `${short(values[step][k])} (${short(values[0][k])} at the start)`);
     const said = [
-      `Seen from ${short(x)} ${y < 0 ? "−" : "+"} ${short(Math.abs(y))} i the boundary steps are ${least} to ${most} times the mean; ` +
+      `Seen from ${short(x)} ${y < 0 ? "−" : "+"} ${short(Math.abs(y))} i the boundary steps are ` +
+        `${least} to ${most} times the mean; ` +
         `the half circle nearest to the pole gets ${near} %`,
       `Step ${step} of a descent of ${NAMES[state.loss]}${ended}: printed loss ${printed}, energy minus area ${energy}`,
       spread < COLLAPSED
