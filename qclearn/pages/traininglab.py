@@ -46,7 +46,7 @@ def answer_of(lesson):
 def landmarks_answer(lesson):
     """The network's coefficient through the exact solver beside the exact fit, drawn and measured as in the tuner."""
 
-    def trained(problem, weights, watch=None):
+    def trained(problem, weights, features=None, watch=None):
         return exact_map(problem, lesson.answer(problem.moving))
 
     example, weights = Example("an unseen example", lesson.problem), lesson.weights
