@@ -53,12 +53,6 @@ def request(problem, alpha, beta, gamma):
     }
 
 
-class WholeSteps(SurfaceGaussNewton):
-    """With the Jacobian of the landmarks, as in the browser: the library's conjugate gradients leave a step early."""
-
-    linearise = GaussNewton.linearise
-
-
 def fit_in_steps(asked, on_coarse, on_fine):
     """(engine, state) of so many of the library's Gauss-Newton steps on either mesh for a `request`.
 
@@ -72,7 +66,7 @@ def fit_in_steps(asked, on_coarse, on_fine):
     state, gamma = coarse.at(np.zeros(len(coarse.z), complex), problem.mobius), weights.gamma / 10
     levels = 10.0 ** np.arange(np.log10(min(FIRST_GAMMA, gamma)), np.log10(gamma) - 1e-9)
     state = steps(coarse, state, [*levels, *[gamma] * (on_coarse - len(levels))])
-    fine = WholeSteps(problem, mesh, weights)
+    fine = SurfaceGaussNewton(problem, mesh, weights)
     nu = sampling_matrix(coarse.z, coarse.faces, fine.z) @ state.nu
     return fine, steps(fine, fine.at(nu, state.mobius), [weights.gamma] * on_fine)
 
