@@ -55,15 +55,16 @@ def benchmark(
     folder=None,
     progress=True,
     fronts=False,
+    generation=GENERATION,
 ):
     """Run all `runs` on all problems of `sets` and write the results file `out`: its contents.
 
     subjects: how many of the cohort's 24; runs: by default RUNS, with FRONT if `fronts`, without those whose networks
     have no weights here.
     scheduler: address of a dask scheduler (its workers with one thread each), None for `workers` processes on this
-    machine; folder: where synthetic subjects are kept (on each worker's machine). Finished tasks are kept beside `out`
-    at once; called again, a run that was stopped goes on. Errors: BenchmarkError, WorkersError; ImportError without
-    the extra.
+    machine; folder: where synthetic subjects, of `generation`, are kept (on each worker's machine). Finished tasks are
+    kept beside `out` at once; called again, a run that was stopped goes on. Errors: BenchmarkError, WorkersError,
+    CortexError for a bad generation; ImportError without the extra.
     """
     require("benchmark", "benchmarks")
     out, left_out = Path(out), {}
@@ -83,7 +84,7 @@ def benchmark(
         "seeds": sorted({spec.moving for spec in specs if spec.moving}),
         "controls": sorted({spec.control for spec in specs if spec.control}),
         "vertices": vertices,
-        "generation": GENERATION,
+        "generation": generation,
         "commit": origin["commit"],
         "runs": [asdict(run) for run in runs],
     }
@@ -91,7 +92,8 @@ def benchmark(
         raise BenchmarkError(f"{out}: not a file in a folder that exists; give another --out")
     folder = None if folder is None else str(Path(folder).absolute())
     if scheduler is None and settings["controls"]:
-        hemispheres([], vertices, folder)  # an unwritable folder is refused now, not in each task
+        # An unwritable folder is refused now, not in each task.
+        hemispheres([], vertices, folder, generation=generation)
     journal, start = Journal(out, settings), time.perf_counter()
     done = {(row["set"], row["pair"], row["run"]) for row in journal.rows if row["status"] == "done"}
     wanted = [(spec, run) for spec in specs for run in runs if spec.set in run.sets]
@@ -99,7 +101,7 @@ def benchmark(
     with connect(scheduler, workers) if tasks else nullcontext() as client:
         machines = machine(client) if tasks else {"workers": 1, "processors": [processor()]}
         with tqdm(total=len(wanted), initial=len(done), desc="benchmark", disable=not progress) as bar:
-            for row in finished(client, tasks, methods, vertices, folder):
+            for row in finished(client, tasks, methods, (vertices, folder, generation)):
                 journal.append(row)
                 bar.set_postfix_str(f"{row['pair']}, {row['run']}", refresh=False)
                 bar.update()
@@ -134,19 +136,19 @@ def problems(subjects, sets):
     return specs
 
 
-def submit_pair(client, spec, vertices, folder):
+def submit_pair(client, spec, grown):
     """The future of a problem's Pair. Subjects are futures with keys of their own, so that pairs share them."""
     if spec.set == "fsaverage5":
         return client.submit(fsaverage_pair)
     # The generation goes along: the workers' own default may be another.
-    control = client.submit(mapped_subject, spec.control, vertices, folder, GENERATION)
+    control = client.submit(mapped_subject, spec.control, *grown)
     if spec.set == "displacement":
         return client.submit(displacement_pair, control, spec.distance, spec.curves, 0)
-    moving = client.submit(mapped_subject, spec.moving, vertices, folder, GENERATION)
+    moving = client.submit(mapped_subject, spec.moving, *grown)
     return client.submit(cohort_pair, moving, control)
 
 
-def finished(client, tasks, methods, vertices, folder):
+def finished(client, tasks, methods, grown):
     """Rows as their tasks finish. A task that fails, with its worker or its problem, gives a row that says so."""
     if not tasks:
         return
@@ -155,7 +157,7 @@ def finished(client, tasks, methods, vertices, folder):
     futures, pairs = {}, {}
     for spec, run in tasks:
         if spec not in pairs:
-            pairs[spec] = submit_pair(client, spec, vertices, folder)
+            pairs[spec] = submit_pair(client, spec, grown)
         future = client.submit(trial, pairs[spec], run, methods[run.method], pure=False)
         futures[future] = spec, run
     pairs.clear()  # from here on a problem is kept on the workers as long as its tasks need it
