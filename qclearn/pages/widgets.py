@@ -211,6 +211,9 @@ class NewestOnly:
                     return
 
 
+WIDE = {"width": "34em", "max_width": "100%"}
+
+
 class Tuner(ipywidgets.VBox):
     """Sliders for alpha, beta, gamma and delta over the fit of a choice of examples (list of `Example`).
 
@@ -224,16 +227,16 @@ class Tuner(ipywidgets.VBox):
         self.examples, self.solvers = {example.name: example for example in examples}, solvers or SOLVERS
         self.canvas, names = None, list(self.examples)
         self.problem = ipywidgets.Dropdown(
-            options=names, value=names[0], description="problem", layout={"width": "34em"}
+            options=names, value=names[0], description="problem", layout=WIDE
         )
         self.landmarks = ipywidgets.Dropdown(
-            options=["points", "sliding"], description="landmarks", layout={"width": "34em"}
+            options=["points", "sliding"], description="landmarks", layout=WIDE
         )
         self.alpha = self._slider("α", 1.0, -2, 2, "weight of |μ|²")
         self.beta = self._slider("β", 1e-2, -4, 1, "weight of |∇μ|²")
         self.gamma = self._slider("γ", 1e5, 0, 7, "weight of the landmark mismatch")
         self.delta = ipywidgets.SelectionSlider(
-            options=DELTAS, description="δ", tooltip="weight of the folds' mismatch", layout={"width": "34em"}
+            options=DELTAS, description="δ", tooltip="weight of the folds' mismatch", layout=WIDE
         )
         self.problem.observe(self.offer_folds, "value")
         self.offer_folds()
@@ -256,7 +259,7 @@ class Tuner(ipywidgets.VBox):
             description=name,
             tooltip=tooltip,
             readout_format=".1e",
-            layout={"width": "34em"},
+            layout=WIDE,
         )
 
     def offer_folds(self, change=None):

@@ -215,8 +215,9 @@ class OnTheSite:
         assert (shown.state(), shown.words) == (state, words)
 
     def test_the_guess_is_compared_with_the_present_state(self, shown):
-        first = shown.guess()
         shown.reset()
+        first = shown.guess()
+        shown.press(shown.slider(self.slider), "End")
         assert shown.guess() != first
 
     def test_downloads_hold_the_state(self, shown):

@@ -65,7 +65,10 @@ def test_links_lead_somewhere(view):
         path, fragment = urldefrag(target[len(view.address) :])
         file = SITE / unquote(path or "index.html")
         assert file.exists(), target
-        if fragment and file.suffix == ".html":
+        if fragment.startswith("live-"):  # the state of an explorable there
+            name = fragment.removeprefix("live-").split("=")[0]
+            assert f'data-page="{name}"' in file.read_text(encoding="utf-8"), target
+        elif fragment and file.suffix == ".html":
             assert unquote(fragment) in anchors(file), target
 
 
