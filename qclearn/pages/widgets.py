@@ -226,12 +226,8 @@ class Tuner(ipywidgets.VBox):
     def __init__(self, examples, solvers=None):
         self.examples, self.solvers = {example.name: example for example in examples}, solvers or SOLVERS
         self.canvas, names = None, list(self.examples)
-        self.problem = ipywidgets.Dropdown(
-            options=names, value=names[0], description="problem", layout=WIDE
-        )
-        self.landmarks = ipywidgets.Dropdown(
-            options=["points", "sliding"], description="landmarks", layout=WIDE
-        )
+        self.problem = ipywidgets.Dropdown(options=names, value=names[0], description="problem", layout=WIDE)
+        self.landmarks = ipywidgets.Dropdown(options=["points", "sliding"], description="landmarks", layout=WIDE)
         self.alpha = self._slider("α", 1.0, -2, 2, "weight of |μ|²")
         self.beta = self._slider("β", 1e-2, -4, 1, "weight of |∇μ|²")
         self.gamma = self._slider("γ", 1e5, 0, 7, "weight of the landmark mismatch")
