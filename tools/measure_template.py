@@ -76,7 +76,7 @@ def measure(options, folder):
         "report": made.report,
         "variance": {
             "Möbius maps": made.report["rounds"][0]["variance"],
-            "one control": variance(single),
+            "one control": dict(zip(FOLDS, single.variance.tolist())),
             "template": made.report["rounds"][-1]["variance"],
         },
         "truth": {way: against_truth(subjects, control, *maps) for way, maps in ways.items()},
@@ -131,12 +131,6 @@ def one_control(subjects, folder, workers):
         used = group.used(group.register_all(first, 1, Weights(delta=0.3)))
         mean = group.average(first, used, first.disk)
     return members[control].name, mean, {members[k].name: f for k, f in used.items()}
-
-
-def variance(mean):
-    """Of the mean maps over the area, as `Group.row` has it."""
-    centred = mean.values - mean.shares @ mean.values
-    return dict(zip(FOLDS, (mean.shares @ centred**2).tolist()))
 
 
 def against_truth(subjects, control, maps, back):

@@ -133,14 +133,13 @@ class Group:
         """What a round has brought, dict for JSON."""
         moved = np.linalg.norm(after.points - before.points, axis=1)
         r = {name: [fit.r[name] for fit in fits if name in fit.r and not fit.reasons] for name in self.names}
-        centred = after.values - after.shares @ after.values
         moved_mm, unit = float(after.shares @ moved), np.sqrt(after.areas.sum() / HEMISPHERE)
         return {
             "moved_mm": moved_mm,
             "most_moved_mm": float(moved.max()),
             "settled": before is not after and bool(moved_mm < SETTLED * unit),
             "r": {name: float(np.mean(values)) for name, values in r.items() if values},
-            "variance": dict(zip(self.names, (after.shares @ centred**2).tolist())),
+            "variance": dict(zip(self.names, after.variance.tolist())),
         }
 
     def finish(self, mean, centre, fits):

@@ -74,6 +74,11 @@ class Mean(Shared):
         return self.areas / self.areas.sum()
 
     @property
+    def variance(self):
+        """Of each feature's mean over the area, (C,)."""
+        return self.shares @ (self.values - self.shares @ self.values) ** 2
+
+    @property
     def unit(self):
         """How long the disk's unit is at each vertex (N,), in the subjects' length: the root of the areas' ratio."""
         return np.sqrt(self.areas / vertex_areas(self.faces, signed_areas(self.disk, self.faces)))

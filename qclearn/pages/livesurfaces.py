@@ -136,19 +136,7 @@ class Sulci(Live):
         # The synthetic subjects have one control.
         surfaces = {name: f"control-{'cortex' if name == 'cortex' else 'subject'}.bin" for name in CORTICES}
         controls = {file: pairs[name] for name, file in surfaces.items()}
-        courses = {
-            name: {
-                "control": surfaces[name],
-                "names": pair.names,
-                **dict(
-                    zip(
-                        ("moving", "target"),
-                        [[as_pairs(line.round(5)) for line in side] for side in pair.sampled(LINE)],
-                    )
-                ),
-            }
-            for name, pair in pairs.items()
-        }
+        courses = {name: {"control": surfaces[name], **courses_of(pair)} for name, pair in pairs.items()}
         return {
             **loops(),
             "problems.json": problems_file(),

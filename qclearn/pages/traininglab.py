@@ -16,11 +16,10 @@ from .canvas import Canvas
 from .cells import drawn
 from .examples import Example
 from .plot import disk_axes, grid_plot
-from .widgets import fit_state, states_table
+from .widgets import WIDE, fit_state, power_slider, states_table
 
 EVERY = 0.7  # seconds between two pictures of the curves
 WAITS = "The lab trains in JupyterLab, where a kernel runs. This is what {seconds:g} seconds of it look like."
-WIDE = {"width": "34em"}
 
 
 def curves_figure(lesson):
@@ -84,20 +83,6 @@ def image(data, words):
     return f'<img alt="{html.escape(words)}" style="max-width:100%;width:768px" src="data:image/png;base64,{data}">'
 
 
-def slider(name, value, low, high, words):
-    """A slider over powers of ten from 10^low to 10^high, with words on what it sets."""
-    return ipywidgets.FloatLogSlider(
-        value=value,
-        min=low,
-        max=high,
-        step=0.1,
-        description=name,
-        tooltip=words,
-        readout_format=".1e",
-        layout=WIDE,
-    )
-
-
 class TrainingLab(ipywidgets.VBox):
     """Choose a network, its losses and their weights; start, stop and go on; see its answer beside the exact one.
 
@@ -108,13 +93,13 @@ class TrainingLab(ipywidgets.VBox):
     def __init__(self):
         self.lesson, self.thread, self.stopped = None, None, threading.Event()
         self.network = ipywidgets.Dropdown(options=["CP-Net", "DBS-Net"], description="network", layout=WIDE)
-        self.alpha = slider("α", 1.0, -2, 2, "weight of |μ|²")
-        self.beta = slider("β", 1e-2, -4, 1, "weight of |∇μ|²")
-        self.gamma = slider("γ", 1e3, 0, 5, "weight of the landmark mismatch")
+        self.alpha = power_slider("α", 1.0, -2, 2, "weight of |μ|²")
+        self.beta = power_slider("β", 1e-2, -4, 1, "weight of |∇μ|²")
+        self.gamma = power_slider("γ", 1e3, 0, 5, "weight of the landmark mismatch")
         equations = ["as corrected", "as printed"]
         self.equation = ipywidgets.Dropdown(options=equations, description="L_LBS", layout=WIDE)
-        self.rho = slider("ρ", 1e-6, -9, -3, "weight of the boundary's angles")
-        self.rate = slider("rate", 3e-3, -5, -1, "step of Adam")
+        self.rho = power_slider("ρ", 1e-6, -9, -3, "weight of the boundary's angles")
+        self.rate = power_slider("rate", 3e-3, -5, -1, "step of Adam")
         self.seconds = ipywidgets.IntSlider(value=10, min=1, max=60, description="seconds", layout=WIDE)
         self.start, self.stop, self.go_on = (
             ipywidgets.Button(description=words) for words in ("Start anew", "Stop", "Go on")

@@ -214,6 +214,20 @@ class NewestOnly:
 WIDE = {"width": "34em", "max_width": "100%"}
 
 
+def power_slider(name, value, low, high, words):
+    """A slider over powers of ten from 10^low to 10^high, with words on what it sets."""
+    return ipywidgets.FloatLogSlider(
+        value=value,
+        min=low,
+        max=high,
+        step=0.1,
+        description=name,
+        tooltip=words,
+        readout_format=".1e",
+        layout=WIDE,
+    )
+
+
 class Tuner(ipywidgets.VBox):
     """Sliders for alpha, beta, gamma and delta over the fit of a choice of examples (list of `Example`).
 
@@ -228,9 +242,9 @@ class Tuner(ipywidgets.VBox):
         self.canvas, names = None, list(self.examples)
         self.problem = ipywidgets.Dropdown(options=names, value=names[0], description="problem", layout=WIDE)
         self.landmarks = ipywidgets.Dropdown(options=["points", "sliding"], description="landmarks", layout=WIDE)
-        self.alpha = self._slider("α", 1.0, -2, 2, "weight of |μ|²")
-        self.beta = self._slider("β", 1e-2, -4, 1, "weight of |∇μ|²")
-        self.gamma = self._slider("γ", 1e5, 0, 7, "weight of the landmark mismatch")
+        self.alpha = power_slider("α", 1.0, -2, 2, "weight of |μ|²")
+        self.beta = power_slider("β", 1e-2, -4, 1, "weight of |∇μ|²")
+        self.gamma = power_slider("γ", 1e5, 0, 7, "weight of the landmark mismatch")
         self.delta = ipywidgets.SelectionSlider(
             options=DELTAS, description="δ", tooltip="weight of the folds' mismatch", layout=WIDE
         )
@@ -244,19 +258,6 @@ class Tuner(ipywidgets.VBox):
         self.show(self.answer(*self.setting()))
         for control in controls:
             control.observe(lambda change: self.worker.submit(*self.setting()), "value")
-
-    @staticmethod
-    def _slider(name, value, low, high, tooltip):
-        return ipywidgets.FloatLogSlider(
-            value=value,
-            min=low,
-            max=high,
-            step=0.1,
-            description=name,
-            tooltip=tooltip,
-            readout_format=".1e",
-            layout=WIDE,
-        )
 
     def offer_folds(self, change=None):
         """Nothing to weigh, nothing to move: where an example has no folds, delta is 0 and its slider disabled."""
