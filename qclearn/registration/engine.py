@@ -20,7 +20,7 @@ from ..plane.fields import bounded, bounded_pullback, mass_matrix
 from ..plane.mobius import compose_mobius, mobius, mobius_fields, mobius_slope
 from ..plane.tangent import Tangent
 from .certified import solver_words
-from .normal import MOBIUS_PRIOR, NormalEquations
+from .normal import MOBIUS_PRIOR, DualEquations, NormalEquations
 
 SHARES = (1.0, 0.5, 0.25, 0.125)  # of a step, tried in turn by the line search
 SUFFICIENT_DECREASE = 0.3  # share of what the quadratic model promises that a step has to gain
@@ -195,7 +195,7 @@ class GaussNewton:
     def linearise(self, state, gamma):
         """The linearisation at a state: returns `propose(state, damping)`, which may be asked again at later states.
 
-        Of landmarks alone; with features it is that of `NormalEquations`.
+        Of landmarks alone on a polar mesh, whose Jacobian costs little; with features that of `NormalEquations`.
         It gives (change of nu, da, dtheta, least objective of the model). damping adds `damping (change^* W change)` to
         what is minimised (Levenberg), and its like for the Möbius part: a shorter step, turned towards the steepest
         descent.
@@ -219,31 +219,32 @@ class GaussNewton:
 
         return propose
 
-    def step(self, state, gamma, propose=None, shares=SHARES, worth=0.0):
+    def step(self, state, gamma, worth=0.0):
         """The state after one step by a backtracking line search, or None where no share of it lowers the objective,
         or the model promises less than the share `worth` of it.
 
         A share s of the step is taken once it brings a sufficient part of what the quadratic model promises,
-        `(2s - s^2)` of the full step's gain; the promise fails where the map is far from linear in nu. propose: a
-        linearisation to use again, else that at the state.
+        `(2s - s^2)` of the full step's gain; the promise fails where the map is far from linear in nu.
         """
         before = self.objective(state, gamma)
-        change, da, dtheta, promised = (propose or self.linearise(state, gamma))(state)
+        change, da, dtheta, promised = self.linearise(state, gamma)(state)
         if before - promised < worth * before:
             return None
-        for share in shares:
+        for share in SHARES:
             found = self.at(state.nu + share * change, compose_mobius(state.mobius, (share * da, share * dtheta)))
             gain = before - self.objective(found, gamma)
             if gain > SUFFICIENT_DECREASE * (2 * share - share**2) * (before - promised):
                 return found
         return found if gain > 0 else None
 
-    def damped_step(self, state, gamma, propose):
+    def damped_step(self, state, gamma, worth):
         """The state after a Levenberg step, or None: of the least damping that keeps it small and lowers the objective.
 
         Which are small enough to trust the linearisation costs no map to find out.
         """
-        before = self.objective(state, gamma)
+        before, propose = self.objective(state, gamma), self.linearise(state, gamma)
+        if before - propose(state)[-1] < worth * before:
+            return None
         steps = (propose(state, damping) for damping in DAMPINGS)
         small = (found for found in steps if abs(found[0]).max() <= TRUST)
         for change, da, dtheta, _ in islice(small, TRIES):
@@ -256,6 +257,8 @@ class GaussNewton:
 class SurfaceGaussNewton(GaussNewton):
     """The same with the problem's own disk mesh mapped: where a face is flipped, rows are switched, solved again."""
 
+    known_gram = None
+
     def mapping(self):
         z, faces = self.problem.z, self.problem.faces
         to_faces = sampling_matrix(self.z, self.faces, z[faces].mean(1))
@@ -264,6 +267,30 @@ class SurfaceGaussNewton(GaussNewton):
     def finished(self, nu, parameters, solution, f):
         f, rows = unfold(solution, f)
         return State(nu, parameters, f, self.samples @ f, solution, len(rows))
+
+    def linearise(self, state, gamma):
+        """The linearisation at a state, as on a polar mesh, but without a Jacobian: `propose` of equations."""
+        return (DualEquations if self.dense is None else NormalEquations)(self, state, gamma).propose
+
+    def gram(self, state, gamma):
+        """About `J W^-1 J^T`, (2 M, 2 M): of quick rows J of the first state that is asked for, and what was learnt."""
+        if self.known_gram is None:
+            J = self.quick_jacobian(state, 1.0)
+            lifted = self.factors.solve(np.ascontiguousarray(J.T).view(float).reshape(len(state.nu), -1))
+            self.known_gram = (J.conj() @ np.ascontiguousarray(lifted).view(complex)).real
+        return gamma * self.known_gram
+
+    def learn(self, products, gamma):
+        """Correct `gram` by pairs of y (2 M,) and its exact product with y, as Broyden, Fletcher, Goldfarb and Shanno
+        do."""
+        if products:
+            Y, exact = (np.stack(side, axis=1) for side in zip(*products))
+            known = self.known_gram @ Y
+            self.known_gram = (
+                self.known_gram
+                - known @ np.linalg.solve(Y.T @ known, known.T)
+                + exact @ np.linalg.solve(Y.T @ exact, exact.T) / gamma
+            )
 
     def quick_jacobian(self, state, gamma):
         """The Jacobian in closed form: a few percent off, and without a solve, whatever the size of the mesh."""
