@@ -17,6 +17,7 @@ TRUE_MAP = (
     "floor_curve_mm",
     "true_r_depth",
     "true_r_curvature",
+    "true_r_maps",
     "true_log2_area",
     "true_log2_shape",
 )
@@ -76,8 +77,9 @@ def log2_means(surface, points):
 
 def true_map(pair, lookup):
     """The true map's own figures, by the names of TRUE_MAP."""
-    stretch = log2_means(pair.moving.surface, pair.truth)
-    own = folds_agree(pair, lookup(pair.truth_disk)) | {name: stretch[name] for name in ("log2_area", "log2_shape")}
+    places, stretch = lookup(pair.truth_disk), log2_means(pair.moving.surface, pair.truth)
+    own = {"r_maps": maps_agree(pair, places), **folds_agree(pair, places)}
+    own |= {name: stretch[name] for name in ("log2_area", "log2_shape")}
     return floors(pair) | {f"true_{name}": figure for name, figure in own.items()}
 
 

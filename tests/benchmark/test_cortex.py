@@ -114,6 +114,7 @@ def test_maps_that_took_no_part_are_compared_where_they_are_known(known):
     row = trial(known, Run("truth", "truth"), lambda problem: truth_or_back(known, problem))
     assert row["correspondence_mm"] < 1e-2 and row["held_out"] is None
     assert row["r_maps"]["myelin"] > 0.999 and abs(row["r_maps"]["noise"]) < 0.2
+    assert row["true_r_maps"] == pytest.approx(row["r_maps"], abs=1e-3)
     assert row["r_depth"] == pytest.approx(row["true_r_depth"], abs=1e-3) and row["true_r_curvature"] > 0.9
     assert row["log2_shape"] == pytest.approx(row["true_log2_shape"], rel=1e-2)
     assert row["p95_log2_shape"] > row["log2_shape"] > row["log2_area"] > 0  # a twist keeps areas of the plan

@@ -73,6 +73,7 @@ def row(pair="a", run="one", **figures):
         "notes": [],
         "held_out": None,
         "r_maps": None,
+        "true_r_maps": None,
         "seconds": dict.fromkeys(stages, figures.pop("seconds", 1.0)),
     }
     needed = schema()["properties"]["rows"]["items"]["then"]["required"]
