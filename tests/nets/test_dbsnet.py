@@ -18,6 +18,7 @@ from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import BeltramiDiskSolver
 from qclearn.plane.diskmesh import polar_disk, square_disk
 from qclearn.plane.fourier import fourier_coefficients
+from qclearn.plane.mobius import mobius
 from qclearn.surfaces.surface import SurfaceError
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -97,8 +98,19 @@ def test_paper_routes():
     z = net.mesh.z
     assert angles.min() > 0
     torch.testing.assert_close(angles.sum(1), torch.full((4,), 2 * torch.pi))
-    torch.testing.assert_close(f[:, net.loop], torch.polar(torch.ones(4, 32), angles.cumsum(1) - angles))
-    assert f[:, z.abs().argmin()].abs().max() < 1e-6 and (f[:, net.loop[0]] == 1).all()
+    steps = torch.angle(f[:, net.loop].roll(-1, 1) / f[:, net.loop])
+    torch.testing.assert_close(f[:, net.loop].abs(), torch.ones(4, 32))
+    torch.testing.assert_close(steps.sum(1), torch.full((4,), 2 * torch.pi))
+    assert f[:, z.abs().argmin()].abs().max() < 1e-6 and (f[:, net.loop[0]] - 1).abs().max() < 1e-6
+
+
+def test_paper_takes_the_mobius_map_after_it_away():
+    net = network("paper")
+    f = net(batch(net))[0].detach()
+    moved = mobius(f.numpy(), np.array([[0.3j], [0.2], [-0.6], [0]]), np.array([[1.0], [0], [4], [2]]))
+    torch.testing.assert_close(net.normalised(torch.from_numpy(moved).to(f)), f, atol=1e-5, rtol=0)
+    beyond = torch.full_like(f, 1.5)  # f(0) off the disk: still finite, and the circle does not turn over
+    assert net.normalised(beyond).isfinite().all()
 
 
 def test_paper_starts_at_the_identity_without_its_last_layers():
