@@ -9,9 +9,11 @@ from data_synth.fields import KINDS, random_coefficient
 from qclearn.nets import load
 from qclearn.nets.dbsnet import BestDBSNet, BestDBSNetConfig, PaperDBSNet, derivative_error, position_error
 from qclearn.nets.dbsnet_paper import FourierLayer, PaperDBSNetConfig, poisson_matrix
+from qclearn.nets.gauges import gauge_errors
 from qclearn.nets.layers import PolarPad
 from qclearn.nets.polar import two_steps
 from qclearn.nets.train import Process, TrainConfig, take_step
+from qclearn.plane import exactmaps
 from qclearn.plane.beltrami import wirtinger
 from qclearn.plane.bijectivity import flipped_faces
 from qclearn.plane.checks import BeltramiError
@@ -134,7 +136,7 @@ def test_poisson_matrix_extends_harmonically():
     )
 
 
-@pytest.mark.parametrize("changes", [{"shortcut": False}, {"carry": False}])
+@pytest.mark.parametrize("changes", [{"shortcut": False}, {"carry": False}, {"loss": "rows"}, {"loss": "maps"}])
 def test_paper_runs_without_its_options(changes):
     net = PaperDBSNet(PaperDBSNetConfig(size=8, frequencies=2, **changes))
     loss, _ = net.loss((batch(net),), None)
@@ -142,7 +144,21 @@ def test_paper_runs_without_its_options(changes):
     assert loss.isfinite()
 
 
+def test_an_unknown_loss_is_refused():
+    with pytest.raises(ValueError, match="unknown loss 'area'; there are rows, energy, maps"):
+        PaperDBSNet(PaperDBSNetConfig(size=8, frequencies=2, loss="area"))
+
+
 # Against the exact solver.
+
+
+def test_gauges_of_the_identity_of_a_moved_map_and_of_half_the_way():
+    z, _ = polar_disk(6, 24)
+    f = exactmaps.DISK_MAPS[1](z)[None]
+    assert gauge_errors(z[None], f, z) == pytest.approx({"comes": 1, "mobius": 1})
+    moved = gauge_errors(mobius(f, 0.2, 1.0), f, z)
+    assert moved["comes"] > 1 and moved["mobius"] < 1e-6
+    assert gauge_errors((f + z) / 2, f, z)["comes"] == pytest.approx(0.5)
 
 
 def test_start_is_of_second_order():
