@@ -5,6 +5,7 @@ served for the logs and for two settings of use; held-out figures come from othe
 """
 
 import warnings
+from functools import cache
 
 import numpy as np
 
@@ -14,7 +15,8 @@ from data_synth.fields import KINDS, MAX_ABS, dead_leaves, image_coefficient, ra
 from data_synth.landmarks import DiskMaps, Perturbation
 from data_synth.template import SULCI
 from qclearn.plane.bijectivity import RepairWarning
-from qclearn.plane.diskmesh import polar_disk, sampling_matrix
+from qclearn.plane.disk import BeltramiDiskSolver
+from qclearn.plane.diskmesh import polar_disk, sampling_matrix, square_disk
 from qclearn.plane.mobius import best_mobius, mobius
 from qclearn.registration.fit import POWER
 from qclearn.registration.landmarks import sample_curve
@@ -48,14 +50,30 @@ class SquareFields(Seeded):
         return (mu * rng.uniform(*self.max_abs) * np.exp(2j * np.pi * rng.random()),)
 
 
+class SolvedFields(SquareFields):
+    """Images mu (size, size) with their exact maps f (V,) on the mesh of the square."""
+
+    def draw(self, rng):
+        (mu,) = super().draw(rng)
+        return mu, solved(self.size).solve(np.tile(mu.ravel(), 2))  # a pixel's two faces
+
+
+@cache
+def solved(size):
+    """The exact solver of the square."""
+    return BeltramiDiskSolver(*square_disk(size))
+
+
 def dbsnet(config, folder, quick=False):
     """Coefficients for DBS-Net: on the polar mesh of preset `best`, on the square of preset `paper`.
 
-    The exact maps of preset `best` are solved while it trains, so that two fields can be mixed.
+    Exact maps for training are solved while it trains, so that two fields can be mixed; for the validation of preset
+    `paper` they are in the set.
     """
     counts = (8, 4) if quick else (4000, 256)
     if config.preset == "paper":
-        sets = [SquareFields(count, seed, config.size) for count, seed in zip(counts, (5201, 5202))]
+        counts = (counts[0], min(counts[1], 48))
+        sets = [kind(n, seed, config.size) for kind, n, seed in zip((SquareFields, SolvedFields), counts, (5201, 5202))]
     else:
         sets = [Fields(count, seed, config.rings, config.spokes) for count, seed in zip(counts, (5101, 5102))]
     names = (f"dbsnet-{config.preset}-{part}{'-quick' if quick else ''}.npz" for part in ("training", "validation"))

@@ -12,7 +12,7 @@ from torch import nn
 from ..registration.problem import LandmarkError, Weights, check_landmarks
 from .born import Born
 from .cpnet_paper import PaperCPNet, PaperCPNetConfig
-from .layers import ConditionedUNet, disk_mesh
+from .layers import ConditionedUNet, disk_mesh, inference
 from .linearised import Linearised
 from .polar import PolarSolver
 from .polargrid import PolarGrid, PolarMesh
@@ -189,7 +189,7 @@ class BestCPNet(nn.Module):
         radius = self.grid.radius[1:, None].expand_as(channels[0])  # (B, rings, spokes)
         return torch.stack([*channels, radius], 1)
 
-    @torch.no_grad()
+    @inference
     def predict(self, z, faces, moving, target, alpha=1.0, beta=1e-2, gamma=1e5, curve=None, looks=None):
         """mu (F,) on a disk mesh z (V,), faces (F, 3) whose map takes `moving` to `target` (M,), as `fit_landmarks`.
 

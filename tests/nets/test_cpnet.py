@@ -249,7 +249,8 @@ def paper():
     t = np.linspace(-0.3, 0.3, 4)
     model.targets.copy_(torch.from_numpy(np.concatenate([0.3 + 1j * t, t - 0.3j])))  # both curves hold 0.3 - 0.3j
     torch.nn.init.normal_(model.head.weight, std=0.5)
-    model.solver = [PaperDBSNet(PaperDBSNetConfig(size=16, frequencies=2))]
+    network = PaperDBSNet(PaperDBSNetConfig(size=16, frequencies=2))
+    model.solver = [network.mesh, lambda mu: network(mu)[0]]
     return model
 
 

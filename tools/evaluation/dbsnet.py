@@ -9,16 +9,20 @@ import qclearn as qc
 from data_synth.fields import KINDS, random_coefficient
 from data_synth.training import SquareFields
 from qclearn.nets import WeightsError, build, load
+from qclearn.nets.gauges import gauge_errors
 from qclearn.nets.polar import PolarSolver, two_steps
 from qclearn.plane.beltrami import signed_areas, solve_beltrami
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.disk import BeltramiDiskSolver
-from qclearn.plane.diskmesh import square_disk
+from qclearn.plane.diskmesh import polar_disk, square_disk
+from qclearn.plane.fourier import from_square
 
 from .polar import median_seconds
 
 MESH = 48, 144
 MAPS = 16  # a seed
+FIELDS, FIELDS_SEED = 48, 5203  # of the images on which both gauges are measured
+SIZE, RINGS, SPOKES = 64, 40, 128  # of the square in pixels, and of the polar mesh that they are resampled to
 EXACT = 1e-6  # the tolerance of the maps that errors are measured against
 
 
@@ -29,6 +33,7 @@ def figures(seeds, quick=False):
     exact = in_batches(lambda part: solver.solve(part, EXACT), mu)
     nets = networks()
     result = {
+        "gauges": gauges(nets, 4 if quick else FIELDS),
         "maps": len(mu),
         "mean_displacement": float(displacement(exact, solver.z).mean()),
         "superlu": map_figures(superlu(solver, mu), exact, mu, solver),
@@ -50,6 +55,26 @@ def figures(seeds, quick=False):
         "polar": 1e3 * timed(lambda: solver.solve(torch.from_numpy(mu[0]).to(torch.complex64)), quick),
         "superlu": 1e3 * timed(lambda: superlu(solver, mu[:1]), quick),
     }
+    return result
+
+
+def gauges(nets, count):
+    """Every network's `gauge_errors` and share of maps with a fold, mesh by mesh, on images that none has seen."""
+    images = [image.numpy() for (image,) in (SquareFields(count, FIELDS_SEED, SIZE)[k] for k in range(count))]
+    square, polar = square_disk(SIZE), polar_disk(RINGS, SPOKES)
+    given = {
+        "square": (*square, [np.tile(image.ravel(), 2) for image in images]),  # a pixel's two faces
+        "polar": (*polar, [from_square(image, *polar) for image in images]),
+    }
+    result = {"fields": count, "seed": FIELDS_SEED}
+    for mesh, (z, faces, mu) in given.items():
+        factored = BeltramiDiskSolver(z, faces)
+        exact = np.array([factored.solve(one) for one in mu])
+        result[mesh] = {}
+        for name, net in nets.items():
+            maps = np.array([net.solve(z, faces, one) for one in mu])
+            folded = np.mean([len(qc.check_bijective(z, faces, f).flipped) > 0 for f in maps])
+            result[mesh][name] = gauge_errors(maps, exact, z) | {"folded_share": float(folded)}
     return result
 
 
