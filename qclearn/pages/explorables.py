@@ -21,7 +21,7 @@ from ..registration.register import load
 from ..surfaces.surface import mirror
 from .canvas import Canvas
 from .examples import cortex_problem, example_problems
-from .live import MODULES, Live
+from .live import Live, as_pairs, loops
 from .livenets import cpnet_file, dbsnet_file
 from .plot import disk_axes, disk_plot, lines_plot
 from .widgets import describe, fit_state
@@ -112,11 +112,9 @@ class Mu(Live):
         return {"map": as_pairs(solve_beltrami_disk(*self.mesh, self.coefficient(state)))}
 
     def read(self, name, state, found):
-        """mu (F,) on the faces of `mesh`; map (V,): the map that is shown."""
+        """mu (F,) on the faces of `mesh`."""
         if name == "mu":
             return self.coefficient(state)
-        if name == "map" and "map" in found:
-            return np.frombuffer(found["map"]).view(complex)
         return super().read(name, state, found)
 
     def picture(self, state):
@@ -197,17 +195,6 @@ class Tuner(Live):
         words = f"Landmarks, deformed grid, |μ| and its histogram for {example.name}. {describe(found['exact fit'])}"
         return Image(Canvas(example, list(found)).draw(found)), words
 
-    def read(self, name, state, found):
-        """map (V,): the map that is shown, at the vertices of the mesh."""
-        if name == "map" and "map" in found:
-            return np.frombuffer(found["map"]).view(complex)
-        return super().read(name, state, found)
-
-
-def loops():
-    """The browser's inner loops, name -> bytes."""
-    return {name: (MODULES / name).read_bytes() for name in ("kernels.wasm", "layers.wasm")}
-
 
 def sulci():
     """The sulci of fsaverage5's right hemisphere, mirrored, and of its left one: an `Example`."""
@@ -222,11 +209,6 @@ def as_json(example):
     knots = None if radius is None else {"disk": radius.disk.tolist(), "image": radius.image.tolist()}
     sides = {"moving": as_pairs(problem.moving), "target": as_pairs(problem.target)}
     return {"label": example.name, **sides, "curve": problem.curve.tolist(), "radius": knots}
-
-
-def as_pairs(z):
-    """Complex numbers as pairs."""
-    return np.stack([z.real, z.imag], -1).tolist()
 
 
 EXPLORABLES = (Mobius, Mu, Tuner)

@@ -14,6 +14,8 @@ import os
 import re
 from pathlib import Path
 
+import numpy as np
+
 from .cells import drawn
 
 MODULES = Path(__file__).with_name("browser")  # in a checkout a link to book/_assets/live
@@ -133,8 +135,20 @@ class Live:
         return {}
 
     def read(self, name, state, found):
-        """What else the widget offers by name, from its state and what it found."""
+        """What else the widget offers by name, from its state and what it found; map (V,): the map that is shown."""
+        if name == "map" and "map" in found:
+            return np.frombuffer(found["map"]).view(complex)
         raise AttributeError(name)
+
+
+def loops():
+    """The browser's inner loops, name -> bytes."""
+    return {name: (MODULES / name).read_bytes() for name in ("kernels.wasm", "layers.wasm")}
+
+
+def as_pairs(z):
+    """Complex numbers as pairs."""
+    return np.stack([z.real, z.imag], -1).tolist()
 
 
 def explorable(live):

@@ -1,6 +1,6 @@
-// What axe-core calls serious or critical in this page or frame: a list of "rule: element". Two things would take most of
+// What axe-core calls serious or critical in this page or frame, or a part of it: a list of "rule: element". Two things would take most of
 // its time: formulas, with some thousand elements, and the contrast of each word of code.
-async (rules) => {
+async ([rules, part]) => {
   // A formula is left out: its glyphs are hidden from screen readers, which get MathML; its colour is the text's.
   const formulas = [...document.querySelectorAll("mjx-container")].map((box) => [box, box.getAttribute("style"), box.getBoundingClientRect()])
     .map(([box, style, { width, height }]) => ({ box, style, parts: [...box.childNodes], size: `width: ${width}px; height: ${height}px` }));
@@ -25,7 +25,7 @@ async (rules) => {
 
   // Left out is what could not be found (test_accessible.py asks axe): 'region' is a moderate rule; and style sheets, which axe
   // fetches for itself, mistaking their addresses, are read by css-orientation-lock alone, which is experimental: axe passes over it.
-  const found = await axe.run({
+  const found = await axe.run(part ?? document, {
     resultTypes: ["violations"], iframes: false, preload: { assets: ["media"] }, rules: { region: { enabled: false } }, ...rules,
   });
   for (const { box, style, parts } of formulas) {

@@ -8,7 +8,8 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from types import SimpleNamespace
 
 import pytest
-from laboratory import Reader, jupyterlab, sign
+from explorables import LISTEN, PRELUDE
+from laboratory import Notebook, Reader, jupyterlab, sign
 from places import COPIES, FLAGS, ROOT, SITE, chromium_path
 from playwright.sync_api import sync_playwright
 
@@ -26,6 +27,14 @@ def browser():
 def window(browser):
     """One window for all pages of the site: what they share is fetched and compiled once."""
     window = browser.new_context()
+    yield window
+    window.close()
+
+
+@pytest.fixture(scope="session")
+def silent_window(browser):
+    """One where scripts are off."""
+    window = browser.new_context(java_script_enabled=False)
     yield window
     window.close()
 
@@ -60,3 +69,11 @@ def lab(browser, tmp_path_factory):
 @pytest.fixture(scope="session")
 def reader(browser, lab):
     return Reader(browser, lab.address)
+
+
+@pytest.fixture(scope="session")
+def notebook(browser, lab):
+    """A notebook for all explorables in JupyterLab: one page and one kernel."""
+    notebook = Notebook(browser, lab, "explorables", PRELUDE, LISTEN)
+    yield notebook
+    notebook.page.close()

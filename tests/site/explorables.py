@@ -1,43 +1,55 @@
-"""An explorable of a built page in the browser, and what its tests ask of it."""
+"""An explorable in a tab, on the site or in JupyterLab, and the tests that every explorable passes in each of the two.
+
+A subclass of `OnTheSite` or of `InJupyterLab` names an explorable and adds tests of its own; all of them work in the
+one tab, which hears at the end whether anything complained.
+"""
 
 import json
 import re
 
 import pytest
+from places import SITE
+from view import NARROW, WIDE, View, axe_findings
 
-HARMLESS = ("THEBE_JS_URL", "Got invalid theme mode")
-# The number of the answer that is shown, and whether it is the newest, kept where a test can wait for it.
-LISTEN = """() => document.addEventListener('qc-live-answer', event => {
+# The number of the answer that each explorable shows, and whether it is the newest, kept where a test can wait for it.
+LISTEN = """window.answered = {};
+document.addEventListener('qc-live-answer', event => {
   const {number, of} = event.detail;
-  window.answered = {number, newest: number === of};
-}, true)"""
+  window.answered[event.target.dataset.page] = {number, newest: number === of};
+}, true);"""
+ANSWERED = """([name, before]) => window.answered[name]?.newest && window.answered[name].number > before"""
+# Pointer events where a point of the disk is on a canvas, whatever moves in the window meanwhile.
+DRAG = """(canvas, points) => {
+  canvas.setPointerCapture = () => {}; // there is no pointer to capture
+  points.forEach(([x, y], k) => {
+    const box = canvas.getBoundingClientRect(), radius = box.width * 150 / 320;
+    const at = {clientX: box.left + box.width / 2 + x * radius, clientY: box.top + box.height / 2 - y * radius};
+    const kinds = k ? ['pointermove'] : ['pointerdown'];
+    if (k === points.length - 1) kinds.push('pointerup');
+    for (const kind of kinds) canvas.dispatchEvent(new PointerEvent(kind, {...at, bubbles: true, pointerId: 1}));
+  });
+}"""
+
+# The first cell of the notebook that has all explorables.
+PRELUDE = "import json\nfrom qclearn.pages import explorables\nfrom qclearn.pages.live import explorable"
 
 
-class View:
-    """A page with an explorable in a window of its own: its controls, pictures, read-outs, requests and complaints."""
+class Explorable:
+    """An explorable in a tab: its controls, pictures and read-outs."""
 
-    def __init__(self, browser, address, page, name, width=1280):
-        self.address, self.requests, self.complaints = address, [], []
-        self.page = browser.new_page(viewport={"width": width, "height": 1000}, accept_downloads=True)
-        self.page.on("request", lambda request: self.requests.append(request.url))
-        self.page.on("console", lambda message: message.type != "error" or self.complain(message.text))
-        self.page.on("pageerror", lambda error: self.complain(error.message))
-        self.page.on("response", lambda answer: answer.status < 400 or self.complain(f"{answer.status}: {answer.url}"))
-        self.page.add_init_script(f"({LISTEN})()")
+    def __init__(self, tab, name):
+        self.tab, self.page, self.name = tab, tab.page, name
         self.root = self.page.locator(f".qc-live[data-page={name}]")
-        self.page.goto(f"{address}{page}")
         self.page.wait_for_selector(f".qc-live[data-page={name}][data-ready]", timeout=60_000)
-        self.page.wait_for_function("() => window.MathJax?.startup?.promise")  # which moves what stands below formulas
-        self.page.evaluate("() => MathJax.startup.promise.then(() => null)")
 
-    def complain(self, text):
-        if not any(known in text for known in HARMLESS):
-            self.complaints.append(text)
+    @property
+    def said(self):
+        return self.root.locator("[role=status]").inner_text()
 
     @property
     def words(self):
         """The read-outs, without the clock's."""
-        return re.sub(r"[\d.]+ ms", "", self.root.locator("[role=status]").inner_text())
+        return re.sub(r"[\d.]+ ms", "", self.said)
 
     def number(self, pattern):
         """The number that the read-outs have behind some words."""
@@ -45,33 +57,46 @@ class View:
         assert found, self.words
         return float(found[1].rstrip("."))
 
+    def wait_for(self, words):
+        self.root.locator(f"[role=status]:has-text({json.dumps(words)})").wait_for(timeout=60_000)
+
     def pictures(self):
         return self.root.locator("canvas").evaluate_all("all => all.map(canvas => canvas.toDataURL())")
 
     def after(self, act):
         """Do something and wait for the answer to it."""
-        before = self.page.evaluate("() => window.answered?.number ?? 0")
+        before = self.page.evaluate("name => window.answered[name]?.number ?? 0", self.name)
         act()
-        self.page.wait_for_function(
-            "before => window.answered?.newest && window.answered.number > before", arg=before, timeout=60_000
-        )
+        self.page.wait_for_function(ANSWERED, arg=[self.name, before], timeout=60_000)
 
     def slider(self, name):
         return self.root.get_by_role("slider", name=name)
+
+    def choose(self, name, value):
+        self.after(lambda: self.root.get_by_role("combobox", name=name).select_option(value))
 
     def press(self, locator, key):
         locator.focus()
         self.after(lambda: self.page.keyboard.press(key))
 
-    def place(self, canvas, x, y):
-        """Where a point of the disk is in the window."""
-        canvas.scroll_into_view_if_needed()
-        box = canvas.bounding_box()
-        radius = box["width"] * 150 / 320
-        return box["x"] + box["width"] / 2 + x * radius, box["y"] + box["height"] / 2 - y * radius
+    def click(self, button):
+        self.after(lambda: self.root.get_by_role("button", name=button).click())
 
-    def drag(self, canvas, start, end):
-        mouse, (here, there) = self.page.mouse, (self.place(canvas, *point) for point in (start, end))
+    def reset(self):
+        self.click("Reset")
+
+    def drag(self, canvas, *points):
+        """Pointer events from point to point of the disk."""
+        self.after(lambda: canvas.evaluate(DRAG, [list(point) for point in points]))
+
+    def drag_with_the_mouse(self, canvas, start, end):
+        canvas.scroll_into_view_if_needed()
+        box, mouse = canvas.bounding_box(), self.page.mouse
+        radius = box["width"] * 150 / 320
+        here, there = (
+            (box["x"] + box["width"] / 2 + x * radius, box["y"] + box["height"] / 2 - y * radius)
+            for x, y in (start, end)
+        )
 
         def move():
             mouse.move(*here)
@@ -82,7 +107,7 @@ class View:
         self.after(move)
 
     def state(self):
-        """The state that the link carries, of what differs from the start."""
+        """The state that the page's address carries, of what differs from the start."""
         found = re.search(r"#live-\w+=(.*)", self.page.evaluate("() => decodeURIComponent(location.hash)"))
         return json.loads(found[1]) if found else {}
 
@@ -91,73 +116,176 @@ class View:
             self.root.get_by_role("button", name=name).click()
         return found.value
 
-    def from_elsewhere(self):
-        return [url for url in self.requests if not url.startswith((self.address, "data:", "blob:", "about:"))]
+    def data(self):
+        """What 'Data (JSON)' holds."""
+        return json.loads(self.download("Data").path().read_text())
+
+    def guess(self, number="0.5"):
+        """What is said to a guess."""
+        said = self.root.locator(".qc-live-truth")
+        said.evaluate("e => { e.textContent = ''; }")
+        self.root.get_by_role("spinbutton").fill(number)
+        self.root.get_by_role("button", name="Compare").click()
+        self.root.locator(f".qc-live-truth:has-text('You said {number}; it is')").wait_for(timeout=60_000)
+        return said.inner_text()
+
+    # What a control does, seen from outside.
+
+    def seen(self):
+        return self.words, self.pictures()
+
+    def moves_each_slider(self, act, silent=()):
+        """`act` on each slider changes its value and the words; of those named `silent` the pictures alone."""
+        for slider in self.root.get_by_role("slider").all():
+            name = slider.evaluate("e => document.querySelector(`label[for='${e.id}']`).textContent")
+            assert name, "a slider without a name"
+            value, (words, pictures) = slider.input_value(), self.seen()
+            act(slider)
+            assert slider.input_value() != value, name
+            assert self.pictures() != pictures if name in silent else self.words != words, name
+
+    def by_key(self, slider):
+        self.press(slider, "ArrowLeft" if slider.input_value() == slider.get_attribute("max") else "ArrowRight")
+
+    def by_mouse(self, slider):
+        share = 0.25 if slider.evaluate("e => (e.value - e.min) / (e.max - e.min)") > 0.6 else 0.75
+        width = slider.bounding_box()["width"]
+        self.after(lambda: slider.click(position={"x": share * width, "y": 8}))
+
+    def takes_each_choice(self):
+        for select in self.root.get_by_role("combobox").all():
+            for value in select.locator("option").evaluate_all("all => all.map(option => option.value)")[::-1]:
+                if value != select.input_value():
+                    before = self.seen()
+                    self.after(lambda select=select, value=value: select.select_option(value))
+                    assert self.seen() != before, value
+
+    def turns_each_switch(self):
+        for switch in self.root.get_by_role("checkbox").all():
+            for act in (lambda: self.press(switch, "Space"), lambda: self.after(switch.click)):  # noqa: B023
+                on, before = switch.is_checked(), self.seen()
+                act()
+                assert switch.is_checked() != on and self.seen() != before
 
 
-def every_slider_moves(view, silent=()):
-    """By keyboard and by mouse: the value and the words change; of those named `silent` the pictures alone."""
-    for slider in view.root.get_by_role("slider").all():
-        name = slider.evaluate("e => document.querySelector(`label[for='${e.id}']`).textContent")
-        assert name, "a slider without a name"
-        for act in ("keyboard", "mouse"):
-            before, seen = slider.input_value(), (view.words, view.pictures())
-            if act == "keyboard":
-                view.press(slider, "ArrowRight")
-            else:
-                width = slider.bounding_box()["width"]
-                view.after(lambda slider=slider, width=width: slider.click(position={"x": 0.75 * width, "y": 8}))
-            assert slider.input_value() != before, (name, act)
-            changed = view.words != seen[0], view.pictures() != seen[1]
-            assert changed[1] if name in silent else changed[0], (name, act)
+class OnTheSite:
+    """A subclass says: page (of the site), name, and slider, the words of one that changes what is guessed; if need be
+    silent (labels of sliders that change pictures alone) and ready (words of the read-outs to wait for)."""
+
+    silent, ready = (), ""
+
+    def __init_subclass__(cls):
+        cls.pytestmark = [pytest.mark.xdist_group(cls.page)]
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def shown(cls, window, site_address):
+        page, name = cls.page, cls.name
+        file = SITE / page
+        if not file.exists() or f'data-page="{name}"' not in file.read_text(encoding="utf-8"):
+            pytest.fail(f"{page} has no explorable {name!r}: build the site with `make book` first")
+        view = View(window, site_address, page, script=LISTEN)
+        shown = Explorable(view, name)
+        shown.wait_for(cls.ready)
+        yield shown
+        view.page.close()
+        assert view.complaints == [] and view.from_elsewhere() == []
+
+    def test_controls_move_it(self, shown):
+        shown.moves_each_slider(shown.by_key, self.silent)
+        shown.moves_each_slider(shown.by_mouse, self.silent)
+        shown.takes_each_choice()
+        shown.turns_each_switch()
+
+    def test_undo_and_reset_go_back(self, shown):
+        shown.reset()
+        start, words = shown.state(), shown.words
+        shown.press(shown.slider(self.slider), "End")
+        assert shown.state() != start and shown.words != words
+        shown.click("Undo")
+        assert shown.state() == start == {} and shown.words == words
+
+    def test_a_link_carries_the_state(self, shown):
+        shown.press(shown.slider(self.slider), "End")
+        state, words = shown.state(), shown.words
+        shown.root.get_by_role("button", name="Link to this state").click()
+        link = re.search(r"http\S+#live-\S+", shown.said)[0]
+        shown.reset()
+        shown.after(lambda: shown.page.evaluate("link => { location.href = link; }", link))
+        assert (shown.state(), shown.words) == (state, words)
+
+    def test_the_guess_is_compared_with_the_present_state(self, shown):
+        first = shown.guess()
+        shown.reset()
+        assert shown.guess() != first
+
+    def test_downloads_hold_the_state(self, shown):
+        data = shown.data()
+        assert data["page"] == self.name and data["state"] and data["answer"]
+        assert shown.download("Picture").path().read_bytes()[:4] == b"\x89PNG"
+
+    def test_everybody_can_use_it_on_a_telephone(self, shown):
+        shown.tab.resize(NARROW)
+        assert axe_findings(shown.page, shown.root) == []
+        assert shown.page.evaluate("() => document.documentElement.scrollWidth <= innerWidth")
+        shown.tab.resize(WIDE)
+
+    def test_without_scripts_a_picture_and_a_message_stand_there(self, silent_window, site_address):
+        page = silent_window.new_page()
+        page.goto(site_address + self.page)
+        root = page.locator(f".qc-live[data-page={self.name}]")
+        assert root.locator("img[alt]").count() == 1 and "JavaScript" in root.locator("[role=status]").inner_text()
+        page.close()
 
 
-def every_choice_is_taken(view):
-    for select in view.root.get_by_role("combobox").all():
-        for value in select.locator("option").evaluate_all("all => all.map(option => option.value)")[::-1]:
-            if value == select.input_value():
-                continue
-            before = view.words, view.pictures()
-            view.after(lambda select=select, value=value: select.select_option(value))
-            assert (view.words, view.pictures()) != before, value
+class InJupyterLab:
+    """A subclass says: name, live (the Python class), and sets, {name: value} that Python sets; if need be ready and
+    silent, as above, and gap, the most that the kernel's answer may differ."""
 
+    silent, ready, gap = (), "", 1e-9
+    pytestmark = pytest.mark.xdist_group("explorables in JupyterLab")
 
-def undo_and_reset_go_back(view, slider):
-    view.after(lambda: view.root.get_by_role("button", name="Reset").click())
-    start, words = view.state(), view.words
-    view.press(slider, "End")
-    assert view.state() != start and view.words != words
-    view.after(lambda: view.root.get_by_role("button", name="Undo").click())
-    assert view.state() == start == {}
+    @pytest.fixture(scope="class")
+    @classmethod
+    def shown(cls, notebook):
+        name, live = cls.name, cls.live
+        notebook.add(f"{name} = explorable(explorables.{live}())\n{name}")
+        shown = Explorable(notebook, name)
+        shown.wait_for(cls.ready)
+        yield shown
+        assert notebook.complaints == [] and notebook.from_elsewhere() == []
 
+    def test_keys_move_it(self, shown):
+        shown.moves_each_slider(shown.by_key, self.silent)
+        shown.takes_each_choice()
+        shown.turns_each_switch()
 
-def downloads_hold_the_state(view, name):
-    data = json.loads(view.download("Data").path().read_text())
-    assert data["page"] == name and data["state"] and data["answer"]
-    assert view.download("Picture").path().read_bytes()[:4] == b"\x89PNG"
-    return data
+    def test_what_python_sets_is_drawn(self, shown):
+        shown.reset()
+        before = shown.seen()
+        for name, value in self.sets.items():
+            shown.after(lambda name=name, value=value: shown.tab.run(f"{self.name}.{name} = {value!r}"))
+        assert shown.words != before[0] and shown.pictures() != before[1]
 
+    def test_what_is_moved_is_seen_by_python(self, shown):
+        shown.reset()
+        shown.press(shown.root.get_by_role("slider").first, "End")
+        shown.tab.until(f"json.loads(json.dumps({self.name}.state)) == {shown.data()['state']!r}")
 
-def the_guess_is_answered(view):
-    view.root.get_by_role("spinbutton").fill("0.5")
-    view.root.get_by_role("button", name="Compare").click()
-    view.root.locator(".qc-live-truth:has-text('You said 0.5; it is')").wait_for(timeout=60_000)
+    def test_undo_and_reset_go_back(self, shown):
+        shown.reset()
+        words = shown.words
+        shown.press(shown.root.get_by_role("slider").first, "End")
+        shown.click("Undo")
+        assert shown.words == words
 
+    def test_the_guess_is_compared(self, shown):
+        shown.guess()
 
-def without_scripts(browser, address, page, name):
-    """What stands in an explorable's place where scripts are off: its words, and whether the picture is there."""
-    context = browser.new_context(java_script_enabled=False)
-    try:
-        page_ = context.new_page()
-        page_.goto(address + page)
-        root = page_.locator(f".qc-live[data-page={name}]")
-        assert root.locator("img[alt]").count() == 1
-        return root.locator("[role=status]").inner_text()
-    finally:
-        context.close()
+    def test_the_kernel_finds_the_same(self, shown):
+        shown.root.get_by_role("button", name="Ask the kernel").click()
+        shown.wait_for("The kernel's")
+        assert float(re.findall(r"\d\.?\d*e[+-]\d+|0", shown.said)[-1]) <= self.gap
 
-
-def needs(site, page, name):
-    file = site / page
-    if not file.exists() or f'data-page="{name}"' not in file.read_text(encoding="utf-8"):
-        pytest.fail(f"{page} has no explorable {name!r}: build the site with `make book` first")
+    def test_everybody_can_use_it(self, shown):
+        assert axe_findings(shown.page, shown.root) == []

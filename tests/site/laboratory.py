@@ -12,6 +12,8 @@ import urllib.request
 import nbformat
 import pytest
 from nbformat.sign import NotebookNotary
+from nbformat.v4 import new_code_cell, new_notebook
+from view import Tab
 
 SETTINGS = {
     "apputils-extension/notification": '{"fetchNews": "false", "checkForUpdates": false}',
@@ -131,6 +133,57 @@ LOOK = """() => [...window.panel.content.node.querySelectorAll('.jp-Cell')].map(
     broken: all('img', e => e.complete && !e.naturalWidth && (e.alt || e.src)).filter(text => text),
   };
 })"""
+
+
+ADD = """async source => {
+  const {content, context: {model: {sharedModel}}} = window.panel;
+  sharedModel.insertCell(sharedModel.cells.length, {cell_type: 'code', source});
+  content.activeCellIndex = sharedModel.cells.length - 1;
+  await window.jupyterapp.commands.execute('notebook:run-cell');
+}"""
+RUN = """async code => {
+  const kernel = window.panel.sessionContext.session.kernel, future = kernel.requestExecute({code});
+  let text = '';
+  future.onIOPub = ({header, content}) => {
+    if (header.msg_type === 'stream') text += content.text;
+    if (header.msg_type === 'error') text += `${content.ename}: ${content.evalue}`;
+  };
+  await future.done;
+  return text.trim();
+}"""
+
+
+class Notebook(Tab):
+    """A notebook of the tests' own in JupyterLab, with a kernel that has run its first cell."""
+
+    def __init__(self, window, lab, name, code, script=None):
+        """code: the first cell; script: what the page runs before its own scripts."""
+        notebook = new_notebook(
+            metadata={"kernelspec": {"name": "python3", "display_name": "Python 3"}}, cells=[new_code_cell(code)]
+        )
+        nbformat.write(notebook, lab.root / "planted" / f"{name}.ipynb")
+        super().__init__(window, lab.address, "lab?reset", script=script)
+        self.page.wait_for_function("() => window.jupyterapp", timeout=60_000)
+        self.page.evaluate("() => window.jupyterapp.restored")
+        self.page.evaluate(OPEN, [f"planted/{name}.ipynb", True])
+        wait_until_idle(self.page)
+        self.page.evaluate("() => window.jupyterapp.commands.execute('notebook:run-all-cells')")
+        wait_until_idle(self.page)
+
+    def add(self, code):
+        """A cell with code at the end, run."""
+        self.page.evaluate(ADD, code)
+
+    def run(self, code):
+        """What the kernel prints for a line of code that stands in no cell."""
+        return self.page.evaluate(RUN, code)
+
+    def until(self, condition, seconds=20):
+        """Wait for what is on its way to the kernel."""
+        deadline = time.monotonic() + seconds
+        while (seen := self.run(f"print({condition})")) != "True":
+            assert time.monotonic() < deadline, f"{condition}: {seen}"
+            self.page.wait_for_timeout(100)
 
 
 class Reader:

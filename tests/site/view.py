@@ -1,4 +1,4 @@
-"""A page of the site in a browser's window, and what is to be heard and found there."""
+"""A page in a tab of a browser's window, and what is to be heard and found there."""
 
 import contextlib
 from pathlib import Path
@@ -23,17 +23,17 @@ PLANT = """html => (document.querySelector("article section") ?? document.queryS
 CHANGED = "() => window.resized.then(() => window.MathJax?.startup?.document?.whenReady(() => null)).then(() => null)"
 
 
-def axe_findings(frame, **rules):
-    """What axe-core calls serious or critical in a page or a frame of it."""
+def axe_findings(frame, part=None, **rules):
+    """What axe-core calls serious or critical in a page or a frame of it, or in a part of it alone."""
     frame.evaluate(AXE_SCRIPT)
-    return frame.evaluate(AXE, rules)
+    return frame.evaluate(AXE, [rules, part and part.element_handle()])
 
 
-class View:
-    """A page opened in a tab of a window, formulas typeset and widgets built; everything that it asked for and
-    complained about."""
+class Tab:
+    """A page opened in a tab of a window; everything that it asked for and complained about."""
 
-    def __init__(self, window, address, name, width=WIDE):
+    def __init__(self, window, address, name, width=WIDE, script=None):
+        """script: what the page runs before its own scripts."""
         self.address, self.requests, self.complaints = address, [], []
         self.page = window.new_page()
         self.page.set_viewport_size({"width": width, "height": 900})
@@ -42,17 +42,30 @@ class View:
         self.page.on("response", lambda answer: answer.status < 400 or self.complain(f"{answer.status}: {answer.url}"))
         self.page.on("console", lambda message: message.type != "error" or self.complain(message.text))
         self.page.on("pageerror", lambda error: self.complain(error.message))
+        if script:
+            self.page.add_init_script(script)
         self.page.goto(address + name, wait_until="load")
+
+    def complain(self, text):
+        if not any(known in text for known in HARMLESS):
+            self.complaints.append(text)
+
+    def from_elsewhere(self):
+        """What the page asked for that is not of its own server."""
+        return [url for url in self.requests if not url.startswith((self.address, "data:", "blob:", "about:"))]
+
+
+class View(Tab):
+    """A page of the site, formulas typeset and widgets built."""
+
+    def __init__(self, window, address, name, width=WIDE, script=None):
+        super().__init__(window, address, name, width, script)
         if self.page.locator("script[src*='mathjax']").count():
             self.page.wait_for_function("() => window.MathJax?.startup?.promise")
             self.page.evaluate(TYPESET)
         if self.page.locator(WIDGETS).count():
             self.page.wait_for_selector(HANDLES, state="attached", timeout=30_000)
             self.page.wait_for_load_state("networkidle")
-
-    def complain(self, text):
-        if not any(known in text for known in HARMLESS):
-            self.complaints.append(text)
 
     def resize(self, width):
         self.page.evaluate(EXPECT_A_CHANGE)

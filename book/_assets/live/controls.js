@@ -6,7 +6,8 @@ const make = (tag, properties = {}, ...children) => {
   element.append(...children);
   return element;
 };
-let count = 0;
+// an id of an element's own; by chance, since JupyterLab loads this module once for each widget
+export const freshId = () => `qc-live-${Math.random().toString(36).slice(2)}`;
 
 // {element, show(state)}; act(part of a state, whether the movement has ended)
 export function buildControls(list, act) {
@@ -19,7 +20,7 @@ export function buildControls(list, act) {
 
 // A slider; a log one moves in the exponent of 10, and the state has the number itself.
 function slider({ name, label, min, max, step, digits = 3 }, act, there, back) {
-  const id = `qc-live-${++count}`,
+  const id = freshId(),
     shown = (value) => Number(value.toPrecision(digits)).toLocaleString("en", { maximumSignificantDigits: digits });
   const input = make("input", { id, type: "range", min, max, step }),
     output = make("output", { htmlFor: id });
@@ -54,7 +55,7 @@ const kinds = {
     ),
 
   choice({ name, label, options, also = {} }, act) {
-    const id = `qc-live-${++count}`;
+    const id = freshId();
     const select = make(
       "select",
       { id },
@@ -76,7 +77,7 @@ const kinds = {
   },
 
   switch({ name, label }, act) {
-    const id = `qc-live-${++count}`,
+    const id = freshId(),
       input = make("input", { id, type: "checkbox" });
     input.addEventListener("change", () => act({ [name]: input.checked }));
     const element = make(

@@ -7,7 +7,7 @@
 //       where there is more to say: rows(answer) of a table, afterwards(state, answer, host) -> a fuller answer, later
 // host: start (part of a state), save(state), tell(answer), file(name), worker(), ask(state) (the kernel) and
 //       link(state), or null where there is none; refresh() is set here
-import { buildControls } from "./controls.js";
+import { buildControls, freshId } from "./controls.js";
 import { Picture } from "./picture.js";
 
 const MOST_UNDO = 200;
@@ -138,7 +138,7 @@ export class Explorable {
 
   guess() {
     const { question } = this.spec,
-      id = `guess-${this.spec.name}`;
+      id = freshId();
     const input = make("input", { id, type: "number", step: "any", required: true });
     const said = make("output", { className: "qc-live-truth" });
     const form = make(

@@ -1,6 +1,8 @@
 // JupyterLab as a host, through anywidget: the state is the trait `state`, what was found is `found`, files are bytes.
 import { Explorable } from "./explorable.js";
 
+const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
+
 export async function render({ model, el }, spec, worker) {
   const root = document.createElement("div");
   root.className = "qc-live";
@@ -12,6 +14,7 @@ export async function render({ model, el }, spec, worker) {
     start: model.get("state"),
     link: null,
     save(state) {
+      if (same(state, model.get("state"))) return; // it came from Python
       model.set("state", structuredClone(state));
       model.save_changes();
     },
@@ -38,8 +41,11 @@ export async function render({ model, el }, spec, worker) {
     error ? reject?.(new Error(error)) : resolve?.(found);
   });
   const explorable = await new Explorable(root, spec, host).begin();
+  for (const control of root.querySelectorAll("input, select, button, canvas")) {
+    control.dataset.lmSuppressShortcuts = "true"; // or JupyterLab takes arrow keys for its own
+  }
   model.on("change:state", () => {
     const state = model.get("state");
-    if (JSON.stringify(state) !== JSON.stringify(explorable.state)) explorable.change(state, true);
+    if (!same(state, explorable.state)) explorable.change(state, true);
   });
 }

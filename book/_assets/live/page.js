@@ -43,8 +43,12 @@ for (const root of document.querySelectorAll(".qc-live[data-page]")) {
   try {
     const { default: spec } = await import(`./explore_${root.dataset.page}.js`),
       host = hostOf(spec, files);
-    await new Explorable(root, spec, host).begin();
+    const explorable = await new Explorable(root, spec, host).begin();
     if (host.start) root.scrollIntoView();
+    addEventListener("hashchange", () => { // a link that is followed on the page itself
+      const state = carried(spec.name);
+      if (state) explorable.change({ ...structuredClone(spec.initial), ...state });
+    });
   } catch (error) {
     const note = root.querySelector("[role=status]") ?? root;
     note.textContent = `This figure cannot compute here: ${error.message}. The picture above was drawn when the book was made.`;

@@ -82,7 +82,7 @@ export class Picture {
     if (nearest < 0 || (!anywhere && far[nearest] * (SIZE / 2) > REACH)) return;
     this.chosen = nearest;
     this.dragging = true;
-    this.canvas.focus();
+    this.canvas.focus({ preventScroll: true }); // or the point would slip from below the pointer
     this.canvas.setPointerCapture(event.pointerId);
     event.preventDefault();
     this.onDrag(nearest, anywhere ? [x, y] : this.points[nearest], false, "pointer");
