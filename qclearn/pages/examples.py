@@ -1,19 +1,25 @@
 """Landmark problems that are small enough to be solved while a slider moves."""
 
+import warnings
 from dataclasses import dataclass
+from functools import cache
+from types import MappingProxyType
 
 import numpy as np
 from scipy.spatial import Delaunay
 
+from ..files.fsaverage import demo_landmarks, fsaverage5
 from ..plane.beltrami import signed_areas
+from ..plane.bijectivity import RepairWarning
 from ..plane.diskmesh import polar_disk
 from ..registration.fit import POWER
 from ..registration.landmarkfile import check_curves
-from ..registration.landmarks import fundus_metric, fundus_path, sample_curve
+from ..registration.landmarks import curves_of_both, fundus_metric, fundus_path, sample_curve
 from ..registration.preparation import align
 from ..registration.problem import Problem
 from ..surfaces.conformal import disk_conformal_map
 from ..surfaces.curvature import AreaRadius, area_radius
+from ..surfaces.surface import Surface, mirror
 
 # CP-Net is trained for maps on this mesh. On another one the same mu gives another map: at a large gamma that
 # would hide how far the network is from the fit.
@@ -48,6 +54,46 @@ def _example(name, mesh, moving, target, radius=None):
     return Example(name, Problem(*mesh, np.concatenate(moving), np.concatenate(target), labels), radius)
 
 
+@dataclass(frozen=True)
+class Paired:
+    """Two cortical surfaces with their disk maps laid upon each other, and the courses of the sulci that both have.
+
+    moving, control: `Surface`, with z_moving, z_control (V,) complex, the moving one after the best Möbius map of what
+    is given; names: of the curves; paths: for the moving and for the control side a list of vertex paths.
+    """
+
+    name: str
+    moving: Surface
+    control: Surface
+    z_moving: np.ndarray
+    z_control: np.ndarray
+    names: tuple
+    paths: tuple
+
+    def sampled(self, points):
+        """The landmarks in the disk, `points` a curve: for the moving and for the control side a list of (points,)."""
+        sides = (self.moving, self.z_moving), (self.control, self.z_control)
+        return [
+            [sample_curve(surface, path, points) @ z for path in paths]
+            for (surface, z), paths in zip(sides, self.paths)
+        ]
+
+
+def paired(name, moving, control, curves):
+    """Two surfaces as a `Paired`; curves as in `register`, sulci between endpoints by `fundus_path`."""
+    entries = check_curves(curves, moving, control)
+    z_control = disk_conformal_map(control)
+    z_moving = align(moving, disk_conformal_map(moving), control, z_control, entries)
+    paths = []
+    for surface, side in ((moving, "moving"), (control, "control")):
+        metric = fundus_metric(surface)
+        paths.append(
+            [fundus_path(surface, *entry[side], metric) if entry["detect"][side] else entry[side] for entry in entries]
+        )
+    names = tuple(entry["name"] for entry in entries)
+    return Paired(name, moving, control, z_moving, z_control, names, tuple(paths))
+
+
 def cortex_problem(name, moving, control, curves, vertices=None, points=5):
     """The landmarks of two cortical surfaces, `points` a curve, on a small disk mesh: an `Example`.
 
@@ -55,18 +101,32 @@ def cortex_problem(name, moving, control, curves, vertices=None, points=5):
     mesh: the graded polar one of the examples; or, given their number, vertices spread evenly over the moving surface,
     joined at their places in its disk (Delaunay).
     """
-    entries = check_curves(curves, moving, control)
-    z_moving, z_control = disk_conformal_map(moving), disk_conformal_map(control)
-    z_moving = align(moving, z_moving, control, z_control, entries)
-    landmarks = []
-    for surface, z, side in ((moving, z_moving, "moving"), (control, z_control, "control")):
-        metric = fundus_metric(surface)
-        paths = [
-            fundus_path(surface, *entry[side], metric) if entry["detect"][side] else entry[side] for entry in entries
-        ]
-        landmarks.append([sample_curve(surface, path, points) @ z for path in paths])
-    mesh = MESH if vertices is None else joined(z_moving[spread_vertices(moving, vertices)])
-    return _example(name, mesh, *landmarks, area_radius(moving, z_moving))
+    return paired_problem(paired(name, moving, control, curves), vertices, points)
+
+
+def paired_problem(pair, vertices=None, points=5):
+    """`cortex_problem` of surfaces that are `Paired`."""
+    mesh = MESH if vertices is None else joined(pair.z_moving[spread_vertices(pair.moving, vertices)])
+    return _example(pair.name, mesh, *pair.sampled(points), area_radius(pair.moving, pair.z_moving))
+
+
+CORTICES = ("cortex", "first", "second")
+SUBJECTS = MappingProxyType({"first": 1001, "second": 1002})  # seeds; of the cohort, which no network has seen
+
+
+@cache
+def cortices(name):
+    """The `Paired` cortices of a name: "cortex", fsaverage5's right side, mirrored, and its left one; "first" and
+    "second", two synthetic subjects and the benchmark's control."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RepairWarning)  # boundary steps at the ragged rim
+        if name == "cortex":
+            sides = mirror(fsaverage5("right")), fsaverage5("left")
+            return paired("sulci of fsaverage5", *sides, demo_landmarks())
+        from ..benchmark.pairs import CONTROL, hemispheres  # here: they bring the synthetic surfaces, an extra
+
+        sides = [subject.surface for subject in hemispheres([SUBJECTS[name], CONTROL], progress=False)]
+        return paired(f"a synthetic subject, seed {SUBJECTS[name]}", *sides, curves_of_both(*sides))
 
 
 def joined(z):

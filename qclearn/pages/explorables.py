@@ -1,28 +1,23 @@
 """The explorables: what Python knows of each, see `live.py`. The browser's side of one is `explore_<page>.js`."""
 
-import json
 import time
-import warnings
 from types import MappingProxyType
 
 import numpy as np
 from IPython.display import Image
 from matplotlib.figure import Figure
 
-from ..files.fsaverage import demo_landmarks, fsaverage5
-from ..plane.bijectivity import RepairWarning
 from ..plane.disk import solve_beltrami_disk
 from ..plane.diskmesh import polar_disk
 from ..plane.mobius import mobius
 from ..registration.fit import POWER, fit_problem
 from ..registration.metrics import measured_losses
-from ..registration.problem import Problem, Weights
 from ..registration.register import load
-from ..surfaces.surface import mirror
 from .canvas import Canvas
-from .examples import cortex_problem, example_problems
 from .live import Live, as_pairs, loops
 from .livenets import cpnet_file, dbsnet_file
+from .liveproblems import as_moved, example, problems_file, weights_of
+from .livesurfaces import Landmarks, Sulci
 from .plot import disk_axes, disk_plot, lines_plot
 from .widgets import describe, fit_state
 
@@ -153,31 +148,17 @@ class Tuner(Live):
     )
     meshes = MappingProxyType({"coarser": (24, 72), "finer": (32, 96)})
 
-    def __init__(self, cortex=None):
-        self.cortex = cortex or sulci()
-
-    @property
-    def examples(self):
-        """The problems, name -> `Example`."""
-        return dict(zip(("cortex", "twist", "anew", "neighbours"), [self.cortex, *example_problems()]))
-
     def files(self):
         """The inner loops in WebAssembly, the problems, and CP-Net."""
-        problems = {name: as_json(example) for name, example in self.examples.items()}
-        return loops() | {"problems.json": json.dumps(problems).encode(), "cpnet.bin": cpnet_file(load("cpnet"))}
+        return loops() | {"problems.json": problems_file(), "cpnet.bin": cpnet_file(load("cpnet"))}
 
     def problem(self, state):
         """The problem as the reader has changed it, on the mesh that the browser uses."""
-        given, mesh = self.examples[state["problem"]].problem, polar_disk(*self.meshes[state["mesh"]], POWER)
-        sides = given.moving.copy(), given.target.copy()
-        for points, moves in zip(sides, (state["starts"], state["targets"])):
-            for place, (x, y) in moves.items():
-                points[int(place)] = complex(x, y)
-        return Problem(*mesh, *sides, given.curve, state["landmarks"] == "sliding")
+        return as_moved(example(state["problem"]).problem, state, self.meshes[state["mesh"]])
 
     def answer(self, state):
         """The library's fit: its map, L_CP, landmark error and milliseconds."""
-        problem, weights = self.problem(state), Weights(*(state[name] for name in ("alpha", "beta", "gamma")))
+        problem, weights = self.problem(state), weights_of(state)
         start = time.perf_counter()
         fit = fit_problem(problem, weights, rings=self.meshes[state["mesh"]][0])
         losses = measured_losses(problem, weights, fit.mu, problem.samples @ fit.f)
@@ -190,25 +171,10 @@ class Tuner(Live):
 
     def picture(self, state):
         """The library's figure of the exact fit, and a description."""
-        example = self.examples[state["problem"]]
-        found = {"exact fit": fit_state(example, tuple(state[name] for name in ("alpha", "beta", "gamma")))}
-        words = f"Landmarks, deformed grid, |μ| and its histogram for {example.name}. {describe(found['exact fit'])}"
-        return Image(Canvas(example, list(found)).draw(found)), words
+        given = example(state["problem"])
+        found = {"exact fit": fit_state(given, tuple(state[name] for name in ("alpha", "beta", "gamma")))}
+        words = f"Landmarks, deformed grid, |μ| and its histogram for {given.name}. {describe(found['exact fit'])}"
+        return Image(Canvas(given, list(found)).draw(found)), words
 
 
-def sulci():
-    """The sulci of fsaverage5's right hemisphere, mirrored, and of its left one: an `Example`."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RepairWarning)  # boundary steps at the ragged rim
-        return cortex_problem("sulci of fsaverage5", mirror(fsaverage5("right")), fsaverage5("left"), demo_landmarks())
-
-
-def as_json(example):
-    """An `Example` as the browser reads it."""
-    problem, radius = example.problem, example.radius
-    knots = None if radius is None else {"disk": radius.disk.tolist(), "image": radius.image.tolist()}
-    sides = {"moving": as_pairs(problem.moving), "target": as_pairs(problem.target)}
-    return {"label": example.name, **sides, "curve": problem.curve.tolist(), "radius": knots}
-
-
-EXPLORABLES = (Mobius, Mu, Tuner)
+EXPLORABLES = (Mobius, Mu, Tuner, Sulci, Landmarks)

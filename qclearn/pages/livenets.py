@@ -5,19 +5,21 @@ import struct
 
 import numpy as np
 
+KINDS = {"float16": "half", "float32": "single", "uint16": "short", "uint8": "byte"}
+
 
 def packed(config, arrays):
     """A file for `readNetwork` of unet.js: uint32 length of a JSON header, the header, then the numbers of the arrays.
 
-    arrays: name -> array; float16 stays, all else becomes float32; complex ones get a last axis of two.
+    arrays: name -> array; what `KINDS` names stays, all else becomes float32; complex ones get a last axis of two.
     """
     listed, parts = [], []
     for name, array in arrays.items():
         array = np.asarray(array)
         if np.iscomplexobj(array):
             array = np.stack([array.real, array.imag], -1)
-        array = array if array.dtype == np.float16 else array.astype(np.float32)
-        listed.append([name, list(array.shape), "half" if array.dtype == np.float16 else "single"])
+        array = array if array.dtype.name in KINDS else array.astype(np.float32)
+        listed.append([name, list(array.shape), KINDS[array.dtype.name]])
         parts.append(array.tobytes())
     header = json.dumps({"config": config, "arrays": listed}).encode()
     header += b" " * (-len(header) % 4)

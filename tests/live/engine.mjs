@@ -60,6 +60,17 @@ const tasks = {
     const { DBSNet } = await load("dbsnet.js"), net = await network(DBSNet);
     return given.coefficients.map((mu) => toPairs(net.run(fromPairs(mu))));
   },
+  async surface() {
+    const { Hemisphere } = await load("hemisphere.js"), { curveDistance, graphOf, lengthOf, shortestPath } = await load("paths.js");
+    const { buffer, byteOffset, byteLength } = readFileSync(given.file), hemisphere = new Hemisphere(buffer.slice(byteOffset, byteOffset + byteLength));
+    const graph = graphOf(hemisphere), paths = given.paths.map(({ ends, curvature, depth }) =>
+      shortestPath(graph, hemisphere.curvature.map((h, v) => Math.exp(curvature * h - depth * hemisphere.depth[v])), ...ends));
+    return {
+      lifted: given.points.map(([x, y]) => hemisphere.at(hemisphere.locate(x, y))),
+      paths: paths.map(({ path, cost }) => ({ path, cost, length: lengthOf(hemisphere, path), deep: hemisphere.deep })),
+      apart: curveDistance(hemisphere, paths[0].path, paths[1].path),
+    };
+  },
   async initial() {
     const specs = await Promise.all(given.pages.map((page) => load(`explore_${page}.js`)));
     return specs.map((spec) => spec.default.initial);

@@ -9,6 +9,7 @@ from explorables import InJupyterLab, OnTheSite
 from reference import fit_in_steps, pairs
 
 from qclearn.pages.explorables import Tuner
+from qclearn.pages.liveproblems import example
 from qclearn.pages.widgets import network_fit
 from qclearn.plane.beltrami import beltrami_coefficient
 from qclearn.registration.metrics import measured_losses
@@ -58,7 +59,7 @@ class TestOnTheSite(OnTheSite):
     def test_landmarks_and_targets_are_dragged_and_moved_by_keys(self, shown, live):
         shown.reset()
         shown.choose("problem", "twist")
-        problem, words = live.examples["twist"].problem, shown.words
+        problem, words = example("twist").problem, shown.words
         for canvas, name, points in zip(
             shown.root.locator("canvas").all(), ("starts", "targets"), (problem.moving, problem.target)
         ):
@@ -134,7 +135,7 @@ class TestInJupyterLab(InJupyterLab):
     def test_a_target_is_dragged(self, shown):
         shown.reset()
         shown.choose("problem", "twist")
-        point = complex(shown.tab.run("print(tuner.live.examples['twist'].problem.target[4])"))
+        point = example("twist").problem.target[4]
         canvas = shown.root.locator("canvas").nth(1)
         shown.drag(canvas, (point.real, point.imag), (point.real + 0.05, point.imag), (point.real + 0.1, point.imag))
         shown.tab.until(f"abs(complex(*tuner.targets.get('4', (9, 9))) - {point + 0.1}) < 1e-3")

@@ -4,7 +4,8 @@
 //
 // spec: name, label, initial, controls, views, question, answer(state, host) -> answer or promise of it,
 //       draw(pictures, state, answer), words(state, answer) -> the read-outs, data(state, answer) -> what JSON has;
-//       where there is more to say: rows(answer) of a table, afterwards(state, answer, host) -> a fuller answer, later
+//       where there is more to say: rows(answer) of a table, afterwards(state, answer, host) -> a fuller answer, later,
+//       onward {page, name, text, state(state, answer)}: a link to another explorable with a state for it
 // host: start (part of a state), save(state), tell(answer), file(name), worker(), ask(state) (the kernel) and
 //       link(state), or null where there is none; refresh() is set here
 import { buildControls, freshId } from "./controls.js";
@@ -25,7 +26,7 @@ export class Explorable {
     this.status.setAttribute("role", "status");
     this.table = make("table", { className: "qc-live-table" });
     this.controls = buildControls(spec.controls, (change, settled) => this.change(change, settled));
-    this.pictures = spec.views.map((view) => new Picture(view, spec.label));
+    this.pictures = spec.views.map((view) => new (view.picture ?? Picture)(view, spec.label));
     for (const picture of this.pictures) {
       picture.onDrag = (index, point, settled, by) =>
         this.change(picture.view.drag(this.state, index, point, by), settled);
@@ -92,11 +93,13 @@ export class Explorable {
 
   show(number, state, answer) {
     Object.assign(this, { shown: number, answer });
+    this.pictures.forEach((picture) => picture.handles(state)); // an answer may bring what they stand on
     this.spec.draw(this.pictures, state, answer);
     this.say(this.spec.words(state, answer));
     if (this.spec.rows) this.table.replaceChildren(...tableRows(this.spec.rows(answer)));
     this.pictures.forEach((picture) => picture.describe(this.status.textContent));
     this.host.tell(this.spec.data(state, answer));
+    if (this.onward) this.onward.href = this.host.onward(this.spec.onward, this.spec.onward.state(state, answer));
     this.announce(number);
   }
 
@@ -132,6 +135,10 @@ export class Explorable {
       button("Data (JSON)", () => this.downloadData()),
     );
     if (this.host.link) row.append(button("Link to this state", () => this.copyLink()));
+    if (this.host.onward && this.spec.onward) {
+      this.onward = make("a", { textContent: this.spec.onward.text });
+      row.append(this.onward);
+    }
     if (this.host.ask) row.append(button("Ask the kernel", () => this.askKernel()));
     return row;
   }

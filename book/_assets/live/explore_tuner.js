@@ -1,74 +1,16 @@
 // The registration tuner: weights, landmarks and targets in the reader's hand, the exact fit at once.
 import { ask, give } from "./ask.js";
-import { PolarMesh, sample } from "./mesh.js";
 import { COLOURS, inDisk } from "./picture.js";
 import { curvePicture, grid, heat, histogram } from "./plots.js";
+import { CORTICES, kindOfLandmarks, loadProblems, meshOf, moves, problemOf, requestOf, short, weights } from "./problems.js";
+import { fromPicture, toPicture } from "./radius.js";
 
-let problems = null; // name -> {label, moving, target, curve, radius}, once they have been loaded
-const meshes = new Map(); // for the pictures, which need no factorisation
 const SOLVERS = { exact: "exact fit", network: "CP-Net", harmonic: "harmonic map" };
 let network = null; // whether CP-Net's file has come, or why it has not
 
-async function load(host) {
-  problems ??= JSON.parse(new TextDecoder().decode(await host.file("problems.json")));
-}
-
-const meshOf = ([rings, spokes]) => {
-  if (!meshes.has(rings)) meshes.set(rings, new PolarMesh(rings, spokes));
-  return meshes.get(rings);
-};
-
-// ---- radius: the cortex is drawn with one that follows its area, since the conformal disk crowds it ----
-
-function along(r, from, to) {
-  let k = 1;
-  while (k < from.length - 1 && from[k] < r) k++;
-  return to[k - 1] + ((to[k] - to[k - 1]) * (r - from[k - 1])) / (from[k] - from[k - 1]);
-}
-
-const scaled = ([x, y], from, to) => {
-  const r = Math.hypot(x, y),
-    factor = r > 0 ? along(Math.min(r, 1), from, to) / Math.min(r, 1) : 1;
-  return [x * factor, y * factor];
-};
-const draws =
-  ({ radius }) =>
-  (point) =>
-    radius ? scaled(point, radius.disk, radius.image) : point;
-const undraws =
-  ({ radius }) =>
-  (point) =>
-    radius ? scaled(point, radius.image, radius.disk) : point;
-
-// ---- the problem as the reader has changed it ----
-
-const changed = (points, moves) => points.map((point, m) => moves[m] ?? point);
-
-function problemOf(state) {
-  const problem = problems[state.problem] ?? Object.values(problems)[0];
-  return { ...problem, moving: changed(problem.moving, state.starts), target: changed(problem.target, state.targets) };
-}
-
-function request(state) {
-  const { moving, target, curve } = problemOf(state),
-    { alpha, beta, gamma, lambda } = state;
-  return {
-    moving,
-    target,
-    curve,
-    alpha,
-    beta,
-    gamma,
-    lambda,
-    looks: Number(state.looks),
-    sliding: state.landmarks === "sliding",
-    mesh: state.mesh === "finer" ? [32, 96] : [24, 72],
-  };
-}
-
 async function answer(state, host) {
-  await load(host);
-  const asked = request(state),
+  await loadProblems(host);
+  const asked = requestOf(state),
     found = await ask(host, "tuner", asked);
   return found && { ...found, asked, problem: problemOf(state) };
 }
@@ -89,9 +31,6 @@ async function fetchNetwork(host) {
   host.refresh();
 }
 
-const short = (x) =>
-  x === 0 ? "0" : Math.abs(x) < 0.01 || Math.abs(x) >= 1e5 ? x.toExponential(2) : String(Number(x.toPrecision(4)));
-
 function sentence(name, one, faces) {
   if (one.missing) return `${name}: no map, ${network || one.missing}`;
   const certificate = one.folds ? `not bijective: ${one.folds} of ${faces} triangles folded` : "certified bijective";
@@ -102,22 +41,20 @@ function sentence(name, one, faces) {
   );
 }
 
+// points of one side of the problem that the reader moves, and what becomes of the state
+const movable = (side, moved) => ({
+  points: (state) => (problemOf(state)?.[side] ?? []).map(toPicture(problemOf(state)?.radius)),
+  drag: (state, index, point) => ({
+    [moved]: { ...state[moved], [index]: inDisk(...fromPicture(problemOf(state).radius)(point)) },
+  }),
+});
+
 const views = [
-  {
-    name: "moving",
-    label: "moving disk: landmarks to drag (green)",
-    points: (state) => (problems ? problemOf(state).moving.map(draws(problemOf(state))) : []),
-    drag: (state, index, point) => ({
-      starts: { ...state.starts, [index]: inDisk(...undraws(problemOf(state))(point)) },
-    }),
-  },
+  { name: "moving", label: "moving disk: landmarks to drag (green)", ...movable("moving", "starts") },
   {
     name: "control",
     label: "deformed grid; targets to drag (red), registered (orange)",
-    points: (state) => (problems ? problemOf(state).target.map(draws(problemOf(state))) : []),
-    drag: (state, index, point) => ({
-      targets: { ...state.targets, [index]: inDisk(...undraws(problemOf(state))(point)) },
-    }),
+    ...movable("target", "targets"),
   },
   { name: "mu", label: "|μ| on the moving disk; folds in magenta" },
   { name: "histogram", label: "triangles by |μ|" },
@@ -128,7 +65,7 @@ function draw([moving, control, mu, bars, trade], state, found) {
   const shown = found[state.solver].missing ? found.exact : found[state.solver],
     { problem } = found,
     mesh = meshOf(found.asked.mesh),
-    to = draws(problem);
+    to = toPicture(problem.radius);
   const curves = (points) =>
     [...new Set(problem.curve)].map((label) => points.filter((_, m) => problem.curve[m] === label));
   const start = problem.moving.map(to),
@@ -141,25 +78,28 @@ function draw([moving, control, mu, bars, trade], state, found) {
   moving.mark();
   control.clear();
   control.circle();
-  grid(control, mesh, shown.w, to, undraws(problem));
+  grid(control, mesh, shown.w, to, fromPicture(problem.radius));
   control.lines(curves(target), COLOURS.target, 1, [4, 3]);
   target.forEach((point) => control.square(point, COLOURS.target, 3.5, 1.2));
   registered.forEach((point) => control.dot(point, COLOURS.registered, 2));
   control.mark();
-  heat(mu, mesh, shown.size, undraws(problem));
+  heat(mu, mesh, shown.size, fromPicture(problem.radius));
   histogram(bars, shown.size);
   curvePicture(trade, found.sweep ?? [], found.exact);
 }
 
+// each term of the loss, and in brackets how many times the exact fit's it is
 const rows = (found) => [
   ["", ...Object.values(SOLVERS)],
   ...["L_mu", "L_grad_mu", "L_Landmark", "L_CP"].map((term) => [
     term,
-    ...Object.keys(SOLVERS).map((name) => (found[name].missing ? "" : short(found[name][term]))),
+    ...Object.keys(SOLVERS).map((name) => {
+      const value = found[name][term];
+      if (found[name].missing) return "";
+      return name === "exact" ? short(value) : `${short(value)} (× ${Number((value / found.exact[term]).toPrecision(3))})`;
+    }),
   ]),
 ];
-
-const also = { starts: {}, targets: {} }; // what was moved belongs to the problem it was moved in
 
 export default {
   name: "tuner",
@@ -182,26 +122,16 @@ export default {
       kind: "choice",
       name: "problem",
       label: "problem",
-      also,
+      also: moves,
       options: [
-        ["cortex", "sulci of fsaverage5"],
+        ...CORTICES,
         ["twist", "a smooth twist"],
         ["anew", "points spaced anew along two curves"],
         ["neighbours", "two neighbours pulled apart"],
       ],
     },
-    {
-      kind: "choice",
-      name: "landmarks",
-      label: "landmarks",
-      options: [
-        ["points", "points"],
-        ["sliding", "sliding along their curves"],
-      ],
-    },
-    { kind: "log", name: "alpha", label: "α (alpha), weight of |μ|²", min: -2, max: 2, step: 0.1 },
-    { kind: "log", name: "beta", label: "β (beta), weight of |∇μ|²", min: -4, max: 1, step: 0.1 },
-    { kind: "log", name: "gamma", label: "γ (gamma), weight of the landmarks", min: 0, max: 7, step: 0.1 },
+    kindOfLandmarks,
+    ...weights,
     { kind: "log", name: "lambda", label: "λ (lambda), springs of the harmonic map", min: -1, max: 5, step: 0.1 },
     { kind: "choice", name: "solver", label: "map shown", options: Object.entries(SOLVERS) },
     {
@@ -256,8 +186,8 @@ export default {
   question: {
     text: "Multiply γ by ten: what share of the present landmark error is left (0 to 1, or more)? ",
     async truth(state, host) {
-      const now = await ask(host, "tuner", request(state), "error");
-      return (await ask(host, "tuner", { ...request(state), gamma: 10 * state.gamma }, "error")) / now;
+      const now = await ask(host, "tuner", requestOf(state), "error");
+      return (await ask(host, "tuner", { ...requestOf(state), gamma: 10 * state.gamma }, "error")) / now;
     },
     why: "Where the landmarks are nearly met, each factor of ten takes the error down by about as much, and |μ| hardly moves.",
   },

@@ -20,6 +20,7 @@ function hostOf(spec, files) {
   return {
     start,
     link,
+    onward: ({ page, name }, state) => `${page}.html${PREFIX}${name}=${encodeURIComponent(JSON.stringify(state))}`,
     ask: null,
     save: (state) => history.replaceState(null, "", link(state)),
     tell() {},

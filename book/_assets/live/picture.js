@@ -127,6 +127,13 @@ export class Picture {
     this.stroke(COLOURS.ink, 1);
   }
 
+  // a canvas that covers the square around the disk; to: where a point of it goes
+  raster(image, to) {
+    const [left, top] = to([-1, 1]),
+      [right, bottom] = to([1, -1]);
+    this.pen.drawImage(image, this.X(left), this.Y(top), this.X(right) - this.X(left), this.Y(bottom) - this.Y(top));
+  }
+
   stroke(colour, width = 1, dash = []) {
     Object.assign(this.pen, { strokeStyle: colour, lineWidth: width });
     this.pen.setLineDash(dash);

@@ -1,0 +1,182 @@
+// The tuner's map carried to the control surface: registered sulci yellow, their targets red, moving with the sliders.
+import { ask } from "./ask.js";
+import { fromPairs } from "./complex.js";
+import { distance, Hemisphere } from "./hemisphere.js";
+import { sample } from "./mesh.js";
+import { bestMobius, moved } from "./mobius.js";
+import { COLOURS } from "./picture.js";
+import { CORTICES, kindOfLandmarks, loadProblems, meshOf, moves, problemOf, requestOf, short, weights } from "./problems.js";
+import { Solid } from "./solid.js";
+
+const COLOUR = { registered: [0.94, 0.89, 0.26], target: [0.84, 0.15, 0.16], before: [0, 0.62, 0.45] };
+const RADIUS = 0.9; // of a tube, mm
+const surfaces = new Map(); // problem -> {control, curves: names and courses of its sulci}
+let last = { key: "" }; // the last map, which a turn of the surface does not change
+
+async function load(host, problem) {
+  await loadProblems(host);
+  if (surfaces.has(problem)) return;
+  const decode = (buffer) => JSON.parse(new TextDecoder().decode(buffer)),
+    curves = decode(await host.file("sulci.json"))[problem];
+  const control = new Hemisphere(await host.file(curves.control));
+  surfaces.set(problem, { ...curves, control });
+}
+
+const SEEN = ["turn", "tilt", "zoom", "unfold", "before"]; // what changes the view, not the map
+
+async function answer(state, host) {
+  await load(host, state.problem);
+  const map = Object.fromEntries(Object.entries(state).filter(([name]) => !SEEN.includes(name))),
+    key = JSON.stringify(map);
+  if (last.key === key) return last.found;
+  const asked = requestOf(state),
+    found = await ask(host, "tuner", asked, "map");
+  if (!found) return null;
+  last = { key, found: { ...found, asked, ...carried(state, asked, found.exact) } };
+  return last.found;
+}
+
+// the sulci before and after the map, in the disk; and in mm how far landmarks are from their targets on the surface
+function carried(state, asked, { w }) {
+  const { control, names, moving, target } = surfaces.get(state.problem),
+    mesh = meshOf(asked.mesh);
+  const best = bestMobius(fromPairs(asked.moving), fromPairs(asked.target));
+  const after = (points) => sample(w, points.map(([x, y]) => mesh.locate(x, y))),
+    without = (points) => moved(fromPairs(points), best);
+  const places = ({ x, y }) => Array.from(x, (u, k) => control.locate(u, y[k]));
+  const end = places(fromPairs(asked.target)).map((place) => control.at(place));
+  const off = (points) => places(points).map((place, m) => distance(control.at(place), end[m]));
+  const errors = off(after(asked.moving)),
+    bySulcus = names.map((_, k) => mean(errors.filter((_, m) => asked.curve[m] === k))),
+    worst = bySulcus.indexOf(Math.max(...bySulcus));
+  return {
+    lines: {
+      before: moving.map(without).map(places),
+      target: target.map(fromPairs).map(places),
+      registered: moving.map(after).map(places),
+    },
+    mm: mean(errors),
+    mmBefore: mean(off(without(asked.moving))),
+    bySulcus,
+    worst: { name: names[worst], mm: bySulcus[worst] },
+  };
+}
+
+const round = (x) => Number(x.toPrecision(3));
+const mean = (list) => list.reduce((a, b) => a + b, 0) / list.length;
+
+// tubes along places of the surface as it is unfolded so far, a little off it so that they are seen
+function tubesOf(solid, control, lines, { unfold, before }) {
+  const { normal, unfoldedNormal } = solid.normals,
+    mixed = (place, from, to) => {
+      const [a, b] = [control.at(place, from), control.at(place, to)];
+      return a.map((c, k) => c + unfold * (b[k] - c));
+    };
+  const kinds = [...(before ? ["before"] : []), "target", "registered"];
+  return kinds.flatMap((kind, k) =>
+    lines[kind].map((line) => {
+      const ways = line.map((place) => mixed(place, normal, unfoldedNormal)),
+        centres = line.map((place) => mixed(place, control.vertices, control.unfolded));
+      const points = centres.map((point, i) => point.map((c, n) => c + (0.6 + 0.25 * k) * RADIUS * ways[i][n]));
+      return { points, ways, colour: COLOUR[kind], radius: RADIUS };
+    }),
+  );
+}
+
+function draw([solid, disk], state, found) {
+  const { control } = surfaces.get(state.problem);
+  if (solid.shown !== control) solid.surface((solid.shown = control));
+  solid.tubes(tubesOf(solid, control, found.lines, state));
+  solid.draw({ ...state, share: state.unfold });
+  const line = (places) =>
+    places.map(({ corners, weights }) => {
+      const at = (part) => corners.reduce((sum, v, k) => sum + weights[k] * part[v], 0);
+      return control.toPicture([at(control.x), at(control.y)]);
+    });
+  disk.clear();
+  disk.circle();
+  if (state.before) disk.lines(found.lines.before.map(line), COLOURS.moving, 1.5);
+  disk.lines(found.lines.registered.map(line), COLOURS.registered, 3);
+  disk.lines(found.lines.target.map(line), COLOURS.target, 1.5, [4, 3]);
+}
+
+export default {
+  name: "sulci",
+  label: "Registered sulci in 3-D",
+  initial: {
+    problem: "cortex",
+    landmarks: "points",
+    alpha: 1,
+    beta: 0.01,
+    gamma: 1000,
+    turn: 0,
+    tilt: 10,
+    zoom: 1,
+    unfold: 0.6,
+    before: false,
+    starts: {},
+    targets: {},
+  },
+  controls: [
+    { kind: "choice", name: "problem", label: "control surface", also: moves, options: CORTICES },
+    kindOfLandmarks,
+    ...weights,
+    { kind: "linear", name: "turn", label: "turn of the surface in degrees", min: -180, max: 180, step: 5 },
+    { kind: "linear", name: "tilt", label: "tilt of the surface in degrees", min: -90, max: 90, step: 5 },
+    { kind: "linear", name: "zoom", label: "zoom", min: 0.5, max: 4, step: 0.1 },
+    { kind: "linear", name: "unfold", label: "unfolded, 0 to 1", min: 0, max: 1, step: 0.05 },
+    { kind: "switch", name: "before", label: "where the best Möbius map alone takes the sulci (green)" },
+  ],
+  views: [
+    {
+      name: "surface",
+      label: "control surface to turn: registered sulci yellow, their targets red",
+      picture: Solid,
+      drag: (state, index, [turn, tilt]) => ({
+        turn: ((state.turn + turn + 540) % 360) - 180,
+        tilt: Math.min(90, Math.max(-90, state.tilt + tilt)),
+      }),
+    },
+    { name: "disk", label: "the same in its disk: registered orange, targets red" },
+  ],
+  answer,
+  draw,
+  words(state, { exact, mm, mmBefore, worst, asked, kernels }) {
+    const { F } = meshOf(asked.mesh),
+      certificate = exact.folds ? `not bijective: ${exact.folds} of ${F} triangles folded` : "certified bijective";
+    return (
+      `Registered landmarks are ${round(mm)} mm from their targets on the control surface, on average, straight through space; ` +
+      `after the best Möbius map alone ${round(mmBefore)} mm. Worst is the ${worst.name} with ${round(worst.mm)} mm. ` +
+      `Mean |μ| ${short(exact.mean)}, largest ${short(exact.largest)}, L_CP ${short(exact.L_CP)}; ${certificate}. ` +
+      `Exact fit on this mesh of ${asked.mesh.join(" x ")}, ${exact.ms.toFixed(0)} ms, in ${kernels}.`
+    );
+  },
+  data(state, { exact, mm, mmBefore, bySulcus }) {
+    const map = new Float64Array(2 * exact.w.x.length).map((_, i) => (i % 2 ? exact.w.y : exact.w.x)[i >> 1]);
+    return { map, mm, mmBefore, bySulcus, L_CP: exact.L_CP, landmarkError: exact.landmarkError, steps: exact.steps };
+  },
+  compare: (found, kernel) => {
+    const { x, y } = found.exact.w,
+      gap = Math.max(...x.map((u, v) => Math.hypot(u - kernel.map[v][0], y[v] - kernel.map[v][1])));
+    return (
+      `The kernel's registered landmarks are ${short(kernel.mm)} mm from their targets, the page's ${short(found.mm)} mm; ` +
+      `the largest difference of the two maps is ${gap.toExponential(1)}.`
+    );
+  },
+  question: {
+    text: "With γ a hundred times what it is, how many mm are the registered landmarks from their targets, on average? ",
+    async truth(state, host) {
+      await load(host, state.problem);
+      const stiff = { ...state, gamma: Math.min(1e7, 100 * state.gamma) },
+        asked = requestOf(stiff);
+      return carried(stiff, asked, (await ask(host, "tuner", asked, "truth")).exact).mm;
+    },
+    why: "γ multiplies the square of a distance: each factor of ten brings the points nearer, long after anatomy has no say.",
+  },
+  onward: {
+    page: "live",
+    name: "tuner",
+    text: "Take this to the tuner",
+    state: (state) => Object.fromEntries(Object.entries(state).filter(([name]) => !SEEN.includes(name))),
+  },
+};

@@ -1,0 +1,224 @@
+// A surface in 3-D on one WebGL canvas, with tubes upon it, to be turned by mouse, finger and arrow keys.
+const SIZE = [560, 420],
+  SIDES = 6; // of a tube
+const TURN = 5; // degrees an arrow key turns, three times with shift
+const VERTEX = `
+attribute vec3 place, unfolded, normal, unfoldedNormal, colour;
+uniform vec3 middle, right, up, eye; uniform vec2 scale; uniform float share;
+varying vec3 shown, way;
+void main() {
+  vec3 p = mix(place, unfolded, share) - middle;
+  gl_Position = vec4(dot(p, right) * scale.x, dot(p, up) * scale.y, -dot(p, eye) * 0.4 * min(scale.x, scale.y), 1.0);
+  way = mix(normal, unfoldedNormal, share); shown = colour;
+}`;
+const FRAGMENT = `
+precision highp float;
+uniform vec3 eye; varying vec3 shown, way;
+void main() { gl_FragColor = vec4(shown * (0.3 + 0.75 * max(dot(normalize(way), eye), 0.0)), 1.0); }`;
+const PARTS = { place: 3, unfolded: 3, normal: 3, unfoldedNormal: 3, colour: 3 };
+
+export class Solid {
+  // view: name, label, turned(state, [turn, tilt] in degrees) -> part of a state
+  constructor(view, title) {
+    Object.assign(this, { view, title, buffers: {} });
+    this.canvas = document.createElement("canvas");
+    const sharpness = Math.min(2, Math.max(1, globalThis.devicePixelRatio || 1));
+    [this.canvas.width, this.canvas.height] = SIZE.map((size) => size * sharpness);
+    this.canvas.className = "qc-live-solid";
+    this.canvas.setAttribute("role", "application");
+    this.canvas.setAttribute("aria-roledescription", "surface in 3-D: arrow keys turn it");
+    this.canvas.setAttribute("aria-label", `${title}: ${view.label}`);
+    this.element = document.createElement("figure");
+    this.element.className = "qc-live-wide";
+    const caption = Object.assign(document.createElement("figcaption"), { textContent: view.label });
+    this.element.append(this.canvas, caption);
+    this.begin();
+    this.listen();
+  }
+
+  begin() {
+    this.pen = this.canvas.getContext("webgl", { preserveDrawingBuffer: true, antialias: true });
+    if (!this.pen) throw new Error("the browser offers no WebGL, which a surface in 3-D needs");
+    const { pen } = this,
+      program = pen.createProgram();
+    for (const [kind, source] of [
+      [pen.VERTEX_SHADER, VERTEX],
+      [pen.FRAGMENT_SHADER, FRAGMENT],
+    ]) {
+      const shader = pen.createShader(kind);
+      pen.shaderSource(shader, source);
+      pen.compileShader(shader);
+      pen.attachShader(program, shader);
+    }
+    pen.linkProgram(program);
+    pen.useProgram(program);
+    pen.enable(pen.DEPTH_TEST);
+    pen.clearColor(1, 1, 1, 1);
+    this.place = (name) => pen.getUniformLocation(program, name);
+    this.slots = Object.fromEntries(Object.keys(PARTS).map((name) => [name, pen.getAttribLocation(program, name)]));
+  }
+
+  describe(words) {
+    this.canvas.setAttribute("aria-label", `${this.title}: ${this.view.label}. ${words}`);
+  }
+
+  handles() {}
+
+  // ---- turning ----
+
+  listen() {
+    const { canvas } = this;
+    canvas.tabIndex = 0;
+    canvas.style.touchAction = "none";
+    let from = null;
+    canvas.addEventListener("pointerdown", (event) => {
+      from = [event.clientX, event.clientY];
+      canvas.focus();
+      canvas.setPointerCapture(event.pointerId);
+      event.preventDefault();
+    });
+    const turn = (event, settled) => {
+      if (!from) return;
+      const box = canvas.getBoundingClientRect(),
+        angles = [((from[0] - event.clientX) / box.width) * 180, ((event.clientY - from[1]) / box.height) * 180];
+      from = settled ? null : [event.clientX, event.clientY];
+      this.onDrag(0, angles, settled, "pointer");
+    };
+    canvas.addEventListener("pointermove", (event) => turn(event, false));
+    canvas.addEventListener("pointerup", (event) => turn(event, true));
+    canvas.addEventListener("pointercancel", (event) => turn(event, true));
+    canvas.addEventListener("keydown", (event) => {
+      const size = TURN * (event.shiftKey ? 3 : 1),
+        move = { ArrowLeft: [size, 0], ArrowRight: [-size, 0], ArrowUp: [0, size], ArrowDown: [0, -size] }[event.key];
+      if (!move) return;
+      event.preventDefault();
+      this.onDrag(0, move, true, "keys");
+    });
+  }
+
+  // ---- drawing ----
+
+  // vertices, unfolded (3 V), faces (3 F), shade (V) 0 to 255, away: the direction that is seen first
+  surface({ vertices, unfolded, faces, shade, away }) {
+    const colour = Float32Array.from(vertices, (_, i) => 0.45 + (0.5 * shade[Math.floor(i / 3)]) / 255);
+    this.away = away;
+    this.middle = middleOf(vertices);
+    this.radius = 1.02 * Math.max(...[vertices, unfolded].map((points) => farthest(points, this.middle)));
+    this.normals = { normal: normalsOf(vertices, faces), unfoldedNormal: normalsOf(unfolded, faces) };
+    this.keep("surface", { place: vertices, unfolded, ...this.normals, colour }, faces);
+  }
+
+  // lists of {points, ways: [[x, y, z], ...], colour: [r, g, b], radius}: centres in mm, and which way is off the surface
+  tubes(list) {
+    const parts = { place: [], normal: [], colour: [] },
+      faces = [];
+    for (const one of list) tube(one, parts, faces);
+    const place = Float32Array.from(parts.place),
+      normal = Float32Array.from(parts.normal);
+    const colour = Float32Array.from(parts.colour);
+    this.keep("tubes", { place, unfolded: place, normal, unfoldedNormal: normal, colour }, Uint16Array.from(faces));
+  }
+
+  keep(name, arrays, faces) {
+    const { pen } = this,
+      kept = (this.buffers[name] ??= { corners: pen.createBuffer(), parts: {} });
+    for (const part of Object.keys(PARTS)) {
+      kept.parts[part] ??= pen.createBuffer();
+      pen.bindBuffer(pen.ARRAY_BUFFER, kept.parts[part]);
+      pen.bufferData(pen.ARRAY_BUFFER, arrays[part], pen.STATIC_DRAW);
+    }
+    pen.bindBuffer(pen.ELEMENT_ARRAY_BUFFER, kept.corners);
+    pen.bufferData(pen.ELEMENT_ARRAY_BUFFER, faces, pen.STATIC_DRAW);
+    kept.count = faces.length;
+  }
+
+  // turn, tilt: degrees; zoom: 1 shows all; share: how far unfolded
+  draw({ turn, tilt, zoom, share }) {
+    const { pen, canvas } = this,
+      a = Math.atan2(this.away[1], this.away[0]) + (turn * Math.PI) / 180,
+      b = (tilt * Math.PI) / 180;
+    const right = [-Math.sin(a), Math.cos(a), 0],
+      eye = [Math.cos(a) * Math.cos(b), Math.sin(a) * Math.cos(b), Math.sin(b)];
+    const up = [-Math.cos(a) * Math.sin(b), -Math.sin(a) * Math.sin(b), Math.cos(b)],
+      scale = zoom / this.radius;
+    pen.viewport(0, 0, canvas.width, canvas.height);
+    pen.clear(pen.COLOR_BUFFER_BIT | pen.DEPTH_BUFFER_BIT);
+    const given = { middle: this.middle, right, up, eye };
+    for (const [name, value] of Object.entries(given)) pen.uniform3fv(this.place(name), value);
+    pen.uniform2f(this.place("scale"), (scale * canvas.height) / canvas.width, scale);
+    for (const [name, { parts, corners, count }] of Object.entries(this.buffers)) {
+      pen.uniform1f(this.place("share"), name === "surface" ? share : 0);
+      for (const part of Object.keys(PARTS)) {
+        pen.bindBuffer(pen.ARRAY_BUFFER, parts[part]);
+        pen.enableVertexAttribArray(this.slots[part]);
+        pen.vertexAttribPointer(this.slots[part], PARTS[part], pen.FLOAT, false, 0, 0);
+      }
+      pen.bindBuffer(pen.ELEMENT_ARRAY_BUFFER, corners);
+      pen.drawElements(pen.TRIANGLES, count, pen.UNSIGNED_SHORT, 0);
+    }
+  }
+}
+
+// ---- geometry ----
+
+const minus = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const unit = (a) => {
+  const size = Math.hypot(...a) || 1;
+  return a.map((c) => c / size);
+};
+
+// the middle of the box around points (3 V), and how far they reach from it, seen from any side of a picture of 4 to 3
+function middleOf(points) {
+  const low = [Infinity, Infinity, Infinity],
+    high = [-Infinity, -Infinity, -Infinity];
+  points.forEach((c, i) => {
+    low[i % 3] = Math.min(low[i % 3], c);
+    high[i % 3] = Math.max(high[i % 3], c);
+  });
+  return low.map((c, k) => (c + high[k]) / 2);
+}
+
+function farthest(points, [x, y, z]) {
+  let most = 0;
+  for (let i = 0; i < points.length; i += 3) {
+    const across = 0.75 * Math.hypot(points[i] - x, points[i + 1] - y);
+    most = Math.max(most, Math.abs(points[i + 2] - z), across);
+  }
+  return most;
+}
+
+// unit normals of the vertices (3 V), the faces' weighted by their areas
+export function normalsOf(points, faces) {
+  const out = new Float32Array(points.length),
+    at = (v) => points.subarray(3 * v, 3 * v + 3);
+  for (let i = 0; i < faces.length; i += 3) {
+    const [a, b, c] = faces.subarray(i, i + 3),
+      n = cross(minus(at(b), at(a)), minus(at(c), at(a)));
+    for (const v of [a, b, c]) for (let k = 0; k < 3; k++) out[3 * v + k] += n[k];
+  }
+  for (let v = 0; v < out.length; v += 3) out.set(unit(out.subarray(v, v + 3)), v);
+  return out;
+}
+
+// rings of SIDES corners about the points of a line, joined by triangles
+function tube({ points, ways, colour, radius }, { place, normal, colour: colours }, faces) {
+  const first = place.length / 3;
+  points.forEach((point, k) => {
+    const along = unit(minus(points[Math.min(k + 1, points.length - 1)], points[Math.max(k - 1, 0)])),
+      side = unit(cross(along, ways[k])),
+      off = cross(side, along);
+    for (let j = 0; j < SIDES; j++) {
+      const c = Math.cos((2 * Math.PI * j) / SIDES),
+        s = Math.sin((2 * Math.PI * j) / SIDES),
+        way = [0, 1, 2].map((i) => c * off[i] + s * side[i]);
+      normal.push(...way);
+      place.push(...way.map((w, i) => point[i] + radius * w));
+      colours.push(...colour);
+      if (k + 1 === points.length) continue;
+      const a = first + k * SIDES + j,
+        b = first + k * SIDES + ((j + 1) % SIDES);
+      faces.push(a, b, a + SIDES, b, b + SIDES, a + SIDES);
+    }
+  });
+}

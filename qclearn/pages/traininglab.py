@@ -1,0 +1,230 @@
+"""The training lab: a small network trained while the reader watches, with losses and weights of the reader's own."""
+
+import base64
+import html
+import os
+import threading
+import time
+
+import ipywidgets
+import numpy as np
+from matplotlib.figure import Figure
+
+from ..plane.bijectivity import flipped_faces
+from ..registration.certified import exact_map
+from .canvas import Canvas
+from .cells import drawn
+from .examples import Example
+from .plot import disk_axes, grid_plot
+from .widgets import fit_state, states_table
+
+EVERY = 0.7  # seconds between two pictures of the curves
+WAITS = "The lab trains in JupyterLab, where a kernel runs. This is what {seconds:g} seconds of it look like."
+WIDE = {"width": "34em"}
+
+
+def curves_figure(lesson):
+    """The figures of a lesson so far, step by step: its loss, and what it makes of an unseen example."""
+    figure = Figure(figsize=(9.6, 2.8), dpi=80, layout="constrained")
+    axes = figure.subplots(1, 2)
+    for ax, name, title in zip(axes, ("loss", "unseen"), ("loss of the batch", lesson.what)):
+        values = np.array([row[name] for row in lesson.history])
+        ax.semilogy(np.arange(1, len(values) + 1), values, color="#0072B2")
+        ax.set_xlabel("step")
+        ax.set_title(title, fontsize=10)
+    if lesson.least > 0:
+        axes[1].axhline(lesson.least, color="#D55E00", linestyle="--", label="exact fit")
+        axes[1].legend(frameon=False)
+    return figure
+
+
+def answer_of(lesson):
+    """A lesson's answer to its unseen example beside the exact one: (picture, words as HTML)."""
+    return landmarks_answer(lesson) if hasattr(lesson, "weights") else map_answer(lesson)
+
+
+def landmarks_answer(lesson):
+    """The network's coefficient through the exact solver beside the exact fit, drawn and measured as in the tuner."""
+
+    def trained(problem, weights, watch=None):
+        return exact_map(problem, lesson.answer(problem.moving))
+
+    example, weights = Example("an unseen example", lesson.problem), lesson.weights
+    weights = weights.alpha, weights.beta, weights.gamma
+    states = {
+        "exact fit": fit_state(example, weights),
+        "CP-Net in training": fit_state(example, weights, False, trained),
+    }
+    return Canvas(example, list(states)).draw(states), states_table(states)
+
+
+def map_answer(lesson):
+    """The network's map of a coefficient beside the exact one, as grids: how far they are apart, and folds."""
+    f, z, faces = lesson.answer(lesson.mu), lesson.z, lesson.faces
+    figure = Figure(figsize=(9.6, 3.4), dpi=80, layout="constrained")
+    maps = {"exact map": lesson.exact, "DBS-Net in training": f}
+    for ax, (title, one) in zip(figure.subplots(1, 3), maps.items()):
+        grid_plot(disk_axes(ax), z, faces, one)
+        ax.set_title(title, fontsize=10)
+    both = disk_axes(figure.axes[2])
+    grid_plot(both, z, faces, lesson.exact, color="0.7")
+    grid_plot(both, z, faces, f, color="#B22222")
+    both.set_title("both (red: the network's)", fontsize=10)
+    away, folds = abs(f - lesson.exact), len(flipped_faces(faces, f))
+    words = (
+        f"<p>For an unseen coefficient the network's map is {away.mean():.3g} from the exact one on average, at most "
+        f"{away.max():.3g}; {folds} of its {len(faces)} triangles are folded.</p>"
+    )
+    return drawn(figure)[0], words
+
+
+def image(data, words):
+    """PNG bytes as HTML with a description."""
+    data = base64.b64encode(data).decode()
+    return f'<img alt="{html.escape(words)}" style="max-width:100%;width:768px" src="data:image/png;base64,{data}">'
+
+
+def slider(name, value, low, high, words):
+    """A slider over powers of ten from 10^low to 10^high, with words on what it sets."""
+    return ipywidgets.FloatLogSlider(
+        value=value,
+        min=low,
+        max=high,
+        step=0.1,
+        description=name,
+        tooltip=words,
+        readout_format=".1e",
+        layout=WIDE,
+    )
+
+
+class TrainingLab(ipywidgets.VBox):
+    """Choose a network, its losses and their weights; start, stop and go on; see its answer beside the exact one.
+
+    Training runs in a thread of its own, `seconds` at a time, and the settings hold from the next start. `lesson` is
+    the `Lesson` in hand; `wait()` returns when the training has stopped.
+    """
+
+    def __init__(self):
+        self.lesson, self.thread, self.stopped = None, None, threading.Event()
+        self.network = ipywidgets.Dropdown(options=["CP-Net", "DBS-Net"], description="network", layout=WIDE)
+        self.alpha = slider("α", 1.0, -2, 2, "weight of |μ|²")
+        self.beta = slider("β", 1e-2, -4, 1, "weight of |∇μ|²")
+        self.gamma = slider("γ", 1e3, 0, 5, "weight of the landmark mismatch")
+        equations = ["as corrected", "as printed"]
+        self.equation = ipywidgets.Dropdown(options=equations, description="L_LBS", layout=WIDE)
+        self.rho = slider("ρ", 1e-6, -9, -3, "weight of the boundary's angles")
+        self.rate = slider("rate", 3e-3, -5, -1, "step of Adam")
+        self.seconds = ipywidgets.IntSlider(value=10, min=1, max=60, description="seconds", layout=WIDE)
+        self.start, self.stop, self.go_on = (
+            ipywidgets.Button(description=words) for words in ("Start anew", "Stop", "Go on")
+        )
+        self.curves, self.picture, self.text = (ipywidgets.HTML() for _ in range(3))
+        self.own = {
+            "CP-Net": ipywidgets.VBox([self.alpha, self.beta, self.gamma]),
+            "DBS-Net": ipywidgets.VBox([self.equation, self.rho]),
+        }
+        buttons = ipywidgets.HBox([self.start, self.stop, self.go_on])
+        shown = [self.rate, self.seconds, buttons, self.text, self.curves, self.picture]
+        super().__init__([self.network, *self.own.values(), *shown])
+        self.listen()
+        self.choose()
+        self.say("Choose losses and weights, guess where the curves will be after that many seconds, and start.")
+
+    def listen(self):
+        """Let buttons and the choice of the network act."""
+        self.network.observe(lambda change: self.choose(), "value")
+        self.start.on_click(lambda _: self.begin())
+        self.stop.on_click(lambda _: self.stopped.set())
+        self.go_on.on_click(lambda _: self.train())
+
+    def choose(self):
+        """Show the settings of the chosen network alone."""
+        for name, box in self.own.items():
+            box.layout.display = "" if name == self.network.value else "none"
+
+    def say(self, words):
+        """Put words where those who listen hear them."""
+        self.text.value = f'<div role="status">{words}</div>'
+
+    def begin(self):
+        """Train a new network with the settings as they are."""
+        from ..nets.lessons import lesson  # torch, which takes a second
+
+        names = "alpha", "beta", "gamma", "equation", "rho", "rate"
+        self.halt()
+        self.lesson = lesson(self.network.value, {name: getattr(self, name).value for name in names})
+        self.train()
+
+    def train(self):
+        """Go on with the network in hand for `seconds`; nothing where there is none, or where it trains already."""
+        if self.lesson is None:
+            self.say("There is no network yet: start one.")
+        elif self.thread is None or not self.thread.is_alive():
+            self.stopped.clear()
+            self.thread = threading.Thread(target=self._train, daemon=True)
+            self.thread.start()
+
+    def halt(self):
+        """Stop the training and wait until it has."""
+        self.stopped.set()
+        self.wait()
+
+    def wait(self):
+        """Return once no training runs."""
+        if self.thread is not None:
+            self.thread.join()
+
+    def _train(self):
+        lesson, shown = self.lesson, time.monotonic()
+
+        def watch():
+            nonlocal shown
+            if time.monotonic() - shown > EVERY:
+                self.show_curves(lesson)
+                shown = time.monotonic()
+
+        try:
+            lesson.train(self.seconds.value, self.stopped.is_set, watch)
+        except ValueError as error:  # TrainingError
+            self.say(f"<b>Stopped</b>: {html.escape(str(error))}")
+            return
+        self.show_curves(lesson)
+        picture, words = answer_of(lesson)
+        self.picture.value = image(picture, "The network's answer beside the exact one, words below.")
+        self.say(f"{len(lesson.history)} steps. {words}")
+
+    def show_curves(self, lesson):
+        """Draw the figures so far."""
+        last = lesson.history[-1]
+        words = f"After {len(lesson.history)} steps: loss {last['loss']:.3g}, {lesson.what} {last['unseen']:.3g}"
+        self.curves.value = image(drawn(curves_figure(lesson))[0], words)
+        self.say(f"{words}.")
+
+
+class LabPicture:
+    """What an executed page shows in the lab's place: the curves of a short run, and the answer after it."""
+
+    def __init__(self, seconds=3.0):
+        from ..nets.lessons import lesson
+
+        self.seconds = seconds
+        self.lesson = lesson("CP-Net", {"alpha": 1.0, "beta": 1e-2, "gamma": 1e3, "rate": 3e-3})
+        self.lesson.train(seconds)
+
+    def _repr_html_(self):
+        picture, words = answer_of(self.lesson)
+        curves = drawn(curves_figure(self.lesson))[0]
+        return "".join(
+            [
+                f"<p>{html.escape(WAITS.format(seconds=self.seconds))}</p>",
+                image(curves, "The loss and an unseen example over the steps of a short run."),
+                image(picture, "Landmarks, grid and coefficient of the exact fit above, of the trained network below."),
+                words,
+            ]
+        )
+
+
+def training_lab():
+    """The lab as a widget; while the book is made, a picture of a short run instead."""
+    return LabPicture() if os.environ.get("QCLEARN_PAGES") == "static" else TrainingLab()
