@@ -11,7 +11,8 @@ from scipy.spatial import Delaunay
 from ..files.fsaverage import demo_landmarks, fsaverage5
 from ..plane.beltrami import signed_areas
 from ..plane.bijectivity import RepairWarning
-from ..plane.diskmesh import polar_disk
+from ..plane.diskmesh import interpolate, locate, polar_disk
+from ..registration.features import FOLDS, Feature, Features, check_features
 from ..registration.fit import POWER
 from ..registration.landmarkfile import check_curves
 from ..registration.landmarks import curves_of_both, fundus_metric, fundus_path, sample_curve
@@ -28,11 +29,13 @@ MESH = polar_disk(32, 96, POWER)
 
 @dataclass(frozen=True)
 class Example:
-    """A landmark problem on a small disk mesh and its name; radius: to draw it with where the disk would crowd it."""
+    """A landmark problem on a small disk mesh and its name; radius: to draw it with where the disk would crowd it;
+    features: of the surfaces that it was taken from, if there are any."""
 
     name: str
     problem: Problem
     radius: AreaRadius | None = None
+    features: Features | None = None
 
 
 def example_problems():
@@ -49,9 +52,9 @@ def example_problems():
     ]
 
 
-def _example(name, mesh, moving, target, radius=None):
+def _example(name, mesh, moving, target, radius=None, features=None):
     labels = np.repeat(np.arange(len(moving)), [len(curve) for curve in moving])
-    return Example(name, Problem(*mesh, np.concatenate(moving), np.concatenate(target), labels), radius)
+    return Example(name, Problem(*mesh, np.concatenate(moving), np.concatenate(target), labels), radius, features)
 
 
 @dataclass(frozen=True)
@@ -95,11 +98,11 @@ def paired(name, moving, control, curves):
 
 
 def cortex_problem(name, moving, control, curves, vertices=None, points=5):
-    """The landmarks of two cortical surfaces, `points` a curve, on a small disk mesh: an `Example`.
+    """The landmarks and folds of two cortical surfaces, `points` a curve, on a small disk mesh: an `Example`.
 
-    curves as in `register`, sulci between endpoints by `fundus_path`; the landmarks come from the full surfaces. The
-    mesh: the graded polar one of the examples; or, given their number, vertices spread evenly over the moving surface,
-    joined at their places in its disk (Delaunay).
+    curves as in `register`, sulci between endpoints by `fundus_path`; the landmarks come from the full surfaces, as do
+    depth and curvature. The mesh: the graded polar one of the examples; or, given their number, vertices spread evenly
+    over the moving surface, joined at their places in its disk (Delaunay).
     """
     return paired_problem(paired(name, moving, control, curves), vertices, points)
 
@@ -107,7 +110,8 @@ def cortex_problem(name, moving, control, curves, vertices=None, points=5):
 def paired_problem(pair, vertices=None, points=5):
     """`cortex_problem` of surfaces that are `Paired`."""
     mesh = MESH if vertices is None else joined(pair.z_moving[spread_vertices(pair.moving, vertices)])
-    return _example(pair.name, mesh, *pair.sampled(points), area_radius(pair.moving, pair.z_moving))
+    features = folds_on(mesh, pair.moving, pair.z_moving, pair.control, pair.z_control)
+    return _example(pair.name, mesh, *pair.sampled(points), area_radius(pair.moving, pair.z_moving), features)
 
 
 CORTICES = ("cortex", "first", "second")
@@ -127,6 +131,14 @@ def cortices(name):
 
         sides = [subject.surface for subject in hemispheres([SUBJECTS[name], CONTROL], progress=False)]
         return paired(f"a synthetic subject, seed {SUBJECTS[name]}", *sides, curves_of_both(*sides))
+
+
+def folds_on(mesh, moving, z_moving, control, z_control):
+    """Depth and curvature of two surfaces, the moving ones on a small mesh (z, faces) of its disk: `Features`."""
+    places, whole = locate(z_moving, moving.faces, mesh[0]), check_features(FOLDS, moving, control)
+    small = Surface(interpolate(moving.vertices, moving.faces, *places), mesh[1])
+    maps = [Feature(one.name, interpolate(one.moving, moving.faces, *places), one.control) for one in whole]
+    return Features(small, control, z_control, maps)
 
 
 def joined(z):

@@ -1,4 +1,4 @@
-"""Live tuning of landmark fits: solvers, the callback as a plain function, and a thin ipywidgets shell."""
+"""Live tuning of fits by landmarks and folds: solvers, the callback as a plain function, a thin ipywidgets shell."""
 
 import base64
 import html
@@ -11,20 +11,25 @@ import numpy as np
 
 from ..registration.certified import CertifiedMap, exact_map
 from ..registration.checked import gamma_words, predicted
+from ..registration.dense import Dense
+from ..registration.features import FINEST
 from ..registration.fit import fit_problem
+from ..registration.hybrid import Level, fit_registration
 from ..registration.metrics import measured_losses
 from ..registration.problem import LandmarkError, Weights
 from ..registration.register import load
 from .canvas import Canvas
 
 RINGS = 24  # of the polar mesh that carries the fit's unknowns: more gain little here, and take longer
+FOLD_LEVELS = (Level(16, 16.0, 3), Level(RINGS, 8.0, 3, True))  # fewer than `register` has: a slider cannot wait
 
 
 @dataclass(frozen=True)
 class FitState:
-    """One solver's answer: fit (None where it failed), its terms of L_CP, seconds, and a message in words.
+    """One solver's answer: fit (None where it failed), its terms of the loss, seconds, and a message in words.
 
-    terms: name -> (value, weight, product) as `measured_losses` of the map, so that solvers are compared alike.
+    terms: name -> (value, weight, product) as measured of the map, so that solvers are compared alike: those of L_CP,
+    and "L_features" where folds have a weight.
     """
 
     fit: CertifiedMap | None
@@ -34,17 +39,22 @@ class FitState:
 
     @property
     def loss(self):
-        """L_CP of the map, NaN without one."""
+        """The sum of the weighted terms, NaN without a map."""
         return sum(product for *_, product in self.terms.values()) if self.terms else np.nan
 
 
-def exact_fit(problem, weights, watch=None):
-    """`fit_landmarks` on a `Problem`."""
-    return fit_problem(problem, weights, rings=RINGS, watch=watch)
+def exact_fit(problem, weights, features=None, watch=None):
+    """`fit_landmarks` on a `Problem`, `fit_registration` with features."""
+    if features is None:
+        return fit_problem(problem, weights, rings=RINGS, watch=watch)
+    return fit_registration(problem, weights, features, watch=watch, levels=FOLD_LEVELS)
 
 
-def network_fit(problem, weights, watch=None):
-    """CP-Net's coefficient for a `Problem` and the exact solver's map for it: what differs is CP-Net's alone."""
+def network_fit(problem, weights, features=None, watch=None):
+    """CP-Net's coefficient for a `Problem` and the exact solver's map for it: what differs is CP-Net's alone.
+
+    It knows no folds: with features its answer is that without.
+    """
     if problem.sliding:
         raise LandmarkError("CP-Net takes points to points, it knows no sliding; choose points")
     network = load("cpnet")
@@ -54,24 +64,28 @@ def network_fit(problem, weights, watch=None):
     return replace(found, fallbacks=(*gamma_words(network, weights), *found.fallbacks))
 
 
+DELTAS = [("0 (no folds)", 0.0), *((f"{delta:g}", delta) for delta in (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0))]
 SOLVERS = {"exact fit": exact_fit, "CP-Net": network_fit}  # the first is what the others are compared with
 
 
 def fit_state(example, weights, sliding=False, solver=exact_fit, watch=None):
     """The answer to one place of the sliders: a FitState; bad input or a missing network becomes its message.
 
-    weights: three numbers (alpha, beta, gamma). It depends on the arguments alone, not on where the sliders were
-    before. solver: a callable like `exact_fit`.
+    weights: alpha, beta, gamma and, if folds shall count, delta. It depends on the arguments alone, not on where the
+    sliders were before. solver: a callable like `exact_fit`.
     """
     start, problem = time.perf_counter(), replace(example.problem, sliding=sliding)
     try:
         weights = Weights(*weights)
-        fit = solver(problem, weights, watch)
+        features = features_of(example, weights)
+        fit = solver(problem, weights, features, watch)
     except (ValueError, ImportError) as error:  # LandmarkError, BeltramiError, SurfaceError, WeightsError; no torch
         return FitState(None, {}, time.perf_counter() - start, str(error))
     seconds = time.perf_counter() - start
-    losses = measured_losses(problem, weights, fit.mu, problem.samples @ fit.f)
-    factors = {"L_mu": weights.alpha, "L_grad_mu": weights.beta, "L_Landmark": weights.gamma}
+    losses, factors = measured_losses(problem, weights, fit.mu, problem.samples @ fit.f), weights.factors
+    if features is not None:
+        losses["L_features"] = float((Dense(features, FINEST, 1.0).residual(fit.f) ** 2).sum())
+        factors["L_features"] = weights.delta
     terms = {name: (losses[name], factor, factor * losses[name]) for name, factor in factors.items()}
     certificate = (
         "certified bijective"
@@ -79,6 +93,13 @@ def fit_state(example, weights, sliding=False, solver=exact_fit, watch=None):
         else f"not bijective: {len(fit.flipped)} of {len(problem.faces)} triangles flipped"
     )
     return FitState(fit, terms, seconds, "; ".join([certificate, *fit.fallbacks]))
+
+
+def features_of(example, weights):
+    """The features that a fit is given, None where they have no weight; LandmarkError where there are none to weigh."""
+    if weights.delta and example.features is None:
+        raise LandmarkError(f"delta = {weights.delta:g}, but {example.name!r} has no folds; choose delta 0")
+    return example.features if weights.delta else None
 
 
 def describe(state):
@@ -93,10 +114,11 @@ def describe(state):
 
 
 def gaps(states):
-    """One sentence for each solver after the first that has a map: its L_CP beside that of the first."""
+    """One sentence for each solver after the first that has a map: its loss beside that of the first."""
     (name, first), *others = states.items()
+    loss = "L_CP + δ L_Features" if "L_features" in first.terms else "L_CP"
     return [
-        f"L_CP of {other} is {state.loss / first.loss:.3g} times that of {name}"
+        f"{loss} of {other} is {state.loss / first.loss:.3g} times that of {name}"
         for other, state in others
         if state.fit is not None and first.fit is not None
     ]
@@ -113,10 +135,9 @@ def states_table(states):
 
 def loss_table(states):
     """The loss terms of states that have a map, as they are and weighted, side by side as HTML."""
-    symbols = {"L_mu": "L<sub>μ</sub>", "L_grad_mu": "L<sub>∇μ</sub>", "L_Landmark": "L<sub>Landmark</sub>"}
     rows = []
-    for key, symbol in symbols.items():
-        terms = [state.terms[key] for state in states.values()]
+    for key in next(iter(states.values())).terms:
+        terms, symbol = [state.terms[key] for state in states.values()], SYMBOLS[key]
         rows.append(
             [
                 symbol,
@@ -124,7 +145,7 @@ def loss_table(states):
                 *(f"{number:.3g}" for value, _, product in terms for number in (value, product)),
             ]
         )
-    rows.append(["L<sub>CP</sub>", "", *(cell for state in states.values() for cell in ("", f"{state.loss:.3g}"))])
+    rows.append(["sum", "", *(cell for state in states.values() for cell in ("", f"{state.loss:.3g}"))])
     head = ["term", "weight", *(cell for name in states for cell in (html.escape(name), "weighted"))]
     lines = [
         "".join(f"<th>{cell}</th>" for cell in head),
@@ -132,6 +153,14 @@ def loss_table(states):
     ]
     body = "".join(f"<tr>{line}</tr>" for line in lines)
     return f"<table style='border-collapse: separate; border-spacing: 1.5em 0'>{body}</table>"
+
+
+SYMBOLS = {
+    "L_mu": "L<sub>μ</sub>",
+    "L_grad_mu": "L<sub>∇μ</sub>",
+    "L_Landmark": "L<sub>Landmark</sub>",
+    "L_features": "L<sub>Features</sub>",
+}
 
 
 class Superseded(Exception):
@@ -183,7 +212,9 @@ class NewestOnly:
 
 
 class Tuner(ipywidgets.VBox):
-    """Sliders for alpha, beta and gamma over the landmark fit of a choice of examples (list of `Example`).
+    """Sliders for alpha, beta, gamma and delta over the fit of a choice of examples (list of `Example`).
+
+    delta weighs folds, where the example has any, and is 0 at first: landmarks alone.
 
     solvers: name -> callable like `exact_fit`; their answers stand one below the other, compared with the first. The
     first answer is computed at once, so that a page without a kernel shows it; later ones come from a worker thread.
@@ -201,9 +232,14 @@ class Tuner(ipywidgets.VBox):
         self.alpha = self._slider("α", 1.0, -2, 2, "weight of |μ|²")
         self.beta = self._slider("β", 1e-2, -4, 1, "weight of |∇μ|²")
         self.gamma = self._slider("γ", 1e5, 0, 7, "weight of the landmark mismatch")
+        self.delta = ipywidgets.SelectionSlider(
+            options=DELTAS, description="δ", tooltip="weight of the folds' mismatch", layout={"width": "34em"}
+        )
+        self.problem.observe(self.offer_folds, "value")
+        self.offer_folds()
         self.picture = ipywidgets.HTML()  # an Image widget could not carry the words for those who do not see it
         self.text = ipywidgets.HTML()
-        controls = [self.problem, self.landmarks, self.alpha, self.beta, self.gamma]
+        controls = [self.problem, self.landmarks, self.alpha, self.beta, self.gamma, self.delta]
         super().__init__([*controls, self.picture, self.text])
         self.worker = NewestOnly(self.answer, self.show)
         self.show(self.answer(*self.setting()))
@@ -223,9 +259,15 @@ class Tuner(ipywidgets.VBox):
             layout={"width": "34em"},
         )
 
+    def offer_folds(self, change=None):
+        """Nothing to weigh, nothing to move: where an example has no folds, delta is 0 and its slider disabled."""
+        self.delta.disabled = self.examples[self.problem.value].features is None
+        if self.delta.disabled:
+            self.delta.value = 0.0
+
     def setting(self):
         """What the controls say: (problem name, weights, sliding)."""
-        weights = self.alpha.value, self.beta.value, self.gamma.value
+        weights = self.alpha.value, self.beta.value, self.gamma.value, self.delta.value
         return self.problem.value, weights, self.landmarks.value == "sliding"
 
     def answer(self, name, *setting, watch=None):

@@ -182,7 +182,7 @@ def report_fit(engine, state, steps):
         "L_grad_mu": float((mu.conj() @ (engine.laplace @ mu)).real),
         "L_Landmark": mean_square(state.points - engine.problem.target),
     }
-    terms["L_CP"] = float(np.dot((weights.alpha, weights.beta, weights.gamma), list(terms.values())))
+    terms["L_CP"] = float(sum(factor * terms[name] for name, factor in weights.factors.items()))
     if engine.dense is not None:
         terms["L_features"] = float((engine.dense.residual(state.f) ** 2).sum() / weights.delta)
     found = certified(engine.problem, state.f, state.mobius, state.words)

@@ -49,8 +49,7 @@ def measured_losses(problem, weights, mu, mapped):
         "L_grad_mu": float((nodal.conj() @ (stiffness(z, faces, np.zeros(len(faces))) @ nodal)).real) / np.pi,
         "L_Landmark": float((abs(mapped - problem.target) ** 2).mean()),
     }
-    factors = {"L_mu": weights.alpha, "L_grad_mu": weights.beta, "L_Landmark": weights.gamma}
-    return terms | {"L_CP": sum(factors[name] * term for name, term in terms.items())}
+    return terms | {"L_CP": sum(factor * terms[name] for name, factor in weights.factors.items())}
 
 
 def coefficient_measures(surface, z, mu):

@@ -42,6 +42,11 @@ class Weights:
         """The same with another gamma."""
         return replace(self, gamma=gamma)
 
+    @property
+    def factors(self):
+        """What each term of the paper's loss is multiplied by: name of the term -> weight."""
+        return {"L_mu": self.alpha, "L_grad_mu": self.beta, "L_Landmark": self.gamma}
+
 
 @dataclass(frozen=True, eq=False)
 class Problem:

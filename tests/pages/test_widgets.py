@@ -25,8 +25,10 @@ from qclearn.pages.widgets import (
 )
 from qclearn.plane.bijectivity import check_bijective
 from qclearn.plane.diskmesh import square_disk
+from qclearn.registration.features import FINEST, Feature, Features
 from qclearn.registration.fit import fit_landmarks
 from qclearn.registration.problem import LandmarkError, Problem, Weights
+from qclearn.surfaces.surface import Surface
 
 EXACT = {"exact fit": exact_fit}
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -58,10 +60,46 @@ def state(example):
     return fit_state(example, (1.0, 1e-2, 1e4))
 
 
+@pytest.fixture(scope="module")
+def folded(example):
+    """The same with waves on both sides, which the twist takes to each other."""
+    z, faces = example.problem.z, example.problem.faces
+    flat = Surface(np.stack([z.real, z.imag, 0 * z.real], axis=1), faces)
+    twisted = z * np.exp(0.6j * (1 - abs(z) ** 2))
+    waves = Feature("waves", *(np.cos(7 * w.real) + np.sin(6 * w.imag) for w in (twisted, z)))
+    return dataclasses.replace(example, name="folded", features=Features(flat, flat, z, [waves]))
+
+
 def test_gamma_buys_landmarks_with_distortion(example):
     loose, tight = fit_state(example, (1.0, 1e-2, 1e1)), fit_state(example, (1.0, 1e-2, 1e4))
     assert tight.fit.landmark_error < 0.1 * loose.fit.landmark_error
     assert tight.terms["L_mu"][0] > loose.terms["L_mu"][0]
+
+
+def test_delta_brings_folds_together(folded):
+    alone, folds = (fit_state(folded, (1.0, 1e-2, 1e2, delta)) for delta in (1e-6, 1.0))
+    before, after = (2 * (1 - folded.features.correlation(one.fit.f, FINEST)[0]) for one in (alone, folds))
+    assert after < 0.5 * before
+    value, weight, product = folds.terms["L_features"]
+    assert value == pytest.approx(after, rel=0.2) and weight == 1.0 and product == value
+    assert folds.loss == pytest.approx(sum(row[2] for row in folds.terms.values()))
+    assert "L_features" not in fit_state(folded, (1.0, 1e-2, 1e2)).terms
+
+
+def test_folds_where_there_are_none_become_a_message(example):
+    answer = fit_state(example, (1.0, 1e-2, 1e2, 0.3))
+    assert answer.fit is None and "'twist' has no folds" in answer.message
+
+
+def test_delta_reaches_the_solver_where_there_are_folds(example, folded):
+    tuner = Tuner([folded, example], EXACT)
+    tuner.gamma.value = 1e2
+    text = answered(tuner, tuner.delta, 0.3)
+    expected = fit_state(folded, (1.0, 1e-2, 1e2, 0.3))
+    assert f"{expected.fit.landmark_error:.2e}" in text and "L<sub>Features</sub>" in text
+    assert not tuner.delta.disabled
+    text = answered(tuner, tuner.problem, "twist")
+    assert tuner.delta.disabled and tuner.setting()[1] == (1.0, 1e-2, 1e2, 0.0) and "Features" not in text
 
 
 def test_alpha_and_beta_press_on_their_own_terms(example):
@@ -204,17 +242,17 @@ def test_every_control_reaches_the_solver(example):
         (tuner.problem, "other"),
     ):
         text = answered(tuner, control, value)
-    assert tuner.setting() == ("other", (2.0, 0.1, 1e3), True)
+    assert tuner.setting() == ("other", (2.0, 0.1, 1e3, 0.0), True)
     expected = fit_state(other, (2.0, 0.1, 1e3), sliding=True)
     assert f"{expected.fit.landmark_error:.2e}" in text
     assert tuner.canvas.example is other
 
 
 def test_an_unexpected_error_is_shown_and_the_next_move_works(example):
-    def fails_above(problem, weights, watch):
+    def fails_above(problem, weights, features, watch):
         if weights.gamma > 1e4:
             raise RuntimeError("no <answer> here")
-        return exact_fit(problem, weights, watch)
+        return exact_fit(problem, weights, features, watch)
 
     tuner = Tuner([example], {"fragile": fails_above})
     assert "no &lt;answer&gt; here" in tuner.text.value
@@ -225,7 +263,8 @@ def test_an_unexpected_error_is_shown_and_the_next_move_works(example):
 
 def test_answers_of_several_solvers_stand_below_each_other(example):
     tuner = Tuner(
-        [example], {"exact fit": exact_fit, "half gamma": lambda p, w, watch: exact_fit(p, w.at(w.gamma / 2), watch)}
+        [example],
+        {"exact fit": exact_fit, "half gamma": lambda p, w, *rest: exact_fit(p, w.at(w.gamma / 2), *rest)},
     )
     assert set(tuner.canvas.rows) == {"exact fit", "half gamma"}
     assert "<b>exact fit</b>" in tuner.text.value and "<b>half gamma</b>" in tuner.text.value
@@ -345,3 +384,4 @@ def test_cortex_problem_keeps_landmarks_of_the_full_surfaces():
     polar = cortex_problem("bowls", moving, control, curves, points=4)
     np.testing.assert_array_equal(polar.problem.target, small.problem.target)
     np.testing.assert_array_equal(polar.problem.z, example_problems()[0].problem.z)
+    assert [len(side.areas) for side in polar.features.sides] == [len(polar.problem.z), len(control.vertices)]
