@@ -114,7 +114,7 @@ def test_a_journal_torn_in_its_first_line_begins_again(out):
     assert Journal(out, SETTINGS).rows == []
 
 
-@pytest.mark.parametrize("changed", ["vertices", "commit", "runs"])
+@pytest.mark.parametrize("changed", ["vertices", "generation", "commit", "runs"])
 def test_a_journal_of_other_settings_is_refused(out, changed):
     Journal(out, SETTINGS)
     with pytest.raises(BenchmarkError, match=rf"other settings \({changed} differ\)"):
