@@ -57,11 +57,9 @@ class PolarGrid(PolarMesh):
 
     def __init__(self, nr, nt, power=1.4, modes=512):
         super().__init__(nr, nt, power)
-        z, faces = self.mesh
-        area = np.bincount(faces.ravel(), np.repeat(signed_areas(z, faces), 3))[1::nt] / 3
-        K, first = stiffness(z, faces, np.zeros(len(faces))), np.arange(nr) * nt + 1
-        spokes, arcs = -np.asarray(K[first[:-1], first[1:]]).ravel(), -np.asarray(K[first, first + 1]).ravel()
-        radial, values, kept = _eigenvectors(area, spokes, arcs, nt, modes)
+        z, _ = self.mesh
+        area, spokes, arcs = ring_tables(self.mesh, nt)
+        radial, values, kept = eigenvectors(area, spokes, arcs, nt, modes)
         tables = {
             "z": z[1:].reshape(nr, nt),
             "area": area[:, None],
@@ -121,7 +119,17 @@ def as_tensor(table):
     return torch.as_tensor(table.astype(np.complex64 if np.iscomplexobj(table) else np.float32))
 
 
-def _eigenvectors(area, spokes, arcs, nt, count):
+def ring_tables(mesh, nt):
+    """Of the rings of a polar mesh: lumped areas (nr,), and Laplace's weights along spokes (nr - 1,)
+    and along the rings (nr,)."""
+    (z, faces), nr = mesh, (len(mesh[0]) - 1) // nt
+    area = np.bincount(faces.ravel(), np.repeat(signed_areas(z, faces), 3))[1::nt] / 3
+    K, first = stiffness(z, faces, np.zeros(len(faces))), np.arange(nr) * nt + 1
+    spokes = -np.asarray(K[first[:-1], first[1:]]).ravel()
+    return area, spokes, -np.asarray(K[first, first + 1]).ravel()
+
+
+def eigenvectors(area, spokes, arcs, nt, count):
     """Radial parts (nt, nr, nr) of all eigenvectors by angular mode;
     eigenvalues and places of the smoothest (count,)."""
     nr, inner = len(area), np.arange(len(area) - 1)
