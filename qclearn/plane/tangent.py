@@ -109,11 +109,7 @@ class Tangent:
 
     def gradients(self, nu, f):
         """Gradients of Re f(p) and Im f(p) with respect to nu (N,), complex (2, P, N), for the solver's map f (V,)."""
-        at, carrier = self.points @ f, self.carrier
-        both = np.stack([f, carrier.slope @ f], axis=1)
-        P, Q = self.kernel(nu, both, at[:, None])
-        self.mend(P, Q, nu, both)
-        P, Q = chain(nu, P, Q)
+        at, (P, Q) = self.points @ f, self.variation(nu, f)
         moved = np.stack([P.conj() + Q, 1j * (P.conj() - Q)])  # gradients of Re k and Im k
         (zero_re, _), (zero_im, one_im) = moved[:, -2:]
         moved, at, spin = moved[:, :-2], at[:-2, None], 2 * zero_im - one_im
@@ -121,6 +117,16 @@ class Tangent:
         moved[0] += (square.real - 1) * zero_re + square.imag * zero_im - at.imag * spin
         moved[1] += square.imag * zero_re - (square.real + 1) * zero_im + at.real * spin
         return moved
+
+    def variation(self, nu, f):
+        """P, Q (P + 2, N) with `dk(p) = sum P dnu + Q conj(dnu)`, the points' own change up to that of a Möbius map;
+        the last two rows are those of 0 and 1."""
+        both = np.stack([f, self.carrier.slope @ f], axis=1)
+        P, Q = self.kernel(nu, both, (self.points @ f)[:, None])
+        self.mend(P, Q, nu, both)
+        along, across = (bounded_pullback(nu, unit) for unit in (1.0, 1j))
+        a, b = ((along - 1j * across) / 2).real, (along + 1j * across) / 2  # dmu = a dnu + b conj(dnu)
+        return P * a + Q * b.conj(), P * b + Q * a
 
     def kernel(self, nu, both, at):
         """P, Q (P + 2, N) with `dk(p) = sum P dmu + Q conj(dmu)`, a node for its cell."""
@@ -166,10 +172,3 @@ def cells(areas, nu, slope):
 def inverse(d, size):
     """`1 / d`, no larger than on the rim of a disk of this radius squared."""
     return d.conj() / np.maximum(d.real**2 + d.imag**2, size)
-
-
-def chain(nu, P, Q):
-    """The same (..., n) with respect to nu (n,), mu = T(nu)."""
-    along, across = (bounded_pullback(nu, unit) for unit in (1.0, 1j))
-    a, b = ((along - 1j * across) / 2).real, (along + 1j * across) / 2  # dmu = a dnu + b conj(dnu)
-    return P * a + Q * b.conj(), P * b + Q * a
