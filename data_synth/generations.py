@@ -6,7 +6,7 @@ generation. Files and results carry the number, and subjects of two generations 
 
 from dataclasses import dataclass
 
-GENERATION = 2  # of all subjects that are made without asking for another
+GENERATION = 3  # of all subjects that are made without asking for another
 
 
 @dataclass(frozen=True)
