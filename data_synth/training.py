@@ -19,7 +19,7 @@ from qclearn.plane.mobius import best_mobius, mobius, mobius_inverse
 from qclearn.plane.spectrum import Spectrum
 from qclearn.registration.fit import POWER
 from qclearn.registration.landmarks import sample_curve
-from qclearn.registration.looks import Link, Looks
+from qclearn.registration.looks import Link, Looks, refit
 from qclearn.registration.problem import Weights, distinct
 from qclearn.surfaces.conformal import disk_conformal_map
 
@@ -66,7 +66,7 @@ def dbsnet(config, folder, quick=False):
 
 
 DATA_POINTS = 37  # on each curve: every fourth of them are the ten of preset `paper`
-LOOKS = 3  # on the network's own mesh, where the fields that CP-Net imitates come from
+LOOKS = 2  # on the network's own mesh, where the fields that CP-Net imitates come from
 DEFAULT, WILD = 0.3, 1.6  # share of examples at the default weights; |nu| beyond which one is drawn again
 TRAINING_SEEDS, VALIDATION_SEEDS = tuple(range(2001, 2097)), tuple(range(3001, 3013))  # none of the cohort's
 
@@ -93,7 +93,7 @@ def ldnet(config, folder, quick=False):
 
 
 class Pairs(Seeded):
-    """For CP-Net: (moving, wanted, left, mask (128,), logs (2,), born, nu (rings, spokes)), as its `forward` takes them.
+    """For CP-Net: (moving, wanted, left, mask (128,), logs (2,), born, nu (rings, spokes)): its input and answer.
 
     Targets are the curves of a subject, some of them or what lies between those of two, at several numbers of points,
     or points scattered over the disk. They are moved to another subject's curves, by a random map or by twists, now
@@ -135,16 +135,17 @@ class Pairs(Seeded):
         moving, q = (self.subject(rng)[some, :: (DATA_POINTS - 1) // (count - 1)].ravel() for _ in range(2))
         kind = rng.random()
         if kind > 0.65:
-            number = int(round(2 ** rng.uniform(2, np.log2(self.most))))
+            number = round(2 ** rng.uniform(2, np.log2(self.most)))
             q = 0.95 * np.sqrt(rng.random(number)) * np.exp(2j * np.pi * rng.random(number))
         if kind < 0.4:
             p = moving
         elif rng.random() < 0.25:
             p = twisted(q, rng)
         else:
-            mu = random_coefficient(self.maps.z, self.maps.faces, rng, kind=rng.choice(KINDS), max_abs=(0.05, 0.8))
+            kind = "image" if rng.random() < 0.2 else "smooth"  # images take longer than all the rest
+            mu = random_coefficient(self.maps.z, self.maps.faces, rng, kind, max_abs=(0.05, 0.8))
             p = sampling_matrix(self.maps.z, self.maps.faces, q) @ self.maps.solve(mu)
-        return (mobius(p, *best_mobius(p, q)) if rng.random() < 0.85 else p), q
+        return (mobius(p, *refit(p, q)) if rng.random() < 0.85 else p), q
 
     def subject(self, rng):
         """A subject's curves (C, DATA_POINTS), or what lies between those of two."""
@@ -183,13 +184,16 @@ class ControlPairs(Seeded):
 
 
 def cpnet(config, folder, quick=False):
-    """Landmark problems for CP-Net: curves of 96 synthetic subjects and scattered points, with the field of a fit;
-    validation on 12 others.
+    """Landmark problems for CP-Net: curves of synthetic subjects and scattered points, with the fields of fits.
 
-    Preset `paper`: those of the first of them as the control, the same examples for every gamma.
+    Preset `paper`: pairs with the first of 96 subjects, the control, validated on 12 others, the same examples for
+    every gamma; `best`: curves of 32 of them, moved in many ways, validated on six.
     """
-    groups, counts = (((1, 2), (3, 4)), (8, 4)) if quick else ((TRAINING_SEEDS, VALIDATION_SEEDS), (2000, 64))
-    counts = (1600, 96) if config.preset == "paper" and not quick else counts
+    groups, counts = ((1, 2), (3, 4)), (8, 4)
+    if not quick:
+        few = config.preset == "best"
+        groups = TRAINING_SEEDS[: 32 if few else None], VALIDATION_SEEDS[: 6 if few else None]
+        counts = (1600, 64) if few else (1600, 96)
     sets = []
     for k, (seeds, count) in enumerate(zip(groups, counts)):
         curves = disk_curves(seeds, folder, quick)

@@ -53,7 +53,7 @@ def ring_tables(mesh, nt):
 
 
 def eigenvectors(area, spokes, arcs, nt, count):
-    """Radial parts (nt, nr, nr) of all eigenvectors by angular mode; eigenvalues and places of the smoothest, (count,)."""
+    """Radial parts (nt, nr, nr) of all eigenvectors by angular mode; values and places of the smoothest, (count,)."""
     nr, inner = len(area), np.arange(len(area) - 1)
     radial = np.zeros((nr, nr))
     radial[inner, inner + 1] = radial[inner + 1, inner] = -spokes

@@ -102,7 +102,7 @@ class Looks:
             yield proposal, best
 
     def born(self):
-        """The step at nu = 0, and in the moving disk where the landmarks should go, (M,), and what it leaves of that."""
+        """The step at nu = 0, nu (N,); how far the landmarks should go in the moving disk, (M,), and what it leaves."""
         look = self.at_zero()
         proposal, slope = self.step(look), self.scale * (self.samples @ mobius_slope(look.f, *look.mobius))
         wanted, left = (-(r[: len(slope)] + 1j * r[len(slope) :]) / slope for r in (look.r, proposal.left))
