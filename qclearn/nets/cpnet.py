@@ -124,13 +124,14 @@ class BestCPNet(nn.Module):
     def answers(self, problem, weights, looks=3):
         """What `predict` would say of a `Problem` after each of its stages: dict name -> mu (F,), in order.
 
-        Beside them "Gauss-Newton", the same looks from the step at nu = 0 that makes no map.
+        Before them the same looks without what is learned, from the Born step on.
         """
-        given = problem.z, problem.faces, problem.moving, problem.target, weights, looks
-        learned, plain = list(self.stages(*given)), list(self.stages(*given, learned=False))
-        names = ["no look", "1 look", *(f"{number} looks" for number in range(2, looks + 1))]
-        found = dict(zip(names, learned))
-        return found | {f"Gauss-Newton, {name}": mu for name, mu in zip(names, plain)}
+        given, found = (problem.z, problem.faces, problem.moving, problem.target, weights, looks), {}
+        for learned, name in ((False, "Born step"), (True, "CP-Net")):
+            for number, mu in enumerate(self.stages(*given, learned)):
+                seen = "" if number == 0 else f", {number} look{'s' * (number > 1)}"
+                found[name + (seen or ", no look" * learned)] = mu
+        return found
 
     def stages(self, z, faces, moving, target, weights, looks=None, learned=True):
         """The answers mu (F,) before any look and after each, one after the other; or without what is learned."""
