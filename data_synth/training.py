@@ -130,13 +130,12 @@ class Pairs(Seeded):
 
     def landmarks(self, rng):
         """Moving and target landmarks of one problem."""
-        count, some = rng.choice([4, 5, 7, 10, 13]), rng.permutation(self.curves.shape[1])
-        some = np.sort(some[: rng.integers(1, len(some) + 1)]) if rng.random() < 0.8 else np.arange(len(some))
+        kind, most = rng.random(), round(2 ** rng.uniform(2, np.log2(self.most)))
+        count = rng.choice([4, 5, 7, 10, 13])
+        some = np.sort(rng.permutation(self.curves.shape[1])[: max(1, most // count)])
         moving, q = (self.subject(rng)[some, :: (DATA_POINTS - 1) // (count - 1)].ravel() for _ in range(2))
-        kind = rng.random()
         if kind > 0.65:
-            number = round(2 ** rng.uniform(2, np.log2(self.most)))
-            q = 0.95 * np.sqrt(rng.random(number)) * np.exp(2j * np.pi * rng.random(number))
+            q = 0.95 * np.sqrt(rng.random(most)) * np.exp(2j * np.pi * rng.random(most))
         if kind < 0.4:
             p = moving
         elif rng.random() < 0.25:
@@ -193,7 +192,7 @@ def cpnet(config, folder, quick=False):
     if not quick:
         few = config.preset == "best"
         groups = TRAINING_SEEDS[: 32 if few else None], VALIDATION_SEEDS[: 6 if few else None]
-        counts = (1600, 64) if few else (1600, 96)
+        counts = (1000, 48) if few else (1600, 96)
     sets = []
     for k, (seeds, count) in enumerate(zip(groups, counts)):
         curves = disk_curves(seeds, folder, quick)
