@@ -6,6 +6,9 @@ from types import ModuleType
 from .files.fsaverage import demo_landmarks, fsaverage5
 from .files.meshes import read_surface, write_surface
 from .files.values import read_mask, read_values, write_values
+from .group.kept import TemplateError
+from .group.template import Template, template
+from .group.workers import WorkersError
 from .plane import bijectivity, disk, diskmesh, fields
 from .plane.beltrami import (
     beltrami_coefficient,
@@ -50,6 +53,9 @@ __all__ = [
     "RepairWarning",
     "Surface",
     "SurfaceError",
+    "Template",
+    "TemplateError",
+    "WorkersError",
     "angle_distortion",
     "beltrami_coefficient",
     "best_mobius",
@@ -92,6 +98,7 @@ __all__ = [
     "square_to_disk",
     "stiffness",
     "sulcal_depth",
+    "template",
     "transfer",
     "wirtinger",
     "write_surface",

@@ -12,7 +12,8 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("qclearn", "data_synth")
 # The rooms of qclearn, floor by floor: each may import from its own and from those below.
-FLOORS = ["plane", "surfaces", "files", "registration", "nets", "methods", "benchmark", "pages", "cli", "__main__"]
+FLOORS = ["plane", "surfaces", "files", "registration", "group", "nets", "methods", "benchmark", "pages", "cli"]
+FLOORS += ["__main__"]
 # Modules that call networks from below, and load them only then.
 CALLERS = {"qclearn.registration.register"}
 # Who brings the synthetic surfaces, which know qclearn up to the registration, together with the rest.
@@ -57,7 +58,7 @@ def forbidden(module, name, at_top):
         return None if own else "only the command line and the benchmark bring data_synth and qclearn together"
     if name.split(".")[0] != "qclearn":
         return foreign(module, package, room, name.split(".")[0])
-    below = "registration" if package == "data_synth" or room == "" else room
+    below = "registration" if package == "data_synth" else "group" if room == "" else room
     if room_of(name) in FLOORS and FLOORS.index(room_of(name)) > FLOORS.index(below):
         called = module in CALLERS and room_of(name) == "nets" and not at_top
         return None if called else f"{room_of(name)} stands above {below}"
@@ -158,12 +159,13 @@ def test_the_core_and_each_extra_require_what_they_import():
     required = {name: distributions(texts) for name, texts in project["optional-dependencies"].items()}
     core = distributions(project["dependencies"])
     rooms = {room: sorted((ROOT / "qclearn" / room).rglob("*.py")) for room in FLOORS}
-    base = [path for room in FLOORS if room not in ("nets", "benchmark", "pages") for path in rooms[room]]
+    base = [path for room in FLOORS if room not in ("group", "nets", "benchmark", "pages") for path in rooms[room]]
     assert libraries([*base, *(ROOT / "qclearn").glob("*.py")]) == core - UNIMPORTED
     guest = [path for path in (ROOT / "data_synth").glob("*.py") if module_of(path) not in DATASETS]
     assert libraries(guest) - core == required["synth"]
     assert libraries(rooms["nets"]) - core == required["nets"]
     assert libraries(rooms["benchmark"]) - core == required["benchmark"]
+    assert libraries(rooms["group"]) - core < required["benchmark"]  # the scheduler of several workers
 
 
 def circles(imports):

@@ -9,7 +9,7 @@ A run is a method with its parameters and a source of landmarks. A method of one
 """
 
 import time
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from dataclasses import asdict
 from datetime import date
 from pathlib import Path
@@ -21,16 +21,12 @@ from data_synth.cortex import FEWEST, MOST
 
 from ..files.extras import require
 from ..files.provenance import commit, processor
-from ..files.provenance import versions as versions_of
+from ..group.workers import connect, versions
 from ..methods import METHODS
 from .problems import problems, submit_pair
 from .results import BenchmarkError, Journal
 from .runs import FRONT, RUNS, check_runs, lacking
 from .trial import trial
-
-PATIENCE = 20  # seconds for a scheduler to answer and to have a worker
-KEEP_MEMORY = "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_"
-PACKAGES = ("qclearn", "numpy", "scipy", "distributed", "torch")
 
 
 def benchmark(
@@ -52,7 +48,8 @@ def benchmark(
     have no weights here.
     scheduler: address of a dask scheduler (its workers with one thread each), None for `workers` processes on this
     machine; folder: where synthetic subjects are kept (on each worker's machine). Finished tasks are kept beside `out`
-    at once; called again, a run that was stopped goes on. Errors: BenchmarkError; ImportError without the extra.
+    at once; called again, a run that was stopped goes on. Errors: BenchmarkError, WorkersError; ImportError without
+    the extra.
     """
     require("benchmark", "benchmarks")
     out, left_out = Path(out), {}
@@ -127,68 +124,6 @@ def finished(client, tasks, methods, vertices, folder):
             "landmarks": run.landmarks,
             **row,
         }
-
-
-@contextmanager
-def connect(scheduler, workers):
-    """A dask client of the scheduler, or of `workers` processes of this machine; BenchmarkError if there is none."""
-    import dask
-    from distributed import Client, LocalCluster
-
-    if scheduler is None:
-        # dask has its workers hand memory back at once, and methods then wait for pages: up to a third of their time.
-        with (
-            dask.config.set({KEEP_MEMORY: None}),
-            LocalCluster(
-                n_workers=workers,
-                threads_per_worker=1,
-                host="127.0.0.1",
-                dashboard_address="127.0.0.1:0",
-                silence_logs=50,
-            ) as cluster,
-            Client(cluster) as client,
-        ):
-            yield client
-        return
-    try:
-        client = Client(scheduler, timeout=PATIENCE)
-    except (OSError, ValueError, TypeError) as error:  # TypeError: an address without a port
-        raise BenchmarkError(
-            f"{scheduler}: no dask scheduler answers there ({error}); start one with `dask scheduler` "
-            "and give its address, tcp://HOST:8786"
-        ) from None
-    with client:
-        check_workers(client, scheduler)
-        yield client
-
-
-def check_workers(client, scheduler):
-    """BenchmarkError unless the scheduler has workers, each with one thread and this version of qclearn."""
-    try:
-        client.wait_for_workers(1, timeout=PATIENCE)
-    except TimeoutError:
-        raise BenchmarkError(
-            f"{scheduler}: the scheduler has no workers; start some with `dask worker {scheduler} --nthreads 1`"
-        ) from None
-    many = sorted(address for address, threads in client.nthreads().items() if threads != 1)
-    if many:
-        raise BenchmarkError(
-            f"workers {', '.join(many[:5])} have several threads, and times are those of one: start "
-            "them with --nthreads 1"
-        )
-    own = versions()
-    differ = [
-        f"{address} has {name} {theirs.get(name, 'none')}, here {own.get(name, 'none')}"
-        for address, theirs in sorted(client.run(versions).items())
-        for name in own | theirs
-        if theirs.get(name) != own.get(name)
-    ]
-    if differ:
-        raise BenchmarkError(f"workers have other versions ({'; '.join(differ[:5])}): install the same on all")
-
-
-def versions():
-    return versions_of(*PACKAGES)
 
 
 def machine(client):

@@ -8,7 +8,7 @@ from importlib.metadata import version
 
 import click
 
-from . import registration, studies, surfaces
+from . import group, registration, studies, surfaces
 from .output import fail
 
 # SurfaceError, LandmarkError, BeltramiError and BijectivityError are ValueErrors; ImportError: torch may be missing
@@ -41,6 +41,7 @@ def cli():
 for command in (
     registration.register,
     registration.demo,
+    group.template,
     surfaces.open_command,
     surfaces.transfer,
     surfaces.synth,

@@ -141,7 +141,10 @@ def _feature(number, given, moving, control):
     weight = given.weight if weight is None else weight
     if not (isinstance(weight, (int, float, np.integer, np.floating)) and np.isfinite(weight) and weight > 0):
         raise FeatureError(f"{given.name}: weight {weight!r} is not positive and finite")
-    sides = (check_values(given, side, surface) for side, surface in (("moving", moving), ("control", control)))
+    sides = (
+        check_values(getattr(given, side), f"{given.name}, {side} side", surface)
+        for side, surface in (("moving", moving), ("control", control))
+    )
     return Feature(given.name, *sides, float(weight))
 
 
@@ -152,11 +155,10 @@ def _has_weight(given):
     return number and isinstance(given[0], (str, list, tuple, Feature))
 
 
-def check_values(feature, side, surface):
-    """One side of a feature as floats (V,), or FeatureError."""
-    name = f"{feature.name}, {side} side"
+def check_values(values, name, surface):
+    """A feature's values on one surface as floats (V,), or FeatureError, which calls them by their name."""
     try:
-        values = np.asarray(getattr(feature, side))
+        values = np.asarray(values)
     except ValueError:
         raise FeatureError(f"{name}: lists of unequal lengths; give one number a vertex") from None
     if values.dtype.kind != "f":

@@ -12,19 +12,22 @@ BEST, ROUNDS = 6, 15  # how many are refined, in how many steps
 DAMPING = 1e-2  # of the first step, in parts of the normal matrix
 
 
-def mobius_by_features(features, z):
+def mobius_by_features(features, z, near=False):
     """(a, theta) of the disk Möbius map after which the features of a moving disk z (V,) match best, at SCALE.
 
-    The best of many maps on a few vertices, drawn by area, refined by damped Gauss-Newton steps on more of them.
+    The best of many maps on a few vertices, drawn by area, refined by damped Gauss-Newton steps on more of them; near:
+    the identity alone is refined.
     """
     inner = np.flatnonzero(abs(z) < 0.999)  # the others leave the control's polygon
     share = features.areas[inner] / features.areas[inner].sum()
     some = np.random.default_rng(0).choice(inner, POINTS, p=share)
+    match = Match(features, z, some)
+    if near:
+        return match.refined((0j, 0.0))
     centres = [0j, *np.multiply.outer(RADII, np.exp(2j * np.pi * np.arange(DIRECTIONS) / DIRECTIONS)).ravel()]
     starts = [(a, turn) for a in centres for turn in 2 * np.pi * np.arange(TURNS) / TURNS]
     scouts = Match(features, z, some[:SCOUTS])
     found = [scouts.misfit(start) for start in starts]
-    match = Match(features, z, some)
     refined = [match.refined(starts[k]) for k in np.argsort(found, kind="stable")[:BEST]]
     return min(refined, key=match.misfit)
 

@@ -20,6 +20,8 @@ from qclearn.benchmark.results import BenchmarkError, read_results
 from qclearn.benchmark.run import benchmark, problems
 from qclearn.benchmark.runs import FRONT, RUNS, Run, check_runs, lacking, run_of
 from qclearn.cli import main
+from qclearn.group import workers as connection
+from qclearn.group.workers import WorkersError
 from qclearn.methods import METHODS, networks
 from qclearn.plane.mobius import mobius
 
@@ -183,15 +185,15 @@ def test_a_killed_worker_costs_only_its_task(tmp_path, folder, inside, cluster):
 def test_workers_with_several_threads_are_refused(tmp_path, folder, cluster):
     address, start_worker = cluster
     start_worker("--nthreads", "2")
-    with pytest.raises(BenchmarkError, match="several threads.*--nthreads 1"):
+    with pytest.raises(WorkersError, match="several threads.*--nthreads 1"):
         small(tmp_path / "r.json", folder, [Run("mine", "shrunk")], scheduler=address)
 
 
 def test_workers_of_other_versions_are_refused(tmp_path, folder, cluster, monkeypatch):
     address, start_worker = cluster
     start_worker("--nthreads", "1")
-    monkeypatch.setattr(module, "versions_of", lambda *_: {"qclearn": "9.9"})  # here, not there
-    with pytest.raises(BenchmarkError, match="has qclearn .*, here 9.9.*install the same"):
+    monkeypatch.setattr(connection, "versions_of", lambda *_: {"qclearn": "9.9"})  # here, not there
+    with pytest.raises(WorkersError, match="has qclearn .*, here 9.9.*install the same"):
         small(tmp_path / "r.json", folder, [Run("mine", "shrunk")], scheduler=address)
 
 
@@ -203,15 +205,15 @@ def test_a_folder_for_subjects_that_cannot_be_written_is_refused(tmp_path):
 
 
 def test_a_scheduler_without_workers_is_named(tmp_path, folder, cluster, monkeypatch):
-    monkeypatch.setattr(module, "PATIENCE", 2)
-    with pytest.raises(BenchmarkError, match="has no workers; start some"):
+    monkeypatch.setattr(connection, "PATIENCE", 2)
+    with pytest.raises(WorkersError, match="has no workers; start some"):
         small(tmp_path / "r.json", folder, [Run("mine", "shrunk")], scheduler=cluster[0])
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nowhere", "tcp://127.0.0.1:http"])
 def test_an_unreachable_scheduler_is_named(tmp_path, folder, monkeypatch, address):
-    monkeypatch.setattr(module, "PATIENCE", 1)
-    with pytest.raises(BenchmarkError, match=f"{address}: no dask scheduler answers there"):
+    monkeypatch.setattr(connection, "PATIENCE", 1)
+    with pytest.raises(WorkersError, match=f"{address}: no dask scheduler answers there"):
         small(tmp_path / "r.json", folder, [Run("mine", "shrunk")], scheduler=address)
 
 

@@ -1,0 +1,100 @@
+"""Who belongs to a group: surfaces of one side with their features, checked once and put in an order of their own."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..files.provenance import fingerprint
+from ..registration.features import FOLDS, FeatureError, check_values
+from ..surfaces.surface import Surface, SurfaceError, require_disk, require_outward
+from .kept import TemplateError
+
+TRAITS = ("hemisphere", "generation")  # of synthetic subjects, which all of a group share
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """A subject as given: its name, its surface, maps of its own (feature -> (V,)), and a key that these have."""
+
+    name: str
+    surface: Surface
+    given: dict
+    key: str
+
+
+def members_of(subjects, features):
+    """The `Member`s in the order of their keys, whatever order they were given in, and the features' names.
+
+    Errors: TemplateError, FeatureError, and SurfaceError with the subject's name.
+    """
+    named = check_subjects(subjects)
+    names, maps = check_features(features, named)
+    members = [Member(name, surface, given, key_of(surface, given)) for (name, surface), given in zip(named, maps)]
+    return sorted(members, key=lambda member: member.key), names
+
+
+def check_subjects(subjects):
+    """Pairs (name, surface) of a dict or a list of surfaces, or of subjects that have one."""
+    if not isinstance(subjects, (Mapping, list, tuple)):
+        raise TemplateError(f"subjects are {subjects!r:.60}: give a list of surfaces, or a dict of them by name")
+    if not isinstance(subjects, Mapping):
+        subjects = {f"subject {number}": subject for number, subject in enumerate(subjects, 1)}
+    if len(subjects) < 2:
+        raise TemplateError(f"{len(subjects)} subjects: a template is what several have in common; give at least two")
+    for trait in TRAITS:
+        check_trait(trait, {name: getattr(one, trait) for name, one in subjects.items() if hasattr(one, trait)})
+    named = [(str(name), getattr(subject, "surface", subject)) for name, subject in subjects.items()]
+    for name, surface in named:
+        if not isinstance(surface, Surface):
+            raise TemplateError(f"{name}: {surface!r:.60} is no Surface; read files with read_surface first")
+        try:
+            require_disk(surface)
+            require_outward(surface)
+        except SurfaceError as error:
+            raise SurfaceError(f"{name}: {error}") from None
+    return named
+
+
+def check_trait(trait, found):
+    """TemplateError unless all of those that have a trait (name -> value) have the same."""
+    values = list(found.values())
+    if any(value != values[0] for value in values):
+        one, other = (next(name for name in found if (found[name] == values[0]) is same) for same in (True, False))
+        raise TemplateError(
+            f"subjects of more than one {trait} ({one}: {found[one]}, {other}: {found[other]}); give those of one"
+        )
+
+
+def check_features(features, named):
+    """The features' names, and for each subject its own maps, dict."""
+    if isinstance(features, str) or not isinstance(features, (list, tuple)) or not features:
+        raise FeatureError(f"features are {features!r}: give a list of them, {' and '.join(FOLDS)} for instance")
+    names, maps = [], [{} for _ in named]
+    for given in features:
+        if isinstance(given, str):
+            if given not in FOLDS:
+                raise FeatureError(
+                    f"unknown feature {given!r}: {' and '.join(FOLDS)} are computed, others are pairs of a name and a "
+                    "list with an array of each subject"
+                )
+            names.append(given)
+            continue
+        name, arrays = given if isinstance(given, (list, tuple)) and len(given) == 2 else (None, None)
+        if not isinstance(name, str) or not isinstance(arrays, (list, tuple)) or len(arrays) != len(named):
+            raise FeatureError(f"feature {given!r:.60}: give a name and a list of {len(named)} arrays, one a subject")
+        names.append(name)
+        for own, values, (subject, surface) in zip(maps, arrays, named):
+            own[name] = check_values(values, f"{name}, {subject}", surface)
+    if len(set(names)) < len(names):
+        raise FeatureError(f"features named twice among {names}; rename or drop one of each")
+    return names, maps
+
+
+def key_of(surface, given):
+    """What a subject is known by: a hash of its surface and of its own maps."""
+    digest = hashlib.sha256(fingerprint(surface)["sha256"].encode())
+    for name in sorted(given):
+        digest.update(name.encode() + np.ascontiguousarray(given[name], "<f8").tobytes())
+    return digest.hexdigest()[:24]

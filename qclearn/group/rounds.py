@@ -1,0 +1,151 @@
+"""The rounds of a template: tasks for each subject, their results kept, and the mean of all in between."""
+
+import numpy as np
+
+from ..plane.bijectivity import check_embedding
+from ..plane.diskmesh import boundary_loop, interpolate, locate
+from ..registration.features import HEMISPHERE
+from . import subject as of
+from .kept import TemplateError
+from .subject import Fitted, alone, mean_of
+from .workers import result_of
+
+PASSES = 3  # in which the subjects are laid upon their mean by Möbius maps, before the first round
+SETTLED = 0.1  # mm, on a surface of the area of a HEMISPHERE: mean distance that a template that stands still moves
+OTHER_SIDE = 0.1  # gain in correlation at which a subject is taken for one of the other side
+
+
+class Group:
+    """The subjects of a template on a client, in the order of their keys, and the tasks of its rounds."""
+
+    def __init__(self, client, members, names, kept, bar):
+        self.client, self.members, self.names, self.kept, self.bar = client, members, names, kept, bar
+        surfaces = [client.scatter(member.surface, hash=False) for member in members]
+        self.subjects = [
+            self.submit(of.prepared, surface, names, member.given) for surface, member in zip(surfaces, members)
+        ]
+
+    def run(self, rounds, weights):
+        """(mean, c, fits, rows): the last `Mean`, the average c of the inverses of its maps, the subjects' `Fitted`,
+        and what each round has brought, from that by Möbius maps on, dicts for JSON."""
+        mean, fits = self.lay_upon_mean()
+        centre, rows = mean.disk, [self.row(mean, mean, fits)]
+        for number in range(1, rounds + 1):
+            fits = self.register_all(mean, number, weights)
+            before, (mean, centre) = mean, self.mean(mean, self.used(fits))
+            rows.append(self.row(before, mean, fits))
+            if rows[-1]["settled"]:
+                break
+        return mean, centre, fits, rows
+
+    def submit(self, function, *arguments):
+        return self.client.submit(function, *arguments, pure=False)
+
+    def result(self, future, member):
+        return result_of(future, member.name)
+
+    def disks(self):
+        """Tasks: the subjects' disk maps as they are laid now."""
+        return [self.submit(getattr, subject, "z") for subject in self.subjects]
+
+    def median(self):
+        """The number of the subject of median area, on whose mesh the others are averaged."""
+        return int(np.argsort([member.surface.area for member in self.members], kind="stable")[len(self.members) // 2])
+
+    def lay_upon_mean(self):
+        """Lay the subjects upon their mean by Möbius maps: that mean, on the mesh of the subject of median area, and
+        the subjects' disk maps as `Fitted`."""
+        median = self.median()
+        first = alone(self.result(self.subjects[median], self.members[median]))
+        fits = [self.kept.read(0, member.key) for member in self.members]
+        if all(fits):
+            self.subjects = [self.submit(of.at_disk, subject, fit.f) for subject, fit in zip(self.subjects, fits)]
+        else:
+            self.align(first)
+            fits = [Fitted(self.result(disk, member)) for disk, member in zip(self.disks(), self.members)]
+        for member, fit in zip(self.members, fits):
+            self.kept.keep(0, member.key, fit)
+            self.bar.update()
+        return self.average(first, self.used(fits), first.disk), fits
+
+    def align(self, mean):
+        """Lay the subjects by Möbius maps upon one of them, then upon their mean, and again upon that mean."""
+        for number in range(PASSES):
+            there, near = self.client.scatter(mean), number == PASSES - 1
+            self.subjects = [self.submit(of.laid, subject, there, near) for subject in self.subjects]
+            if number == 0:
+                self.check_sides(there)
+            mean = self.average(mean, dict(enumerate(self.disks())), mean.disk)
+
+    def check_sides(self, mean):
+        """TemplateError where subjects fit the mean much better if they are mirrored."""
+        tasks = [self.submit(of.mirrored_gain, subject, mean) for subject in self.subjects]
+        gains = [self.result(task, member) for task, member in zip(tasks, self.members)]
+        other = [gain > OTHER_SIDE for gain in gains]
+        if 2 * sum(other) > len(other):  # the subject that the others were laid upon is the odd one
+            other = [not odd for odd in other]
+        if any(other):
+            names = ", ".join(sorted(member.name for member, odd in zip(self.members, other) if odd))
+            raise TemplateError(f"{names}: of the other side than most; mirror them first (library: qc.mirror)")
+
+    def register_all(self, mean, number, weights):
+        """The `Fitted` of all subjects to the mean."""
+        there = self.client.scatter(mean)
+        fits = [self.kept.read(number, member.key) for member in self.members]
+        tasks = [fit or self.submit(of.fitted, subject, there, weights) for fit, subject in zip(fits, self.subjects)]
+        for k, (fit, task, member) in enumerate(zip(fits, tasks, self.members)):
+            if fit is None:
+                fits[k] = self.result(task, member)
+                self.kept.keep(number, member.key, fits[k])
+            self.bar.update()
+        return fits
+
+    def used(self, fits):
+        """The disk maps that take part in the mean: number of the subject -> f."""
+        return {k: fit.f for k, fit in enumerate(fits) if not fit.reasons}
+
+    def mean(self, before, maps):
+        """The next `Mean`, of the subjects where their disk maps take them (number of the subject -> f), taken on by
+        the average c of the maps' inverses, so that that of all is the identity; and c at the vertices (N,)."""
+        if len(maps) < 2:
+            raise TemplateError("fewer than two subjects can be registered; check that they show the same thing")
+        inverses = self.each(of.inverse, maps, before.disk)
+        centre, loop = sum(inverses) / len(maps), boundary_loop(before.faces)
+        centre[loop] /= abs(centre[loop])
+        if not check_embedding(before.faces, centre).bijective:
+            raise TemplateError("the mean of the subjects' maps folds: they have too little in common; lower delta")
+        back = interpolate(before.disk, before.faces, *locate(centre, before.faces, before.disk))
+        return self.average(before, maps, back), centre
+
+    def average(self, before, maps, points):
+        """The `Mean` of what the subjects have where their maps take them to points (N,), at the vertices before."""
+        return mean_of(self.each(of.carried, maps, points, before), len(maps), before)
+
+    def each(self, function, maps, *arguments):
+        """The results of a function of a subject, its map and what is the same for all, one by one."""
+        there = [self.client.scatter(argument) for argument in arguments]
+        tasks = {k: self.submit(function, self.subjects[k], f, *there) for k, f in maps.items()}
+        return (self.result(task, self.members[k]) for k, task in tasks.items())
+
+    def row(self, before, after, fits):
+        """What a round has brought, dict for JSON."""
+        moved = np.linalg.norm(after.points - before.points, axis=1)
+        r = {name: [fit.r[name] for fit in fits if name in fit.r and not fit.reasons] for name in self.names}
+        centred = after.values - after.shares @ after.values
+        moved_mm, unit = float(after.shares @ moved), np.sqrt(after.areas.sum() / HEMISPHERE)
+        return {
+            "moved_mm": moved_mm,
+            "most_moved_mm": float(moved.max()),
+            "settled": before is not after and bool(moved_mm < SETTLED * unit),
+            "r": {name: float(np.mean(values)) for name, values in r.items() if values},
+            "variance": dict(zip(self.names, (after.shares @ centred**2).tolist())),
+        }
+
+    def finish(self, mean, centre, fits):
+        """Number of the subject -> (its disk map, taken on by `centre`, whether that is a bijection, its inverse), and
+        how far the average of the inverses is from the identity, in the surfaces' unit."""
+        used = self.used(fits)
+        ends = dict(zip(used, self.each(of.composed, used, mean, centre)))
+        inverses = [back for _, bijective, back in ends.values() if bijective]
+        off = mean.unit * abs(sum(inverses) / max(len(inverses), 1) - mean.disk)
+        return ends, {"mean": float(mean.shares @ off), "most": float(off.max())}

@@ -1,0 +1,123 @@
+"""Where tasks run: in this process, in processes of this machine, or on the workers of a dask scheduler."""
+
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from ..files.extras import require
+from ..files.provenance import versions as versions_of
+
+PATIENCE = 20  # seconds for a scheduler to answer and to have a worker
+KEEP_MEMORY = "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_"
+PACKAGES = ("qclearn", "numpy", "scipy", "distributed", "torch")
+
+
+class WorkersError(ValueError):
+    """A scheduler or workers that cannot be used: says which and what to do."""
+
+
+@dataclass(frozen=True)
+class Done:
+    """A task that has ended, in place of dask's future."""
+
+    value: object
+
+    def result(self):
+        return self.value
+
+
+class Here:
+    """In place of a dask client: each task runs in this process when it is submitted."""
+
+    def submit(self, function, *arguments, **_):
+        return Done(function(*[given.value if isinstance(given, Done) else given for given in arguments]))
+
+    def scatter(self, value, **_):
+        return Done(value)
+
+
+@contextmanager
+def client_of(scheduler, workers):
+    """`connect`, or with one worker and no scheduler this process, which needs no dask."""
+    if scheduler is None and workers == 1:
+        yield Here()
+    else:
+        require("benchmark", "several workers")
+        with connect(scheduler, workers) as client:
+            yield client
+
+
+@contextmanager
+def connect(scheduler, workers):
+    """A dask client of the scheduler, or of `workers` processes of this machine; WorkersError if there is none."""
+    import dask
+    from distributed import Client, LocalCluster
+
+    if scheduler is None:
+        # dask has its workers hand memory back at once, and methods then wait for pages: up to a third of their time.
+        with (
+            dask.config.set({KEEP_MEMORY: None}),
+            LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                host="127.0.0.1",
+                dashboard_address="127.0.0.1:0",
+                silence_logs=50,
+            ) as cluster,
+            Client(cluster) as client,
+        ):
+            yield client
+        return
+    try:
+        client = Client(scheduler, timeout=PATIENCE)
+    except (OSError, ValueError, TypeError) as error:  # TypeError: an address without a port
+        raise WorkersError(
+            f"{scheduler}: no dask scheduler answers there ({error}); start one with `dask scheduler` "
+            "and give its address, tcp://HOST:8786"
+        ) from None
+    with client:
+        check_workers(client, scheduler)
+        yield client
+
+
+def check_workers(client, scheduler):
+    """WorkersError unless the scheduler has workers, each with one thread and this version of qclearn."""
+    try:
+        client.wait_for_workers(1, timeout=PATIENCE)
+    except TimeoutError:
+        raise WorkersError(
+            f"{scheduler}: the scheduler has no workers; start some with `dask worker {scheduler} --nthreads 1`"
+        ) from None
+    many = sorted(address for address, threads in client.nthreads().items() if threads != 1)
+    if many:
+        raise WorkersError(
+            f"workers {', '.join(many[:5])} have several threads, and times are those of one: start "
+            "them with --nthreads 1"
+        )
+    own = versions()
+    differ = [
+        f"{address} has {name} {theirs.get(name, 'none')}, here {own.get(name, 'none')}"
+        for address, theirs in sorted(client.run(versions).items())
+        for name in own | theirs
+        if theirs.get(name) != own.get(name)
+    ]
+    if differ:
+        raise WorkersError(f"workers have other versions ({'; '.join(differ[:5])}): install the same on all")
+
+
+def versions():
+    return versions_of(*PACKAGES)
+
+
+def result_of(future, name):
+    """A task's result; its ValueError with the name of whose task it was, WorkersError where its worker is lost."""
+    try:
+        return future.result()
+    except ValueError as error:
+        raise type(error)(f"{name}: {error}") from None
+    except Exception as error:
+        if not type(error).__module__.startswith(("distributed", "concurrent")):
+            raise
+        raise WorkersError(
+            f"{name}: lost with its worker ({type(error).__name__}); run it again, and it goes on with what its "
+            "folder has"
+        ) from None
