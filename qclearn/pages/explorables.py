@@ -14,6 +14,8 @@ from ..registration.fit import POWER, fit_problem
 from ..registration.metrics import measured_losses
 from ..registration.register import load
 from .canvas import Canvas
+from .explore_boundary import Boundary
+from .explore_lbs import LBS
 from .live import Live, as_pairs, loops
 from .livenets import cpnet_file, dbsnet_file
 from .liveproblems import as_moved, example, problems_file, weights_of
@@ -177,4 +179,4 @@ class Tuner(Live):
         return Image(Canvas(given, list(found)).draw(found)), words
 
 
-EXPLORABLES = (Mobius, Mu, Tuner, Sulci, Landmarks)
+EXPLORABLES = (Mobius, Mu, LBS, Boundary, Tuner, Sulci, Landmarks)

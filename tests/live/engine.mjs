@@ -22,6 +22,8 @@ async function network(Network) {
   return new Network(mesh([file.config.rings, file.config.spokes, file.config.power]), layers, file);
 }
 
+const plain = (answer) => JSON.parse(JSON.stringify(answer, (_, value) => (ArrayBuffer.isView(value) ? Array.from(value) : value)));
+
 const tasks = {
   async maps() {
     const { DiskMap } = await load("map.js");
@@ -70,6 +72,12 @@ const tasks = {
       paths: paths.map(({ path, cost }) => ({ path, cost, length: lengthOf(hemisphere, path), deep: hemisphere.deep })),
       apart: curveDistance(hemisphere, paths[0].path, paths[1].path),
     };
+  },
+  // an explorable's answers to states, as its worker gives them and its data has them
+  async answers() {
+    const { [given.call]: task } = await load(given.module), { default: spec } = await load(`explore_${given.page}.js`);
+    const bench = { mesh: (...size) => mesh(size), kernels };
+    return Promise.all(given.states.map(async (state) => plain(spec.data(state, await task(bench, state)))));
   },
   async initial() {
     const specs = await Promise.all(given.pages.map((page) => load(`explore_${page}.js`)));

@@ -19,12 +19,12 @@ export function buildControls(list, act) {
 }
 
 // A slider; a log one moves in the exponent of 10, and the state has the number itself.
-function slider({ name, label, min, max, step, digits = 3 }, act, there, back) {
+function slider({ name, label, min, max, step, digits = 3, also = {} }, act, there, back) {
   const id = freshId(),
     shown = (value) => Number(value.toPrecision(digits)).toLocaleString("en", { maximumSignificantDigits: digits });
   const input = make("input", { id, type: "range", min, max, step }),
     output = make("output", { htmlFor: id });
-  const send = (settled) => act({ [name]: back(Number(input.value)) }, settled);
+  const send = (settled) => act({ [name]: back(Number(input.value)), ...also }, settled);
   input.addEventListener("input", () => send(false));
   input.addEventListener("change", () => send(true));
   const element = make(

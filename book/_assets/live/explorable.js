@@ -159,7 +159,7 @@ export class Explorable {
     form.addEventListener("submit", async (event) => {
       event.preventDefault();
       const truth = await question.truth(structuredClone(this.state), this.host);
-      said.textContent = `You said ${Number(input.value)}; it is ${truth.toPrecision(3)}. ${question.why}`;
+      said.textContent = `You said ${Number(input.value)}; it is ${Number(truth.toPrecision(3))}. ${question.why}`;
     });
     return form;
   }

@@ -148,6 +148,16 @@ export class Picture {
     this.stroke(colour, width, dash);
   }
 
+  // a triangle, or any polygon
+  face(corners, colour) {
+    this.pen.beginPath();
+    corners.forEach(([x, y], k) => this.pen[k ? "lineTo" : "moveTo"](this.X(x), this.Y(y)));
+    this.pen.closePath();
+    this.pen.fillStyle = colour;
+    this.pen.fill();
+    this.stroke(colour, 1);
+  }
+
   dot([x, y], colour, radius = 4) {
     this.pen.beginPath();
     this.pen.arc(this.X(x), this.Y(y), radius, 0, 7);

@@ -1,10 +1,12 @@
 // All that takes more than a moment: a module worker, so that sliders never wait. The newest request of a page wins.
 import { answerTuner } from "./tuner.js";
 import { plainKernels, wasmKernels } from "./kernels.js";
+import { answerBoundary } from "./boundary.js";
+import { answerLbs } from "./lbs.js";
 import { PolarMesh } from "./mesh.js";
 import { answerMu } from "./paint.js";
 
-const TASKS = { tuner: answerTuner, mu: answerMu };
+const TASKS = { tuner: answerTuner, mu: answerMu, lbs: answerLbs, boundary: answerBoundary };
 const newest = new Map(); // what is asked, page and part -> the newest request for it
 let busy = false,
   begun = null;
