@@ -30,7 +30,7 @@ from .liveproblems import as_moved, problems_file, weights_of
 from .plot import curves_plot, disk_plot
 from .scenes import surface_picture
 
-LINE = 40  # points of a drawn sulcus
+LINE = 25  # points of a drawn sulcus
 SULCI = (
     "central sulcus",
     "sylvian fissure",
@@ -41,7 +41,7 @@ SULCI = (
     "cingulate sulcus",
     "superior frontal sulcus",
 )  # that all surfaces have
-UNFOLDING = 150  # rounds of averaging over neighbours
+UNFOLDING = 150  # rounds of averaging over neighbours, as in unfold.js
 STEPS = 2**16 - 1  # of a number that travels in two bytes
 
 
@@ -75,7 +75,7 @@ def hemisphere_file(surface, z, **values):
 def unfolded(surface, rounds=UNFOLDING):
     """Positions (V, 3) after rounds of averaging each vertex with its neighbours, scaled back to the surface's area.
 
-    The rim is averaged along itself, so that the opening stays open.
+    The rim is averaged along itself, so that the opening stays open. The browser unfolds by itself, by unfold.js.
     """
     count = len(surface.vertices)
     rim = np.isin(np.arange(count), np.concatenate(surface.boundary_loops))
@@ -94,7 +94,7 @@ def unfolded(surface, rounds=UNFOLDING):
 
 def courses_of(pair):
     """Names of the sulci of a `Paired`, and LINE points of each in the disk, for the moving and the control side."""
-    lines = ([as_pairs(line.round(6)) for line in side] for side in pair.sampled(LINE))
+    lines = ([as_pairs(line.round(5)) for line in side] for side in pair.sampled(LINE))
     return {"names": pair.names, **dict(zip(("moving", "target"), lines))}
 
 
@@ -142,7 +142,7 @@ class Sulci(Live):
                 **dict(
                     zip(
                         ("moving", "target"),
-                        [[as_pairs(line.round(6)) for line in side] for side in pair.sampled(LINE)],
+                        [[as_pairs(line.round(5)) for line in side] for side in pair.sampled(LINE)],
                     )
                 ),
             }
@@ -152,10 +152,7 @@ class Sulci(Live):
             **loops(),
             "problems.json": problems_file(),
             "sulci.json": json.dumps(courses).encode(),
-            **{
-                file: hemisphere_file(pair.control, pair.z_control, unfolded=unfolded(pair.control))
-                for file, pair in controls.items()
-            },
+            **{file: hemisphere_file(pair.control, pair.z_control) for file, pair in controls.items()},
         }
 
     def fit(self, state):

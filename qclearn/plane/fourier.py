@@ -12,6 +12,10 @@ from .beltrami import signed_areas
 from .disk import solve_beltrami_disk
 from .diskmesh import disk_to_square, locate, pixel_centres, square_to_disk
 
+# Radians that pixels are turned before the faces below them are looked for. Those on the diagonals of the square lie on
+# edges of every polar mesh with such a spoke, and rounding alone would say which of two faces they show.
+ASIDE = 1e-9
+
 
 def frequencies(size, k):
     """The integers m with |m| <= k that differ on a grid of `size` points, ascending: 2k + 1 of them, or `size`."""
@@ -63,10 +67,11 @@ def coefficient_count(size, k):
 def to_square(z, faces, mu, size):
     """mu (F,) of a disk mesh sampled at the pixel centres of the square [-1, 1]^2, complex (size, size).
 
-    The pixel at w shows the face that holds `square_to_disk(w)`; pixels as `pixel_centres`. The values are carried
-    over as they are: this is resampling, not the coefficient of a map of the square.
+    The pixel at w shows the face that holds `square_to_disk(w)`, and on an edge the face that follows
+    counterclockwise; pixels as `pixel_centres`. The values are carried over as they are: this is resampling, not the
+    coefficient of a map of the square.
     """
-    face, _ = locate(z, faces, square_to_disk(pixel_centres(size)).ravel())
+    face, _ = locate(z, faces, square_to_disk(pixel_centres(size)).ravel() * np.exp(1j * ASIDE))
     return np.asarray(mu)[face].reshape(size, size)
 
 

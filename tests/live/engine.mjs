@@ -33,6 +33,10 @@ const tasks = {
       return { f: toPairs(map.normalised()), raised: map.raised.reduce((a, b) => a + b, 0) };
     });
   },
+  async compressed() {
+    const { compressed } = await load("coefficients.js"), one = mesh(given.size);
+    return given.ks.map((k) => toPairs(compressed(one, fromPairs(given.mu), k, given.side)));
+  },
   async fits() {
     const { fitLandmarks } = await load("fit.js"), meshes = { coarse: mesh(given.coarse), fine: mesh(given.fine) };
     return given.fits.map((request) => {
@@ -71,6 +75,7 @@ const tasks = {
       lifted: given.points.map(([x, y]) => hemisphere.at(hemisphere.locate(x, y))),
       paths: paths.map(({ path, cost }) => ({ path, cost, length: lengthOf(hemisphere, path), deep: hemisphere.deep })),
       apart: curveDistance(hemisphere, paths[0].path, paths[1].path),
+      unfolded: Array.from((await load("unfold.js")).unfolded(hemisphere)),
     };
   },
   // an explorable's answers to states, as its worker gives them and its data has them

@@ -15,6 +15,7 @@ from qclearn.plane.beltrami import beltrami_coefficient
 from qclearn.plane.bijectivity import RepairWarning, flipped_faces
 from qclearn.plane.disk import BeltramiDiskSolver
 from qclearn.plane.diskmesh import polar_disk
+from qclearn.plane.fourier import compress, from_square, to_square
 from qclearn.registration.fit import report_fit
 from qclearn.registration.metrics import measured_losses
 from qclearn.registration.problem import LandmarkError, Problem, Weights
@@ -73,6 +74,16 @@ def test_maps_are_the_solvers(plain):
         solver = BeltramiDiskSolver(*polar_disk(*size))
         assert abs(numbers(found["f"]) - solver.solve(mu)).max() < 1e-10
         assert found["raised"] == solver.floored
+
+
+def test_compression_is_the_librarys():
+    size, ks = (32, 96, 1.4), [0, 4, 11]
+    mu = coefficient(size, np.random.default_rng(6))
+    z, faces = polar_disk(*size)
+    found = run_engine("compressed", size=size, mu=pairs(mu), ks=ks, side=64)
+    for k, one in zip(ks, found):
+        wanted = from_square(compress(to_square(z, faces, mu, 64), k), z, faces)
+        assert abs(numbers(one) - wanted).max() < 1e-9
 
 
 def test_converged_fits_are_the_librarys(converged):

@@ -61,6 +61,11 @@ def test_distances_of_curves_are_the_librarys(found):
     )
 
 
+def test_it_unfolds_as_the_library_does(found):
+    there = unfolded(cortices("cortex").moving)
+    assert abs(np.array(found[1]["unfolded"]).reshape(-1, 3) - there).max() < 0.05
+
+
 def test_an_unfolded_surface_keeps_its_area_and_loses_its_folds():
     surface = cortices("cortex").control
     x = unfolded(surface)

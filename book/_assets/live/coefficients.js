@@ -44,6 +44,9 @@ export function muOnFaces(state, mesh) {
 
 const ratio = (x, y) => Math.max(Math.abs(x), Math.abs(y)) / (Math.hypot(x, y) || 1);
 
+// Radians that pixels are turned before the faces below them are looked for: those on the square's diagonals lie on edges.
+const ASIDE = 1e-9;
+
 // mu on the faces, without its frequencies above k, side x side pixels
 export function compressed(mesh, mu, k, side) {
   const image = zeros(side * side);
@@ -52,7 +55,7 @@ export function compressed(mesh, mu, k, side) {
       const x = (2 * column + 1) / side - 1,
         y = (2 * row + 1) / side - 1,
         shrink = ratio(x, y);
-      const { face } = mesh.locate(x * shrink, y * shrink),
+      const { face } = mesh.locate((x - ASIDE * y) * shrink, (y + ASIDE * x) * shrink),
         at = row * side + column;
       image.x[at] = mu.x[face];
       image.y[at] = mu.y[face];

@@ -7,6 +7,7 @@ import { bestMobius, moved } from "./mobius.js";
 import { COLOURS } from "./picture.js";
 import { CORTICES, kindOfLandmarks, loadProblems, meshOf, moves, problemOf, requestOf, short, weights } from "./problems.js";
 import { Solid } from "./solid.js";
+import { unfolded } from "./unfold.js";
 
 const COLOUR = { registered: [0.94, 0.89, 0.26], target: [0.84, 0.15, 0.16], before: [0, 0.62, 0.45] };
 const RADIUS = 0.9; // of a tube, mm
@@ -19,6 +20,7 @@ async function load(host, problem) {
   const decode = (buffer) => JSON.parse(new TextDecoder().decode(buffer)),
     curves = decode(await host.file("sulci.json"))[problem];
   const control = new Hemisphere(await host.file(curves.control));
+  control.unfolded = unfolded(control);
   surfaces.set(problem, { ...curves, control });
 }
 

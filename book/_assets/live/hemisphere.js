@@ -1,4 +1,4 @@
-// A cortical surface as a page has it: positions in mm, the same unfolded, triangles, and its vertices' places in the disk.
+// A cortical surface as a page has it: positions in mm, triangles, and its vertices' places in the disk.
 import { fromPicture, toPicture } from "./radius.js";
 
 const CELLS = 96; // a side of the grid, in the picture's coordinates, that finds the triangle of a point

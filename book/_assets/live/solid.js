@@ -73,7 +73,7 @@ export class Solid {
     let from = null;
     canvas.addEventListener("pointerdown", (event) => {
       from = [event.clientX, event.clientY];
-      canvas.focus();
+      canvas.focus({ preventScroll: true });
       canvas.setPointerCapture(event.pointerId);
       event.preventDefault();
     });

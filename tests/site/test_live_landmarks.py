@@ -1,0 +1,96 @@
+"""Endpoints of a sulcus, on the page and in JupyterLab: paths, LD-Net's curves and distances against the library's."""
+
+import json
+from urllib.parse import unquote
+
+import numpy as np
+import pytest
+from explorables import InJupyterLab, OnTheSite
+
+from qclearn.nets import load
+from qclearn.pages.examples import cortices
+from qclearn.pages.explorables import Landmarks
+from qclearn.pages.livesurfaces import SULCI
+from qclearn.registration.landmarks import curve_distance, curves_in_space, sample_curve
+from qclearn.surfaces.curvature import area_radius
+
+
+@pytest.fixture(scope="module")
+def live():
+    return Landmarks()
+
+
+def place_of(name, vertex):
+    """Where a vertex is in the picture, (x, y)."""
+    pair = cortices(name)
+    w = area_radius(pair.moving, pair.z_moving).to_image(pair.z_moving[vertex])
+    return float(w.real), float(w.imag)
+
+
+class TestOnTheSite(OnTheSite):
+    page, name, slider = "ldnet.html", "landmarks", "weight of the depth"
+
+    def test_paths_and_distances_are_the_librarys(self, shown, live):
+        shown.reset()
+        shown.choose("sulcus", "2")
+        data = shown.data()
+        state, found, pair = data["state"], data["answer"], cortices(data["state"]["hemisphere"])
+        path, cost = live.path(state)
+        assert found["cost"] == pytest.approx(cost, rel=1e-4)
+        assert len(set(found["path"]) & set(path.tolist())) > 0.8 * len(path)
+        true = pair.paths[0][pair.names.index(SULCI[2])]
+        curves = [pair.z_moving[line] for line in (found["path"], found["network"], true)]
+        ours, networks, truth = curves_in_space(pair.moving, pair.z_moving, curves)
+        assert found["floorOff"] == pytest.approx(curve_distance(ours, truth), rel=1e-2, abs=5e-3)
+        assert found["networkOff"] == pytest.approx(curve_distance(networks, truth), rel=1e-2, abs=5e-3)
+        length = np.linalg.norm(np.diff(pair.moving.vertices[found["path"]], axis=0), axis=1).sum()
+        assert shown.number("along the floor is") == pytest.approx(length, rel=5e-3)
+
+    def test_ldnets_curves_are_the_networks(self, shown):
+        """Of the weights that are shipped, whatever they are."""
+        pair = cortices("first")
+        paths = [pair.paths[0][pair.names.index(name)] for name in SULCI]
+        ends = np.array([[path[0], path[-1]] for path in paths])
+        detected = load("ldnet").detect(pair.moving, pair.z_moving, ends)
+        for k in (0, 7):
+            shown.choose("sulcus", str(1 - k % 2))
+            shown.choose("sulcus", str(k))
+            assert np.array_equal(pair.z_moving[shown.data()["answer"]["network"]], detected[k])
+
+    def test_ends_are_dragged_and_moved_by_keys(self, shown, live):
+        shown.reset()
+        canvas, (start, end) = shown.root.locator("canvas").first, live.ends(dict(live.initial))
+        here = place_of("first", end)
+        there = here[0] + 0.1, here[1] + 0.05
+        shown.drag_with_the_mouse(canvas, here, there)
+        moved = shown.state()["ends"]["1"]
+        assert abs(complex(*place_of("first", moved)) - complex(*there)) < 0.03
+        assert "Ends of your own" in shown.words and "stored for the named sulci" in shown.words
+        assert shown.data()["answer"]["path"][0] == start and shown.data()["answer"]["path"][-1] == moved
+        shown.press(canvas, "ArrowUp")
+        assert place_of("first", shown.state()["ends"]["1"])[1] > place_of("first", moved)[1]
+
+    def test_ends_that_meet_are_refused(self, shown, live):
+        shown.reset()
+        start, end = live.ends(dict(live.initial))
+        picture = shown.pictures()
+        shown.drag(shown.root.locator("canvas").first, place_of("first", end), place_of("first", start))
+        assert "both ends are at the same place" in shown.said and shown.pictures() == picture
+
+    def test_the_tuner_takes_the_curve(self, shown, live):
+        shown.reset()
+        link = unquote(shown.root.get_by_role("link", name="to the tuner").get_attribute("href"))
+        page, state = link.split("#live-tuner=")
+        pair, taken = cortices("first"), json.loads(state)
+        assert page == "live.html" and taken["problem"] == "first"
+        first = 5 * pair.names.index(SULCI[0])
+        wanted = sample_curve(pair.moving, np.array(shown.data()["answer"]["path"]), 5) @ pair.z_moving
+        for k in range(5):
+            assert abs(complex(*taken["starts"][str(first + k)]) - wanted[k]) < 1e-3
+
+
+class TestInJupyterLab(InJupyterLab):
+    name, live, gap, sets = "landmarks", "Landmarks", 1e-3, {"sulcus": 3, "depth": 3.5}
+
+    def test_python_reads_path_and_curve(self, shown):
+        shown.tab.until("len(landmarks.path) > 5 and landmarks.curve.shape == (5,)")
