@@ -124,23 +124,33 @@ class NormalEquations(Linearisation):
         x = self.lift(g, self.B)
         return x - self.lifted @ (self.S @ (self.J @ x))
 
+    def corrected(self, g):
+        """`precondition`, exact in the directions that the engine's last equations were solved in (BFGS)."""
+        if self.engine.known_directions is None:
+            return self.precondition(g)
+        Y, HY, sizes = self.engine.known_directions
+        along = Y.T @ g / sizes
+        x = self.precondition(g - HY @ along)
+        return x + Y @ (along - HY.T @ x / sizes)
+
     def propose(self, _):
         """(change of nu, da, dtheta, least objective of the model) at the state that the equations are of."""
-        x = np.zeros(len(self.nu))
-        nu = self.nu
-        rest = -self.prior(nu) - self.adjoint(self.residual)
-        promised = nu @ self.prior(nu) + self.residual @ self.residual
-        z = p = self.precondition(rest)
+        x, rest, tried = np.zeros(len(self.nu)), -self.prior(self.nu) - self.adjoint(self.residual), []
+        promised = self.nu @ self.prior(self.nu) + self.residual @ self.residual
+        z = p = self.corrected(rest)
         size = first = rest @ z
         for _ in range(STEPS):
             if size <= self.accuracy**2 * first:
                 break
             Hp = self.prior(p) + self.adjoint(self.forward(p))
-            share = size / (p @ Hp)
+            tried.append((p, Hp, p @ Hp))
+            share = size / tried[-1][-1]
             x += share * p
             promised -= share * size
             rest -= share * Hp
-            z, before = self.precondition(rest), size
+            z, before = self.corrected(rest), size
             size = rest @ z
             p = z + size / before * p
+        if tried:
+            self.engine.known_directions = [np.stack(part, axis=-1) for part in zip(*tried)]
         return *self.parts(x), promised

@@ -14,14 +14,9 @@ from qclearn.plane.fields import bounded
 from qclearn.plane.mobius import best_mobius, compose_mobius, mobius, mobius_inverse
 from qclearn.registration import fit as fit_module
 from qclearn.registration import normal
-from qclearn.registration.engine import (
-    MOBIUS_PRIOR,
-    TANGENTIAL_WEIGHT,
-    GaussNewton,
-    Landmarks,
-    SurfaceGaussNewton,
-)
+from qclearn.registration.engine import MOBIUS_PRIOR, GaussNewton, SurfaceGaussNewton
 from qclearn.registration.fit import fit_landmarks, start_field
+from qclearn.registration.landmarkterm import TANGENTIAL_WEIGHT, Landmarks
 from qclearn.registration.problem import LandmarkError, Problem, Weights
 
 
