@@ -59,7 +59,7 @@ class GaussNewton:
 
     def __init__(self, problem, mesh, weights, dense=None):
         (self.z, self.faces), self.problem, self.weights, self.dense = mesh, problem, weights, dense
-        self.known_directions = None  # of the last `NormalEquations`
+        self.known_gram = self.known_directions = None  # of the last linearisation
         self.landmarks = Landmarks(problem.target, problem.curve, problem.sliding)
         flat = np.zeros(len(self.faces))
         self.mass, self.laplace = mass_matrix(*mesh) / np.pi, stiffness(*mesh, flat) / np.pi
@@ -160,6 +160,7 @@ class GaussNewton:
             np.ascontiguousarray(J.imag.T)
         )
         gram = (J.conj() @ lifted).real
+        self.known_gram = gram / gamma
 
         def propose(state, damping=0.0):
             share, weight = 1 / (1 + damping), MOBIUS_PRIOR + damping
@@ -209,8 +210,6 @@ class GaussNewton:
 class SurfaceGaussNewton(GaussNewton):
     """The same with the problem's own disk mesh mapped: where a face is flipped, rows are switched, solved again."""
 
-    known_gram = None
-
     def mapping(self):
         z, faces = self.problem.z, self.problem.faces
         to_faces = sampling_matrix(self.z, self.faces, z[faces].mean(1))
@@ -225,7 +224,7 @@ class SurfaceGaussNewton(GaussNewton):
         return (DualEquations if self.dense is None else NormalEquations)(self, state, gamma).propose
 
     def gram(self, state, gamma):
-        """About `J W^-1 J^T`, (2 M, 2 M): of quick rows J of the first state that is asked for, and what was learnt."""
+        """About `J W^-1 J^T`, (2 M, 2 M): another mesh's or of quick rows J at first, and what was learnt."""
         if self.known_gram is None:
             J = self.quick_jacobian(state, 1.0)
             lifted = self.factors.solve(np.ascontiguousarray(J.T).view(float).reshape(len(state.nu), -1))

@@ -67,8 +67,8 @@ class Linearisation:
 class DualEquations(Linearisation):
     """Landmarks alone: `S y = r - J nu`, `S = 1 + J diag(W, B)^-1 J^T`, for the residual y that the step leaves.
 
-    Few unknowns, preconditioned by S of quick rows, `engine.gram`: as good at any gamma, where what is near enough to W
-    + J^T J is not, as that is large where J is not quite 0.
+    Few unknowns, preconditioned by an S that is near enough, `engine.gram`: as good at any gamma, where what is near to
+    W + J^T J is not, as that is large where J is not quite 0.
     """
 
     def propose(self, _, damping=0.0):
