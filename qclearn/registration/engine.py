@@ -160,7 +160,6 @@ class GaussNewton:
             np.ascontiguousarray(J.imag.T)
         )
         gram = (J.conj() @ lifted).real
-        self.known_gram = gram / gamma
 
         def propose(state, damping=0.0):
             share, weight = 1 / (1 + damping), MOBIUS_PRIOR + damping
@@ -224,7 +223,7 @@ class SurfaceGaussNewton(GaussNewton):
         return (DualEquations if self.dense is None else NormalEquations)(self, state, gamma).propose
 
     def gram(self, state, gamma):
-        """About `J W^-1 J^T`, (2 M, 2 M): another mesh's or of quick rows J at first, and what was learnt."""
+        """About `J W^-1 J^T`, (2 M, 2 M): of quick rows J at the first state, and what was learnt."""
         if self.known_gram is None:
             J = self.quick_jacobian(state, 1.0)
             lifted = self.factors.solve(np.ascontiguousarray(J.T).view(float).reshape(len(state.nu), -1))
@@ -235,13 +234,11 @@ class SurfaceGaussNewton(GaussNewton):
         """Correct `gram` by pairs of y (2 M,) and its exact product with y, as Broyden, Fletcher, Goldfarb and Shanno
         do."""
         if products:
+            one = np.eye(len(self.known_gram)) / gamma  # with it, as in S, nothing is singular
             Y, exact = (np.stack(side, axis=1) for side in zip(*products))
-            known = self.known_gram @ Y
-            self.known_gram = (
-                self.known_gram
-                - known @ np.linalg.solve(Y.T @ known, known.T)
-                + exact @ np.linalg.solve(Y.T @ exact, exact.T) / gamma
-            )
+            known, exact = (self.known_gram + one) @ Y, (exact + Y) / gamma
+            old, new = (side @ np.linalg.solve(Y.T @ side, side.T) for side in (known, exact))
+            self.known_gram = self.known_gram - old + new
 
     def quick_jacobian(self, state, gamma):
         """The Jacobian in closed form: a few percent off, and without a solve, whatever the size of the mesh."""

@@ -21,7 +21,6 @@ from .problem import LandmarkError, Problem, Weights
 FIRST_GAMMA = 1e2  # continuation: one step at each power of ten from here to gamma
 STEPS_AT_GAMMA = 5
 STEPS_ON_MESH, STEPS_BETWEEN = 24, 2  # at most, on the caller's mesh, and on the fine polar mesh before a large one
-SMALL = 5_000  # vertices up to which solves on the mesh cost less than the closed form that would save some of them
 FEWEST_RINGS = 4  # of the polar mesh; half of them on the coarse one
 POWER = 1.4  # by which the rings of the polar meshes crowd towards the centre
 WORTH_ON_GRID = 1e-2  # there, as `WORTH` on the caller's mesh: what a step has to promise
@@ -94,8 +93,6 @@ def fit_problem(problem, weights, start=None, rings=None, watch=None, enough=0.0
         state, more = fit_on_mesh(middle, middle.at(nu, parameters), watch, enough, STEPS_BETWEEN)
         nu, parameters, steps = state.nu, state.mobius, steps + more
     fine = SurfaceGaussNewton(problem, mesh, weights)
-    if len(problem.z) < SMALL:
-        fine.known_gram = coarse.known_gram
     state, polished = fit_on_mesh(fine, fine.at(nu, parameters), watch, enough)
     fit = report_fit(fine, state, (steps, polished))
     best = problem.samples @ mobius(problem.z, *problem.mobius)

@@ -13,7 +13,7 @@ from ..plane.mobius import mobius_fields, mobius_slope
 
 MOBIUS_PRIOR = 1e-6  # weak, keeps the step of the three Möbius parameters bounded
 RELIEF = 1e-3  # share of the landmarks' part on the Möbius parameters that P counts twice
-STEPS = 40  # of conjugate gradients, at most
+STEPS, DUAL_STEPS = 40, 200  # of conjugate gradients, at most; the dual's are few, unless gamma is extreme
 WORTH = 1e-3  # the share of the objective that a step has to promise
 FORCING = 0.1  # share of its gain by which a step of landmarks alone may miss the model's least objective
 ACCURACY = 0.1  # the residual that they leave, in the preconditioner's norm, up to gamma = 1e3; beyond, less by decades
@@ -82,7 +82,7 @@ class DualEquations(Linearisation):
         inverse, B = np.linalg.inv(S), share * weight * np.eye(3)
         wanted = rest = self.residual - share * self.forward(self.nu)
         x, y, p, size, tried = -share * self.nu, np.zeros(len(rest)), 0.0, 1.0, []
-        for _ in range(STEPS):
+        for _ in range(DUAL_STEPS):
             least, left = y @ wanted + y @ rest, rest @ rest  # the model's least objective is no less
             if before - least < WORTH * before or left <= FORCING * (before - least - left):
                 break
