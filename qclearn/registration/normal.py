@@ -13,7 +13,7 @@ from ..plane.mobius import mobius_fields, mobius_slope
 
 MOBIUS_PRIOR = 1e-6  # weak, keeps the step of the three Möbius parameters bounded
 RELIEF = 1e-3  # share of the landmarks' part on the Möbius parameters that P counts twice
-STEPS = 40  # of conjugate gradients, at most
+STEPS, DUAL_STEPS = 40, 200  # of conjugate gradients, at most; the dual's are few, unless gamma is extreme
 WORTH = 1e-3  # the share of the objective that a step has to promise
 FORCING = 0.1  # share of its gain by which a step of landmarks alone may miss the model's least objective
 ACCURACY = 0.1  # the residual that they leave, in the preconditioner's norm, up to gamma = 1e3; beyond, less by decades
@@ -67,8 +67,8 @@ class Linearisation:
 class DualEquations(Linearisation):
     """Landmarks alone: `S y = r - J nu`, `S = 1 + J diag(W, B)^-1 J^T`, for the residual y that the step leaves.
 
-    Few unknowns, preconditioned by S of quick rows, `engine.gram`: as good at any gamma, where what is near enough to W
-    + J^T J is not, as that is large where J is not quite 0.
+    Few unknowns, preconditioned by an S that is near enough, `engine.gram`: as good at any gamma, where what is near to
+    W + J^T J is not, as that is large where J is not quite 0.
     """
 
     def propose(self, _, damping=0.0):
@@ -82,7 +82,7 @@ class DualEquations(Linearisation):
         inverse, B = np.linalg.inv(S), share * weight * np.eye(3)
         wanted = rest = self.residual - share * self.forward(self.nu)
         x, y, p, size, tried = -share * self.nu, np.zeros(len(rest)), 0.0, 1.0, []
-        for _ in range(STEPS):
+        for _ in range(DUAL_STEPS):
             least, left = y @ wanted + y @ rest, rest @ rest  # the model's least objective is no less
             if before - least < WORTH * before or left <= FORCING * (before - least - left):
                 break
@@ -124,23 +124,33 @@ class NormalEquations(Linearisation):
         x = self.lift(g, self.B)
         return x - self.lifted @ (self.S @ (self.J @ x))
 
+    def corrected(self, g):
+        """`precondition`, exact in the directions that the engine's last equations were solved in (BFGS)."""
+        if self.engine.known_directions is None:
+            return self.precondition(g)
+        Y, HY, sizes = self.engine.known_directions
+        along = Y.T @ g / sizes
+        x = self.precondition(g - HY @ along)
+        return x + Y @ (along - HY.T @ x / sizes)
+
     def propose(self, _):
         """(change of nu, da, dtheta, least objective of the model) at the state that the equations are of."""
-        x = np.zeros(len(self.nu))
-        nu = self.nu
-        rest = -self.prior(nu) - self.adjoint(self.residual)
-        promised = nu @ self.prior(nu) + self.residual @ self.residual
-        z = p = self.precondition(rest)
+        x, rest, tried = np.zeros(len(self.nu)), -self.prior(self.nu) - self.adjoint(self.residual), []
+        promised = self.nu @ self.prior(self.nu) + self.residual @ self.residual
+        z = p = self.corrected(rest)
         size = first = rest @ z
         for _ in range(STEPS):
             if size <= self.accuracy**2 * first:
                 break
             Hp = self.prior(p) + self.adjoint(self.forward(p))
-            share = size / (p @ Hp)
+            tried.append((p, Hp, p @ Hp))
+            share = size / tried[-1][-1]
             x += share * p
             promised -= share * size
             rest -= share * Hp
-            z, before = self.precondition(rest), size
+            z, before = self.corrected(rest), size
             size = rest @ z
             p = z + size / before * p
+        if tried:
+            self.engine.known_directions = [np.stack(part, axis=-1) for part in zip(*tried)]
         return *self.parts(x), promised

@@ -14,14 +14,9 @@ from qclearn.plane.fields import bounded
 from qclearn.plane.mobius import best_mobius, compose_mobius, mobius, mobius_inverse
 from qclearn.registration import fit as fit_module
 from qclearn.registration import normal
-from qclearn.registration.engine import (
-    MOBIUS_PRIOR,
-    TANGENTIAL_WEIGHT,
-    GaussNewton,
-    Landmarks,
-    SurfaceGaussNewton,
-)
+from qclearn.registration.engine import MOBIUS_PRIOR, GaussNewton, SurfaceGaussNewton
 from qclearn.registration.fit import fit_landmarks, start_field
+from qclearn.registration.landmarkterm import TANGENTIAL_WEIGHT, Landmarks
 from qclearn.registration.problem import LandmarkError, Problem, Weights
 
 
@@ -144,7 +139,7 @@ def test_the_step_on_a_mesh_is_that_of_the_exact_jacobian(monkeypatch, damping):
     engine = SurfaceGaussNewton(Problem(*SMALL, p, q), polar_disk(8, 24), Weights(1.0, 0.02, gamma))
     state = engine.at(0.2 * complex_normal(np.random.default_rng(1), len(engine.z)), (0.1j, 0.2))
     exact = GaussNewton.linearise(engine, state, gamma)(state, damping)
-    learn = engine.learn
+    learn, engine.known_gram = engine.learn, None
     monkeypatch.setattr(engine, "learn", lambda pairs, gamma: (products.append(len(pairs)), learn(pairs, gamma)))
     for propose in (engine.linearise(state, gamma) for _ in range(2)):
         change, *mobius, promised = propose(state, damping)
@@ -155,16 +150,16 @@ def test_the_step_on_a_mesh_is_that_of_the_exact_jacobian(monkeypatch, damping):
 
 
 def test_the_fit_ends_within_a_thousandth_of_the_least_objective(monkeypatch):
-    """Two neighbours that part: a rule that stops at steps of small promise ends a tenth above."""
+    """Two neighbours that part: a rule that stops at steps of larger promise ends well above."""
     p = np.concatenate([[0.02, -0.02], 0.5 * np.exp(2j * np.pi * np.arange(8) / 8)])
     q = np.concatenate([[0.05j, -0.05j], p[2:] * np.exp(0.1j)])
     found = []
-    for worth in (1e-9, normal.WORTH, 0.1):
+    for worth in (1e-9, normal.WORTH, 0.3):
         for module in (normal, fit_module):
             monkeypatch.setattr(module, "WORTH", worth)
         found.append(fit_landmarks(*SMALL, p, q).losses["L_CP"])
     least, usual, early = found
-    assert usual < 1.002 * least and early > 1.02 * least
+    assert usual < 1.002 * least and early > 1.05 * least
 
 
 # Maps found again
