@@ -59,7 +59,7 @@ RUNS = (
     Run("Gauss-Newton, sliding", "gauss_newton", FINE | {"sliding": True}, sets=WEIGHED),
     Run("Gauss-Newton (1, 0.01, 1e2)", "gauss_newton", FINE | {"gamma": 1e2}, sets=HELD_OUT),
     Run("hybrid", "hybrid", FINE | {"delta": 0.3}, sets=FOLDED, keep_field=True),
-    Run("hybrid (1, 0.01, 1e2)", "hybrid", FINE | {"gamma": 1e2, "delta": 0.3}, sets=HELD_OUT),
+    Run("hybrid (1, 0.01, 1e2)", "hybrid", FINE | {"gamma": 1e2, "delta": 0.3}, sets=("fsaverage5", *HELD_OUT)),
     Run("dense", "dense", {"delta": 0.3}, sets=FOLDED),
     Run("landmark-free", "landmark_free", {"delta": 0.3}, sets=FOLDED),
     Run("Gauss-Newton, path", "gauss_newton", FINE, "path", KNOWN),
