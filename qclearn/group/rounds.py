@@ -101,14 +101,16 @@ class Group:
         return fits
 
     def used(self, fits):
-        """The disk maps that take part in the mean: number of the subject -> f."""
-        return {k: fit.f for k, fit in enumerate(fits) if not fit.reasons}
+        """The disk maps that take part in the mean: number of the subject -> f; TemplateError for fewer than two."""
+        maps = {k: fit.f for k, fit in enumerate(fits) if not fit.reasons}
+        if len(maps) < 2:
+            told = [f"{member.name}: {fit.reasons[0]}" for member, fit in zip(self.members, fits) if fit.reasons]
+            raise TemplateError(f"fewer than two subjects can be registered ({'; '.join(sorted(told))})")
+        return maps
 
     def mean(self, before, maps):
         """The next `Mean`, of the subjects where their disk maps take them (number of the subject -> f), taken on by
         the average c of the maps' inverses, so that that of all is the identity; and c at the vertices (N,)."""
-        if len(maps) < 2:
-            raise TemplateError("fewer than two subjects can be registered; check that they show the same thing")
         inverses = self.each(of.inverse, maps, before.disk)
         centre, loop = sum(inverses) / len(maps), boundary_loop(before.faces)
         centre[loop] /= abs(centre[loop])

@@ -1,9 +1,9 @@
 """An unbiased template: what subjects have in common, after all are registered to it, round after round.
 
-A round registers each subject to the mean by features, f_i from its disk to the mean's, and takes what it has at
-`f_i^-1(w)` to each vertex w of the template's mesh. Features, positions and areas are averaged there, and the vertex
-moves to the mean of `f_i^-1(w)`: then the average of the inverse maps is the identity, and nobody's shape is preferred
-(Guimond, Meunier and Thirion 2000; Joshi and others 2004).
+A round registers each subject to the mean by features, f_k from its disk to the mean's, and takes each map on by the
+average of the inverses, `c = mean f_k^-1`: that of the maps `c o f_k` is the identity, and nobody's shape is preferred
+(Guimond, Meunier and Thirion 2000; Joshi and others 2004). What the subjects have at the same vertex of the mean is
+averaged: features, positions, areas. That is the next mean.
 """
 
 from dataclasses import dataclass
@@ -86,7 +86,7 @@ def template(
     maps = {members[k].name: f for k, (f, bijective, _) in ends.items() if bijective}
     left_out = {member.name: fit.reasons or [CHANGED] for member, fit in zip(members, fits) if member.name not in maps}
     report = {
-        "subjects": [member.name for member in members],
+        "subjects": sorted(member.name for member in members),
         "features": names,
         "delta": delta,
         "rounds": rows,
@@ -98,4 +98,5 @@ def template(
         "version": version("qclearn"),
     }
     surface, means = Surface(mean.points, mean.faces), dict(zip(names, mean.values.T))
-    return Template(surface, mean.disk, means, dict(zip(report["subjects"], disks)), maps, left_out, report)
+    laid = {member.name: disk for member, disk in zip(members, disks)}
+    return Template(surface, mean.disk, means, laid, maps, left_out, report)

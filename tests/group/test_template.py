@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from distributed import LocalCluster
 
 import qclearn as qc
 from qclearn.cli import main
@@ -141,6 +142,14 @@ def test_a_run_that_was_stopped_goes_on(found, folder, monkeypatch):
     assert [path.name for path in folder.iterdir() if not path.name.startswith("round-")] == ["settings.json"]
 
 
+def test_a_scheduler_gives_what_this_process_gives(found, folder):
+    options = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": "127.0.0.1:0"}
+    with LocalCluster(**options) as cluster:
+        other = of_bowls(folder=folder, scheduler=cluster.scheduler_address)
+    np.testing.assert_array_equal(other.surface.vertices, found.surface.vertices)
+    assert other.report == found.report
+
+
 def test_a_suspect_subject_is_named_and_takes_no_part(found, folder, tmp_path):
     """As if the first round had found it so."""
     shutil.copytree(folder, tmp_path / "rounds")
@@ -152,7 +161,7 @@ def test_a_suspect_subject_is_named_and_takes_no_part(found, folder, tmp_path):
     assert set(two.disk_maps) == {"bowl 0", "bowl 1"}
     assert np.linalg.norm(two.surface.vertices - of_bowls(1, folder=folder).surface.vertices, axis=1).mean() > 1e-3
     kept.keep(1, keys["bowl 1"], Fitted(None, ["folds: everywhere"]))
-    with pytest.raises(qc.TemplateError, match="fewer than two subjects can be registered"):
+    with pytest.raises(qc.TemplateError, match="fewer than two .* .bowl 1: folds: everywhere; bowl 2: features:"):
         of_bowls(1, folder=tmp_path / "rounds")
 
 
