@@ -14,7 +14,7 @@ from torch import nn
 from ..plane.diskmesh import sampling_matrix
 from ..plane.spectrum import Spectrum
 from ..registration.looks import Link, Looks
-from ..registration.problem import LandmarkError, Weights, check_landmarks
+from ..registration.problem import LandmarkError, Problem, Weights
 from .born import Born
 from .cpnet_paper import PaperCPNet, PaperCPNetConfig
 from .layers import ConditionedUNet, disk_mesh, inference
@@ -116,7 +116,7 @@ class BestCPNet(nn.Module):
         place inside, the looks for what they are. curve is not used. LandmarkError for bad landmarks or weights, or
         more than `config.most` landmarks; BeltramiError or SurfaceError where the mesh is no disk.
         """
-        *_, mu = self.stages(z, faces, moving, target, Weights(alpha, beta, gamma), looks)
+        *_, mu = self.stages(Problem(z, faces, moving, target), Weights(alpha, beta, gamma), looks)
         return mu
 
     @inference
@@ -126,18 +126,18 @@ class BestCPNet(nn.Module):
 
         Before them the same looks without what is learned, from the Born step on.
         """
-        given, found = (problem.z, problem.faces, problem.moving, problem.target, weights, looks), {}
+        found = {}
         for learned, name in ((False, "Born step"), (True, "CP-Net")):
-            for number, mu in enumerate(self.stages(*given, learned)):
+            for number, mu in enumerate(self.stages(problem, weights, looks, learned)):
                 seen = "" if number == 0 else f", {number} look{'s' * (number > 1)}"
                 found[name + (seen or ", no look" * learned)] = mu
         return found
 
-    def stages(self, z, faces, moving, target, weights, looks=None, learned=True):
+    def stages(self, problem, weights, looks=None, learned=True):
         """The answers mu (F,) before any look and after each, one after the other; or without what is learned."""
-        p, q, _ = check_landmarks(moving, target, None, False)
+        p, q, mesh = problem.moving, problem.target, disk_mesh(problem.z, problem.faces)
         check_count(p, self.config.most)
-        mesh, ratios = disk_mesh(z, faces), (weights.beta / weights.alpha, weights.gamma / weights.alpha)
+        ratios = weights.beta / weights.alpha, weights.gamma / weights.alpha
         spectrum, spread = self.carrier(self.rings(p, q))
         link = mesh.places(spectrum, lambda: Link(mesh.z, mesh.faces, spectrum))
         start = spread @ self.start(p, q, ratios) if learned else None

@@ -28,8 +28,10 @@ class Spectrum:
         nodal = fields[:, 1:].reshape(-1, self.rings, self.spokes)
         waves = scipy.fft.fft(nodal, norm="ortho").transpose(2, 0, 1)  # (spokes, n, rings)
         waves[0, :, 0] += fields[:, 0] / np.sqrt(self.spokes)  # the centre is the mean of the first ring
-        real, imaginary = waves.real @ self.radial, waves.imag @ self.radial
-        return (real + 1j * imaginary).transpose(1, 0, 2).reshape(len(fields), -1)
+        parts = np.concatenate([waves.real, waves.imag], 1) @ self.radial.astype(waves.real.dtype)
+        found = np.empty((len(fields), self.spokes, self.rings), waves.dtype)
+        found.real, found.imag = parts.transpose(1, 0, 2).reshape(2, *found.shape)
+        return found.reshape(len(fields), -1)
 
     def coefficients(self, nu):
         """Those of a field (1 + rings spokes,) with the mean of its first ring in the centre: `E^* A nu / pi`."""

@@ -118,32 +118,30 @@ class Tangent:
         moved[1] += square.imag * zero_re - (square.real + 1) * zero_im + at.real * spin
         return moved
 
-    def variation(self, nu, f):
+    def variation(self, nu, f, dtype=complex):
         """P, Q (P + 2, N) with `dk(p) = sum P dnu + Q conj(dnu)`, the points' own change up to that of a Möbius map;
-        the last two rows are those of 0 and 1."""
+        the last two rows are those of 0 and 1. dtype: complex64 takes half the time, to four digits."""
         both = np.stack([f, self.carrier.slope @ f], axis=1)
-        P, Q = self.kernel(nu, both, (self.points @ f)[:, None])
-        self.mend(P, Q, nu, both)
+        P, Q = self.kernel(nu, both, dtype)
+        self.mend((P, Q), nu, both, dtype)
         along, across = (bounded_pullback(nu, unit) for unit in (1.0, 1j))
         a, b = ((along - 1j * across) / 2).real, (along + 1j * across) / 2  # dmu = a dnu + b conj(dnu)
+        a, b = a.astype(P.real.dtype), b.astype(dtype)
         return P * a + Q * b.conj(), P * b + Q * a
 
-    def kernel(self, nu, both, at):
+    def kernel(self, nu, both, dtype):
         """P, Q (P + 2, N) with `dk(p) = sum P dmu + Q conj(dmu)`, a node for its cell."""
-        carrier = self.carrier
-        w, slope = (carrier.values @ both).T
-        size, mass = cells(carrier.areas, nu, slope)
+        w, size, mass = cells(self.carrier.areas, nu, self.carrier.values @ both, dtype)
+        at = (self.points @ both[:, 0]).astype(dtype)[:, None]
         return mass * inverse(w - at, size), mass.conj() * at**3 * inverse(1 - at * w.conj(), size)
 
-    def mend(self, P, Q, nu, both):
+    def mend(self, PQ, nu, both, dtype):
         """The entries of P, and of Q where mirror images are near, at close pairs: by the parts and the corners."""
-        w, slope = (self.values @ both).T
-        size, mass = cells(self.areas, self.hats @ nu, slope)
-        at, share = both[self.corners, 0], self.shares
-        places = row, node = self.close.nonzero()
-        part, point = self.part, self.point
+        w, size, mass = cells(self.areas, self.hats @ nu, self.values @ both, dtype)
+        at, share, (P, Q) = both[self.corners, 0].astype(dtype), self.shares.astype(size.dtype), PQ
+        (row, node), part, point = self.close.nonzero(), self.part, self.point
         average = (share[point] * inverse(w[part, None] - at[point], size[part, None])).sum(1)
-        P[places] = self.spread @ (mass[part] * average)
+        P[row, node] = self.spread @ (mass[part] * average)
         part, point = self.part[self.mirrored], self.point[self.mirrored]
         turned = inverse(1 - at[point] * w[part, None].conj(), size[part, None])
         average = np.zeros(len(self.part), complex)
@@ -163,10 +161,14 @@ def hats_inside(triangles, n_vertices):
     return sparse.csr_array((shares.ravel(), columns.ravel(), starts), shape=(len(shares), n_vertices))
 
 
-def cells(areas, nu, slope):
-    """Of cells with f_z = slope: the size of their images as disks, radius squared, and their mass in the integral."""
+def cells(areas, nu, places, dtype):
+    """Of cells around places (n, 2), w = f and f_z: w, the size of their images as disks, radius squared, and their
+    mass in the integral."""
+    w, slope = places.astype(dtype).T
     square = slope**2
-    return areas * abs(square) * (1 - np.tanh(abs(nu)) ** 2) / np.pi, -areas / np.pi * square
+    areas = (areas / np.pi).astype(square.real.dtype)
+    size = areas * abs(square) * (1 - np.tanh(abs(nu)) ** 2)
+    return w, size.astype(areas.dtype), -areas * square
 
 
 def inverse(d, size):

@@ -16,7 +16,7 @@ from ..plane.fields import bounded
 from ..plane.mobius import compose_mobius, mobius, mobius_fields, mobius_slope
 from ..plane.tangent import Carrier, Tangent
 
-MOST = 0.6  # of |change of nu| that one step may make: beyond, gamma is lowered along the dual path
+MOST = 0.6  # of |change of nu| that one step may make: beyond, it is damped
 LOWER, LEAST = 0.3, 1e-7  # by how much at once, and how far at most
 RISE, BACK = 1.02, 0.4  # a look whose objective is that much higher is taken back to this share of its step
 TURNS = 6  # Gauss-Newton steps of the Möbius map at each look
@@ -133,26 +133,31 @@ class Looks:
         return self.scale * np.concatenate([change.real, change.imag])
 
     def step(self, look):
-        """The Gauss-Newton step from a look, in its dual form; with gamma lowered while it is longer than MOST."""
-        (rows, off), x = self.rows(look), look.proposal.x
-        gap, S, share = off(look.r - rows @ x), off(off(rows @ rows.T).T), 1.0
+        """The Gauss-Newton step from a look, in its dual form; damped while nu would change by more than MOST.
+
+        damped: `d |x - x_0|^2` is added to what is minimised (Levenberg), share = 1 / (1 + d).
+        """
+        (rows, off), x, share = self.rows(look), look.proposal.x, 1.0
+        gram, moved = off(off(rows @ rows.T).T), off(rows @ x)
         while True:
-            y = cho_solve(cho_factor(S + np.eye(len(S)) / share), gap)
-            x = -(off(y) @ rows)
-            nu = self.field(x)
+            y = cho_solve(cho_factor(np.eye(len(gram)) + share * gram), off(look.r) - share * moved)
+            change = -share * (off(y) @ rows + x)
+            nu = self.field(x + change)
             if abs(nu - look.proposal.nu).max() <= MOST or share < LEAST:
-                return Proposal(nu, x, share < 1, y / share)
+                return Proposal(nu, x + change, share < 1, y)
             share *= LOWER
 
     def rows(self, look):
         """The derivative of r with respect to x, (2 M, 2 N - 2), up to what Möbius maps do, and `off(r)`, which takes
         that out of residuals (2 M, ...)."""
-        P, Q = (part[:-2] for part in self.tangent.variation(look.proposal.nu, look.f))
-        slope = self.scale * (self.samples @ mobius_slope(look.f, *look.mobius))[:, None]
-        P, Q = (self.link.spectrum.gradients(part) / self.root for part in ((slope * P).conj(), slope * Q))
+        P, Q = (part[:-2] for part in self.tangent.variation(look.proposal.nu, look.f, np.complex64))
+        slope = (self.scale * (self.samples @ mobius_slope(look.f, *look.mobius))[:, None]).astype(P.dtype)
+        white = (1 / self.root).astype(slope.real.dtype)
+        P, Q = (self.link.spectrum.gradients(part) * white for part in ((slope * P).conj(), slope * Q))
         fields = mobius_fields(self.samples @ mobius(look.f, *look.mobius))
         columns, _ = np.linalg.qr(self.components(fields))
-        return np.concatenate([P + Q, 1j * (P - Q)]).view(float), lambda r: r - columns @ (columns.T @ r)
+        rows = np.concatenate([P + Q, 1j * (P - Q)]).astype(complex).view(float)
+        return rows, lambda r: r - columns @ (columns.T @ r)
 
 
 def refit(f, q, parameters=None):
