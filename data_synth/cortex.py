@@ -6,7 +6,7 @@ import numpy as np
 
 from data_synth.fundus import trace, trim
 from data_synth.generations import GENERATION, GENERATIONS
-from data_synth.growth import Sheet, depth_below, grow, hull_distance, neighbour_table
+from data_synth.growth import GROWN, Sheet, depth_below, grow, hull_distance, neighbour_table
 from data_synth.individual import Individual, smooth_field
 from data_synth.pattern import pattern
 from data_synth.template import LONGEST
@@ -128,21 +128,37 @@ def make_cortex(seed, n_vertices=10_000, hemisphere="left", mechanics=Mechanics(
     return Cortex(surface, template, seed, hemisphere, generation, *traits)
 
 
-def grown(person, n_vertices, mechanics=Mechanics(), clock=None):
-    """The folded surface of an `Individual` with its curves, and each vertex' template point (V, 3)."""
+def growth_frames(seed, n_vertices=3_000, frames=20, generation=GENERATION):
+    """The left hemisphere of `make_cortex` while it grows: (positions (K, V, 3) in mm, faces (F, 3), factors (K,) by
+    which the rest lengths of the edges have grown until then). The last positions are those of its surface.
+
+    All have the scale of the last, so that areas can be compared. CortexError as for `make_cortex`.
+    """
+    _check(seed, n_vertices, "left", generation)
+    m, film = Mechanics(), np.empty((frames - 1, n_vertices, 3))
+    surface, _ = grown(Individual(seed, "left", GENERATIONS[generation]), n_vertices, m, film=film)
+    progress = np.minimum(1, np.arange(frames) / (GROWN * (frames - 1)))
+    return np.concatenate([film, surface.vertices[None]]), surface.faces, 1 + (m.growth - 1) * progress
+
+
+def grown(person, n_vertices, mechanics=Mechanics(), clock=None, film=None):
+    """The folded surface of an `Individual` with its curves, and each vertex' template point (V, 3).
+
+    film (K, V, 3): becomes positions of its growth, as in `grow`, to the scale of the surface."""
     directions, rim = even_points(person.position, n_vertices, person.rng)
     rest, template = person.position(directions), person.template(directions)
     faces = triangulate(rim, rest, template)
     sheet = Sheet(rest, faces, *neighbour_table(faces, n_vertices))
     held = np.arange(n_vertices) < rim
     clock = np.zeros(2, dtype=np.int64) if clock is None else clock
-    x, hull = _fold(person, directions, template, held, sheet, mechanics, clock)
+    film = np.empty((0, n_vertices, 3)) if film is None else film
+    x, hull = _fold(person, directions, template, held, sheet, mechanics, (clock, film))
     x = untangle(x, faces, sheet.start, sheet.index, held)
     curves = _curves(person, x, sheet, depth_below(x, *hull))
-    vertices = x * np.sqrt(person.area / _area(x, faces))
-    if person.hemisphere == "left":
-        vertices, faces = vertices * [-1, 1, 1], faces[:, ::-1]
-    return Surface(vertices, faces, curves), template
+    left = person.hemisphere == "left"
+    scale = np.sqrt(person.area / _area(x, faces)) * np.array([-1 if left else 1, 1, 1])
+    film *= scale
+    return Surface(x * scale, faces[:, ::-1] if left else faces, curves), template
 
 
 def _curves(person, x, sheet, depth):
@@ -155,8 +171,10 @@ def _curves(person, x, sheet, depth):
     return paths
 
 
-def _fold(person, directions, template, held, sheet, mechanics, clock):
-    """Folded positions (V, 3), in units of half the hemisphere, and the distance field of the hull."""
+def _fold(person, directions, template, held, sheet, mechanics, record):
+    """Folded positions (V, 3), in units of half the hemisphere, and the distance field of the hull.
+
+    record: the clock and the film that `grow` keeps."""
     m, guidance, count = mechanics, person.guidance, len(sheet.rest)
     # With n vertices an edge is as long as n^-1/2: these factors keep modulus and wavelength.
     ratio = count / 10_000
@@ -175,7 +193,7 @@ def _fold(person, directions, template, held, sheet, mechanics, clock):
     x = grow(
         sheet.rest + relief[:, None] * normal, sheet.rest, normal, sheet.start, sheet.index, rest_length, held, growth,
         np.full(count, m.foundation / ratio), guidance.pull / ratio * furrows.pull, hold / ratio, *hull,
-        np.array(settings, dtype=float), clock,
+        np.array(settings, dtype=float), record,
     )  # fmt: skip
     return x, hull
 

@@ -10,6 +10,8 @@ from data_synth.compiled import compiled
 from data_synth.template import CENTRE, area_vectors, unit
 from data_synth.tessellation import fibonacci_sphere
 
+GROWN = 0.85  # share of the steps after which the rest lengths grow no more
+
 
 class Sheet(NamedTuple):
     """The surface before it grows: rest (V, 3), faces (F, 3), and the neighbours as `neighbour_table` lists them."""
@@ -189,7 +191,7 @@ def depth_below(x, field, low, spacing):
 
 @compiled
 def grow(
-    x, rest, normal, start, index, rest_length, held, growth, anchor, pull, hold, field, low, spacing, settings, clock
+    x, rest, normal, start, index, rest_length, held, growth, anchor, pull, hold, field, low, spacing, settings, record
 ):
     """Positions (V, 3) of the folded shell, from `x` near the rest surface `rest`.
 
@@ -197,8 +199,10 @@ def grow(
     refresh interval, final factor of the bending, stiffness of hull and floor, share of the pull that stays.
     growth (2E,) final stretch of each edge, anchor (V,) foundation stiffness, pull (V,) inward force, hold (V,) another
     one, which stays; field: signed distance to the hull (positive inside) on a grid from corner `low` with `spacing`;
-    clock (2,) int64: steps done and in all, for whoever watches from another thread.
+    record: clock (2,) int64, steps done and in all, for whoever watches from another thread, and film (K, V, 3), which
+    becomes K positions on the way, evenly spaced from the first one on.
     """
+    clock, film = record
     steps, dt, damping, bending, saturation, outer, depth, touch, stiffness, refresh, settle, wall, keep = settings
     steps, refresh = int(steps), int(refresh)
     velocity, force, laplacian = np.zeros_like(x), np.zeros_like(x), np.zeros_like(x)
@@ -207,7 +211,10 @@ def grow(
     clock[1] = steps
     for step in range(steps):
         clock[0] = step
-        progress = min(1.0, step / (0.85 * steps))
+        for k in range(len(film)):
+            if step == k * steps // len(film):
+                film[k] = x
+        progress = min(1.0, step / (GROWN * steps))
         distance = touch * (1 + (growth.mean() - 1) * progress)
         if step % refresh == 0:
             pairs = _close_pairs(x, rest, 1.25 * distance, 1.25 * touch)

@@ -9,9 +9,9 @@ from qclearn.pages.explorables import EXPLORABLES
 
 
 def export():
-    """Files of all explorables into the copied book's assets, from where Sphinx takes them."""
+    """Files of the explorables into the copied book's assets, from where Sphinx takes them."""
     folder = SOURCE / "_assets" / "live"
-    for live in EXPLORABLES:
+    for live in (live for live in EXPLORABLES if not live.own):
         for name, data in live().files().items():
             (folder / name).write_bytes(data)
 

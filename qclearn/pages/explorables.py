@@ -15,6 +15,7 @@ from ..registration.metrics import measured_losses
 from ..registration.register import load
 from .canvas import Canvas
 from .explore_boundary import Boundary
+from .explore_growth import Growth
 from .explore_lbs import LBS
 from .live import Live, as_pairs, loops
 from .livenets import cpnet_file, dbsnet_file
@@ -179,4 +180,4 @@ class Tuner(Live):
         return Image(Canvas(given, list(found)).draw(found)), words
 
 
-EXPLORABLES = (Mobius, Mu, LBS, Boundary, Tuner, Sulci, Landmarks)
+EXPLORABLES = (Mobius, Mu, LBS, Boundary, Growth, Tuner, Sulci, Landmarks)

@@ -20,7 +20,7 @@ class Boundary(Live):
     """Harmonic measure seen from a pole, and descents of two losses, of the chapter on the free boundary."""
 
     page = "boundary"
-    initial = MappingProxyType({"strength": 0.5, "pole": (-0.6, 0.6), "loss": "printed", "step": 0, "centred": False})
+    initial = MappingProxyType({"strength": 0.5, "pole": (0.5, 0.6), "loss": "printed", "step": 0, "centred": False})
     mesh = polar_disk(24, 73)  # an odd number of spokes: no boundary point lies opposite to 1
     rim = np.arange(1 + 23 * 73, 1 + 24 * 73)
 

@@ -82,7 +82,15 @@ class Page:
         return (
             f'<div class="qc-live" data-page="{self.live.page}">'
             f'<img alt="{html.escape(alt)}" src="data:image/png;base64,{data}">'
-            f'<p class="qc-live-status" role="status">{html.escape(NOTE)}</p></div>'
+            f'<p class="qc-live-status" role="status">{html.escape(NOTE)}</p>{self.carried()}</div>'
+        )
+
+    def carried(self):
+        """The files that are this page's own, for the site's script."""
+        files = self.live.files() if self.live.own else {}
+        return "".join(
+            f'<script type="text/plain" data-file="{name}">{base64.b64encode(data).decode()}</script>'
+            for name, data in files.items()
         )
 
 
@@ -129,6 +137,8 @@ def widget_class():
 
 class Live:
     """What Python knows of an explorable: where it starts, its files, its picture, and the library's answer to it."""
+
+    own = False  # whether its files are made on its page, and stand in it; others lie beside the site's scripts
 
     def files(self):
         """Bytes that the browser needs, name -> bytes."""

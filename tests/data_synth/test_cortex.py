@@ -330,7 +330,7 @@ def _grow_sphere(growth, steps=300):
         np.zeros(len(rest)),
         *field,
         settings,
-        clock,
+        (clock, np.empty((0, *rest.shape))),
     )
     assert (clock == [steps - 1, steps]).all()
     return rest, x, depth_below(x, *field)

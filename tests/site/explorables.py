@@ -239,17 +239,18 @@ class OnTheSite:
 
 
 class InJupyterLab:
-    """A subclass says: name, live (the Python class), and sets, {name: value} that Python sets; if need be ready and
-    silent, as above, and gap, the most that the kernel's answer may differ."""
+    """A subclass says: name, live (an expression of the module `explorables`), and sets, {name: value} that Python
+    sets; if need be ready and silent, as above, gap, the most that the kernel's answer may differ, and before, code
+    that `live` needs."""
 
-    silent, ready, gap = (), "", 1e-9
+    silent, ready, gap, before = (), "", 1e-9, ""
     pytestmark = pytest.mark.xdist_group("explorables in JupyterLab")
 
     @pytest.fixture(scope="class")
     @classmethod
     def shown(cls, notebook):
         name, live = cls.name, cls.live
-        notebook.add(f"{name} = explorable(explorables.{live}())\n{name}")
+        notebook.add(f"{cls.before}\n{name} = explorable(explorables.{live})\n{name}")
         shown = Explorable(notebook, name)
         shown.wait_for(cls.ready)
         yield shown

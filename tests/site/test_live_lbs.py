@@ -1,4 +1,4 @@
-"""Pins in the Linear Beltrami Solver, on their page and in JupyterLab: the map against the library's, pins, misprints."""
+"""Pins in the Linear Beltrami Solver, on their page and in JupyterLab: the map against the library's, misprints."""
 
 import json
 
@@ -54,7 +54,7 @@ class TestOnTheSite(OnTheSite):
 
 
 class TestInJupyterLab(InJupyterLab):
-    name, live, sets = "lbs", "LBS", {"strength": 0.6, "pull": 0.3}
+    name, live, sets = "lbs", "LBS()", {"strength": 0.6, "pull": 0.3}
 
     def test_a_pin_is_dragged(self, shown):
         shown.reset()

@@ -45,7 +45,7 @@ class TestOnTheSite(OnTheSite):
 
 
 class TestInJupyterLab(InJupyterLab):
-    name, live, sets, gap = "mobius", "Mobius", {"size": 0.7, "direction": 90.0}, 1e-12
+    name, live, sets, gap = "mobius", "Mobius()", {"size": 0.7, "direction": 90.0}, 1e-12
 
     def test_the_pole_is_dragged(self, shown):
         shown.reset()

@@ -56,7 +56,7 @@ class TestOnTheSite(OnTheSite):
 
 
 class TestInJupyterLab(InJupyterLab):
-    name, live, silent, sets = "mu", "Mu", BRUSH, {"preset": "radial", "size": 0.3}
+    name, live, silent, sets = "mu", "Mu()", BRUSH, {"preset": "radial", "size": 0.3}
 
     def test_the_brush_paints_what_python_reads(self, shown):
         shown.reset()

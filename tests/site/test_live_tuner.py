@@ -126,7 +126,7 @@ class TestOnTheSite(OnTheSite):
 
 class TestInJupyterLab(InJupyterLab):
     # Each fit stops by a rule of its own.
-    name, live, ready, gap = "tuner", "Tuner", READY, 1e-2
+    name, live, ready, gap = "tuner", "Tuner()", READY, 1e-2
     sets = {"problem": "twist", "alpha": 10.0, "gamma": 1e4}  # noqa: RUF012
 
     def test_the_map_is_pythons(self, shown):

@@ -34,7 +34,8 @@ function nearHalf({ measure }, [x, y]) {
 
 function drawLosses(picture, values, step) {
   const { pen } = picture,
-    X = (k) => LEFT + (k / STEPS) * (WIDTH - LEFT - 14),
+    end = Math.max(10, values.length - 1),
+    X = (k) => LEFT + (k / end) * (WIDTH - LEFT - 14),
     shares = [0, 1].map((i) => values.map((row) => Math.max(LOWEST, row[i] / values[0][i]))),
     top = Math.ceil(Math.log10(Math.max(1, ...shares.flat())) + 0.1),
     low = Math.log10(LOWEST),
@@ -44,7 +45,7 @@ function drawLosses(picture, values, step) {
   pen.fillRect(LEFT, FLOOR, WIDTH - LEFT - 10, 1);
   pen.fillRect(LEFT, 10, 1, FLOOR - 10);
   for (let tick = low; tick <= top; tick++) picture.words(`1e${tick}`, LEFT - 6, Y(10 ** tick) + 4, "right");
-  for (const k of [0, STEPS / 2, STEPS]) picture.words(String(k), X(k), FLOOR + 16, "center");
+  for (const k of [0, Math.round(end / 2), end]) picture.words(String(k), X(k), FLOOR + 16, "center");
   picture.words("step", (WIDTH + LEFT) / 2, FLOOR + 32, "center");
   [COLOURS.target, COLOURS.grid].forEach((colour, i) => {
     pen.beginPath();
@@ -80,7 +81,7 @@ function draw([seen, image, losses], state, { w, centred, measure, values }) {
 export default {
   name: "boundary",
   label: "Harmonic measure and two losses",
-  initial: { strength: 0.5, pole: [-0.6, 0.6], loss: "printed", step: 0, centred: false },
+  initial: { strength: 0.5, pole: [0.5, 0.6], loss: "printed", step: 0, centred: false },
   controls: [
     { kind: "linear", name: "strength", label: "strength of μ (0: the disk as it is)", min: 0, max: 0.9, step: 0.05 },
     { kind: "choice", name: "loss", label: "loss that descends", options: Object.entries(NAMES) },
