@@ -1,5 +1,6 @@
 """What is committed: notebooks without outputs, with short cells and narrow code, and no trace of anybody's machine."""
 
+import ast
 import re
 import subprocess
 from pathlib import Path
@@ -27,6 +28,19 @@ def test_notebook_is_committed_without_outputs(path):
     answered = [i for i, cell in enumerate(notebook.cells) if "user_expressions" in cell.metadata]
     assert answered == [], "JupyterLab stored the numbers of the prose; clear them: make clear"
     assert "widgets" not in notebook.metadata
+
+
+def test_pages_grow_subjects_of_the_generation_that_was_measured():
+    """A page that reads kept figures may not lay them beside subjects of the generator's newest generation."""
+    asked = {}
+    for path in NOTEBOOKS:
+        sources = [cell.source for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"]
+        if any("kept(" in source for source in sources):
+            calls = [node for source in sources for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call)]
+            grown = [call for call in calls if getattr(call.func, "id", "") in ("hemispheres", "mapped_subject")]
+            asked |= {path.stem: ["generation" in [word.arg for word in call.keywords] for call in grown]}
+    assert {"benchmark", "ldnet"} <= {page for page, calls in asked.items() if calls}
+    assert [page for page, calls in asked.items() if not all(calls)] == []
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)

@@ -230,20 +230,18 @@ def test_presets_are_of_their_size():
 
 
 def test_the_shipped_weights_find_sulci():
-    """On a subject of no training set, if coarser than those: a mean distance below 2.5 mm, and below the others'."""
-    cortex = make_cortex(4002, 2500)
-    surface, z = cortex.surface, disk_conformal_map(cortex.surface)
-    ends = np.array([path[[0, -1]] for path in cortex.curves.values()])
-    detectors = load("ldnet").detect, load("ldnet", "paper").detect, detect_curves
-    truth, *found = (
-        curves_in_space(surface, z, curves)
-        for curves in (
-            [z[path] for path in cortex.curves.values()],
-            *(detect(surface, z, ends) for detect in detectors),
-        )
-    )
-    best, paper, twin = (np.mean([curve_distance(*pair) for pair in zip(truth, part)]) for part in found)
-    assert best < 2.5 and best < twin and best < paper < 6
+    """On subjects of no training set, if coarser than those: a mean distance below 2 mm, and below the others'."""
+    detectors, found = (load("ldnet").detect, load("ldnet", "paper").detect, detect_curves), []
+    for cortex in (make_cortex(4002, 2500), make_cortex(4003, 2500)):
+        surface, z = cortex.surface, disk_conformal_map(cortex.surface)
+        paths = list(cortex.curves.values())
+        ends = np.array([path[[0, -1]] for path in paths])
+        truth = curves_in_space(surface, z, [z[path] for path in paths])
+        for detect in detectors:
+            curves = curves_in_space(surface, z, detect(surface, z, ends))
+            found.append(np.mean([curve_distance(*pair) for pair in zip(truth, curves)]))
+    best, paper, twin = np.reshape(found, (2, 3)).mean(0)
+    assert best < 2 and best < twin and best < paper < 6
 
 
 def test_distance_between_curves(subject):
