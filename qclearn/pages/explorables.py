@@ -180,4 +180,4 @@ class Tuner(Live):
         return Image(Canvas(given, list(found)).draw(found)), words
 
 
-EXPLORABLES = (Mobius, Mu, LBS, Boundary, Growth, Tuner, Sulci, Landmarks)
+EXPLORABLES = (Mobius, Mu, Tuner, Sulci, Landmarks, LBS, Boundary, Growth)

@@ -41,6 +41,7 @@ SULCI = (
     "cingulate sulcus",
     "superior frontal sulcus",
 )  # that all surfaces have
+POINTS = 5  # of a curve in the tuner
 UNFOLDING = 150  # rounds of averaging over neighbours, as in unfold.js
 STEPS = 2**16 - 1  # of a number that travels in two bytes
 
@@ -192,7 +193,7 @@ class Sulci(Live):
             for line in lines
         ]
         shades = grey_levels(mean_curvature(pair.control), pair.control.vertex_areas)
-        figure = Figure(figsize=(6.4, 4.3))
+        figure = Figure(figsize=(6.4, 4.3), dpi=50)  # a photograph: twice the dots would be a megabyte
         figure.add_axes((0, 0, 1, 1)).imshow(surface_picture(shape, shades, curves=curves))
         figure.axes[0].axis("off")
         return figure, (
@@ -260,12 +261,16 @@ class Landmarks(Live):
         return {"path": path.tolist(), "cost": cost}
 
     def read(self, name, state, found):
-        """path: vertices of the path along the floor; curve (5,) complex: its points in the tuner's disk."""
+        """path: vertices of the path along the floor; curve (5,) complex: its points in the tuner's disk; starts: these
+        as the tuner's `starts` has them."""
+        pair = cortices(state["hemisphere"])
         if name == "path" and "path" in found:
             return np.array(found["path"])
-        if name == "curve" and "path" in found:
-            pair = cortices(state["hemisphere"])
-            return sample_curve(pair.moving, np.array(found["path"]), 5) @ pair.z_moving
+        if name == "curve":
+            return sample_curve(pair.moving, self.read("path", state, found), POINTS) @ pair.z_moving
+        if name == "starts":
+            first = POINTS * pair.names.index(SULCI[int(state["sulcus"])])
+            return {str(first + k): point for k, point in enumerate(as_pairs(self.read("curve", state, found)))}
         return super().read(name, state, found)
 
     def picture(self, state):

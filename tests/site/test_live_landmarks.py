@@ -90,7 +90,8 @@ class TestOnTheSite(OnTheSite):
 
 
 class TestInJupyterLab(InJupyterLab):
-    name, live, gap, sets = "landmarks", "Landmarks", 1e-3, {"sulcus": 3, "depth": 3.5}
+    name, live, gap, sets = "landmarks", "Landmarks()", 1e-3, {"sulcus": 3, "depth": 3.5}
 
     def test_python_reads_path_and_curve(self, shown):
         shown.tab.until("len(landmarks.path) > 5 and landmarks.curve.shape == (5,)")
+        shown.tab.until("len(landmarks.starts) == 5")

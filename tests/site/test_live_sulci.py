@@ -73,7 +73,7 @@ def lifted(points):
 
 class TestInJupyterLab(InJupyterLab):
     # Each fit stops by a rule of its own.
-    name, live, silent, gap, sets = "sulci", "Sulci", VIEWS, 1e-2, {"gamma": 1e5, "turn": 40.0}
+    name, live, silent, gap, sets = "sulci", "Sulci()", VIEWS, 1e-2, {"gamma": 1e5, "turn": 40.0}
 
     def test_its_map_is_pythons(self, shown):
         shown.tab.until("sulci.map.shape == (1729,) and 0 < sulci.mm < 20")
