@@ -21,7 +21,7 @@ from ..registration.register import load
 from .canvas import Canvas
 
 RINGS = 24  # of the polar mesh that carries the fit's unknowns: more gain little here, and take longer
-FOLD_LEVELS = (Level(16, 16.0, 3), Level(RINGS, 8.0, 3, True))  # fewer than `register` has: a slider cannot wait
+FOLD_LEVELS = (Level(12, 16.0, 2), Level(RINGS, 8.0, 2, True))  # fewer than `register` has: a slider cannot wait
 
 
 @dataclass(frozen=True)
