@@ -28,6 +28,7 @@ from qclearn.files.provenance import commit
 FOLDER = user_cache_path("qclearn") / "training" / "runs"
 LOSSES = ("energy", "maps", "rows")  # of the paper's DBS-Net
 STEPS = (1_100, 4_400, 17_600)  # the same, each with a whole cosine
+SMALL, SMALL_STEPS = {"size": 16, "frequencies": 4}, (1_100, 4_400)  # minutes each: the curves' shape, soon
 CONTROL_STEPS = 3_300  # of the paper's CP-Net: under 40 minutes of one core through each solver
 WINNER = "exact"  # through which the paper's CP-Net is trained for its other weights
 
@@ -44,14 +45,15 @@ class Run(NamedTuple):
 def runs():
     """Every training, name -> Run. The paper's CP-Net goes through DBS-Nets as they are shipped: train those first."""
     solvers = {f"dbsnet-paper-{loss}-{steps}": dbsnet(loss, steps) for steps in STEPS for loss in LOSSES}
+    small = {f"dbsnet-small-{loss}-{steps}": dbsnet(loss, steps, **SMALL) for steps in SMALL_STEPS for loss in LOSSES}
     best = {f"{name}-best": Run(name, {"preset": "best"}) for name in ("dbsnet", "ldnet", "cpnet")}
     others = {f"cpnet-paper-g{gamma}-{WINNER}": cpnet(WINNER, gamma) for gamma in ("1e4", "2e5")}
     control = {f"cpnet-paper-g1e5-{through}": cpnet(through, "1e5") for through in ("exact", "paper", "best")}
-    return {**solvers, **best, "ldnet-paper": Run("ldnet", {"preset": "paper"}), **control, **others}
+    return {**small, **solvers, **best, "ldnet-paper": Run("ldnet", {"preset": "paper"}), **control, **others}
 
 
-def dbsnet(loss, steps):
-    return Run("dbsnet", {"preset": "paper", "loss": loss}, None, steps)
+def dbsnet(loss, steps, **sizes):
+    return Run("dbsnet", {"preset": "paper", "loss": loss} | sizes, None, steps)
 
 
 def cpnet(through, gamma):
@@ -109,7 +111,8 @@ def train_one(name):
     torch.set_num_threads(1)
     run = runs()[name]
     changes = {} if run.steps is None else {"steps": run.steps}
-    run_training(run.network, run.config, run.gamma, FOLDER / name, **changes)
+    data = FOLDER.parent / "small" if "size" in run.config else None  # its sets have the names of the large ones
+    run_training(run.network, run.config, run.gamma, FOLDER / name, data, **changes)
 
 
 def weights_of(name):

@@ -33,9 +33,9 @@ def begun(folder, steps):
 def test_every_run_names_a_network_that_can_be_built(tool):
     for name, run in tool.runs().items():
         config = run.config | ({} if run.gamma is None else {"gamma": run.gamma})
-        if run.network != "dbsnet" or name == "dbsnet-paper-rows-1100":  # those of the square take a second each
+        if run.network != "dbsnet" or "small" in name:  # those of the whole square take a second each
             assert build(run.network, config).config.preset == run.config["preset"]
-        assert name.startswith(f"{run.network}-{run.config['preset']}") and tool.steps_of(run) > 0
+        assert name.startswith(f"{run.network}-") and tool.steps_of(run) > 0
 
 
 def test_what_is_left_and_the_logs(tool, tmp_path, capsys):
