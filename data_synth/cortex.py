@@ -132,7 +132,8 @@ def growth_frames(seed, n_vertices=3_000, frames=20, generation=GENERATION):
     """The left hemisphere of `make_cortex` while it grows: (positions (K, V, 3) in mm, faces (F, 3), factors (K,) by
     which the rest lengths of the edges have grown until then). The last positions are those of its surface.
 
-    All have the scale of the last, so that areas can be compared. CortexError as for `make_cortex`.
+    Edges along furrows grow less than the factors say, others vary around them by a few percent. All positions have the
+    scale of the last, so that areas can be compared. CortexError as for `make_cortex`.
     """
     _check(seed, n_vertices, "left", generation)
     m, film = Mechanics(), np.empty((frames - 1, n_vertices, 3))

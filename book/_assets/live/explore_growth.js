@@ -110,6 +110,6 @@ export default {
   question: {
     text: "By what factor has the area grown since the first frame? (The edges want the square of their own factor.) ",
     truth: async (state, host) => (await answer(state, host)).ratio,
-    why: "The sheet stays compressed: it folds to make room, and its edges remain shorter than they want to be.",
+    why: "The sheet stays compressed: it folds to make room, and its edges remain shorter than they want to be; along furrows they want less.",
   },
 };
