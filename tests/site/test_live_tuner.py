@@ -2,10 +2,12 @@
 missing."""
 
 import json
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
 from explorables import InJupyterLab, OnTheSite
+from places import SITE
 from reference import fit_in_steps, pairs
 
 from qclearn.pages.explorables import Tuner
@@ -92,6 +94,15 @@ class TestOnTheSite(OnTheSite):
         assert abs(np.array(data["answer"]["map"]).view(complex) - found.f).max() < 1e-3
         assert data["answer"]["landmarkError"] == pytest.approx(found.landmark_error, rel=0.02)
 
+    def test_it_leads_to_the_surface_where_there_is_one(self, shown):
+        shown.reset()
+        shown.press(shown.slider("beta"), "ArrowRight")
+        link = shown.root.get_by_role("link", name="See it on the surface")
+        page, state = unquote(link.get_attribute("href")).split("#live-sulci=")
+        assert page == "registration.html" and json.loads(state)["beta"] == shown.state()["beta"]
+        shown.choose("problem", "twist")
+        assert not link.is_visible()
+
     # What the page says where something is missing or wrong.
 
     def said(self, window, site_address, says, state=None, missing=None):
@@ -110,6 +121,13 @@ class TestOnTheSite(OnTheSite):
         state = {"problem": "neighbours", "targets": {"0": [0.25, 0.08], "1": [0.25, 0.08]}}
         words, _ = self.said(window, site_address, "coincide", state)
         assert "target landmarks 0 and 1 coincide at 0.25+0.08j" in words
+
+    def test_opened_as_a_file_it_says_why_and_shows_the_picture(self, window):
+        page = window.new_page()
+        page.goto((SITE / self.page).as_uri())
+        assert "opened as a file" in page.locator(f"{ROOT} [role=status]").inner_text()
+        assert page.locator(f"{ROOT} img[alt]").count() == 1
+        page.close()
 
     def test_without_webassembly_it_computes_in_javascript(self, window, site_address):
         assert self.said(window, site_address, "in JavaScript", missing="*.wasm")[1]

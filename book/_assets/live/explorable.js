@@ -5,7 +5,7 @@
 // spec: name, label, initial, controls, views, question, answer(state, host) -> answer or promise of it,
 //       draw(pictures, state, answer), words(state, answer) -> the read-outs, data(state, answer) -> what JSON has;
 //       where there is more to say: rows(answer) of a table, afterwards(state, answer, host) -> a fuller answer, later,
-//       onward {page, name, text, state(state, answer)}: a link to another explorable with a state for it
+//       onward {page, name, text, state(state, answer)}: a link to another explorable, with a state for it or null
 // host: start (part of a state), save(state), tell(answer), file(name), worker(), ask(state) (the kernel) and
 //       link(state), or null where there is none; refresh() is set here
 import { buildControls, freshId } from "./controls.js";
@@ -99,8 +99,14 @@ export class Explorable {
     if (this.spec.rows) this.table.replaceChildren(...tableRows(this.spec.rows(answer)));
     this.pictures.forEach((picture) => picture.describe(this.status.textContent));
     this.host.tell(this.spec.data(state, answer));
-    if (this.onward) this.onward.href = this.host.onward(this.spec.onward, this.spec.onward.state(state, answer));
+    if (this.onward) this.lead(this.spec.onward.state(state, answer));
     this.announce(number);
+  }
+
+  // the link to another explorable, with a state for it; none where the state is null
+  lead(state) {
+    this.onward.hidden = !state;
+    if (state) this.onward.href = this.host.onward(this.spec.onward, state);
   }
 
   // for those who wait for an answer: its number, and that of the newest question

@@ -191,4 +191,13 @@ export default {
     },
     why: "Where the landmarks are nearly met, each factor of ten takes the error down by about as much, and |μ| hardly moves.",
   },
+  onward: {
+    page: "registration",
+    name: "sulci",
+    text: "See it on the surface",
+    state({ problem, landmarks, alpha, beta, gamma, starts, targets }) {
+      const known = CORTICES.some(([name]) => name === problem); // the others have no surface
+      return known ? { problem, landmarks, alpha, beta, gamma, starts, targets } : null;
+    },
+  },
 };
