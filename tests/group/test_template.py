@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -287,3 +288,42 @@ def test_the_command_writes_what_the_others_read(tmp_path, capsys):
 def made_vertices(folder):
     with np.load(folder / "out" / "template.npz") as made:
         return made["vertices"]
+
+
+def written(folder, **traits):
+    """Files of two bowls, with what each says of itself."""
+    for k, surface in enumerate(SOME[:2]):
+        own = {name: values[k] for name, values in traits.items()}
+        np.savez(folder / f"{k}.npz", vertices=surface.vertices, faces=surface.faces, **own)
+    return [str(folder / f"{k}.npz") for k in range(2)]
+
+
+def test_the_command_names_who_is_left_out(found, tmp_path, monkeypatch, capsys):
+    paths = written(tmp_path)
+    doubted = replace(found, disk_maps={}, left_out={paths[1]: ["features: hardly agree"]})
+    monkeypatch.setattr(qc, "template", lambda *_, **__: doubted)
+    with pytest.raises(SystemExit) as stop:
+        main(["template", *paths, "--out", str(tmp_path / "out")])
+    assert stop.value.code == 3
+    assert capsys.readouterr().err == f"qclearn: left out: {paths[1]}: features: hardly agree\n"
+    assert json.loads((tmp_path / "out" / "report.json").read_text())["files"] == {}
+
+
+@pytest.mark.parametrize(
+    "traits, options, words",
+    [
+        ({"generation": (2, 3)}, [], "subjects of more than one generation"),
+        ({"hemisphere": ("left", "right")}, [], "subjects of more than one hemisphere"),
+        ({"hemisphere": ("left", "left")}, ["--mirror", "0.npz"], "subjects of more than one hemisphere"),
+        ({}, ["--mirror", "lh.pial"], "--mirror lh.pial: not one of the subjects"),
+        ({}, ["0.npz"], "a subject is given twice"),
+        ({}, ["--rounds", "-1"], "-1 rounds"),
+    ],
+)
+def test_what_the_command_refuses(traits, options, words, tmp_path, monkeypatch, capsys):
+    written(tmp_path, **traits)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as stop:
+        main(["template", "0.npz", "1.npz", "--out", "out", *options])
+    assert stop.value.code == 2 and words in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
