@@ -43,6 +43,6 @@ class Growth(Live):
         shown = [0, len(self.positions) // 2, len(self.positions) - 1]
         for ax, frame in zip(figure.subplots(1, 3), shown):
             ax.imshow(surface_picture(Surface(self.positions[frame], self.faces), None, (-1, 0, 0), height=170))
-            ax.set_title(f"frame {frame + 1} of {len(self.positions)}", fontsize=10)
+            ax.set_title(f"frame {frame}", fontsize=10)
             ax.axis("off")
         return figure, "A smooth shell, the same shell with furrows, and a hemisphere that is folded all over."

@@ -40,7 +40,7 @@ function drawAreas(picture, k) {
   pen.fillRect(LEFT, FLOOR, WIDTH - LEFT - 10, 1);
   pen.fillRect(LEFT, 10, 1, FLOOR - 10);
   for (let value = 1; value <= top; value++) picture.words(String(value), LEFT - 8, Y(value) + 4, "right");
-  for (const i of [0, film.K - 1]) picture.words(String(i + 1), X(i), FLOOR + 16, "center");
+  for (const i of [0, film.K - 1]) picture.words(String(i), X(i), FLOOR + 16, "center");
   picture.words("frame", (WIDTH + LEFT) / 2, FLOOR + 32, "center");
   for (const [values, colour, dash] of [
     [wanted, COLOURS.target, [5, 3]],
@@ -96,7 +96,7 @@ export default {
   },
   words(state, { area, factor, crossing, curvature }) {
     const said = [
-      `Frame ${last(state) + 1} of ${film.K}: the edges want ${short(factor)} times their first length`,
+      `Frame ${last(state)}, the last is ${film.K - 1}: the edges want ${short(factor)} times their first length`,
       `The area is ${short(area / 100)} cm²`,
       `Curvature times an edge is ${short(spread(curvature))} in the mean square, ${short(spread(film.first.curvature))} at first`,
       `${crossing} of ${film.faces.length / 3} triangles cross others`,
