@@ -66,15 +66,14 @@ def explorables():
 
 
 def visit(browser, address, page, name):
-    """What a reader of a page waits for and downloads: (first answer in ms, MB of the page, MB of its explorable)."""
+    """A page in a tab once its explorable has answered, and what it downloads, then and later: URL -> bytes."""
     tab, sizes = browser.new_page(), {}
     tab.add_init_script(LISTEN)
     tab.on("requestfinished", lambda request: sizes.setdefault(request.url, request.sizes()["responseBodySize"]))
-    tab.goto(address + page)
+    tab.goto(address + page, timeout=120_000)
     tab.wait_for_function("name => window.first[name]", arg=name, timeout=120_000)
     tab.wait_for_load_state("networkidle")
-    own = sum(size for url, size in sizes.items() if "_static/live/" in url)
-    return tab, tab.evaluate("name => window.first[name]", name), sum(sizes.values()) / MB, own / MB
+    return tab, sizes
 
 
 def line(what, value, unit, asked):
@@ -86,20 +85,16 @@ def line(what, value, unit, asked):
 def report(browser, address):
     """Visit each explorable and print its figures."""
     for page, name in explorables():
-        tab, first, whole, own = visit(browser, address, page, name)
-        line(f"{name} ({page}): first answer", first, "ms", ASKED["first"])
-        line(f"{name}: the page over the wire", whole, "MB", ASKED["page"])
-        line(f"{name}: of it modules, weights, data", own, "MB", ASKED["3-D" if name in SOLID else "explorable"])
+        tab, sizes = visit(browser, address, page, name)
+        line(f"{name} ({page}): first answer", tab.evaluate("name => window.first[name]", name), "ms", ASKED["first"])
         label = tab.locator(f".qc-live[data-page={name}] .qc-live-slider label").first.text_content()
-        label = "gamma" if name in ("tuner", "sulci") else label
-        took = tab.evaluate(MOVE, [name, label, MOVES])
-        line(
-            f"{name}: {label.split(',')[0]} to pictures, median of {MOVES}",
-            statistics.median(took),
-            "ms",
-            ASKED["median"],
-        )
+        slider = "gamma" if name in ("tuner", "sulci") else label
+        took = tab.evaluate(MOVE, [name, slider, MOVES])
+        line(f"{name}: {slider[:20]} to pictures, median of {MOVES}", statistics.median(took), "ms", ASKED["median"])
         line(f"{name}: the worst of them", max(took), "ms", ASKED["worst"])
+        own = sum(size for url, size in sizes.items() if "_static/live/" in url)
+        line(f"{name}: modules, weights, data", own / MB, "MB", ASKED["3-D" if name in SOLID else "explorable"])
+        line(f"{name}: the page over the wire", sum(sizes.values()) / MB, "MB", ASKED["page"])
         tab.close()
     files = [path.stat().st_size for path in (SITE / "_static" / "live").iterdir()]
     line("modules, weights and data of the whole site", sum(files) / MB, "MB", ASKED["site"])

@@ -131,7 +131,14 @@ export function curveDistance(hemisphere, one, other) {
       }),
     ),
   );
-  const nearest = (from, to) =>
-    from.reduce((sum, a) => sum + to.reduce((least, b) => Math.min(least, distance(a, b)), Infinity), 0) / SAMPLES;
+  const nearest = (from, to) => {
+    let sum = 0;
+    for (const [x, y, z] of from) {
+      let least = Infinity;
+      for (const [u, v, w] of to) least = Math.min(least, (x - u) ** 2 + (y - v) ** 2 + (z - w) ** 2);
+      sum += Math.sqrt(least);
+    }
+    return sum / SAMPLES;
+  };
   return (nearest(...points) + nearest(...points.reverse())) / 2;
 }
