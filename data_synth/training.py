@@ -5,6 +5,7 @@ served for the logs and for two settings of use; held-out figures come from othe
 """
 
 import warnings
+from functools import cache
 
 import numpy as np
 
@@ -14,11 +15,14 @@ from data_synth.fields import KINDS, MAX_ABS, dead_leaves, image_coefficient, ra
 from data_synth.landmarks import DiskMaps, Perturbation
 from data_synth.template import SULCI
 from qclearn.plane.bijectivity import RepairWarning
-from qclearn.plane.diskmesh import polar_disk, sampling_matrix
-from qclearn.plane.mobius import best_mobius, mobius
+from qclearn.plane.disk import BeltramiDiskSolver
+from qclearn.plane.diskmesh import polar_disk, sampling_matrix, square_disk
+from qclearn.plane.mobius import best_mobius, mobius, mobius_inverse
+from qclearn.plane.spectrum import Spectrum
 from qclearn.registration.fit import POWER
 from qclearn.registration.landmarks import sample_curve
-from qclearn.registration.problem import distinct
+from qclearn.registration.looks import Link, Looks, refit
+from qclearn.registration.problem import Weights, distinct
 from qclearn.surfaces.conformal import disk_conformal_map
 
 
@@ -48,14 +52,30 @@ class SquareFields(Seeded):
         return (mu * rng.uniform(*self.max_abs) * np.exp(2j * np.pi * rng.random()),)
 
 
+class SolvedFields(SquareFields):
+    """Images mu (size, size) with their exact maps f (V,) on the mesh of the square."""
+
+    def draw(self, rng):
+        (mu,) = super().draw(rng)
+        return mu, solved(self.size).solve(np.tile(mu.ravel(), 2))  # a pixel's two faces
+
+
+@cache
+def solved(size):
+    """The exact solver of the square."""
+    return BeltramiDiskSolver(*square_disk(size))
+
+
 def dbsnet(config, folder, quick=False):
     """Coefficients for DBS-Net: on the polar mesh of preset `best`, on the square of preset `paper`.
 
-    The exact maps of preset `best` are solved while it trains, so that two fields can be mixed.
+    Exact maps for training are solved while it trains, so that two fields can be mixed; for the validation of preset
+    `paper` they are in the set.
     """
     counts = (8, 4) if quick else (4000, 256)
     if config.preset == "paper":
-        sets = [SquareFields(count, seed, config.size) for count, seed in zip(counts, (5201, 5202))]
+        counts = (counts[0], min(counts[1], 48))
+        sets = [kind(n, seed, config.size) for kind, n, seed in zip((SquareFields, SolvedFields), counts, (5201, 5202))]
     else:
         sets = [Fields(count, seed, config.rings, config.spokes) for count, seed in zip(counts, (5101, 5102))]
     names = (f"dbsnet-{config.preset}-{part}{'-quick' if quick else ''}.npz" for part in ("training", "validation"))
@@ -64,6 +84,8 @@ def dbsnet(config, folder, quick=False):
 
 
 DATA_POINTS = 37  # on each curve: every fourth of them are the ten of preset `paper`
+LOOKS = 2  # on the network's own mesh, where the fields that CP-Net imitates come from
+DEFAULT, WILD = 0.3, 1.6  # share of examples at the default weights; |nu| beyond which one is drawn again
 TRAINING_SEEDS, VALIDATION_SEEDS = tuple(range(2001, 2097)), tuple(range(3001, 3013))  # none of the cohort's
 
 
@@ -89,43 +111,71 @@ def ldnet(config, folder, quick=False):
 
 
 class Pairs(Seeded):
-    """For CP-Net: (moving (128,), target (128,), mask (128,), logs (2,)) from the curves of pairs of subjects.
+    """For CP-Net: (moving, wanted, left, mask (128,), logs (2,), born, nu (rings, spokes)): its input and answer.
 
-    curves: (S, C, DATA_POINTS) complex, each subject in its own disk. `plain`: whole subjects, all curves, ten points a
-    curve, aligned by the best Möbius map. Otherwise also subjects mixed of two, some of the curves, other numbers of
-    points, pairs that are not aligned, targets moved by random maps, and now and then a subject and itself.
-    logs: log10 of beta / alpha and gamma / alpha.
+    Targets are the curves of a subject, some of them or what lies between those of two, at several numbers of points,
+    or points scattered over the disk. They are moved to another subject's curves, by a random map or by twists, now
+    and then left unaligned. curves: (S, C, DATA_POINTS) complex, each subject in its own disk. logs: log10 of
+    beta / alpha and gamma / alpha, uniform over the ranges of the `BestCPNetConfig`, often those of the default.
+    nu: the answer, after LOOKS looks on the network's own mesh, from the Born step on.
     """
 
-    def __init__(self, count, seed, curves, ranges, plain=False, most=128):
-        super().__init__(count, seed, curves, ranges, plain, most)
+    def __init__(self, count, seed, curves, config):
+        ranges, self.most = (config.smooth, config.match), config.most
+        super().__init__(count, seed, curves, config.rings, config.spokes, ranges, self.most)
         turns = [np.exp(1j * best_mobius(curve.ravel(), curves[0].ravel())[1]) for curve in curves]
-        self.curves, self.ranges, self.plain, self.most = curves * np.reshape(turns, (-1, 1, 1)), ranges, plain, most
-        self.maps = DiskMaps(*polar_disk(32, 96, POWER))
+        self.curves, self.ranges = curves * np.reshape(turns, (-1, 1, 1)), ranges
+        spectrum = Spectrum(config.rings, config.spokes)
+        self.maps, self.link = DiskMaps(*polar_disk(32, 96, POWER)), Link(*spectrum.mesh, spectrum)
 
     def draw(self, rng):
-        kinds = rng.random(4)
-        moving, target = (self.subject(rng) for _ in range(2))
-        count = rng.choice([4, 5, 7, 13]) if kinds[0] < 0.3 and not self.plain else 10
-        step = (DATA_POINTS - 1) // (count - 1)
-        some = np.sort(rng.permutation(len(target))[: rng.integers(1, len(target) + 1)])
-        some = some if kinds[1] < 0.3 and not self.plain else np.arange(len(target))
-        p, q = (points[some, ::step].ravel() for points in (moving, target))
-        if kinds[2] < 0.15 and not self.plain:
-            mu = random_coefficient(self.maps.z, self.maps.faces, rng, kind=rng.choice(KINDS), max_abs=(0.05, 0.5))
+        while True:
+            p, q = self.landmarks(rng)
+            once = distinct(p, q)[: self.most]
+            p, q = p[once], q[once]
+            logs = np.array([rng.uniform(*limits) for limits in self.ranges])
+            if rng.random() < DEFAULT:
+                logs = np.log10([Weights().beta, Weights().gamma])
+            looks = Looks(self.link, p, q, *10**logs)
+            born, *changes = looks.born()
+            *_, (proposal, look) = looks.run(born, LOOKS)
+            nu = look.proposal.nu if proposal.cut else proposal.nu  # what was looked at, where a step was cut
+            if np.isfinite(nu).all() and abs(nu).max() < WILD:
+                break
+        padding, shape = (0, self.most - len(p)), (self.link.spectrum.rings, -1)
+        points = [np.pad(x, padding) for x in (p, *changes, np.ones(len(p)))]
+        return *points, logs, born[1:].reshape(shape), nu[1:].reshape(shape)
+
+    def landmarks(self, rng):
+        """Moving and target landmarks of one problem."""
+        kind, most = rng.random(), round(2 ** rng.uniform(2, np.log2(self.most)))
+        count = rng.choice([4, 5, 7, 10, 13])
+        some = np.sort(rng.permutation(self.curves.shape[1])[: max(1, most // count)])
+        moving, q = (self.subject(rng)[some, :: (DATA_POINTS - 1) // (count - 1)].ravel() for _ in range(2))
+        if kind > 0.65:
+            q = 0.95 * np.sqrt(rng.random(most)) * np.exp(2j * np.pi * rng.random(most))
+        if kind < 0.4:
+            p = moving
+        elif rng.random() < 0.25:
+            p = twisted(q, rng)
+        else:
+            kind = "image" if rng.random() < 0.2 else "smooth"  # images take longer than all the rest
+            mu = random_coefficient(self.maps.z, self.maps.faces, rng, kind, max_abs=(0.05, 0.8))
             p = sampling_matrix(self.maps.z, self.maps.faces, q) @ self.maps.solve(mu)
-        elif kinds[3] < 0.85 or self.plain:
-            p = mobius(p, *best_mobius(p, q))
-        once = distinct(p, q)
-        padding = (0, self.most - len(once))
-        logs = [rng.uniform(low, high) for low, high in self.ranges]
-        return np.pad(p[once], padding), np.pad(q[once], padding), np.pad(np.ones(len(once)), padding), np.array(logs)
+        return (mobius(p, *refit(p, q)) if rng.random() < 0.85 else p), q
 
     def subject(self, rng):
         """A subject's curves (C, DATA_POINTS), or what lies between those of two."""
         first, second = self.curves[rng.permutation(len(self.curves))[:2]]
-        share = 0 if self.plain or rng.random() < 0.5 else rng.uniform(0, 0.5)
+        share = 0 if rng.random() < 0.5 else rng.uniform(0, 0.5)
         return (1 - share) * first + share * second
+
+
+def twisted(z, rng):
+    """Points of the disk after a twist `w exp(i c (1 - |w|^2))` about a random centre, moved by up to 0.3."""
+    a = 0.5 * np.sqrt(rng.random()) * np.exp(2j * np.pi * rng.random())
+    w = mobius(z, a)
+    return mobius_inverse(w * np.exp(1j * rng.uniform(-0.8, 0.8) * (1 - abs(w) ** 2)), a)
 
 
 class ControlPairs(Seeded):
@@ -151,12 +201,16 @@ class ControlPairs(Seeded):
 
 
 def cpnet(config, folder, quick=False):
-    """Landmark problems for CP-Net: pairs among 96 synthetic subjects, mixed and thinned; validation on 12 others.
+    """Landmark problems for CP-Net: curves of synthetic subjects and scattered points, with the fields of fits.
 
-    Preset `paper`: those of the first of them as the control, the same examples for every gamma.
+    Preset `paper`: pairs with the first of 96 subjects, the control, validated on 12 others, the same examples for
+    every gamma; `best`: curves of 32 of them, moved in many ways, validated on six.
     """
-    groups, counts = (((1, 2), (3, 4)), (8, 4)) if quick else ((TRAINING_SEEDS, VALIDATION_SEEDS), (3000, 192))
-    counts = (1600, 96) if config.preset == "paper" and not quick else counts
+    groups, counts = ((1, 2), (3, 4)), (8, 4)
+    if not quick:
+        few = config.preset == "best"
+        groups = TRAINING_SEEDS[: 32 if few else None], VALIDATION_SEEDS[: 6 if few else None]
+        counts = (1000, 48) if few else (1600, 96)
     sets = []
     for k, (seeds, count) in enumerate(zip(groups, counts)):
         curves = disk_curves(seeds, folder, quick)
@@ -165,7 +219,7 @@ def cpnet(config, folder, quick=False):
             control = disk_curves(groups[0][:1], folder, quick)[0]
             sets.append(ControlPairs(count, 7101 + k, curves[:, :, ::step], control[:, ::step], moved=0.4 * (k == 0)))
         else:
-            sets.append(Pairs(count, 7001 + k, curves, (config.smooth, config.match), plain=k == 1))
+            sets.append(Pairs(count, 7001 + k, curves, config))
     names = (f"cpnet-{config.preset}-{part}{'-quick' if quick else ''}.npz" for part in ("training", "validation"))
     training, validation = (cached(items, f"{folder}/{name}", progress=not quick) for items, name in zip(sets, names))
     return training, validation

@@ -31,6 +31,7 @@ from .plane.mobius import best_mobius, compose_mobius, mobius, mobius_inverse
 from .registration import engine, fit, problem
 from .registration.features import FeatureError
 from .registration.fit import LandmarkFit, fit_landmarks
+from .registration.hybrid import fit_registration
 from .registration.landmarks import detect_curves, fundus_metric, fundus_path, sample_curve
 from .registration.problem import LandmarkError
 from .registration.register import Registration, register
@@ -70,6 +71,7 @@ __all__ = [
     "disk_conformal_map",
     "disk_to_square",
     "fit_landmarks",
+    "fit_registration",
     "fsaverage5",
     "fundus_metric",
     "fundus_path",

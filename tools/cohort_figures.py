@@ -21,7 +21,7 @@ from data_synth.correspondence import depth_correlation
 from data_synth.generations import GENERATION
 from data_synth.realism import realism, score
 from qclearn.benchmark.pairs import Mapped, cohort_pair, prepare
-from qclearn.benchmark.trial import floors
+from qclearn.benchmark.yardstick import floors
 
 COLUMNS = ("floor_curve_mm", "floor_mm", "depth_correlation", "landmarks", "realism", "seconds")
 

@@ -1,8 +1,8 @@
 """The benchmark's problems: pairs of surfaces with landmark curves and, where there is one, the true dense map.
 
-Four sets: synthetic subjects against one control ("cohort") or against each other ("pairs"); one surface whose
-landmarks a known map moves farther and farther ("displacement"); the mirrored right side of fsaverage5 against its left
-("fsaverage5"), where nobody knows the true map.
+Here: synthetic subjects against one control ("cohort") or against each other ("pairs"); one surface whose landmarks a
+known map moves farther and farther ("displacement"); the mirrored right side of fsaverage5 against its left
+("fsaverage5"), where nobody knows the true map. The sets that measure on real cortex are in cortex.py.
 """
 
 import time
@@ -17,12 +17,14 @@ from data_synth.correspondence import locate_on_sphere
 from ..files.fsaverage import demo_landmarks, fsaverage5
 from ..plane.diskmesh import interpolate
 from ..plane.mobius import mobius, mobius_inverse
+from ..registration.features import FINEST, FOLDS, Smoothing
 from ..registration.landmarkfile import check_curves
 from ..registration.landmarks import POINTS_PER_CURVE, curves_of_both
-from ..registration.preparation import align, conformal, distinct_landmarks, sample_side
+from ..registration.preparation import Sides, align, conformal, distinct_landmarks, sample_side
 from ..registration.problem import Problem
 from ..registration.register import load
 from ..registration.transfer import lift
+from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import Surface, mirror
 
 # The seed of the control: the one that the paper's CP-Net is trained for. It is among the subjects that the networks
@@ -35,13 +37,17 @@ TWISTS, REACH = 3, 0.5  # of a known map: how many, and how far from 0 their cen
 
 @dataclass(frozen=True)
 class Mapped:
-    """A surface with its disk conformal map z (V,), the template points of its vertices if synthetic, and the costs."""
+    """A surface with its disk conformal map z (V,), the template points of its vertices if synthetic, and the costs.
+
+    folds: its depth and curvature, smoothed to the scale FINEST and standardised, name -> (V,).
+    """
 
     surface: Surface
     z: np.ndarray
     template: np.ndarray | None = None
     seconds: float = 0.0
     notes: tuple = ()
+    folds: dict = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -50,7 +56,9 @@ class Pair:
 
     truth (V, 3): where each moving vertex belongs on the control, in mm, and truth_disk (V,) complex in its disk map;
     None where nobody knows. given: what stands for the landmarks if they are not detected, "given" (the curves of both
-    surfaces, matched by arc length) or "exact" (the moving curves and their true images).
+    surfaces, matched by arc length) or "exact" (the moving curves and their true images). held: curves that take no
+    part and are measured; maps: name -> (moving (V,), control (W,)) maps that take no part and are compared;
+    there_and_back: whether the way back is computed, too.
     """
 
     moving: Mapped
@@ -59,6 +67,9 @@ class Pair:
     truth: np.ndarray | None = None
     truth_disk: np.ndarray | None = None
     given: str = "given"
+    held: tuple = ()
+    maps: dict = field(default_factory=dict)
+    there_and_back: bool = False
 
 
 @dataclass(frozen=True)
@@ -88,7 +99,13 @@ def mapped(surface):
     z, words = conformal(surface)
     start = time.perf_counter()
     conformal(surface)
-    return Mapped(surface, z, None, time.perf_counter() - start, tuple(words))
+    return Mapped(surface, z, None, time.perf_counter() - start, tuple(words), folds_of(surface))
+
+
+def folds_of(surface):
+    """Depth and curvature (positive on gyri) at the scale FINEST, with mean 0 and variance 1 by area: name -> (V,)."""
+    values = np.stack([sulcal_depth(surface), mean_curvature(surface)], axis=1)
+    return dict(zip(FOLDS, Smoothing(surface, values).at(FINEST).T))
 
 
 def cohort_pair(moving, control):
@@ -135,7 +152,13 @@ def twisted(z, centres, turns):
 def fsaverage_pair():
     """fsaverage5's mirrored right side against its left, sulci given by their ends: nobody knows the true map."""
     surfaces = mirror(fsaverage5("right")), fsaverage5("left")
-    return Pair(*(mapped(surface) for surface in surfaces), tuple(demo_landmarks()["curves"]))
+    return Pair(*(mapped(surface) for surface in surfaces), tuple(demo_landmarks()["curves"]), there_and_back=True)
+
+
+def reverse(pair):
+    """The pair with its sides exchanged, no truth and nothing held out: for the way back."""
+    curves = tuple({**curve, "moving": curve["control"], "control": curve["moving"]} for curve in pair.curves)
+    return Pair(pair.control, pair.moving, curves)
 
 
 def prepare(pair, source="given"):
@@ -151,7 +174,8 @@ def prepare(pair, source="given"):
     detect = load("ldnet", DETECTORS[source]).detect if source in DETECTORS else None
     start = time.perf_counter()
     entries = check_curves(list(curves), moving, control)
-    z = align(moving, pair.moving.z, control, pair.control.z, entries)
+    disks = pair.moving.z, pair.control.z
+    z = align(moving, disks[0], control, disks[1], entries)
     samples, _, notes = sample_side(moving, z, entries, "moving", detect)
     if source == "exact":
         target = samples @ pair.truth_disk
@@ -162,7 +186,8 @@ def prepare(pair, source="given"):
         target, target_mm = samples_control @ pair.control.z, samples_control @ control.vertices
     p = samples @ z
     once = distinct_landmarks(entries, p, target)
-    problem = Problem(z, moving.faces, p[once], target[once], once // POINTS_PER_CURVE)
+    sides = Sides(moving, control, entries, check_curves(list(pair.held), moving, control, 0), *disks)
+    problem = Problem(z, moving.faces, p[once], target[once], once // POINTS_PER_CURVE, sides=sides)
     return Prepared(problem, samples, target, target_mm, time.perf_counter() - start, notes)
 
 

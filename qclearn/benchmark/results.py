@@ -13,7 +13,7 @@ from ..files.meshes import write_whole
 from ..registration.metrics import paired_difference
 from ..surfaces.surface import SurfaceError
 
-SCHEMA_VERSION = 1  # raise it when a field's meaning changes, so that old files are not read as new ones
+SCHEMA_VERSION = 2  # raise it when a field's meaning changes, so that old files are not read as new ones
 WRITERS = {"benchmark": "qclearn benchmark", "networks": "tools/evaluate_networks.py"}  # of the files of each kind
 
 

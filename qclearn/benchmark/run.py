@@ -10,37 +10,23 @@ A run is a method with its parameters and a source of landmarks. A method of one
 
 import time
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from datetime import date
 from pathlib import Path
 
 from tqdm import tqdm
 
-from data_synth.cohort import GENERATION, SEEDS, hemispheres
+from data_synth.cohort import GENERATION, hemispheres
 from data_synth.cortex import FEWEST, MOST
 
 from ..files.extras import require
 from ..files.provenance import commit, processor
 from ..group.workers import connect, versions
 from ..methods import METHODS
-from .pairs import CONTROL, cohort_pair, displacement_pair, fsaverage_pair, mapped_subject
+from .problems import problems, submit_pair
 from .results import BenchmarkError, Journal
-from .runs import FRONT, RUNS, SETS, check_runs, lacking
+from .runs import FRONT, RUNS, check_runs, lacking
 from .trial import trial
-
-DISTANCES, CURVE_COUNTS = (0.05, 0.1, 0.2, 0.3, 0.4), (4, 8)
-
-
-@dataclass(frozen=True)
-class Spec:
-    """One problem by name: the set, the pair's name and what it is made from."""
-
-    set: str
-    pair: str
-    moving: int | None = None
-    control: int | None = None
-    distance: float = 0.0
-    curves: int = 0
 
 
 def benchmark(
@@ -110,42 +96,6 @@ def benchmark(
         | machines
         | {"seconds": round(time.perf_counter() - start, 1), "resumed": bool(done), "left_out": left_out}
     )
-
-
-def problems(subjects, sets):
-    """The problems of the sets, list of Spec; BenchmarkError for an unknown set or a bad count of subjects."""
-    unknown = sorted(set(sets) - set(SETS))
-    if unknown or not sets:
-        raise BenchmarkError(f"no set of problems {', '.join(unknown) or 'given'}; there are {', '.join(SETS)}")
-    least = 2 if "pairs" in sets else 1
-    if not isinstance(subjects, int) or not least <= subjects <= len(SEEDS):
-        raise BenchmarkError(f"{subjects!r} subjects: the cohort has 1 to {len(SEEDS)}, and pairs need at least 2")
-    seeds, specs = SEEDS[:subjects], []
-    if "cohort" in sets:
-        specs += [Spec("cohort", f"{seed} to {CONTROL}", seed, CONTROL) for seed in seeds]
-    if "pairs" in sets:
-        specs += [Spec("pairs", f"{a} to {b}", a, b) for b in seeds for a in seeds if a != b]
-    if "displacement" in sets:
-        specs += [
-            Spec("displacement", f"{distance:g}, {curves} curves", None, CONTROL, distance, curves)
-            for curves in CURVE_COUNTS
-            for distance in DISTANCES
-        ]
-    if "fsaverage5" in sets:
-        specs.append(Spec("fsaverage5", "right to left"))
-    return specs
-
-
-def submit_pair(client, spec, grown):
-    """The future of a problem's Pair. Subjects are futures with keys of their own, so that pairs share them."""
-    if spec.set == "fsaverage5":
-        return client.submit(fsaverage_pair)
-    # The generation goes along: the workers' own default may be another.
-    control = client.submit(mapped_subject, spec.control, *grown)
-    if spec.set == "displacement":
-        return client.submit(displacement_pair, control, spec.distance, spec.curves, 0)
-    moving = client.submit(mapped_subject, spec.moving, *grown)
-    return client.submit(cohort_pair, moving, control)
 
 
 def finished(client, tasks, methods, grown):

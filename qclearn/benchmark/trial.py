@@ -13,9 +13,9 @@ from threadpoolctl import threadpool_limits
 from ..methods.networks import networks_of
 from ..plane.beltrami import beltrami_coefficient
 from ..plane.bijectivity import RepairWarning, check_bijective
-from ..plane.diskmesh import locate, polar_disk
+from ..plane.diskmesh import Lookup, interpolate, locate, polar_disk
+from ..plane.mobius import mobius
 from ..registration.fit import POWER
-from ..registration.landmarks import POINTS_PER_CURVE, curve_distance, sample_curve
 from ..registration.metrics import (
     coefficient_histogram,
     coefficient_measures,
@@ -25,11 +25,11 @@ from ..registration.metrics import (
     near_curves,
 )
 from ..registration.transfer import lift
-from .pairs import prepare
+from .pairs import prepare, reverse
+from .yardstick import TRUE_MAP, curve_errors, folds_agree, held_out, log2_means, maps_agree, true_map
 
 LONG, REPETITIONS = 2.0, 3  # seconds after which a map is not computed again for its time; otherwise, how often
 NEAR = 10.0  # mm along the surface: what counts as near a sulcus
-FINE = 400  # points on a curve where it is compared as a curve
 ON_CIRCLE = 1e-6
 WITHOUT_TRUTH = dict.fromkeys(
     (
@@ -37,8 +37,7 @@ WITHOUT_TRUTH = dict.fromkeys(
         "median_correspondence_mm",
         "p95_correspondence_mm",
         "correspondence_sulci_mm",
-        "floor_mm",
-        "floor_curve_mm",
+        *TRUE_MAP,
     )
 )
 
@@ -52,7 +51,8 @@ def trial(pair, run, method):
             networks_of(run.method, run.parameters)  # loaded before the clock starts
             f, costs = timed(method, prepared.problem, run.parameters)
             start = time.perf_counter()
-            points = lift(pair.control.surface, pair.control.z, f)
+            lookup = Lookup(pair.control.z, pair.control.surface.faces)
+            places = lookup(f)
             costs["seconds"] |= {
                 "disk_moving": pair.moving.seconds,
                 "disk_control": pair.control.seconds,
@@ -65,7 +65,8 @@ def trial(pair, run, method):
                 *prepared.notes,
                 *costs["notes"],
             ]
-            return {"status": "done", **map_figures(pair, prepared, f, points, run.keep_field), **costs}
+            figures = map_figures(pair, prepared, f, lookup, run.keep_field)
+            return {"status": "done", **figures, "there_and_back_mm": way_back(pair, run, method, places), **costs}
     except Exception as error:
         return {"status": "failed", "message": f"{type(error).__name__}: {error}"}
 
@@ -90,18 +91,36 @@ def timed(method, problem, parameters):
         if len(seconds) == 1:
             peak = memory("VmHWM")
         notes = [str(warning.message) for warning in caught if issubclass(warning.category, RepairWarning)]
+    return checked(f, problem), {
+        "seconds": {"map": float(np.median(seconds[1:] or seconds))},
+        "repetitions": len(seconds),
+        "notes": notes,
+        "peak_memory_mb": None if peak is None or before is None else max(0.0, peak - before),
+    }
+
+
+def checked(f, problem):
+    """A method's answer as points of the disk (V,), or ValueError."""
     f = np.asarray(f, complex)
     if f.shape != problem.z.shape or not np.isfinite(f).all():
         raise ValueError(
             f"the method returned an array of shape {f.shape} with {(~np.isfinite(f)).sum()} values that "
             f"are not finite; expected {problem.z.shape}, one point of the disk a vertex"
         )
-    return f, {
-        "seconds": {"map": float(np.median(seconds[1:] or seconds))},
-        "repetitions": len(seconds),
-        "notes": notes,
-        "peak_memory_mb": None if peak is None or before is None else max(0.0, peak - before),
-    }
+    return f
+
+
+def way_back(pair, run, method, places):
+    """Mean distance in mm of the moving vertices from where the run's map there, to `places` on the control's mesh, and
+    its map back take them; None for a pair that does not ask for it."""
+    if not pair.there_and_back:
+        return None
+    problem = prepare(reverse(pair), run.landmarks).problem
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RepairWarning)
+        g = checked(method(problem, **run.parameters), problem)
+    home = lift(pair.moving.surface, pair.moving.z, interpolate(g, problem.faces, *places))
+    return float(np.linalg.norm(home - pair.moving.surface.vertices, axis=1).mean())
 
 
 def one_thread():
@@ -123,32 +142,46 @@ def memory(name, reset_peak=False):
         return None
 
 
-def map_figures(pair, prepared, f, points, keep_field):
-    """All figures of a map f (V,) with registered points (V, 3)."""
+def map_figures(pair, prepared, f, lookup, keep_field):
+    """All figures of a map f (V,); lookup: of the control's disk mesh."""
     moving, control, problem = pair.moving.surface, pair.control.surface, prepared.problem
-    mu, certificate = beltrami_coefficient(problem.z, problem.faces, f), check_bijective(problem.z, problem.faces, f)
-    off_circle = float(abs(abs(f[moving.boundary]) - 1).max())
+    places, plain = lookup(f), lookup(mobius(problem.z, *problem.mobius))
+    points = interpolate(control.vertices, control.faces, *places)
     mapped = prepared.samples @ f
-    off = np.linalg.norm(lift(control, pair.control.z, mapped) - prepared.target_mm, axis=1)
+    off = np.linalg.norm(interpolate(control.vertices, control.faces, *lookup(mapped)) - prepared.target_mm, axis=1)
+    mu = beltrami_coefficient(problem.z, problem.faces, f)
     figures = {
         **coefficient_measures(moving, problem.z, mu),
         **landmark_measures(mapped, prepared.target, off),
         **true_errors(pair, f),
+        **held_out(pair, problem.sides, f),
         **distortion_measures(moving, points),
+        **log2_means(moving, points),
+        **folds_agree(pair, places),
+        **{f"{name}_before": r for name, r in folds_agree(pair, plain).items()},
+        "r_maps": maps_agree(pair, places),
         **WITHOUT_TRUTH,
-        "flipped": len(certificate.flipped),
-        "bijective": certificate.bijective,
-        "off_circle": off_circle,
-        "certified": certificate.bijective and off_circle < ON_CIRCLE,
+        **certificate(problem, moving, f),
         "histogram": coefficient_histogram(mu),
     }
     if pair.truth is not None:
-        near = near_curves(moving, [curve["moving"] for curve in pair.curves], NEAR)
-        figures |= correspondence_measures(points, pair.truth, near) | floors(pair)
+        near = near_curves(moving, [curve["moving"] for curve in (*pair.curves, *pair.held)], NEAR)
+        figures |= correspondence_measures(points, pair.truth, near) | true_map(pair, lookup)
     if keep_field and figures["certified"]:
         grid, faces = polar_disk(16, 48, POWER)
         figures["field"] = np.round(abs(mu)[locate(f, problem.faces, grid[faces].mean(1))[0]], 4)
     return figures
+
+
+def certificate(problem, moving, f):
+    """Whether a map f (V,) is a bijection of the disks, and what it folds."""
+    found, off_circle = check_bijective(problem.z, problem.faces, f), float(abs(abs(f[moving.boundary]) - 1).max())
+    return {
+        "flipped": len(found.flipped),
+        "bijective": found.bijective,
+        "off_circle": off_circle,
+        "certified": found.bijective and off_circle < ON_CIRCLE,
+    }
 
 
 def true_errors(pair, f):
@@ -157,30 +190,5 @@ def true_errors(pair, f):
     whole = [curve for curve in pair.curves if min(len(curve["moving"]), len(curve["control"])) > 2]
     if not whole or pair.given == "exact":
         return {"landmark_error_true": None, "landmark_error_true_mm": None}
-    moving, control = pair.moving.surface, pair.control.surface
-    mapped = np.concatenate([sample_curve(moving, curve["moving"], POINTS_PER_CURVE) @ f for curve in whole])
-    there = [sample_curve(control, curve["control"], POINTS_PER_CURVE) for curve in whole]
-    target, target_mm = (
-        np.concatenate([samples @ data for samples in there]) for data in (pair.control.z, control.vertices)
-    )
-    off = np.linalg.norm(lift(control, pair.control.z, mapped) - target_mm, axis=1)
-    return {"landmark_error_true": float(abs(mapped - target).mean()), "landmark_error_true_mm": float(off.mean())}
-
-
-def floors(pair):
-    """What the true curves themselves leave, mm: how far their true images lie from the control's curves.
-
-    A sulcus forms beside its course on the template, and not at the same place in everybody: a map that takes curves to
-    curves, as all do here, is off by this much on them. By points of equal arc length, and by distance of curves.
-    """
-    if pair.given == "exact":
-        return {"floor_mm": 0.0, "floor_curve_mm": 0.0}
-    off, apart = [], []
-    for curve in pair.curves:
-        for count, collect in ((POINTS_PER_CURVE, off), (FINE, apart)):
-            image = sample_curve(pair.moving.surface, curve["moving"], count) @ pair.truth
-            there = sample_curve(pair.control.surface, curve["control"], count) @ pair.control.surface.vertices
-            collect.append(
-                curve_distance(image, there) if collect is apart else np.linalg.norm(image - there, axis=1).mean()
-            )
-    return {"floor_mm": float(np.mean(off)), "floor_curve_mm": float(np.mean(apart))}
+    in_disk, in_space = curve_errors(pair, whole, f)
+    return {"landmark_error_true": float(in_disk.mean()), "landmark_error_true_mm": float(in_space.mean())}

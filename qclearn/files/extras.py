@@ -8,6 +8,7 @@ EXTRAS = {
     "synth": ("numba", "skimage"),
     "nets": ("torch", "safetensors"),
     "benchmark": ("distributed", "jsonschema"),
+    "conte69": ("brainspace",),
 }
 
 

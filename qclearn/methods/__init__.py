@@ -6,6 +6,7 @@ form can join the benchmark.
 """
 
 from ..registration.problem import Problem
+from .folds import dense, hybrid, landmark_free
 from .gauss_newton import coarse_steps, gauss_newton
 from .harmonic import harmonic
 from .mobius_only import mobius_only
@@ -23,6 +24,9 @@ METHODS = {
     "teichmuller": teichmuller,
     "gauss_newton": gauss_newton,
     "coarse_steps": coarse_steps,
+    "hybrid": hybrid,
+    "dense": dense,
+    "landmark_free": landmark_free,
     "cpnet_dbsnet": cpnet_dbsnet,
     "cpnet_exact": cpnet_exact,
     "cpnet_steps": cpnet_steps,
@@ -37,9 +41,12 @@ __all__ = [
     "cpnet_dbsnet",
     "cpnet_exact",
     "cpnet_steps",
+    "dense",
     "gauss_newton",
     "guarded",
     "harmonic",
+    "hybrid",
+    "landmark_free",
     "mobius_only",
     "qc_iteration",
     "teichmuller",

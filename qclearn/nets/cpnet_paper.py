@@ -8,14 +8,17 @@ import torch
 from torch import nn
 from torch.nn import functional
 
+from ..plane.diskmesh import square_disk
 from ..plane.mobius import mobius, mobius_slope
 from ..registration.problem import LandmarkError, Weights, check_landmarks
-from .layers import disk_mesh
-from .losses import L_CP
+from .layers import disk_mesh, inference
+from .losses import L_CP, LossMesh
+from .squaremaps import SquareMaps
 from .torchplane import bounded, fit_mobius, square_places
 from .torchplane import mobius as mobius_of
 
 NEAR = 1e-4  # in the unit disk: targets closer than this to the control's are the control's
+STOPPING = 1e-3, 100  # of the exact solver in training: tolerance and steps
 SCALE = 10.0  # of the landmarks' displacements, a few hundredths of the disk
 
 
@@ -25,6 +28,7 @@ class PaperCPNetConfig:
 
     preset: str = "paper"
     gamma: float = 1e4  # alpha and beta are 1
+    through: str = "paper"  # what makes its mu a map in training: a preset of DBS-Net, or "exact"
     curves: int = 8
     points: int = 10  # of each curve
     size: int = 64  # of the square, in pixels: that of its DBS-Net
@@ -78,7 +82,7 @@ class PaperCPNet(nn.Module):
         return bounded(torch.complex(nu[:, 0], nu[:, 1]))
 
     def loss(self, batch, generator):
-        """L_CP through the paper's DBS-Net, whose map is followed by the best Möbius map, as in `register`.
+        """L_CP through the configured DBS-Net, whose map is followed by the best Möbius map, as in `register`.
 
         With a generator, of combinations of two of the batch's displacements, no smaller than they are.
         """
@@ -88,24 +92,22 @@ class PaperCPNet(nn.Module):
             angle = torch.pi / 2 * torch.rand(len(p), 1, generator=generator).to(p.real)
             other = p[torch.randperm(len(p), generator=generator)]
             p = targets + angle.cos() * (p - targets) + angle.sin() * (other - targets)
-        network = self.dbsnet(p.device)
+        mesh, maps = self.twin(p.device)
         mu = self(p)
         with torch.autocast(p.device.type, enabled=False):
-            f, _ = network(mu)
-            w = p + self.sample(f - network.mesh.z, p)
+            w = p + self.sample(maps(mu) - mesh.z, p)
             w = mobius_of(w, *fit_mobius(w, targets, torch.ones_like(p.real)))
-            shares, weights = network.mesh.areas / network.mesh.areas.sum(), Weights(1.0, 1.0, self.config.gamma)
-            loss = L_CP(network.mesh, network.on_faces(mu), w, targets, weights, shares=shares)
+            shares, weights = mesh.areas / mesh.areas.sum(), Weights(1.0, 1.0, self.config.gamma)
+            loss = L_CP(mesh, mu.flatten(1).repeat(1, 2), w, targets, weights, shares=shares)
             error = (w - targets).abs().mean()
         return loss.mean(), {"error": error.item(), "mu": mu.abs().mean().item()}
 
-    def dbsnet(self, device):
-        """The paper's DBS-Net with its shipped weights, fixed; no part of this network's own."""
+    def twin(self, device):
+        """The square's mesh, and what gives maps (B, V) on it of images mu: fixed, no part of this network's own."""
         if self.solver is None:
-            from .weights import load
-
-            self.solver = [load("dbsnet", "paper").to(device)]
-        return self.solver[0]
+            mesh = LossMesh(*square_disk(self.config.size)).to(device)
+            self.solver = [mesh, maps_through(self.config.through, self.config.size, device)]
+        return self.solver
 
     def sample(self, values, points):
         """Values (B, V) at the vertices of the square, interpolated at points (B, P) of the disk."""
@@ -115,7 +117,7 @@ class PaperCPNet(nn.Module):
         found = functional.grid_sample(image, places, align_corners=True)[:, :, 0]
         return torch.complex(found[:, 0], found[:, 1])
 
-    @torch.no_grad()
+    @inference
     def predict(self, z, faces, moving, target, alpha=1.0, beta=1.0, gamma=None, curve=None):
         """mu (F,) on a disk mesh z (V,), faces (F, 3) whose map takes `moving` to the control's landmarks (M,).
 
@@ -153,3 +155,27 @@ class PaperCPNet(nn.Module):
                 'network was trained for; the preset best takes any: load("cpnet")'
             )
         return moving[nearest]
+
+
+def maps_through(name, size, device):
+    """From images mu (B, size, size) to maps on the square's vertices: by "exact", the polar solver, or a DBS-Net.
+
+    Differentiable. The closed forms that preset "best" starts from are not: its maps are its own, their derivative that
+    of the exact solver.
+    """
+    from .weights import load
+
+    if name == "exact":
+        exact = SquareMaps(size)
+        return lambda mu: exact(mu, *STOPPING)
+    network = load("dbsnet", name).to(device)
+    if name == "paper":
+        return lambda mu: network(mu)[0]
+
+    def solve(mu):
+        with torch.no_grad():
+            f = network(mu)
+        exact = network.solver.solve(mu, *STOPPING, start=f)
+        return exact + (f - exact).detach()
+
+    return SquareMaps(size, network.solver.z, network.solver.faces, solve)

@@ -197,6 +197,6 @@ def _derivatives(f, z, corners):
 
 PRESETS = {"paper": (PaperDBSNet, PaperDBSNetConfig()), "best": (BestDBSNet, BestDBSNetConfig())}
 TRAINING = {
-    "paper": TrainConfig(steps=4000, batch=8, rate=2e-3, warmup=200, bfloat16=True),
+    "paper": TrainConfig(steps=17_600, batch=16, rate=2e-3, validate_every=275),
     "best": TrainConfig(steps=7000, batch=8, rate=1e-3, warmup=200, bfloat16=True, clip=0.3, validate_every=1000),
 }

@@ -10,8 +10,14 @@ from torch.nn import functional
 
 from ..plane.diskmesh import disk_to_square, pixel_centres, square_disk, square_to_disk
 from ..plane.fourier import fourier_matrix
+from .gauges import gauge_errors
 from .layers import DiskNetwork
-from .losses import L_DBSNet, LossMesh
+from .losses import L_DBSNet, L_Energy, L_Maps, LossMesh
+from .squaremaps import SquareMaps
+
+LOSSES = ("rows", "energy", "maps")  # see `PaperDBSNet.distance`
+TOLERANCE = 1e-3  # of the exact maps of the loss "maps": a tenth of what lies between two discretisations
+FURTHEST = 0.95  # from 0 that f(0) is believed to be before the Möbius map that takes it there
 
 
 @dataclass(frozen=True)
@@ -25,7 +31,8 @@ class PaperDBSNetConfig:
     shortcut: bool = True
     inverse: bool = True  # of the Fourier layer, before the convolutions of the inner route
     carry: bool = True  # the boundary's turn inwards
-    eta: float = 1.0
+    loss: str = "energy"  # one of LOSSES
+    eta: float = 1.0  # of the loss "rows", as rho
     rho: float = 1e-8  # for this size: the right weight falls with the fourth power of the number of pixels
 
 
@@ -103,21 +110,24 @@ class BoundaryRoute(nn.Module):
 
 
 class PaperDBSNet(DiskNetwork):
-    """The two routes joined in one map of `square_disk(size)`, trained without examples by the corrected L_DBSNet.
+    """The two routes joined in one map of `square_disk(size)`.
 
-    One boundary point is fixed, f(1) = 1; f(0) = 0 is held by a shift of the inner coordinates. The paper does not say
-    how the routes are joined: here the turn of the boundary is carried inwards harmonically, and the inner route gives
-    what is to be added (with `carry` off it starts from the identity, and must first learn to follow the boundary).
+    The paper does not say how the routes are joined: here the turn of the boundary is carried inwards harmonically, and
+    the inner route gives what is to be added (with `carry` off it starts from the identity, and must first learn to
+    follow the boundary). Nor how f(0) = 0 and f(1) = 1 are held: here by the Möbius map after it, as the exact solver
+    does. (A shift would be a bend at the vertex 0, which no loss of first derivatives feels, and a spike takes it up.)
     """
 
     def __init__(self, config):
         super().__init__()
-        self.config = config
+        if config.loss not in LOSSES:
+            raise ValueError(f"unknown loss {config.loss!r}; there are {', '.join(LOSSES)}")
+        self.config, self.exact = config, None
         z, faces = square_disk(config.size)
         self.mesh = LossMesh(z, faces)
         loop = self.mesh.loop.numpy()
         loop = np.roll(loop, -int(abs(z[loop] - 1).argmin()))
-        inner = np.setdiff1d(np.arange(len(z)), loop)
+        inner, self.centre = np.setdiff1d(np.arange(len(z)), loop), int(abs(z).argmin())
         usual = np.angle(np.roll(z[loop], -1) / z[loop])
         start = np.angle(z[loop]) % (2 * np.pi)
         tables = {
@@ -147,12 +157,19 @@ class PaperDBSNet(DiskNetwork):
             angles = self.boundary_route(low.flatten(1))
             shift = 0.1 * self.inner_route.last(shift.float()).flatten(2)
             shift = torch.complex(shift[:, 0], shift[:, 1])
-            shift = shift - shift[:, shift.shape[1] // 2, None]
             turned = angles.cumsum(-1) - angles
             carried = (turned - self.start) @ self.extension * self.config.carry
             f = self.mesh.z * torch.polar(torch.ones_like(carried), carried)
             f = f.index_add(1, self.inner, shift)
-            return f.index_copy(1, self.loop, torch.polar(torch.ones_like(turned), turned)), angles
+            f = f.index_copy(1, self.loop, torch.polar(torch.ones_like(turned), turned))
+            return self.normalised(f), angles
+
+    def normalised(self, f):
+        """The Möbius map after f (B, V) to f(0) = 0 and f(1) = 1."""
+        a = f[:, self.centre, None]
+        a = a / (a.abs() / FURTHEST).clamp(min=1)
+        f = (f - a) / (1 - a.conj() * f)
+        return f * f[:, self.loop[:1]].conj()
 
     @property
     def pixels(self):
@@ -176,14 +193,34 @@ class PaperDBSNet(DiskNetwork):
         return mu.flatten(1).repeat(1, 2)
 
     def loss(self, batch, generator):
-        """L_DBSNet of the fields; with a generator also mixed and turned in phase."""
+        """The configured loss of the fields batch[0]; with a generator also mixed and turned in phase.
+
+        Figures: `gauge_errors`, where the batch brings exact maps as well.
+        """
         mu = batch[0]
         if generator is not None:
             mu = mixed(mu, self.config.max_abs, generator)
         f, angles = self(mu)
         with torch.autocast(mu.device.type, enabled=False):
-            loss = L_DBSNet(self.mesh, self.on_faces(mu), f, angles, self.config.eta, self.config.rho).mean()
-        return 1e3 * loss, {"L_DBSNet": loss.item()}
+            loss = self.distance(mu, f, angles)
+        if len(batch) == 1:
+            return loss, {}
+        return loss, gauge_errors(*(x.detach().cpu().numpy() for x in (f, batch[1], self.mesh.z)))
+
+    def distance(self, mu, f, angles):
+        """How far maps f (B, V) are from those of mu.
+
+        "rows": L_DBSNet with its rows mended, in thousandths; "energy": L_Energy; "maps": L_Maps against exact maps.
+        """
+        given, config = self.on_faces(mu), self.config
+        if config.loss == "energy":
+            return L_Energy(self.mesh, given, f).mean()
+        if config.loss == "rows":
+            return 1e3 * L_DBSNet(self.mesh, given, f, angles, config.eta, config.rho).mean()
+        self.exact = self.exact or SquareMaps(config.size)
+        with torch.no_grad():
+            exact = self.exact(mu, TOLERANCE)
+        return L_Maps(f, exact, self.mesh.z)
 
 
 def poisson_matrix(z, boundary):

@@ -1,6 +1,6 @@
 """What several networks share: convolutions on the polar mesh, and the crossing between NumPy and torch."""
 
-from functools import lru_cache
+from functools import lru_cache, wraps
 from itertools import pairwise
 from weakref import WeakKeyDictionary
 
@@ -15,6 +15,25 @@ from ..plane.disk import BeltramiDiskSolver
 from ..plane.diskmesh import locate
 
 FIRST_SCALE = 0.1  # of a conditioned U-Net's outputs, before the conditions change it
+
+
+def inference(method):
+    """A network's call from NumPy: without gradients, and on one thread of torch, whose number is put back afterwards.
+
+    The work is small, and threads that wait for each other on a busy machine cost far more than they save.
+    """
+
+    @wraps(method)
+    @torch.no_grad()
+    def alone(*arguments, **options):
+        threads = torch.get_num_threads()
+        torch.set_num_threads(1)
+        try:
+            return method(*arguments, **options)
+        finally:
+            torch.set_num_threads(threads)
+
+    return alone
 
 
 class PolarPad(torch.autograd.Function):
@@ -156,7 +175,7 @@ class DiskNetwork(nn.Module):
     the map as a function of points of the disk.
     """
 
-    @torch.no_grad()
+    @inference
     def solve(self, z, faces, mu, **options):
         """The map f (V,) that the network gives for mu (F,) on a disk mesh z (V,), faces (F, 3); deterministic.
 

@@ -13,6 +13,7 @@ import torch.nn.functional as F
 from torch import nn
 
 from ..registration.landmarks import fundus_cost, fundus_path, weigh_edges
+from .layers import inference
 from .ldnet_paper import PaperLDNet, PaperLDNetConfig
 from .pictures import check_input, picture, stamp, turn
 from .train import TrainConfig
@@ -145,7 +146,7 @@ class BestLDNet(nn.Module):
         heat = logits.detach().sigmoid() * disk
         return error, {"overlap": (2 * (heat * band).sum() / (heat**2 + band**2).sum()).item()}
 
-    @torch.no_grad()
+    @inference
     def heat(self, surface, z, endpoints):
         """Probability (V,) of lying on one of the sulci between the endpoints, the mean curvature (V,) beside it."""
         z, endpoints = check_input(surface, z, endpoints)

@@ -7,6 +7,7 @@ import torch
 from torch import nn
 
 from ..registration.problem import LandmarkError
+from .layers import inference
 from .losses import L_LD
 from .pictures import check_input, picture, turn
 
@@ -86,7 +87,7 @@ class PaperLDNet(nn.Module):
         found = self(images, curves[..., [0, -1]])
         return L_LD(found, curves).mean(), {"distance": abs(found - curves)[..., 1:-1].mean().item()}
 
-    @torch.no_grad()
+    @inference
     def detect(self, surface, z, endpoints):
         """The curves between pairs of endpoints (K, 2) in the disk map z: list of (points,) complex.
 

@@ -70,6 +70,23 @@ def area(mesh, f):
     return 0.5 * (boundary.conj() * boundary.roll(-1, -1)).imag.sum(-1)
 
 
+def L_Energy(mesh, mu, f):
+    """`2 int |f_zbar - mu f_z|^2 / (1 - |mu|^2)` (B,), which is `energy - area`: 0 for the maps with coefficient mu.
+
+    The square of an H1 norm of the error, face by face, where `L_LBS` is an L1 norm of second differences; and blind to
+    Möbius maps after f.
+    """
+    corners = f[:, mesh.faces]
+    f_z, f_zbar = (0.5 * (corners * g).sum(-1) for g in (mesh.gradients.conj(), mesh.gradients))
+    gap = f_zbar - mu * f_z
+    return 2 * ((gap.real**2 + gap.imag**2) / (1 - mu.real**2 - mu.imag**2)) @ mesh.areas
+
+
+def L_Maps(f, exact, z):
+    """`sum |f - f*| / sum |z - f*|`, for maps and exact maps (B, V): what is left of the identity's error."""
+    return (f - exact).abs().sum() / (z - exact).abs().sum()
+
+
 def L_LD(points, target):
     """`sum_i |x_i - x^_i|^2` (B,) over the points (B, ...) of the curves of a sample.
 

@@ -4,8 +4,8 @@ import numpy as np
 import torch
 from torch import nn
 
-from ..plane.beltrami import signed_areas, stiffness
 from ..plane.diskmesh import polar_disk
+from ..plane.spectrum import eigenvectors, ring_tables
 
 
 class PolarMesh(nn.Module):
@@ -57,11 +57,9 @@ class PolarGrid(PolarMesh):
 
     def __init__(self, nr, nt, power=1.4, modes=512):
         super().__init__(nr, nt, power)
-        z, faces = self.mesh
-        area = np.bincount(faces.ravel(), np.repeat(signed_areas(z, faces), 3))[1::nt] / 3
-        K, first = stiffness(z, faces, np.zeros(len(faces))), np.arange(nr) * nt + 1
-        spokes, arcs = -np.asarray(K[first[:-1], first[1:]]).ravel(), -np.asarray(K[first, first + 1]).ravel()
-        radial, values, kept = _eigenvectors(area, spokes, arcs, nt, modes)
+        z, _ = self.mesh
+        area, spokes, arcs = ring_tables(self.mesh, nt)
+        radial, values, kept = eigenvectors(area, spokes, arcs, nt, modes)
         tables = {
             "z": z[1:].reshape(nr, nt),
             "area": area[:, None],
@@ -119,18 +117,3 @@ def as_tensor(table):
     if table.dtype.kind in "iu":
         return torch.as_tensor(table)
     return torch.as_tensor(table.astype(np.complex64 if np.iscomplexobj(table) else np.float32))
-
-
-def _eigenvectors(area, spokes, arcs, nt, count):
-    """Radial parts (nt, nr, nr) of all eigenvectors by angular mode;
-    eigenvalues and places of the smoothest (count,)."""
-    nr, inner = len(area), np.arange(len(area) - 1)
-    radial = np.zeros((nr, nr))
-    radial[inner, inner + 1] = radial[inner + 1, inner] = -spokes
-    radial -= np.diag(radial.sum(1))
-    angular = 2 - 2 * np.cos(2 * np.pi * np.arange(nt) / nt)
-    root = 1 / np.sqrt(area)
-    matrices = root[:, None] * (radial + angular[:, None, None] * np.diag(arcs)) * root
-    values, vectors = np.linalg.eigh(matrices)  # (nt, nr), (nt, nr, nr)
-    kept = np.argsort(values, axis=None, kind="stable")[:count]
-    return np.sqrt(np.pi) * root[:, None] * vectors, values.ravel()[kept].clip(min=0), kept

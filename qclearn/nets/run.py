@@ -22,14 +22,16 @@ def run_training(network, preset="best", gamma=None, out=Path("run"), data=None,
     process.
 
     The recipe is the network's row in `nets.networks`: `TRAINING[preset]` of its module and the function of its data;
-    changes replace fields of its `TrainConfig`, as in steps=100. TrainingError as `train`.
+    changes replace fields of its `TrainConfig`, as in steps=100. preset: its name, or as `build` a dict with fields of
+    the network's configuration beside it. TrainingError as `train`.
     """
-    row = row_of(network)
+    given = {"preset": preset} if isinstance(preset, str) else dict(preset)
+    row, preset = row_of(network), given["preset"]
     if fault := gamma_fault(network, preset, gamma):
         raise TrainingError(fault)
     recipe = replace(row.training[preset], **changes)
     torch.manual_seed(recipe.seed)  # of the parameters' first values
-    model = build(network, {"preset": preset} | ({} if gamma is None else {"gamma": gamma}))
+    model = build(network, given | ({} if gamma is None else {"gamma": gamma}))
     folder = Path(data) if data else user_cache_path("qclearn") / "training"
     training, validation = row.draw(model.config, folder, quick)
     last = train(model, training, validation, recipe, out)

@@ -140,7 +140,7 @@ class Tuner(Live):
             "landmarks": "points",
             "solver": "exact",
             "mesh": "coarser",
-            "looks": "0",
+            "looks": "2",
             "alpha": 1.0,
             "beta": 0.01,
             "gamma": 100_000.0,

@@ -32,17 +32,19 @@ def half_weights(module, prefix=""):
 
 
 def cpnet_file(network):
-    """CP-Net `best` with its tables."""
-    config, grid, born = network.config, network.grid, network.born
-    names = "rings", "spokes", "looks", "stiffest", "most", "smooth", "match"
-    sizes = {name: getattr(config, name) for name in names}
+    """CP-Net `best` with its tables. The browser carries nu on the network's own mesh, however close landmarks are."""
+    config, born = network.config, network.born
+    sizes = {name: getattr(config, name) for name in ("rings", "spokes", "looks", "most", "smooth", "match")}
+    spectrum, _ = network.carrier(config.rings)
     tables = {
         "one": born.one.conj().resolve_conj().numpy(),
         "two": born.two.numpy(),
-        **{name: getattr(grid, name).numpy() for name in ("radial", "values", "kept", "area", "spokes", "arcs")},
+        "kept": network.grid.kept.numpy(),
+        "area": network.grid.area.numpy(),
+        "radial": spectrum.radial,
+        "eigenvalues": spectrum.values,
     }
-    weights = half_weights(network.one, "one.") | half_weights(network.two, "two.")
-    return packed(sizes | {"power": grid.power}, tables | weights)
+    return packed(sizes | {"power": network.grid.power}, tables | half_weights(network.unet, "unet."))
 
 
 def dbsnet_file(network):

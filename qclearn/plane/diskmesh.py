@@ -133,13 +133,18 @@ class Lookup:
     def __init__(self, z, faces, near=None):
         self.z, self.faces = z, faces
         self.near = np.arange(len(faces)) if near is None else near
-        self.tree = shapely.STRtree(shapely.polygons(_pairs(z[faces[self.near]])))
+
+    @cached_property
+    def tree(self):
+        """The search tree of the faces: what takes the longest to build, and not needed where all guesses lead on."""
+        return shapely.STRtree(shapely.polygons(_pairs(self.z[self.faces[self.near]])))
 
     def __call__(self, points, guess=None):
         inside = np.full(len(points), -1) if guess is None else self._walk(points, guess)
         lost = np.flatnonzero(inside < 0)
-        hit, face = self.tree.query(shapely.points(_pairs(points[lost])), predicate="intersects")
-        inside[lost[hit]] = self.near[face]
+        if len(lost):
+            hit, face = self.tree.query(shapely.points(_pairs(points[lost])), predicate="intersects")
+            inside[lost[hit]] = self.near[face]
         outside = np.flatnonzero(inside < 0)
         if len(outside):
             points = points.copy()

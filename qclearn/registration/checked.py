@@ -6,6 +6,7 @@ with the same calls can stand in their place:
 `predict(z, faces, moving, target, alpha=, beta=, gamma=, curve=) -> mu (F,)`; `solve(z, faces, mu) -> f (V,)`.
 """
 
+from contextlib import nullcontext
 from dataclasses import asdict, replace
 from itertools import combinations
 
@@ -103,14 +104,19 @@ def predicted(predict, problem, weights):
     return predict(*mesh, problem.moving, problem.target, curve=problem.curve, **known)
 
 
-def guarded_map(predict, solve, problem, weights, tolerance):
+def guarded_map(predict, solve, problem, weights, tolerance, stages=nullcontext):
     """The disk map of a problem by CP-Net and DBS-Net, certified and within `tolerance`: CertifiedMap.
 
-    In three parts: what the networks say, `unfolded`, `refined`.
+    In four parts: what the networks say, `unfolded`, `refined`; `stages(name)` is a context that each runs in.
     """
-    mu = predicted(predict, problem, weights)
-    found = unfolded(problem, mu, solve(problem.z, problem.faces, mu))
-    return refined(problem, weights, mu, found, tolerance)
+    with stages("predict"):
+        mu = predicted(predict, problem, weights)
+    with stages("solve"):
+        f = solve(problem.z, problem.faces, mu)
+    with stages("certify"):
+        found = unfolded(problem, mu, f)
+    with stages("refine"):
+        return refined(problem, weights, mu, found, tolerance)
 
 
 def unfolded(problem, mu, f):

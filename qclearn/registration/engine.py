@@ -20,63 +20,14 @@ from ..plane.fields import bounded, bounded_pullback, mass_matrix
 from ..plane.mobius import compose_mobius, mobius, mobius_fields, mobius_slope
 from ..plane.tangent import Tangent
 from .certified import solver_words
-from .normal import MOBIUS_PRIOR, NormalEquations
+from .landmarkterm import Landmarks
+from .normal import MOBIUS_PRIOR, DualEquations, NormalEquations
 
 SHARES = (1.0, 0.5, 0.25, 0.125)  # of a step, tried in turn by the line search
 SUFFICIENT_DECREASE = 0.3  # share of what the quadratic model promises that a step has to gain
-TANGENTIAL_WEIGHT = 0.1  # of a sliding landmark's residual along its target curve
 LANDMARKS_AT_ONCE = 16  # bounds the memory of the adjoint solves
 DAMPINGS = 10.0 ** np.arange(-1, 10)  # of the steps of a fit that is taken up again, in parts of W
 TRUST, TRIES = 0.3, 4  # the largest change of nu in such a step, and how many of them are tried
-
-
-class Landmarks:
-    """The scaled residual of mapped landmarks, as points or sliding along their target curves.
-
-    Residual of one landmark: `sqrt(gamma / M) conj(t) (w - q)`, real part along the target's tangent t (weighted down
-    where it slides), imaginary part across it.
-    """
-
-    def __init__(self, target, curve, sliding):
-        self.target, self.tangent = target, np.ones(len(target), complex)
-        self.count = max(len(target), 1)  # of none, where features lead alone, the mean is 0
-        self.weights = np.ones((2, len(target)))
-        if sliding:
-            for label in np.unique(curve):
-                on = np.flatnonzero(curve == label)
-                inner = on[1:-1]
-                along = target[on[2:]] - target[on[:-2]]
-                self.tangent[inner] = along / abs(along)
-                self.weights[0, inner] = TANGENTIAL_WEIGHT
-
-    def components(self, change, gamma):
-        """Complex changes of the points (M, ...) as scaled residual components (2 M, ...)."""
-        shape = (-1,) + (1,) * (change.ndim - 1)
-        turned = self.tangent.conj().reshape(shape) * change
-        along, across = (self.weights[k].reshape(shape) for k in (0, 1))
-        return np.sqrt(gamma / self.count) * np.concatenate([along * turned.real, across * turned.imag])
-
-    def residual(self, points, gamma):
-        """Components (2 M,) of mapped points (M,) less their targets."""
-        return self.components(points - self.target, gamma)
-
-    def rows(self, samples, gamma):
-        """Sparse complex R (2 M, N) for points `samples @ w`: the components change by `Re(conj(R) dw)`."""
-        turns = np.concatenate([self.weights[0] * self.tangent, 1j * self.weights[1] * self.tangent])
-        scale = np.sqrt(gamma / self.count)
-        return (sparse.diags_array(scale * turns) @ sparse.vstack([samples, samples])).tocsr()
-
-    def error(self, points):
-        """Mean distance of mapped points (M,) from their targets."""
-        return abs(points - self.target).mean()
-
-    def jacobian(self, grad_re, grad_im, gamma):
-        """Gradients of the components (2 M, n) from those of Re w and Im w, (M, n)."""
-        turn = self.tangent.conj()[:, None]
-        along, across = self.weights[0][:, None], self.weights[1][:, None]
-        return np.sqrt(gamma / self.count) * np.concatenate(
-            [along * (turn.real * grad_re - turn.imag * grad_im), across * (turn.imag * grad_re + turn.real * grad_im)]
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +59,7 @@ class GaussNewton:
 
     def __init__(self, problem, mesh, weights, dense=None):
         (self.z, self.faces), self.problem, self.weights, self.dense = mesh, problem, weights, dense
+        self.known_gram = self.known_directions = None  # of the last linearisation
         self.landmarks = Landmarks(problem.target, problem.curve, problem.sliding)
         flat = np.zeros(len(self.faces))
         self.mass, self.laplace = mass_matrix(*mesh) / np.pi, stiffness(*mesh, flat) / np.pi
@@ -195,7 +147,7 @@ class GaussNewton:
     def linearise(self, state, gamma):
         """The linearisation at a state: returns `propose(state, damping)`, which may be asked again at later states.
 
-        Of landmarks alone; with features it is that of `NormalEquations`.
+        Of landmarks alone on a polar mesh, whose Jacobian costs little; with features that of `NormalEquations`.
         It gives (change of nu, da, dtheta, least objective of the model). damping adds `damping (change^* W change)` to
         what is minimised (Levenberg), and its like for the Möbius part: a shorter step, turned towards the steepest
         descent.
@@ -219,31 +171,32 @@ class GaussNewton:
 
         return propose
 
-    def step(self, state, gamma, propose=None, shares=SHARES, worth=0.0):
+    def step(self, state, gamma, worth=0.0):
         """The state after one step by a backtracking line search, or None where no share of it lowers the objective,
         or the model promises less than the share `worth` of it.
 
         A share s of the step is taken once it brings a sufficient part of what the quadratic model promises,
-        `(2s - s^2)` of the full step's gain; the promise fails where the map is far from linear in nu. propose: a
-        linearisation to use again, else that at the state.
+        `(2s - s^2)` of the full step's gain; the promise fails where the map is far from linear in nu.
         """
         before = self.objective(state, gamma)
-        change, da, dtheta, promised = (propose or self.linearise(state, gamma))(state)
+        change, da, dtheta, promised = self.linearise(state, gamma)(state)
         if before - promised < worth * before:
             return None
-        for share in shares:
+        for share in SHARES:
             found = self.at(state.nu + share * change, compose_mobius(state.mobius, (share * da, share * dtheta)))
             gain = before - self.objective(found, gamma)
             if gain > SUFFICIENT_DECREASE * (2 * share - share**2) * (before - promised):
                 return found
         return found if gain > 0 else None
 
-    def damped_step(self, state, gamma, propose):
+    def damped_step(self, state, gamma, worth):
         """The state after a Levenberg step, or None: of the least damping that keeps it small and lowers the objective.
 
         Which are small enough to trust the linearisation costs no map to find out.
         """
-        before = self.objective(state, gamma)
+        before, propose = self.objective(state, gamma), self.linearise(state, gamma)
+        if before - propose(state)[-1] < worth * before:
+            return None
         steps = (propose(state, damping) for damping in DAMPINGS)
         small = (found for found in steps if abs(found[0]).max() <= TRUST)
         for change, da, dtheta, _ in islice(small, TRIES):
@@ -264,6 +217,28 @@ class SurfaceGaussNewton(GaussNewton):
     def finished(self, nu, parameters, solution, f):
         f, rows = unfold(solution, f)
         return State(nu, parameters, f, self.samples @ f, solution, len(rows))
+
+    def linearise(self, state, gamma):
+        """The linearisation at a state, as on a polar mesh, but without a Jacobian: `propose` of equations."""
+        return (DualEquations if self.dense is None else NormalEquations)(self, state, gamma).propose
+
+    def gram(self, state, gamma):
+        """About `J W^-1 J^T`, (2 M, 2 M): of quick rows J at the first state, and what was learnt."""
+        if self.known_gram is None:
+            J = self.quick_jacobian(state, 1.0)
+            lifted = self.factors.solve(np.ascontiguousarray(J.T).view(float).reshape(len(state.nu), -1))
+            self.known_gram = (J.conj() @ np.ascontiguousarray(lifted).view(complex)).real
+        return gamma * self.known_gram
+
+    def learn(self, products, gamma):
+        """Correct `gram` by pairs of y (2 M,) and its exact product with y, as Broyden, Fletcher, Goldfarb and Shanno
+        do."""
+        if products:
+            one = np.eye(len(self.known_gram)) / gamma  # with it, as in S, nothing is singular
+            Y, exact = (np.stack(side, axis=1) for side in zip(*products))
+            known, exact = (self.known_gram + one) @ Y, (exact + Y) / gamma
+            old, new = (side @ np.linalg.solve(Y.T @ side, side.T) for side in (known, exact))
+            self.known_gram = self.known_gram - old + new
 
     def quick_jacobian(self, state, gamma):
         """The Jacobian in closed form: a few percent off, and without a solve, whatever the size of the mesh."""

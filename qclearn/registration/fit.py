@@ -9,19 +9,21 @@ from numpy import ndarray
 from threadpoolctl import threadpool_limits
 
 from ..plane.beltrami import check_coefficient
+from ..plane.disk import LARGE
 from ..plane.diskmesh import locate, polar_disk, sampling_matrix
 from ..plane.fields import bounded, unbounded
 from ..plane.mobius import mobius
 from .certified import CertifiedMap, certified
-from .engine import SHARES, GaussNewton, SurfaceGaussNewton
+from .engine import GaussNewton, SurfaceGaussNewton
+from .normal import WORTH
 from .problem import LandmarkError, Problem, Weights
 
 FIRST_GAMMA = 1e2  # continuation: one step at each power of ten from here to gamma
 STEPS_AT_GAMMA = 5
-LINEARISATIONS, CHORDS = 12, 1  # at most, on the caller's mesh: each serves a step and so many more
+STEPS_ON_MESH, STEPS_BETWEEN = 24, 2  # at most, on the caller's mesh, and on the fine polar mesh before a large one
 FEWEST_RINGS = 4  # of the polar mesh; half of them on the coarse one
 POWER = 1.4  # by which the rings of the polar meshes crowd towards the centre
-SETTLED_ON_GRID, SETTLED = 0.8, 0.92  # a step that keeps more than this share of the objective is the last one
+WORTH_ON_GRID = 1e-2  # there, as `WORTH` on the caller's mesh: what a step has to promise
 ROUNDING = 1e-9  # by which an objective may exceed another and count as equal
 ABOVE = "the fit ended above the best Möbius map"
 
@@ -82,11 +84,16 @@ def fit_problem(problem, weights, start=None, rings=None, watch=None, enough=0.0
     # At a tenth of gamma: the coarse mesh's own error moves the landmarks, and the full weight would bend nu after it.
     # On the tests' smooth problems that costs up to a step more there and ends up to 3 % higher in L_CP.
     state, steps = fit_on_grid(coarse, coarse.at(begin, problem.mobius), weights.gamma / 10, watch)
-    fine = SurfaceGaussNewton(problem, polar_disk(rings, 3 * rings, power=POWER), weights)
+    mesh = polar_disk(rings, 3 * rings, power=POWER)
     # Only what the steps have changed comes from the coarse mesh, so that a start keeps its details.
-    nu = sampling_matrix(coarse.z, coarse.faces, fine.z) @ (state.nu - begin)
-    nu = nu + start_field(problem.z, problem.faces, start, fine.z)
-    state, polished = fit_on_mesh(fine, fine.at(nu, state.mobius), watch, enough)
+    nu = sampling_matrix(coarse.z, coarse.faces, mesh[0]) @ (state.nu - begin)
+    nu, parameters = nu + start_field(problem.z, problem.faces, start, mesh[0]), state.mobius
+    if len(problem.z) > LARGE:  # where a step costs much more than on the polar mesh
+        middle = GaussNewton(problem, mesh, weights)
+        state, more = fit_on_mesh(middle, middle.at(nu, parameters), watch, enough, STEPS_BETWEEN)
+        nu, parameters, steps = state.nu, state.mobius, steps + more
+    fine = SurfaceGaussNewton(problem, mesh, weights)
+    state, polished = fit_on_mesh(fine, fine.at(nu, parameters), watch, enough)
     fit = report_fit(fine, state, (steps, polished))
     best = problem.samples @ mobius(problem.z, *problem.mobius)
     return fit_from_mobius(fine, fit, best, watch) if exceeds(fine, state, best) else fit
@@ -132,41 +139,31 @@ def fit_on_grid(engine, state, gamma, watch=None):
     """Steps on a polar mesh, from nu = 0 with continuation in gamma: (state, steps)."""
     low = gamma if state.nu.any() else min(FIRST_GAMMA, gamma)
     levels = [*10.0 ** np.arange(np.log10(low), np.log10(gamma) - 1e-9), *[gamma] * STEPS_AT_GAMMA]
-    for steps, level in enumerate(levels, 1):
+    for steps, level in enumerate(levels):
         if watch:
             watch()
-        before = engine.objective(state, level)
-        found = engine.step(state, level)
-        state = found or state
-        if level == gamma and (found is None or engine.objective(state, gamma) > SETTLED_ON_GRID * before):
+        found = engine.step(state, level, WORTH_ON_GRID if level == gamma else 0.0)
+        if level == gamma and found is None:
             return state, steps
+        state = found or state
     return state, len(levels)
 
 
-def fit_on_mesh(engine, state, watch=None, enough=0.0, damped=False):
-    """Last steps, on the caller's mesh, until they settle or the error is below `enough`: (state, steps).
+def fit_on_mesh(engine, state, watch=None, enough=0.0, most=STEPS_ON_MESH, damped=False):
+    """Last steps, on the caller's mesh, as long as they promise enough and the error is not below `enough`: (state,
+    steps).
 
-    damped: Levenberg steps, one a linearisation, for a fit that has gone astray without.
+    damped: Levenberg steps, for a fit that has gone astray without.
     """
-    gamma, steps = engine.weights.gamma, 0
-    for _ in range(LINEARISATIONS):
-        if engine.error(state) < enough:
-            break
-        propose, start = engine.linearise(state, gamma), engine.objective(state, gamma)
-        # A further step with the same linearisation costs one solve: it is tried whole or not at all.
-        for shares in [None] if damped else [SHARES, *[(1.0,)] * CHORDS]:
-            if watch:
-                watch()
-            before = engine.objective(state, gamma)
-            found = engine.damped_step(state, gamma, propose) if damped else engine.step(state, gamma, propose, shares)
-            if found is None:
-                break
-            state, steps = found, steps + 1
-            if engine.objective(state, gamma) > SETTLED * before or engine.error(state) < enough:
-                break
-        if engine.objective(state, gamma) > SETTLED * start:
-            break
-    return state, steps
+    step = engine.damped_step if damped else engine.step
+    for steps in range(most):
+        if watch:
+            watch()
+        found = None if engine.error(state) < enough else step(state, engine.weights.gamma, WORTH)
+        if found is None:
+            return state, steps
+        state = found
+    return state, most
 
 
 def start_field(z, faces, mu, grid):

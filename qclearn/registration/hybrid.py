@@ -14,7 +14,8 @@ from ..plane.mobius import best_mobius
 from .dense import Dense
 from .engine import GaussNewton, SurfaceGaussNewton
 from .features import FINEST
-from .fit import POWER, ROUNDING, instead, report_fit, rings_for, start_field
+from .fit import POWER, ROUNDING, WORTH_ON_GRID, instead, report_fit, rings_for, start_field
+from .normal import WORTH
 from .problem import LandmarkError
 
 
@@ -31,7 +32,6 @@ class Level(NamedTuple):
 # From fine features at once the map would run into the next best valley.
 LEVELS = (Level(16, None, 4), Level(16, 16.0, 4), Level(24, 8.0, 3), Level(32, FINEST, 2), Level(32, FINEST, 4, True))
 GUIDING_GAMMA = 1e2  # until the last level: a large one tears the map to the landmarks before features can lead it
-WORTH, WORTH_ON_GRID = 1e-3, 1e-2  # the share of the objective that a step has to promise
 OVERFITS = 10.0  # delta above which a word is said
 
 

@@ -55,7 +55,8 @@ class Problem:
     z (V,) complex, faces (F, 3): the moving surface's disk mesh, its boundary on the unit circle; moving, target (M,)
     complex: landmarks p in that disk and q in the control's; curve (M,) int: which curve each belongs to, in order;
     sliding: inner points of a curve may move along their target curve, where a method can let them; fewest: how many
-    landmarks there must be (0: features lead).
+    landmarks there must be (0: features lead); sides: the two surfaces with their own disk maps, for methods that look
+    at folds (`Sides` in preparation.py), None where landmarks alone are known.
     A method returns f (V,) complex: where each vertex lies in the control's disk. BeltramiError for an unusable mesh,
     LandmarkError for unusable landmarks.
     """
@@ -67,6 +68,7 @@ class Problem:
     curve: np.ndarray = field(default=None)
     sliding: bool = False
     fewest: int = 1
+    sides: object = None
 
     def __post_init__(self):
         landmarks = check_landmarks(self.moving, self.target, self.curve, self.sliding, self.fewest)

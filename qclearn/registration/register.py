@@ -13,7 +13,7 @@ from numpy import ndarray
 from tqdm import tqdm
 
 from ..surfaces.surface import Surface, require_disk, require_outward
-from .checked import TOLERANCE, bijective_fit, gamma_words, predicted, refined, unfolded
+from .checked import TOLERANCE, bijective_fit, gamma_words, guarded_map, predicted
 from .features import FOLDS, Features, check_features
 from .landmarkfile import check_curves, held_apart
 from .preparation import Sides, conformal, lay_upon, sampled
@@ -122,11 +122,14 @@ def register(
     tolerance = check_method(method, sliding, tolerance, features)
     weights = Weights(alpha, beta, gamma, check_delta(delta, features))
     sides = given_sides(moving, control, curves, features, hold_out)
-    stages, networks = Stages(STAGES[method][features is not None], progress), {}
+    stages, networks, maps = Stages(STAGES[method][features is not None], progress), {}, []
+    if features is not None:
+        with stages("features"):
+            maps = check_features(features, moving, control)
     if method == "network":
         with stages("load"):
             networks = load_networks(sides, weights, ["ldnet", "cpnet", *["dbsnet"] * (features is None)])
-    lay_out(sides, features, stages)
+    lay_out(sides, maps, stages)
     with stages("detect"):
         lay_upon(sides)
         landmarks = sampled(sides, networks["ldnet"].detect if networks else None, sliding)
@@ -164,32 +167,25 @@ def load_networks(sides, weights, names):
     return networks
 
 
-def lay_out(sides, features, stages):
-    """The disk maps of both sides and their features, if any."""
+def lay_out(sides, maps, stages):
+    """The disk maps of both sides, and their `Features` if there are maps."""
     with stages("disk_moving"):
         sides.z_moving, words_moving = conformal(sides.moving)
     with stages("disk_control"):
         sides.z_control, words_control = conformal(sides.control)
+        sides.features = Features(sides.moving, sides.control, sides.z_control, maps) if maps else None
     sides.words += [f"moving: {word}" for word in words_moving] + [f"control: {word}" for word in words_control]
-    if features is not None:
-        with stages("features"):
-            maps = check_features(features, sides.moving, sides.control)
-            sides.features = Features(sides.moving, sides.control, sides.z_control, maps)
 
 
 def fit_by_networks(networks, sides, problem, weights, tolerance, stages):
-    """`guarded_map`, by its parts; with features the fit that starts from CP-Net's answer."""
+    """`guarded_map`; with features the fit that starts from CP-Net's answer."""
+    predict = networks["cpnet"].predict
+    if sides.features is None:
+        return guarded_map(predict, networks["dbsnet"].solve, problem, weights, tolerance, stages)
     with stages("predict"):
-        mu = predicted(networks["cpnet"].predict, problem, weights)
-    if sides.features is not None:
-        with stages("map"):
-            return bijective_fit(problem, weights, mu, 0.0, sides.features)
-    with stages("solve"):
-        f = networks["dbsnet"].solve(problem.z, problem.faces, mu)
-    with stages("certify"):
-        fit = unfolded(problem, mu, f)
-    with stages("refine"):
-        return refined(problem, weights, mu, fit, tolerance)
+        mu = predicted(predict, problem, weights)
+    with stages("map"):
+        return bijective_fit(problem, weights, mu, 0.0, sides.features)
 
 
 def check_method(method, sliding, tolerance, features):

@@ -71,6 +71,9 @@ def row(pair="a", run="one", **figures):
         "histogram": [0] * 50,
         "repetitions": 1,
         "notes": [],
+        "held_out": None,
+        "r_maps": None,
+        "true_r_maps": None,
         "seconds": dict.fromkeys(stages, figures.pop("seconds", 1.0)),
     }
     needed = schema()["properties"]["rows"]["items"]["then"]["required"]
@@ -111,7 +114,7 @@ def test_a_journal_torn_in_its_first_line_begins_again(out):
     assert Journal(out, SETTINGS).rows == []
 
 
-@pytest.mark.parametrize("changed", ["vertices", "commit", "runs"])
+@pytest.mark.parametrize("changed", ["vertices", "generation", "commit", "runs"])
 def test_a_journal_of_other_settings_is_refused(out, changed):
     Journal(out, SETTINGS)
     with pytest.raises(BenchmarkError, match=rf"other settings \({changed} differ\)"):
@@ -156,8 +159,8 @@ def test_a_disk_that_fills_within_a_line_leaves_no_half_of_it(out, monkeypatch):
         (None, "cannot be read"),
         ("{", "not a JSON file"),
         ("[1]", "no results of this program"),
-        ('{"schema_version": 99}', "schema version 99; this version reads 1"),
-        ('{"schema_version": 1}', r"not a valid results file: \$: 'settings' is a required property"),
+        ('{"schema_version": 99}', "schema version 99; this version reads 2"),
+        ('{"schema_version": 2}', r"not a valid results file: \$: 'settings' is a required property"),
     ],
 )
 def test_other_files_are_refused(out, content, message):

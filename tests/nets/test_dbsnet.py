@@ -9,15 +9,18 @@ from data_synth.fields import KINDS, random_coefficient
 from qclearn.nets import load
 from qclearn.nets.dbsnet import BestDBSNet, BestDBSNetConfig, PaperDBSNet, derivative_error, position_error
 from qclearn.nets.dbsnet_paper import FourierLayer, PaperDBSNetConfig, poisson_matrix
+from qclearn.nets.gauges import gauge_errors
 from qclearn.nets.layers import PolarPad
 from qclearn.nets.polar import two_steps
 from qclearn.nets.train import Process, TrainConfig, take_step
+from qclearn.plane import exactmaps
 from qclearn.plane.beltrami import wirtinger
 from qclearn.plane.bijectivity import flipped_faces
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import BeltramiDiskSolver
 from qclearn.plane.diskmesh import polar_disk, square_disk
 from qclearn.plane.fourier import fourier_coefficients
+from qclearn.plane.mobius import mobius
 from qclearn.surfaces.surface import SurfaceError
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -97,8 +100,19 @@ def test_paper_routes():
     z = net.mesh.z
     assert angles.min() > 0
     torch.testing.assert_close(angles.sum(1), torch.full((4,), 2 * torch.pi))
-    torch.testing.assert_close(f[:, net.loop], torch.polar(torch.ones(4, 32), angles.cumsum(1) - angles))
-    assert f[:, z.abs().argmin()].abs().max() < 1e-6 and (f[:, net.loop[0]] == 1).all()
+    steps = torch.angle(f[:, net.loop].roll(-1, 1) / f[:, net.loop])
+    torch.testing.assert_close(f[:, net.loop].abs(), torch.ones(4, 32))
+    torch.testing.assert_close(steps.sum(1), torch.full((4,), 2 * torch.pi))
+    assert f[:, z.abs().argmin()].abs().max() < 1e-6 and (f[:, net.loop[0]] - 1).abs().max() < 1e-6
+
+
+def test_paper_takes_the_mobius_map_after_it_away():
+    net = network("paper")
+    f = net(batch(net))[0].detach()
+    moved = mobius(f.numpy(), np.array([[0.3j], [0.2], [-0.6], [0]]), np.array([[1.0], [0], [4], [2]]))
+    torch.testing.assert_close(net.normalised(torch.from_numpy(moved).to(f)), f, atol=1e-5, rtol=0)
+    beyond = torch.full_like(f, 1.5)  # f(0) off the disk: still finite, and the circle does not turn over
+    assert net.normalised(beyond).isfinite().all()
 
 
 def test_paper_starts_at_the_identity_without_its_last_layers():
@@ -122,7 +136,7 @@ def test_poisson_matrix_extends_harmonically():
     )
 
 
-@pytest.mark.parametrize("changes", [{"shortcut": False}, {"carry": False}])
+@pytest.mark.parametrize("changes", [{"shortcut": False}, {"carry": False}, {"loss": "rows"}, {"loss": "maps"}])
 def test_paper_runs_without_its_options(changes):
     net = PaperDBSNet(PaperDBSNetConfig(size=8, frequencies=2, **changes))
     loss, _ = net.loss((batch(net),), None)
@@ -130,7 +144,21 @@ def test_paper_runs_without_its_options(changes):
     assert loss.isfinite()
 
 
+def test_an_unknown_loss_is_refused():
+    with pytest.raises(ValueError, match="unknown loss 'area'; there are rows, energy, maps"):
+        PaperDBSNet(PaperDBSNetConfig(size=8, frequencies=2, loss="area"))
+
+
 # Against the exact solver.
+
+
+def test_gauges_of_the_identity_of_a_moved_map_and_of_half_the_way():
+    z, _ = polar_disk(6, 24)
+    f = exactmaps.DISK_MAPS[1](z)[None]
+    assert gauge_errors(z[None], f, z) == pytest.approx({"comes": 1, "mobius": 1})
+    moved = gauge_errors(mobius(f, 0.2, 1.0), f, z)
+    assert moved["comes"] > 1 and moved["mobius"] < 1e-6
+    assert gauge_errors((f + z) / 2, f, z)["comes"] == pytest.approx(0.5)
 
 
 def test_start_is_of_second_order():

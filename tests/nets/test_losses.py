@@ -11,9 +11,11 @@ from qclearn.nets.losses import (
     L_LD,
     L_Boundary,
     L_DBSNet,
+    L_Energy,
     L_grad_mu,
     L_Landmark,
     L_LBS_printed,
+    L_Maps,
     L_mu,
     LossMesh,
     area,
@@ -23,6 +25,7 @@ from qclearn.plane.beltrami import solve_beltrami, stiffness
 from qclearn.plane.disk import solve_beltrami_disk
 from qclearn.plane.diskmesh import polar_disk, square_disk
 from qclearn.plane.exactmaps import DISK_MAPS
+from qclearn.plane.mobius import mobius
 from qclearn.registration.problem import Weights
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -61,6 +64,31 @@ def test_corrected_loss_is_the_gradient_of_energy_minus_area(problem):
     (energy_alone,) = torch.autograd.grad(energy(mesh, mu, w).sum(), w)
     size = 0.5 * (energy_alone.real.abs() + energy_alone.imag.abs()).mean(1)
     torch.testing.assert_close(L_LBS_printed(mesh, mu, w.detach()), size)
+
+
+def test_energy_loss_is_energy_minus_area_face_by_face(problem):
+    mesh, mu, f, *_ = problem
+    w = perturbed(f)
+    torch.testing.assert_close(L_Energy(mesh, mu, w), energy(mesh, mu, w) - area(mesh, w))
+    assert 0 < L_Energy(mesh, mu, f).item() < 0.1 * L_Energy(mesh, mu, w).item()
+
+
+@pytest.mark.parametrize("exact", DISK_MAPS, ids=lambda m: m.name)
+def test_energy_loss_falls_with_the_square_of_the_mesh_and_does_not_see_mobius_maps(exact):
+    plain, moved = [], []
+    for n in (16, 32):
+        z, faces = square_disk(n)
+        mu, f = (torch.from_numpy(x)[None] for x in (exact.on_faces(z, faces), exact(z)))
+        mesh = LossMesh(z, faces, torch.float64)
+        plain.append(L_Energy(mesh, mu, f).item())
+        moved.append(L_Energy(mesh, mu, torch.from_numpy(mobius(f.numpy(), 0.3 + 0.2j, 1.0))).item())
+    assert plain[0] > 3 * plain[1] and moved[0] > 3 * moved[1]
+
+
+def test_loss_against_exact_maps_is_the_share_of_what_the_identity_is_off():
+    exact, z = torch.tensor([[1j, 0.5], [2.0, 0]]), torch.tensor([0.0, 0.5j])
+    assert L_Maps(exact, exact, z) == 0 and L_Maps(z.repeat(2, 1), exact, z) == 1
+    assert L_Maps((exact + z) / 2, exact, z).item() == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize("exact", DISK_MAPS, ids=lambda m: m.name)

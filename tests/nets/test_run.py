@@ -12,7 +12,9 @@ import torch
 
 from qclearn.cli import main
 from qclearn.nets import TrainingError, dbsnet, load_file
+from qclearn.nets.dbsnet_paper import LOSSES
 from qclearn.nets.run import run_training
+from qclearn.nets.train import take_step
 from qclearn.nets.weights import WeightsError
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -73,6 +75,32 @@ step = loop.take_step
 loop.take_step = lambda *arguments: os._exit(9) if arguments[4] == 3 else step(*arguments)
 run_training("dbsnet", out=Path(sys.argv[1]), data=sys.argv[2], quick=True, steps=4)
 """
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+def test_each_loss_of_the_papers_dbsnet_goes_on_to_the_same_weights(tmp_path, loss, monkeypatch):
+    """Stopped before the fourth step: it goes on from the checkpoint after the second."""
+    preset = {"preset": "paper", "size": 16, "frequencies": 4, "loss": loss}
+    options = {"data": tmp_path, "quick": True, "steps": 4, "validate_every": 2}
+    whole, row = run_training("dbsnet", preset, out=tmp_path / "whole", **options)
+    loop = sys.modules["qclearn.nets.train"]
+
+    def stopped(*arguments):
+        if arguments[4] == 3:
+            raise KeyboardInterrupt
+        return take_step(*arguments)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(loop, "take_step", stopped)
+        run_training("dbsnet", preset, out=tmp_path / "part", **options)
+    resumed, again = run_training("dbsnet", preset, out=tmp_path / "part", **options)
+    models = [load_file(path) for path in (whole, resumed)]
+    a, b = (model.state_dict() for model in models)
+    assert all(torch.equal(a[name], b[name]) for name in a) and models[0].header["config"]["loss"] == loss
+    assert {name: row[name] for name in row if name != "seconds"} == {
+        name: again[name] for name in again if name != "seconds"
+    }
+    assert row["validation_comes"] > 0 and row["validation_mobius"] > 0
 
 
 def test_two_processes_train_together(tmp_path, data):

@@ -147,12 +147,51 @@ def test_the_digest_sees_shape_type_and_order():
     assert len({digest(tensors) for tensors in different}) == len(different)
 
 
+class Probe:
+    """In the place of a network and of its input: keeps how many threads torch has when it is first looked at."""
+
+    def __init__(self):
+        self.threads = []
+
+    def looked_at(self, *_, **__):
+        self.threads.append(torch.get_num_threads())
+        raise LookupError
+
+    __getattr__ = __array__ = __len__ = looked_at
+
+
+CALLS = [(name, preset) for name, row in NETWORKS.items() for preset in row.presets]
+
+
+@pytest.mark.parametrize("name, preset", CALLS)
+def test_every_call_runs_on_one_thread_and_puts_the_number_back(name, preset):
+    network_class, probe, before = NETWORKS[name].presets[preset][0], Probe(), torch.get_num_threads()
+    call = "heat" if (name, preset) == ("ldnet", "best") else NETWORKS[name].call  # the part of its `detect` in torch
+    torch.set_num_threads(3)
+    try:
+        with pytest.raises(LookupError):
+            getattr(network_class, call)(*[probe] * (5 if call == "predict" else 4))
+        assert probe.threads[0] == 1 and torch.get_num_threads() == 3
+    finally:
+        torch.set_num_threads(before)
+
+
 SHIPPED = sorted(FOLDER.glob("*.safetensors"))
+BEFORE = {
+    *("ldnet-best", "ldnet-paper", "cpnet-best", "dbsnet-best", "dbsnet-paper"),
+    *(f"cpnet-paper-{gamma}" for gamma in ("g1e4", "g1e5", "g2e5")),
+}  # trained before a committed tree was asked for, and not again since
 
 
 def test_the_shipped_weights_are_small():
     sizes = [path.stat().st_size for path in SHIPPED]
     assert max(sizes, default=0) <= 10e6 and sum(sizes) <= 25e6
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_shipped_weights_were_trained_from_a_committed_tree(path):
+    changed = read_weights(path)[0]["commit"].endswith("+changes")
+    assert changed == (path.stem in BEFORE), "train it by tools/train_all.py, and take its name off the list"
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)

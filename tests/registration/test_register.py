@@ -458,7 +458,7 @@ def test_the_shipped_networks_register(pair):
     curves = [curves[0], curves[1] | {"moving": curves[1]["moving"][::6], "control": curves[1]["control"][::6]}]
     report = register(moving, control, curves, method="network", gamma=1e4).report
     assert report["bijective"] and report["flipped"] == 0 and report["landmark_error"] <= 5e-3
-    assert "CP-Net answered for gamma = 3.16e+03" in report["fallbacks"]
+    assert not any("answered for gamma" in word for word in report["fallbacks"])
 
 
 def test_a_networks_own_refusal_reaches_the_user(networks, pair):

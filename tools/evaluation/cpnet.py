@@ -1,61 +1,72 @@
-"""CP-Net on pairs of subjects it has not seen, against `fit_landmarks`: every map measured on one polar mesh.
+"""CP-Net on problems it has not seen, against `fit_landmarks`: every map measured on the mesh of its problem.
 
-A coefficient's map is the exact solver's on that mesh, followed by the best Möbius map; `L_CP` is that of its measured
-coefficient (`metrics.measured_losses`).
+Three kinds, as many of each: pairs of synthetic subjects of other seeds and scattered points moved by random maps, both
+on one polar mesh, and real sulci, those of fsaverage5 in both directions, on its own mesh. A coefficient's map is the
+exact solver's, followed by the best Möbius map; `L_CP` is that of its measured coefficient.
 """
 
 import time
-from itertools import pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 
 import qclearn as qc
 from data_synth.cohort import hemispheres
+from data_synth.fields import KINDS, random_coefficient
+from qclearn.benchmark.pairs import fsaverage_pair, prepare
 from qclearn.nets import WeightsError, load
-from qclearn.nets.cpnet import BestCPNet
 from qclearn.nets.networks import PAPER_GAMMAS
 from qclearn.plane.disk import BeltramiDiskSolver
-from qclearn.plane.diskmesh import polar_disk, square_disk
+from qclearn.plane.diskmesh import polar_disk, sampling_matrix
 from qclearn.plane.fields import bounded
 from qclearn.plane.mobius import best_mobius, mobius
 from qclearn.registration.certified import exact_map, moved_map
 from qclearn.registration.checked import predicted
 from qclearn.registration.engine import GaussNewton
-from qclearn.registration.fit import POWER, fit_problem, start_field
+from qclearn.registration.fit import POWER, fit_problem
 from qclearn.registration.landmarks import sample_curve
 from qclearn.registration.metrics import measured_losses
 from qclearn.registration.problem import Problem, Weights, distinct
 
 MESH = polar_disk(32, 96, POWER)
 POINTS = 10  # on each curve
-NAMED = {"default": Weights(), **{name: Weights(1.0, 1.0, float(name)) for name in ("1e4", "1e5", "2e5")}}
+EACH = 16  # problems of each kind
+LOOKS = 3
+SEED = 5301
+PAPERS = {name: Weights(1.0, 1.0, float(name)) for name in ("1e4", "1e5", "2e5")}
 
 
 def figures(seeds, quick=False):
-    """Ratios to the fit at random and at named weights, the paper's preset, Gauss-Newton from CP-Net, and times.
+    """Ratios to the fit at random weights, at the default and at the paper's, the paper's preset, and times.
 
-    "without the U-Nets": Born step, one exact solve and a chord step, what is left of CP-Net with one look. Times are
-    the processor's.
+    "Born step, 1 look": the same steps from where nothing was learned. "exact step": the fit's own first Gauss-Newton
+    steps, by adjoint solves. Times are the processor's.
     """
-    rng, size = np.random.default_rng(0), 2_500 if quick else 10_000
-    landmarks = dict(zip(seeds[:2] if quick else seeds, curves_of(seeds[:2] if quick else seeds, size)))
-    pairs = list(zip(landmarks, [*list(landmarks)[1:], next(iter(landmarks))]))
-    net = load("cpnet")
-    plain = BestCPNet(net.config).eval()  # its U-Nets say 0: the steps that surround them alone
-    drawn = [(*pair, random_weights(net.config, rng)) for pair in pairs for _ in range(1 if quick else 2)]
-    rows = [compare(net, plain, *aligned(landmarks[a], landmarks[b]), weights) for a, b, weights in drawn]
-    named = {}
-    for name, weights in list(NAMED.items())[: 1 if quick else None]:
-        some = pairs[:1] if quick else pairs[:8]
-        named[name] = summary([compare(net, plain, *aligned(landmarks[a], landmarks[b]), weights) for a, b in some])
+    rng, size, net = np.random.default_rng(SEED), 2_500 if quick else 10_000, load("cpnet")
+    landmarks = curves_of(seeds[:2] if quick else seeds[: EACH + 1], size)
+    makers = {"other seeds": subjects(landmarks), "scattered": scattered(rng), "real": real(rng)}
+    problems = {kind: list(islice(maker, 1 if quick else EACH)) for kind, maker in makers.items()}
+    rows = {"random": [], "default": []}
+    for kind, some in problems.items():
+        for problem in some:
+            for name, weights in (("random", random_weights(net.config, rng)), ("default", Weights())):
+                rows[name].append({"kind": kind, **compare(net, problem, weights)})
+    named = {"default": summary(rows["default"])}
+    for name, weights in list(PAPERS.items())[: 1 if quick else None]:
+        named[name] = summary([compare(net, problem, weights) for problem in problems["other seeds"][:8]])
     return {
-        "random": summary(rows),
-        "bands": bands(rows),
+        "random": summary(rows["random"]),
+        "kinds": {
+            kind: {name: summary([row for row in some if row["kind"] == kind]) for name, some in rows.items()}
+            for kind in problems
+        },
+        "bands": bands(rows["random"] + rows["default"]),
         "named": named,
-        "paper": paper(list(landmarks.values()), quick),
+        "paper": paper(landmarks, quick),
         "ranges": {"beta / alpha": net.config.smooth, "gamma / alpha": net.config.match},
-        "latency_ms": latency(net, *aligned(*list(landmarks.values())[:2])),
-        "rows": [{key: value for key, value in row.items() if key != "seconds"} for row in rows],
+        "maps": net.config.looks,
+        "latency_ms": latency(net, problems),
+        "rows": [{key: row[key] for key in row if key != "seconds"} for row in rows["random"] + rows["default"]],
     }
 
 
@@ -69,6 +80,37 @@ def curves_of(seeds, vertices):
     return found
 
 
+def subjects(landmarks):
+    """Problems of each subject against the next one."""
+    for p, q in zip(landmarks, [*landmarks[1:], landmarks[0]]):
+        yield Problem(*MESH, *aligned(p, q))
+
+
+def scattered(rng):
+    """Problems of 4 to 128 scattered points that a random map has moved."""
+    solver = BeltramiDiskSolver(*MESH)
+    while True:
+        q = 0.95 * np.sqrt(rng.random(round(2 ** rng.uniform(2, 7))))
+        q = q * np.exp(2j * np.pi * rng.random(len(q)))
+        f = solver.solve(random_coefficient(*MESH, rng, kind=rng.choice(KINDS), max_abs=(0.1, 0.6)))
+        yield Problem(*MESH, *aligned(sampling_matrix(*MESH, q) @ f, q))
+
+
+def real(rng):
+    """Problems of fsaverage5's two sides, turn about: all their sulci, then some of them at ten or five points each."""
+    there = fsaverage_pair()
+    swapped = [entry | {"moving": entry["control"], "control": entry["moving"]} for entry in there.curves]
+    back = type(there)(there.control, there.moving, tuple(swapped))
+    both = [prepare(pair).problem for pair in (there, back)]
+    for number in range(2 * EACH):
+        problem = both[number % 2]
+        labels = np.unique(problem.curve)
+        chosen = labels if number < 2 else rng.choice(labels, rng.integers(3, len(labels) + 1), replace=False)
+        every = 1 if number < 2 else rng.integers(1, 3)
+        some = np.flatnonzero(np.isin(problem.curve, chosen))[::every]
+        yield Problem(problem.z, problem.faces, problem.moving[some], problem.target[some])
+
+
 def aligned(p, q):
     """The two sides' distinct landmarks (M,), the moving ones after the best Möbius map."""
     p = mobius(p, *best_mobius(p, q))
@@ -77,43 +119,34 @@ def aligned(p, q):
 
 
 def random_weights(config, rng):
-    """Weights with alpha and both ratios over three decades each."""
+    """Weights with alpha over three decades and both ratios over the network's ranges."""
     alpha = 10 ** rng.uniform(-1.5, 1.5)
     ratios = [10 ** rng.uniform(*config.smooth), 10 ** rng.uniform(*config.match)]
     return Weights(float(alpha), *(float(alpha * ratio) for ratio in ratios))
 
 
-def compare(net, plain, p, q, weights):
+def compare(net, problem, weights):
     """One problem: the fit's loss and landmark error, and what each answer has, as ratios to them."""
-    problem, start = Problem(*MESH, p, q), time.process_time()
+    start = time.process_time()
     fit = fit_problem(problem, weights)
     seconds = {"fit": time.process_time() - start}
-    reference = measured(problem, weights, fit)
+    predicted(net.predict, problem, weights)  # the mesh is known from a call before
     start = time.process_time()
-    mu = predicted(net.predict, problem, weights)
+    answers = {"CP-Net": predicted(net.predict, problem, weights)}
     seconds["network"] = time.process_time() - start
-    told = net.answers(problem, weights, looks=2)
-    bare = plain.answers(problem, weights, looks=2)
-    answers = {
-        "Born step": told["Born step"],
-        "without the U-Nets": bare["1 look"],
-        "without the U-Nets, 2 looks": bare["2 looks"],
-        "CP-Net": mu,
-        "CP-Net, 1 look": told["1 look"],
-        "CP-Net, 2 looks": told["2 looks"],
-    }
+    answers |= net.answers(problem, weights, LOOKS)
     found = {name: exact_map(problem, mu) for name, mu in answers.items()}
-    start = time.process_time()
-    found |= polished(problem, mu, weights)
-    seconds["two steps"] = time.process_time() - start
+    for number, (passed, one) in enumerate(stepped(problem, weights), 1):
+        found[f"exact step {number}"], seconds[f"exact step {number}"] = one, passed
+    reference = measured(problem, weights, fit)["L_CP"]
     return {
         "weights": [weights.alpha, weights.beta, weights.gamma],
-        "before": float(abs(p - q).mean()),
-        "fit": reference["L_CP"],
+        "before": float(abs(problem.moving - problem.target).mean()),
+        "fit": reference,
         "fit_error": fit.landmark_error,
         "fit_flipped": len(fit.flipped),
         "seconds": seconds,
-        "ratio": {name: measured(problem, weights, one)["L_CP"] / reference["L_CP"] for name, one in found.items()},
+        "ratio": {name: measured(problem, weights, one)["L_CP"] / reference for name, one in found.items()},
         "error": {name: one.landmark_error for name, one in found.items()},
         "flipped": {name: len(one.flipped) for name, one in found.items()},
     }
@@ -123,15 +156,16 @@ def measured(problem, weights, found):
     return measured_losses(problem, weights, found.mu, problem.samples @ found.f)
 
 
-def polished(problem, mu, weights, steps=2):
-    """One and two Gauss-Newton steps of the fit from the network's mu, on the mesh: name -> map."""
-    engine, found = GaussNewton(problem, MESH, weights), {}
-    state = engine.at(start_field(*MESH, mu, engine.z), (0j, 0.0))
-    state = engine.moved(state, best_mobius(state.points, problem.target))
-    for number in range(1, steps + 1):
+def stepped(problem, weights, steps=3):
+    """The first Gauss-Newton steps by adjoint solves, from nu = 0 and at the whole gamma: (seconds so far, map)."""
+    start, mesh = time.process_time(), polar_disk(24, 72, POWER)
+    engine = GaussNewton(problem, mesh, weights)
+    to_faces = sampling_matrix(*mesh, problem.z[problem.faces].mean(1))
+    state = engine.at(np.zeros(len(mesh[0]), complex), problem.mobius)
+    for _ in range(steps):
         state = engine.step(state, weights.gamma) or state
-        found[f"CP-Net, then {number} Gauss-Newton"] = exact_map(problem, bounded(engine.to_faces @ state.nu))
-    return found
+        passed = time.process_time() - start
+        yield passed, exact_map(problem, bounded(to_faces @ state.nu))
 
 
 def summary(rows):
@@ -240,17 +274,25 @@ def paper(subjects, quick):
     return found
 
 
-def latency(net, p, q, repeats=20):
-    """Milliseconds of one call on the square mesh of 128 x 128 cells, known from a call before, by looks;
-    the medians."""
-    mesh, clock = square_disk(128), {"landmarks": len(p)}
-    for looks in range(4):
-        passed = []
-        for _ in range(repeats + 1):
-            start = time.process_time()
-            net.predict(*mesh, p, q, looks=looks)
-            passed.append(1e3 * (time.process_time() - start))
-        clock[f"looks_{looks}"] = float(np.median(passed[1:]))
-    solver, start = BeltramiDiskSolver(*mesh), time.process_time()
-    solver.solve(np.zeros(len(mesh[1]), complex))
+def latency(net, problems, repeats=10):
+    """Milliseconds of one call on a mesh that is known from a call before, by looks, medians: some 40 landmarks on the
+    polar mesh, and "large" all of fsaverage5's on its own."""
+    some = min(problems["other seeds"] + problems["scattered"], key=lambda problem: abs(len(problem.moving) - 40))
+    large = problems["real"][0]
+    clock = {"landmarks": len(some.moving), "vertices": len(some.z)}
+    clock |= {f"looks_{looks}": milliseconds(net, some, looks, repeats) for looks in range(LOOKS + 1)}
+    clock |= {"large_landmarks": len(large.moving), "large_vertices": len(large.z)}
+    clock["large"] = milliseconds(net, large, net.config.looks, repeats)
+    solver, start = BeltramiDiskSolver(some.z, some.faces), time.process_time()
+    solver.solve(np.zeros(len(some.faces), complex))
     return clock | {"median": clock[f"looks_{net.config.looks}"], "exact_map": 1e3 * (time.process_time() - start)}
+
+
+def milliseconds(net, problem, looks, repeats):
+    """The median time of a call, the first one apart."""
+    passed = []
+    for _ in range(repeats + 1):
+        start = time.process_time()
+        net.predict(problem.z, problem.faces, problem.moving, problem.target, looks=looks)
+        passed.append(1e3 * (time.process_time() - start))
+    return float(np.median(passed[1:]))

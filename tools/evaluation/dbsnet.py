@@ -9,16 +9,20 @@ import qclearn as qc
 from data_synth.fields import KINDS, random_coefficient
 from data_synth.training import SquareFields
 from qclearn.nets import WeightsError, build, load
+from qclearn.nets.gauges import gauge_errors
 from qclearn.nets.polar import PolarSolver, two_steps
 from qclearn.plane.beltrami import signed_areas, solve_beltrami
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.disk import BeltramiDiskSolver
-from qclearn.plane.diskmesh import square_disk
+from qclearn.plane.diskmesh import polar_disk, square_disk
+from qclearn.plane.fourier import from_square
 
 from .polar import median_seconds
 
 MESH = 48, 144
 MAPS = 16  # a seed
+FIELDS, FIELDS_SEED = 48, 5203  # of the images on which both gauges are measured
+SIZE, RINGS, SPOKES = 64, 40, 128  # of the square in pixels, and of the polar mesh that they are resampled to
 EXACT = 1e-6  # the tolerance of the maps that errors are measured against
 
 
@@ -29,6 +33,7 @@ def figures(seeds, quick=False):
     exact = in_batches(lambda part: solver.solve(part, EXACT), mu)
     nets = networks()
     result = {
+        "gauges": gauges(nets, 4 if quick else FIELDS),
         "maps": len(mu),
         "mean_displacement": float(displacement(exact, solver.z).mean()),
         "superlu": map_figures(superlu(solver, mu), exact, mu, solver),
@@ -50,6 +55,26 @@ def figures(seeds, quick=False):
         "polar": 1e3 * timed(lambda: solver.solve(torch.from_numpy(mu[0]).to(torch.complex64)), quick),
         "superlu": 1e3 * timed(lambda: superlu(solver, mu[:1]), quick),
     }
+    return result
+
+
+def gauges(nets, count):
+    """Every network's `gauge_errors` and share of maps with a fold, mesh by mesh, on images that none has seen."""
+    images = [image.numpy() for (image,) in (SquareFields(count, FIELDS_SEED, SIZE)[k] for k in range(count))]
+    square, polar = square_disk(SIZE), polar_disk(RINGS, SPOKES)
+    given = {
+        "square": (*square, [np.tile(image.ravel(), 2) for image in images]),  # a pixel's two faces
+        "polar": (*polar, [from_square(image, *polar) for image in images]),
+    }
+    result = {"fields": count, "seed": FIELDS_SEED}
+    for mesh, (z, faces, mu) in given.items():
+        factored = BeltramiDiskSolver(z, faces)
+        exact = np.array([factored.solve(one) for one in mu])
+        result[mesh] = {}
+        for name, net in nets.items():
+            maps = np.array([net.solve(z, faces, one) for one in mu])
+            folded = np.mean([len(qc.check_bijective(z, faces, f).flipped) > 0 for f in maps])
+            result[mesh][name] = gauge_errors(maps, exact, z) | {"folded_share": float(folded)}
     return result
 
 
@@ -102,7 +127,7 @@ def map_figures(maps, exact, mu, solver):
     measured = np.array([abs(qc.beltrami_coefficient(z, faces, f) - one) for f, one in zip(maps, mu)])
     weights = np.bincount(faces.ravel(), np.repeat(areas, 3), len(z))
     weighted = abs(maps - exact) @ weights / weights.sum() / moved
-    return {
+    return gauge_errors(maps, exact, z) | {
         "relative_error": float((error / moved).mean()),
         "pooled_error": float(error.mean() / moved.mean()),
         "relative_error_quantiles": np.quantile(error / moved, [0.1, 0.5, 0.9, 1.0]).tolist(),
@@ -185,7 +210,8 @@ def routes(net, seeds, count):
     """Each route of the paper's network on its own mesh against its exact step.
 
     boundary: against the harmonic measure (steps 1 and 2 of the flux form); inner: against the Dirichlet solve with the
-    network's own boundary (step 3); whole: against the exact map. Relative to the mean displacement, or the boundary's.
+    network's own boundary (step 3); whole: against the exact map. Sums of distances over those of the identity from the
+    exact map, on the circle or everywhere, as they come.
     """
     size = net.config.size
     z, faces = square_disk(size)
@@ -197,18 +223,11 @@ def routes(net, seeds, count):
             f = net(torch.from_numpy(image).to(torch.complex64)[None])[0][0].numpy().astype(complex)
         exact = factored.solve(mu)
         inner = solve_beltrami(z, faces, mu, loop, f[loop])
-        moved, moved_boundary = displacement(exact[None], z)[0], displacement(exact[None, loop], z[loop])[0]
-        rows.append(
-            [
-                abs(f - exact)[loop].mean() / moved_boundary,
-                abs(f - inner).mean() / moved,
-                abs(f - exact).mean() / moved,
-                len(qc.check_bijective(z, faces, f).flipped) > 0,
-            ]
-        )
-    return dict(zip(("boundary", "inner", "whole", "folded_share"), np.mean(rows, axis=0).tolist())) | {
-        "maps": len(rows)
-    }
+        distances = [abs(x).sum() for x in ((f - exact)[loop], f - inner, f - exact, (z - exact)[loop], z - exact)]
+        rows.append([*distances, len(qc.check_bijective(z, faces, f).flipped) > 0])
+    boundary, inside, whole, still_boundary, still, folded = np.mean(rows, axis=0).tolist()
+    ratios = {"boundary": boundary / still_boundary, "inner": inside / still, "whole": whole / still}
+    return ratios | {"folded_share": folded, "maps": len(rows)}
 
 
 def square_fields(seeds, count, size):

@@ -1,87 +1,86 @@
-// CP-Net, preset `best` (nets/cpnet.py): the linearised fit, corrected by a U-Net, and corrected again by another after
-// each look at the exact map.
+// CP-Net, preset `best` (nets/cpnet.py): the first Gauss-Newton step, corrected by a U-Net, and looks from there.
 import { Born } from "./born.js";
-import { boundedFactor, squares, zeros } from "./complex.js";
-import { DiskMap } from "./map.js";
-import { sample } from "./mesh.js";
-import { fitMobius, moved } from "./mobius.js";
+import { zeros } from "./complex.js";
+import { Link, Looks } from "./looks.js";
+import { Spectrum } from "./spectrum.js";
 import { partOf, UNet } from "./unet.js";
 
-const FIELD = 0.03; // of the U-Nets' outputs that bend the field itself
-
-const minus = (a, b) => ({ x: a.x.map((x, i) => x - b.x[i]), y: a.y.map((y, i) => y - b.y[i]) });
-const times = (a, b) => ({
-  x: a.x.map((x, i) => x * b.x[i] - a.y[i] * b.y[i]),
-  y: a.y.map((y, i) => y * b.x[i] + a.x[i] * b.y[i]),
-});
-const over = (a, b) => {
-  // a / b
-  const size = b.x.map((x, i) => x * x + b.y[i] * b.y[i]);
-  return {
-    x: a.x.map((x, i) => (x * b.x[i] + a.y[i] * b.y[i]) / size[i]),
-    y: a.y.map((y, i) => (y * b.x[i] - a.x[i] * b.y[i]) / size[i]),
-  };
-};
-const negative = (a) => ({ x: a.x.map((x) => -x), y: a.y.map((y) => -y) });
+const SMALL = 1e-4; // a size of nu below which there is nothing to correct
 
 export class CPNet {
   // network: {config, tensors} of the file; mesh: the polar mesh of its config
   constructor(mesh, layers, { config, tensors }) {
-    Object.assign(this, { mesh, config, born: new Born(mesh, tensors), map: new DiskMap(mesh) });
-    [this.one, this.two] = ["one", "two"].map(
-      (part) => new UNet(layers, partOf(tensors, part), mesh.rings, mesh.spokes),
-    );
-    [this.spokesTable, this.arcsTable] = ["spokes", "arcs"].map((name) => tensors[name].data);
+    const spectrum = new Spectrum(mesh, tensors);
+    Object.assign(this, { mesh, config, spectrum, own: new Link(mesh, spectrum), born: new Born(spectrum, tensors) });
+    this.unet = new UNet(layers, partOf(tensors, "unet"), mesh.rings, mesh.spokes);
   }
 
-  // the gamma that is answered for: the given one, or a smaller one beyond config.stiffest
-  gammaUsed({ alpha, beta, gamma }) {
-    const { stiffest, smooth } = this.config;
-    return Math.min(gamma, alpha * 10 ** stiffest * Math.max(beta / alpha, 10 ** smooth[0]));
+  // the gamma that is answered for: the given one
+  gammaUsed({ gamma }) {
+    return gamma;
   }
 
-  // nu at the vertices of the mesh, for landmarks p, q {x, y}
-  run(p, q, weights, looks = this.config.looks) {
-    const { alpha, beta } = weights,
-      problem = this.born.linearised(p, q, beta / alpha, this.gammaUsed(weights) / alpha);
-    const nu = this.born.field(problem.c),
-      wanted = over(negative(problem.residual), problem.slope);
-    const left = minus(wanted, this.born.linear(problem, problem.c)),
-      conditions = this.conditions(problem);
-    const fields = [
-      [nu, 2, 1],
-      [this.born.moved(problem.c), 1, 5],
-    ];
-    this.show(
-      this.one,
-      fields,
-      problem,
-      [
-        [wanted, 10],
-        [left, 10],
-      ],
-      true,
-    );
-    let found = this.correct(this.one, conditions, problem, problem.residual, null);
-    for (let k = 0; k < looks; k++) found = this.look(problem, found, conditions);
-    return this.withCentre(found);
+  // nu at the vertices of the network's mesh, for landmarks p, q {x, y}, after so many looks at its map on `mesh`
+  run(p, q, { alpha, beta, gamma }, looks = this.config.looks, mesh = this.mesh) {
+    const ratios = [beta / alpha, gamma / alpha],
+      start = this.start(p, q, ...ratios);
+    return looks ? new Looks(this.link(mesh), p, q, ...ratios).run(start, looks) : start;
   }
 
-  conditions({ b, g, count }) {
+  // the mesh that is mapped beside the network's own; the last one is kept
+  link(mesh) {
+    if (mesh === this.mesh) return this.own;
+    if (this.last?.mesh !== mesh) this.last = new Link(mesh, this.spectrum);
+    return this.last;
+  }
+
+  // nu (V) before any look
+  start(p, q, b, g) {
+    const begin = new Looks(this.own, p, q, b, g),
+      { nu, wanted, left } = begin.born(),
+      size = this.size(nu) + SMALL;
+    this.show(nu, size, begin.places, [wanted, left]);
+    const output = this.unet.run(this.conditions(b, g, p.x.length, size)),
+      channels = this.unet.head.outputs,
+      { spokes, V } = this.mesh,
+      { cos, sin } = this.spectrum,
+      out = zeros(V);
+    for (let i = 0; i < V - 1; i++) {
+      const [u, v, s, t] = output.subarray(i * channels, i * channels + 4),
+        x = nu.x[i + 1],
+        y = nu.y[i + 1],
+        k = (2 * (i % spokes)) % spokes;
+      out.x[i + 1] = x * (1 + u) - y * v + size * (s * cos[k] - t * sin[k]);
+      out.y[i + 1] = y * (1 + u) + x * v + size * (s * sin[k] + t * cos[k]);
+    }
+    for (const part of ["x", "y"]) {
+      for (let k = 1; k <= spokes; k++) out[part][0] += out[part][k] / spokes; // the centre has the first ring's mean
+    }
+    return out;
+  }
+
+  // the root of mean |nu|^2
+  size(nu) {
+    const { spokes, V } = this.mesh;
+    let sum = 0;
+    for (let i = 0; i < V - 1; i++)
+      sum += this.spectrum.area[Math.floor(i / spokes)] * (nu.x[i + 1] ** 2 + nu.y[i + 1] ** 2);
+    return Math.sqrt(sum / Math.PI);
+  }
+
+  conditions(b, g, count, size) {
     const log = (x, [low, high]) => Math.min(Math.max(Math.log10(Math.max(x, 1e-12)), low), high);
-    return [log(b, this.config.smooth), log(g, this.config.match) - 4, Math.log10(count) - 2];
+    return [log(b, this.config.smooth), log(g, this.config.match) - 4, Math.log10(count / 100), Math.log10(size)];
   }
 
-  // The U-Net's input: complex fields [values, how often their frame turns with the spoke, scale], then complex values at
-  // the landmarks as fields, the number of landmarks at each node (after the first of these, or last), and the radius.
-  show(net, fields, problem, marks, countFirst) {
-    const {
-        mesh: { rings, spokes, radius },
-        born: { cos, sin },
-      } = this,
+  // The U-Net's input: nu, what it does to the nodes, and at the landmarks where they should go, how many share a node,
+  // and what nu leaves of that; the radius. Complex fields in the frame that turns with the spoke.
+  show(nu, size, places, [wanted, left]) {
+    const { rings, spokes, radius } = this.mesh,
       N = rings * spokes,
-      channels = net.stem.inputs,
-      x = net.input;
+      { cos, sin } = this.spectrum,
+      channels = this.unet.stem.inputs,
+      x = this.unet.input;
     let channel = 0;
     x.fill(0);
     const turning = (values, turns, scale) => {
@@ -98,12 +97,12 @@ export class CPNet {
       for (let i = 0; i < N; i++) x[i * channels + channel] = value(i);
       channel++;
     };
-    fields.forEach((field) => turning(...field));
-    marks.forEach(([values, scale], k) => {
-      const { spread, count } = this.splat(problem.places, values);
-      turning(spread, 1, scale);
-      if (countFirst ? k === 0 : k === marks.length - 1) plain((i) => count[i]);
-    });
+    const { spread, count } = this.splat(places, wanted);
+    turning({ x: nu.x.subarray(1), y: nu.y.subarray(1) }, 2, 0.3 / size);
+    turning(this.born.moved(this.spectrum.coefficients(nu)), 1, 5);
+    turning(spread, 1, 10);
+    plain((i) => count[i]);
+    turning(this.splat(places, left).spread, 1, 10);
     plain((i) => radius[1 + Math.floor(i / spokes)]);
   }
 
@@ -121,117 +120,5 @@ export class CPNet {
       }),
     );
     return { spread, count };
-  }
-
-  // The dual step for a corrected residual, and a correction of the field itself, from the U-Net's output: at the landmarks
-  // a factor and a vector (in units of the residual's size, frame of the spoke), on the grid a factor and an addition.
-  correct(net, conditions, problem, residual, linear) {
-    const {
-        mesh: { spokes },
-        born,
-      } = this,
-      { cos, sin } = born,
-      y = net.run(conditions),
-      channels = net.head.outputs;
-    const N = y.length / channels,
-      output = (c) => ({
-        x: new Float64Array(N).map((_, i) => y[i * channels + c]),
-        y: new Float64Array(N).map((_, i) => y[i * channels + c + 1]),
-      });
-    const spoke = (turns) => ({
-      x: new Float64Array(N).map((_, i) => cos[(turns * (i % spokes)) % spokes]),
-      y: new Float64Array(N).map((_, i) => sin[(turns * (i % spokes)) % spokes]),
-    });
-    const at = (field) => sample(this.withCentre(field), problem.places);
-    const gain = at(output(0)),
-      vector = at(times(output(2), spoke(1)));
-    const size = Math.sqrt(squares(residual, zeros(problem.count)) / problem.count);
-    const pulled = times(residual, gain),
-      pushed = times(problem.slope, vector),
-      wanted = zeros(problem.count);
-    for (const part of ["x", "y"]) {
-      for (let m = 0; m < problem.count; m++) {
-        wanted[part][m] = residual[part][m] + pulled[part][m] + size * pushed[part][m] - (linear ? linear[part][m] : 0);
-      }
-    }
-    const nu = born.field(problem.step(wanted).c),
-      factor = times(nu, output(4)),
-      addition = times(output(6), spoke(2));
-    for (const part of ["x", "y"])
-      for (let i = 0; i < N; i++) nu[part][i] += FIELD * (factor[part][i] + addition[part][i]);
-    return nu;
-  }
-
-  // the exact map of nu on the network's mesh, the chord step from there, and the next correction
-  look(problem, nu, conditions) {
-    const { mesh, born } = this,
-      faces = mesh.onFaces(this.withCentre(nu)),
-      mu = zeros(mesh.F);
-    for (let t = 0; t < mesh.F; t++) {
-      const factor = boundedFactor(faces.x[t], faces.y[t]);
-      mu.x[t] = factor * faces.x[t];
-      mu.y[t] = factor * faces.y[t];
-    }
-    if (!this.map.solve(mu)) throw new Error("CP-Net's coefficient has no map");
-    const f = this.map.normalised(),
-      best = fitMobius(sample(f, problem.places), problem.q),
-      w = moved(f, best);
-    const residual = minus(sample(w, problem.places), problem.q),
-      start = moved(mesh.z, problem.parameters);
-    const shift = minus(w, start),
-      shifted = { x: shift.x.subarray(1), y: shift.y.subarray(1) };
-    const linear = times(problem.slope, born.linear(problem, born.coefficients(nu)));
-    const chord = born.field(problem.step(minus(residual, linear)).c);
-    const fields = [
-      [nu, 2, 1],
-      [minus(chord, nu), 2, 1],
-      [shifted, 1, 5],
-    ];
-    this.show(this.two, fields, problem, [[negative(residual), 50]], false);
-    const [size, slope] = this.terms(nu),
-      miss = squares(residual, zeros(problem.count)) / problem.count;
-    const extra = [size + problem.b * slope, problem.g * miss, problem.promised].map((x) =>
-      Math.log10(Math.max(x, 1e-12)),
-    );
-    return this.correct(this.two, [...conditions, ...extra], problem, residual, linear);
-  }
-
-  // mean |mu|^2 and mean |grad mu|^2 of mu = T(nu), by the lumped mass and the edges of the grid
-  terms(nu) {
-    const {
-        mesh: { rings, spokes },
-        born: {
-          tables: { area },
-        },
-      } = this,
-      N = rings * spokes,
-      mu = zeros(N);
-    for (let i = 0; i < N; i++) {
-      const factor = boundedFactor(nu.x[i], nu.y[i]);
-      mu.x[i] = factor * nu.x[i];
-      mu.y[i] = factor * nu.y[i];
-    }
-    const gap = (i, j) => (mu.x[i] - mu.x[j]) ** 2 + (mu.y[i] - mu.y[j]) ** 2;
-    let size = 0,
-      slope = 0;
-    for (let i = 0; i < N; i++) {
-      const ring = Math.floor(i / spokes),
-        following = ring * spokes + ((i + 1) % spokes);
-      size += area[ring] * (mu.x[i] ** 2 + mu.y[i] ** 2);
-      slope += this.arcsTable[ring] * gap(i, following);
-      if (ring < rings - 1) slope += this.spokesTable[ring] * gap(i, i + spokes);
-    }
-    return [size / Math.PI, slope / Math.PI];
-  }
-
-  // values at the nodes of the rings as values at the mesh's vertices: the centre has the first ring's mean
-  withCentre({ x, y }) {
-    const { spokes, V } = this.mesh,
-      out = zeros(V);
-    out.x.set(x, 1);
-    out.y.set(y, 1);
-    out.x[0] = x.subarray(0, spokes).reduce((a, b) => a + b, 0) / spokes;
-    out.y[0] = y.subarray(0, spokes).reduce((a, b) => a + b, 0) / spokes;
-    return out;
   }
 }

@@ -109,7 +109,7 @@ export default {
     landmarks: "points",
     solver: "exact",
     mesh: "coarser",
-    looks: "0",
+    looks: "2",
     alpha: 1,
     beta: 0.01,
     gamma: 100000,

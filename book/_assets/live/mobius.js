@@ -83,15 +83,15 @@ function increment(p, q, [ax, ay, theta]) {
   return { cost, step: [dx * shrink, dy * shrink, turn] };
 }
 
-// Gauss-Newton steps from the best turn: what CP-Net does.
-export function fitMobius(p, q, steps = 4) {
+// Gauss-Newton steps from `start`, or else from the best turn: what CP-Net does.
+export function fitMobius(p, q, steps, start) {
   let x = 0,
     y = 0;
   for (let m = 0; m < p.x.length; m++) {
     x += q.x[m] * p.x[m] + q.y[m] * p.y[m];
     y += q.y[m] * p.x[m] - q.x[m] * p.y[m];
   }
-  let map = [0, 0, Math.atan2(y, x)];
+  let map = start ?? [0, 0, Math.atan2(y, x)];
   for (let k = 0; k < steps; k++) map = compose(map, increment(p, q, map).step);
   return map;
 }

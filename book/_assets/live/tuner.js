@@ -82,7 +82,7 @@ async function pass(bench, mesh, request) {
     begin = performance.now();
   if (problem.count > net.config.most)
     return { missing: `${problem.count} landmarks, and CP-Net takes at most ${net.config.most}` };
-  const nu = net.run(problem.p, problem.q, request, request.looks),
+  const nu = net.run(problem.p, problem.q, request, request.looks, mesh),
     solution = (mesh.map ??= new DiskMap(mesh));
   const { x, y } = mesh.onFaces(mesh.z),
     centres = Array.from(x, (u, t) => net.mesh.locate(u, y[t]));

@@ -1,0 +1,110 @@
+"""The benchmark's problems on real cortex, where a small landmark error cannot stand for a good map.
+
+Three sets: fsaverage5, either side onto the other, with half of its curves held out ("heldout"); fsaverage5's left side
+or a synthetic one with another mesh, warped in space, onto itself ("warp"): the same folds in another shape, so that
+the truth is known; conte69, whose sides correspond by vertex index and carry maps that take no part ("conte69").
+"""
+
+import numpy as np
+from scipy import sparse
+from scipy.spatial import Delaunay, cKDTree
+
+from ..files.conte69 import conte69
+from ..files.fsaverage import fsaverage5, named_sulci
+from ..plane.beltrami import signed_areas
+from ..registration.landmarks import curves_of_both, fundus_metric, fundus_path
+from ..surfaces.surface import Surface, mirror
+from .pairs import Pair, mapped
+
+PARTS = {"first half": slice(0, None, 2), "second half": slice(1, None, 2), "all": slice(None)}  # that is fitted
+HALVES = tuple(PARTS)[:2]
+AMPLITUDES = (6.0, 9.0, 12.0)  # mm, root mean square over the vertices: of the warps
+BUMPS, WIDTH = 40, 22.0  # of a warp: how many Gaussians push, and their standard deviation in mm
+STRETCH = (1.06, 0.95, 1.0)  # along the axes, after the warp
+
+
+def fsaverage_side(hemisphere):
+    """One side of fsaverage5, the right one mirrored, with its named sulci as curves, `Mapped`."""
+    surface = fsaverage5(hemisphere)
+    ends = named_sulci(hemisphere, surface.original_vertices)
+    return mapped(with_curves(surface if hemisphere == "left" else mirror(surface), ends))
+
+
+def with_curves(surface, ends):
+    """A surface with the shortest fundus paths between pairs of its vertices, name -> (start, end), as its curves."""
+    metric = fundus_metric(surface)
+    curves = {name: fundus_path(surface, *pair, metric) for name, pair in ends.items()}
+    return Surface(surface.vertices, surface.faces, curves)
+
+
+def heldout_pair(moving, control, part):
+    """Two sides of a brain, of whose curves a part is fitted and the others are held out."""
+    fitted, held = parted(curves_of_both(moving.surface, control.surface), part)
+    return Pair(moving, control, fitted, held=held, there_and_back=True)
+
+
+def parted(curves, part):
+    """(fitted, held) curves of a part of `PARTS`."""
+    fitted = curves[PARTS[part]]
+    return tuple(fitted), tuple(curve for curve in curves if curve not in fitted)
+
+
+def warp_pair(control, amplitude):
+    """A surface with another mesh and in another shape onto itself: the true map is known at every vertex."""
+    faces, weights, curves = other_mesh(control)
+    surface = control.surface
+    place, disk = weights @ surface.vertices, weights @ control.z
+    moving = Surface(warped(place, amplitude) * STRETCH, faces, curves)
+    return Pair(mapped(moving), control, tuple(curves_of_both(moving, surface)), place, disk)
+
+
+def other_mesh(control):
+    """Another triangulation of a `Mapped` surface: faces (G, 3), where its vertices lie, sparse (W, V), and its curves.
+
+    The vertices of boundary and curves stay, every other one gives way to the centre of a face beside it; the faces are
+    Delaunay's in the disk, where angles are those in space.
+    """
+    surface, rng = control.surface, np.random.default_rng(0)
+    stay = np.unique(np.concatenate([surface.boundary, *surface.curves.values()]))
+    order = rng.permutation(len(surface.faces))
+    beside = np.empty(len(surface.vertices), int)
+    beside[surface.faces[order].ravel()] = np.repeat(order, 3)
+    centres = surface.faces[np.unique(np.delete(beside, stay))]
+    rows = np.concatenate([np.arange(len(stay)), len(stay) + np.repeat(np.arange(len(centres)), 3)])
+    columns = np.concatenate([stay, centres.ravel()])
+    values = np.concatenate([np.ones(len(stay)), np.full(centres.size, 1 / 3)])
+    shape = len(stay) + len(centres), len(surface.vertices)
+    weights = sparse.csr_array((values, (rows, columns)), shape=shape)
+    disk = weights @ control.z
+    faces = Delaunay(np.stack([disk.real, disk.imag], axis=1)).simplices.astype(np.int64)
+    turned = signed_areas(disk, faces) < 0
+    faces[turned] = faces[turned, ::-1]
+    return faces, weights, {name: np.searchsorted(stay, path) for name, path in surface.curves.items()}
+
+
+def warped(points, amplitude):
+    """Points (W, 3) pushed by a sum of random Gaussians, by `amplitude` mm in root mean square."""
+    rng = np.random.default_rng(round(amplitude))
+    centres = points[rng.choice(len(points), BUMPS, replace=False)]
+    weights = np.exp(-((points[:, None] - centres) ** 2).sum(-1) / (2 * WIDTH**2))
+    field = weights @ rng.normal(size=(BUMPS, 3))
+    return points + field * amplitude / np.sqrt((field**2).sum(1).mean())
+
+
+def conte69_sides():
+    """conte69's mirrored right side, its left side, both `Mapped` with the named sulci as curves, and its maps, right
+    before left. The curves' ends lie next to those on fsaverage5, which is in the same space."""
+    brain, sides = conte69(), []
+    for hemisphere, surface in (("right", brain.right), ("left", brain.left)):
+        template = fsaverage5(hemisphere)
+        ends, tree = named_sulci(hemisphere, template.original_vertices), cKDTree(surface.vertices)
+        nearest = {name: tree.query(template.vertices[list(pair)])[1] for name, pair in ends.items()}
+        sides.append(mapped(with_curves(surface if hemisphere == "left" else mirror(surface), nearest)))
+    return *sides, {name: pair[::-1] for name, pair in brain.maps.items()}
+
+
+def conte69_pair(sides, part):
+    """The mirrored right side of conte69 onto its left, whose vertex of the same number is the truth."""
+    right, left, maps = sides
+    fitted, held = parted(curves_of_both(right.surface, left.surface), part)
+    return Pair(right, left, fitted, left.surface.vertices, left.z, held=held, maps=maps)

@@ -1,0 +1,79 @@
+"""conte69, the average cortex of 69 young adults, and maps of the human brain on it, from the package brainspace.
+
+Its mesh is fs_LR (Van Essen et al. 2012), on which the two sides correspond vertex by vertex: a truth on real cortex.
+The maps (T1w/T2w, thickness, gradients of connectivity) are averages too, and took no part in making the mesh.
+"""
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ..surfaces.opening import open_surface
+from ..surfaces.surface import Surface, SurfaceError
+from .extras import require
+from .meshes import read_surface
+
+SIDES = {"left": "lh", "right": "rh"}
+MAPS = {
+    "T1w/T2w": "t1wt2w",
+    "thickness": "thickness",
+    "functional gradient": "fc_gradient0",
+    "microstructural gradient": "mpc_gradient0",
+}
+
+
+class Conte69(NamedTuple):
+    """Both sides of conte69, open at the medial wall, in mm; vertex k of one corresponds to vertex k of the other.
+
+    maps: name -> (left (V,), right (V,)), NaN where a map has no value.
+    """
+
+    left: Surface
+    right: Surface
+    maps: dict
+
+
+def conte69(folder=None):
+    """The two sides of conte69 and their maps: `Conte69`.
+
+    Both are cut by both sides' masks of the medial wall, so that their vertices keep corresponding. folder: of the data
+    sets of brainspace, found where the package is installed unless given (nothing of it is imported). ImportError, with
+    what to install, without the package; SurfaceError where a file is missing or does not fit the others.
+    """
+    folder = installed_folder() if folder is None else Path(folder)
+    closed = {side: read_surface(folder / "surfaces" / f"conte69_32k_{word}.gii") for side, word in SIDES.items()}
+    if not np.array_equal(edges(closed["left"]), edges(closed["right"])):
+        raise SurfaceError(f"{folder}: the two sides of conte69 differ in their mesh; install brainspace again")
+    count = len(closed["left"].vertices)
+    masks = [numbers(folder / "surfaces" / f"conte69_32k_{word}_mask.csv", count) for word in SIDES.values()]
+    (left, kept), (right, same) = (open_surface(closed[side], ~np.all(masks, axis=0)) for side in SIDES)
+    if not np.array_equal(kept, same):
+        raise SurfaceError(f"{folder}: the masks open the two sides of conte69 differently; install brainspace again")
+    maps = {
+        name: numbers(folder / "matrices" / "main_group" / f"conte69_32k_{word}.csv", 2 * count)
+        for name, word in MAPS.items()
+    }
+    return Conte69(left, right, {name: (values[kept], values[count:][kept]) for name, values in maps.items()})
+
+
+def edges(surface):
+    return np.sort(surface.edges, axis=1)
+
+
+def installed_folder():
+    """The folder of brainspace's data sets, found without importing it."""
+    require("conte69", "the surfaces of conte69")
+    return Path(find_spec("brainspace").submodule_search_locations[0], "datasets")
+
+
+def numbers(path, count):
+    """The `count` numbers of a text file, NaN where it says so, or SurfaceError."""
+    try:
+        values = np.loadtxt(path, delimiter=",").ravel()
+    except (OSError, ValueError) as error:
+        raise SurfaceError(f"{path}: cannot be read ({error}); install brainspace again") from None
+    if len(values) != count:
+        raise SurfaceError(f"{path}: {len(values)} numbers for {count} vertices; install brainspace again")
+    return values
