@@ -16,6 +16,7 @@ from data_synth.fields import KINDS, random_coefficient
 from qclearn.benchmark.pairs import fsaverage_pair, prepare
 from qclearn.nets import WeightsError, load
 from qclearn.nets.networks import PAPER_GAMMAS
+from qclearn.nets.weights import FOLDER, load_file
 from qclearn.plane.disk import BeltramiDiskSolver
 from qclearn.plane.diskmesh import polar_disk, sampling_matrix
 from qclearn.plane.fields import bounded
@@ -33,6 +34,7 @@ POINTS = 10  # on each curve
 EACH = 16  # problems of each kind
 LOOKS = 3
 SEED = 5301
+CONTROLS = FOLDER / "controls"  # the paper's CP-Net through the solvers that it is not shipped for
 PAPERS = {name: Weights(1.0, 1.0, float(name)) for name in ("1e4", "1e5", "2e5")}
 
 
@@ -63,6 +65,7 @@ def figures(seeds, quick=False):
         "bands": bands(rows["random"] + rows["default"]),
         "named": named,
         "paper": paper(landmarks, quick),
+        "controls": controls(landmarks, quick),
         "ranges": {"beta / alpha": net.config.smooth, "gamma / alpha": net.config.match},
         "maps": net.config.looks,
         "latency_ms": latency(net, problems),
@@ -213,65 +216,57 @@ def bands(rows, edges=(0, 3, 4, 5, 8)):
 
 
 def paper(subjects, quick):
-    """The paper's preset, one control, against the fit: gamma -> means over subjects (M,).
-
-    "dbsnet_...": by the map of the paper's DBS-Net, through which it was trained and which the paper's own table is
-    about; "error", "loss_ratio" and |mu|: by the exact map of the same coefficient.
-    """
+    """The paper's preset, one control, against the fit: gamma -> `printed`."""
     found = {}
     for gamma in PAPER_GAMMAS[:1] if quick else PAPER_GAMMAS:
         try:
-            net = load("cpnet", "paper", gamma)
+            found[f"{gamma:.0e}".replace("e+0", "e")] = printed(load("cpnet", "paper", gamma), subjects, quick)
         except WeightsError as error:
             print(f"without the paper's preset: {error}")
-            continue
-        rows, weights = [], Weights(1.0, 1.0, gamma)
-        for moving in subjects[: 1 if quick else 12]:
-            p, q = aligned(moving, net.targets.numpy().astype(complex))
-            problem = Problem(*MESH, p, q)
-            fit = fit_problem(problem, weights)
-            start = time.process_time()
-            mu = net.predict(*MESH, p, q)
-            passed = time.process_time() - start
-            answer = exact_map(problem, mu)
-            through = moved_map(problem, load("dbsnet", "paper").solve(*MESH, mu))
-            rows.append(
-                [
-                    abs(p - q).mean(),
-                    fit.landmark_error,
-                    answer.landmark_error,
-                    abs(fit.mu).mean(),
-                    abs(answer.mu).mean(),
-                    len(answer.flipped) > 0,
-                    passed,
-                    measured(problem, weights, answer)["L_CP"] / measured(problem, weights, fit)["L_CP"],
-                    through.landmark_error,
-                    len(through.flipped) > 0,
-                    abs(through.mu).mean(),
-                ]
-            )
-        keys = (
-            "before",
-            "fit_error",
-            "error",
-            "fit_mean_abs_mu",
-            "mean_abs_mu",
-            "folded",
-            "seconds",
-            "loss_ratio",
-            "dbsnet_error",
-            "dbsnet_folded",
-            "dbsnet_mean_abs_mu",
-        )
-        means = dict(zip(keys, np.mean(rows, axis=0).tolist()))
-        name = f"{gamma:.0e}".replace("e+0", "e")
-        found[name] = {
-            **means,
-            "problems": len(rows),
-            "error_ratio": means["error"] / means["fit_error"],
-            "dbsnet_error_ratio": means["dbsnet_error"] / means["fit_error"],
-        }
     return found
+
+
+def controls(subjects, quick):
+    """The printed network trained through each solver, the same in all else: name of the solver -> `printed`."""
+    networks = [load("cpnet", "paper", 1e5), *map(load_file, sorted(CONTROLS.glob("*.safetensors")))]
+    return {net.config.through: printed(net, subjects, quick) for net in networks}
+
+
+def printed(net, subjects, quick):
+    """Means over subjects (M,) of one network of the printed kind.
+
+    "dbsnet_...": by the map of the paper's DBS-Net, which the paper's own table is about; "error", "loss_ratio" and
+    |mu|: by the exact map of the same coefficient.
+    """
+    rows, weights = [], Weights(1.0, 1.0, net.config.gamma)
+    for moving in subjects[: 1 if quick else 12]:
+        p, q = aligned(moving, net.targets.numpy().astype(complex))
+        problem = Problem(*MESH, p, q)
+        fit = fit_problem(problem, weights)
+        start = time.process_time()
+        mu = net.predict(*MESH, p, q)
+        passed = time.process_time() - start
+        answer = exact_map(problem, mu)
+        through = moved_map(problem, load("dbsnet", "paper").solve(*MESH, mu))
+        losses = {name: measured(problem, weights, one)["L_CP"] for name, one in (("fit", fit), ("net", answer))}
+        rows.append(
+            {
+                "before": abs(p - q).mean(),
+                "fit_error": fit.landmark_error,
+                "error": answer.landmark_error,
+                "fit_mean_abs_mu": abs(fit.mu).mean(),
+                "mean_abs_mu": abs(answer.mu).mean(),
+                "folded": len(answer.flipped) > 0,
+                "seconds": passed,
+                "loss_ratio": losses["net"] / losses["fit"],
+                "dbsnet_error": through.landmark_error,
+                "dbsnet_folded": len(through.flipped) > 0,
+                "dbsnet_mean_abs_mu": abs(through.mu).mean(),
+            }
+        )
+    means = {key: float(np.mean([row[key] for row in rows])) for key in rows[0]}
+    ratios = {f"{name}_ratio": means[name] / means["fit_error"] for name in ("error", "dbsnet_error")}
+    return means | ratios | {"problems": len(rows)}
 
 
 def latency(net, problems, repeats=10):
