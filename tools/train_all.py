@@ -29,7 +29,6 @@ FOLDER = user_cache_path("qclearn") / "training" / "runs"
 LOSSES = ("energy", "maps", "rows")  # of the paper's DBS-Net
 STEPS = (1_100, 4_400, 17_600)  # the same, each with a whole cosine
 SMALL, SMALL_STEPS = {"size": 16, "frequencies": 4}, (1_100, 4_400)  # minutes each: the curves' shape, soon
-CONTROL_STEPS = 3_300  # of the paper's CP-Net: under 40 minutes of one core through each solver
 WINNER = "exact"  # through which the paper's CP-Net is trained for its other weights
 
 
@@ -57,7 +56,7 @@ def dbsnet(loss, steps, **sizes):
 
 
 def cpnet(through, gamma):
-    return Run("cpnet", {"preset": "paper", "through": through}, float(gamma), CONTROL_STEPS)
+    return Run("cpnet", {"preset": "paper", "through": through}, float(gamma))
 
 
 def main():
