@@ -3,6 +3,7 @@
 from functools import cached_property
 
 import numpy as np
+import scipy
 import shapely
 from jaxtyping import Complex, Float, Integer
 from numpy import ndarray
@@ -10,7 +11,9 @@ from scipy import sparse
 
 from .checks import BeltramiError, check_faces, check_mesh, planar_points
 
-WALK = 6  # faces that a point may have left behind since it was looked up
+WALK = 12  # faces that a point may lie away from where it is looked for first
+LOST, BEYOND = -1, -2  # in place of a face: not found on the way there; across the boundary of a convex polygon
+FEW = 0.25  # share of the faces of which polygons are built at once
 INSET = 1e-4  # share of the radius that points moved onto the boundary polygon stay inside it
 
 
@@ -118,33 +121,35 @@ def locate(
         )
     corners, wanted = _pairs(z[faces]), _pairs(points)
     low, high = wanted.min(0, initial=np.inf), wanted.max(0, initial=-np.inf)
-    # Building polygons takes the longest: only where they are needed.
-    return Lookup(z, faces, np.flatnonzero(((corners.max(1) >= low) & (corners.min(1) <= high)).all(1)))(points)
+    near = np.flatnonzero(((corners.max(1) >= low) & (corners.min(1) <= high)).all(1))
+    return Lookup(z, faces, near if len(near) < FEW * len(faces) else None)(points)
 
 
 class Lookup:
     """Where points lie in one disk mesh, for many questions: `lookup(points)` as `locate`, its search tree kept.
 
-    z (V,) complex, faces (F, 3), near: the faces in which points can lie, all unless given. Nothing is checked.
+    z (V,) complex, faces (F, 3), near: the few faces in which points can lie, None for all. Nothing is checked.
     `lookup(points, guess)` tries the faces `guess` (P,) first, and their neighbours: soon done where points have moved
-    little since they were found there.
+    little since they were found there. Without, it begins at the nearest vertices.
     """
 
     def __init__(self, z, faces, near=None):
-        self.z, self.faces = z, faces
-        self.near = np.arange(len(faces)) if near is None else near
+        self.z, self.faces, self.near = z, faces, near
 
     @cached_property
     def tree(self):
-        """The search tree of the faces: what takes the longest to build, and not needed where all guesses lead on."""
-        return shapely.STRtree(shapely.polygons(_pairs(self.z[self.faces[self.near]])))
+        """The search tree of the faces: what takes the longest to build, and not needed where all ways lead on."""
+        faces = self.faces if self.near is None else self.faces[self.near]
+        return shapely.STRtree(shapely.polygons(_pairs(self.z[faces])))
 
     def __call__(self, points, guess=None):
-        inside = np.full(len(points), -1) if guess is None else self._walk(points, guess)
-        lost = np.flatnonzero(inside < 0)
+        if guess is None and self.near is None:
+            guess = self._nearby(points)
+        inside = np.full(len(points), LOST) if guess is None else self._walk(points, guess)
+        lost = np.flatnonzero(inside == LOST)
         if len(lost):
             hit, face = self.tree.query(shapely.points(_pairs(points[lost])), predicate="intersects")
-            inside[lost[hit]] = self.near[face]
+            inside[lost[hit]] = face if self.near is None else self.near[face]
         outside = np.flatnonzero(inside < 0)
         if len(outside):
             points = points.copy()
@@ -152,7 +157,7 @@ class Lookup:
         return inside, _barycentric(self.z[self.faces[inside]], points)
 
     def _walk(self, points, face):
-        """The faces that hold points (P,), found from `face` (P,) across edges in a few steps; -1 where not."""
+        """The faces that hold points (P,), found from `face` (P,) across edges in a few steps; or LOST, or BEYOND."""
         face, at = face.copy(), np.arange(len(points))
         for _ in range(WALK):
             sides = _edge_distances(self.z[self.faces[face[at]]], points[at])
@@ -161,10 +166,28 @@ class Lookup:
             at, first = at[beyond], first[beyond]
             if not len(at):
                 return face
-            face[at] = self._neighbours[face[at], first]
-            at = at[face[at] >= 0]
-        face[at] = -1
+            across = self._neighbours[face[at], first]
+            if (across < 0).any():
+                across[across < 0] = self._out
+            face[at] = across
+            at = at[across >= 0]
+        face[at] = LOST
         return face
+
+    def _nearby(self, points):
+        """A face at the vertex nearest each of the points (P,)."""
+        at, face = np.unique(self.faces), np.empty(len(self.z), int)
+        face[self.faces.ravel()] = np.repeat(np.arange(len(self.faces)), 3)
+        tree = scipy.spatial.cKDTree(_pairs(self.z[at]), balanced_tree=False, compact_nodes=False)
+        return face[at[tree.query(_pairs(points))[1]]]
+
+    @cached_property
+    def _out(self):
+        """What a step across the boundary says of a point: in a convex polygon, that it lies BEYOND."""
+        rim = self.z[boundary_loop(self.faces)]
+        edges = np.roll(rim, -1) - rim
+        turns = np.angle(np.roll(edges, -1) / edges)
+        return BEYOND if turns.min() >= 0 and turns.sum() < 3 * np.pi else LOST
 
     @cached_property
     def _neighbours(self):

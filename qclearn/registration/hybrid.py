@@ -30,7 +30,7 @@ class Level(NamedTuple):
 
 
 # From fine features at once the map would run into the next best valley.
-LEVELS = (Level(16, None, 4), Level(16, 16.0, 4), Level(24, 8.0, 3), Level(32, FINEST, 2), Level(32, FINEST, 4, True))
+LEVELS = (Level(16, 32.0, 4), Level(16, 16.0, 4), Level(24, 8.0, 3), Level(32, FINEST, 2), Level(32, FINEST, 4, True))
 GUIDING_GAMMA = 1e2  # until the last level: a large one tears the map to the landmarks before features can lead it
 OVERFITS = 10.0  # delta above which a word is said
 
