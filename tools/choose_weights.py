@@ -1,12 +1,12 @@
-"""Measure which weights of the fit bring the truth nearest, on problems that no figure of the book is measured on.
+"""Measure which weights of the fit bring a map nearest to the truth.
 
     python tools/choose_weights.py --out qclearn/benchmark/kept/weights.json
 
 Synthetic subjects of other seeds than those of the benchmark and of the training sets, onto the benchmark's control:
 mean distance of their vertices near sulci from where they truly belong. Either side of fsaverage5 onto the other: mean
-distance of the curves that took no part. One figure judges, the geometric mean of the two in mm, among settings whose
-landmarks end at most ALLOWED from their targets; a default within CLOSE of the best stays. The page 'Registration'
-reads the file.
+distance of the curves that took no part; these problems are the benchmark's, too. One figure judges, the geometric mean
+of the two in mm, among settings whose landmarks end at most ALLOWED from their targets; a default within CLOSE of the
+best stays. The page 'Registration' reads the file.
 """
 
 import argparse
