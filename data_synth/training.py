@@ -22,7 +22,7 @@ from qclearn.plane.spectrum import Spectrum
 from qclearn.registration.fit import POWER
 from qclearn.registration.landmarks import sample_curve
 from qclearn.registration.looks import Link, Looks, refit
-from qclearn.registration.problem import Weights, distinct
+from qclearn.registration.problem import distinct
 from qclearn.surfaces.conformal import disk_conformal_map
 
 
@@ -85,7 +85,8 @@ def dbsnet(config, folder, quick=False):
 
 DATA_POINTS = 37  # on each curve: every fourth of them are the ten of preset `paper`
 LOOKS = 2  # on the network's own mesh, where the fields that CP-Net imitates come from
-DEFAULT, WILD = 0.3, 1.6  # share of examples at the default weights; |nu| beyond which one is drawn again
+STIFF = 1e-2, 1e5  # beta / alpha and gamma / alpha of the stiffest fit that is usual
+SHARE, WILD = 0.3, 1.6  # of examples that have these; |nu| beyond which one is drawn again
 TRAINING_SEEDS, VALIDATION_SEEDS = tuple(range(2001, 2097)), tuple(range(3001, 3013))  # none of the cohort's
 
 
@@ -116,7 +117,7 @@ class Pairs(Seeded):
     Targets are the curves of a subject, some of them or what lies between those of two, at several numbers of points,
     or points scattered over the disk. They are moved to another subject's curves, by a random map or by twists, now
     and then left unaligned. curves: (S, C, DATA_POINTS) complex, each subject in its own disk. logs: log10 of
-    beta / alpha and gamma / alpha, uniform over the ranges of the `BestCPNetConfig`, often those of the default.
+    beta / alpha and gamma / alpha, uniform over the ranges of the `BestCPNetConfig`, often those of STIFF.
     nu: the answer, after LOOKS looks on the network's own mesh, from the Born step on.
     """
 
@@ -134,8 +135,8 @@ class Pairs(Seeded):
             once = distinct(p, q)[: self.most]
             p, q = p[once], q[once]
             logs = np.array([rng.uniform(*limits) for limits in self.ranges])
-            if rng.random() < DEFAULT:
-                logs = np.log10([Weights().beta, Weights().gamma])
+            if rng.random() < SHARE:
+                logs = np.log10(STIFF)
             looks = Looks(self.link, p, q, *10**logs)
             born, *changes = looks.born()
             *_, (proposal, look) = looks.run(born, LOOKS)

@@ -32,7 +32,7 @@ from qclearn.group.workers import client_of
 from qclearn.registration.features import FOLDS
 from qclearn.registration.landmarks import curve_distance, curves_in_space
 from qclearn.registration.metrics import correspondence_measures, near_curves
-from qclearn.registration.problem import Weights
+from qclearn.registration.problem import DELTA, Weights
 from qclearn.registration.transfer import lift
 from qclearn.surfaces.curvature import curvature_image
 
@@ -128,7 +128,7 @@ def one_control(subjects, folder, workers):
         group.lay_upon_mean()
         group.kept, control = Folder(None, {}), group.median()
         first = alone(group.result(group.subjects[control], members[control]))
-        used = group.used(group.register_all(first, 1, Weights(delta=0.3)))
+        used = group.used(group.register_all(first, 1, Weights(delta=DELTA)))
         mean = group.average(first, used, first.disk)
     return members[control].name, mean, {members[k].name: f for k, f in used.items()}
 

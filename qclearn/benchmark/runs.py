@@ -6,6 +6,7 @@ import json
 from dataclasses import dataclass, field
 
 from ..methods.networks import network, networks_of
+from ..registration.problem import DELTA, Weights
 from .pairs import DETECTORS, SOURCES
 from .results import BenchmarkError
 
@@ -34,7 +35,8 @@ WEIGHED = (*KNOWN, "displacement", "fsaverage5")  # sets on which every weight o
 HELD_OUT = ("heldout", "conte69")  # sets with curves that take no part
 FOLDED = (*DETECTED, *HELD_OUT, "warp")  # all sets on which folds say where to go
 COARSE = (*WEIGHED, "heldout", "warp")  # all but the one of 29,000 vertices, for what takes long
-FINE = {"alpha": 1.0, "beta": 1e-2, "gamma": 1e5}  # the library's default; named where a run differs
+USUAL = {"alpha": Weights.alpha, "beta": Weights.beta, "gamma": Weights.gamma}  # named where a run differs
+HYBRID = USUAL | {"delta": DELTA}
 PRINTED = {"preset": "paper", "alpha": 1.0, "beta": 1.0}
 
 RUNS = (
@@ -55,15 +57,15 @@ RUNS = (
         )
         for gamma in ("1e4", "1e5", "2e5")
     ),
-    Run("Gauss-Newton", "gauss_newton", FINE, keep_field=True),
-    Run("Gauss-Newton, sliding", "gauss_newton", FINE | {"sliding": True}, sets=WEIGHED),
-    Run("Gauss-Newton (1, 0.01, 1e2)", "gauss_newton", FINE | {"gamma": 1e2}, sets=HELD_OUT),
-    Run("hybrid", "hybrid", FINE | {"delta": 0.3}, sets=FOLDED, keep_field=True),
-    Run("hybrid (1, 0.01, 1e2)", "hybrid", FINE | {"gamma": 1e2, "delta": 0.3}, sets=("fsaverage5", *HELD_OUT)),
-    Run("dense", "dense", {"delta": 0.3}, sets=FOLDED),
-    Run("landmark-free", "landmark_free", {"delta": 0.3}, sets=FOLDED),
-    Run("Gauss-Newton, path", "gauss_newton", FINE, "path", KNOWN),
-    Run("Gauss-Newton, exact landmarks", "gauss_newton", FINE, "exact", KNOWN),
+    Run("Gauss-Newton", "gauss_newton", USUAL, keep_field=True),
+    Run("Gauss-Newton, sliding", "gauss_newton", USUAL | {"sliding": True}, sets=WEIGHED),
+    Run("Gauss-Newton (1, 0.01, 1e5)", "gauss_newton", USUAL | {"gamma": 1e5}),
+    Run("hybrid", "hybrid", HYBRID, sets=FOLDED, keep_field=True),
+    Run("hybrid (1, 0.01, 1e5)", "hybrid", HYBRID | {"gamma": 1e5}, sets=("fsaverage5", *HELD_OUT)),
+    Run("dense", "dense", {"delta": DELTA}, sets=FOLDED),
+    Run("landmark-free", "landmark_free", {"delta": DELTA}, sets=FOLDED),
+    Run("Gauss-Newton, path", "gauss_newton", USUAL, "path", KNOWN),
+    Run("Gauss-Newton, exact landmarks", "gauss_newton", USUAL, "exact", KNOWN),
     # The paper's CP-Net has weights for one control and each gamma.
     *(
         Run(
@@ -78,15 +80,15 @@ RUNS = (
     ),
     Run("paper's networks (1, 1, 1e5), LD-Net", "cpnet_dbsnet", PRINTED | {"gamma": 1e5}, "ldnet_paper", ("cohort",)),
     Run("paper's networks (1, 1, 1e5), path", "cpnet_dbsnet", PRINTED | {"gamma": 1e5}, "path", ("cohort",)),
-    Run("CP-Net and DBS-Net", "cpnet_dbsnet", FINE, sets=WEIGHED, keep_field=True),
-    Run("CP-Net and DBS-Net, LD-Net", "cpnet_dbsnet", FINE, "ldnet", DETECTED),
-    Run("CP-Net, exact solver", "cpnet_exact", FINE, sets=WEIGHED),
-    Run("CP-Net, 1 step", "cpnet_steps", FINE | {"steps": 1}),
-    Run("CP-Net, 2 steps", "cpnet_steps", FINE | {"steps": 2}, sets=WEIGHED),
-    Run("CP-Net, 1 step, LD-Net", "cpnet_steps", FINE | {"steps": 1}, "ldnet", DETECTED),
-    Run("CP-Net, 1 step, path", "cpnet_steps", FINE | {"steps": 1}, "path", KNOWN),
-    Run("coarse fit, 1 step", "coarse_steps", FINE, sets=WEIGHED),
-    Run("guarded networks", "guarded", FINE, sets=WEIGHED),
+    Run("CP-Net and DBS-Net", "cpnet_dbsnet", USUAL, sets=WEIGHED, keep_field=True),
+    Run("CP-Net and DBS-Net, LD-Net", "cpnet_dbsnet", USUAL, "ldnet", DETECTED),
+    Run("CP-Net, exact solver", "cpnet_exact", USUAL, sets=WEIGHED),
+    Run("CP-Net, 1 step", "cpnet_steps", USUAL | {"steps": 1}),
+    Run("CP-Net, 2 steps", "cpnet_steps", USUAL | {"steps": 2}, sets=WEIGHED),
+    Run("CP-Net, 1 step, LD-Net", "cpnet_steps", USUAL | {"steps": 1}, "ldnet", DETECTED),
+    Run("CP-Net, 1 step, path", "cpnet_steps", USUAL | {"steps": 1}, "path", KNOWN),
+    Run("coarse fit, 1 step", "coarse_steps", USUAL, sets=WEIGHED),
+    Run("guarded networks", "guarded", USUAL, sets=WEIGHED),
 )
 # Fits along a front, for comparisons at equal distortion: as little of it as the harmonic maps have, hardly smoothed,
 # and as free as they on a mesh like the subject's. They take a third of the time of all runs.

@@ -15,6 +15,7 @@ from ..registration.features import FOLDS, Feature, FeatureError
 from ..registration.landmarkfile import read_landmarks
 from ..registration.landmarks import curves_of_both
 from ..registration.mapfile import write_registration
+from ..registration.problem import DELTA, Weights
 from ..registration.register import register as run_registration
 from .output import fail, output_folder
 
@@ -37,10 +38,10 @@ from .output import fail, output_folder
     help="Landmark error in the disk above which a network's map is refined by "
     "Gauss-Newton steps (inf: never)  [default: 0.005]",
 )
-@click.option("--alpha", type=float, default=1.0, show_default=True, help="Weight of |mu|^2.")
-@click.option("--beta", type=float, default=1e-2, show_default=True, help="Weight of |grad mu|^2.")
-@click.option("--gamma", type=float, default=1e5, show_default=True, help="Weight of the landmark mismatch.")
-@click.option("--delta", type=float, default=0.3, show_default=True, help="Weight of the features' mismatch.")
+@click.option("--alpha", type=float, default=Weights.alpha, show_default=True, help="Weight of |mu|^2.")
+@click.option("--beta", type=float, default=Weights.beta, show_default=True, help="Weight of |grad mu|^2.")
+@click.option("--gamma", type=float, default=Weights.gamma, show_default=True, help="Weight of the landmark mismatch.")
+@click.option("--delta", type=float, default=DELTA, show_default=True, help="Weight of the features' mismatch.")
 @click.option(
     "--feature",
     "given",

@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from ..files.provenance import commit
 from ..registration.features import FOLDS
-from ..registration.problem import Weights
+from ..registration.problem import DELTA, Weights
 from ..registration.register import check_delta
 from ..surfaces.surface import Surface
 from .kept import Folder, TemplateError
@@ -50,7 +50,7 @@ def template(
     subjects: list | tuple | dict,
     features: list | tuple = FOLDS,
     rounds: int = 4,
-    delta: float = 0.3,
+    delta: float = DELTA,
     folder: str | Path | None = None,
     scheduler: str | None = None,
     workers: int = 2,

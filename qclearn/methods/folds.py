@@ -5,11 +5,11 @@ from dataclasses import replace
 from ..registration.checked import bijective_fit
 from ..registration.features import FOLDS, Features, check_features
 from ..registration.preparation import lay_upon, moved_disk, sampled
-from ..registration.problem import LandmarkError, Problem, Weights
+from ..registration.problem import DELTA, LandmarkError, Problem, Weights
 from .solver import report
 
 
-def hybrid(problem, alpha=1.0, beta=1e-2, gamma=1e5, delta=0.3):
+def hybrid(problem, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma, delta=DELTA):
     """Landmarks and folds in one fit, the default of `register`: f (V,).
 
     The least `alpha mean|nu|^2 + beta mean|grad nu|^2 + gamma mean|M(f(p)) - q|^2 + delta` times the mismatch of depth
@@ -18,14 +18,14 @@ def hybrid(problem, alpha=1.0, beta=1e-2, gamma=1e5, delta=0.3):
     return by_folds(problem, Weights(alpha, beta, gamma, delta))
 
 
-def dense(problem, alpha=1.0, beta=1e-2, delta=0.3):
+def dense(problem, alpha=Weights.alpha, beta=Weights.beta, delta=DELTA):
     """`hybrid` with gamma = 0: folds alone, from the landmarks' best Möbius map on, f (V,)."""
     sides = sides_of(problem)
     z, _ = moved_disk(sides.moving, problem.z, problem.mobius)
     return by_folds(Problem(z, problem.faces, [], [], fewest=0, sides=sides), Weights(alpha, beta, delta=delta))
 
 
-def landmark_free(problem, alpha=1.0, beta=1e-2, delta=0.3):
+def landmark_free(problem, alpha=Weights.alpha, beta=Weights.beta, delta=DELTA):
     """Folds alone, from the Möbius map that they give themselves: no landmark is looked at, f (V,)."""
     sides = replace(sides_of(problem), entries=[], held=[], features=features_of(problem))
     lay_upon(sides)

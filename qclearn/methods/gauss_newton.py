@@ -18,7 +18,7 @@ from .solver import report
 COARSE, MESH = polar_disk(24, 72, POWER), polar_disk(32, 96, POWER)  # of CP-Net, and of the few steps
 
 
-def gauss_newton(problem, alpha=1.0, beta=1e-2, gamma=1e5, sliding=False, rings=None):
+def gauss_newton(problem, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma, sliding=False, rings=None):
     """`fit_landmarks`: the least `alpha mean|nu|^2 + beta mean|grad nu|^2 + gamma mean|M(f(p)) - q|^2`, f (V,).
 
     sliding: inner points of a curve may move along their target curve; rings: of the mesh that carries nu. A
@@ -31,7 +31,7 @@ def gauss_newton(problem, alpha=1.0, beta=1e-2, gamma=1e5, sliding=False, rings=
 
 
 @threadpool_limits.wrap(limits=1)
-def coarse_steps(problem, steps=1, alpha=1.0, beta=1e-2, gamma=1e5):
+def coarse_steps(problem, steps=1, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma):
     """`few_steps` from the same fit on a coarse polar mesh, run until it settles there: CP-Net's exact twin, f (V,)."""
     weights, (grid, triangles), (finer, faces) = Weights(alpha, beta, gamma), COARSE, MESH
     engine = GaussNewton(problem, COARSE, weights)

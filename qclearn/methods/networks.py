@@ -32,7 +32,7 @@ def proposed(problem, preset, weights):
     return predicted(network("cpnet", preset, weights.gamma).predict, problem, weights)
 
 
-def cpnet_dbsnet(problem, preset="best", alpha=1.0, beta=1e-2, gamma=1e5):
+def cpnet_dbsnet(problem, preset="best", alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma):
     """M after DBS-Net's map for CP-Net's mu, M the best disk Möbius map for the landmarks: as it comes, folds and all.
 
     Source: paper, section 'Landmark-based Brain Cortical Surface Registration'.
@@ -42,7 +42,7 @@ def cpnet_dbsnet(problem, preset="best", alpha=1.0, beta=1e-2, gamma=1e5):
     return moved_map(problem, f).f
 
 
-def cpnet_exact(problem, preset="best", alpha=1.0, beta=1e-2, gamma=1e5):
+def cpnet_exact(problem, preset="best", alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma):
     """The same with the exact solver in DBS-Net's place; a RepairWarning says if rows were switched against folds."""
     mu = proposed(problem, preset, Weights(alpha, beta, gamma))
     found = exact_map(problem, mu)
@@ -50,13 +50,13 @@ def cpnet_exact(problem, preset="best", alpha=1.0, beta=1e-2, gamma=1e5):
     return found.f
 
 
-def cpnet_steps(problem, preset="best", steps=1, alpha=1.0, beta=1e-2, gamma=1e5):
+def cpnet_steps(problem, preset="best", steps=1, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma):
     """`few_steps` from CP-Net's mu: at most so many Gauss-Newton steps on a polar mesh, then one exact solve."""
     (z, faces), weights = MESH, Weights(alpha, beta, gamma)
     return few_steps(problem, proposed(replace(problem, z=z, faces=faces), preset, weights), steps, weights)
 
 
-def guarded(problem, alpha=1.0, beta=1e-2, gamma=1e5, tolerance=TIGHT_TOLERANCE):
+def guarded(problem, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma, tolerance=TIGHT_TOLERANCE):
     """What `register(method="network", tolerance=tolerance)` does, but for 2e-3: the networks, their exact twins where
     they fold or miss.
 

@@ -107,7 +107,18 @@ class BestCPNet(nn.Module):
 
     @inference
     @threadpool_limits.wrap(limits=1)
-    def predict(self, z, faces, moving, target, alpha=1.0, beta=1e-2, gamma=1e5, curve=None, looks=None):
+    def predict(
+        self,
+        z,
+        faces,
+        moving,
+        target,
+        alpha=Weights.alpha,
+        beta=Weights.beta,
+        gamma=Weights.gamma,
+        curve=None,
+        looks=None,
+    ):
         """mu (F,) on a disk mesh z (V,), faces (F, 3) whose map takes `moving` to `target` (M,), as `fit_landmarks`.
 
         The map is `solve_beltrami_disk(z, faces, mu)` and the best Möbius map after it. looks: how many exact maps of

@@ -12,6 +12,7 @@ from ..plane.diskmesh import polar_disk
 from ..plane.mobius import mobius
 from ..registration.fit import POWER, fit_problem
 from ..registration.metrics import measured_losses
+from ..registration.problem import Weights
 from ..registration.register import load
 from .canvas import Canvas
 from .explore_boundary import Boundary
@@ -141,9 +142,9 @@ class Tuner(Live):
             "solver": "exact",
             "mesh": "coarser",
             "looks": "2",
-            "alpha": 1.0,
-            "beta": 0.01,
-            "gamma": 100_000.0,
+            "alpha": Weights.alpha,
+            "beta": Weights.beta,
+            "gamma": Weights.gamma,
             "lambda": 10.0,
             "starts": {},
             "targets": {},

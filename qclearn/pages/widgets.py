@@ -242,9 +242,9 @@ class Tuner(ipywidgets.VBox):
         self.canvas, names = None, list(self.examples)
         self.problem = ipywidgets.Dropdown(options=names, value=names[0], description="problem", layout=WIDE)
         self.landmarks = ipywidgets.Dropdown(options=["points", "sliding"], description="landmarks", layout=WIDE)
-        self.alpha = power_slider("α", 1.0, -2, 2, "weight of |μ|²")
-        self.beta = power_slider("β", 1e-2, -4, 1, "weight of |∇μ|²")
-        self.gamma = power_slider("γ", 1e5, 0, 7, "weight of the landmark mismatch")
+        self.alpha = power_slider("α", Weights.alpha, -2, 2, "weight of |μ|²")
+        self.beta = power_slider("β", Weights.beta, -4, 1, "weight of |∇μ|²")
+        self.gamma = power_slider("γ", Weights.gamma, 0, 7, "weight of the landmark mismatch")
         self.delta = ipywidgets.SelectionSlider(
             options=DELTAS, description="δ", tooltip="weight of the folds' mismatch", layout=WIDE
         )

@@ -17,7 +17,7 @@ from .checked import TOLERANCE, bijective_fit, gamma_words, guarded_map, predict
 from .features import FOLDS, Features, check_features
 from .landmarkfile import check_curves, held_apart
 from .preparation import Sides, conformal, lay_upon, sampled
-from .problem import LandmarkError, Weights
+from .problem import DELTA, LandmarkError, Weights
 from .report import report_of
 from .transfer import lift
 
@@ -88,14 +88,14 @@ def register(
     control: Surface,
     curves: dict | list,
     method: str = "exact",
-    alpha: float = 1.0,
-    beta: float = 1e-2,
-    gamma: float = 1e5,
+    alpha: float = Weights.alpha,
+    beta: float = Weights.beta,
+    gamma: float = Weights.gamma,
     sliding: bool = False,
     progress: bool = False,
     tolerance: float | None = None,
     features: list | tuple | None = FOLDS,
-    delta: float = 0.3,
+    delta: float = DELTA,
     hold_out: list | tuple = (),
 ) -> Registration:
     """Register the moving surface to the control surface by landmark curves and folds: a Registration, certified

@@ -24,7 +24,7 @@ from qclearn.registration import register as pipeline
 from qclearn.registration.certified import exact_map
 from qclearn.registration.fit import fit_landmarks, fit_problem
 from qclearn.registration.landmarks import detect_curves, sample_curve
-from qclearn.registration.problem import LandmarkError
+from qclearn.registration.problem import LandmarkError, Weights
 from qclearn.registration.register import check_curves
 from qclearn.registration.transfer import lift, transfer
 from qclearn.surfaces.conformal import disk_conformal_map
@@ -117,7 +117,7 @@ def test_the_report_has_the_agreed_keys_and_is_json(turned):
     assert set(report) >= REPORT and set(report) - REPORT == {"curves"}
     assert json.loads(json.dumps(report, allow_nan=False)) == report
     assert report["fallbacks"] == report["suspect"] == [] and report["method"] == "exact"
-    assert (report["alpha"], report["beta"], report["gamma"]) == (1.0, 1e-2, 1e5)
+    assert [report[name] for name in ("alpha", "beta", "gamma")] == [Weights.alpha, Weights.beta, Weights.gamma]
     stages = dict(report["seconds"])
     assert stages.pop("total") == pytest.approx(sum(stages.values()), abs=1e-3) and min(stages.values()) >= 0
 
@@ -202,7 +202,7 @@ def folding_above(monkeypatch):
 
 def test_where_the_fit_folds_gamma_is_lowered_and_the_report_says_so(folding_above):
     folding_above(2e3)
-    report = register(bowl(0.6), bowl(0.9), entries(0)).report
+    report = register(bowl(0.6), bowl(0.9), entries(0), gamma=1e5).report
     assert report["fallbacks"] == ["gamma lowered to 1000"] and report["bijective"]
 
 
@@ -211,7 +211,7 @@ def test_a_fit_that_folds_at_every_gamma_is_refused(folding_above):
     with pytest.raises(
         BijectivityError, match=r"down to gamma = 10 \(1 faces flipped\); check that no two curves cross"
     ):
-        register(bowl(0.6), bowl(0.9), entries(0))
+        register(bowl(0.6), bowl(0.9), entries(0), gamma=1e5)
 
 
 def test_sliding_costs_less_distortion():

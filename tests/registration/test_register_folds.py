@@ -100,7 +100,7 @@ def test_delta_is_lowered_before_gamma(monkeypatch):
         return fit if weights.gamma < 1e4 else replace(fit, bijective=False, flipped=np.array([7]))
 
     monkeypatch.setattr("qclearn.registration.checked.fit_registration", folding)
-    report = register(MOVING, CONTROL, entries(0), features=FEATURES[:1], delta=0.4).report
+    report = register(MOVING, CONTROL, entries(0), features=FEATURES[:1], gamma=1e5, delta=0.4).report
     assert tried == [(0.4, 1e5), (0.1, 1e5), (0.1, 1e4), (0.1, 1e3)]
     assert report["fallbacks"] == ["delta lowered to 0.1", "gamma lowered to 1000"]
 

@@ -112,7 +112,7 @@ export default {
     looks: "2",
     alpha: 1,
     beta: 0.01,
-    gamma: 100000,
+    gamma: 1000,
     lambda: 10,
     starts: {},
     targets: {},
