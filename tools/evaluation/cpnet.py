@@ -9,6 +9,7 @@ import time
 from itertools import islice, pairwise
 
 import numpy as np
+from platformdirs import user_cache_path
 
 import qclearn as qc
 from data_synth.cohort import hemispheres
@@ -16,7 +17,7 @@ from data_synth.fields import KINDS, random_coefficient
 from qclearn.benchmark.pairs import fsaverage_pair, prepare
 from qclearn.nets import WeightsError, load
 from qclearn.nets.networks import PAPER_GAMMAS
-from qclearn.nets.weights import FOLDER, load_file
+from qclearn.nets.weights import load_file
 from qclearn.plane.disk import BeltramiDiskSolver
 from qclearn.plane.diskmesh import polar_disk, sampling_matrix
 from qclearn.plane.fields import bounded
@@ -34,7 +35,7 @@ POINTS = 10  # on each curve
 EACH = 16  # problems of each kind
 LOOKS = 3
 SEED = 5301
-CONTROLS = FOLDER / "controls"  # the paper's CP-Net through the solvers that it is not shipped for
+CONTROLS = user_cache_path("qclearn") / "training" / "runs"  # of tools/train_all.py
 PAPERS = {name: Weights(1.0, 1.0, float(name)) for name in ("1e4", "1e5", "2e5")}
 
 
@@ -227,9 +228,14 @@ def paper(subjects, quick):
 
 
 def controls(subjects, quick):
-    """The printed network trained through each solver, the same in all else: name of the solver -> `printed`."""
-    networks = [load("cpnet", "paper", 1e5), *map(load_file, sorted(CONTROLS.glob("*.safetensors")))]
-    return {net.config.through: printed(net, subjects, quick) for net in networks}
+    """The printed network trained through each solver, the same in all else: name of the solver -> `printed`.
+
+    One is shipped; the others are read from where tools/train_all.py has left them, if it has.
+    """
+    shipped = load("cpnet", "paper", 1e5)
+    trained = sorted(CONTROLS.glob("cpnet-paper-g1e5-*/cpnet-*.safetensors"))
+    networks = {net.config.through: net for net in (*map(load_file, trained), shipped)}
+    return {name: printed(net, subjects, quick) for name, net in networks.items()}
 
 
 def printed(net, subjects, quick):
