@@ -16,7 +16,7 @@ from qclearn.registration.features import Feature, FeatureError
 from qclearn.registration.hybrid import fit_registration
 from qclearn.registration.landmarkfile import held_apart
 from qclearn.registration.landmarks import detect_curves
-from qclearn.registration.problem import LandmarkError
+from qclearn.registration.problem import DELTA, LandmarkError
 from qclearn.registration.register import register
 
 MOVING, CONTROL = bowl(0.6), bowl(1.2)  # vertices of the same number belong together
@@ -162,7 +162,7 @@ def test_neither_landmarks_nor_features_is_refused():
 
 def test_folds_lead_unless_they_are_told_not_to():
     report = register(MOVING, CONTROL, entries(0), gamma=1e2).report
-    assert list(report["features"]) == list(report["r"]) == ["depth", "curvature"] and report["delta"] == 0.3
+    assert list(report["features"]) == list(report["r"]) == ["depth", "curvature"] and report["delta"] == DELTA
 
 
 @pytest.mark.parametrize("names", [None, 5, [1, "a"], [["a"]]])
