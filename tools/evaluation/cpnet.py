@@ -36,6 +36,7 @@ EACH = 16  # problems of each kind
 LOOKS = 3
 SEED = 5301
 CONTROLS = user_cache_path("qclearn") / "training" / "runs"  # of tools/train_all.py
+FIXED = {"default": Weights(), "stiff": Weights(gamma=1e5)}
 PAPERS = {name: Weights(1.0, 1.0, float(name)) for name in ("1e4", "1e5", "2e5")}
 
 
@@ -49,12 +50,12 @@ def figures(seeds, quick=False):
     landmarks = curves_of(seeds[:2] if quick else seeds[: EACH + 1], size)
     makers = {"other seeds": subjects(landmarks), "scattered": scattered(rng), "real": real(rng)}
     problems = {kind: list(islice(maker, 1 if quick else EACH)) for kind, maker in makers.items()}
-    rows = {"random": [], "default": []}
+    rows = {"random": [], **{name: [] for name in FIXED}}
     for kind, some in problems.items():
         for problem in some:
-            for name, weights in (("random", random_weights(net.config, rng)), ("default", Weights())):
+            for name, weights in {"random": random_weights(net.config, rng), **FIXED}.items():
                 rows[name].append({"kind": kind, **compare(net, problem, weights)})
-    named = {"default": summary(rows["default"])}
+    named = {name: summary(rows[name]) for name in FIXED}
     for name, weights in list(PAPERS.items())[: 1 if quick else None]:
         named[name] = summary([compare(net, problem, weights) for problem in problems["other seeds"][:8]])
     return {
@@ -63,14 +64,14 @@ def figures(seeds, quick=False):
             kind: {name: summary([row for row in some if row["kind"] == kind]) for name, some in rows.items()}
             for kind in problems
         },
-        "bands": bands(rows["random"] + rows["default"]),
+        "bands": bands([row for some in rows.values() for row in some]),
         "named": named,
         "paper": paper(landmarks, quick),
         "controls": controls(landmarks, quick),
         "ranges": {"beta / alpha": net.config.smooth, "gamma / alpha": net.config.match},
         "maps": net.config.looks,
         "latency_ms": latency(net, problems),
-        "rows": [{key: row[key] for key in row if key != "seconds"} for row in rows["random"] + rows["default"]],
+        "rows": [{key: row[key] for key in row if key != "seconds"} for some in rows.values() for row in some],
     }
 
 
