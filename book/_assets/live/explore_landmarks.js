@@ -183,9 +183,11 @@ export default {
     );
   },
   question: {
-    text: "How many mm longer than the shortest way on the surface is the path along the floor, between these ends? ",
+    text:
+      "Halve the weight of the depth. How many mm longer than the shortest way on the surface is the path along the " +
+      "floor then? ",
     async truth(state, host) {
-      const found = await answer(state, host);
+      const found = await answer({ ...state, depth: state.depth / 2 }, host);
       return found.length - found.shortestLength;
     },
     why: "A sulcus winds: who wants to stay on its floor pays with length, and the two weights say how gladly.",
