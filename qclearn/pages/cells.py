@@ -44,14 +44,19 @@ def show_figure(picture, name, alt):
     if not alt.strip():
         raise ValueError(f"the figure {name!r} has no description: say in `alt` what is to be seen")
     png, width = drawn(picture)
-    data = base64.b64encode(png).decode()
     # The HTML is for notebooks: JupyterLab 4.6 takes no alternative text from an image's metadata.
-    image = f'<img class="page-figure" width="{width}" alt="{html.escape(alt)}" src="data:image/png;base64,{data}">'
+    image = picture_html(png, alt, f' class="page-figure" width="{width}"')
     display(
-        {"text/html": image, "image/png": data, "text/plain": f"[{name}] {alt}"},
+        {"text/html": image, "image/png": base64.b64encode(png).decode(), "text/plain": f"[{name}] {alt}"},
         raw=True,
         metadata={"scrapbook": {"name": name, "mime_prefix": ""}, "alt": alt, "image/png": {"width": width}},
     )
+
+
+def picture_html(png, words, attributes=""):
+    """PNG bytes as an element with a description."""
+    data = base64.b64encode(png).decode()
+    return f'<img alt="{html.escape(words)}" src="data:image/png;base64,{data}"{attributes}>'
 
 
 def drawn(picture, sharpness=2):

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .cells import drawn
+from .cells import drawn, picture_html
 
 MODULES = Path(__file__).with_name("browser")  # in a checkout a link to book/_assets/live
 IMPORT = re.compile(r'from "\./([\w.]+)"')
@@ -78,10 +78,8 @@ class Page:
 
     def _repr_html_(self):
         figure, alt = self.live.picture(self.state)
-        data = base64.b64encode(drawn(figure)[0]).decode()
         return (
-            f'<div class="qc-live" data-page="{self.live.page}">'
-            f'<img alt="{html.escape(alt)}" src="data:image/png;base64,{data}">'
+            f'<div class="qc-live" data-page="{self.live.page}">{picture_html(drawn(figure)[0], alt)}'
             f'<p class="qc-live-status" role="status">{html.escape(NOTE)}</p>{self.carried()}</div>'
         )
 

@@ -4,7 +4,6 @@ PyVista's own notebook backends leave links to a server on the author's machine 
 scene itself: geometry, viewer and all, 1 to 2 MB of HTML for a surface of 10,000 vertices.
 """
 
-import base64
 import ctypes
 import html
 import io
@@ -19,6 +18,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from scipy.spatial import cKDTree
 
 from ..registration.transfer import lift
+from .cells import picture_html
 from .plot import CURVE_STYLES, map_curves
 
 SHADES = LinearSegmentedColormap.from_list("shades", ["0.38", "1.0"])  # lit from one side, black to white is too dark
@@ -103,11 +103,11 @@ class Scene:
         title, page = html.escape(self.description), html.escape(self.page)
         if self.picture is None:
             return f'<iframe {FRAME} title="{title}" height="{self.height}" srcdoc="{page}"></iframe>'
+        picture = picture_html(self.picture, self.description, ' style="width:100%"')
         load = "const f=this.nextElementSibling;f.srcdoc=f.dataset.page;f.hidden=false;this.remove()"
         return (
             f'<button class="scene-poster" type="button" style="{POSTER}" onclick="{load}">'
-            f'<img alt="{title}" style="width:100%" src="data:image/png;base64,{self.picture}">'
-            f'<span style="{WORDS}">turn it in 3-D</span></button>'
+            f'{picture}<span style="{WORDS}">turn it in 3-D</span></button>'
             f'<iframe {FRAME} title="{title}" height="{self.height}" data-page="{page}" hidden></iframe>'
         )
 
@@ -137,7 +137,7 @@ def _png(plotter):
 
     buffer = io.BytesIO()
     Image.fromarray(plotter.screenshot(return_img=True)).save(buffer, "PNG")
-    return base64.b64encode(buffer.getvalue()).decode()
+    return buffer.getvalue()
 
 
 # At least as many steps over an array's range: below a pixel, below a grey level.

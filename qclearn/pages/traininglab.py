@@ -1,6 +1,5 @@
 """The training lab: a small network trained while the reader watches, with losses and weights of the reader's own."""
 
-import base64
 import html
 import os
 import threading
@@ -13,7 +12,7 @@ from matplotlib.figure import Figure
 from ..plane.bijectivity import flipped_faces
 from ..registration.certified import exact_map
 from .canvas import Canvas
-from .cells import drawn
+from .cells import drawn, picture_html
 from .examples import Example
 from .plot import disk_axes, grid_plot
 from .widgets import WIDE, fit_state, power_slider, states_table
@@ -79,8 +78,7 @@ def map_answer(lesson):
 
 def image(data, words):
     """PNG bytes as HTML with a description."""
-    data = base64.b64encode(data).decode()
-    return f'<img alt="{html.escape(words)}" style="max-width:100%;width:768px" src="data:image/png;base64,{data}">'
+    return picture_html(data, words, ' style="max-width:100%;width:768px"')
 
 
 class TrainingLab(ipywidgets.VBox):

@@ -1,6 +1,5 @@
 """Live tuning of fits by landmarks and folds: solvers, the callback as a plain function, a thin ipywidgets shell."""
 
-import base64
 import html
 import threading
 import time
@@ -19,6 +18,7 @@ from ..registration.metrics import measured_losses
 from ..registration.problem import LandmarkError, Weights
 from ..registration.register import load
 from .canvas import Canvas
+from .cells import picture_html
 
 RINGS = 24  # of the polar mesh that carries the fit's unknowns: more gain little here, and take longer
 FOLD_LEVELS = (Level(12, 16.0, 2), Level(RINGS, 8.0, 2, True))  # fewer than `register` has: a slider cannot wait
@@ -278,9 +278,8 @@ class Tuner(ipywidgets.VBox):
             if self.canvas is None or self.canvas.example is not example:
                 self.canvas = Canvas(example, list(self.solvers))
             words = "; ".join([f"{solver}: {describe(state)}" for solver, state in states.items()] + gaps(states))
-            alternative = html.escape(f"Landmarks, deformed grid, |μ| and its histogram for {name}. {words}")
-            data = base64.b64encode(self.canvas.draw(states)).decode()
-            return f'<img alt="{alternative}" src="data:image/png;base64,{data}">', states_table(states)
+            alternative = f"Landmarks, deformed grid, |μ| and its histogram for {name}. {words}"
+            return picture_html(self.canvas.draw(states), alternative), states_table(states)
         except Superseded:
             raise
         except Exception as error:

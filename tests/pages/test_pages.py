@@ -34,7 +34,7 @@ def test_a_figure_has_twice_the_pixels_of_its_width_and_a_white_ground(shown):
     width = options["metadata"]["image/png"]["width"]
     assert abs(pixels.shape[1] - 2 * width) <= 1 and 250 < width < 350
     assert np.array_equal(pixels[0, 0], [1, 1, 1, 1])
-    assert f'width="{width}" alt="A &quot;line&quot; &amp; more."' in data["text/html"]
+    assert f' width="{width}">' in data["text/html"] and 'alt="A &quot;line&quot; &amp; more."' in data["text/html"]
     assert data["image/png"] in data["text/html"]
     assert options["metadata"]["scrapbook"]["name"] == "fig-a"
 

@@ -1,4 +1,5 @@
 // Controls from a list: {kind: "log" | "linear" | "choice" | "switch", name, label, ...} for the state's `name`.
+// The options of a choice are a list, or a function of the state where they come with the answer.
 // Labels are names for everybody: what a screen reader says is what is to be read.
 
 const make = (tag, properties = {}, ...children) => {
@@ -56,11 +57,8 @@ const kinds = {
 
   choice({ name, label, options, also = {} }, act) {
     const id = freshId();
-    const select = make(
-      "select",
-      { id },
-      ...options.map(([value, text]) => make("option", { value, textContent: text })),
-    );
+    const select = make("select", { id }),
+      listed = typeof options === "function" ? options : () => options;
     select.addEventListener("change", () => act({ [name]: select.value, ...also }));
     const element = make(
       "div",
@@ -71,6 +69,9 @@ const kinds = {
     return {
       element,
       show: (state) => {
+        const list = listed(state);
+        if (select.length !== list.length)
+          select.replaceChildren(...list.map(([value, text]) => make("option", { value, textContent: text })));
         select.value = state[name];
       },
     };

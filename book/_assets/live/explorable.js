@@ -93,7 +93,8 @@ export class Explorable {
 
   show(number, state, answer) {
     Object.assign(this, { shown: number, answer });
-    this.pictures.forEach((picture) => picture.handles(state)); // an answer may bring what they stand on
+    this.controls.show(this.state); // an answer may bring what there is to choose from
+    this.pictures.forEach((picture) => picture.handles(state)); // and what they stand on
     this.spec.draw(this.pictures, state, answer);
     this.say(this.spec.words(state, answer));
     if (this.spec.rows) this.table.replaceChildren(...tableRows(this.spec.rows(answer)));

@@ -133,8 +133,13 @@ export default {
     return `${said}; the largest difference of the two maps is ${Math.min(...gaps).toExponential(1)}.`;
   },
   question: {
-    text: "Of 100 particles that diffuse from the pole, how many first meet the circle on the half that is nearest to it? ",
-    truth: async (state, host) => 100 * nearHalf(await answer(state, host), state.pole),
+    text:
+      "Bring the pole half the way to the centre. Of 100 particles that diffuse from it, how many first meet the circle " +
+      "on the half that is nearest to it? ",
+    async truth(state, host) {
+      const pole = state.pole.map((c) => c / 2);
+      return 100 * nearHalf(await answer({ ...state, pole, step: 0 }, host), pole);
+    },
     why: "For μ = 0 the density is the Poisson kernel (1 − |a|²) / |eⁱˢ − a|²; μ bends it.",
   },
 };

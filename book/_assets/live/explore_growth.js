@@ -3,6 +3,7 @@ import { measured, paint, readFrames } from "./growth.js";
 import { COLOURS } from "./picture.js";
 
 const FRAMES = 20,
+  FURTHER = 5, // frames, in the question
   WIDTH = 320,
   LEFT = 40,
   FLOOR = 280; // of the picture of areas, in pixels
@@ -110,8 +111,11 @@ export default {
     `The kernel's area has grown by the factor ${short(kernel.area)}; ` +
     `the difference is ${Math.abs(kernel.area - found.ratio).toExponential(1)}.`,
   question: {
-    text: "By what factor has the area grown since the first frame? (The edges want the square of their own factor.) ",
-    truth: async (state, host) => (await answer(state, host)).ratio,
+    text: `Go ${FURTHER} frames further. How many times its present area has the surface then? `,
+    async truth(state, host) {
+      const now = await answer(state, host);
+      return (await answer({ ...state, frame: last(state) + FURTHER }, host)).ratio / now.ratio;
+    },
     why:
       "The sheet stays compressed: it folds to make room, and its edges remain shorter than they want to be; " +
       "along furrows they want less.",

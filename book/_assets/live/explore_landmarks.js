@@ -139,16 +139,7 @@ export default {
       name: "sulcus",
       label: "sulcus",
       also: { ends: {} },
-      options: [
-        "central sulcus",
-        "sylvian fissure",
-        "superior temporal sulcus",
-        "calcarine sulcus",
-        "parieto-occipital sulcus",
-        "intraparietal sulcus",
-        "cingulate sulcus",
-        "superior frontal sulcus",
-      ].map((name, k) => [k, name]),
+      options: ({ hemisphere }) => surfaces.get(hemisphere)?.names.map((name, k) => [k, name]) ?? [],
     },
     { kind: "linear", name: "curvature", label: "weight of the curvature in the path's cost", min: 0, max: 2, step: 0.05 },
     { kind: "linear", name: "depth", label: "weight of the depth in the path's cost", min: 0, max: 4, step: 0.1 },
@@ -192,9 +183,11 @@ export default {
     );
   },
   question: {
-    text: "How many mm longer than the shortest way on the surface is the path along the floor, between these ends? ",
+    text:
+      "Halve the weight of the depth. How many mm longer than the shortest way on the surface is the path along the " +
+      "floor then? ",
     async truth(state, host) {
-      const found = await answer(state, host);
+      const found = await answer({ ...state, depth: state.depth / 2 }, host);
       return found.length - found.shortestLength;
     },
     why: "A sulcus winds: who wants to stay on its floor pays with length, and the two weights say how gladly.",

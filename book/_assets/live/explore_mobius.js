@@ -156,8 +156,8 @@ export default {
     return `The kernel's red circle has radius ${shown(kernel.radius)}; the difference is ${difference}.`;
   },
   question: {
-    text: "The red circle has radius 0.2. What radius has it after the present map? ",
-    truth: (state) => answer(state).radius,
+    text: "Bring the pole to the opposite place, −a. What radius has the red circle's image then? ",
+    truth: (state) => answer({ ...state, direction: state.direction + 180 }).radius,
     why: "Small circles grow where the pole comes from and shrink on the other side, and all stay circles.",
   },
 };

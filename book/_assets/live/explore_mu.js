@@ -157,8 +157,8 @@ export default {
     return `The kernel's exact map differs by ${gap.toExponential(1)} at most.`;
   },
   question: {
-    text: "The largest |μ| is as the read-outs say. How many times longer than wide is the longest ellipse? ",
-    truth: async (state, host) => K((await answer(state, host)).largest),
-    why: "The ratio of the axes is K = (1 + |μ|) / (1 - |μ|): it grows without bound as |μ| nears 1.",
+    text: "Bring the largest |μ| half the way to 1. How many times longer than wide is the longest ellipse then? ",
+    truth: async (state, host) => K((1 + (await answer(state, host)).largest) / 2),
+    why: "The ratio of the axes is K = (1 + |μ|) / (1 − |μ|): near 1, half the way that is left doubles it each time.",
   },
 };

@@ -189,7 +189,7 @@ export class Picture {
   }
 
   words(text, x, y, align = "left") {
-    Object.assign(this.pen, { fillStyle: COLOURS.ink, font: "12px sans-serif", textAlign: align });
+    Object.assign(this.pen, { fillStyle: COLOURS.ink, font: "15px sans-serif", textAlign: align });
     this.pen.fillText(text, x, y);
   }
 }

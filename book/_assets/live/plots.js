@@ -94,7 +94,7 @@ export function histogram(picture, size) {
     { pen } = picture,
     left = 14,
     width = SIZE - 28,
-    floor = SIZE - 34;
+    floor = SIZE - 40;
   for (const value of size) counts[Math.min(BINS - 1, Math.floor(BINS * value))]++;
   const top = Math.max(...counts);
   picture.clear();
@@ -105,8 +105,8 @@ export function histogram(picture, size) {
   });
   pen.fillStyle = COLOURS.ink;
   pen.fillRect(left, floor, width, 1);
-  for (const tick of [0, 0.25, 0.5, 0.75, 1]) picture.words(String(tick), left + tick * width, floor + 15, "center");
-  picture.words("|μ|", left + width / 2, floor + 30, "center");
+  for (const tick of [0, 0.25, 0.5, 0.75, 1]) picture.words(String(tick), left + tick * width, floor + 17, "center");
+  picture.words("|μ|", left + width / 2, floor + 34, "center");
 }
 
 // landmark error (log) against mean |mu|; the present one as a dot
@@ -127,7 +127,7 @@ export function curvePicture(picture, sweep, now) {
   pen.fillRect(left, 10, 1, floor - 10);
   for (let tick = low; tick <= high; tick++) picture.words(`1e${tick}`, left - 6, Y(tick) + 4, "right");
   for (const share of [0, 0.4, 0.8])
-    picture.words((share * widest).toPrecision(2), X(share * widest), floor + 16, "center");
+    picture.words(share ? (share * widest).toPrecision(2) : "0", X(share * widest), floor + 16, "center");
   picture.words("mean |μ|", (SIZE + left) / 2, floor + 34, "center");
   pen.beginPath();
   sweep.forEach(({ error, mean }, k) => pen[k ? "lineTo" : "moveTo"](X(mean), Y(Math.log10(Math.max(error, 1e-9)))));

@@ -8,47 +8,69 @@ export class Spectrum {
   constructor(mesh, { radial, eigenvalues, area }) {
     Object.assign(this, { mesh, radial: Float64Array.from(radial.data), values: Float64Array.from(eigenvalues.data) });
     this.area = Float64Array.from(area.data);
+    this.spokes = mesh.spokes;
+    this.factor = Math.floor(Math.sqrt(mesh.spokes));
+    while (mesh.spokes % this.factor) this.factor--;
+    this.half = new Float64Array(2 * mesh.spokes);
+    this.waves = Array.from({ length: mesh.rings }, () => new Float64Array(2 * mesh.spokes));
     this.cos = Float64Array.from({ length: mesh.spokes }, (_, k) => Math.cos((TAU * k) / mesh.spokes));
     this.sin = Float64Array.from({ length: mesh.spokes }, (_, k) => Math.sin((TAU * k) / mesh.spokes));
+  }
+
+  // Fourier sums of a ring x + i y (from `from` on) into wave, modes one after the other: in two steps, by a factor of the
+  // number of spokes near its root, since landmarks ask for a hundred of them
+  ring(x, y, from, wave) {
+    const { spokes, factor, cos, sin, half } = this,
+      other = spokes / factor;
+    for (let b = 0; b < other; b++) {
+      for (let s = 0; s < factor; s++) {
+        let u = 0,
+          v = 0;
+        for (let a = 0, i = (b * s) % spokes; a < factor; a++, i = (i + other * s) % spokes) {
+          const k = from + other * a + b;
+          u += x[k] * cos[i] + y[k] * sin[i];
+          v += y[k] * cos[i] - x[k] * sin[i];
+        }
+        half[2 * (s * other + b)] = u;
+        half[2 * (s * other + b) + 1] = v;
+      }
+    }
+    for (let s = 0; s < factor; s++) {
+      for (let r = 0; r < other; r++) {
+        let u = 0,
+          v = 0;
+        for (let b = 0, i = 0, k = 2 * s * other; b < other; b++, k += 2, i = (i + factor * r) % spokes) {
+          u += half[k] * cos[i] + half[k + 1] * sin[i];
+          v += half[k + 1] * cos[i] - half[k] * sin[i];
+        }
+        wave[2 * (s + factor * r)] = u;
+        wave[2 * (s + factor * r) + 1] = v;
+      }
+    }
   }
 
   // E^* g of gradients g at the nodes, (x, y, centre), into out at `to`, complex pairs
   gradients(x, y, [centreX, centreY], out, to) {
     const {
-        mesh: { rings, spokes },
+        mesh: { rings },
+        spokes,
         radial,
-        cos,
-        sin,
+        waves,
       } = this,
-      waveX = new Float64Array(rings),
-      waveY = new Float64Array(rings),
       root = 1 / Math.sqrt(spokes);
+    for (let j = 0; j < rings; j++) this.ring(x, y, j * spokes, waves[j]);
+    waves[0][0] += centreX; // the centre is the mean of the first ring
+    waves[0][1] += centreY;
     for (let s = 0; s < spokes; s++) {
+      const start = to + 2 * s * rings;
+      out.fill(0, start, start + 2 * rings);
       for (let j = 0; j < rings; j++) {
-        let u = 0,
-          v = 0;
-        for (let k = 0, i = 0, from = j * spokes; k < spokes; k++, from++, i = (i + s) % spokes) {
-          u += x[from] * cos[i] + y[from] * sin[i];
-          v += y[from] * cos[i] - x[from] * sin[i];
+        const u = root * waves[j][2 * s],
+          v = root * waves[j][2 * s + 1];
+        for (let r = 0, k = (s * rings + j) * rings, n = start; r < rings; r++, k++, n += 2) {
+          out[n] += radial[k] * u;
+          out[n + 1] += radial[k] * v;
         }
-        waveX[j] = root * u;
-        waveY[j] = root * v;
-      }
-      if (s === 0) {
-        // the centre is the mean of the first ring
-        waveX[0] += root * centreX;
-        waveY[0] += root * centreY;
-      }
-      for (let r = 0; r < rings; r++) {
-        let u = 0,
-          v = 0;
-        for (let j = 0; j < rings; j++) {
-          const value = radial[(s * rings + j) * rings + r];
-          u += value * waveX[j];
-          v += value * waveY[j];
-        }
-        out[to + 2 * (s * rings + r)] = u;
-        out[to + 2 * (s * rings + r) + 1] = v;
       }
     }
   }
