@@ -246,7 +246,7 @@ class InJupyterLab:
     that `live` needs."""
 
     silent, ready, gap, before = (), "", 1e-9, ""
-    pytestmark = pytest.mark.xdist_group("explorables in JupyterLab")
+    pytestmark = pytest.mark.xdist_group("JupyterLab")
 
     @pytest.fixture(scope="class")
     @classmethod

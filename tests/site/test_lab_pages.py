@@ -15,8 +15,8 @@ from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_outp
 from places import EXECUTED, SITE
 from readable import Readable, for_jupyterlab
 
-# One worker of xdist has all of them: one JupyterLab, in a window of its own.
-pytestmark = pytest.mark.xdist_group("pages in JupyterLab")
+# One worker of xdist has all tests in JupyterLab, about half of the time of tests/site: one server is started.
+pytestmark = pytest.mark.xdist_group("JupyterLab")
 PAGES = list(references.chapters())
 RUN = ["lbs", "fourier"]  # also run by 'Run All Cells' from the source without outputs
 CLOCK = re.compile(r"second|_ms|time")  # numbers that differ from run to run

@@ -6,7 +6,7 @@ import re
 import pytest
 from laboratory import RUN_UNTIL, Reader, wait_until_idle
 
-pytestmark = pytest.mark.xdist_group("pages in JupyterLab")
+pytestmark = pytest.mark.xdist_group("JupyterLab")
 
 # Page, the code that shows the sliders, and the description of the one that the test moves.
 LIVE_PAGES = [("live.ipynb", "display(tuner)", "γ")]
