@@ -24,6 +24,9 @@ UV := $(BIN)/uv pip install --python $(BIN)/python --index-strategy unsafe-best-
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 export PYDEVD_DISABLE_FILE_VALIDATION ?= 1
+# A hundred processes import the same packages, and uv compiles none: the first one compiles for all, unless it is
+# forbidden to. Torch, Matplotlib and pyvista take 8 seconds from their sources, 3 compiled.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: book test lab lab-copies edit notebooks clear picture tag clean
 .DELETE_ON_ERROR:

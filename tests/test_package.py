@@ -4,6 +4,7 @@ and an sdist from which it can be built."""
 import json
 import os
 import re
+import sys
 import tomllib
 import venv
 import zipfile
@@ -39,12 +40,11 @@ def test_the_wheel_carries_the_browser_modules_of_the_book(packages):
 
 
 def test_the_wheel_runs_the_demo_in_a_bare_environment(packages, tmp_path):
-    venv.create(tmp_path / "bare", with_pip=True)
+    venv.create(tmp_path / "bare")
     bare = tmp_path / "bare" / ("Scripts" if os.name == "nt" else "bin")
+    pip = sys.executable, "-m", "pip", "--python", bare / "python"
     run_outside(
-        bare / "python",
-        "-m",
-        "pip",
+        *pip,
         "install",
         "--quiet",
         "--no-compile",
@@ -54,10 +54,7 @@ def test_the_wheel_runs_the_demo_in_a_bare_environment(packages, tmp_path):
         packages[1],
         cwd=tmp_path,
     )
-    installed = {
-        row["name"].lower()
-        for row in json.loads(run_outside(bare / "python", "-m", "pip", "list", "--format=json", cwd=tmp_path))
-    }
+    installed = {row["name"].lower() for row in json.loads(run_outside(*pip, "list", "--format=json", cwd=tmp_path))}
     assert "qclearn" in installed and not installed & {
         "torch",
         "numba",

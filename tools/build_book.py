@@ -18,7 +18,8 @@ from execute_pages import ROOT, SECONDS_PER_CELL, SOURCE, run
 SITE = ROOT / "_build"
 
 
-def build_site():
+def build_site(meanwhile):
+    """Run Sphinx; what `meanwhile()` returns, called while the one process of Sphinx works."""
     shutil.rmtree(SITE / "html", ignore_errors=True)
     shutil.rmtree(SITE / ".doctrees", ignore_errors=True)
     command = [
@@ -34,15 +35,23 @@ def build_site():
         "--keep-going",
         "--quiet",
     ]
-    if subprocess.run(command, check=False).returncode:
+    with subprocess.Popen(command) as sphinx:
+        made = meanwhile()
+    if sphinx.returncode:
         sys.exit("build_book: Sphinx found something to complain about; warnings count as errors")
+    return made
 
 
-def offer_downloads():
-    """The site's 'download .ipynb' gives the executed page with citations and references as text."""
+def downloads():
+    """Executed pages with citations and references as text, page -> notebook."""
     copies = lab_copies.Copies()
+    return {path.stem: copies.make(path.stem) for path in sorted(SOURCE.glob("*.ipynb"))}
+
+
+def offer(notebooks):
+    """The site's 'download .ipynb' gives these."""
     for path in sorted((SITE / "html" / "_sources").glob("*.ipynb")):
-        nbformat.write(copies.make(path.stem), path)
+        nbformat.write(notebooks[path.stem], path)
 
 
 def main():
@@ -58,8 +67,7 @@ def main():
     run(pages, arguments.jobs, arguments.seconds_per_cell)
     if not arguments.no_site:
         export_live.export()
-        build_site()
-        offer_downloads()
+        offer(build_site(meanwhile=downloads))
 
 
 if __name__ == "__main__":

@@ -33,9 +33,9 @@ class Growth(Live):
         return np.linalg.norm(normals, axis=-1).sum(-1) / 2
 
     def answer(self, state):
-        """By what factor the area has grown until a frame."""
+        """By what factor the area has grown until a frame; a frame beyond the last is the last, as in the browser."""
         areas = self.areas()
-        return {"area": areas[state["frame"]] / areas[0]}
+        return {"area": areas[min(state["frame"], len(areas) - 1)] / areas[0]}
 
     def picture(self, state):
         """A Matplotlib figure of three of the frames, and a description."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from reference import run_engine
 
-from qclearn.pages.explorables import LBS, Boundary
+from qclearn.pages.explorables import LBS, Boundary, Growth
 
 
 def answers(live, module, call, changes):
@@ -40,3 +40,10 @@ def test_descents_are_numpys(loss, step, tolerance):
         f, _ = live.map(state)
         assert abs(np.array(found["map"]).view(complex) - f).max() < tolerance
         assert found["folds"] == 0
+
+
+def test_a_frame_beyond_the_last_is_the_last():
+    """The slider has a length of its own; the browser shows the last frame there."""
+    corners, faces = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]), np.array([[0, 2, 1], [0, 1, 3]])
+    live = Growth(np.array([corners, 2 * corners, 3 * corners]), faces, np.array([1, 2, 3]), [0, 0, 0])
+    assert [live.answer({"frame": frame})["area"] for frame in (0, 1, 2, 19)] == pytest.approx([1, 4, 9, 9])

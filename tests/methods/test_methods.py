@@ -23,7 +23,7 @@ from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.surface import Surface
 
 MOVED = moebius(0.2 - 0.1j, 0.7)
-# By landmarks alone, and without networks; those that look at folds are in benchmark/test_cortex.py.
+# By landmarks alone, and without networks; those that look at folds are in benchmark/test_real_cortex.py.
 CLASSICAL = sorted(name for name, m in METHODS.items() if m.__module__.split(".")[-1] not in ("networks", "folds"))
 each = pytest.mark.parametrize("name", CLASSICAL)
 

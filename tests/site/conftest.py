@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 from explorables import LISTEN, PRELUDE
-from laboratory import Notebook, Reader, jupyterlab, sign
+from laboratory import Notebook, Reader, jupyterlab
 from places import COPIES, FLAGS, ROOT, SITE, chromium_path
 from playwright.sync_api import sync_playwright
 
@@ -61,7 +61,6 @@ def lab(browser, tmp_path_factory):
     shutil.copytree(COPIES, root / "copies") if COPIES.exists() else (root / "copies").mkdir(parents=True)
     shutil.copytree(ROOT / "book", root / "sources", ignore=shutil.ignore_patterns("_assets", ".ipynb_checkpoints"))
     (root / "planted").mkdir()
-    sign(home, (root / "copies").glob("*.ipynb"))
     with jupyterlab(home, root) as address:
         yield SimpleNamespace(address=address, home=home, root=root)
 

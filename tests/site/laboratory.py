@@ -135,6 +135,14 @@ LOOK = """() => [...window.panel.content.node.querySelectorAll('.jp-Cell')].map(
 })"""
 
 
+# Runs all cells above the first Markdown cell that follows the code `source`.
+RUN_UNTIL = """async source => {
+  const {content} = window.panel;
+  const found = content.widgets.findIndex(({model}) => model.sharedModel.source.includes(source));
+  if (found < 0) throw new Error(`no cell has ${source}`);
+  content.activeCellIndex = found + 1;
+  await window.jupyterapp.commands.execute('notebook:run-all-above');
+}"""
 ADD = """async source => {
   const {content, context: {model: {sharedModel}}} = window.panel;
   sharedModel.insertCell(sharedModel.cells.length, {cell_type: 'code', source});
@@ -202,10 +210,14 @@ class Reader:
         self.close(keep_kernel=True)
         return seen
 
-    def run(self, path, seconds=300):
-        """What a notebook shows after 'Run All Cells'."""
+    def open(self, path):
+        """A notebook with a kernel of its own."""
         self.page.evaluate(OPEN, [path, True])
         wait_until_idle(self.page)
+
+    def run(self, path, seconds=300):
+        """What a notebook shows after 'Run All Cells'."""
+        self.open(path)
         self.page.evaluate("() => window.jupyterapp.commands.execute('notebook:run-all-cells')")
         wait_until_idle(self.page, seconds)
         seen = self.settled()

@@ -5,6 +5,7 @@ noticed."""
 import html
 import json
 import re
+from itertools import islice
 
 import nbformat
 import pytest
@@ -14,6 +15,8 @@ from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_outp
 from places import EXECUTED, SITE
 from readable import Readable, for_jupyterlab
 
+# One worker of xdist has all tests in JupyterLab, about half of the time of tests/site: one server is started.
+pytestmark = pytest.mark.xdist_group("JupyterLab")
 PAGES = list(references.chapters())
 RUN = ["lbs", "fourier"]  # also run by 'Run All Cells' from the source without outputs
 CLOCK = re.compile(r"second|_ms|time")  # numbers that differ from run to run
@@ -79,7 +82,8 @@ def clock_times(page):
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_the_executed_page_reads_in_jupyterlab(reader, page):
+def test_the_executed_page_reads_in_jupyterlab(reader, lab, page):
+    sign(lab.home, [lab.root / "copies" / f"{page}.ipynb"])  # as `make lab-copies` does
     assert list(faults(reader.read(f"copies/{page}.ipynb"), *in_the_book(page))) == []
 
 
@@ -137,19 +141,30 @@ def planted(before="", after=""):
     return text.replace(before, after, 1)
 
 
-def seen_of(reader, lab, name, text):
-    path = lab.root / "planted" / f"{name}.ipynb"
-    path.write_text(text, encoding="utf-8")
+@pytest.fixture(scope="module")
+def seen(reader, lab):
+    """What JupyterLab shows of the page that is right, "", and of each with a fault: all of them in one notebook."""
+    pages = {name: planted(*FAULTS[name][:2]) if name else planted() for name in ("", *FAULTS)}
+    pages = {name: nbformat.reads(text, as_version=4) for name, text in pages.items()}
+    whole = pages[""] | {"cells": [cell for page in pages.values() for cell in page.cells]}
+    for k, cell in enumerate(whole["cells"]):
+        cell["id"] = f"cell-{k}"
+    path = lab.root / "planted" / "faults.ipynb"
+    nbformat.write(nbformat.from_dict(whole), path)
     sign(lab.home, [path])
-    return list(faults(reader.read(f"planted/{name}.ipynb"), ["4.1"], ["0.25"], scenes=1))
+    cells = iter(reader.read("planted/faults.ipynb"))
+    return {name: list(islice(cells, len(page.cells))) for name, page in pages.items()}
 
 
-def test_a_page_that_is_right_has_no_fault(reader, lab):
-    assert seen_of(reader, lab, "right", planted()) == []
+def found_in(cells):
+    return list(faults(cells, ["4.1"], ["0.25"], scenes=1))
+
+
+def test_a_page_that_is_right_has_no_fault(seen):
+    assert found_in(seen[""]) == []
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_a_planted_fault_is_noticed(reader, lab, name):
-    before, after, says = FAULTS[name]
-    found = seen_of(reader, lab, name.replace(" ", "-"), planted(before, after))
-    assert any(says in fault for fault in found), found
+def test_a_planted_fault_is_noticed(seen, name):
+    found = found_in(seen[name])
+    assert any(FAULTS[name][2] in fault for fault in found), found

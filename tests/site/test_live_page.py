@@ -4,18 +4,12 @@ and the kernel survives."""
 import re
 
 import pytest
-from laboratory import wait_until_idle
+from laboratory import RUN_UNTIL, Reader, wait_until_idle
 
-# Page, and the description of the slider that the test moves.
-LIVE_PAGES = [("live.ipynb", "γ")]
+pytestmark = pytest.mark.xdist_group("JupyterLab")
 
-
-def run_all_cells(page, address, notebook):
-    page.goto(f"{address}lab/tree/sources/{notebook}")
-    page.wait_for_selector(".jp-Notebook", timeout=60_000)
-    wait_until_idle(page)
-    page.click(".lm-MenuBar-itemLabel:text-is('Run')")
-    page.click(".lm-Menu-itemLabel:text-is('Run All Cells')")
+# Page, the code that shows the sliders, and the description of the one that the test moves.
+LIVE_PAGES = [("live.ipynb", "display(tuner)", "γ")]
 
 
 def pictures(page):
@@ -34,10 +28,12 @@ def answers(page):
     return sentences, float(re.search(r"L_CP of CP-Net is (\S+) times that of exact fit", text)[1])
 
 
-@pytest.mark.parametrize("notebook, label", LIVE_PAGES)
-def test_a_moved_slider_changes_the_picture(browser, lab, notebook, label):
-    page = browser.new_page(viewport={"width": 1400, "height": 1600})
-    run_all_cells(page, lab.address, notebook)
+@pytest.mark.parametrize("notebook, code, label", LIVE_PAGES)
+def test_a_moved_slider_changes_the_picture(browser, lab, notebook, code, label):
+    reader = Reader(browser, lab.address)
+    page = reader.page
+    reader.open(f"sources/{notebook}")
+    page.evaluate(RUN_UNTIL, code)
     slider = page.locator(".widget-slider", has=page.locator(f".widget-label:has-text('{label}')")).first
     handle, readout = slider.locator(".noUi-handle"), slider.locator(".widget-readout")
     handle.wait_for(timeout=120_000)
