@@ -21,7 +21,7 @@ def test_the_kept_figures_fit_their_schema_and_come_back(figures, tmp_path):
     assert (tmp_path / "networks.json").read_text() == kept("networks.json").read_text()
 
 
-MEASURED = ("benchmark.json", "networks.json", "scaling.json", "suspect.json")
+MEASURED = ("benchmark.json", "networks.json", "scaling.json", "suspect.json", "template.json", "weights.json")
 BEFORE = {"networks.json", "scaling.json"}  # measured before a committed tree was asked for, and not again since
 
 
