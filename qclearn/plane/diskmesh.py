@@ -176,10 +176,15 @@ class Lookup:
 
     def _nearby(self, points):
         """A face at the vertex nearest each of the points (P,)."""
+        tree, face = self._vertices
+        return face[tree.query(_pairs(points))[1]]
+
+    @cached_property
+    def _vertices(self):
+        """The search tree of the vertices, and a face at each."""
         at, face = np.unique(self.faces), np.empty(len(self.z), int)
         face[self.faces.ravel()] = np.repeat(np.arange(len(self.faces)), 3)
-        tree = scipy.spatial.cKDTree(_pairs(self.z[at]), balanced_tree=False, compact_nodes=False)
-        return face[at[tree.query(_pairs(points))[1]]]
+        return scipy.spatial.cKDTree(_pairs(self.z[at]), balanced_tree=False, compact_nodes=False), face[at]
 
     @cached_property
     def _out(self):
