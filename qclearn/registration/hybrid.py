@@ -3,20 +3,23 @@
 Objective: `nu^* W nu + gamma mean |M(f(p)) - q|^2 + delta sum_c a_c sum_k w_k (I_c(x_k) - J_c(M f(x_k)))^2`.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Complex
+from numpy import ndarray
 from threadpoolctl import threadpool_limits
 
 from ..plane.diskmesh import polar_disk, sampling_matrix
 from ..plane.mobius import best_mobius
 from .dense import Dense
 from .engine import GaussNewton, SurfaceGaussNewton
-from .features import FINEST
-from .fit import POWER, ROUNDING, WORTH_ON_GRID, instead, report_fit, rings_for, start_field
+from .features import FINEST, Features
+from .fit import POWER, ROUNDING, WORTH_ON_GRID, LandmarkFit, instead, report_fit, rings_for, start_field
 from .normal import WORTH
-from .problem import LandmarkError
+from .problem import LandmarkError, Problem, Weights
 
 
 class Level(NamedTuple):
@@ -36,7 +39,14 @@ OVERFITS = 10.0  # delta above which a word is said
 
 
 @threadpool_limits.wrap(limits=1)
-def fit_registration(problem, weights, features, start=None, watch=None, levels=LEVELS):
+def fit_registration(
+    problem: Problem,
+    weights: Weights,
+    features: Features,
+    start: Complex[ndarray, " F"] | None = None,
+    watch: Callable | None = None,
+    levels: tuple[Level, ...] = LEVELS,
+) -> LandmarkFit:
     """The disk map of a `Problem` that takes landmarks and `Features` to theirs, with `Weights` (delta > 0):
     LandmarkFit.
 
