@@ -85,7 +85,10 @@ def train(model, training, validation, config, folder, progress=True):
         check_config(config, training, world)
         if rank == 0:
             claim(folder, model, config)
-        model.to(device, memory_format=torch.channels_last).train()  # what convolutions are fast in
+        model.to(device).train()
+        for layer in model.modules():
+            if isinstance(layer, (torch.nn.Conv2d, torch.nn.ConvTranspose2d)):
+                layer.to(memory_format=torch.channels_last)  # what convolutions are fast in
         optimiser = torch.optim.AdamW(model.parameters(), config.rate, weight_decay=config.weight_decay)
         step, seconds, sums = read_checkpoint(folder, model, optimiser, device)
         log = Log(folder, step, seconds, sums)
