@@ -32,6 +32,7 @@ class Level(NamedTuple):
 # From fine features at once the map would run into the next best valley.
 LEVELS = (Level(16, 32.0, 4), Level(16, 16.0, 4), Level(24, 8.0, 3), Level(32, FINEST, 2), Level(32, FINEST, 4, True))
 GUIDING_GAMMA = 1e2  # until the last level: a large one tears the map to the landmarks before features can lead it
+GUIDING_DELTA, COARSE = 0.3, 16.0  # at most, from this scale up: a large one tears it to the nearest folds
 OVERFITS = 10.0  # delta above which a word is said
 
 
@@ -70,10 +71,11 @@ def engine_of(level, problem, weights, features):
     mesh = polar_disk(rings, 3 * rings, power=POWER)
     if level.own_mesh:
         return SurfaceGaussNewton(problem, mesh, weights, Dense(features, level.sigma, weights.delta))
-    dense = None
+    weights, dense = weights.at(min(weights.gamma, GUIDING_GAMMA)), None
     if level.sigma is not None:
-        dense = Dense(features, level.sigma, weights.delta, sampling_matrix(*mesh, problem.z))
-    return GaussNewton(problem, mesh, weights.at(min(weights.gamma, GUIDING_GAMMA)), dense)
+        delta = min(weights.delta, GUIDING_DELTA) if level.sigma >= COARSE else weights.delta
+        dense = Dense(features, level.sigma, delta, sampling_matrix(*mesh, problem.z))
+    return GaussNewton(problem, mesh, weights, dense)
 
 
 def first_state(engine, start):
