@@ -35,6 +35,8 @@ class Level(NamedTuple):
 # From fine features at once the map would run into the next best valley.
 LEVELS = (Level(16, 32.0, 4), Level(16, 16.0, 4), Level(24, 8.0, 3), Level(32, FINEST, 2), Level(32, FINEST, 4, True))
 GUIDING_GAMMA = 1e2  # until the last level: a large one tears the map to the landmarks before features can lead it
+GUIDING_DELTA, COARSE = 0.3, 16.0  # at most, from this scale up: a large one tears it to the nearest folds
+SETTLED, SETTLED_ON_GRID = 0.98, 0.95  # share of its objective that a step leaves where the next is not worth its cost
 OVERFITS = 10.0  # delta above which a word is said
 
 
@@ -80,10 +82,11 @@ def engine_of(level, problem, weights, features):
     mesh = polar_disk(rings, 3 * rings, power=POWER)
     if level.own_mesh:
         return SurfaceGaussNewton(problem, mesh, weights, Dense(features, level.sigma, weights.delta))
-    dense = None
+    weights, dense = weights.at(min(weights.gamma, GUIDING_GAMMA)), None
     if level.sigma is not None:
-        dense = Dense(features, level.sigma, weights.delta, sampling_matrix(*mesh, problem.z))
-    return GaussNewton(problem, mesh, weights.at(min(weights.gamma, GUIDING_GAMMA)), dense)
+        delta = min(weights.delta, GUIDING_DELTA) if level.sigma >= COARSE else weights.delta
+        dense = Dense(features, level.sigma, delta, sampling_matrix(*mesh, problem.z))
+    return GaussNewton(problem, mesh, weights, dense)
 
 
 def first_state(engine, start):
@@ -103,12 +106,16 @@ def carried(before, state, engine):
 
 
 def fit_level(engine, state, level, watch):
-    """Steps of one level, as long as they promise enough: (state, steps)."""
+    """Steps of one level, as long as they promise enough and the last one has kept it: (state, steps)."""
+    worth, settled = (WORTH, SETTLED) if level.own_mesh else (WORTH_ON_GRID, SETTLED_ON_GRID)
+    gamma, before = engine.weights.gamma, engine.objective(state, engine.weights.gamma)
     for steps in range(level.steps):
         if watch:
             watch()
-        found = engine.step(state, engine.weights.gamma, worth=WORTH if level.own_mesh else WORTH_ON_GRID)
+        found = engine.step(state, gamma, worth)
         if found is None:
             return state, steps
-        state = found
+        state, last, before = found, before, engine.objective(found, gamma)
+        if before > settled * last:
+            return state, steps + 1
     return state, level.steps

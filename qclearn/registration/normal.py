@@ -26,7 +26,9 @@ class Linearisation:
     def __init__(self, engine, state, gamma):
         self.engine, self.state, self.gamma, solution = engine, state, gamma, state.solution
         self.slope, self.fields = mobius_slope(solution.f, *state.mobius), mobius_fields(state.f)
-        self.nu, self.nu_faces = np.concatenate([state.nu.view(float), np.zeros(3)]), engine.to_faces @ state.nu
+        self.nu, nu_faces = np.concatenate([state.nu.view(float), np.zeros(3)]), engine.to_faces @ state.nu
+        along, across = (bounded_pullback(nu_faces, unit) for unit in (1.0, 1j))
+        self.activation = (along - 1j * across) / 2, (along + 1j * across) / 2
         self.landmarks, self.residual = engine.landmarks.rows(engine.samples, gamma), engine.residual(state, gamma)
         self.by_mobius = (self.landmarks.conj() @ self.fields).real
         self.use(self.landmarks)
@@ -35,9 +37,14 @@ class Linearisation:
         """Take the residuals that change by `Re(conj(rows) dw)`."""
         self.rows_conj, self.rows_T = rows.conj().tocsr(), rows.T.tocsr()
 
+    def activated(self, change):
+        """`bounded_pullback` of a change (F,) at the state's nu: which is linear in its real and imaginary parts."""
+        P, Q = self.activation
+        return P * change + Q * change.conj()
+
     def forward(self, x):
         """The change of the residual with x: J x."""
-        dmu = bounded_pullback(self.nu_faces, self.engine.to_faces @ x[:-3].view(complex))
+        dmu = self.activated(self.engine.to_faces @ x[:-3].view(complex))
         dw = self.slope * self.state.solution.pushforward(dmu) + self.fields @ x[-3:]
         return (self.rows_conj @ dw).real
 
@@ -45,7 +52,7 @@ class Linearisation:
         """J^T y."""
         grad_w = self.rows_T @ y
         grad_mu = self.state.solution.pullback(self.slope.conj() * grad_w)
-        by_nu = self.engine.to_faces.T @ bounded_pullback(self.nu_faces, grad_mu)
+        by_nu = self.engine.to_faces.T @ self.activated(grad_mu)
         return np.concatenate([by_nu.view(float), (self.fields.conj().T @ grad_w).real])
 
     def lift(self, g, B):
