@@ -53,6 +53,12 @@ def request(problem, alpha, beta, gamma):
     }
 
 
+class WholeSteps(SurfaceGaussNewton):
+    """The browser solves a step's equations to the last digit; the library stops where it is near enough."""
+
+    linearise = GaussNewton.linearise
+
+
 def fit_in_steps(asked, on_coarse, on_fine):
     """(engine, state) of so many of the library's Gauss-Newton steps on either mesh for a `request`.
 
@@ -66,7 +72,7 @@ def fit_in_steps(asked, on_coarse, on_fine):
     state, gamma = coarse.at(np.zeros(len(coarse.z), complex), problem.mobius), weights.gamma / 10
     levels = 10.0 ** np.arange(np.log10(min(FIRST_GAMMA, gamma)), np.log10(gamma) - 1e-9)
     state = steps(coarse, state, [*levels, *[gamma] * (on_coarse - len(levels))])
-    fine = SurfaceGaussNewton(problem, mesh, weights)
+    fine = WholeSteps(problem, mesh, weights)
     nu = sampling_matrix(coarse.z, coarse.faces, fine.z) @ state.nu
     return fine, steps(fine, fine.at(nu, state.mobius), [weights.gamma] * on_fine)
 

@@ -190,7 +190,8 @@ class OnTheSite:
         shown.wait_for(cls.ready)
         yield shown
         view.page.close()
-        assert view.complaints == [] and view.from_elsewhere() == []
+        if found := [*view.complaints, *view.from_elsewhere()]:
+            pytest.fail(f"{page} complains: {found}")
 
     def test_controls_move_it(self, shown):
         shown.moves_each_slider(shown.by_key, self.silent)

@@ -48,6 +48,7 @@ class TestOnTheSite(OnTheSite):
 
     def test_ldnets_curves_are_the_networks(self, shown):
         """Of the weights that are shipped, whatever they are."""
+        shown.reset()
         pair = cortices("first")
         paths = [pair.paths[0][pair.names.index(name)] for name in SULCI]
         ends = np.array([[path[0], path[-1]] for path in paths])
