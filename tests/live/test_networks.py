@@ -26,7 +26,8 @@ def halved(network):
 def problems():
     """Landmarks with weights inside the trained ranges: the live page's first two problems, and scattered points."""
     rng, made = np.random.default_rng(5), []
-    points = [(example.problem.moving, example.problem.target) for example in example_problems()[:2]]
+    turn = np.exp(0.01j)  # off the spokes, where a point belongs to either triangle and rounding decides
+    points = [(turn * example.problem.moving, turn * example.problem.target) for example in example_problems()[:2]]
     for _ in range(10):
         count = int(rng.integers(4, 59))
         p = 0.9 * np.sqrt(rng.random(count)) * np.exp(2j * np.pi * rng.random(count))
