@@ -42,7 +42,7 @@ def test_every_recipe_runs_and_its_weights_load(tmp_path, data, network, preset,
     header = model.header
     assert row["step"] == header["steps"] == 2 and model.config.preset == preset
     assert header["data"]["recipe"] == f"data_synth.training.{network}" and header["data"]["quick"]
-    assert header["figures"]["validation_loss"] == row["validation_loss"] > 0
+    assert header["figures"]["validation_loss"] == row["validation_loss"] < float("inf")  # one is a logarithm
     if gamma:
         assert model.config.gamma == gamma and path.name == "cpnet-paper-g1e4.safetensors"
 
