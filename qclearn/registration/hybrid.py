@@ -3,7 +3,7 @@
 Objective: `nu^* W nu + gamma mean |M(f(p)) - q|^2 + delta sum_c a_c sum_k w_k (I_c(x_k) - J_c(M f(x_k)))^2`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -47,7 +47,7 @@ def fit_registration(
     features: Features,
     start: Complex[ndarray, " F"] | None = None,
     watch: Callable | None = None,
-    levels: tuple[Level, ...] = LEVELS,
+    levels: Sequence = LEVELS,
 ) -> LandmarkFit:
     """The disk map of a `Problem` that takes landmarks and `Features` to theirs, with `Weights` (delta > 0):
     LandmarkFit.
