@@ -26,8 +26,8 @@ from .normal import MOBIUS_PRIOR, DualEquations, NormalEquations
 SHARES = (1.0, 0.5, 0.25, 0.125)  # of a step, tried in turn by the line search
 SUFFICIENT_DECREASE = 0.3  # share of what the quadratic model promises that a step has to gain
 LANDMARKS_AT_ONCE = 16  # bounds the memory of the adjoint solves
-DAMPINGS = 10.0 ** np.arange(-1, 10)  # of the steps of a fit that is taken up again, in parts of W
-TRUST, TRIES = 0.3, 4  # the largest change of nu in such a step, and how many of them are tried
+DAMPINGS = 10.0 ** np.arange(-1, 10)  # of the steps that are tried where the line search fails, in parts of W
+TRUST, TRIES = 0.3, 4  # the largest change of nu in a damped step, and how many of them are tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,38 +172,37 @@ class GaussNewton:
         return propose
 
     def step(self, state, gamma, worth=0.0):
-        """The state after one step by a backtracking line search, or None where no share of it lowers the objective,
-        or the model promises less than the share `worth` of it.
+        """The state after one step, or None where none lowers the objective, or the model promises less than the share
+        `worth` of it.
 
-        A share s of the step is taken once it brings a sufficient part of what the quadratic model promises,
-        `(2s - s^2)` of the full step's gain; the promise fails where the map is far from linear in nu.
-        """
-        before = self.objective(state, gamma)
-        change, da, dtheta, promised = self.linearise(state, gamma)(state)
-        if before - promised < worth * before:
-            return None
-        for share in SHARES:
-            found = self.at(state.nu + share * change, compose_mobius(state.mobius, (share * da, share * dtheta)))
-            gain = before - self.objective(found, gamma)
-            if gain > SUFFICIENT_DECREASE * (2 * share - share**2) * (before - promised):
-                return found
-        return found if gain > 0 else None
-
-    def damped_step(self, state, gamma, worth):
-        """The state after a Levenberg step, or None: of the least damping that keeps it small and lowers the objective.
-
-        Which are small enough to trust the linearisation costs no map to find out.
+        A share s of the Gauss-Newton step is taken once it brings a sufficient part of what the quadratic model
+        promises, `(2s - s^2)` of the full step's gain. Where the map is too far from linear in nu for that, the best of
+        these and, with landmarks alone, of some damped steps.
         """
         before, propose = self.objective(state, gamma), self.linearise(state, gamma)
-        if before - propose(state)[-1] < worth * before:
+        *whole, promised = propose(state)
+        if before - promised < worth * before:
             return None
-        steps = (propose(state, damping) for damping in DAMPINGS)
-        small = (found for found in steps if abs(found[0]).max() <= TRUST)
-        for change, da, dtheta, _ in islice(small, TRIES):
-            found = self.at(state.nu + change, compose_mobius(state.mobius, (da, dtheta)))
-            if self.objective(found, gamma) < before:
-                return found
-        return None
+        tried = []
+        for share in SHARES:
+            tried.append(self.after(state, *(share * part for part in whole)))
+            gain = before - self.objective(tried[-1], gamma)
+            if gain > SUFFICIENT_DECREASE * (2 * share - share**2) * (before - promised):
+                return tried[-1]
+        if self.dense is None:  # with features, each would mean to solve large equations anew
+            tried += [self.after(state, *change) for change in self.damped(state, propose)]
+        best = min(tried, key=lambda found: self.objective(found, gamma))
+        return best if self.objective(best, gamma) < before else None
+
+    def after(self, state, change, da, dtheta):
+        """The state after a change of nu and of the Möbius parameters."""
+        return self.at(state.nu + change, compose_mobius(state.mobius, (da, dtheta)))
+
+    def damped(self, state, propose):
+        """Levenberg steps, from the least damping that keeps nu where the linearisation can be trusted: which that is
+        costs no map to find out."""
+        steps = (propose(state, damping)[:-1] for damping in DAMPINGS)
+        return islice((step for step in steps if abs(step[0]).max() <= TRUST), TRIES)
 
 
 class SurfaceGaussNewton(GaussNewton):

@@ -61,12 +61,12 @@ def fit_landmarks(
 
     Minimises `alpha mean|nu|^2 + beta mean|grad nu|^2 + gamma mean|M(f(p)) - q|^2` (means over the unit disk and over
     the M landmarks), to second order in nu the paper's L_CP. Neither this nor the mean squared distance ends above
-    that of the best Möbius map: a fit that would is taken up again from there with damped steps, or the Möbius map is
-    the result, and `fallbacks` says so. z (V,) complex with its boundary on the unit circle;
-    moving, target (M,) complex in the closed disk; curve (M,) int labels, points of a curve in order; sliding lets
-    inner points of a curve move along the target curve. start: mu (F,) on the faces to begin from; rings of the polar
-    mesh that carries nu (default: from the mesh's size); watch() is called before each step and may raise to stop it;
-    enough: landmark error below which no further step is taken on the mesh (0: steps until they settle).
+    that of the best Möbius map: a fit that would is taken up again from there, or the Möbius map is the result, and
+    `fallbacks` says so. z (V,) complex with its boundary on the unit circle; moving, target (M,) complex in the closed
+    disk; curve (M,) int labels, points of a curve in order; sliding lets inner points of a curve move along the target
+    curve. start: mu (F,) on the faces to begin from; rings of the polar mesh that carries nu (default: from the mesh's
+    size); watch() is called before each step and may raise to stop it; enough: landmark error below which no further
+    step is taken on the mesh (0: steps until they settle).
     Errors: LandmarkError, BeltramiError, SurfaceError. Source: paper, eq. RegLoss; Gauss-Newton in its dual form.
     """
     problem, weights = Problem(z, faces, moving, target, curve, sliding), Weights(alpha, beta, gamma)
@@ -114,17 +114,17 @@ def exceeds(engine, state, best):
 
 
 def fit_from_mobius(engine, astray, best, watch):
-    """What takes the place of a fit that ended above the best Möbius map: damped steps from there, or that map itself.
+    """What takes the place of a fit that ended above the best Möbius map: steps from there, or that map itself.
 
     The fit that went astray is kept where the Möbius map folds the mesh and cannot be mended, but it is a bijection.
     """
     parameters = engine.problem.mobius
     begin = engine.at(np.zeros(len(engine.z), complex), parameters)
-    state, steps = fit_on_mesh(engine, begin, watch, damped=True)
+    state, steps = fit_on_mesh(engine, begin, watch)
     taken = astray.steps[0], astray.steps[1] + steps
     fit = report_fit(engine, state, taken)
     if fit.bijective and not exceeds(engine, state, best):
-        return replace(fit, fallbacks=(*fit.fallbacks, f"{ABOVE}: {steps} damped steps from there"))
+        return replace(fit, fallbacks=(*fit.fallbacks, f"{ABOVE}: {steps} steps from there"))
     return instead(astray, report_fit(engine, engine.mobius_alone(parameters), taken))
 
 
@@ -149,17 +149,13 @@ def fit_on_grid(engine, state, gamma, watch=None):
     return state, len(levels)
 
 
-def fit_on_mesh(engine, state, watch=None, enough=0.0, most=STEPS_ON_MESH, damped=False):
+def fit_on_mesh(engine, state, watch=None, enough=0.0, most=STEPS_ON_MESH):
     """Last steps, on the caller's mesh, as long as they promise enough and the error is not below `enough`: (state,
-    steps).
-
-    damped: Levenberg steps, for a fit that has gone astray without.
-    """
-    step = engine.damped_step if damped else engine.step
+    steps)."""
     for steps in range(most):
         if watch:
             watch()
-        found = None if engine.error(state) < enough else step(state, engine.weights.gamma, WORTH)
+        found = None if engine.error(state) < enough else engine.step(state, engine.weights.gamma, WORTH)
         if found is None:
             return state, steps
         state = found

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from meshes import random_disk, random_mu
+from meshes import bowl, random_disk, random_mu
 
+from qclearn import disk_conformal_map, mirror
 from qclearn.plane.beltrami import beltrami_coefficient, signed_areas
 from qclearn.plane.bijectivity import check_bijective
 from qclearn.plane.checks import BeltramiError
@@ -12,8 +13,8 @@ from qclearn.plane.diskmesh import locate, polar_disk, sampling_matrix, square_d
 from qclearn.plane.exactmaps import TWIST
 from qclearn.plane.fields import bounded
 from qclearn.plane.mobius import best_mobius, compose_mobius, mobius, mobius_inverse
+from qclearn.registration import engine, normal
 from qclearn.registration import fit as fit_module
-from qclearn.registration import normal
 from qclearn.registration.engine import MOBIUS_PRIOR, GaussNewton, SurfaceGaussNewton
 from qclearn.registration.fit import fit_landmarks, start_field
 from qclearn.registration.landmarkterm import TANGENTIAL_WEIGHT, Landmarks
@@ -147,6 +148,17 @@ def test_the_step_on_a_mesh_is_that_of_the_exact_jacobian(monkeypatch, damping):
         np.testing.assert_allclose(mobius, exact[1:3], atol=1e-4 * abs(np.array(exact[1:3])).max())
         assert damping or promised == pytest.approx(exact[3], rel=1e-6)
     assert products[1] <= products[0] / 2
+
+
+def test_where_the_line_search_fails_a_damped_step_leads_on(monkeypatch):
+    """Two spokes whose order a mirrored bowl turns round: without damped steps the fit stops far above its least."""
+    moving, control = mirror(bowl(0.6)), bowl(0.9)
+    z, w = disk_conformal_map(moving), disk_conformal_map(control)
+    p, q = (z[[*range(1, 145, 24), *range(7, 151, 24)]], w[[*range(2, 146, 24), *range(6, 150, 24)]])
+    losses = {gamma: fit_landmarks(z, moving.faces, p, q, gamma=gamma).losses["L_CP"] for gamma in (1e3, 1e5)}
+    assert losses[1e3] < losses[1e5] < 1.1 * losses[1e3]
+    monkeypatch.setattr(engine, "TRIES", 0)
+    assert fit_landmarks(z, moving.faces, p, q, gamma=1e5).losses["L_CP"] > 10 * losses[1e5]
 
 
 def test_the_fit_ends_within_a_thousandth_of_the_least_objective(monkeypatch):

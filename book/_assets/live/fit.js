@@ -25,8 +25,9 @@ const SUFFICIENT = 0.3; // share of what the model promises that a step has to g
 const MOBIUS_PRIOR = 1e-6; // weak, keeps the three Möbius parameters' step bounded
 const FIRST_GAMMA = 1e2; // continuation on the coarse mesh: a step at each power of ten from here
 const PROMISE = 1e-3; // the share of the objective that a step has to promise to be taken
-const DAMPINGS = [0.1, 1, 10, 100, 1e3, 1e4, 1e5, 1e6];
+const DAMPINGS = Array.from({ length: 11 }, (_, k) => 10 ** (k - 1)); // of further steps, in parts of W
 const TRUST = 0.3; // the largest change of nu in a damped step
+const TRIES = 4; // damped steps, at most
 export const ROUNDING = 1e-9;
 
 export class Fit {
@@ -174,8 +175,8 @@ export class Fit {
     return found;
   }
 
-  // to a share of a step from `begin`
-  advance({ nu, mobius }, { change, increment: [dx, dy, turn] }, share) {
+  // to a share of a step from `begin`: whether that is a map
+  advance({ nu, mobius }, { change, increment: [dx, dy, turn] }, share = 1) {
     const next = copy(nu);
     for (let v = 0; v < next.x.length; v++) {
       next.x[v] += share * change.x[v];
@@ -184,35 +185,33 @@ export class Fit {
     return this.to(next, compose(mobius, [share * dx, share * dy, share * turn]));
   }
 
-  // One step by a backtracking line search; false, and nothing has changed, where no share of it lowers the objective.
-  descend(gamma, step) {
+  // One step: the first share that gains enough, else the best of these and of damped steps. False, and nothing has
+  // changed, where none lowers the objective.
+  descend(gamma, whole) {
     const before = this.objective(gamma),
       begin = { nu: this.nu, mobius: this.mobius };
-    let gain = -1;
-    for (const share of SHARES) {
-      gain = this.advance(begin, step, share) ? before - this.objective(gamma) : -1;
-      if (gain > SUFFICIENT * (2 * share - share ** 2) * (before - step.promised)) return true;
-    }
-    if (gain > 0) return true;
+    let best = { gain: 0, nu: begin.nu, mobius: begin.mobius };
+    const gains = (step, share) => {
+      const gain = this.advance(begin, step, share) ? before - this.objective(gamma) : -1;
+      if (gain > best.gain) best = { gain, nu: this.nu, mobius: this.mobius };
+      return gain;
+    };
+    for (const share of SHARES)
+      if (gains(whole, share) > SUFFICIENT * (2 * share - share ** 2) * (before - whole.promised)) return true;
     this.to(begin.nu, begin.mobius);
-    return false;
+    for (const step of this.damped(gamma)) gains(step);
+    this.to(best.nu, best.mobius);
+    return best.gain > 0;
   }
 
-  // the least damping that keeps the step small and lowers the objective
-  dampedStep(gamma) {
-    const before = this.objective(gamma),
-      begin = { nu: this.nu, mobius: this.mobius };
-    for (const damping of DAMPINGS) {
-      const step = this.propose(gamma, damping);
-      if (largest(step.change) > TRUST) continue;
-      if (this.advance(begin, step, 1) && this.objective(gamma) < before) return true;
-      this.to(begin.nu, begin.mobius);
-    }
-    return false;
+  // steps of the least damping that keeps them small
+  damped(gamma) {
+    const steps = DAMPINGS.map((damping) => this.propose(gamma, damping));
+    return steps.filter(({ change }) => largest(change) <= TRUST).slice(0, TRIES);
   }
 
   // Steps at each gamma of a list, at the last one until a step promises less than the share `tolerance` of the objective.
-  run(gammas, most, tolerance = PROMISE, damped = false) {
+  run(gammas, most, tolerance = PROMISE) {
     for (let k = 0; k < most + gammas.length - 1; k++) {
       const last = k >= gammas.length - 1,
         gamma = gammas[Math.min(k, gammas.length - 1)];
@@ -220,7 +219,7 @@ export class Fit {
       const step = this.propose(gamma);
       this.left = 1 - step.promised / this.objective(gamma);
       if (last && this.left < tolerance) break;
-      const found = damped ? this.dampedStep(gamma) : this.descend(gamma, step);
+      const found = this.descend(gamma, step);
       this.steps += found ? 1 : 0;
       if (last && !found) break;
     }
@@ -265,7 +264,7 @@ export function fitLandmarks({ coarse, fine }, request, { tolerance = PROMISE, m
   fit.run([request.gamma], most, tolerance);
   if (exceeds(fit, request.gamma, best)) {
     fit.to(zeros(fine.V), mobius);
-    fit.run([request.gamma], most, tolerance, true);
+    fit.run([request.gamma], most, tolerance);
     if (exceeds(fit, request.gamma, best)) fit.to(zeros(fine.V), mobius);
   }
   fit.coarseSteps = first.steps;
