@@ -110,6 +110,13 @@ class LandmarkDataset(Seeded):
         return moving, self.targets, mu
 
 
+def quiet_disk_map(surface):
+    """The disk map of a subject, without a word on boundary steps that had to be raised: coarse ones need it."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RepairWarning)
+        return disk_conformal_map(surface)
+
+
 class CurveDataset(Seeded):
     """For LD-Net: (image (2, size, size), ends (K, 2), curves (K, points)) of synthetic subjects, turned and distorted.
 
@@ -145,10 +152,7 @@ class CurveDataset(Seeded):
     def _prepare(self, surface):
         samples = [sample_curve(surface, surface.curves[name], self.points) for name in self.names]
         grey = grey_levels(mean_curvature(surface), surface.vertex_areas)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RepairWarning)  # boundary steps of coarse subjects
-            z = disk_conformal_map(surface)
-        return surface, grey, DiskMaps(z, surface.faces), samples
+        return surface, grey, DiskMaps(quiet_disk_map(surface), surface.faces), samples
 
     def draw(self, rng):
         surface, grey, maps, samples = self.subjects[rng.integers(len(self.subjects))]

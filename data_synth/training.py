@@ -4,17 +4,15 @@ The sets are drawn once and kept in `folder`; `quick` draws a few items only, fo
 served for the logs and for two settings of use; held-out figures come from other seeds still.
 """
 
-import warnings
 from functools import cache
 
 import numpy as np
 
 from data_synth.cohort import hemispheres
-from data_synth.datasets import CurveDataset, Seeded, cached
+from data_synth.datasets import CurveDataset, Seeded, cached, quiet_disk_map
 from data_synth.fields import KINDS, MAX_ABS, dead_leaves, image_coefficient, random_coefficient, smooth_coefficient
 from data_synth.landmarks import DiskMaps, Perturbation
 from data_synth.template import SULCI
-from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.disk import BeltramiDiskSolver
 from qclearn.plane.diskmesh import polar_disk, sampling_matrix, square_disk
 from qclearn.plane.mobius import best_mobius, mobius, mobius_inverse
@@ -23,7 +21,6 @@ from qclearn.registration.fit import POWER
 from qclearn.registration.landmarks import sample_curve
 from qclearn.registration.looks import Link, Looks, refit
 from qclearn.registration.problem import distinct
-from qclearn.surfaces.conformal import disk_conformal_map
 
 
 class Fields(Seeded):
@@ -231,8 +228,6 @@ def disk_curves(seeds, folder, quick=False):
     curves = []
     for subject in subjects(seeds, folder, quick):
         surface = subject.surface
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RepairWarning)
-            z = disk_conformal_map(surface)
+        z = quiet_disk_map(surface)
         curves.append([sample_curve(surface, path, DATA_POINTS) @ z for path in surface.curves.values()])
     return np.array(curves)

@@ -9,7 +9,6 @@ qclearn/benchmark/kept/scaling.json.
 import argparse
 import json
 import tempfile
-from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ import numpy as np
 from data_synth.cohort import SEEDS, hemispheres
 from qclearn.benchmark.pairs import CONTROL
 from qclearn.benchmark.run import benchmark
-from qclearn.files.provenance import commit, processor
+from qclearn.files.provenance import provenance
 
 
 def main():
@@ -40,9 +39,7 @@ def main():
         "tasks": len(results["rows"]),
         "seconds": {str(workers): passed for workers, passed in seconds.items()},
         "speed_up": float(np.median(seconds[1]) / np.median(seconds[2])),
-        "commit": commit(),
-        "date": date.today().isoformat(),
-        "processor": processor(),
+        **provenance(),
     }
     text = json.dumps(figures, indent=1)
     print(text)

@@ -13,7 +13,6 @@ import argparse
 import json
 import time
 from dataclasses import asdict, replace
-from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +22,8 @@ from data_synth.generations import GENERATION
 from qclearn.benchmark.cortex import HALVES, fsaverage_side, heldout_pair
 from qclearn.benchmark.pairs import CONTROL, cohort_pair, mapped_subject, prepare
 from qclearn.benchmark.trial import map_figures
-from qclearn.files.provenance import commit, processor
+from qclearn.files.meshes import write_whole
+from qclearn.files.provenance import provenance
 from qclearn.methods.folds import features_of
 from qclearn.plane.diskmesh import Lookup
 from qclearn.registration.checked import bijective_fit
@@ -70,7 +70,8 @@ def main():
     if options.out:
         subjects = {"seeds": options.subjects, "control": CONTROL, "generation": GENERATION}
         rules = {"allowed_mm": ALLOWED, "close": CLOSE}
-        options.out.write_text(json.dumps({"table": table, **subjects, **rules, "provenance": made}, indent=1) + "\n")
+        text = json.dumps({"table": table, **subjects, **rules, "provenance": made}, indent=1) + "\n"
+        write_whole(options.out, lambda place: place.write_text(text, encoding="utf-8"))
 
 
 def read_options():
@@ -86,10 +87,6 @@ def asked(texts):
     for text in texts:
         beta, gamma, delta, *sliding = text.split(",")
         yield float(beta), float(gamma), float(delta), sliding == ["sliding"]
-
-
-def provenance():
-    return {"commit": commit(), "date": date.today().isoformat(), "processor": processor()}
 
 
 def pairs(seeds):

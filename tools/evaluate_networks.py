@@ -12,7 +12,6 @@ import os
 import platform
 import sys
 import time
-from datetime import date
 from importlib.metadata import version
 from pathlib import Path
 
@@ -23,7 +22,7 @@ from threadpoolctl import threadpool_limits
 
 from data_synth.generations import GENERATION
 from qclearn.benchmark.results import read_networks, write_networks
-from qclearn.files.provenance import commit, processor
+from qclearn.files.provenance import provenance
 
 PARTS = ("polar", "ldnet", "cpnet", "dbsnet")
 
@@ -36,7 +35,7 @@ def main():
         start = time.perf_counter()
         with threadpool_limits(1):
             figures = importlib.import_module(f"evaluation.{part}").figures(options.seeds, quick=options.quick)
-        results[part] = {**figures, "provenance": provenance(options, time.perf_counter() - start)}
+        results[part] = {**figures, "provenance": told(options, time.perf_counter() - start)}
         show(part, results[part])
         if options.out:  # after every part: what was measured is not lost
             options.out.parent.mkdir(parents=True, exist_ok=True)
@@ -65,16 +64,14 @@ def seed_list(text):
     return seeds
 
 
-def provenance(options, seconds):
+def told(options, seconds):
     return {
         "seeds": options.seeds,
         "quick": options.quick,
         "generation": GENERATION,
-        "commit": commit(),
-        "date": date.today().isoformat(),
+        **provenance(),
         "seconds": round(seconds, 1),
         "threads": torch.get_num_threads(),
-        "processor": processor(),
         "python": platform.python_version(),
         **{name: version(name) for name in ("torch", "numpy", "scipy", "qclearn")},
     }

@@ -14,7 +14,6 @@ import resource
 import tempfile
 import time
 from contextlib import contextmanager
-from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +22,8 @@ import qclearn as qc
 from data_synth.cohort import SEEDS, cohort
 from data_synth.correspondence import correspondence
 from data_synth.generations import GENERATION
-from qclearn.files.provenance import commit, processor
+from qclearn.files.meshes import write_whole
+from qclearn.files.provenance import provenance
 from qclearn.group.kept import Folder
 from qclearn.group.members import members_of
 from qclearn.group.rounds import Group
@@ -83,11 +83,11 @@ def measure(options, folder):
         "pictures": pictures(subjects[control].surface, start, single, made),
         "seconds": seconds,
         "workers": options.workers,
-        "provenance": {"commit": commit(), "date": date.today().isoformat(), "processor": processor()},
+        "provenance": provenance(),
     }
     for name in ("variance", "truth", "seconds"):
         print(name, json.dumps(figures[name], indent=1))
-    options.out.write_text(json.dumps(figures) + "\n", encoding="utf-8")
+    write_whole(options.out, lambda place: place.write_text(json.dumps(figures) + "\n", encoding="utf-8"))
 
 
 def read_options():

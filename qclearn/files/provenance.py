@@ -5,6 +5,7 @@ import hashlib
 import platform
 import subprocess
 import sys
+from datetime import date
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -31,6 +32,11 @@ def processor():
         return next(line.split(":")[1].strip() for line in lines if line.startswith("model name"))
     except (OSError, StopIteration):
         return platform.processor() or platform.machine()
+
+
+def provenance():
+    """Commit, day and processor of a measurement, dict."""
+    return {"commit": commit(), "date": date.today().isoformat(), "processor": processor()}
 
 
 def versions(*packages):

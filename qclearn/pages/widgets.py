@@ -211,7 +211,7 @@ class NewestOnly:
                     return
 
 
-WIDE = {"width": "34em", "max_width": "100%"}
+WIDE = {"width": "34em", "max_width": "calc(100% - 4px)"}  # within its margins, where the page is narrow
 
 
 def power_slider(name, value, low, high, words):

@@ -135,14 +135,7 @@ LOOK = """() => [...window.panel.content.node.querySelectorAll('.jp-Cell')].map(
 })"""
 
 
-# Runs all cells above the first Markdown cell that follows the code `source`.
-RUN_UNTIL = """async source => {
-  const {content} = window.panel;
-  const found = content.widgets.findIndex(({model}) => model.sharedModel.source.includes(source));
-  if (found < 0) throw new Error(`no cell has ${source}`);
-  content.activeCellIndex = found + 1;
-  await window.jupyterapp.commands.execute('notebook:run-all-above');
-}"""
+RUN_ALL = "() => void window.jupyterapp.commands.execute('notebook:run-all-cells')"
 ADD = """async source => {
   const {content, context: {model: {sharedModel}}} = window.panel;
   sharedModel.insertCell(sharedModel.cells.length, {cell_type: 'code', source});

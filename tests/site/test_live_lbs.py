@@ -12,7 +12,7 @@ from qclearn.pages.explorables import LBS
 class TestOnTheSite(OnTheSite):
     page, name, slider = "lbs.html", "lbs", "pins are pulled aside"
 
-    def test_a_pin_is_dragged_and_moved_by_keys(self, shown):
+    def test_pins_are_dragged_and_moved_by_keys_and_the_map_is_the_librarys(self, shown):
         shown.reset()
         canvas, words = shown.root.locator("canvas").first, shown.words
         shown.drag_with_the_mouse(canvas, (0.5, 0.2), (0.6, 0.3))
@@ -21,8 +21,6 @@ class TestOnTheSite(OnTheSite):
         shown.press(canvas, "PageUp")
         shown.press(canvas, "Shift+ArrowUp")
         assert shown.state()["moves"]["3"] == pytest.approx([0.2, -0.4], abs=1e-3)
-
-    def test_the_map_is_the_librarys(self, shown):
         state = json.loads(json.dumps(dict(LBS.initial))) | shown.state()
         data, f = shown.data(), LBS().map(state)
         assert len(state["moves"]) == 2 and data["state"] == state

@@ -4,12 +4,12 @@ and the kernel survives."""
 import re
 
 import pytest
-from laboratory import RUN_UNTIL, Reader, wait_until_idle
+from laboratory import RUN_ALL, Reader, wait_until_idle
 
 pytestmark = pytest.mark.xdist_group("JupyterLab")
 
-# Page, the code that shows the sliders, and the description of the one that the test moves.
-LIVE_PAGES = [("live.ipynb", "display(tuner)", "γ")]
+# Page, and the description of the one that the test moves.
+LIVE_PAGES = [("live.ipynb", "γ")]
 
 
 def pictures(page):
@@ -28,12 +28,12 @@ def answers(page):
     return sentences, float(re.search(r"L_CP of CP-Net is (\S+) times that of exact fit", text)[1])
 
 
-@pytest.mark.parametrize("notebook, code, label", LIVE_PAGES)
-def test_a_moved_slider_changes_the_picture(browser, lab, notebook, code, label):
+@pytest.mark.parametrize("notebook, label", LIVE_PAGES)
+def test_a_moved_slider_changes_the_picture(browser, lab, notebook, label):
     reader = Reader(browser, lab.address)
     page = reader.page
     reader.open(f"sources/{notebook}")
-    page.evaluate(RUN_UNTIL, code)
+    page.evaluate(RUN_ALL)
     slider = page.locator(".widget-slider", has=page.locator(f".widget-label:has-text('{label}')")).first
     handle, readout = slider.locator(".noUi-handle"), slider.locator(".widget-readout")
     handle.wait_for(timeout=120_000)
