@@ -1,6 +1,7 @@
 """A cohort of synthetic hemispheres, made once and kept in the user's cache folder."""
 
 import hashlib
+import tempfile
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -103,9 +104,7 @@ def _is_whole(path):
 def _require_writable(inner):
     try:
         inner.mkdir(parents=True, exist_ok=True)
-        trial = inner / ".writable"
-        trial.touch()
-        trial.unlink()
+        tempfile.TemporaryFile(dir=inner).close()  # of a name of its own: others may try at the same time
     except OSError as error:
         raise CortexError(
             f"the cohort's folder {inner.parent} cannot be written ({error.strerror or error}); give another folder."

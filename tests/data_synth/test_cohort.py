@@ -2,6 +2,7 @@
 
 import importlib
 import shutil
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 
 import numpy as np
@@ -126,3 +127,10 @@ def test_the_cache_is_the_users(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setenv("HOME", str(tmp_path))
     assert tmp_path in module.default_folder().parents or "qclearn" in str(module.default_folder())
+
+
+def test_a_folder_that_several_use_at_once_is_writable_for_all(tmp_path):
+    with ThreadPoolExecutor(8) as pool:
+        for done in [pool.submit(module._require_writable, tmp_path / "cohort") for _ in range(800)]:
+            done.result()
+    assert list((tmp_path / "cohort").iterdir()) == []
