@@ -155,5 +155,9 @@ def test_nothing_comes_from_elsewhere(narrow):
     assert narrow.from_elsewhere() == []
 
 
+def test_it_weighs_at_most_eight_megabytes(narrow):
+    assert sum(narrow.sizes.values()) < 8e6, sorted(narrow.sizes.items(), key=lambda item: -item[1])[:5]
+
+
 def test_nothing_fails_and_nothing_complains(narrow):
     assert narrow.complaints == []

@@ -59,3 +59,8 @@ def test_the_notebook_offered_for_download_shows_its_results(path):
     ]
     assert answered == asked
     assert len(shown) == sum("show_figure(" in cell.source for cell in cells if cell.cell_type == "code")
+
+
+def test_the_explorables_weigh_at_most_six_megabytes_in_all():
+    files = [path for path in (SITE / "_static" / "live").rglob("*") if path.is_file()]
+    assert files and sum(path.stat().st_size for path in files) < 6e6

@@ -34,12 +34,12 @@ class Tab:
 
     def __init__(self, window, address, name, width=WIDE, script=None):
         """script: what the page runs before its own scripts."""
-        self.address, self.requests, self.complaints = address, [], []
+        self.address, self.requests, self.complaints, self.sizes = address, [], [], {}
         self.page = window.new_page()
         self.page.set_viewport_size({"width": width, "height": 900})
         self.page.on("request", lambda request: self.requests.append(request.url))
         self.page.on("requestfailed", lambda request: self.complain(f"failed: {request.url}"))
-        self.page.on("response", lambda answer: answer.status < 400 or self.complain(f"{answer.status}: {answer.url}"))
+        self.page.on("response", self.receive)
         self.page.on("console", lambda message: message.type != "error" or self.complain(message.text))
         self.page.on("pageerror", lambda error: self.complain(error.message))
         if script:
@@ -49,6 +49,12 @@ class Tab:
     def complain(self, text):
         if not any(known in text for known in HARMLESS):
             self.complaints.append(text)
+
+    def receive(self, answer):
+        """Keep how many bytes an answer has as it is sent, unpacked; what the window had already counts, too."""
+        self.sizes[answer.url] = int(answer.headers.get("content-length", 0))
+        if answer.status >= 400:
+            self.complain(f"{answer.status}: {answer.url}")
 
     def from_elsewhere(self):
         """What the page asked for that is not of its own server."""
