@@ -199,7 +199,7 @@ def summary(rows):
     }
 
 
-def bands(rows, edges=(0, 3, 4, 5, 8)):
+def bands(rows, edges=(0, 3, 5, 7, 11)):
     """CP-Net's median ratio by how stiff the problem is, log10(gamma / beta): list of (low, high, problems, ratios)."""
     stiff = np.array([np.log10(row["weights"][2] / row["weights"][1]) for row in rows])
     table = []
