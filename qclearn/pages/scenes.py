@@ -113,11 +113,13 @@ class Scene:
 
 
 def _named(page, title):
-    """The page with a language and a title, and with the reader's zoom, which trame-vtk's template forbids."""
+    """The page with a language and a title, with the reader's zoom, which trame-vtk's template forbids, and without the
+    picture that its viewer, while it has no scene, asks for beside the page."""
     head = (
         f'<html lang="en"><head><title>{html.escape(title)}</title><meta name="viewport" content="width=device-width">'
     )
     page = re.sub(r'<meta name="viewport"[^>]*>', "", page, count=1)
+    page = re.sub(r'\w+\.p\+"[0-9a-f]+\.jpg"', '"data:,"', page)
     return re.sub(r"<html>\s*<head>", lambda found: head, page, count=1)
 
 

@@ -211,6 +211,7 @@ class OnTheSite:
         shown.press(shown.slider(self.slider), "End")
         state, words = shown.state(), shown.words
         shown.root.get_by_role("button", name="Link to this state").click()
+        shown.wait_for("#live-")
         link = re.search(r"http\S+#live-\S+", shown.said)[0]
         shown.reset()
         shown.after(lambda: shown.page.evaluate("link => { location.href = link; }", link))
