@@ -9,6 +9,7 @@ from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
+from operator import itemgetter
 
 import numpy as np
 from scipy import sparse
@@ -183,16 +184,17 @@ class GaussNewton:
         *whole, promised = propose(state)
         if before - promised < worth * before:
             return None
-        tried = []
+        tried = []  # (objective, state)
         for share in SHARES:
-            tried.append(self.after(state, *(share * part for part in whole)))
-            gain = before - self.objective(tried[-1], gamma)
-            if gain > SUFFICIENT_DECREASE * (2 * share - share**2) * (before - promised):
-                return tried[-1]
+            found = self.after(state, *(share * part for part in whole))
+            tried.append((self.objective(found, gamma), found))
+            if before - tried[-1][0] > SUFFICIENT_DECREASE * (2 * share - share**2) * (before - promised):
+                return found
         if self.dense is None:  # with features, each would mean to solve large equations anew
-            tried += [self.after(state, *change) for change in self.damped(state, propose)]
-        best = min(tried, key=lambda found: self.objective(found, gamma))
-        return best if self.objective(best, gamma) < before else None
+            damped = (self.after(state, *change) for change in self.damped(state, propose))
+            tried += [(self.objective(found, gamma), found) for found in damped]
+        least, best = min(tried, key=itemgetter(0))
+        return best if least < before else None
 
     def after(self, state, change, da, dtheta):
         """The state after a change of nu and of the Möbius parameters."""
