@@ -206,8 +206,12 @@ export class Fit {
 
   // steps of the least damping that keeps them small
   damped(gamma) {
-    const steps = DAMPINGS.map((damping) => this.propose(gamma, damping));
-    return steps.filter(({ change }) => largest(change) <= TRUST).slice(0, TRIES);
+    const steps = [];
+    for (let k = 0; k < DAMPINGS.length && steps.length < TRIES; k++) {
+      const step = this.propose(gamma, DAMPINGS[k]);
+      if (largest(step.change) <= TRUST) steps.push(step);
+    }
+    return steps;
   }
 
   // Steps at each gamma of a list, at the last one until a step promises less than the share `tolerance` of the objective.
