@@ -29,6 +29,7 @@ SUFFICIENT_DECREASE = 0.3  # share of what the quadratic model promises that a s
 LANDMARKS_AT_ONCE = 16  # bounds the memory of the adjoint solves
 DAMPINGS = 10.0 ** np.arange(-1, 10)  # of the steps that are tried where the line search fails, in parts of W
 TRUST, TRIES = 0.3, 4  # the largest change of nu in a damped step, and how many of them are tried
+INDEPENDENT = 1e-6  # singular values of the directions learnt from, in parts of the largest
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,7 +238,11 @@ class SurfaceGaussNewton(GaussNewton):
         if products:
             one = np.eye(len(self.known_gram)) / gamma  # with it, as in S, nothing is singular
             Y, exact = (np.stack(side, axis=1) for side in zip(*products))
-            known, exact = (self.known_gram + one) @ Y, (exact + Y) / gamma
+            sizes = np.linalg.norm(Y, axis=0)
+            Y, parts, turned = np.linalg.svd(Y / sizes, full_matrices=False)
+            whole = parts > INDEPENDENT * parts[0]  # many steps repeat their directions
+            Y, turned = Y[:, whole], (turned[whole] / parts[whole, None]).T
+            known, exact = (self.known_gram + one) @ Y, (exact / sizes @ turned + Y) / gamma
             old, new = (side @ np.linalg.solve(Y.T @ side, side.T) for side in (known, exact))
             self.known_gram = self.known_gram - old + new
 

@@ -120,6 +120,7 @@ def fit_from_mobius(engine, astray, best, watch):
     """
     parameters = engine.problem.mobius
     begin = engine.at(np.zeros(len(engine.z), complex), parameters)
+    engine.known_gram = None  # it was learnt far from here
     state, steps = fit_on_mesh(engine, begin, watch)
     taken = astray.steps[0], astray.steps[1] + steps
     fit = report_fit(engine, state, taken)

@@ -91,10 +91,11 @@ class DualEquations(Linearisation):
         x, y, p, size, tried = -share * self.nu, np.zeros(len(rest)), 0.0, 1.0, []
         for _ in range(DUAL_STEPS):
             least, left = y @ wanted + y @ rest, rest @ rest  # the model's least objective is no less
-            if before - least < WORTH * before or left <= FORCING * (before - least - left):
-                break
             z, last = inverse @ rest, size
             size = rest @ z
+            done = before - least < WORTH * before or left <= FORCING * (before - least - left)
+            if done or not size > 0:  # 0: what is left is rounding
+                break
             p = z + size / last * p
             lifted = share * self.lift(self.adjoint(p), B)
             Sp = p + self.forward(lifted)

@@ -150,6 +150,20 @@ def test_the_step_on_a_mesh_is_that_of_the_exact_jacobian(monkeypatch, damping):
     assert products[1] <= products[0] / 2
 
 
+def test_what_is_learnt_of_repeated_directions_stays_positive():
+    """Conjugate gradients that rounding lets go on beyond as many steps as there are unknowns."""
+    p, q = smooth_problem(6, count=12)
+    engine, gamma = SurfaceGaussNewton(Problem(*SMALL, p, q), polar_disk(8, 24), Weights()), 1e5
+    engine.gram(engine.at(np.zeros(len(engine.z), complex), (0j, 0.0)), gamma)
+    rng = np.random.default_rng(0)
+    root, few = rng.normal(size=(24, 24)), rng.normal(size=(24, 8))
+    exact, noise = gamma * root @ root.T, 1e-9 * rng.normal(size=(2, 60, 24))
+    directions = (few @ rng.normal(size=(8, 60))).T + noise[0]
+    engine.learn([(y, exact @ y + gamma * e) for y, e in zip(directions, noise[1])], gamma)
+    np.testing.assert_allclose(gamma * engine.known_gram @ few, exact @ few, atol=1e-6 * abs(exact).max())
+    assert np.linalg.eigvalsh(np.eye(24) + gamma * engine.known_gram)[0] > 0.5
+
+
 def test_where_the_line_search_fails_a_damped_step_leads_on(monkeypatch):
     """Two spokes whose order a mirrored bowl turns round: without damped steps the fit stops far above its least."""
     moving, control = mirror(bowl(0.6)), bowl(0.9)
