@@ -22,7 +22,8 @@ from pathlib import Path
 from playwright.sync_api import sync_playwright
 
 SITE = Path(__file__).resolve().parent.parent / "_build" / "html"
-FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+FLAGS = ["--no-sandbox"]
+GRAPHICS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]  # for scenes in 3-D, where there is no card
 MOVES = 20
 PAUSE = 200  # milliseconds between moves, for what comes later than an answer
 MB = 1e6
@@ -112,8 +113,9 @@ def line(what, value, unit, asked):
     print(f"{what:58s} {value:9.2f} {unit:3s} {verdict}", flush=True)
 
 
-def report(browser, address, page, name):
-    """Visit an explorable and print its figures."""
+def report(start, address, page, name):
+    """Visit an explorable in a browser of its own and print its figures."""
+    browser = start(args=[*FLAGS, *(GRAPHICS if name in SOLID else [])])
     tab, work, sizes = visit(browser, address, page, name)
     line(f"{name} ({page}): first answer", tab.evaluate("name => window.first[name]", name), "ms", ASKED["first"])
     line(f"{name}: computed for it, and for the whole page", work, "ms", None)
@@ -125,7 +127,7 @@ def report(browser, address, page, name):
     own = sum(size for url, size in sizes.items() if "_static/live/" in url)
     line(f"{name}: modules, weights, data", own / MB, "MB", ASKED["3-D" if name in SOLID else "explorable"])
     line(f"{name}: the page over the wire", sum(sizes.values()) / MB, "MB", ASKED["page"])
-    tab.close()
+    browser.close()
 
 
 def main():
@@ -135,11 +137,10 @@ def main():
     handler = functools.partial(Quiet, directory=SITE)
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server, sync_playwright() as playwright:
         threading.Thread(target=server.serve_forever, daemon=True).start()
-        browser = playwright.chromium.launch(executable_path=path, args=FLAGS)
+        start = functools.partial(playwright.chromium.launch, executable_path=path)
         for page, name in explorables():
             if name in (sys.argv[1:] or [name]):
-                report(browser, f"http://127.0.0.1:{server.server_port}/", page, name)
-        browser.close()
+                report(start, f"http://127.0.0.1:{server.server_port}/", page, name)
         server.shutdown()
     files = [path.stat().st_size for path in (SITE / "_static" / "live").iterdir()]
     line("modules, weights and data of the whole site", sum(files) / MB, "MB", ASKED["site"])

@@ -59,8 +59,10 @@ const tasks = {
   },
   async cpnet() {
     const { CPNet } = await load("cpnet.js"), net = await network(CPNet);
-    return given.problems.map(({ moving, target, looks, ...weights }) =>
-      toPairs(net.run(fromPairs(moving), fromPairs(target), weights, looks)));
+    const found = [];
+    for (const { moving, target, looks, ...weights } of given.problems)
+      found.push(toPairs(await net.run(fromPairs(moving), fromPairs(target), weights, looks)));
+    return found;
   },
   async dbsnet() {
     const { DBSNet } = await load("dbsnet.js"), net = await network(DBSNet);

@@ -18,7 +18,9 @@ document.addEventListener('qc-live-answer', event => {
   window.answered[event.target.dataset.page] = {number, newest: number === of};
 }, true);"""
 KERNEL = re.compile("The kernel's|The kernel has no answer")
-ANSWERED = """([name, before]) => window.answered[name]?.newest && window.answered[name].number > before"""
+# Until the read-outs are whole: of some answers a part comes later.
+ANSWERED = """([name, before]) => window.answered[name]?.newest && window.answered[name].number > before
+  && document.querySelector(`.qc-live[data-page=${name}] [role=status]`).ariaBusy !== 'true'"""
 # Pointer events where a point of the disk is on a canvas, whatever moves in the window meanwhile.
 DRAG = """(canvas, points) => {
   canvas.setPointerCapture = () => {}; // there is no pointer to capture

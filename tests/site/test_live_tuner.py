@@ -24,6 +24,9 @@ MANY = """e => { for (let k = 0; k < 50; k++) {
     e.value = 2 + k / 20;
     e.dispatchEvent(new Event(k < 49 ? 'input' : 'change'));
 } }"""
+HEAR = """() => addEventListener('qc-live-answer', event => {
+    window.heard = event.target.querySelector('[role=status]').textContent;
+}, {once: true})"""
 ONE = "(e, value) => { e.value = value; e.dispatchEvent(new Event('change')); }"
 
 
@@ -82,6 +85,14 @@ class TestOnTheSite(OnTheSite):
         assert shown.words != many
         shown.after(lambda: slider.evaluate(ONE, last))
         assert shown.words == many
+
+    def test_the_fit_is_shown_before_the_other_maps_are_there(self, shown):
+        shown.reset()
+        shown.page.evaluate(HEAR)
+        shown.press(shown.slider("gamma"), "ArrowRight")
+        first = shown.page.evaluate("window.heard")
+        assert "exact fit: landmark error" in first and "CP-Net: still computing" in first
+        assert "CP-Net: landmark error" in shown.words
 
     def test_cpnets_map_is_the_librarys(self, shown, live):
         shown.reset()

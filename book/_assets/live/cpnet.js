@@ -20,11 +20,12 @@ export class CPNet {
     return gamma;
   }
 
-  // nu at the vertices of the network's mesh, for landmarks p, q {x, y}, after so many looks at its map on `mesh`
-  run(p, q, { alpha, beta, gamma }, looks = this.config.looks, mesh = this.mesh) {
+  // nu at the vertices of the network's mesh, for landmarks p, q {x, y}, after so many looks at its map on `mesh`; null
+  // once it is `stale`
+  async run(p, q, { alpha, beta, gamma }, looks = this.config.looks, mesh = this.mesh, stale = () => false) {
     const ratios = [beta / alpha, gamma / alpha],
       start = this.start(p, q, ...ratios);
-    return looks ? new Looks(this.link(mesh), p, q, ...ratios).run(start, looks) : start;
+    return looks ? new Looks(this.link(mesh), p, q, ...ratios).run(start, looks, stale) : start;
   }
 
   // the mesh that is mapped beside the network's own; the last one is kept

@@ -4,10 +4,11 @@
 //
 // spec: name, label, initial, controls, views, question, answer(state, host) -> answer or promise of it,
 //       draw(pictures, state, answer), words(state, answer) -> the read-outs, data(state, answer) -> what JSON has;
-//       where there is more to say: rows(answer) of a table, afterwards(state, answer, host) -> a fuller answer, later,
+//       where there is more to say: rows(answer) of a table, afterwards(state, answer, host), fuller answers one by one,
+//       for which an answer that is `partial` lets the read-outs wait,
 //       onward {page, name, text, state(state, answer)}: a link to another explorable, with a state for it or null
 // host: start (part of a state), save(state), tell(answer), file(name), worker(), ask(state) (the kernel) and
-//       link(state), or null where there is none; refresh() is set here
+//       link(state), or null where there is none
 import { buildControls, freshId } from "./controls.js";
 import { Picture } from "./picture.js";
 
@@ -32,16 +33,16 @@ export class Explorable {
         this.change(picture.view.drag(this.state, index, point, by), settled);
       picture.onChoose = () => this.update();
     }
-    host.refresh = () => this.update(); // for what comes later than the first answer
     root.setAttribute("role", "group");
     root.setAttribute("aria-label", spec.label);
     const parts = [this.controls.element, this.gallery(), this.status, this.table, this.buttons(), this.guess()];
     this.frame = make("div", { className: "qc-live-frame" }, ...parts);
   }
 
-  // Everything replaces what stood there for readers without scripts, but only once there is an answer to show.
-  async begin() {
-    await this.update(true);
+  // Everything replaces what stood there for readers without scripts, but only once there is an answer to show; early:
+  // the first one, if it is there.
+  async begin(early) {
+    await this.update(true, early);
     this.root.replaceChildren(this.frame);
     this.root.dataset.ready = "yes";
     return this;
@@ -73,13 +74,13 @@ export class Explorable {
   }
 
   // Ask for the answer to the state; only the newest is shown, and an older one never after a newer one.
-  async update(first = false) {
+  async update(first = false, early) {
     const number = ++this.asked,
       state = structuredClone(this.state);
     this.controls.show(state);
     this.pictures.forEach((picture) => picture.handles(state));
     try {
-      const answer = await this.spec.answer(state, this.host);
+      const answer = early ?? (await this.spec.answer(state, this.host));
       if (answer === null || number < this.shown) return;
       this.show(number, state, answer);
       if (this.spec.afterwards) this.complete(number, state, answer);
@@ -96,12 +97,18 @@ export class Explorable {
     this.controls.show(this.state); // an answer may bring what there is to choose from
     this.pictures.forEach((picture) => picture.handles(state)); // and what they stand on
     this.spec.draw(this.pictures, state, answer);
-    this.say(this.spec.words(state, answer));
-    if (this.spec.rows) this.table.replaceChildren(...tableRows(this.spec.rows(answer)));
-    this.pictures.forEach((picture) => picture.describe(this.status.textContent));
+    this.report(state, answer);
     this.host.tell(this.spec.data(state, answer));
     if (this.onward) this.lead(this.spec.onward.state(state, answer));
     this.announce(number);
+  }
+
+  // the read-outs; those who hear them are told once they are whole
+  report(state, answer) {
+    this.status.ariaBusy = String(Boolean(answer.partial));
+    this.say(this.spec.words(state, answer));
+    if (this.spec.rows) this.table.replaceChildren(...tableRows(this.spec.rows(answer)));
+    this.pictures.forEach((picture) => picture.describe(this.status.textContent));
   }
 
   // the link to another explorable, with a state for it; none where the state is null
@@ -115,10 +122,18 @@ export class Explorable {
     this.root.dispatchEvent(new CustomEvent("qc-live-answer", { bubbles: true, detail: { number, of: this.asked } }));
   }
 
-  // what comes later, if the answer is still the one that is shown
+  // what comes later, while the answer is still the one that is shown
   async complete(number, state, answer) {
-    const fuller = await this.spec.afterwards(state, answer, this.host).catch(() => null);
-    if (fuller && number === this.asked) this.spec.draw(this.pictures, state, (this.answer = fuller));
+    try {
+      for await (const fuller of this.spec.afterwards(state, answer, this.host)) {
+        if (number !== this.asked) return;
+        this.spec.draw(this.pictures, state, fuller);
+        if (this.answer.partial) this.report(state, fuller);
+        this.answer = fuller;
+      }
+    } catch {
+      if (number === this.asked) this.status.ariaBusy = "false"; // what is shown stays
+    }
   }
 
   say(words) {

@@ -15,7 +15,6 @@ const surfaces = new Map(); // problem -> {control, curves: names and courses of
 let last = { key: "" }; // the last map, which a turn of the surface does not change
 
 async function load(host, problem) {
-  await loadProblems(host);
   if (surfaces.has(problem)) return;
   const decode = (buffer) => JSON.parse(new TextDecoder().decode(buffer)),
     curves = decode(await host.file("sulci.json"))[problem];
@@ -27,12 +26,13 @@ async function load(host, problem) {
 const SEEN = ["turn", "tilt", "zoom", "unfold", "before"]; // what changes the view, not the map
 
 async function answer(state, host) {
-  await load(host, state.problem);
+  await loadProblems(host);
   const map = Object.fromEntries(Object.entries(state).filter(([name]) => !SEEN.includes(name))),
     key = JSON.stringify(map);
   if (last.key === key) return last.found;
   const asked = requestOf(state),
-    found = await ask(host, "tuner", asked, "map");
+    asking = ask(host, "tuner", asked, "map"); // while the surface is made ready
+  const [found] = await Promise.all([asking, load(host, state.problem)]);
   if (!found) return null;
   last = { key, found: { ...found, asked, ...carried(state, asked, found.exact) } };
   return last.found;

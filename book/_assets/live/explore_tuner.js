@@ -6,33 +6,36 @@ import { CORTICES, kindOfLandmarks, loadProblems, meshOf, moves, problemOf, requ
 import { fromPicture, toPicture } from "./radius.js";
 
 const SOLVERS = { exact: "exact fit", network: "CP-Net", harmonic: "harmonic map" };
-let network = null; // whether CP-Net's file has come, or why it has not
+let network = null; // the promise of CP-Net's megabyte: it comes after the first answer, which need not wait for it
 
+// The exact fit first, others after it, unless one of them is to be drawn.
 async function answer(state, host) {
   await loadProblems(host);
-  const asked = requestOf(state),
-    found = await ask(host, "tuner", asked);
-  return found && { ...found, asked, problem: problemOf(state) };
+  const partial = state.solver === "exact",
+    asked = requestOf(state);
+  if (state.solver === "network") await networkOf(host);
+  const found = await ask(host, "tuner", asked, partial ? "map" : "all");
+  return found && { ...found, asked, partial, problem: problemOf(state) };
 }
 
-// the trade-off curve comes after the maps, when nothing newer is asked
-async function afterwards(state, found, host) {
-  if (network === null) fetchNetwork(host);
+// the other maps, and then the trade-off curve, as long as nothing newer is asked
+async function* afterwards(state, found, host) {
+  await networkOf(host);
+  if (found.partial) {
+    const others = await ask(host, "tuner", found.asked, "others");
+    if (!others) return;
+    yield (found = { ...found, ...others, partial: false });
+  }
   const sweep = await ask(host, "tuner", found.asked, "sweep");
-  return sweep && { ...found, sweep };
+  if (sweep) yield { ...found, sweep };
 }
 
-// CP-Net's megabyte comes after the first answer, which need not wait for it.
-async function fetchNetwork(host) {
-  network = "";
-  await give(host, { layers: "layers.wasm", cpnet: "cpnet.bin" }).catch((error) => {
-    network = error.message;
-  });
-  host.refresh();
-}
+// A file that does not come is said where CP-Net's numbers would be.
+const networkOf = (host) => (network ??= give(host, { layers: "layers.wasm", cpnet: "cpnet.bin" }).catch(() => null));
 
 function sentence(name, one, faces) {
-  if (one.missing) return `${name}: no map, ${network || one.missing}`;
+  if (!one) return `${name}: still computing`;
+  if (one.missing) return `${name}: no map, ${one.missing}`;
   const certificate = one.folds ? `not bijective: ${one.folds} of ${faces} triangles folded` : "certified bijective";
   const mended = one.switched ? `, ${one.switched} rows switched` : "";
   return (
@@ -40,6 +43,8 @@ function sentence(name, one, faces) {
     `L_CP ${short(one.L_CP)}; ${certificate}${mended}; ${one.ms.toFixed(0)} ms`
   );
 }
+
+const isThere = (one) => one && !one.missing;
 
 // points of one side of the problem that the reader moves, and what becomes of the state
 const movable = (side, moved) => ({
@@ -62,7 +67,7 @@ const views = [
 ];
 
 function draw([moving, control, mu, bars, trade], state, found) {
-  const shown = found[state.solver].missing ? found.exact : found[state.solver],
+  const shown = isThere(found[state.solver]) ? found[state.solver] : found.exact,
     { problem } = found,
     mesh = meshOf(found.asked.mesh),
     to = toPicture(problem.radius);
@@ -94,8 +99,8 @@ const rows = (found) => [
   ...["L_mu", "L_grad_mu", "L_Landmark", "L_CP"].map((term) => [
     term,
     ...Object.keys(SOLVERS).map((name) => {
+      if (!isThere(found[name])) return "";
       const value = found[name][term];
-      if (found[name].missing) return "";
       return name === "exact" ? short(value) : `${short(value)} (× ${Number((value / found.exact[term]).toPrecision(3))})`;
     }),
   ]),
@@ -161,18 +166,18 @@ export default {
   words(state, found) {
     const faces = meshOf(found.asked.mesh).F,
       sentences = Object.entries(SOLVERS).map(([key, name]) => sentence(name, found[key], faces));
-    const others = Object.keys(SOLVERS).filter((key) => key !== "exact" && !found[key].missing);
+    const others = Object.keys(SOLVERS).filter((key) => key !== "exact" && isThere(found[key]));
     const gaps = others.map(
       (key) => `L_CP of ${SOLVERS[key]} is ${short(found[key].L_CP / found.exact.L_CP)} times that of the exact fit`,
     );
-    const { gamma } = found.network,
+    const gamma = found.network?.gamma,
       stiff = gamma < 0.999 * state.gamma ? [`CP-Net answers for gamma ${short(gamma)}`] : [];
     const where = `Exact on this mesh of ${found.asked.mesh.join(" x ")}, in ${found.kernels}`;
     return `${[...sentences, ...gaps, ...stiff, where].join(". ")}.`;
   },
   rows,
   data(state, found) {
-    const { w, points, size, ...numbers } = found[state.solver].missing ? found.exact : found[state.solver];
+    const { w, points, size, ...numbers } = isThere(found[state.solver]) ? found[state.solver] : found.exact;
     const map = new Float64Array(2 * w.x.length).map((_, i) => (i % 2 ? w.y : w.x)[i >> 1]);
     return { map, landmarks: Array.from(points.x, (x, m) => [x, points.y[m]]), ...numbers };
   },

@@ -13,7 +13,7 @@ import {
   meanDistance,
 } from "./complex.js";
 import { Cholesky } from "./cholesky.js";
-import { combine, gradients, rooms } from "./gradients.js";
+import { combine, gradients, rooms, transpose } from "./gradients.js";
 import { checkWeights, Problem } from "./landmarks.js";
 import { DiskMap, onCircle } from "./map.js";
 import { sample } from "./mesh.js";
@@ -147,15 +147,11 @@ export class Fit {
   dual(gamma, scaled) {
     const R = 2 * this.room.M,
       S = Float64Array.from(this.room.gram);
-    const transpose = () => {
-      for (let i = 0; i < R; i++)
-        for (let j = 0; j < i; j++) [S[i * R + j], S[j * R + i]] = [S[j * R + i], S[i * R + j]];
-    };
     const rows = () => {
       for (let i = 0; i < R; i++) scaled(S.subarray(i * R, i * R + R));
     };
     rows();
-    transpose();
+    transpose(S, R);
     rows();
     return S;
   }

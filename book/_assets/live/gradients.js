@@ -166,8 +166,9 @@ function normalisation(solution, { M, J }, places, [bx, by, turn]) {
     ky = size * Math.sin(theta),
     c = Math.cos(turn),
     s = Math.sin(turn);
-  const mixes = places.map(({ corners, weights }) => {
-    const sum = [0, 0, 0, 0]; // of Re a in Re w, Im a in Re w, Re a in Im w, Im a in Im w
+  // Re a in Re w, Im a in Re w, Re a in Im w, Im a in Im w, for each landmark
+  const shares = [0, 1, 2, 3].map(() => new Float64Array(places.length));
+  places.forEach(({ corners, weights }, m) =>
     corners.forEach((v, i) => {
       const [x, y] = mobius(f.x[v], f.y[v], ax, ay, Math.cos(theta), Math.sin(theta));
       const [p, q] = mobiusSlope(x, y, bx, by, c, s),
@@ -182,20 +183,20 @@ function normalisation(solution, { M, J }, places, [bx, by, turn]) {
       const hx = gx * ux - gy * uy,
         hy = gx * uy + gy * ux;
       [dx + hx, hy - dy, dy + hy, dx - hx].forEach((part, n) => {
-        sum[n] += part;
+        shares[n][m] += part;
       });
-    });
-    return sum;
-  });
+    }),
+  );
+  const [a, b, d, e] = shares;
   for (let row = 0; row < 2 * mesh.V; row++) {
     const at = 2 * row * M,
       o = at + places.length,
       re = J[o],
       im = J[o + M];
-    mixes.forEach(([a, b, d, e], m) => {
-      J[at + m] += a * re + b * im;
-      J[at + M + m] += d * re + e * im;
-    });
+    for (let m = 0; m < a.length; m++) {
+      J[at + m] += a[m] * re + b[m] * im;
+      J[at + M + m] += d[m] * re + e[m] * im;
+    }
     J[o] = J[o + M] = 0;
   }
 }
@@ -269,4 +270,10 @@ export function combine(mesh, prior, { J, M, pair }, y) {
     out.y[v] = pair[2 * prior.place[v] + 1];
   }
   return out;
+}
+
+// a square matrix (R, R), in place
+export function transpose(S, R) {
+  for (let i = 0; i < R; i++) for (let j = 0; j < i; j++) [S[i * R + j], S[j * R + i]] = [S[j * R + i], S[i * R + j]];
+  return S;
 }

@@ -1,6 +1,7 @@
 // Looks at the truth (registration/looks.py): an exact map on a mesh, and one Gauss-Newton step with its derivative in
 // closed form. nu lives on the polar mesh of a `Spectrum`, in whose eigenvectors the prior is diagonal.
 import { boundedFactor, choleskyDense, dot, solveDense, zeros } from "./complex.js";
+import { rooms, transpose } from "./gradients.js";
 import { DiskMap } from "./map.js";
 import { sample } from "./mesh.js";
 import { columns, fitMobius, mobiusSlope, moved } from "./mobius.js";
@@ -40,13 +41,14 @@ export class Looks {
     this.tangent = new Tangent(link.carrier, this.places);
   }
 
-  // the last proposal of `count` looks from nu (V), without the maps of any other
-  run(start, count) {
+  // the last proposal of `count` looks from nu (V), without the maps of any other; null once nobody waits for it
+  async run(start, count, stale) {
     let best = this.atZero(),
       proposal = this.proposal(start),
       wanted = proposal,
       share = 1;
     for (let k = 0; k < count; k++) {
+      if (await stale()) return null;
       const look = this.look(proposal, best.mobius);
       if (look && look.objective < RISE * best.objective) {
         [best, share] = [look, 1];
@@ -130,12 +132,10 @@ export class Looks {
     const { rows, off } = this.rows(look),
       R = 2 * this.count,
       { nu, x } = look.proposal;
-    const gram = new Float64Array(R * R);
-    for (let i = 0; i < R; i++) for (let j = 0; j <= i; j++) gram[i * R + j] = gram[j * R + i] = dot(rows[i], rows[j]);
+    const gram = this.gram(rows);
     for (let turn = 0; turn < 2; turn++) {
       for (let i = 0; i < R; i++) gram.set(off(gram.subarray(i * R, i * R + R)), i * R);
-      for (let i = 0; i < R; i++)
-        for (let j = 0; j < i; j++) [gram[i * R + j], gram[j * R + i]] = [gram[j * R + i], gram[i * R + j]];
+      transpose(gram, R);
     }
     const rest = off(look.r),
       before = off(rows.map((row) => dot(row, x)));
@@ -150,6 +150,21 @@ export class Looks {
       for (let v = 0; v < field.x.length; v++) most = Math.max(most, Math.hypot(field.x[v] - nu.x[v], field.y[v] - nu.y[v]));
       if (most <= MOST || share < LEAST) return { nu: field, x: next, left: y };
     }
+  }
+
+  // the products of all pairs of rows, (R, R)
+  gram(rows) {
+    const { mesh } = this.link.spectrum,
+      R = rows.length,
+      { J, gram, M } = rooms(mesh, this.count),
+      [width, length] = [2 * M, rows[0].length];
+    J.fill(0, 0, length * width);
+    rows.forEach((row, i) => row.forEach((value, n) => (J[n * width + i] = value)));
+    mesh.kernels.gram(length, J, width, gram);
+    return new Float64Array(R * R).map((_, k) => {
+      const [i, j] = [Math.floor(k / R), k % R];
+      return gram[Math.max(i, j) * width + Math.min(i, j)];
+    });
   }
 
   // the derivative of r with respect to x, a row for each component, and `off`, which takes out what Möbius maps do

@@ -25,13 +25,19 @@ export async function answerTuner(bench, request, part, stale) {
   const meshes = pairOfMeshes(bench, request.mesh);
   if (part === "sweep") return sweep(meshes, request, stale);
   if (part === "error") return fitLandmarks(meshes, request).landmarkError;
-  if (part === "map" || part === "truth") return { kernels: bench.kernels.name, exact: exact(meshes, request) };
-  return {
-    kernels: bench.kernels.name,
-    exact: exact(meshes, request),
-    harmonic: springs(meshes.fine, request),
-    network: await pass(bench, meshes.fine, request),
-  };
+  const kernels = bench.kernels.name;
+  if (part === "map" || part === "truth") return { kernels, exact: exact(meshes, request) };
+  if (part === "others") return others(bench, meshes.fine, request, stale);
+  return { kernels, exact: exact(meshes, request), ...(await others(bench, meshes.fine, request)) };
+}
+
+// the harmonic map and CP-Net's; null as soon as they are out of date
+async function others(bench, mesh, request, stale = () => false) {
+  if (await stale()) return null;
+  const harmonic = springs(mesh, request);
+  if (await stale()) return null;
+  const network = await pass(bench, mesh, request, stale);
+  return network && { harmonic, network };
 }
 
 function exact(meshes, request) {
@@ -73,17 +79,19 @@ async function networkOf(bench) {
   return network;
 }
 
-// CP-Net's coefficient, the exact map that has it on this mesh, and the best Möbius map after it; or why there is none
-async function pass(bench, mesh, request) {
-  if (!bench.files.cpnet) return { missing: "CP-Net is still loading" };
+// CP-Net's coefficient, the exact map that has it on this mesh, and the best Möbius map after it; or why there is none;
+// null as soon as it is out of date
+async function pass(bench, mesh, request, stale) {
+  if (!bench.files.cpnet) return { missing: "cpnet.bin could not be loaded" };
   if (request.sliding) return { missing: "CP-Net takes points to points, it knows no sliding; choose points" };
   const net = await networkOf(bench),
     problem = new Problem(request),
     begin = performance.now();
   if (problem.count > net.config.most)
     return { missing: `${problem.count} landmarks, and CP-Net takes at most ${net.config.most}` };
-  const nu = net.run(problem.p, problem.q, request, request.looks, mesh),
-    solution = (mesh.map ??= new DiskMap(mesh));
+  const nu = await net.run(problem.p, problem.q, request, request.looks, mesh, stale);
+  if (!nu) return null;
+  const solution = (mesh.map ??= new DiskMap(mesh));
   const { x, y } = mesh.onFaces(mesh.z),
     centres = Array.from(x, (u, t) => net.mesh.locate(u, y[t]));
   if (!solution.solve(bounded(sample(nu, centres)))) return { missing: "CP-Net's coefficient has no map" };

@@ -60,7 +60,7 @@ async function work() {
     newest.delete(kind);
     const stale = async () => {
       await pause();
-      return newest.size > 0;
+      return [...newest.values()].some((other) => other.page === page);
     };
     try {
       postMessage({ id, answer: await TASKS[page](bench, request, part, stale) });
