@@ -5,7 +5,8 @@
     python tools/train_all.py --curves qclearn/benchmark/kept/training.json
 
 A run is a folder in the user's cache, with checkpoint, log and in the end the weights; which of them are shipped is
-decided by hand. One thread a run. --curves writes the logs that the book draws, of unfinished runs as far as they are.
+decided by hand. One thread a run. --curves adds the logs to those that the book draws, of unfinished runs as far as
+they are.
 """
 
 import argparse
@@ -142,17 +143,20 @@ def log_of(folder):
 
 
 def write_curves(path):
-    """The logs of all runs that have begun, name -> configuration, commit (None: unfinished), columns of the log."""
+    """The logs of all runs that have begun here, name -> configuration, commit (None: unfinished), columns of the log;
+    what the file already has of runs on other machines stays."""
     from qclearn.nets.weights import read_weights
 
-    curves = {}
+    known = json.loads(path.read_text()) if path.exists() else {}
+    curves = {name: known[name] for name in runs() if name in known}
     for name in runs():
         rows, weights = log_of(FOLDER / name), weights_of(name)
         if rows:
             config = json.loads((FOLDER / name / "config.json").read_text())
             log = {column: [float(f"{float(row[column]):.5g}") for row in rows] for column in rows[0]}
             curves[name] = config | {"commit": read_weights(weights)[0]["commit"] if weights else None, "log": log}
-    lines = ",\n".join(f"{json.dumps(name)}: {json.dumps(curve)}" for name, curve in curves.items())  # a run a line
+    rows = (f"{json.dumps(name)}: {json.dumps(curves[name])}" for name in runs() if name in curves)  # a run a line
+    lines = ",\n".join(rows)
     write_whole(path, lambda place: place.write_text(f"{{\n{lines}\n}}\n"))
 
 
