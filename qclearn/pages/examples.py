@@ -1,8 +1,8 @@
 """Landmark problems that are small enough to be solved while a slider moves."""
 
 import warnings
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -36,6 +36,11 @@ class Example:
     problem: Problem
     radius: AreaRadius | None = None
     features: Features | None = None
+
+    @cached_property
+    def sliding(self):
+        """The problem with landmarks that slide along their curves."""
+        return replace(self.problem, sliding=True)
 
 
 def example_problems():

@@ -74,7 +74,7 @@ def fit_state(example, weights, sliding=False, solver=exact_fit, watch=None):
     weights: alpha, beta, gamma and, if folds shall count, delta. It depends on the arguments alone, not on where the
     sliders were before. solver: a callable like `exact_fit`.
     """
-    start, problem = time.perf_counter(), replace(example.problem, sliding=sliding)
+    start, problem = time.perf_counter(), example.sliding if sliding else example.problem
     try:
         weights = Weights(*weights)
         features = features_of(example, weights)

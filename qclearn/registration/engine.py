@@ -60,15 +60,24 @@ class GaussNewton:
     """
 
     def __init__(self, problem, mesh, weights, dense=None):
-        (self.z, self.faces), self.problem, self.weights, self.dense = mesh, problem, weights, dense
-        self.known_gram = self.known_directions = None  # of the last linearisation
+        (self.z, self.faces), self.problem, self.dense = mesh, problem, dense
         self.landmarks = Landmarks(problem.target, problem.curve, problem.sliding)
         flat = np.zeros(len(self.faces))
         self.mass, self.laplace = mass_matrix(*mesh) / np.pi, stiffness(*mesh, flat) / np.pi
-        self.W = weights.alpha * self.mass + weights.beta * self.laplace
-        self.factors = factorise(self.W)
+        self.weigh(weights)
         self.solver, self.to_faces, self.samples = self.mapping()
         _ = self.solver.calibration  # cached, so that the copies in the states need not find it again
+
+    def weigh(self, weights):
+        self.weights, self.W = weights, weights.alpha * self.mass + weights.beta * self.laplace
+        self.factors = factorise(self.W)
+        self.known_gram = self.known_directions = None  # of the last linearisation
+
+    def weighed(self, weights):
+        """The engine of the same problem with other weights, which has learnt nothing yet."""
+        other = copy(self)
+        other.weigh(weights)
+        return other
 
     def mapping(self):
         """The solver on the mapped mesh, and the sparse matrices from nu to its faces and from its map to landmarks."""

@@ -71,6 +71,7 @@ class Problem:
     sliding: bool = False
     fewest: int = 1
     sides: object = None
+    engines: dict = field(default_factory=dict, init=False, repr=False)  # of fits so far, for those with other weights
 
     def __post_init__(self):
         landmarks = check_landmarks(self.moving, self.target, self.curve, self.sliding, self.fewest)

@@ -16,7 +16,7 @@ from qclearn.plane.mobius import best_mobius, compose_mobius, mobius, mobius_inv
 from qclearn.registration import engine, normal
 from qclearn.registration import fit as fit_module
 from qclearn.registration.engine import MOBIUS_PRIOR, GaussNewton, SurfaceGaussNewton
-from qclearn.registration.fit import fit_landmarks, start_field
+from qclearn.registration.fit import fit_landmarks, fit_problem, start_field
 from qclearn.registration.landmarkterm import TANGENTIAL_WEIGHT, Landmarks
 from qclearn.registration.problem import LandmarkError, Problem, Weights
 
@@ -299,6 +299,16 @@ def test_a_start_is_carried_to_the_polar_mesh():
     grid, _ = polar_disk(6, 18)
     start = start_field(z, faces, TWIST.on_faces(z, faces), grid)
     np.testing.assert_allclose(bounded(start), TWIST.mu(grid), atol=0.05)
+
+
+def test_a_problem_that_was_fitted_is_fitted_anew_with_other_weights(monkeypatch):
+    """As a new one is, to the last bit, whatever the fits before have learnt; its mesh is not looked at again."""
+    problem = Problem(*SMALL, *smooth_problem(3))
+    fit_problem(problem, Weights(gamma=1e5))
+    new = fit_problem(Problem(*SMALL, *smooth_problem(3)), Weights(2.0, 0.1, 10.0))
+    monkeypatch.delattr(GaussNewton, "mapping")
+    monkeypatch.delattr(SurfaceGaussNewton, "mapping")
+    assert np.array_equal(fit_problem(problem, Weights(2.0, 0.1, 10.0)).f, new.f)
 
 
 def test_starting_from_mu_ends_at_the_same_map():
