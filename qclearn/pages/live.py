@@ -41,8 +41,8 @@ NOTE = (
 )
 
 
-def modules():
-    """The texts of the browser modules that a widget needs, name -> text, each after those that it imports."""
+def modules(names):
+    """The texts of browser modules and of all that they import, name -> text, each after those that it imports."""
     if not MODULES.exists():
         raise FileNotFoundError(f"no explorables in {MODULES}, a link to book/_assets/live; install the package again")
     found = {}
@@ -54,15 +54,16 @@ def modules():
                 add(other)
             found[name] = text
 
-    for path in [MODULES / "lab.js", *sorted(MODULES.glob("explore_*.js")), *MODULES.glob("worker.js")]:
-        add(path.name)
+    for name in names:
+        add(name)
     return found
 
 
 @functools.cache
 def joined():
     """One module that holds all modules, for a place where relative addresses do not resolve."""
-    return JOINED % json.dumps(modules())
+    explorables = sorted(path.name for path in MODULES.glob("explore_*.js"))
+    return JOINED % json.dumps(modules(["lab.js", *explorables, "worker.js"]))
 
 
 class Page:

@@ -79,6 +79,9 @@ class Problem:
         for name, array in zip(("z", "faces", "moving", "target", "curve"), checked):
             object.__setattr__(self, name, array)
 
+    def __getstate__(self):
+        return self.__dict__ | {"engines": {}}  # their factors belong to one process
+
     @cached_property
     def samples(self):
         """Sparse (M, V): per-vertex data at the moving landmarks."""

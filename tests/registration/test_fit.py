@@ -1,5 +1,7 @@
 """The landmark fit: its Jacobian and step against brute force, and maps that must be found again."""
 
+import pickle
+
 import numpy as np
 import pytest
 from meshes import bowl, random_disk, random_mu
@@ -309,6 +311,13 @@ def test_a_problem_that_was_fitted_is_fitted_anew_with_other_weights(monkeypatch
     monkeypatch.delattr(GaussNewton, "mapping")
     monkeypatch.delattr(SurfaceGaussNewton, "mapping")
     assert np.array_equal(fit_problem(problem, Weights(2.0, 0.1, 10.0)).f, new.f)
+
+
+def test_a_problem_that_was_fitted_goes_to_other_processes():
+    problem = Problem(*SMALL, *smooth_problem(3))
+    fit = fit_problem(problem, Weights())
+    sent = pickle.loads(pickle.dumps(problem))
+    assert np.array_equal(fit_problem(sent, Weights()).f, fit.f)
 
 
 def test_starting_from_mu_ends_at_the_same_map():

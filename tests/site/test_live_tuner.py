@@ -147,6 +147,21 @@ class TestOnTheSite(OnTheSite):
         words, _ = self.said(window, site_address, "CP-Net: no map", missing="cpnet.bin")
         assert "exact fit: landmark error" in words
 
+    def test_the_file_that_is_missing_is_named(self, window, site_address):
+        words, _ = self.said(window, site_address, "CP-Net: no map", missing="layers.wasm")
+        assert "layers.wasm" in words and "cpnet.bin" not in words
+
+    def test_a_map_that_fails_after_the_fit_says_why(self, window, site_address):
+        page, planted = window.new_page(), (SITE / "_static" / "live" / "tuner.js").read_text(encoding="utf-8")
+        planted = planted.replace("const harmonic = springs(mesh, request);", "throw new Error('a planted fault');")
+        page.route(ASSETS + "tuner.js", lambda route: route.fulfill(body=planted, content_type="text/javascript"))
+        page.goto(site_address + self.page)
+        status = page.locator(f"{ROOT} [role=status]:has-text('harmonic map: no map, a planted fault')")
+        status.wait_for(timeout=60_000)
+        assert "exact fit: landmark error" in status.inner_text() and "still computing" not in status.inner_text()
+        assert status.get_attribute("aria-busy") == "false"
+        page.close()
+
     @pytest.mark.parametrize("name", ["problems.json", "worker.js", "explore_tuner.js"])
     def test_a_file_that_is_missing_is_named_and_the_picture_stays(self, window, site_address, name):
         _, pictures = self.said(window, site_address, "cannot compute here", missing=name)

@@ -5,7 +5,7 @@
 // spec: name, label, initial, controls, views, question, answer(state, host) -> answer or promise of it,
 //       draw(pictures, state, answer), words(state, answer) -> the read-outs, data(state, answer) -> what JSON has;
 //       where there is more to say: rows(answer) of a table, afterwards(state, answer, host), fuller answers one by one,
-//       for which an answer that is `partial` lets the read-outs wait,
+//       for which an answer that is `partial` lets the read-outs wait; it is `failed`, and why, where they do not come,
 //       onward {page, name, text, state(state, answer)}: a link to another explorable, with a state for it or null
 // host: start (part of a state), save(state), tell(answer), file(name), worker(), ask(state) (the kernel) and
 //       link(state), or null where there is none
@@ -131,8 +131,9 @@ export class Explorable {
         if (this.answer.partial) this.report(state, fuller);
         this.answer = fuller;
       }
-    } catch {
-      if (number === this.asked) this.status.ariaBusy = "false"; // what is shown stays
+    } catch (error) {
+      if (number !== this.asked || !this.answer.partial) return; // what is shown stays
+      this.report(state, (this.answer = { ...this.answer, partial: false, failed: error.message }));
     }
   }
 

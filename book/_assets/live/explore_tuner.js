@@ -6,7 +6,8 @@ import { CORTICES, kindOfLandmarks, loadProblems, meshOf, moves, problemOf, requ
 import { fromPicture, toPicture } from "./radius.js";
 
 const SOLVERS = { exact: "exact fit", network: "CP-Net", harmonic: "harmonic map" };
-let network = null; // the promise of CP-Net's megabyte: it comes after the first answer, which need not wait for it
+let network = null, // the promise of CP-Net's megabyte: it comes after the first answer, which need not wait for it
+  absent = ""; // why it has not come
 
 // The exact fit first, others after it, unless one of them is to be drawn.
 async function answer(state, host) {
@@ -30,12 +31,14 @@ async function* afterwards(state, found, host) {
   if (sweep) yield { ...found, sweep };
 }
 
-// A file that does not come is said where CP-Net's numbers would be.
-const networkOf = (host) => (network ??= give(host, { layers: "layers.wasm", cpnet: "cpnet.bin" }).catch(() => null));
+const networkOf = (host) =>
+  (network ??= give(host, { layers: "layers.wasm", cpnet: "cpnet.bin" }).catch((error) => {
+    absent = error.message;
+  }));
 
 function sentence(name, one, faces) {
   if (!one) return `${name}: still computing`;
-  if (one.missing) return `${name}: no map, ${one.missing}`;
+  if (one.missing) return `${name}: no map, ${absent || one.missing}`;
   const certificate = one.folds ? `not bijective: ${one.folds} of ${faces} triangles folded` : "certified bijective";
   const mended = one.switched ? `, ${one.switched} rows switched` : "";
   return (
@@ -165,7 +168,8 @@ export default {
   draw,
   words(state, found) {
     const faces = meshOf(found.asked.mesh).F,
-      sentences = Object.entries(SOLVERS).map(([key, name]) => sentence(name, found[key], faces));
+      lost = found.failed && { missing: found.failed },
+      sentences = Object.entries(SOLVERS).map(([key, name]) => sentence(name, found[key] ?? lost, faces));
     const others = Object.keys(SOLVERS).filter((key) => key !== "exact" && isThere(found[key]));
     const gaps = others.map(
       (key) => `L_CP of ${SOLVERS[key]} is ${short(found[key].L_CP / found.exact.L_CP)} times that of the exact fit`,

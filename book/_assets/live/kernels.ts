@@ -1,5 +1,5 @@
 // The five inner loops of kernels.js in AssemblyScript, two numbers at a time. Arguments are byte offsets into the one
-// memory, or counts; M is even, R twice that or 2. package.json says how kernels.wasm is made; a test compares the bytes.
+// memory, or counts; R and M are even. package.json says how kernels.wasm is made; a test compares the bytes.
 
 // A and L share the column pattern (start, rows); 0 if a pivot is not positive
 export function factor(

@@ -52,8 +52,8 @@ async function file(name) {
     const { textContent } = await appeared(`.qc-live script[data-file="${name}"]`);
     return Uint8Array.from(atob(textContent), (byte) => byte.charCodeAt(0)).buffer;
   }
-  const answer = await fetch(new URL(name, import.meta.url));
-  if (!answer.ok) throw new Error(`${name} could not be loaded (${answer.status})`);
+  const answer = await fetch(new URL(name, import.meta.url)).catch(() => null);
+  if (!answer?.ok) throw new Error(`${name} could not be loaded (${answer?.status ?? "no answer"})`);
   return answer.arrayBuffer();
 }
 

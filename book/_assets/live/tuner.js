@@ -82,7 +82,7 @@ async function networkOf(bench) {
 // CP-Net's coefficient, the exact map that has it on this mesh, and the best Möbius map after it; or why there is none;
 // null as soon as it is out of date
 async function pass(bench, mesh, request, stale) {
-  if (!bench.files.cpnet) return { missing: "cpnet.bin could not be loaded" };
+  if (!bench.files.cpnet) return { missing: "CP-Net has not been loaded" };
   if (request.sliding) return { missing: "CP-Net takes points to points, it knows no sliding; choose points" };
   const net = await networkOf(bench),
     problem = new Problem(request),
