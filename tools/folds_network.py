@@ -58,11 +58,12 @@ from qclearn.registration.problem import DELTA, Weights
 FOLDER = user_cache_path("qclearn") / "training"
 SCALES = (16.0, 8.0)  # mm, of the folds that it sees
 SLOPE = 0.1  # a length in the disk: of errors that differ from node to node over less, the difference counts
-FLOOR = 1e-5  # mean squared displacement below which there is nothing to learn
+FLOOR = 1e-4  # mean squared displacement below which there is nothing to learn
+ASTRAY = 0.3  # of a random map's displacement: by how much a look is off the way, in training
 LARGEST = 0.8  # |mu| of the coefficient that is read off its displacements
 SMOOTHER = 1e-3  # by 1 + SMOOTHER Laplace it is divided
-RECIPE = TrainConfig(steps=4_000, batch=8, rate=2e-3, weight_decay=1e-3, validate_every=250)
-SUBJECTS, ITEMS = (48, 8), (3_000, 96)  # for training and for validation
+RECIPE = TrainConfig(steps=20_000, batch=8, rate=2e-3, weight_decay=1e-2, validate_every=1_000)
+SUBJECTS, ITEMS = (96, 12), (12_000, 192)  # for training and for validation
 KEPT = (
     "held_out_mm",
     "worst_held_out_mm",
@@ -170,7 +171,7 @@ class Pairs(Seeded):
     """(here, there (C, rings, spokes), wanted (rings, spokes)): images of both sides, and where the nodes belong.
 
     Half of them: a subject's folds moved by a random map, mixed with another one's; the others: two subjects, and the
-    map that their growth defines.
+    map that their growth defines. Seen from the best Möbius map, as at first, or from a part of the way, as later.
     """
 
     def __init__(self, count, seed, seeds, config, quick=False):
@@ -187,8 +188,10 @@ class Pairs(Seeded):
         first, second = (self.subjects[k] for k in rng.permutation(len(self.subjects))[:2])
         by_growth = rng.random() < 0.5
         away = first.partners(second, self.nodes) if by_growth else self.random_map(rng)
-        f = mobius(self.nodes, *refit(self.nodes, away, (0j, 0.0)))  # the Möbius map from which the network starts
+        f = mobius(self.nodes, *refit(self.nodes, away, (0j, 0.0)))
         f = mobius(f, 0.03 * rng.normal() * np.exp(2j * np.pi * rng.random()), 0.03 * rng.normal())
+        if rng.random() < 0.5:
+            f = f + rng.random() * (away - f + ASTRAY * (self.random_map(rng) - self.nodes))
         if by_growth:
             here, there = first.at(self.nodes), second.at(f)
         else:
