@@ -185,6 +185,12 @@ class Pairs(Seeded):
         return [Side(subject) for subject in subjects(self.seeds, FOLDER, self.quick)]
 
     def draw(self, rng):
+        here, control, away, f = self.pair(rng)
+        images = (x.T.reshape(-1, *self.shape) for x in (here, control.at(f)))
+        return *images, (away - f).reshape(self.shape)
+
+    def pair(self, rng):
+        """The moving folds at the nodes (P, C), the control, where the nodes belong on it, and where they are seen."""
         first, second = (self.subjects[k] for k in rng.permutation(len(self.subjects))[:2])
         by_growth = rng.random() < 0.5
         away = first.partners(second, self.nodes) if by_growth else self.random_map(rng)
@@ -193,13 +199,8 @@ class Pairs(Seeded):
         if rng.random() < 0.5:
             f = f + rng.random() * (away - f + ASTRAY * (self.random_map(rng) - self.nodes))
         if by_growth:
-            here, there = first.at(self.nodes), second.at(f)
-        else:
-            share = rng.uniform(0, 0.5)
-            here = mixed(first.at(away), second.at(self.nodes), share)
-            there = first.at(f)
-        images = (x.T.reshape(-1, *self.shape) for x in (here, there))
-        return *images, (away - f).reshape(self.shape)
+            return first.at(self.nodes), second, away, f
+        return mixed(first.at(away), second.at(self.nodes), rng.uniform(0, 0.5)), first, away, f
 
     def random_map(self, rng):
         """Where a random map takes the nodes."""

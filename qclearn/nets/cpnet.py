@@ -46,6 +46,9 @@ class BestCPNetConfig:
     looks: int = 2  # at the exact map
     finer: int = 32  # rings, where landmarks are closer than `close` cells
     close: float = 0.5
+    stiff: float = 1e6  # gamma / beta from which on nu has the `finest` rings, and is looked at more often
+    finest: int = 48
+    stiff_looks: int = 5
     most: int = 128  # landmarks
     smooth: tuple = (-4.0, 1.0)  # of beta / alpha
     match: tuple = (0.0, 6.0)  # of gamma / alpha
@@ -122,7 +125,7 @@ class BestCPNet(nn.Module):
         """mu (F,) on a disk mesh z (V,), faces (F, 3) whose map takes `moving` to `target` (M,), as `fit_landmarks`.
 
         The map is `solve_beltrami_disk(z, faces, mu)` and the best Möbius map after it. looks: how many exact maps of
-        this mesh are made in between, each followed by one Gauss-Newton step (default: the configuration's). Trained
+        this mesh are made in between, each followed by one Gauss-Newton step (default: `looks_at(weights)`). Trained
         for weights within `config.smooth` and `config.match`; outside, the U-Net takes them for those of the nearest
         place inside, the looks for what they are. curve is not used. LandmarkError for bad landmarks or weights, or
         more than `config.most` landmarks; BeltramiError or SurfaceError where the mesh is no disk.
@@ -149,10 +152,11 @@ class BestCPNet(nn.Module):
         p, q, mesh = problem.moving, problem.target, disk_mesh(problem.z, problem.faces)
         check_count(p, self.config.most)
         ratios = weights.beta / weights.alpha, weights.gamma / weights.alpha
-        spectrum, spread = self.carrier(self.rings(p, q))
+        looks = self.looks_at(weights) if looks is None else looks
+        spectrum, spread = self.carrier(self.rings(p, q, weights))
         link = mesh.places(spectrum, lambda: Link(mesh.z, mesh.faces, spectrum))
         start = spread @ self.start(p, q, ratios) if learned else None
-        for proposal, _ in Looks(link, p, q, *ratios).run(start, self.config.looks if looks is None else looks):
+        for proposal, _ in Looks(link, p, q, *ratios).run(start, looks):
             yield link.coefficient(proposal.nu)
 
     def start(self, p, q, ratios):
@@ -165,9 +169,19 @@ class BestCPNet(nn.Module):
         found = self(p, wanted, left, torch.ones_like(p.real), torch.from_numpy(logs)[None].to(self.grid.area), nu)
         return self.grid.with_centre(found)[0].cpu().numpy().astype(complex)
 
-    def rings(self, p, q):
+    def is_stiff(self, weights):
+        """Whether a landmark's last digits cost more than what nu may bend."""
+        return weights.gamma >= self.config.stiff * weights.beta
+
+    def looks_at(self, weights):
+        """How many looks these weights are given."""
+        return self.config.stiff_looks if self.is_stiff(weights) else self.config.looks
+
+    def rings(self, p, q, weights):
         """How many rings carry nu while these landmarks are looked at."""
         config = self.config
+        if self.is_stiff(weights):
+            return config.finest
         apart = min(np.min(abs(x[:, None] - x) + np.eye(len(x))) for x in (p, q))
         return config.finer if apart < config.close / config.rings else config.rings
 

@@ -87,7 +87,9 @@ class Tangent:
         carrier, close = self.carrier, self.close
         needed = (close @ carrier.hats.T).tocsr()
         self.point = np.repeat(np.arange(len(needed.indptr) - 1), np.diff(needed.indptr))
-        self.used, self.part = np.unique(needed.indices, return_inverse=True)
+        wanted = np.zeros(len(carrier.areas_fine), bool)
+        wanted[needed.indices] = True
+        self.used, self.part = np.flatnonzero(wanted), (np.cumsum(wanted) - 1)[needed.indices]
         self.hats, self.areas = carrier.hats[self.used], carrier.areas_fine[self.used]
         self.values = carrier.values_fine[self.used]
         number = np.full(close.shape, -1)
@@ -140,12 +142,12 @@ class Tangent:
         w, size, mass = cells(self.areas, self.hats @ nu, self.values @ both, dtype)
         at, share, (P, Q) = both[self.corners, 0].astype(dtype), self.shares.astype(size.dtype), PQ
         (row, node), part, point = self.close.nonzero(), self.part, self.point
-        average = (share[point] * inverse(w[part, None] - at[point], size[part, None])).sum(1)
+        average = np.einsum("ek,ek->e", share[point], inverse(w[part, None] - at[point], size[part, None]))
         P[row, node] = self.spread @ (mass[part] * average)
         part, point = self.part[self.mirrored], self.point[self.mirrored]
         turned = inverse(1 - at[point] * w[part, None].conj(), size[part, None])
         average = np.zeros(len(self.part), complex)
-        average[self.mirrored] = mass[part].conj() * ((share * at**3)[point] * turned).sum(1)
+        average[self.mirrored] = mass[part].conj() * np.einsum("ek,ek->e", (share * at**3)[point], turned)
         Q[row[self.replaced], node[self.replaced]] = (self.spread @ average)[self.replaced]
 
 

@@ -27,7 +27,7 @@ from qclearn.surfaces.surface import SurfaceError
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
-SMALL = BestCPNetConfig(rings=12, spokes=36, modes=300, channels=(8, 16), blocks=1, finer=16)
+SMALL = BestCPNetConfig(rings=12, spokes=36, modes=300, channels=(8, 16), blocks=1, finer=16, finest=20)
 PAPER = PaperCPNetConfig(curves=2, points=4, size=16, widths=(8, 8, 8))
 
 
@@ -134,9 +134,19 @@ def test_an_untrained_network_starts_at_the_born_step(net, landmarks):
 
 def test_close_landmarks_are_looked_at_on_a_finer_grid(net, landmarks):
     p, q = landmarks
-    assert net.rings(p, q) == 12 and net.rings(np.append(p, p[0] + 0.01), np.append(q, q[0] + 0.05)) == 16
-    mu = net.predict(*square_disk(10), np.append(p, p[0] + 0.01), np.append(q, q[0] + 0.01), looks=1)
-    assert abs(mu).max() < 1
+    close = np.append(p, p[0] + 0.01), np.append(q, q[0] + 0.01)
+    assert net.rings(p, q, Weights()) == 12 and net.rings(*close, Weights()) == 16
+    assert abs(net.predict(*square_disk(10), *close, looks=1)).max() < 1
+
+
+def test_stiff_weights_have_a_finer_grid_and_more_looks(net, landmarks):
+    mesh = polar_disk(16, 48, 1.4)
+    for gamma, rings, looks in ((0.99e4, 12, 2), (1e4, 20, 5)):
+        weights = Weights(gamma=gamma)
+        assert net.rings(*landmarks, weights) == rings and net.looks_at(weights) == looks
+        asked, problem = {"gamma": gamma}, Problem(*mesh, *landmarks)
+        answers = net.answers(problem, weights, looks)
+        np.testing.assert_array_equal(net.predict(*mesh, *landmarks, **asked), answers[f"CP-Net, {looks} looks"])
 
 
 def stirred(net):

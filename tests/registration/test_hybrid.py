@@ -14,7 +14,7 @@ from qclearn.registration.dense import Dense
 from qclearn.registration.engine import GaussNewton
 from qclearn.registration.features import Feature, Features
 from qclearn.registration.fit import fit_problem
-from qclearn.registration.hybrid import Level, fit_registration, instead
+from qclearn.registration.hybrid import LEVELS, Level, engine_of, fit_level, fit_registration, instead
 from qclearn.registration.normal import NormalEquations
 from qclearn.registration.problem import LandmarkError, Problem, Weights
 from qclearn.registration.search import mobius_by_features
@@ -135,6 +135,40 @@ def test_features_lead_between_the_landmarks():
     alone, both = fit_problem(problem, weights), fit_registration(problem, weights, features_of(TWIST))
     errors = [abs(fit.f - TWIST(z)).mean() for fit in (alone, both)]
     assert errors[1] < errors[0] / 3 and both.landmark_error < 5e-3 and both.bijective
+
+
+def test_coarse_features_guide_with_less_weight_and_the_whole_is_asked_for_at_last():
+    t = np.exp(1j * np.arange(6))
+    problem, features = Problem(*MOVING, 0.6 * t, 0.5 * t), features_of(TWIST)
+    asked = Weights(gamma=1e5, delta=1.0)
+    scales = [level.sigma for level in LEVELS]
+    assert scales == sorted(scales, reverse=True) and scales[0] == 32 and LEVELS[-1].own_mesh
+    for level in LEVELS:
+        engine = engine_of(level, problem, asked, features)
+        assert engine.weights.gamma == (1e5 if level.own_mesh else 1e2)
+        delta = (engine.dense.scale**2).sum()
+        assert delta == pytest.approx(0.3 if level.sigma >= 16 else 1.0)
+    small = engine_of(LEVELS[0], problem, Weights(gamma=10.0, delta=0.1), features)
+    assert small.weights.gamma == 10 and (small.dense.scale**2).sum() == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    "own_mesh, left, steps", [(True, 0.97, 4), (True, 0.99, 1), (False, 0.94, 4), (False, 0.96, 1)]
+)
+def test_a_level_ends_with_a_step_that_gained_little(own_mesh, left, steps):
+    class Falling:
+        """An engine whose steps leave one share of the objective each."""
+
+        weights = Weights()
+
+        def objective(self, state, gamma):
+            return state
+
+        def step(self, state, gamma, worth):
+            return left * state
+
+    state, taken = fit_level(Falling(), 1.0, Level(16, 8.0, 4, own_mesh), None)
+    assert taken == steps and state == pytest.approx(left**steps)
 
 
 def test_without_weight_features_change_nothing():

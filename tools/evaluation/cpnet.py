@@ -9,7 +9,6 @@ import time
 from itertools import islice, pairwise
 
 import numpy as np
-from platformdirs import user_cache_path
 
 import qclearn as qc
 from data_synth.cohort import hemispheres
@@ -17,7 +16,6 @@ from data_synth.fields import KINDS, random_coefficient
 from qclearn.benchmark.pairs import fsaverage_pair, prepare
 from qclearn.nets import WeightsError, load
 from qclearn.nets.networks import PAPER_GAMMAS
-from qclearn.nets.weights import load_file
 from qclearn.plane.disk import BeltramiDiskSolver
 from qclearn.plane.diskmesh import polar_disk, sampling_matrix
 from qclearn.plane.fields import bounded
@@ -33,9 +31,9 @@ from qclearn.registration.problem import Problem, Weights, distinct
 MESH = polar_disk(32, 96, POWER)
 POINTS = 10  # on each curve
 EACH = 16  # problems of each kind
-LOOKS = 3
+LOOKS, TIMED = 5, 3  # at most, of those whose answers are measured, and whose times
 SEED = 5301
-CONTROLS = user_cache_path("qclearn") / "training" / "runs"  # of tools/train_all.py
+AS_MANY = "Born step, as many looks"  # as CP-Net takes at these weights
 FIXED = {"default": Weights(), "stiff": Weights(gamma=1e5)}
 PAPERS = {name: Weights(1.0, 1.0, float(name)) for name in ("1e4", "1e5", "2e5")}
 
@@ -67,9 +65,8 @@ def figures(seeds, quick=False):
         "bands": bands([row for some in rows.values() for row in some]),
         "named": named,
         "paper": paper(landmarks, quick),
-        "controls": controls(landmarks, quick),
         "ranges": {"beta / alpha": net.config.smooth, "gamma / alpha": net.config.match},
-        "maps": net.config.looks,
+        "looks": {name: net.looks_at(weights) for name, weights in FIXED.items()},
         "latency_ms": latency(net, problems),
         "rows": [{key: row[key] for key in row if key != "seconds"} for some in rows.values() for row in some],
     }
@@ -140,6 +137,7 @@ def compare(net, problem, weights):
     answers = {"CP-Net": predicted(net.predict, problem, weights)}
     seconds["network"] = time.process_time() - start
     answers |= net.answers(problem, weights, LOOKS)
+    answers[AS_MANY] = answers[f"Born step, {net.looks_at(weights)} looks"]
     found = {name: exact_map(problem, mu) for name, mu in answers.items()}
     for number, (passed, one) in enumerate(stepped(problem, weights), 1):
         found[f"exact step {number}"], seconds[f"exact step {number}"] = one, passed
@@ -228,17 +226,6 @@ def paper(subjects, quick):
     return found
 
 
-def controls(subjects, quick):
-    """The printed network trained through each solver, the same in all else: name of the solver -> `printed`.
-
-    One is shipped; the others are read from where tools/train_all.py has left them, if it has.
-    """
-    shipped = load("cpnet", "paper", 1e5)
-    trained = sorted(CONTROLS.glob("cpnet-paper-g1e5-*/cpnet-*.safetensors"))
-    networks = {net.config.through: net for net in (*map(load_file, trained), shipped)}
-    return {name: printed(net, subjects, quick) for name, net in networks.items()}
-
-
 def printed(net, subjects, quick):
     """Means over subjects (M,) of one network of the printed kind.
 
@@ -282,7 +269,7 @@ def latency(net, problems, repeats=10):
     some = min(problems["other seeds"] + problems["scattered"], key=lambda problem: abs(len(problem.moving) - 40))
     large = problems["real"][0]
     clock = {"landmarks": len(some.moving), "vertices": len(some.z)}
-    clock |= {f"looks_{looks}": milliseconds(net, some, looks, repeats) for looks in range(LOOKS + 1)}
+    clock |= {f"looks_{looks}": milliseconds(net, some, looks, repeats) for looks in range(TIMED + 1)}
     clock |= {"large_landmarks": len(large.moving), "large_vertices": len(large.z)}
     clock["large"] = milliseconds(net, large, net.config.looks, repeats)
     solver, start = BeltramiDiskSolver(some.z, some.faces), time.process_time()
