@@ -5,9 +5,9 @@
 The network looks at images of depth and curvature of both sides on a polar mesh and says where each node should move.
 The Beltrami coefficient of that, smoothed, has an exact map, at which it looks again. It learns from cortices moved by
 random maps, some of them mixed with another one's folds, and from pairs of synthetic subjects, whose true map is known.
-Judged on real cortex: half of fsaverage5's curves held out, and its left side warped in space. The same levels of the
-fit are run from the network's map and from the Möbius map. It goes on where it was stopped; one thread; about half an
-hour of one core. The page 'Folds as features' reads the file.
+Judged on real cortex: half of fsaverage5's curves held out, or all but one, and its left side warped in space. The same
+levels of the fit are run from the network's map and from the Möbius map. It goes on where it was stopped; one thread;
+about half an hour of one core. The page 'Folds as features' reads the file.
 """
 
 import argparse
@@ -16,7 +16,7 @@ import json
 import os
 import time
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded
@@ -63,6 +63,7 @@ ASTRAY = 0.3  # of a random map's displacement: by how much a look is off the wa
 LARGEST = 0.8  # |mu| of the coefficient that is read off its displacements
 SMOOTHER = 1e-3  # by 1 + SMOOTHER Laplace it is divided
 RECIPE = TrainConfig(steps=20_000, batch=8, rate=2e-3, weight_decay=1e-2, validate_every=1_000)
+REPETITIONS = 3
 SUBJECTS, ITEMS = (96, 12), (12_000, 192)  # for training and for validation
 KEPT = (
     "held_out_mm",
@@ -243,7 +244,7 @@ def main():
     with threadpool_limits(1):
         folder = FOLDER / "runs" / f"folds-try{'-quick' * options.quick}"
         train(net, *data, recipe, folder)
-        rows = [row for name, pair in pairs(options.quick) for row in judged(net.eval(), name, pair)]
+        rows = [row for problem in pairs(options.quick) for row in judged(net.eval(), *problem)]
     log = list(csv.DictReader((folder / "log.csv").read_text().splitlines()))
     result = {
         "network": asdict(net.config) | {"parameters": sum(x.numel() for x in net.parameters())},
@@ -274,17 +275,20 @@ def datasets(config, quick):
 
 
 def pairs(quick):
-    """Names and pairs of real cortex on which the network is judged."""
+    """(kind, name, pair) of the problems on real cortex by which the network is judged."""
     right, left = fsaverage_side("right"), fsaverage_side("left")
-    for part in HALVES[: 1 if quick else None]:
-        yield f"right to left, {part} fitted", heldout_pair(right, left, part)
-        if not quick:
-            yield f"left to right, {part} fitted", heldout_pair(left, right, part)
-    for amplitude in () if quick else AMPLITUDES:
-        yield f"warped by {amplitude:g} mm", warp_pair(left, amplitude)
+    for way, sides in (("right to left", (right, left)), ("left to right", (left, right))):
+        for part in HALVES:
+            yield "half", f"{way}, {part} fitted", heldout_pair(*sides, part)
+        whole = heldout_pair(*sides, "all")
+        yield "one", f"{way}, one curve fitted", replace(whole, curves=whole.curves[:1], held=whole.curves[1:])
+        if quick:
+            return
+    for amplitude in AMPLITUDES:
+        yield "warp", f"warped by {amplitude:g} mm", warp_pair(left, amplitude)
 
 
-def judged(net, name, pair):
+def judged(net, kind, name, pair):
     """Rows of one pair: how the map was found, what is measured of it, and the processor's seconds for it, features
     apart."""
     prepared, weights = prepare(pair), Weights(delta=DELTA)
@@ -292,29 +296,29 @@ def judged(net, name, pair):
     features = features_of(problem)
     net.predict(problem, features)  # features at its scales, and its mesh, are there from now on
     fit_registration(problem, weights, features)
-    start, mu = timed(net.predict, problem, features)
-    ways = {("Möbius map", "none"): (lambda: mobius(problem.z, *problem.mobius), 0.0)}
-    ways["network", "none"] = lambda: exact_map(problem, mu).f, start
-    for first, level in enumerate(LEVELS[:-1]):
-        some, since = LEVELS[first:], f"from {level.sigma:g} mm on"
-        ways["Möbius map", since] = lambda some=some: fit_registration(problem, weights, features, levels=some).f, 0.0
-        if first:
-            ways["network", since] = (
-                lambda some=some: fit_registration(problem, weights, features, mu, levels=some).f,
-                start,
-            )
-    for (begin, levels), (way, before) in ways.items():
-        seconds, f = timed(way)
-        figures = map_figures(pair, prepared, f, lookup, False)
-        found = {key: figures[key] for key in KEPT}
-        yield {"pair": name, "start": begin, "levels": levels, "seconds": before + seconds, **found}
+    before, mu = timed(net.predict, problem, features)
+    starts = {"Möbius map": (None, 0.0), "network": (mu, before)}
+    for start, (given, passed) in starts.items():
+        alone = mobius(problem.z, *problem.mobius) if given is None else exact_map(problem, given).f
+        answers = {"none": (0.0, alone)}
+        for level in range(given is not None, len(LEVELS) - 1):
+            some = partial(fit_registration, problem, weights, features, given, levels=LEVELS[level:])
+            seconds, fit = timed(some)
+            answers[f"from {LEVELS[level].sigma:g} mm on"] = seconds, fit.f
+        for levels, (seconds, f) in answers.items():
+            figures = map_figures(pair, prepared, f, lookup, False)
+            found = {key: figures[key] for key in KEPT}
+            yield {"kind": kind, "pair": name, "start": start, "levels": levels, "seconds": passed + seconds, **found}
 
 
 def timed(call, *arguments):
-    """(processor's seconds, answer) of a call."""
-    start = time.process_time()
-    answer = call(*arguments)
-    return time.process_time() - start, answer
+    """(the processor's seconds, median of REPETITIONS, and the answer) of a call."""
+    passed = []
+    for _ in range(REPETITIONS):
+        start = time.process_time()
+        answer = call(*arguments)
+        passed.append(time.process_time() - start)
+    return float(np.median(passed)), answer
 
 
 def show(rows):

@@ -15,13 +15,21 @@ def figures():
 
 
 def test_the_kept_figures_fit_their_schema_and_come_back(figures, tmp_path):
-    assert set(figures) == {"polar", "ldnet", "cpnet", "dbsnet"}
+    assert set(figures) == {"polar", "ldnet", "cpnet", "controls", "dbsnet"}
     write_networks(tmp_path / "networks.json", figures)
     assert read_networks(tmp_path / "networks.json") == figures
     assert (tmp_path / "networks.json").read_text() == kept("networks.json").read_text()
 
 
-MEASURED = ("benchmark.json", "networks.json", "scaling.json", "suspect.json", "template.json", "weights.json")
+MEASURED = (
+    "benchmark.json",
+    "foldsnetwork.json",
+    "networks.json",
+    "scaling.json",
+    "suspect.json",
+    "template.json",
+    "weights.json",
+)
 
 
 @pytest.mark.parametrize("name", MEASURED)
