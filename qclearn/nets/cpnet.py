@@ -46,9 +46,9 @@ class BestCPNetConfig:
     looks: int = 2  # at the exact map
     finer: int = 32  # rings, where landmarks are closer than `close` cells
     close: float = 0.5
-    stiff: float = 1e6  # gamma / beta from which on nu has the `finest` rings, and is looked at more often
+    stiff: float = 1e6  # gamma / beta from which on nu has the `finest` rings, and more looks begin at the Born step
     finest: int = 48
-    stiff_looks: int = 5
+    stiff_looks: int = 6
     most: int = 128  # landmarks
     smooth: tuple = (-4.0, 1.0)  # of beta / alpha
     match: tuple = (0.0, 6.0)  # of gamma / alpha
@@ -136,9 +136,9 @@ class BestCPNet(nn.Module):
     @inference
     @threadpool_limits.wrap(limits=1)
     def answers(self, problem, weights, looks=3):
-        """What `predict` would say of a `Problem` after each of its stages: dict name -> mu (F,), in order.
+        """What one would say of a `Problem` after so many looks from either start: dict name -> mu (F,), in order.
 
-        Before them the same looks without what is learned, from the Born step on.
+        "Born step" has learned nothing, "CP-Net" begins where the U-Net says; `predict` gives one of these.
         """
         found = {}
         for learned, name in ((False, "Born step"), (True, "CP-Net")):
@@ -147,12 +147,17 @@ class BestCPNet(nn.Module):
                 found[name + (seen or ", no look" * learned)] = mu
         return found
 
-    def stages(self, problem, weights, looks=None, learned=True):
-        """The answers mu (F,) before any look and after each, one after the other; or without what is learned."""
+    def stages(self, problem, weights, looks=None, learned=None):
+        """The answers mu (F,) before any look and after each, one after the other.
+
+        learned: whether the looks begin where the U-Net says; by default unless the weights are stiff, where that is
+        no better a start than the Born step.
+        """
         p, q, mesh = problem.moving, problem.target, disk_mesh(problem.z, problem.faces)
         check_count(p, self.config.most)
         ratios = weights.beta / weights.alpha, weights.gamma / weights.alpha
         looks = self.looks_at(weights) if looks is None else looks
+        learned = not self.is_stiff(weights) if learned is None else learned
         spectrum, spread = self.carrier(self.rings(p, q, weights))
         link = mesh.places(spectrum, lambda: Link(mesh.z, mesh.faces, spectrum))
         start = spread @ self.start(p, q, ratios) if learned else None

@@ -139,14 +139,15 @@ def test_close_landmarks_are_looked_at_on_a_finer_grid(net, landmarks):
     assert abs(net.predict(*square_disk(10), *close, looks=1)).max() < 1
 
 
-def test_stiff_weights_have_a_finer_grid_and_more_looks(net, landmarks):
-    mesh = polar_disk(16, 48, 1.4)
-    for gamma, rings, looks in ((0.99e4, 12, 2), (1e4, 20, 5)):
+def test_stiff_weights_have_a_finer_grid_and_more_looks_from_the_born_step_on(net, landmarks):
+    net, mesh = stirred(net), polar_disk(16, 48, 1.4)
+    for gamma, rings, looks, start in ((0.99e4, 12, 2, "CP-Net"), (1e4, 20, 6, "Born step")):
         weights = Weights(gamma=gamma)
         assert net.rings(*landmarks, weights) == rings and net.looks_at(weights) == looks
-        asked, problem = {"gamma": gamma}, Problem(*mesh, *landmarks)
-        answers = net.answers(problem, weights, looks)
-        np.testing.assert_array_equal(net.predict(*mesh, *landmarks, **asked), answers[f"CP-Net, {looks} looks"])
+        answers = net.answers(Problem(*mesh, *landmarks), weights, looks)
+        mu = net.predict(*mesh, *landmarks, gamma=gamma)
+        np.testing.assert_array_equal(mu, answers[f"{start}, {looks} looks"])
+        assert abs(answers["CP-Net, 1 look"] - answers["Born step, 1 look"]).max() > 1e-6
 
 
 def stirred(net):

@@ -31,9 +31,9 @@ from qclearn.registration.problem import Problem, Weights, distinct
 MESH = polar_disk(32, 96, POWER)
 POINTS = 10  # on each curve
 EACH = 16  # problems of each kind
-LOOKS, TIMED = 5, 3  # at most, of those whose answers are measured, and whose times
+LOOKS, TIMED = 6, 3  # at most, of those whose answers are measured, and whose times
 SEED = 5301
-AS_MANY = "Born step, as many looks"  # as CP-Net takes at these weights
+AS_MANY = {"Born step": "Born step, as many looks", "CP-Net": "U-Net's start, as many looks"}  # as CP-Net has there
 FIXED = {"default": Weights(), "stiff": Weights(gamma=1e5)}
 PAPERS = {name: Weights(1.0, 1.0, float(name)) for name in ("1e4", "1e5", "2e5")}
 
@@ -137,7 +137,7 @@ def compare(net, problem, weights):
     answers = {"CP-Net": predicted(net.predict, problem, weights)}
     seconds["network"] = time.process_time() - start
     answers |= net.answers(problem, weights, LOOKS)
-    answers[AS_MANY] = answers[f"Born step, {net.looks_at(weights)} looks"]
+    answers |= {name: answers[f"{start}, {net.looks_at(weights)} looks"] for start, name in AS_MANY.items()}
     found = {name: exact_map(problem, mu) for name, mu in answers.items()}
     for number, (passed, one) in enumerate(stepped(problem, weights), 1):
         found[f"exact step {number}"], seconds[f"exact step {number}"] = one, passed
