@@ -48,7 +48,7 @@ class BestCPNetConfig:
     close: float = 0.5
     stiff: float = 1e6  # gamma / beta from which on nu has the `finest` rings, and more looks begin at the Born step
     finest: int = 48
-    stiff_looks: int = 6
+    stiff_looks: int = 7
     most: int = 128  # landmarks
     smooth: tuple = (-4.0, 1.0)  # of beta / alpha
     match: tuple = (0.0, 6.0)  # of gamma / alpha
@@ -151,7 +151,8 @@ class BestCPNet(nn.Module):
         """The answers mu (F,) before any look and after each, one after the other.
 
         learned: whether the looks begin where the U-Net says; by default unless the weights are stiff, where that is
-        no better a start than the Born step.
+        no better a start than the Born step. There an answer is the best that was looked at: the last step may lead
+        astray.
         """
         p, q, mesh = problem.moving, problem.target, disk_mesh(problem.z, problem.faces)
         check_count(p, self.config.most)
@@ -161,8 +162,9 @@ class BestCPNet(nn.Module):
         spectrum, spread = self.carrier(self.rings(p, q, weights))
         link = mesh.places(spectrum, lambda: Link(mesh.z, mesh.faces, spectrum))
         start = spread @ self.start(p, q, ratios) if learned else None
-        for proposal, _ in Looks(link, p, q, *ratios).run(start, looks):
-            yield link.coefficient(proposal.nu)
+        for number, (proposal, best) in enumerate(Looks(link, p, q, *ratios).run(start, looks)):
+            said = best.proposal if number and self.is_stiff(weights) else proposal
+            yield link.coefficient(said.nu)
 
     def start(self, p, q, ratios):
         """nu (N,) at the vertices of the network's mesh, before any look."""

@@ -31,7 +31,7 @@ from qclearn.registration.problem import Problem, Weights, distinct
 MESH = polar_disk(32, 96, POWER)
 POINTS = 10  # on each curve
 EACH = 16  # problems of each kind
-LOOKS, TIMED = 6, 3  # at most, of those whose answers are measured, and whose times
+LOOKS, TIMED = 7, 3  # at most, of those whose answers are measured, and whose times
 SEED = 5301
 AS_MANY = {"Born step": "Born step, as many looks", "CP-Net": "U-Net's start, as many looks"}  # as CP-Net has there
 FIXED = {"default": Weights(), "stiff": Weights(gamma=1e5)}
