@@ -28,19 +28,19 @@ from threadpoolctl import threadpool_limits
 from torch import nn
 
 from data_synth.correspondence import locate_on_sphere
-from data_synth.datasets import Seeded, cached
+from data_synth.datasets import Seeded, cached, quiet_disk_map
 from data_synth.fields import random_coefficient
 from data_synth.generations import GENERATION
 from data_synth.landmarks import DiskMaps
 from data_synth.training import TRAINING_SEEDS, VALIDATION_SEEDS, subjects
 from qclearn.benchmark.cortex import AMPLITUDES, HALVES, fsaverage_side, heldout_pair, warp_pair
-from qclearn.benchmark.pairs import mapped, prepare
+from qclearn.benchmark.pairs import prepare
 from qclearn.benchmark.trial import map_figures
 from qclearn.files.meshes import write_whole
 from qclearn.files.provenance import provenance
 from qclearn.methods.folds import features_of
 from qclearn.nets.layers import PolarUNet, inference
-from qclearn.nets.polargrid import PolarGrid
+from qclearn.nets.polargrid import PolarGrid, random_turns
 from qclearn.nets.train import TrainConfig, train
 from qclearn.plane.beltrami import beltrami_coefficient, corner_average, signed_areas
 from qclearn.plane.disk import BeltramiDiskSolver
@@ -49,11 +49,12 @@ from qclearn.plane.fields import bounded, unbounded
 from qclearn.plane.mobius import mobius
 from qclearn.plane.spectrum import Spectrum
 from qclearn.registration.certified import exact_map
-from qclearn.registration.features import FOLDS, Smoothing, check_features, standardised
+from qclearn.registration.features import FOLDS, Smoothing, standardised
 from qclearn.registration.fit import POWER
 from qclearn.registration.hybrid import LEVELS, fit_registration
 from qclearn.registration.looks import refit
 from qclearn.registration.problem import DELTA, Weights
+from qclearn.surfaces.curvature import mean_curvature, sulcal_depth
 
 FOLDER = user_cache_path("qclearn") / "training"
 SCALES = (16.0, 8.0)  # mm, of the folds that it sees
@@ -79,7 +80,6 @@ KEPT = (
 class FoldsConfig:
     """Sizes of the network."""
 
-    preset: str = "try"
     rings: int = 24
     spokes: int = 72
     channels: tuple = (16, 32, 64)
@@ -116,14 +116,11 @@ class FoldsNet(nn.Module):
         here, there, wanted = batch
         if generator is None:
             return batch
-        spokes = self.config.spokes
-        by = torch.randint(spokes, (len(here),), generator=generator)
-        mirror = torch.rand(len(here), generator=generator) < 0.5
-        places = (torch.where(mirror, -1, 1)[:, None] * (torch.arange(spokes) - by[:, None])) % spokes
+        turn, mirror, places = random_turns(len(here), self.config.spokes, generator)
         places = places[:, None].expand(wanted.shape)
         here, there = (x.gather(3, places[:, None].expand(x.shape)) for x in (here, there))
         wanted = torch.where(mirror[:, None, None], wanted.conj(), wanted).gather(2, places)
-        return here, there, wanted * torch.exp(2j * torch.pi * by / spokes).to(wanted)[:, None, None]
+        return here, there, wanted * turn.to(wanted)[:, None, None]
 
     @inference
     def displacements(self, here, there):
@@ -134,22 +131,21 @@ class FoldsNet(nn.Module):
 
     def predict(self, problem, features):
         """mu (F,) on the faces of a problem, whose disk was laid upon the control's, after the configured looks."""
-        carrier = self.carrier
-        nodes = carrier.z[1:]
+        nodes = self.nodes
         sides = [np.concatenate(side, 1) for side in zip(*(features.at(sigma) for sigma in SCALES))]
-        here, f = sampling_matrix(problem.z, problem.faces, nodes) @ sides[0], mobius(carrier.z, *problem.mobius)
+        here, f = sampling_matrix(problem.z, problem.faces, nodes.z[1:]) @ sides[0], mobius(nodes.z, *problem.mobius)
         for _ in range(self.config.looks):
             there = interpolate(sides[1], features.faces, *features.lookup(f[1:]))
             wanted = f[1:] + self.displacements(here, there)
-            nu, f = carrier.map_near(np.concatenate([[wanted[: self.config.spokes].mean()], wanted]))
-        return bounded(sampling_matrix(carrier.z, carrier.faces, problem.z[problem.faces].mean(1)) @ nu)
+            nu, f = nodes.map_near(np.concatenate([[wanted[: self.config.spokes].mean()], wanted]))
+        return bounded(sampling_matrix(nodes.z, nodes.faces, problem.z[problem.faces].mean(1)) @ nu)
 
     @cached_property
-    def carrier(self):
-        return Carrier(self.config.rings, self.config.spokes)
+    def nodes(self):
+        return Nodes(self.config.rings, self.config.spokes)
 
 
-class Carrier:
+class Nodes:
     """The polar mesh of the network's nodes, z (N,) and faces (F, 3), with its exact maps."""
 
     def __init__(self, rings, spokes):
@@ -178,8 +174,8 @@ class Pairs(Seeded):
     def __init__(self, count, seed, seeds, config, quick=False):
         super().__init__(count, seed, seeds, GENERATION, SCALES, config.rings, config.spokes, quick)
         self.seeds, self.quick, self.shape = seeds, quick, (config.rings, config.spokes)
-        self.nodes = polar_disk(*self.shape, POWER)[0][1:]
         self.maps = DiskMaps(*polar_disk(*self.shape, POWER))
+        self.nodes = self.maps.z[1:]
 
     @cached_property
     def subjects(self):
@@ -213,9 +209,8 @@ class Side:
 
     def __init__(self, subject):
         surface = subject.surface
-        self.z, self.faces, self.template = mapped(surface).z, surface.faces, subject.template
-        values = np.stack([feature.moving for feature in check_features(FOLDS, surface, surface)], 1)
-        smoothing = Smoothing(surface, values)
+        self.z, self.faces, self.template = quiet_disk_map(surface), surface.faces, subject.template
+        smoothing = Smoothing(surface, np.stack([sulcal_depth(surface), mean_curvature(surface)], axis=1))
         self.values = np.concatenate([smoothing.at(sigma) for sigma in SCALES], 1)
         self.lookup = Lookup(self.z, self.faces)
 

@@ -18,7 +18,7 @@ from ..registration.problem import LandmarkError, Problem, Weights
 from .born import Born
 from .cpnet_paper import PaperCPNet, PaperCPNetConfig
 from .layers import ConditionedUNet, disk_mesh, inference
-from .polargrid import PolarGrid
+from .polargrid import PolarGrid, random_turns
 from .train import TrainConfig
 
 # What the correction sees on the grid, in order: name -> (how often its frame turns with the spoke, scale that brings
@@ -157,13 +157,13 @@ class BestCPNet(nn.Module):
         p, q, mesh = problem.moving, problem.target, disk_mesh(problem.z, problem.faces)
         check_count(p, self.config.most)
         ratios = weights.beta / weights.alpha, weights.gamma / weights.alpha
-        looks = self.looks_at(weights) if looks is None else looks
-        learned = not self.is_stiff(weights) if learned is None else learned
+        looks, stiff = self.looks_at(weights) if looks is None else looks, self.is_stiff(weights)
+        learned = not stiff if learned is None else learned
         spectrum, spread = self.carrier(self.rings(p, q, weights))
         link = mesh.places(spectrum, lambda: Link(mesh.z, mesh.faces, spectrum))
         start = spread @ self.start(p, q, ratios) if learned else None
         for number, (proposal, best) in enumerate(Looks(link, p, q, *ratios).run(start, looks)):
-            said = best.proposal if number and self.is_stiff(weights) else proposal
+            said = best.proposal if number and stiff else proposal
             yield link.coefficient(said.nu)
 
     def start(self, p, q, ratios):
@@ -217,15 +217,12 @@ class BestCPNet(nn.Module):
     def draw(self, batch, generator):
         """The batch's problems; with a generator turned by whole spokes, and mirrored."""
         *points, mask, logs, born, target = batch
-        most, spokes = int(mask.sum(1).max()), self.config.spokes
+        most = int(mask.sum(1).max())
         points, fields = [x[:, :most] for x in points], [born, target]
         if generator is not None:
-            by = torch.randint(spokes, (len(mask),), generator=generator)
-            mirror = torch.rand(len(mask), generator=generator) < 0.5
-            places = (torch.where(mirror, -1, 1)[:, None] * (torch.arange(spokes) - by[:, None])) % spokes
+            turn, mirror, places = random_turns(len(mask), self.config.spokes, generator)
             places = places.to(mask.device)[:, None].expand(born.shape)
-            turn = torch.exp(2j * torch.pi * by / spokes).to(born)[:, None]
-            mirror = mirror.to(mask.device)[:, None]
+            turn, mirror = turn.to(born)[:, None], mirror.to(mask.device)[:, None]
             points = [torch.where(mirror, x.conj(), x) * turn for x in points]
             fields = [torch.where(mirror[..., None], x.conj(), x).gather(2, places) for x in fields]
             fields = [x * turn[..., None] ** 2 for x in fields]

@@ -65,13 +65,13 @@ def test_what_training_turns_and_mirrors_stays_an_example(net):
 
 
 def test_the_map_near_given_points_is_theirs_where_it_can_be(tool):
-    carrier = tool.Carrier(24, 72)
-    nu = 0.3 * np.exp(-4 * abs(carrier.z - 0.2) ** 2) * np.exp(1j * carrier.z.real)
-    wanted = carrier.solver.solve(bounded(nu[carrier.faces].mean(1)))
-    _, f = carrier.map_near(wanted)
-    assert abs(f - wanted).mean() < 0.05 * abs(wanted - carrier.z).mean()
+    nodes = tool.Nodes(24, 72)
+    nu = 0.3 * np.exp(-4 * abs(nodes.z - 0.2) ** 2) * np.exp(1j * nodes.z.real)
+    wanted = nodes.solver.solve(bounded(nu[nodes.faces].mean(1)))
+    _, f = nodes.map_near(wanted)
+    assert abs(f - wanted).mean() < 0.05 * abs(wanted - nodes.z).mean()
     torn = wanted + 0.2 * np.random.default_rng(0).normal(size=wanted.shape)
-    assert check_bijective(carrier.z, carrier.faces, carrier.map_near(torn)[1]).bijective
+    assert check_bijective(nodes.z, nodes.faces, nodes.map_near(torn)[1]).bijective
 
 
 def test_a_network_without_a_start_leaves_the_moebius_map(tool, net):

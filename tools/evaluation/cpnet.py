@@ -137,8 +137,8 @@ def compare(net, problem, weights):
     answers = {"CP-Net": predicted(net.predict, problem, weights)}
     seconds["network"] = time.process_time() - start
     answers |= net.answers(problem, weights, LOOKS)
-    answers |= {name: answers[f"{start}, {net.looks_at(weights)} looks"] for start, name in AS_MANY.items()}
     found = {name: exact_map(problem, mu) for name, mu in answers.items()}
+    found |= {name: found[f"{start}, {net.looks_at(weights)} looks"] for start, name in AS_MANY.items()}
     for number, (passed, one) in enumerate(stepped(problem, weights), 1):
         found[f"exact step {number}"], seconds[f"exact step {number}"] = one, passed
     reference = measured(problem, weights, fit)["L_CP"]
