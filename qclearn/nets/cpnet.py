@@ -231,6 +231,6 @@ class BestCPNet(nn.Module):
 
 PRESETS = {"paper": (PaperCPNet, PaperCPNetConfig()), "best": (BestCPNet, BestCPNetConfig())}
 TRAINING = {
-    "paper": TrainConfig(steps=4_500, batch=16, rate=2e-3, bfloat16=True, validate_every=150),
+    "paper": TrainConfig(steps=9_000, batch=16, rate=2e-3, bfloat16=True, validate_every=150),
     "best": TrainConfig(steps=3_000, batch=8, rate=2e-3, weight_decay=1e-3, validate_every=250),
 }
