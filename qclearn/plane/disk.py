@@ -89,7 +89,10 @@ class BeltramiDiskSolver:
         matrix = assemble(self.faces, blocks, len(self.z))
         if self.order is None and len(self.z) > LARGE:
             self.order = elimination_order(matrix, self.z, self.loop)
-        return Dirichlet(matrix, self.loop, self.order)
+        problem = Dirichlet(matrix, self.loop, self.order)
+        if self.order is None and problem.factors:
+            self.order = problem.free[np.argsort(problem.factors.perm_c)]  # sought once a mesh
+        return problem
 
     def _choose_pole(self):
         interior = np.setdiff1d(np.arange(len(self.z)), self.loop)

@@ -96,9 +96,9 @@ class Tangent:
         number[close.nonzero()] = np.arange(close.nnz)
         node, share = (part.reshape(-1, 3)[self.part] for part in (self.hats.indices, self.hats.data))
         pair = number[self.point[:, None], node]
-        entry, some = np.nonzero(pair >= 0)
-        table = share[entry, some], (pair[entry, some], entry)
-        self.spread = sparse.csr_array(table, shape=(close.nnz, len(self.point)))
+        counted = pair >= 0
+        starts = np.concatenate([[0], np.cumsum(counted.sum(1))])
+        self.spread = sparse.csc_array((share[counted], pair[counted], starts), shape=(close.nnz, len(self.point)))
         inside = np.arange(3) < np.diff(self.points.indptr)[:, None]
         self.corners, self.shares = np.zeros(inside.shape, int), np.zeros(inside.shape)
         self.corners[inside], self.shares[inside] = self.points.indices, self.points.data
@@ -175,4 +175,4 @@ def cells(areas, nu, places, dtype):
 
 def inverse(d, size):
     """`1 / d`, no larger than on the rim of a disk of this radius squared."""
-    return d.conj() / np.maximum(d.real**2 + d.imag**2, size)
+    return d.conj() * (1 / np.maximum(d.real**2 + d.imag**2, size))  # NumPy divides by a real in complex numbers

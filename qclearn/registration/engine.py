@@ -15,6 +15,7 @@ import numpy as np
 from scipy import sparse
 
 from ..plane.beltrami import face_mean, factorise, stiffness
+from ..plane.bijectivity import flipped_faces
 from ..plane.disk import BeltramiDiskSolver, unfold
 from ..plane.diskmesh import sampling_matrix
 from ..plane.fields import bounded, bounded_pullback, mass_matrix
@@ -51,6 +52,11 @@ class State:
     def words(self):
         """What this map needed to stay one, in words, empty if nothing."""
         return solver_words(self.solution, self.switched)
+
+    @cached_property
+    def folded(self):
+        """Whether rows were switched and faces stay flipped."""
+        return self.switched > 0 and len(flipped_faces(self.solution.faces, self.f)) > 0
 
 
 class GaussNewton:
@@ -114,6 +120,10 @@ class GaussNewton:
 
     def objective(self, state, gamma):
         return self.prior(state.nu) + (self.residual(state, gamma) ** 2).sum()
+
+    def merit(self, found, state, gamma):
+        """The objective of a state that may follow another; infinite where its map folds and that one's does not."""
+        return np.inf if found.folded and not state.folded else self.objective(found, gamma)
 
     def error(self, state):
         """Mean distance of a state's landmarks from their targets."""
@@ -188,7 +198,7 @@ class GaussNewton:
 
         A share s of the Gauss-Newton step is taken once it brings a sufficient part of what the quadratic model
         promises, `(2s - s^2)` of the full step's gain. Where the map is too far from linear in nu for that, the best of
-        these and, with landmarks alone, of some damped steps.
+        these and, with landmarks alone, of some damped steps. None leads from an unfolded map to a folded one.
         """
         before, propose = self.objective(state, gamma), self.linearise(state, gamma)
         *whole, promised = propose(state)
@@ -197,12 +207,12 @@ class GaussNewton:
         tried = []  # (objective, state)
         for share in SHARES:
             found = self.after(state, *(share * part for part in whole))
-            tried.append((self.objective(found, gamma), found))
+            tried.append((self.merit(found, state, gamma), found))
             if before - tried[-1][0] > SUFFICIENT_DECREASE * (2 * share - share**2) * (before - promised):
                 return found
         if self.dense is None:  # with features, each would mean to solve large equations anew
             damped = (self.after(state, *change) for change in self.damped(state, propose))
-            tried += [(self.objective(found, gamma), found) for found in damped]
+            tried += [(self.merit(found, state, gamma), found) for found in damped]
         least, best = min(tried, key=itemgetter(0))
         return best if least < before else None
 

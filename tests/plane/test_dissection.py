@@ -5,7 +5,7 @@ import pytest
 from known_surfaces import grooved_sphere
 from meshes import random_disk, random_mu
 
-from qclearn.plane import disk
+from qclearn.plane import beltrami, disk
 from qclearn.plane.beltrami import Dirichlet, stiffness
 from qclearn.plane.disk import BeltramiDiskSolver, elimination_order
 from qclearn.plane.diskmesh import boundary_loop, polar_disk
@@ -46,5 +46,16 @@ def test_large_meshes_are_solved_and_differentiated_as_small_ones_are(monkeypatc
     large = BeltramiDiskSolver(z, faces)
     np.testing.assert_allclose(large.solve(mu), usual[0], atol=1e-12)
     np.testing.assert_allclose(large.pullback(grad), usual[1], atol=1e-10 * abs(usual[1]).max())
-    assert large.order is not None and small.order is None
+    assert sorted(large.order) == sorted(small.order) and list(large.order) != list(small.order)
     np.testing.assert_allclose(disk_conformal_map(surface), flat, atol=1e-9)
+
+
+@pytest.mark.parametrize("mesh", [random_disk(5, 300), polar_disk(20, 60)], ids=["random", "polar"])
+def test_a_solver_seeks_the_order_once(mesh, monkeypatch):
+    mu, sought = random_mu(np.random.default_rng(0), *mesh, 0.6), []
+    factorise = beltrami.factorise
+    monkeypatch.setattr(beltrami, "factorise", lambda *given: sought.append(given[1]) or factorise(*given))
+    solver = BeltramiDiskSolver(*mesh)
+    first, again = solver.solve(mu), solver.solve(mu)
+    assert sought[0] == "MMD_AT_PLUS_A" and set(sought[1:]) == {"NATURAL"}
+    np.testing.assert_allclose(again, first, atol=1e-13)

@@ -69,6 +69,7 @@ export class Fit {
   follow(w) {
     this.switched = 0;
     if (this.mends) ({ w, switched: this.switched } = unfold(this.solution, w));
+    this.folded = this.switched > 0 && this.mesh.flipped(w).length > 0;
     this.w = w;
     this.points = sample(w, this.places);
   }
@@ -181,14 +182,15 @@ export class Fit {
     return this.to(next, compose(mobius, [share * dx, share * dy, share * turn]));
   }
 
-  // One step: the first share that gains enough, else the best of these and of damped steps. False, and nothing has
-  // changed, where none lowers the objective.
+  // One step: the first share that gains enough, else the best of these and of damped steps; none that leads from a map
+  // that does not fold to one that does. False, and nothing has changed, where none lowers the objective.
   descend(gamma, whole) {
     const before = this.objective(gamma),
-      begin = { nu: this.nu, mobius: this.mobius };
+      begin = { nu: this.nu, mobius: this.mobius, folded: this.folded };
     let best = { gain: 0, nu: begin.nu, mobius: begin.mobius };
     const gains = (step, share) => {
-      const gain = this.advance(begin, step, share) ? before - this.objective(gamma) : -1;
+      const sound = this.advance(begin, step, share) && (begin.folded || !this.folded);
+      const gain = sound ? before - this.objective(gamma) : -1;
       if (gain > best.gain) best = { gain, nu: this.nu, mobius: this.mobius };
       return gain;
     };
