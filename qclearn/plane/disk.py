@@ -104,7 +104,8 @@ class BeltramiDiskSolver:
         """The map f (V,) with Beltrami coefficient mu (F,); BeltramiError unless |mu| < 1 everywhere."""
         self.mu = check_coefficient(mu, len(self.faces))
         self.free_boundary = self._sensitivities = None  # the last factors make room
-        self.free_boundary = FreeBoundary(self._problem(self.mu), self.lengths, self.pole, self.calibration)
+        calibration = self.calibration  # the first problem of a mesh, so that the order is the same for every mu
+        self.free_boundary = FreeBoundary(self._problem(self.mu), self.lengths, self.pole, calibration)
         self.floored = int(self.free_boundary.floored.sum())
         return self.normalise(self.free_boundary.f)
 
