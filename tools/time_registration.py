@@ -17,6 +17,7 @@ import sys
 import time
 
 THREADS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+ALONE = THREADS | {"PYTHONDONTWRITEBYTECODE": ""}  # packages are compiled once, not by each process anew
 FOLDS = ("depth", "curvature")
 RUNS = ("landmarks", "hybrid", "no landmarks")
 
@@ -34,7 +35,7 @@ def main():
     for cuts in options.cuts:
         for run in options.runs:
             command = [sys.executable, __file__, "--row", run, str(cuts)]
-            found = subprocess.run(command, env=os.environ | THREADS, capture_output=True, text=True, check=True)
+            found = subprocess.run(command, env=os.environ | ALONE, capture_output=True, text=True, check=True)
             print(line(run, json.loads(found.stdout)), flush=True)
 
 
