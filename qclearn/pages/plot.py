@@ -145,10 +145,10 @@ def mu_histogram(ax, mu, weights=None, bins=40):
 def registration_figure(registration, moving, control):
     """The paper's figure of one `Registration`, its rows as columns: a Figure, ready for `savefig`.
 
-    Curvature disk of the moving surface with detected and target curves; the mapped disk with the curves after; the
-    deformed grid; |mu| of the map on the disk; its histogram. First row in the unit disk; second row with the radius
-    that gives equal parts of the picture equal moving area (a conformal disk crowds the cortex around its centre),
-    and the histogram by area.
+    Curvature disk of the moving surface with detected and target curves, or without any curve that of the control, its
+    target; the mapped disk with the curves after; the deformed grid; |mu| of the map on the disk; its histogram. First
+    row in the unit disk; second row with the radius that gives equal parts of the picture equal moving area (a
+    conformal disk crowds the cortex around its centre), and the histogram by area.
     """
     r, radius = registration, area_radius(moving, registration.disk_moving)
     figure = Figure(figsize=(16, 6.8), dpi=110)
@@ -166,15 +166,16 @@ def registration_figure(registration, moving, control):
         },
     )
     curves = [list(side) for side in zip(*r.curves.values())] or [[], []]
-    curvature = grey_levels(mean_curvature(moving), moving.vertex_areas)
+    first, start = (moving, r.disk_moving) if r.curves else (control, r.disk_control)
+    grey, last = (grey_levels(mean_curvature(surface), surface.vertex_areas) for surface in (first, moving))
     for axes, scale, unscale in zip(rows, (np.asarray, radius.to_image), (np.asarray, radius.from_image)):
         lines = [unscale(line) for line in polar_lines()]
         mapped = map_curves(r.disk_moving, moving.faces, scale(r.disk_map), curves[0] + lines)
         targets = [scale(curve) for curve in curves[1]]
-        before = (scale(r.disk_moving), [scale(curve) for curve in curves[0]], "detected")
-        after = (scale(r.disk_map), mapped[: len(targets)], "registered")
-        for ax, (z, drawn, style) in zip(axes, (before, after)):
-            disk_plot(ax, z, moving.faces, curvature, cmap="gray", vmin=-80, vmax=335)
+        before = (scale(start), first.faces, grey), [scale(curve) for curve in curves[0]], "detected"
+        after = (scale(r.disk_map), moving.faces, last), mapped[: len(targets)], "registered"
+        for ax, (disk, drawn, style) in zip(axes, (before, after)):
+            disk_plot(ax, *disk, cmap="gray", vmin=-80, vmax=335)
             curves_plot(ax, drawn, style)
             curves_plot(ax, targets, "target")
         lines_plot(disk_axes(axes[2]), mapped[len(targets) :], "#1F4E79")
@@ -187,8 +188,8 @@ def registration_figure(registration, moving, control):
 
 def _label_registration(figure, rows, colours, report):
     titles = (
-        "mean curvature, detected curves",
-        "after the map",
+        "mean curvature, detected curves" if report["curves"] else "mean curvature of the control",
+        "after the map" if report["curves"] else "of the moving surface, after the map",
         "polar grid after the map",
         r"$|\mu|$ on the moving disk",
         r"histogram of $|\mu|$",
@@ -197,7 +198,7 @@ def _label_registration(figure, rows, colours, report):
         ax.set_title(title, fontsize=11)
     for ax, text in zip(rows[:, 0], ("unit disk", "radius by cortical area")):
         ax.text(-0.03, 0.5, text, rotation="vertical", va="center", ha="right", transform=ax.transAxes, fontsize=11)
-    for ax, style in zip(rows[1], ("detected", "registered")):
+    for ax, style in zip(rows[1], ("detected", "registered") if report["curves"] else ()):
         curve_legend(ax, style, "target")
     place = rows[1, 3].get_position()
     bar = figure.add_axes((place.x0 + 0.2 * place.width, 0.07, 0.6 * place.width, 0.018))

@@ -1,5 +1,7 @@
 """Figures: what is drawn is what was computed; nothing global is left behind."""
 
+from dataclasses import replace
+
 import matplotlib
 import numpy as np
 import pytest
@@ -135,6 +137,17 @@ def test_registration_figure_draws_before_and_after(registered, tmp_path):
     targets = drawn(second, "target")
     np.testing.assert_array_equal(targets[1], registration.curves["ring"][1])
     assert abs(spoke_after - targets[0]).mean() < 0.5 * abs(mobius(spoke) - targets[0]).mean()
+
+
+def test_registration_figure_without_curves_shows_the_control_beside(registered):
+    registration, moving, control = registered
+    registration = replace(registration, curves={}, report=registration.report | {"curves": {}})
+    first, second = registration_figure(registration, moving, control).axes[:2]
+    for ax, disk in ((first, registration.disk_control), (second, registration.disk_map)):
+        corners = np.concatenate([path.vertices for path in ax.collections[0].get_paths()]) @ [1, 1j]
+        np.testing.assert_array_equal(np.unique(corners), np.unique(disk))
+        assert ax.get_legend() is None and not ax.lines
+    assert "control" in first.get_title() and "moving" in second.get_title()
 
 
 def test_scene_holds_only_what_is_seen_in_float32():
