@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from data_synth.cortex import require_one_generation
-from qclearn.plane.diskmesh import interpolate
+from qclearn.plane.lookup import interpolate
 from qclearn.surfaces.curvature import sulcal_depth
 
 CANDIDATES = (6, 40)

@@ -4,7 +4,8 @@ import numpy as np
 from scipy import sparse
 
 from data_synth.cortex import vertex_normals
-from qclearn.plane.beltrami import cotangent_stiffness, factorise
+from qclearn.plane.beltrami import cotangent_stiffness
+from qclearn.plane.linear import factorise
 
 
 def smooth(surface, values, length, steps=3):

@@ -1,22 +1,17 @@
 """Quasi-conformal registration of cortical surfaces: exact geometry first, networks second."""
 
-import sys
-from types import ModuleType
-
 from .files.fsaverage import demo_landmarks, fsaverage5
 from .files.meshes import read_surface, write_surface
 from .files.values import read_mask, read_values, write_values
 from .group.kept import TemplateError
 from .group.template import Template, template
 from .group.workers import WorkersError
-from .plane import bijectivity, disk, diskmesh, fields
 from .plane.beltrami import (
     beltrami_coefficient,
-    compose_coefficients,
     cotangent_stiffness,
     hat_gradients,
-    inverse_coefficient,
     jacobian,
+    locate,
     signed_areas,
     solve_beltrami,
     stiffness,
@@ -24,19 +19,17 @@ from .plane.beltrami import (
 )
 from .plane.bijectivity import BijectivityError, Certificate, RepairWarning, check_bijective, check_embedding
 from .plane.checks import BeltramiError
-from .plane.disk import BeltramiDiskSolver, solve_beltrami_disk
-from .plane.diskmesh import disk_to_square, locate, polar_disk, square_disk, square_to_disk
+from .plane.coefficients import compose_coefficients, inverse_coefficient
+from .plane.grids import disk_to_square, polar_disk, square_disk, square_to_disk
 from .plane.logform import solve_beltrami_disk_log
 from .plane.mobius import best_mobius, compose_mobius, mobius, mobius_inverse
-from .registration import engine, fit, problem
+from .plane.solver import BeltramiDiskSolver, solve_beltrami_disk
 from .registration.features import FeatureError
-from .registration.fit import LandmarkFit, fit_landmarks
-from .registration.hybrid import fit_registration
+from .registration.fit import LandmarkFit, fit_landmarks, fit_registration
 from .registration.landmarks import detect_curves, fundus_metric, fundus_path, sample_curve
 from .registration.problem import LandmarkError
 from .registration.register import Registration, register
 from .registration.transfer import transfer
-from .surfaces import conformal, surface
 from .surfaces.conformal import angle_distortion, disk_conformal_map
 from .surfaces.curvature import curvature_image, mean_curvature, sulcal_depth
 from .surfaces.opening import open_surface
@@ -106,22 +99,3 @@ __all__ = [
     "write_surface",
     "write_values",
 ]
-
-
-def _offer(name, *modules):
-    """Let `from qclearn.<name> import ...` find what the modules hold: short addresses for what is asked for most."""
-    offered = ModuleType(f"{__name__}.{name}", modules[0].__doc__)
-    for module in reversed(modules):
-        vars(offered).update({key: value for key, value in vars(module).items() if not key.startswith("__")})
-    sys.modules[offered.__name__] = offered
-
-
-_offer("bijectivity", bijectivity)
-_offer("disk", disk, conformal)
-_offer("diskmesh", diskmesh)
-_offer("fit", fit, engine, problem, fields, diskmesh)
-_offer("mobius", sys.modules[f"{__name__}.plane.mobius"])
-_offer(
-    "register", *(sys.modules[f"{__name__}.registration.{name}"] for name in ("register", "preparation", "transfer"))
-)
-_offer("surface", surface)

@@ -7,11 +7,11 @@ the truth is known; conte69, whose sides correspond by vertex index and carry ma
 
 import numpy as np
 from scipy import sparse
-from scipy.spatial import Delaunay, cKDTree
+from scipy.spatial import cKDTree
 
 from ..files.conte69 import conte69
 from ..files.fsaverage import fsaverage5, named_sulci
-from ..plane.beltrami import signed_areas
+from ..plane.grids import joined
 from ..registration.landmarks import curves_of_both, fundus_metric, fundus_path
 from ..surfaces.surface import Surface, mirror
 from .pairs import Pair, mapped
@@ -53,7 +53,7 @@ def warp_pair(control, amplitude):
     """A surface with another mesh and in another shape onto itself: the true map is known at every vertex."""
     faces, weights, curves = other_mesh(control)
     surface = control.surface
-    place, disk = weights @ surface.vertices, weights @ control.z
+    place, disk = weights @ surface.vertices, weights @ control.disk.z
     moving = Surface(warped(place, amplitude) * STRETCH, faces, curves)
     return Pair(mapped(moving), control, tuple(curves_of_both(moving, surface)), place, disk)
 
@@ -75,10 +75,7 @@ def other_mesh(control):
     values = np.concatenate([np.ones(len(stay)), np.full(centres.size, 1 / 3)])
     shape = len(stay) + len(centres), len(surface.vertices)
     weights = sparse.csr_array((values, (rows, columns)), shape=shape)
-    disk = weights @ control.z
-    faces = Delaunay(np.stack([disk.real, disk.imag], axis=1)).simplices.astype(np.int64)
-    turned = signed_areas(disk, faces) < 0
-    faces[turned] = faces[turned, ::-1]
+    faces = joined(weights @ control.disk.z).faces
     return faces, weights, {name: np.searchsorted(stay, path) for name, path in surface.curves.items()}
 
 
@@ -107,4 +104,4 @@ def conte69_pair(sides, part):
     """The mirrored right side of conte69 onto its left, whose vertex of the same number is the truth."""
     right, left, maps = sides
     fitted, held = parted(curves_of_both(right.surface, left.surface), part)
-    return Pair(right, left, fitted, left.surface.vertices, left.z, held=held, maps=maps)
+    return Pair(right, left, fitted, left.surface.vertices, left.disk.z, held=held, maps=maps)

@@ -15,17 +15,16 @@ from data_synth.cohort import GENERATION, hemispheres
 from data_synth.correspondence import locate_on_sphere
 
 from ..files.fsaverage import demo_landmarks, fsaverage5
-from ..plane.diskmesh import interpolate
 from ..plane.mobius import mobius, mobius_inverse
 from ..registration.features import FINEST, FOLDS, Smoothing
 from ..registration.landmarkfile import check_curves
 from ..registration.landmarks import POINTS_PER_CURVE, curves_of_both
-from ..registration.preparation import Sides, align, conformal, distinct_landmarks, sample_side
+from ..registration.preparation import Sides, align, distinct_landmarks, sample_side
 from ..registration.problem import Problem
 from ..registration.register import load
-from ..registration.transfer import lift
 from ..surfaces.curvature import mean_curvature, sulcal_depth
-from ..surfaces.surface import Surface, mirror
+from ..surfaces.side import Side, laid_out
+from ..surfaces.surface import mirror
 
 # The seed of the control: the one that the paper's CP-Net is trained for. It is among the subjects that the networks
 # have seen; the cohort's, which are registered to it, are not.
@@ -35,18 +34,16 @@ SOURCES = ("given", "exact", "path", *DETECTORS)
 TWISTS, REACH = 3, 0.5  # of a known map: how many, and how far from 0 their centres may lie
 
 
-@dataclass(frozen=True)
-class Mapped:
-    """A surface with its disk conformal map z (V,), the template points of its vertices if synthetic, and the costs.
+@dataclass(frozen=True, eq=False)
+class Mapped(Side):
+    """A `Side` and what the benchmark knows of it besides.
 
-    folds: its depth and curvature, smoothed to the scale FINEST and standardised, name -> (V,).
+    template (V, 3): the template points of its vertices, if synthetic; seconds: that its disk map took; folds: depth
+    and curvature, smoothed to the scale FINEST and standardised, name -> (V,).
     """
 
-    surface: Surface
-    z: np.ndarray
     template: np.ndarray | None = None
     seconds: float = 0.0
-    notes: tuple = ()
     folds: dict = field(default_factory=dict)
 
 
@@ -96,29 +93,25 @@ def mapped_subject(seed, n_vertices, folder=None, generation=GENERATION):
 
 def mapped(surface):
     """A surface with its disk conformal map; seconds: the second, warm, of two runs."""
-    z, words = conformal(surface)
+    side = laid_out(surface)
     start = time.perf_counter()
-    conformal(surface)
-    return Mapped(surface, z, None, time.perf_counter() - start, tuple(words), folds_of(surface))
+    laid_out(surface)
+    seconds = time.perf_counter() - start
+    return Mapped(surface, side.disk, words=side.words, seconds=seconds, folds=folds_of(surface))
 
 
 def folds_of(surface):
     """Depth and curvature (positive on gyri) at the scale FINEST, with mean 0 and variance 1 by area: name -> (V,)."""
     values = np.stack([sulcal_depth(surface), mean_curvature(surface)], axis=1)
-    return dict(zip(FOLDS, Smoothing(surface, values).at(FINEST).T))
+    return dict(zip(FOLDS, Smoothing(surface, FOLDS, values).at(FINEST).T))
 
 
 def cohort_pair(moving, control):
     """Two synthetic hemispheres with all curves they share and the template's dense correspondence."""
-    faces = control.surface.faces
-    places = locate_on_sphere(control.template, faces, moving.template)
-    return Pair(
-        moving,
-        control,
-        tuple(curves_of_both(moving.surface, control.surface)),
-        interpolate(control.surface.vertices, faces, *places),
-        interpolate(control.z, faces, *places),
-    )
+    disk, curves = control.disk, tuple(curves_of_both(moving.surface, control.surface))
+    places = locate_on_sphere(control.template, disk.faces, moving.template)
+    truth = disk.interpolate(control.surface.vertices, places)
+    return Pair(moving, control, curves, truth, disk.interpolate(disk.z, places))
 
 
 def displacement_pair(control, distance, n_curves, seed):
@@ -127,7 +120,7 @@ def displacement_pair(control, distance, n_curves, seed):
     distance: mean distance of the landmarks from their targets in the unit disk, before any alignment.
     """
     curves = tuple(curves_of_both(control.surface, control.surface)[:n_curves])
-    p = control.z[np.concatenate([curve["moving"] for curve in curves])]
+    p = control.disk.z[np.concatenate([curve["moving"] for curve in curves])]
     rng = np.random.default_rng([seed, n_curves])
     centres = REACH * np.sqrt(rng.uniform(size=TWISTS)) * np.exp(2j * np.pi * rng.uniform(size=TWISTS))
     turns = rng.uniform(0.5, 1, TWISTS) * rng.choice([-1, 1], TWISTS)
@@ -137,8 +130,8 @@ def displacement_pair(control, distance, n_curves, seed):
 
     most = next(strength for strength in 2.0 ** np.arange(-3, 9) if excess(strength) > 0)
     strength = brentq(excess, 0, most, xtol=1e-3)
-    moved = twisted(control.z, centres, strength * turns)
-    return Pair(control, control, curves, lift(control.surface, control.z, moved), moved, "exact")
+    moved = twisted(control.disk.z, centres, strength * turns)
+    return Pair(control, control, curves, control.lift(moved), moved, "exact")
 
 
 def twisted(z, centres, turns):
@@ -174,20 +167,19 @@ def prepare(pair, source="given"):
     detect = load("ldnet", DETECTORS[source]).detect if source in DETECTORS else None
     start = time.perf_counter()
     entries = check_curves(list(curves), moving, control)
-    disks = pair.moving.z, pair.control.z
-    z = align(moving, disks[0], control, disks[1], entries)
-    samples, _, notes = sample_side(moving, z, entries, "moving", detect)
+    own = align(pair.moving, pair.control, entries)
+    samples, _, notes = sample_side(own, entries, "moving", detect)
     if source == "exact":
         target = samples @ pair.truth_disk
-        target_mm = lift(control, pair.control.z, target)
+        target_mm = pair.control.lift(target)
     else:
-        samples_control, _, more = sample_side(control, pair.control.z, entries, "control", detect)
+        samples_control, _, more = sample_side(pair.control, entries, "control", detect)
         notes = notes + more
-        target, target_mm = samples_control @ pair.control.z, samples_control @ control.vertices
-    p = samples @ z
+        target, target_mm = samples_control @ pair.control.disk.z, samples_control @ control.vertices
+    p = samples @ own.disk.z
     once = distinct_landmarks(entries, p, target)
-    sides = Sides(moving, control, entries, check_curves(list(pair.held), moving, control, 0), *disks)
-    problem = Problem(z, moving.faces, p[once], target[once], once // POINTS_PER_CURVE, sides=sides)
+    sides = Sides(pair.moving, pair.control, entries, check_curves(list(pair.held), moving, control, 0))
+    problem = Problem(own.disk, p[once], target[once], once // POINTS_PER_CURVE, sides=sides)
     return Prepared(problem, samples, target, target_mm, time.perf_counter() - start, notes)
 
 

@@ -11,11 +11,11 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..methods.networks import networks_of
-from ..plane.beltrami import beltrami_coefficient
-from ..plane.bijectivity import RepairWarning, check_bijective
-from ..plane.diskmesh import Lookup, interpolate, locate, polar_disk
+from ..plane.bijectivity import RepairWarning
+from ..plane.disk import Disk
+from ..plane.grids import polar
+from ..plane.lookup import Lookup
 from ..plane.mobius import mobius
-from ..registration.fit import POWER
 from ..registration.metrics import (
     coefficient_histogram,
     coefficient_measures,
@@ -24,7 +24,6 @@ from ..registration.metrics import (
     landmark_measures,
     near_curves,
 )
-from ..registration.transfer import lift
 from .pairs import prepare, reverse
 from .yardstick import TRUE_MAP, curve_errors, folds_agree, held_out, log2_means, maps_agree, true_map
 
@@ -51,7 +50,7 @@ def trial(pair, run, method):
             networks_of(run.method, run.parameters)  # loaded before the clock starts
             f, costs = timed(method, prepared.problem, run.parameters)
             start = time.perf_counter()
-            lookup = Lookup(pair.control.z, pair.control.surface.faces)
+            lookup = Lookup(pair.control.disk)
             places = lookup(f)
             costs["seconds"] |= {
                 "disk_moving": pair.moving.seconds,
@@ -59,7 +58,7 @@ def trial(pair, run, method):
                 "landmarks": prepared.seconds,
                 "pull_back": time.perf_counter() - start,
             }
-            sides = {"moving": pair.moving.notes, "control": pair.control.notes}
+            sides = {"moving": pair.moving.words, "control": pair.control.words}
             costs["notes"] = [
                 *[f"{side}: {note}" for side, notes in sides.items() for note in notes],
                 *prepared.notes,
@@ -79,7 +78,7 @@ def timed(method, problem, parameters):
     """
     seconds, notes = [], []
     while not seconds or (sum(seconds) < LONG and len(seconds) < REPETITIONS):
-        fresh = replace(problem)
+        fresh = replace(problem, disk=Disk(problem.disk.z, problem.disk.faces))
         one_thread()
         if not seconds:
             before = memory("VmRSS", reset_peak=True)
@@ -102,10 +101,10 @@ def timed(method, problem, parameters):
 def checked(f, problem):
     """A method's answer as points of the disk (V,), or ValueError."""
     f = np.asarray(f, complex)
-    if f.shape != problem.z.shape or not np.isfinite(f).all():
+    if f.shape != problem.disk.z.shape or not np.isfinite(f).all():
         raise ValueError(
             f"the method returned an array of shape {f.shape} with {(~np.isfinite(f)).sum()} values that "
-            f"are not finite; expected {problem.z.shape}, one point of the disk a vertex"
+            f"are not finite; expected {problem.disk.z.shape}, one point of the disk a vertex"
         )
     return f
 
@@ -119,7 +118,7 @@ def way_back(pair, run, method, places):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RepairWarning)
         g = checked(method(problem, **run.parameters), problem)
-    home = lift(pair.moving.surface, pair.moving.z, interpolate(g, problem.faces, *places))
+    home = pair.moving.lift(problem.disk.interpolate(g, places))
     return float(np.linalg.norm(home - pair.moving.surface.vertices, axis=1).mean())
 
 
@@ -145,13 +144,13 @@ def memory(name, reset_peak=False):
 def map_figures(pair, prepared, f, lookup, keep_field):
     """All figures of a map f (V,); lookup: of the control's disk mesh."""
     moving, control, problem = pair.moving.surface, pair.control.surface, prepared.problem
-    places, plain = lookup(f), lookup(mobius(problem.z, *problem.mobius))
-    points = interpolate(control.vertices, control.faces, *places)
+    places, plain = lookup(f), lookup(mobius(problem.disk.z, *problem.mobius))
+    points = pair.control.disk.interpolate(control.vertices, places)
     mapped = prepared.samples @ f
-    off = np.linalg.norm(interpolate(control.vertices, control.faces, *lookup(mapped)) - prepared.target_mm, axis=1)
-    mu = beltrami_coefficient(problem.z, problem.faces, f)
+    there = pair.control.disk.interpolate(control.vertices, lookup(mapped))
+    off, mu = np.linalg.norm(there - prepared.target_mm, axis=1), problem.disk.coefficient(f)
     figures = {
-        **coefficient_measures(moving, problem.z, mu),
+        **coefficient_measures(moving, problem.disk, mu),
         **landmark_measures(mapped, prepared.target, off),
         **true_errors(pair, f),
         **held_out(pair, problem.sides, f),
@@ -168,14 +167,13 @@ def map_figures(pair, prepared, f, lookup, keep_field):
         near = near_curves(moving, [curve["moving"] for curve in (*pair.curves, *pair.held)], NEAR)
         figures |= correspondence_measures(points, pair.truth, near) | true_map(pair, lookup)
     if keep_field and figures["certified"]:
-        grid, faces = polar_disk(16, 48, POWER)
-        figures["field"] = np.round(abs(mu)[locate(f, problem.faces, grid[faces].mean(1))[0]], 4)
+        figures["field"] = np.round(abs(mu)[problem.disk.at(f).locate(polar(16).centroids)[0]], 4)
     return figures
 
 
 def certificate(problem, moving, f):
     """Whether a map f (V,) is a bijection of the disks, and what it folds."""
-    found, off_circle = check_bijective(problem.z, problem.faces, f), float(abs(abs(f[moving.boundary]) - 1).max())
+    found, off_circle = problem.disk.certify(f), float(abs(abs(f[moving.boundary]) - 1).max())
     return {
         "flipped": len(found.flipped),
         "bijective": found.bijective,

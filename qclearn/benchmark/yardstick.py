@@ -1,14 +1,14 @@
-"""What the truth's absence leaves to measure: curves held out, folds and maps that took no part; and the true map's own
-figures, where it is known, to lay beside them."""
+"""What can be measured where no true map is known: curves held out, and folds and maps that took no part.
+
+Where the true map is known, its own figures, to lay beside those of a fit.
+"""
 
 import numpy as np
 
-from ..plane.diskmesh import interpolate
 from ..registration.features import standardised
 from ..registration.landmarks import POINTS_PER_CURVE, curve_distance, sample_curve
 from ..registration.metrics import log2_distortions
 from ..registration.report import held_out_distances
-from ..registration.transfer import lift
 
 FINE = 400  # points on a curve where it is compared as a curve
 HELD_OUT = ("held_out", "held_out_mm", "worst_held_out_mm", "held_out_points_mm")
@@ -30,9 +30,9 @@ def curve_errors(pair, curves, f):
     mapped = np.concatenate([sample_curve(moving, curve["moving"], POINTS_PER_CURVE) @ f for curve in curves])
     there = [sample_curve(control, curve["control"], POINTS_PER_CURVE) for curve in curves]
     target, target_mm = (
-        np.concatenate([samples @ data for samples in there]) for data in (pair.control.z, control.vertices)
+        np.concatenate([samples @ data for samples in there]) for data in (pair.control.disk.z, control.vertices)
     )
-    return abs(mapped - target), np.linalg.norm(lift(control, pair.control.z, mapped) - target_mm, axis=1)
+    return abs(mapped - target), np.linalg.norm(pair.control.lift(mapped) - target_mm, axis=1)
 
 
 def held_out(pair, sides, f):
@@ -61,7 +61,7 @@ def correlations(pair, places, here, there):
     """r by area of each map here (V,) with the one there (W,) at `places`, where both are known: name -> r."""
     found, areas = {}, pair.moving.surface.vertex_areas
     for name, values in here.items():
-        both = np.stack([values, interpolate(there[name], pair.control.surface.faces, *places)], axis=1)
+        both = np.stack([values, pair.control.disk.interpolate(there[name], places)], axis=1)
         known = np.isfinite(both).all(1)
         shares = areas[known] / areas[known].sum()
         one, other = standardised(both[known], shares).T

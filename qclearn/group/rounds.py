@@ -2,8 +2,6 @@
 
 import numpy as np
 
-from ..plane.bijectivity import check_embedding
-from ..plane.diskmesh import boundary_loop, interpolate, locate
 from ..registration.features import HEMISPHERE
 from . import subject as of
 from .kept import TemplateError
@@ -29,7 +27,7 @@ class Group:
         """(mean, c, fits, rows): the last `Mean`, the average c of the inverses of its maps, the subjects' `Fitted`,
         and what each round has brought, from that by Möbius maps on, dicts for JSON."""
         mean, fits = self.lay_upon_mean()
-        centre, rows = mean.disk, [self.row(mean, mean, fits)]
+        centre, rows = mean.disk.z, [self.row(mean, mean, fits)]
         for number in range(1, rounds + 1):
             fits = self.register_all(mean, number, weights)
             before, (mean, centre) = mean, self.mean(mean, self.used(fits))
@@ -46,7 +44,7 @@ class Group:
 
     def disks(self):
         """Tasks: the subjects' disk maps as they are laid now."""
-        return [self.submit(getattr, subject, "z") for subject in self.subjects]
+        return [self.submit(of.disk_map, subject) for subject in self.subjects]
 
     def median(self):
         """The number of the subject of median area, on whose mesh the others are averaged."""
@@ -66,7 +64,7 @@ class Group:
         for member, fit in zip(self.members, fits):
             self.kept.keep(0, member.key, fit)
             self.bar.update()
-        return self.average(first, self.used(fits), first.disk), fits
+        return self.average(first, self.used(fits), first.disk.z), fits
 
     def align(self, mean):
         """Lay the subjects by Möbius maps upon one of them, then upon their mean, and again upon that mean."""
@@ -75,7 +73,7 @@ class Group:
             self.subjects = [self.submit(of.laid, subject, there, near) for subject in self.subjects]
             if number == 0:
                 self.check_sides(there)
-            mean = self.average(mean, dict(enumerate(self.disks())), mean.disk)
+            mean = self.average(mean, dict(enumerate(self.disks())), mean.disk.z)
 
     def check_sides(self, mean):
         """TemplateError where subjects fit the mean much better if they are mirrored."""
@@ -111,12 +109,13 @@ class Group:
     def mean(self, before, maps):
         """The next `Mean`, of the subjects where their disk maps take them (number of the subject -> f), taken on by
         the average c of the maps' inverses, so that that of all is the identity; and c at the vertices (N,)."""
-        inverses = self.each(of.inverse, maps, before.disk)
-        centre, loop = sum(inverses) / len(maps), boundary_loop(before.faces)
+        inverses = self.each(of.inverse, maps, before.disk.z)
+        centre, loop = sum(inverses) / len(maps), before.disk.loop
         centre[loop] /= abs(centre[loop])
-        if not check_embedding(before.faces, centre).bijective:
+        image = before.disk.at(centre)
+        if not image.certificate.bijective:
             raise TemplateError("the mean of the subjects' maps folds: they have too little in common; lower delta")
-        back = interpolate(before.disk, before.faces, *locate(centre, before.faces, before.disk))
+        back = image.interpolate(before.disk.z, image.locate(before.disk.z))
         return self.average(before, maps, back), centre
 
     def average(self, before, maps, points):
@@ -148,5 +147,5 @@ class Group:
         used = self.used(fits)
         ends = dict(zip(used, self.each(of.composed, used, mean, centre)))
         inverses = [back for _, bijective, back in ends.values() if bijective]
-        off = mean.unit * abs(sum(inverses) / max(len(inverses), 1) - mean.disk)
+        off = mean.unit * abs(sum(inverses) / max(len(inverses), 1) - mean.disk.z)
         return ends, {"mean": float(mean.shares @ off), "most": float(off.max())}

@@ -5,43 +5,20 @@ from functools import reduce
 
 import numpy as np
 
-from ..plane.beltrami import signed_areas
-from ..plane.bijectivity import BijectivityError, check_bijective
-from ..plane.diskmesh import Lookup, interpolate, locate
+from ..plane.bijectivity import BijectivityError
+from ..plane.disk import Disk
 from ..plane.mobius import mobius
 from ..registration.checked import bijective_fit
 from ..registration.features import FOLDS, FeatureError, Features, Smoothing, standardised
-from ..registration.hybrid import LEVELS
-from ..registration.preparation import conformal, moved_disk
+from ..registration.ladder import LEVELS
 from ..registration.problem import Problem
 from ..registration.search import SCALE, mobius_by_features
 from ..registration.suspect import disagreeing, strong_distortion, switched_rows
 from ..surfaces.curvature import mean_curvature, sulcal_depth
-from ..surfaces.surface import Surface
+from ..surfaces.side import laid_out, mended, moved
 
 SCALES = sorted({level.sigma for level in LEVELS if level.sigma} | {SCALE})  # of the features that are compared
 COMPUTED = dict(zip(FOLDS, (sulcal_depth, mean_curvature)))
-
-
-@dataclass(frozen=True, eq=False)
-class Subject:
-    """A surface in its disk map z (V,) with its features: values (V, C) as they are, levels: scale -> smoothed and
-    standardised (V, C)."""
-
-    surface: Surface
-    z: np.ndarray
-    names: list
-    values: np.ndarray
-    levels: dict
-    words: list
-
-    @property
-    def areas(self):
-        """The vertices' shares of the area."""
-        return self.surface.vertex_areas / self.surface.area
-
-    def at(self, sigma):
-        return self.levels[sigma]
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +37,13 @@ class Shared:
 
 @dataclass(frozen=True, eq=False)
 class Mean(Shared):
-    """The mean of what subjects have, on a mesh of the disk (disk (N,), faces)."""
+    """The mean of what subjects have, at the vertices of a mesh of the disk: what `Features` compare them with."""
 
-    disk: np.ndarray
-    faces: np.ndarray
+    disk: Disk
+
+    @property
+    def features(self):
+        return self
 
     def at(self, sigma):
         """The features' means at one scale, standardised (N, C)."""
@@ -81,16 +61,7 @@ class Mean(Shared):
     @property
     def unit(self):
         """How long the disk's unit is at each vertex (N,), in the subjects' length: the root of the areas' ratio."""
-        return np.sqrt(self.areas / vertex_areas(self.faces, signed_areas(self.disk, self.faces)))
-
-
-class Against(Features):
-    """The `Features` of one subject and the mean."""
-
-    def __init__(self, subject, mean):
-        self.names, self.shares = subject.names, np.full(len(subject.names), 1 / len(subject.names))
-        self.sides, self.areas, self.faces = (subject, mean), subject.areas, mean.faces
-        self.lookup = Lookup(mean.disk, mean.faces)
+        return np.sqrt(self.areas / vertex_areas(self.disk.faces, self.disk.areas))
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,85 +76,83 @@ class Fitted:
 
 
 def prepared(surface, names, given):
-    """The `Subject` of a surface in its own disk. given: feature -> values (V,), of those that are not computed."""
+    """A subject: the `Side` of a surface with its features. given: name -> values (V,) of those not computed."""
     columns = [given[name] if name in given else COMPUTED[name](surface) for name in names]
-    values, (z, words) = np.stack(columns, axis=1), conformal(surface)
-    smoothing = Smoothing(surface, values)
-    return Subject(surface, z, names, values, {sigma: smoothing.at(sigma) for sigma in SCALES}, words)
+    features = Smoothing(surface, names, np.stack(columns, axis=1))
+    for sigma in SCALES:
+        features.at(sigma)
+    return replace(laid_out(surface), features=features)
 
 
 def alone(subject):
     """A subject as the mean of itself, on its own mesh."""
-    surface = subject.surface
-    own = surface.vertices, subject.values, subject.levels, surface.vertex_areas
-    return Mean(*own, subject.z, surface.faces)
+    surface, features = subject.surface, subject.features
+    return Mean(surface.vertices, features.values, features.levels, surface.vertex_areas, subject.disk)
 
 
 def laid(subject, mean, near=False):
     """The subject with its disk laid upon the mean's by the Möbius map after which their features match best; near: by
     the nearest such map alone."""
-    parameters = mobius_by_features(Against(subject, mean), subject.z, near)
-    z, whole = moved_disk(subject.surface, subject.z, parameters)
-    if not whole:
+    found = moved(subject, mobius_by_features(Features(subject, mean), subject.disk.z, near))
+    if not found.whole:
         raise FeatureError("the features pull its disk onto the rim; check that they are those of the others")
-    return replace(subject, z=z)
+    return found
 
 
 def mirrored_gain(subject, mean):
     """By how much the features correlate better with the mean's, at SCALE, if the laid subject is mirrored first."""
-    features, z = Against(subject, mean), subject.z.conj()
+    features, z = Features(subject, mean), subject.disk.z.conj()
     other = mobius(z, *mobius_by_features(features, z))
-    return float((features.correlation(other, SCALE) - features.correlation(subject.z, SCALE)).mean())
+    return float((features.correlation(other, SCALE) - features.correlation(subject.disk.z, SCALE)).mean())
 
 
 def at_disk(subject, z):
-    """The subject with another disk map."""
-    return replace(subject, z=z)
+    """The subject with another disk map z (V,)."""
+    return replace(subject, disk=subject.disk.at(z))
+
+
+def disk_map(subject):
+    """The disk map (V,) of a subject as it is laid now."""
+    return subject.disk.z
 
 
 def fitted(subject, mean, weights):
     """`Fitted`: the registration of a laid subject to the mean, by features alone."""
-    features = Against(subject, mean)
-    problem = Problem(subject.z, subject.surface.faces, [], [], fewest=0)
+    features = Features(subject, mean)
+    problem = Problem(subject.disk, [], [], fewest=0)
     try:
         fit = bijective_fit(problem, weights, None, 0.0, features)
     except BijectivityError as error:
         return Fitted(None, [f"folds: {error}"])
     reasons = [
-        *switched_rows(fit.fallbacks, len(subject.z)),
+        *switched_rows(fit, subject.surface),
         *strong_distortion(subject.surface, fit.mu),
-        *disagreeing(features, subject.z),
+        *disagreeing(features, subject.disk.z),
     ]
     return Fitted(fit.f, reasons, [*subject.words, *fit.fallbacks], {name: after for name, (_, after) in fit.r.items()})
 
 
 def inverse(subject, f, points):
     """Where the disk map f (V,) of a subject takes points (N,) of the mean's disk back to in its own, (N,)."""
-    return interpolate(subject.z, subject.surface.faces, *locate(f, subject.surface.faces, points))
+    return subject.disk.interpolate(subject.disk.z, subject.disk.at(f).locate(points))
 
 
 def carried(subject, f, points, mean):
     """`Shared`: what a subject has where its disk map f (V,) takes it to points (N,) of the mean's disk."""
-    places = locate(f, subject.surface.faces, points)
-
-    def there(values):
-        return interpolate(values, subject.surface.faces, *places)
-
-    space = onto(there(subject.surface.vertices), mean.points, mean.areas)
-    a, b, c = (space[corner] for corner in mean.faces.T)
-    areas = vertex_areas(mean.faces, np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
-    levels = {sigma: there(values) for sigma, values in subject.levels.items()}
-    return Shared(space, there(subject.values), levels, areas)
+    image, own, faces = subject.disk.at(f), subject.features, mean.disk.faces
+    places = image.locate(points)
+    space = onto(image.interpolate(subject.surface.vertices, places), mean.points, mean.areas)
+    a, b, c = (space[corner] for corner in faces.T)
+    areas = vertex_areas(faces, np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
+    levels = {sigma: image.interpolate(own.at(sigma), places) for sigma in SCALES}
+    return Shared(space, image.interpolate(own.values, places), levels, areas)
 
 
 def composed(subject, f, mean, centre):
     """The map f (V,) to the mean's disk taken on by the map that `centre` (N,) is of its vertices, mended where that
     folds: (f, whether it is a bijection, its inverse at the vertices (N,))."""
-    loop = subject.surface.boundary
-    f = interpolate(centre, mean.faces, *locate(mean.disk, mean.faces, f))
-    f[loop] /= abs(f[loop])
-    f, _ = moved_disk(subject.surface, f, (0j, 0.0))
-    return f, check_bijective(subject.z, subject.surface.faces, f).bijective, inverse(subject, f, mean.disk)
+    f = mended(subject.surface, mean.disk.interpolate(centre, mean.disk.locate(f))).z
+    return f, subject.disk.certify(f).bijective, inverse(subject, f, mean.disk.z)
 
 
 def onto(points, target, weights):
@@ -203,7 +172,7 @@ def mean_of(shares, count, before):
     """The `Mean` of so many `Shared`, added up one at a time, on the mesh of the mean before."""
     total = reduce(added, shares)
     levels = {sigma: values / count for sigma, values in total.levels.items()}
-    return Mean(total.points / count, total.values / count, levels, total.areas / count, before.disk, before.faces)
+    return Mean(total.points / count, total.values / count, levels, total.areas / count, before.disk)
 
 
 def added(one, other):

@@ -97,6 +97,6 @@ def template(
         "left_out": left_out,
         "version": version("qclearn"),
     }
-    surface, means = Surface(mean.points, mean.faces), dict(zip(names, mean.values.T))
+    surface, means = Surface(mean.points, mean.disk.faces), dict(zip(names, mean.values.T))
     laid = {member.name: disk for member, disk in zip(members, disks)}
-    return Template(surface, mean.disk, means, laid, maps, left_out, report)
+    return Template(surface, mean.disk.z, means, laid, maps, left_out, report)

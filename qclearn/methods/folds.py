@@ -2,10 +2,12 @@
 
 from dataclasses import replace
 
+from ..plane.mobius import mobius
 from ..registration.checked import bijective_fit
-from ..registration.features import FOLDS, Features, check_features
-from ..registration.preparation import lay_upon, moved_disk, sampled
+from ..registration.features import FOLDS, check_features, featured
+from ..registration.preparation import laid_upon, sampled
 from ..registration.problem import DELTA, LandmarkError, Problem, Weights
+from ..surfaces.side import mended
 from .solver import report
 
 
@@ -21,28 +23,28 @@ def hybrid(problem, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma,
 def dense(problem, alpha=Weights.alpha, beta=Weights.beta, delta=DELTA):
     """`hybrid` with gamma = 0: folds alone, from the landmarks' best Möbius map on, f (V,)."""
     sides = sides_of(problem)
-    z, _ = moved_disk(sides.moving, problem.z, problem.mobius)
-    return by_folds(Problem(z, problem.faces, [], [], fewest=0, sides=sides), Weights(alpha, beta, delta=delta))
+    disk = mended(sides.moving.surface, mobius(problem.disk.z, *problem.mobius))
+    return by_folds(Problem(disk, [], [], fewest=0, sides=sides), Weights(alpha, beta, delta=delta))
 
 
 def landmark_free(problem, alpha=Weights.alpha, beta=Weights.beta, delta=DELTA):
     """Folds alone, from the Möbius map that they give themselves: no landmark is looked at, f (V,)."""
-    sides = replace(sides_of(problem), entries=[], held=[], features=features_of(problem))
-    lay_upon(sides)
+    sides = laid_upon(replace(with_folds(problem), entries=[], held=[]))
     return by_folds(sampled(sides).problem, Weights(alpha, beta, delta=delta), sides.features)
 
 
 def by_folds(problem, weights, features=None):
-    fit = bijective_fit(problem, weights, features=features or features_of(problem))
+    fit = bijective_fit(problem, weights, features=features or with_folds(problem).features)
     report(fit.fallbacks)
     return fit.f
 
 
-def features_of(problem):
-    """Depth and curvature of both sides of a problem, computed anew: they are part of what such a fit costs."""
+def with_folds(problem):
+    """The sides of a problem with depth and curvature, computed anew: they are part of what such a fit costs."""
     sides = sides_of(problem)
-    maps = check_features(FOLDS, sides.moving, sides.control)
-    return Features(sides.moving, sides.control, sides.z_control, maps)
+    maps = check_features(FOLDS, sides.moving.surface, sides.control.surface)
+    moving, control, features = featured(sides.moving, sides.control, maps)
+    return replace(sides, moving=moving, control=control, features=features)
 
 
 def sides_of(problem):

@@ -5,8 +5,8 @@ import warnings
 import numpy as np
 from scipy import sparse
 
-from ..plane.beltrami import beltrami_coefficient, factorise, stiffness
-from ..plane.bijectivity import RepairWarning, flipped_faces
+from ..plane.bijectivity import RepairWarning
+from ..plane.linear import factorise
 from .solver import HARD, LandmarkSolver, truncated
 
 MOST_ROUNDS = 40
@@ -21,8 +21,8 @@ def harmonic(problem, weight=1.0, correct=True):
     """
     if not weight >= 0:
         raise ValueError(f"weight = {weight}: give a number from 0 (the paper's lambda)")
-    solver = LandmarkSolver.of(problem)
-    f = solver.solve(np.zeros(len(problem.faces), complex), weight)
+    solver = LandmarkSolver(problem)
+    f = solver.solve(np.zeros(len(problem.disk.faces), complex), weight)
     return unfold(solver, f, np.exp(-np.sqrt(weight) / 4)) if correct else f
 
 
@@ -33,13 +33,13 @@ def unfold(solver, f, smoothness):
     `mu' + smoothness (nu - mu')`, and truncate; 4. solve with that and without landmarks. smoothness in [0, 1]:
     1 forgets the landmarks, 0 follows them. The source leaves open how much to smooth: little at first, then more.
     """
-    first = left = len(flipped_faces(solver.faces, f))
+    first = left = len(solver.disk.at(f).flipped)
     rounds = 0
     while left and rounds < MOST_ROUNDS:
-        nu = truncated(smoothed(solver, truncated(coefficient_of(solver, f)), FIRST_WEIGHT / 2**rounds))
-        held = truncated(coefficient_of(solver, solver.solve(nu, HARD)))
+        nu = truncated(smoothed(solver, truncated(solver.disk.coefficient(f)), FIRST_WEIGHT / 2**rounds))
+        held = truncated(solver.disk.coefficient(solver.solve(nu, HARD)))
         f = solver.solve(truncated(held + smoothness * (nu - held)))
-        left, rounds = len(flipped_faces(solver.faces, f)), rounds + 1
+        left, rounds = len(solver.disk.at(f).flipped), rounds + 1
     if first:
         warnings.warn(
             f"overlap correction: {first} faces flipped, {left} after {rounds} rounds", RepairWarning, stacklevel=2
@@ -47,15 +47,10 @@ def unfold(solver, f, smoothness):
     return f
 
 
-def coefficient_of(solver, f):
-    return beltrami_coefficient(solver.z, solver.faces, f)
-
-
 def smoothed(solver, mu, weight):
     """mu (F,) with smooth modulus: `((1 + 1/weight) + (2/weight) K) m = |mu|` at the vertices, its argument kept."""
-    laplace = stiffness(solver.z, solver.faces, np.zeros(len(mu)))
-    nodal = solver.to_vertices @ mu
-    matrix = (1 + 1 / weight) * sparse.eye_array(len(nodal)) + (2 / weight) * laplace
+    nodal = solver.disk.to_vertices @ mu
+    matrix = (1 + 1 / weight) * sparse.eye_array(len(nodal)) + (2 / weight) * solver.disk.laplace
     size = factorise(matrix).solve(abs(nodal))
     turned = np.divide(size, abs(nodal), out=np.zeros_like(size), where=nodal != 0) * nodal
-    return turned[solver.faces].mean(1)
+    return turned[solver.disk.faces].mean(1)

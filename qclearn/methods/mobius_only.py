@@ -8,4 +8,4 @@ def mobius_only(problem):
 
     The only maps of the disk without distortion; what they leave of the landmark error is what the others work on.
     """
-    return mobius(problem.z, *problem.mobius)
+    return mobius(problem.disk.z, *problem.mobius)

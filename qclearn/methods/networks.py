@@ -2,11 +2,12 @@
 
 from dataclasses import replace
 
+from ..plane.grids import FINE, polar
 from ..registration.certified import exact_map, moved_map
 from ..registration.checked import guarded_map, predicted
 from ..registration.problem import Weights
 from ..registration.register import load as network
-from .gauss_newton import MESH, few_steps
+from .gauss_newton import few_steps
 from .solver import report
 
 TIGHT_TOLERANCE = 2e-3  # landmark error in the disk above which `guarded` refines
@@ -38,7 +39,7 @@ def cpnet_dbsnet(problem, preset="best", alpha=Weights.alpha, beta=Weights.beta,
     Source: paper, section 'Landmark-based Brain Cortical Surface Registration'.
     """
     mu = proposed(problem, preset, Weights(alpha, beta, gamma))
-    f = network("dbsnet", preset).solve(problem.z, problem.faces, mu)
+    f = network("dbsnet", preset).solve(problem.disk.z, problem.disk.faces, mu)
     return moved_map(problem, f).f
 
 
@@ -52,8 +53,8 @@ def cpnet_exact(problem, preset="best", alpha=Weights.alpha, beta=Weights.beta, 
 
 def cpnet_steps(problem, preset="best", steps=1, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma):
     """`few_steps` from CP-Net's mu: at most so many Gauss-Newton steps on a polar mesh, then one exact solve."""
-    (z, faces), weights = MESH, Weights(alpha, beta, gamma)
-    return few_steps(problem, proposed(replace(problem, z=z, faces=faces), preset, weights), steps, weights)
+    weights, there = Weights(alpha, beta, gamma), replace(problem, disk=polar(*FINE))
+    return few_steps(problem, proposed(there, preset, weights), steps, weights)
 
 
 def guarded(problem, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma, tolerance=TIGHT_TOLERANCE):

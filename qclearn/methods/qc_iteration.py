@@ -4,9 +4,8 @@ import warnings
 
 import numpy as np
 
-from ..plane.beltrami import beltrami_coefficient, factorise, stiffness
-from ..plane.bijectivity import RepairWarning, flipped_faces
-from ..plane.fields import mass_matrix
+from ..plane.bijectivity import RepairWarning
+from ..plane.linear import factorise
 from .solver import HARD, LandmarkSolver, truncated
 
 FIRST_SIGMA, GROWTH = 10.0, 1.6  # of the penalty on nu - mu(f), and its factor from round to round
@@ -23,23 +22,22 @@ def qc_iteration(problem, alpha=1.0, rounds=20):
     """
     if not (alpha >= 0 and rounds >= 1):
         raise ValueError(f"alpha = {alpha}, rounds = {rounds}: give alpha from 0 and at least one round")
-    solver = LandmarkSolver.of(problem)
-    z, faces = solver.z, solver.faces
-    nu, sigma = np.zeros(len(faces), complex), FIRST_SIGMA
-    laplace, mass = stiffness(z, faces, nu), mass_matrix(z, faces)
+    solver = LandmarkSolver(problem)
+    disk, sigma = solver.disk, FIRST_SIGMA
+    nu, laplace, mass = np.zeros(len(disk.faces), complex), disk.laplace, disk.mass
     for _ in range(rounds):
-        mu = truncated(beltrami_coefficient(z, faces, solver.solve(nu, HARD)))
-        load = sigma * (mass @ (solver.to_vertices @ mu))
+        mu = truncated(disk.coefficient(solver.solve(nu, HARD)))
+        load = sigma * (mass @ (disk.to_vertices @ mu))
         factors = factorise(laplace + (alpha + sigma) * mass)
         nodal = factors.solve(load.real) + 1j * factors.solve(load.imag)
-        nu, sigma = truncated(nodal[faces].mean(1)), GROWTH * sigma
+        nu, sigma = truncated(nodal[disk.faces].mean(1)), GROWTH * sigma
     f = solver.solve(nu, HARD)
-    left = len(flipped_faces(faces, f))
+    left = len(disk.at(f).flipped)
     if left:
         f = solver.solve(nu)
         warnings.warn(
             f"quasi-conformal iteration: {left} faces flipped with the landmarks held; let go, "
-            f"{len(flipped_faces(faces, f))}",
+            f"{len(disk.at(f).flipped)}",
             RepairWarning,
             stacklevel=2,
         )

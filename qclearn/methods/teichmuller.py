@@ -4,8 +4,7 @@ import warnings
 
 import numpy as np
 
-from ..plane.beltrami import beltrami_coefficient, signed_areas
-from ..plane.bijectivity import RepairWarning, flipped_faces
+from ..plane.bijectivity import RepairWarning
 from .solver import HARD, LandmarkSolver, truncated
 
 MOST_ROUNDS = 60
@@ -17,7 +16,7 @@ def teichmuller(problem):
 
     The circle is held by the best Möbius map; see `extremal`. Source: Lui, Lam, Yau, Gu (2014), Teichmüller mapping.
     """
-    return extremal(LandmarkSolver.of(problem))
+    return extremal(LandmarkSolver(problem))
 
 
 def extremal(solver):
@@ -25,11 +24,10 @@ def extremal(solver):
 
     Ends when the mean settles; a RepairWarning says if it did not within MOST_ROUNDS, or if faces stay flipped.
     """
-    z, faces = solver.z, solver.faces
-    areas, level = signed_areas(z, faces) / np.pi, 0.0
-    f = solver.solve(np.zeros(len(faces), complex), HARD)
+    areas, level = solver.disk.areas / np.pi, 0.0
+    f = solver.solve(np.zeros(len(areas), complex), HARD)
     for _ in range(MOST_ROUNDS):
-        mu = truncated(beltrami_coefficient(z, faces, f))
+        mu = truncated(solver.disk.coefficient(f))
         size, before = abs(mu), level
         level = areas @ size / areas.sum()
         if abs(level - before) <= SETTLED * level:
@@ -42,7 +40,7 @@ def extremal(solver):
             RepairWarning,
             stacklevel=2,
         )
-    left = len(flipped_faces(faces, f))
+    left = len(solver.disk.at(f).flipped)
     if left:
         warnings.warn(f"Teichmüller iteration: {left} faces flipped", RepairWarning, stacklevel=2)
     return f

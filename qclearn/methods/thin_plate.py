@@ -15,7 +15,7 @@ def thin_plate(problem, smoothing=0.0):
     0 interpolates. Neither the circle nor orientation is kept: the certificate says what came of them.
     Source: Bookstein (1989); scipy's RBFInterpolator.
     """
-    moved, points = mobius(problem.z, *problem.mobius), mobius(problem.moving, *problem.mobius)
+    moved, points = mobius(problem.disk.z, *problem.mobius), mobius(problem.moving, *problem.mobius)
     spline = RBFInterpolator(pairs(points), pairs(problem.target), kernel="thin_plate_spline", smoothing=smoothing)
     return spline(pairs(moved)) @ np.array([1, 1j])
 

@@ -4,8 +4,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from ..plane.beltrami import face_mean
-from ..plane.disk import BeltramiDiskSolver
+from ..plane.solver import DiskSolver
 from .polargrid import as_tensor
 
 
@@ -33,16 +32,15 @@ class Born(nn.Module):
 
 def _responses(grid):
     """`one`, `two` (nr, modes) of `Born`, in the gauge f(0) = 0 without a mean turn of the circle."""
-    (z, faces), nr, nt = grid.mesh, grid.nr, grid.nt
-    solver = BeltramiDiskSolver(z, faces)
-    solver.solve(np.zeros(len(faces), complex))
+    z, nr, nt, solver = grid.mesh.z, grid.nr, grid.nt, DiskSolver(grid.mesh)
+    solver.solve(np.zeros(len(grid.mesh.faces), complex))
     rings, rim = 1 + nt * np.arange(nr), np.arange(len(z) - nt, len(z))
     real = np.zeros((nr, len(z)), complex)
     real[np.arange(nr), rings] = 1
     imaginary = 1j * real
     imaginary[:, rim] -= z[rings, None] * 1j * z[rim] / nt
     grad_mu = solver.pullback(np.concatenate([real, imaginary]))
-    grad_nu = grad_mu @ face_mean(faces, len(z))
+    grad_nu = grad_mu @ grid.mesh.to_faces
     nodal = grad_nu[:, 1:]
     nodal[:, :nt] += grad_nu[:, :1] / nt  # the centre is the mean of the first ring
     fields = torch.from_numpy(nodal.reshape(2 * nr, nr, nt)).to(torch.complex64)

@@ -5,19 +5,20 @@ the map of its answer on the caller's mesh (`registration.looks`). Preset `paper
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import torch
 from threadpoolctl import threadpool_limits
 from torch import nn
 
-from ..plane.diskmesh import sampling_matrix
 from ..plane.spectrum import Spectrum
-from ..registration.looks import Link, Looks
+from ..registration.link import Link
+from ..registration.looks import Looks
 from ..registration.problem import LandmarkError, Problem, Weights
 from .born import Born
 from .cpnet_paper import PaperCPNet, PaperCPNetConfig
-from .layers import ConditionedUNet, disk_mesh, inference
+from .layers import ConditionedUNet, disk_of, inference
 from .polargrid import PolarGrid, random_turns
 from .train import TrainConfig
 
@@ -52,6 +53,9 @@ class BestCPNetConfig:
     most: int = 128  # landmarks
     smooth: tuple = (-4.0, 1.0)  # of beta / alpha
     match: tuple = (0.0, 6.0)  # of gamma / alpha
+
+
+link_of = lru_cache(maxsize=8)(Link)  # of the last few disks that were looked at
 
 
 def check_count(points, most):
@@ -130,7 +134,7 @@ class BestCPNet(nn.Module):
         place inside, the looks for what they are. curve is not used. LandmarkError for bad landmarks or weights, or
         more than `config.most` landmarks; BeltramiError or SurfaceError where the mesh is no disk.
         """
-        *_, mu = self.stages(Problem(z, faces, moving, target), Weights(alpha, beta, gamma), looks)
+        *_, mu = self.stages(Problem(disk_of(z, faces), moving, target), Weights(alpha, beta, gamma), looks)
         return mu
 
     @inference
@@ -154,25 +158,24 @@ class BestCPNet(nn.Module):
         no better a start than the Born step. There an answer is the best that was looked at: the last step may lead
         astray.
         """
-        p, q, mesh = problem.moving, problem.target, disk_mesh(problem.z, problem.faces)
+        points = p, q = problem.moving, problem.target
         check_count(p, self.config.most)
         ratios = weights.beta / weights.alpha, weights.gamma / weights.alpha
         looks, stiff = self.looks_at(weights) if looks is None else looks, self.is_stiff(weights)
         learned = not stiff if learned is None else learned
         spectrum, spread = self.carrier(self.rings(p, q, weights))
-        link = mesh.places(spectrum, lambda: Link(mesh.z, mesh.faces, spectrum))
-        start = spread @ self.start(p, q, ratios) if learned else None
-        for number, (proposal, best) in enumerate(Looks(link, p, q, *ratios).run(start, looks)):
+        link = link_of(problem.disk, spectrum.mesh)
+        start = spread @ self.start(points, ratios) if learned else None
+        for number, (proposal, best) in enumerate(Looks(link, spectrum, points, *ratios).run(start, looks)):
             said = best.proposal if number and stiff else proposal
             yield link.coefficient(said.nu)
 
-    def start(self, p, q, ratios):
+    def start(self, points, ratios):
         """nu (N,) at the vertices of the network's mesh, before any look."""
         own, _ = self.carrier(self.config.rings)
-        link = disk_mesh(*own.mesh).places(own, lambda: Link(*own.mesh, own))
-        born, wanted, left = Looks(link, p, q, *ratios).born()
+        born, wanted, left = Looks(link_of(own.mesh, own.mesh), own, points, *ratios).born()
         logs, nu = np.log10(np.maximum(ratios, 1e-12)), born[1:].reshape(self.grid.z.shape)
-        p, wanted, left, nu = (torch.from_numpy(x)[None].to(self.grid.z) for x in (p, wanted, left, nu))
+        p, wanted, left, nu = (torch.from_numpy(x)[None].to(self.grid.z) for x in (points[0], wanted, left, nu))
         found = self(p, wanted, left, torch.ones_like(p.real), torch.from_numpy(logs)[None].to(self.grid.area), nu)
         return self.grid.with_centre(found)[0].cpu().numpy().astype(complex)
 
@@ -196,7 +199,7 @@ class BestCPNet(nn.Module):
         """The `Spectrum` of so many rings, and the sparse matrix to its vertices from those of the network's mesh."""
         if rings not in self.carriers:
             spectrum = Spectrum(rings, rings * self.config.spokes // self.config.rings)
-            self.carriers[rings] = spectrum, sampling_matrix(*self.grid.mesh, spectrum.mesh[0])
+            self.carriers[rings] = spectrum, self.grid.mesh.sampling(spectrum.mesh.z)
         return self.carriers[rings]
 
     def gamma_used(self, weights):

@@ -8,10 +8,11 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from ..plane.diskmesh import square_disk
+from ..plane.disk import Disk
+from ..plane.grids import square_disk
 from ..plane.mobius import mobius, mobius_slope
 from ..registration.problem import LandmarkError, Weights, check_landmarks
-from .layers import disk_mesh, inference
+from .layers import disk_of, inference
 from .losses import L_CP, LossMesh
 from .squaremaps import SquareMaps
 from .torchplane import bounded, fit_mobius, square_places
@@ -105,7 +106,7 @@ class PaperCPNet(nn.Module):
     def twin(self, device):
         """The square's mesh, and what gives maps (B, V) on it of images mu: fixed, no part of this network's own."""
         if self.solver is None:
-            mesh = LossMesh(*square_disk(self.config.size)).to(device)
+            mesh = LossMesh(Disk(*square_disk(self.config.size))).to(device)
             self.solver = [mesh, maps_through(self.config.through, self.config.size, device)]
         return self.solver
 
@@ -135,13 +136,13 @@ class PaperCPNet(nn.Module):
             )
         moved, mask = torch.from_numpy(p)[None].to(self.targets), torch.ones(1, len(p), device=self.targets.device)
         a, theta = (parameter.item() for parameter in fit_mobius(moved, self.targets[None], mask, steps=8))
-        mesh = disk_mesh(z, faces)
+        disk = disk_of(z, faces)
         aligned = torch.from_numpy(mobius(p, a, theta))[None].to(self.targets)
         mu = self(aligned)
-        places = square_places(torch.from_numpy(mobius(mesh.centroids, a, theta)).to(self.targets))[None, None]
+        places = square_places(torch.from_numpy(mobius(disk.centroids, a, theta)).to(self.targets))[None, None]
         image = torch.stack([mu.real, mu.imag], 1)
         found = functional.grid_sample(image, places, align_corners=False, padding_mode="border")[0, :, 0]
-        slope = mobius_slope(mesh.centroids, a, theta)  # mu of f after M is mu(M) conj(M') / M'
+        slope = mobius_slope(disk.centroids, a, theta)  # mu of f after M is mu(M) conj(M') / M'
         return torch.complex(*found).cpu().numpy() * np.conj(slope) / slope
 
     def in_order(self, moving, target):
@@ -178,4 +179,4 @@ def maps_through(name, size, device):
         exact = network.solver.solve(mu, *STOPPING, start=f)
         return exact + (f - exact).detach()
 
-    return SquareMaps(size, network.solver.z, network.solver.faces, solve)
+    return SquareMaps(size, network.solver.mesh, solve)

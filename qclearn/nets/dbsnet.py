@@ -58,14 +58,14 @@ class BestDBSNet(DiskNetwork):
         self.config = config
         self.solver = PolarSolver(config.rings, config.spokes)
         self.unet = PolarUNet(len(FEATURES), 2, config.channels, config.blocks)
-        z = torch.from_numpy(self.solver.z[1:]).reshape(1, config.rings, config.spokes)
+        z = torch.from_numpy(self.solver.mesh.z[1:]).reshape(1, config.rings, config.spokes)
         self.register_buffer("z", z.to(torch.complex64), persistent=False)
         self.register_buffer("radius", z.abs().float(), persistent=False)
 
     @property
     def pixels(self):
         """The centroids (F,) of the polar mesh."""
-        return self.solver.z[self.solver.faces].mean(1)
+        return self.solver.mesh.centroids
 
     def run(self, mu, steps=0):
         """The map of mu (F,) on the polar mesh as a function of points,

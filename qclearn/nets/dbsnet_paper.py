@@ -8,8 +8,9 @@ from scipy import ndimage
 from torch import nn
 from torch.nn import functional
 
-from ..plane.diskmesh import disk_to_square, pixel_centres, square_disk, square_to_disk
+from ..plane.disk import Disk
 from ..plane.fourier import fourier_matrix
+from ..plane.grids import disk_to_square, pixel_centres, square_disk, square_to_disk
 from .gauges import gauge_errors
 from .layers import DiskNetwork
 from .losses import L_DBSNet, L_Energy, L_Maps, LossMesh
@@ -123,8 +124,8 @@ class PaperDBSNet(DiskNetwork):
         if config.loss not in LOSSES:
             raise ValueError(f"unknown loss {config.loss!r}; there are {', '.join(LOSSES)}")
         self.config, self.exact = config, None
-        z, faces = square_disk(config.size)
-        self.mesh = LossMesh(z, faces)
+        disk = Disk(*square_disk(config.size))
+        self.mesh, z = LossMesh(disk), disk.z
         loop = self.mesh.loop.numpy()
         loop = np.roll(loop, -int(abs(z[loop] - 1).argmin()))
         inner, self.centre = np.setdiff1d(np.arange(len(z)), loop), int(abs(z).argmin())

@@ -2,7 +2,6 @@
 
 from functools import lru_cache, wraps
 from itertools import pairwise
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import torch
@@ -11,8 +10,8 @@ from torch import nn
 from torch.nn import functional
 
 from ..plane.checks import check_coefficient
-from ..plane.disk import BeltramiDiskSolver
-from ..plane.diskmesh import locate
+from ..plane.disk import Disk
+from ..plane.solver import DiskSolver
 
 FIRST_SCALE = 0.1  # of a conditioned U-Net's outputs, before the conditions change it
 
@@ -143,29 +142,22 @@ class ConditionedUNet(PolarUNet):
         return FIRST_SCALE * torch.exp(next(films))[..., None, None] * output
 
 
-class DiskMesh:
-    """A disk mesh that was found to be one: its boundary, its faces' centroids (F,), and where networks sample it."""
-
-    def __init__(self, z, faces):
-        self.z, self.faces = z, faces
-        self.loop = BeltramiDiskSolver(z, faces).loop  # which refuses what is not a mesh of the disk
-        self.centroids, self._places = z[faces].mean(1), WeakKeyDictionary()
-
-    def places(self, network, find):
-        """What links the mesh to the grid of a network, `find()`, found once."""
-        if network not in self._places:
-            self._places[network] = find()
-        return self._places[network]
-
-
-def disk_mesh(z, faces):
-    """The `DiskMesh` of z (V,) and faces (F, 3); of the last few that networks were used on, the one that is there."""
-    return _disk_mesh(np.asarray(z, complex).tobytes(), np.asarray(faces, np.int64).tobytes())
+def disk_of(z, faces):
+    """The `Disk` of z (V,) and faces (F, 3): one that is there already, if networks used it lately."""
+    return _disk_of(np.asarray(z, complex).tobytes(), np.asarray(faces, np.int64).tobytes())
 
 
 @lru_cache(maxsize=4)
-def _disk_mesh(z, faces):
-    return DiskMesh(np.frombuffer(z, complex), np.frombuffer(faces, np.int64).reshape(-1, 3))
+def _disk_of(z, faces):
+    disk = Disk(np.frombuffer(z, complex), np.frombuffer(faces, np.int64).reshape(-1, 3))
+    DiskSolver(disk)  # which refuses what is no mesh of the unit disk
+    return disk
+
+
+@lru_cache(maxsize=4)
+def holding(disk, network):
+    """The faces (P,) of a `Disk` that hold the pixels of a `DiskNetwork`."""
+    return disk.locate(network.pixels)[0]
 
 
 class DiskNetwork(nn.Module):
@@ -183,10 +175,9 @@ class DiskNetwork(nn.Module):
         or |mu| >= 1, or faces that are no disk; SurfaceError where the boundary is off the unit circle.
         """
         mu = check_coefficient(mu, len(faces))
-        mesh = disk_mesh(z, faces)
-        holding = mesh.places(self, lambda: locate(mesh.z, mesh.faces, self.pixels)[0])  # the faces that hold them
-        f = self.run(mu[holding], **options)(mesh.z)
-        f[mesh.loop] /= abs(f[mesh.loop])
+        disk = disk_of(z, faces)
+        f = self.run(mu[holding(disk, self)], **options)(disk.z)
+        f[disk.loop] /= abs(f[disk.loop])
         return f
 
 

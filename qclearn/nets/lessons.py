@@ -6,10 +6,10 @@ from itertools import count
 import numpy as np
 import torch
 
-from ..plane.disk import solve_beltrami_disk
-from ..plane.diskmesh import polar_disk
+from ..plane.grids import POWER
 from ..plane.mobius import mobius, mobius_inverse
-from ..registration.fit import POWER, fit_problem
+from ..plane.solver import solve_beltrami_disk
+from ..registration.fit import fit_problem
 from ..registration.metrics import measured_losses
 from ..registration.problem import Problem, Weights
 from .cpnet_paper import PaperCPNet, PaperCPNetConfig
@@ -74,12 +74,12 @@ class CPLesson(Lesson):
         t = np.linspace(-1, 1, 8)
         self.target = np.concatenate([0.4 + 0.3j * t, -0.35 + 0.35j + 0.25 * t, -0.1 - 0.45j + 0.3 * t])
         super().__init__(PaperCPNet(PaperCPNetConfig(curves=3, points=8, size=16, widths=(48, 32, 24))), rate, seed)
-        self.weights, mesh = weights, polar_disk(*SIZE)
-        self.solver, self.mesh, self.losses = PolarSolver(*SIZE), PolarMesh(*SIZE), LossMesh(*mesh)
+        self.weights, self.solver, self.mesh = weights, PolarSolver(*SIZE), PolarMesh(*SIZE)
+        self.losses = LossMesh(self.mesh.mesh)
         self.network.targets.copy_(torch.from_numpy(self.target))
         self.places = square_places(self.losses.z[self.losses.faces].mean(1))[None, None]
         moving = self.subject(np.random.default_rng(12))  # a seed of its own: the same for every run
-        self.problem = Problem(*mesh, moving, self.target, np.repeat(np.arange(3), 8))
+        self.problem = Problem(self.mesh.mesh, moving, self.target, np.repeat(np.arange(3), 8))
         fit = fit_problem(self.problem, weights, rings=SIZE[0])
         self.least = measured_losses(self.problem, weights, fit.mu, self.problem.samples @ fit.f)["L_CP"]
 

@@ -8,26 +8,15 @@ import numpy as np
 import torch
 from torch import nn
 
-from ..plane.beltrami import hat_gradients, signed_areas
-from ..plane.diskmesh import boundary_loop
-
 
 class LossMesh(nn.Module):
-    """A triangulated disk as tables on a network's device: the matrix K(mu), the boundary, and gradients of mu."""
+    """A `Disk` as tables on a network's device: the matrix K(mu), the boundary, and gradients of mu."""
 
-    def __init__(self, z, faces, precision=torch.float32):
+    def __init__(self, disk, precision=torch.float32):
         super().__init__()
-        faces = np.asarray(faces)
-        areas, loop = signed_areas(z, faces), boundary_loop(faces)
-        shares = np.bincount(faces.ravel(), np.repeat(areas, 3), len(z))[faces]  # of the faces round each corner
-        tables = {
-            "z": z,
-            "faces": faces,
-            "loop": loop,
-            "areas": areas,
-            "gradients": hat_gradients(z, faces),
-            "shares": areas[:, None] / shares,
-        }
+        tables = {name: getattr(disk, name) for name in ("z", "faces", "loop", "areas", "gradients")}
+        around = np.bincount(disk.faces.ravel(), np.repeat(disk.areas, 3), len(disk.z))[disk.faces]
+        tables["shares"] = disk.areas[:, None] / around  # of the faces round each corner
         kinds = {"f": precision, "c": precision.to_complex(), "i": torch.int64}
         for name, table in tables.items():
             table = torch.as_tensor(table)

@@ -16,10 +16,10 @@ import numpy as np
 import torch
 from torch.autograd import forward_ad
 
-from ..plane.beltrami import hat_gradients, signed_areas
 from ..plane.checks import BeltramiError
-from ..plane.diskmesh import polar_disk
+from ..plane.disk import Disk
 from ..plane.freeboundary import LOST_STEP, SMALLEST_STEP
+from ..plane.grids import polar_disk
 from .polarcg import Preconditioner, Solve, Stencil
 
 # Corners of a face at the ends of its spoke, its arc and its diagonal edge, see the order of faces in `polar_disk`.
@@ -28,7 +28,7 @@ IDENTITY = torch.pi**0.5  # energy norm of x and of y on the unit disk
 
 
 class PolarSolver:
-    """Disk self-maps with Beltrami coefficients mu and a free boundary on the mesh `polar_disk(nr, nt, power)`.
+    """Disk self-maps with Beltrami coefficients mu and a free boundary on `mesh`, that of `polar_disk(nr, nt, power)`.
 
     The same map as `BeltramiDiskSolver(z, faces).solve(mu)` up to the tolerance, for a batch at once and
     differentiable, on the device and in the precision of mu. Not certified: ask `check_bijective`.
@@ -40,8 +40,10 @@ class PolarSolver:
         if nr < 2:
             raise ValueError(f"PolarSolver needs at least 2 rings; got {nr}")
         self.nr, self.nt = nr, nt
-        self.z, self.faces = polar_disk(nr, nt, power)
-        edges = _edge_tables(self.z, self.faces[::nt])  # one face of each ring of faces: the others are turned copies
+        self.mesh = Disk(*polar_disk(nr, nt, power))
+        edges = _edge_tables(
+            self.mesh.gradients[::nt], self.mesh.areas[::nt]
+        )  # a face a ring: others are turned copies
         turn = np.exp(-4j * np.pi * np.arange(nt) / nt)
         tables = {"edges": edges, "turn": np.stack([turn.real, turn.imag]), **_reduction(edges[:, 0, :, 0], nt)}
         self._tables = {None: {name: torch.from_numpy(table) for name, table in tables.items()}}
@@ -111,10 +113,10 @@ class PolarSystem:
     """
 
     def __init__(self, solver, mu):
-        if mu.shape[1:] != (len(solver.faces),) or not mu.is_complex():
+        if mu.shape[1:] != (len(solver.mesh.faces),) or not mu.is_complex():
             raise BeltramiError(
                 f"mu has shape {tuple(mu.shape)} and type {mu.dtype}: give complex (B, F) or (F,) with "
-                f"F = {len(solver.faces)}, one value a face"
+                f"F = {len(solver.mesh.faces)}, one value a face"
             )
         rows = mu.reshape(len(mu), -1, solver.nt)
         self.nr, self.nt, self.tables = solver.nr, solver.nt, solver.tables(rows.real)
@@ -198,10 +200,9 @@ def _normalise(inner, boundary):
     return torch.cat([inner * turn, torch.ones_like(turn), boundary / boundary.abs()], 1)
 
 
-def _edge_tables(z, faces):
+def _edge_tables(gradients, areas):
     """Coefficients (edge, 3, face, 1) of (1 + |mu|^2, 2 Re mu, 2 Im mu)/(1 - |mu|^2) in each face's edge weights."""
-    gradients, areas = hat_gradients(z, faces), signed_areas(z, faces)
-    inward = np.arange(len(faces)) % 2 == 1
+    inward = np.arange(len(areas)) % 2 == 1
     inward[0] = True
     tables = []
     for first, second in zip(POINTING_IN, POINTING_OUT):

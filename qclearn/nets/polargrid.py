@@ -4,17 +4,18 @@ import numpy as np
 import torch
 from torch import nn
 
-from ..plane.diskmesh import polar_disk
+from ..plane.disk import Disk
+from ..plane.grids import POWER, polar_disk
 from ..plane.spectrum import eigenvectors, ring_tables
 
 
 class PolarMesh(nn.Module):
     """`polar_disk(nr, nt, power)` with its points located in closed form, batched."""
 
-    def __init__(self, nr, nt, power=1.4):
+    def __init__(self, nr, nt, power=POWER):
         super().__init__()
         self.nr, self.nt, self.power = nr, nt, power
-        self.mesh = polar_disk(nr, nt, power)
+        self.mesh = Disk(*polar_disk(nr, nt, power))
         self.register_buffer("radius", as_tensor((np.arange(nr + 1) / nr) ** power), persistent=False)
 
     def locate(self, points):
@@ -45,7 +46,7 @@ class PolarMesh(nn.Module):
         """The transpose of `sample`: real values (B, C, P) shared out to the vertices, (B, C, V)."""
         corners, weights = places
         spread = (values[..., None] * weights[:, None]).flatten(2)
-        out = values.new_zeros(*values.shape[:2], len(self.mesh[0]))
+        out = values.new_zeros(*values.shape[:2], len(self.mesh.z))
         return out.scatter_add_(2, corners.flatten(1)[:, None].expand_as(spread), spread)
 
 
@@ -55,13 +56,12 @@ class PolarGrid(PolarMesh):
     modes: how many eigenvectors E of (Laplace, lumped mass) are kept, the smoothest: `E^* A E = pi`.
     """
 
-    def __init__(self, nr, nt, power=1.4, modes=512):
+    def __init__(self, nr, nt, power=POWER, modes=512):
         super().__init__(nr, nt, power)
-        z, _ = self.mesh
         area, spokes, arcs = ring_tables(self.mesh, nt)
         radial, values, kept = eigenvectors(area, spokes, arcs, nt, modes)
         tables = {
-            "z": z[1:].reshape(nr, nt),
+            "z": self.mesh.z[1:].reshape(nr, nt),
             "area": area[:, None],
             "spokes": spokes[:, None],
             "arcs": arcs[:, None],

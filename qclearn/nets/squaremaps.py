@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from ..plane.diskmesh import disk_to_square, locate, square_disk
+from ..plane.grids import disk_to_square, square_disk
 from .polar import PolarSolver
 
 RINGS, SPOKES = 48, 144
@@ -12,20 +12,20 @@ RINGS, SPOKES = 48, 144
 class SquareMaps:
     """From images mu (B, size, size) to maps (B, (size + 1)^2) of `square_disk(size)` through maps of a polar mesh.
 
-    solve: (B, F) -> (B, V) on the mesh z, faces, by default the exact one; what it is differentiable for, this is.
+    solve: (B, F) -> (B, V) on a `Disk`, by default the exact one; what it is differentiable for, this is.
     Two discretisations of one map: between this one and the square's own lie 0.3 % of the displacement at size 64.
     """
 
-    def __init__(self, size, z=None, faces=None, solve=None):
+    def __init__(self, size, disk=None, solve=None):
         if solve is None:
             solver = PolarSolver(RINGS, SPOKES)
-            z, faces, solve = solver.z, solver.faces, solver.solve
+            disk, solve = solver.mesh, solver.solve
         self.solve = solve
-        places = (disk_to_square(z[faces].mean(1)) + 1 + 1j) * size / 2
+        places = (disk_to_square(disk.centroids) + 1 + 1j) * size / 2
         column, row = (np.clip(part.astype(int), 0, size - 1) for part in (places.real, places.imag))
         self.pixels = torch.from_numpy(row * size + column)  # of each face's centroid
-        face, weights = locate(z, faces, square_disk(size)[0])
-        self.corners, self.weights = torch.from_numpy(faces[face]), torch.from_numpy(weights)
+        face, weights = disk.locate(square_disk(size)[0])
+        self.corners, self.weights = torch.from_numpy(disk.faces[face]), torch.from_numpy(weights)
 
     def __call__(self, mu, *stopping):
         """The maps f with f(0) = 0 and f(1) = 1; stopping: the solver's (tolerance, limit)."""

@@ -1,24 +1,18 @@
-"""Piecewise linear quasi-conformal geometry in complex arithmetic, and the Linear Beltrami Solver.
+"""Piecewise linear quasi-conformal geometry in complex arithmetic, and the Linear Beltrami Solver: the public doors.
 
 A point, a map and the gradient of a real function are complex numbers; on a triangle a map is affine, so that its
-Wirtinger derivatives and its Beltrami coefficient are constants of the triangle.
+Wirtinger derivatives and its Beltrami coefficient are constants of the triangle. Each door takes a mesh as arrays,
+makes a `Disk` of it and asks that.
 """
 
 import numpy as np
 from jaxtyping import Complex, Float, Integer
 from numpy import ndarray
 from scipy import sparse
-from scipy.sparse.linalg import splu
 
-from .checks import (
-    BeltramiError,
-    check_coefficient,
-    check_map,
-    check_mesh,
-    check_pins,
-    check_used,
-    planar_points,
-)
+from .checks import check_pins, check_used, planar_points
+from .disk import Disk
+from .linear import Dirichlet, assemble
 
 
 def signed_areas(z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"]) -> Float[ndarray, " F"]:
@@ -26,9 +20,7 @@ def signed_areas(z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"]) -> 
 
     BeltramiError where a face names a vertex that is not there.
     """
-    z, faces = check_mesh(z, faces)
-    a, b, c = (z[faces[:, k]] for k in range(3))
-    return 0.5 * ((b - a).conj() * (c - a)).imag
+    return Disk(z, faces).areas
 
 
 def hat_gradients(z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"]) -> Complex[ndarray, " F 3"]:
@@ -38,20 +30,7 @@ def hat_gradients(z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"]) ->
     paper's section on the LBS with its factor mended (divided by twice the area). Raises BeltramiError where a
     triangle of the source mesh is clockwise or has no area.
     """
-    z, faces = check_mesh(z, faces)
-    unknown = np.flatnonzero(~np.isfinite(z))
-    if len(unknown):
-        raise BeltramiError(f"z is not finite at vertices {unknown[:5].tolist()}; mend the map that made it")
-    area = signed_areas(z, faces)
-    bad = np.flatnonzero(~(area > 0))
-    if len(bad):
-        raise BeltramiError(
-            f"{len(bad)} source triangles are not counter-clockwise (first: {bad[:5].tolist()}); "
-            "use a planar mesh without folds, or reverse every face if all of them are clockwise"
-        )
-    corners = z[faces]
-    opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
-    return 0.5j * opposite / area[:, None]
+    return Disk(z, faces).gradients
 
 
 def wirtinger(
@@ -61,10 +40,7 @@ def wirtinger(
 
     A map into space, real, gives one column a coordinate.
     """
-    gradients, corners = hat_gradients(z, faces), check_map(f, len(np.atleast_1d(z)))[np.asarray(faces)]
-    f_z = 0.5 * np.einsum("fk,fk...->f...", gradients.conj(), corners)
-    f_zbar = 0.5 * np.einsum("fk,fk...->f...", gradients, corners)
-    return f_z, f_zbar
+    return Disk(z, faces).wirtinger(f)
 
 
 def jacobian(
@@ -72,7 +48,7 @@ def jacobian(
 ) -> Float[ndarray, " F"]:
     """Jacobian determinant of a planar map on each triangle, `|f_z|^2 - |f_zbar|^2`; negative where it folds."""
     f = planar_points(f, "f")  # a surface (V, 3) has no sign to tell
-    f_z, f_zbar = wirtinger(z, faces, f)
+    f_z, f_zbar = Disk(z, faces).wirtinger(f)
     return abs(f_z) ** 2 - abs(f_zbar) ** 2
 
 
@@ -85,63 +61,7 @@ def beltrami_coefficient(
     `f` real: a surface; then `mu = (E - G + 2iF) / (E + G + 2 sqrt(EG - F^2))` of the induced metric, which
     never exceeds 1 and so cannot show a fold. Source: paper, section 'Quasi-Conformal Theory'.
     """
-    f_z, f_zbar = wirtinger(z, faces, f)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        if f_z.ndim == 1:
-            return f_zbar / f_z
-        # Summed over the three coordinates: f_zbar^2 is (E - G + 2iF)/4 and |f_z|^2 is (E + G)/4.
-        difference, total = (f_zbar**2).sum(1), (abs(f_z) ** 2).sum(1)
-        area_element = np.sqrt(np.maximum(total**2 - abs(difference) ** 2, 0.0))
-        return difference / (total + area_element)
-
-
-def compose_coefficients(
-    mu_f: Complex[ndarray, " *F"], f_z: Complex[ndarray, " *F"], mu_g: Complex[ndarray, " *F"]
-) -> Complex[ndarray, " *F"]:
-    """Coefficient of g after f: `(mu_f + t mu_g) / (1 + conj(mu_f) t mu_g)`, `t = conj(f_z)/f_z`.
-
-    `mu_g` holds the coefficient of g at the image points f(z).
-    """
-    turned = np.conj(f_z) / f_z * mu_g
-    return (mu_f + turned) / (1 + np.conj(mu_f) * turned)
-
-
-def inverse_coefficient(mu: Complex[ndarray, " *F"], f_z: Complex[ndarray, " *F"]) -> Complex[ndarray, " *F"]:
-    """Coefficient of the inverse of f at the image points f(z): `-mu f_z / conj(f_z)`."""
-    return -np.asarray(mu) * f_z / np.conj(f_z)
-
-
-def diffuse(mu, gradient):
-    """A(mu) applied to gradients: `((1 + |mu|^2) g - 2 mu conj(g)) / (1 - |mu|^2)`; A is SPD with determinant 1."""
-    m = abs(mu) ** 2
-    return ((1 + m) * gradient - 2 * mu * np.conj(gradient)) / (1 - m)
-
-
-def stiffness_blocks(gradients, areas, mu):
-    """Element matrices `|T| grad phi_i . A(mu) grad phi_j`, real (F, 3, 3)."""
-    turned = diffuse(mu[:, None], gradients)
-    return areas[:, None, None] * (gradients.conj()[:, :, None] * turned[:, None, :]).real
-
-
-def assemble(faces, blocks, n_vertices):
-    """Sum of element matrices (F, 3, 3) as a sparse matrix (V, V) in CSC form."""
-    rows, columns = np.repeat(faces, 3, axis=1).ravel(), np.tile(faces, (1, 3)).ravel()
-    return sparse.coo_array((blocks.ravel(), (rows, columns)), shape=(n_vertices, n_vertices)).tocsc()
-
-
-def corner_average(faces, n_vertices, weights):
-    """Sparse (V, F): the average over the faces around each vertex, with the faces' weights (F,)."""
-    corners = sparse.csr_array(
-        (np.repeat(weights, 3), (faces.ravel(), np.repeat(np.arange(len(faces)), 3))), shape=(n_vertices, len(faces))
-    )
-    return sparse.diags_array(1 / corners.sum(1)) @ corners
-
-
-def face_mean(faces, n_vertices):
-    """Sparse (F, V): the mean over the corners of each face,
-    the value at its centroid of a piecewise linear function."""
-    rows = np.repeat(np.arange(len(faces)), 3)
-    return sparse.csr_array((np.full(len(rows), 1 / 3), (rows, faces.ravel())), shape=(len(faces), n_vertices))
+    return Disk(z, faces).coefficient(f)
 
 
 def stiffness(
@@ -151,9 +71,7 @@ def stiffness(
 
     `(K u)_i = 0` is the mended form of the paper's eqs. linear_system_x and linear_system_y (with the area weight).
     """
-    z, faces = check_mesh(z, faces)
-    mu = check_coefficient(mu, len(faces))
-    return assemble(faces, stiffness_blocks(hat_gradients(z, faces), signed_areas(z, faces), mu), len(z))
+    return Disk(z, faces).stiffness(mu)
 
 
 def cotangent_stiffness(
@@ -170,57 +88,16 @@ def cotangent_stiffness(
     return assemble(np.asarray(faces), blocks, len(vertices))
 
 
-def factorise(matrix, ordering="MMD_AT_PLUS_A"):
-    """SuperLU factors of a matrix with symmetric pattern, pivots on the diagonal.
+def locate(
+    z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"], points: Complex[ndarray, " P"]
+) -> tuple[Integer[ndarray, " P"], Float[ndarray, " P 3"]]:
+    """Where points lie in a disk mesh: (face, barycentric coordinates, non-negative, sum 1).
 
-    Right for SPD matrices, and for rows of averages among them: looking for larger pivots off the diagonal fills
-    the factors of a mesh with slivers up to 35 times as much and is no more accurate. `relax=1`: the default joins
-    columns into supernodes so freely that some meshes (fsaverage5, subdivided) fill twice as much.
+    A point beyond the boundary polygon (between a chord and its arc, say) is first moved radially onto the polygon;
+    one inside the circle stays short of it by up to INSET of its radius, so that triangles there keep an area.
+    BeltramiError for a point that is not finite.
     """
-    try:
-        return splu(
-            matrix.tocsc(), permc_spec=ordering, diag_pivot_thresh=0.0, relax=1, options={"SymmetricMode": True}
-        )
-    except RuntimeError as error:
-        raise BeltramiError(
-            f"the system of equations cannot be solved ({str(error).lower()}): some vertex is in no "
-            "face, or triangles are too thin or too small for double precision; remesh"
-        ) from None
-
-
-class Dirichlet:
-    """A stiffness matrix with values prescribed at some vertices, factored once for any values and loads.
-
-    order: the free vertices in the order of their elimination, a good one for this pattern; without it one is sought.
-    """
-
-    def __init__(self, matrix, pinned, order=None):
-        self.pinned, self.size = np.asarray(pinned), matrix.shape[0]
-        self.free = np.setdiff1d(np.arange(self.size), self.pinned) if order is None else order
-        rows = matrix.tocsr()[self.free]
-        self.coupling = rows[:, self.pinned]
-        ordering = "MMD_AT_PLUS_A" if order is None else "NATURAL"
-        self.factors = factorise(rows[:, self.free], ordering) if len(self.free) else None
-
-    def solve_free(self, load):
-        """Free values (len(free), ...) for a real or complex load there and zero at the pins."""
-        if self.factors is None:
-            return np.zeros(load.shape, load.dtype)
-        if np.iscomplexobj(load):  # casting the real matrix to complex would cost many times as much
-            pairs = np.ascontiguousarray(load).reshape(len(load), -1).view(float)
-            return self.solve_free(pairs).view(complex).reshape(load.shape)
-        nonzero = load.reshape(len(load), -1).any(0)
-        solution = np.zeros((len(load), len(nonzero)))
-        if nonzero.any():
-            solution[:, nonzero] = self.factors.solve(np.ascontiguousarray(load.reshape(len(load), -1)[:, nonzero]))
-        return solution.reshape(load.shape)
-
-    def solve(self, values):
-        """The complex x (V,) with x = values at the pins and (matrix x)_i = 0 at every free vertex."""
-        x = np.empty(self.size, complex)
-        x[self.pinned] = values
-        x[self.free] = self.solve_free(-(self.coupling @ x[self.pinned]))
-        return x
+    return Disk(z, faces).locate(points)
 
 
 def solve_beltrami(
@@ -237,7 +114,7 @@ def solve_beltrami(
     can fold it; ask `check_bijective`. Raises BeltramiError for |mu| >= 1, a folded source or unusable pins.
     Source: paper, section 'Linear Beltrami Solver', with the errata of the chapter on it.
     """
-    z, faces = check_mesh(z, faces)
-    check_used(z, faces)
-    pinned, values = check_pins(pinned, values, len(z))
-    return Dirichlet(stiffness(z, faces, mu), pinned).solve(values)
+    disk = Disk(z, faces)
+    check_used(disk)
+    pinned, values = check_pins(pinned, values, len(disk.z))
+    return Dirichlet(disk.stiffness(mu), pinned).solve(values)

@@ -8,6 +8,10 @@ class BeltramiError(ValueError):
     """A Beltrami coefficient, a planar mesh or a constraint that admits no quasi-conformal solution."""
 
 
+class SurfaceError(ValueError):
+    """A surface, or a file of one, that cannot be used: says what was found, where (indices) and what to do."""
+
+
 def complex_numbers(values, name):
     """An array as complex128, or BeltramiError that calls it by its name."""
     try:
@@ -78,9 +82,9 @@ def check_coefficient(mu, n_faces):
     return mu
 
 
-def check_used(z, faces):
-    """BeltramiError where a vertex is in no face: nothing says where it goes."""
-    unused = np.flatnonzero(np.bincount(faces.ravel(), minlength=len(z)) == 0)
+def check_used(disk):
+    """BeltramiError where a vertex of a `Disk` is in no face: nothing says where it goes."""
+    unused = np.flatnonzero(np.bincount(disk.faces.ravel(), minlength=len(disk.z)) == 0)
     if len(unused):
         raise BeltramiError(
             f"vertices {unused[:5].tolist()} are in no face; do the mesh and the vertices belong together?"

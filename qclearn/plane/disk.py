@@ -1,275 +1,261 @@
-"""Maps of a triangulated disk onto the unit disk with a free boundary: the exact solver.
+"""`Disk`: a triangulated disk in the plane, checked once, with what is asked of it found once."""
 
-With 0 and 1 held the boundary may slide along the circle, and the map with a given Beltrami coefficient is still the
-solution of linear problems: the boundary moves by the harmonic measure of A(mu) seen from 0 (the flux form).
-"""
-
-import warnings
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import shapely
 from jaxtyping import Complex, Float, Integer
 from numpy import ndarray
 from scipy import sparse
 
-from .beltrami import Dirichlet, assemble, hat_gradients, signed_areas, stiffness, stiffness_blocks
-from .bijectivity import RepairWarning, check_embedding, flipped_faces
-from .bijectivity import repair as switch_rows
-from .checks import check_coefficient, check_mesh, check_used
-from .diskmesh import SurfaceError, boundary_loop, locate
-from .dissection import nested_dissection
-from .freeboundary import FreeBoundary
-from .mobius import mobius, mobius_inverse
+from .checks import BeltramiError, check_coefficient, check_faces, check_map, check_mesh, planar_points
+from .coefficients import diffuse
+from .linear import assemble
+from .lookup import FEW, Lookup, interpolate, pairs
 
-LARGE = 20_000  # vertices from which on the order of elimination is worth its own search
+TINY = 1e-300
+OF_FACES = ("loop", "open_halfedges", "across")  # what depends on the faces alone, and pictures share
 
 
-class BeltramiDiskSolver:
-    """The disk self-map with coefficient mu and a free boundary, normalised f(0) = 0 and f(1) = 1, and its adjoint.
+@dataclass(frozen=True)
+class Certificate:
+    """Outcome of `check_bijective`: `bijective`, the `flipped` faces, and whether the `boundary` is simple."""
 
-    `solve(mu)` keeps its factorisation; `pullback(grad_f)` then carries gradients from f to mu by adjoint solves, and
-    `pushforward(dmu)` changes of mu to f.
-    `floored` counts the boundary steps that had to be raised to stay positive. Results are not certified.
-    f(0) is the piecewise linear value in the face that contains 0; f(1) the boundary angle, linear along the edge.
+    bijective: bool
+    flipped: Integer[ndarray, " k"]
+    boundary: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Disk:
+    """A triangulated disk in the plane: vertices z (V,) complex and faces (F, 3) int64, read-only.
+
+    The arrays are checked when a Disk is made; what else can be wrong with a mesh is found when a property asks for
+    it: `gradients` for counter-clockwise triangles, `loop` for one simple boundary. BeltramiError says what is wrong.
     """
 
-    def __init__(self, z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"]):
-        (self.z, self.faces), self.order = check_mesh(z, faces), None
-        check_used(self.z, self.faces)
-        self.areas, self.gradients = signed_areas(self.z, self.faces), hat_gradients(self.z, self.faces)
-        loop = boundary_loop(faces)
-        off = abs(abs(self.z[loop]) - 1)
-        if off.max() > 1e-6:
-            raise SurfaceError(
-                f"boundary vertex {loop[off.argmax()]} is {off.max():.1e} off the unit circle; "
-                "map the mesh onto the disk first (disk_conformal_map)"
-            )
-        angle = np.angle(self.z[loop]) % (2 * np.pi)
-        first = int(np.argmax(np.where(angle > np.pi, angle, -1)))  # the edge loop[0], loop[1] now holds 1 inside
-        self.loop = np.roll(loop, -(first + 1) if angle.min() == 0 else -first)
-        before, after = np.angle(self.z[self.loop[:2]])
-        self.share = -before / (after - before)  # 1 lies at this share of the edge
-        following = np.roll(self.z[self.loop], -1)
-        self.lengths = abs(following - self.z[self.loop])
-        steps = np.angle(following / self.z[self.loop])
-        if steps.min() <= 0:  # a chord spans half of the circle or more
-            raise SurfaceError(
-                f"the mesh does not cover 0: boundary vertex {self.loop[steps.argmin()]} and the next "
-                "are half a turn apart or more; refine the boundary, or centre the mesh by `mobius`"
-            )
-        face, weights = locate(self.z, self.faces, [0j])
-        self.origin, self.weights = self.faces[face[0]], weights[0]
-        self.pole = self._choose_pole()
+    z: Complex[ndarray, " V"]
+    faces: Integer[ndarray, " F 3"]
+
+    def __post_init__(self):
+        for name, array in zip(("z", "faces"), check_mesh(self.z, self.faces)):
+            object.__setattr__(self, name, read_only(array))
+
+    def __reduce__(self):
+        return Disk, (self.z, self.faces)  # what was found stays in the process that found it
+
+    def at(self, f: Complex[ndarray, " V"]) -> "Disk":
+        """The picture of this mesh under a planar map f (V,): the same faces with their vertices at f."""
+        f = check_map(planar_points(f, "f"), len(self.z))
+        picture = object.__new__(Disk)
+        known = {name: vars(self)[name] for name in OF_FACES if name in vars(self)}
+        vars(picture).update(z=read_only(f), faces=self.faces, **known)
+        return picture
 
     @cached_property
-    def calibration(self) -> Float[sparse.csr_array, " B B"] | None:
-        """Sparse (B, B): scales the angle steps so that mu = 0 gives back the mesh itself; None where they do anyway.
+    def areas(self) -> Float[ndarray, " F"]:
+        """Signed area of each triangle, positive when counter-clockwise: `Im(conj(b - a)(c - a)) / 2`."""
+        a, b, c = self.z[self.faces].T
+        return 0.5 * ((b - a).conj() * (c - a)).imag
 
-        An ear (a triangle with three boundary vertices) carries no flux and a sliver a wrong one; the error is much
-        the same for every mu, so that its ratio at mu = 0 takes most of it out.
-        """
-        raw = FreeBoundary(self._problem(np.zeros(len(self.faces), complex)), self.lengths, self.pole).raw_steps
-        moved = mobius(self.z[self.loop], self.z[self.pole])
-        exact = np.angle(np.roll(moved, -1) / moved)
-        if np.allclose(raw, exact, rtol=0.01, atol=0):
-            return None
-        valid = np.flatnonzero((raw > 0.2 * exact) & (raw < 5 * exact))
-        # Where the discrete flux is no measure of the step, the ratio of the neighbouring steps is taken.
-        middle = np.concatenate([[0.0], np.cumsum(self.lengths)])[:-1] + self.lengths / 2
-        ring = self.lengths.sum()
-        knots = np.concatenate([middle[valid] - ring, middle[valid], middle[valid] + ring])
-        after = np.searchsorted(knots, middle, side="right")
-        share = (middle - knots[after - 1]) / (knots[after] - knots[after - 1])
-        columns, n = np.concatenate([valid[(after - 1) % len(valid)], valid[after % len(valid)]]), len(raw)
-        weights = np.concatenate([(1 - share) * exact, share * exact]) / raw[columns]
-        return sparse.csr_array((weights, (np.tile(np.arange(n), 2), columns)), shape=(n, n))
+    @cached_property
+    def gradients(self) -> Complex[ndarray, " F 3"]:
+        """Gradients of the hat functions, `grad phi_i = i (z_k - z_j) / (2 |T|)` on a triangle (i, j, k)."""
+        unknown = np.flatnonzero(~np.isfinite(self.z))
+        if len(unknown):
+            raise BeltramiError(f"z is not finite at vertices {unknown[:5].tolist()}; mend the map that made it")
+        bad = np.flatnonzero(~(self.areas > 0))
+        if len(bad):
+            raise BeltramiError(
+                f"{len(bad)} source triangles are not counter-clockwise (first: {bad[:5].tolist()}); "
+                "use a planar mesh without folds, or reverse every face if all of them are clockwise"
+            )
+        corners = self.z[self.faces]
+        opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
+        return 0.5j * opposite / self.areas[:, None]
 
-    def _problem(self, mu):
-        blocks = stiffness_blocks(self.gradients, self.areas, mu)
-        matrix = assemble(self.faces, blocks, len(self.z))
-        if self.order is None and len(self.z) > LARGE:
-            self.order = elimination_order(matrix, self.z, self.loop)
-        problem = Dirichlet(matrix, self.loop, self.order)
-        if self.order is None and problem.factors:
-            self.order = problem.free[np.argsort(problem.factors.perm_c)]  # sought once a mesh
-        return problem
+    @cached_property
+    def centroids(self) -> Complex[ndarray, " F"]:
+        """The faces' centroids."""
+        return self.z[self.faces].mean(1)
 
-    def _choose_pole(self):
-        interior = np.setdiff1d(np.arange(len(self.z)), self.loop)
-        if not len(interior):
-            raise SurfaceError("the disk mesh has no interior vertex; refine it")
-        return interior[abs(self.z[interior]).argmin()]
+    @cached_property
+    def loop(self) -> Integer[ndarray, " B"]:
+        """The boundary vertices, counter-clockwise, from the smallest index; BeltramiError unless it is one loop."""
+        return boundary_loop(self.faces, self.open_halfedges)
 
-    def solve(self, mu: Complex[ndarray, " F"]) -> Complex[ndarray, " V"]:
-        """The map f (V,) with Beltrami coefficient mu (F,); BeltramiError unless |mu| < 1 everywhere."""
-        self.mu = check_coefficient(mu, len(self.faces))
-        self.free_boundary = self._sensitivities = None  # the last factors make room
-        calibration = self.calibration  # the first problem of a mesh, so that the order is the same for every mu
-        self.free_boundary = FreeBoundary(self._problem(self.mu), self.lengths, self.pole, calibration)
-        self.floored = int(self.free_boundary.floored.sum())
-        return self.normalise(self.free_boundary.f)
+    @cached_property
+    def open_halfedges(self):
+        """Numbers 3 f + k of the half-edges from corner k of face f that have no opposite one: the boundary's."""
+        return halves_alone(self.faces)
 
-    def normalise(self, raw: Complex[ndarray, " V"]) -> Complex[ndarray, " V"]:
-        """The disk map (V,) that follows `raw` (V,), which keeps the circle, by the Möbius map to f(0) = 0, f(1)
-        = 1."""
-        self.a = 0j
-        for _ in range(50):  # the vertex values move by a Möbius map, the value at 0 between them not quite
-            centre = self.weights @ mobius(raw[self.origin], self.a)
-            if abs(centre) < 1e-15 or abs(centre) >= 1:  # out of the disk: folded, and the boundary must not turn over
-                break
-            self.a = mobius_inverse(centre, self.a)
-        w = mobius(raw, self.a)
-        edge = w[self.loop[:2]]
-        self.turn = np.angle(edge[0]) + self.share * np.angle(edge[1] / edge[0])
-        self.f = w * np.exp(-1j * self.turn)
-        self.f[self.loop] /= abs(self.f[self.loop])
-        return self.f.copy()  # the pullback refers to self.f
+    @cached_property
+    def across(self):
+        """The face across from each corner of a face, (F, 3); -1 beyond the boundary."""
+        tails, heads, n = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel(), len(self.z)
+        there, back = tails * n + heads, heads * n + tails
+        order = np.argsort(there)
+        place = order[np.minimum(np.searchsorted(there, back, sorter=order), len(order) - 1)]
+        across = np.where(there[place] == back, place // 3, -1).reshape(-1, 3)
+        return np.roll(across, -1, axis=1)  # the edge from corner k lies across from corner k + 2
 
-    def pullback(self, grad_f: Complex[ndarray, " *B V"]) -> Complex[ndarray, " *B F"]:
-        """Gradient with respect to mu, (F,) or (B, F), from gradients with respect to the last f, (V,) or (B, V).
+    @cached_property
+    def lookup(self) -> Lookup:
+        """Where points lie, for many questions: `lookup(points)` as `locate`, its search trees kept."""
+        return Lookup(self)
 
-        Both gradients are `dL/dRe + i dL/dIm` of a real L. Two rounds of solves with the kept factorisation.
-        """
-        grad_f = np.asarray(grad_f, complex)
-        grad_raw, origin, grad_centre = self._unnormalise(np.atleast_2d(grad_f).T, np.arange(len(self.z)))
-        grad_raw += origin[:, None] * grad_centre
-        grad_mu = np.zeros((len(self.faces), grad_raw.shape[1]), complex)
-        for matrix, lam in zip(self.sensitivities, self.free_boundary.pullback(grad_raw)):
-            some = lam.any(0)  # gradients of Re f(p) alone have no part in Im f, and the other way round
-            grad_mu[:, some] += matrix @ lam[:, some]
-        return grad_mu.T.reshape(*grad_f.shape[:-1], len(self.faces))
+    def locate(self, points: Complex[ndarray, " P"]) -> tuple[Integer[ndarray, " P"], Float[ndarray, " P 3"]]:
+        """Where points lie: (face, barycentric coordinates, non-negative, sum 1), as `qclearn.locate`."""
+        points = np.atleast_1d(planar_points(points, "points"))
+        unknown = np.flatnonzero(~np.isfinite(points))
+        if len(unknown):
+            raise BeltramiError(
+                f"points {unknown[:5].tolist()} are not finite: they lie nowhere in the mesh; leave them out"
+            )
+        corners, wanted = pairs(self.z[self.faces]), pairs(points)
+        low, high = wanted.min(0, initial=np.inf), wanted.max(0, initial=-np.inf)
+        near = np.flatnonzero(((corners.max(1) >= low) & (corners.min(1) <= high)).all(1))
+        return Lookup(self, near if len(near) < FEW * len(self.faces) else None)(points)
 
-    def adjoints(self, grad_f: Complex[sparse.csr_array, " B V"]) -> list[Float[ndarray, " V 2*B"]]:
-        """What `pullback` sums up before it comes to the faces, for B gradients and i times each: three, real.
+    def sampling(self, points: Complex[ndarray, " P"]) -> Float[sparse.csr_array, " P V"]:
+        """The sparse real matrix that evaluates piecewise linear functions of the mesh at points (P,)."""
+        face, weights = self.locate(points)
+        rows = np.repeat(np.arange(len(weights)), 3)
+        columns = self.faces[face].ravel()
+        return sparse.csr_array((weights.ravel(), (rows, columns)), shape=(len(weights), len(self.z)))
 
-        The gradient with respect to mu is `sum_k sensitivities[k] @ adjoint_k`.
-        As the system is real, the solutions for i times a gradient are i times its own, up to the origin's.
-        """
-        count, free = grad_f.shape[0], self.free_boundary.dirichlet.free
-        at = np.unique(np.concatenate([grad_f.indices, self.origin, self.loop[:2]]))
-        few = grad_f[:, at].toarray().T
-        direct, origin, grad_centre = self._unnormalise(np.concatenate([few, 1j * few], axis=1), at)
-        load = np.zeros((len(self.z), count + 1), complex)
-        load[at] = np.column_stack([direct[:, :count], origin])
-        solution = self.free_boundary.dirichlet.solve_free(load[free])
-        del load
-        solution = np.concatenate([solution[:, :-1], 1j * solution[:, :-1]], 1) + solution[:, -1:] * grad_centre
-        grad_raw = np.zeros((len(self.z), 2 * count), complex)
-        grad_raw[at] = direct + origin[:, None] * grad_centre
-        return self.free_boundary.pullback(grad_raw, solution)
+    def interpolate(self, values, places):
+        """Per-vertex values (V, ...) at places (face, weights) that `locate` or `lookup` found, (P, ...)."""
+        return interpolate(values, self.faces, *places)
 
-    @property
-    def sensitivities(self) -> list[Complex[sparse.sparray, " F V"]]:
-        """`sensitivity(x)` of the three potentials of the last solution: Re f, Im f and U; made once a solution."""
-        if self._sensitivities is None:
-            free = self.free_boundary
-            self._sensitivities = [self.sensitivity(x) for x in (free.f.real, free.f.imag, free.U)]
-        return self._sensitivities
+    def stiffness(self, mu: Complex[ndarray, " F"]) -> Float[sparse.csc_array, " V V"]:
+        """`K(mu)_ij = sum_T |T| grad phi_i . A(mu_T) grad phi_j`, positive semi-definite; |mu| < 1."""
+        mu = check_coefficient(mu, len(self.faces))
+        turned = diffuse(mu[:, None], self.gradients)
+        blocks = self.areas[:, None, None] * (self.gradients.conj()[:, :, None] * turned[:, None, :]).real
+        return assemble(self.faces, blocks, len(self.z))
 
-    def pushforward(self, dmu: Complex[ndarray, " *B F"]) -> Complex[ndarray, " *B V"]:
-        """Change of the last f, (V,) or (B, V), with a change of mu, (F,) or (B, F): the derivative, forwards.
+    @cached_property
+    def laplace(self) -> Float[sparse.csc_array, " V V"]:
+        """K(0), the matrix of the Dirichlet energy."""
+        return self.stiffness(np.zeros(len(self.faces)))
 
-        The transpose of `pullback`: `Re sum conj(grad_f) pushforward(dmu) = Re sum conj(pullback(grad_f)) dmu`. Three
-        real solves with the kept factorisation.
-        """
-        dmu = np.asarray(dmu, complex)
-        changes = [(matrix.T @ np.atleast_2d(dmu).conj().T).real for matrix in self.sensitivities]
-        return self._renormalise(self.free_boundary.pushforward(changes)).T.reshape(*dmu.shape[:-1], len(self.z))
+    @cached_property
+    def mass(self) -> Float[sparse.csc_array, " V V"]:
+        """The consistent mass matrix of piecewise linear functions."""
+        blocks = self.areas[:, None, None] * (np.ones((3, 3)) + np.eye(3)) / 12
+        return assemble(self.faces, blocks, len(self.z))
 
-    def _unnormalise(self, grad_f, at):
-        """Gradients with respect to the raw map at the vertices `at`, sorted, as (direct, origin, grad_centre).
+    @cached_property
+    def to_vertices(self) -> Float[sparse.csr_array, " V F"]:
+        """From values of the faces to their averages by area around each vertex."""
+        corners = np.repeat(np.arange(len(self.faces)), 3)
+        shape = len(self.z), len(self.faces)
+        around = sparse.csr_array((np.repeat(self.areas, 3), (self.faces.ravel(), corners)), shape=shape)
+        return sparse.diags_array(1 / around.sum(1)) @ around
 
-        In all `direct + origin grad_centre`, where inside the disk `direct` is complex linear in grad_f.
-        """
-        edge, inner = np.searchsorted(at, self.loop[:2]), np.searchsorted(at, self.origin)
-        w, by_a, slope, by_conj_a = self._derivatives(at)
-        grad_w = grad_f * np.exp(1j * self.turn)
-        grad_turn = (grad_f.conj() * self.f[at, None]).imag.sum(0)
-        grad_w[edge] += np.array([1 - self.share, self.share])[:, None] * 1j * w[edge, None] * grad_turn
-        grad_a = (by_a.conj()[:, None] * grad_w + by_conj_a[:, None] * grad_w.conj()).sum(0)
-        P, Q = self.weights @ by_a[inner], self.weights @ by_conj_a[inner]
-        grad_centre = -(grad_a * P - grad_a.conj() * Q) / (abs(P) ** 2 - abs(Q) ** 2)
-        origin = np.zeros(len(at), complex)
-        origin[inner] = self.weights * slope[inner].conj()
-        return grad_w * slope.conj()[:, None], origin, grad_centre
+    @cached_property
+    def to_faces(self) -> Float[sparse.csr_array, " F V"]:
+        """From values of the vertices to the mean of each face's corners, the value at its centroid."""
+        rows = np.repeat(np.arange(len(self.faces)), 3)
+        table = np.full(len(rows), 1 / 3), (rows, self.faces.ravel())
+        return sparse.csr_array(table, shape=(len(self.faces), len(self.z)))
 
-    def _renormalise(self, change):
-        """The change of f with a change (V, B) of the raw map: the transpose of `_unnormalise`."""
-        w, by_a, slope, by_conj_a = (part[:, None] for part in self._derivatives(slice(None)))
-        dw, at, edge = slope * change, self.origin, self.loop[:2]
-        P, Q, centre = self.weights @ by_a[at], self.weights @ by_conj_a[at], self.weights @ dw[at]
-        da = (Q * centre.conj() - P.conj() * centre) / (abs(P) ** 2 - abs(Q) ** 2)  # keeps the value at 0
-        dw += by_a * da + by_conj_a * da.conj()
-        dturn = np.array([1 - self.share, self.share]) @ (dw[edge] / w[edge]).imag
-        return (dw - 1j * w * dturn) * np.exp(-1j * self.turn)
+    def wirtinger(self, f):
+        """`f_z` and `f_zbar` on each face of a map f, complex (V,) or real (V, 3): (F,) or (F, 3) each."""
+        corners = check_map(f, len(self.z))[self.faces]
+        f_z = 0.5 * np.einsum("fk,fk...->f...", self.gradients.conj(), corners)
+        return f_z, 0.5 * np.einsum("fk,fk...->f...", self.gradients, corners)
 
-    def _derivatives(self, at):
-        """At the vertices `at`: w = (raw - a) / (1 - conj(a) raw) and its derivatives by a, by raw and by conj(a).
+    def coefficient(self, f):
+        """`mu = f_zbar / f_z` (F,) of a map f, complex (V,) or real (V, 3), as `qclearn.beltrami_coefficient`."""
+        f_z, f_zbar = self.wirtinger(f)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            if f_z.ndim == 1:
+                return f_zbar / f_z
+            # Summed over the three coordinates: f_zbar^2 is (E - G + 2iF)/4 and |f_z|^2 is (E + G)/4.
+            difference, total = (f_zbar**2).sum(1), (abs(f_z) ** 2).sum(1)
+            area_element = np.sqrt(np.maximum(total**2 - abs(difference) ** 2, 0.0))
+            return difference / (total + area_element)
 
-        a solves: the weighted mean of w at the origin's face = 0.
-        """
-        raw, w = self.free_boundary.f[at], self.f[at] * np.exp(1j * self.turn)
-        s = 1 / (1 - np.conj(self.a) * raw)
-        return w, -s, (1 - abs(self.a) ** 2) * s**2, w * raw * s
+    @cached_property
+    def flipped(self) -> Integer[ndarray, " k"]:
+        """The faces that are not counter-clockwise beyond doubt of rounding."""
+        a, b, c = self.z[self.faces].T
+        with np.errstate(all="ignore"):  # what overflows, or is not finite, stays in doubt
+            left, right = (b - a).real * (c - a).imag, (b - a).imag * (c - a).real
+            # A determinant of rounded differences is safe in sign once it exceeds this part of its terms (Shewchuk
+            # 1997 has 3.3e-16); TINY stands for what products lose below the smallest normal number.
+            return np.flatnonzero(~(left - right > 1e-15 * (abs(left) + abs(right)) + TINY))
 
-    def sensitivity(self, x: Float[ndarray, " V"]) -> Complex[sparse.sparray, " F V"]:
-        """Sparse (F, V): applied to lam, the gradient with respect to mu of `lam . K(mu) x`.
+    @cached_property
+    def reversed(self) -> Integer[ndarray, " k"]:
+        """The faces that are not counter-clockwise, decided exactly: those in doubt in integers."""
+        corners = self.z[self.faces[self.flipped]]
+        finite = np.isfinite(corners).all(1)
+        vertices, corners = np.unique(self.faces[self.flipped[finite]], return_inverse=True)
+        x, y = integers(self.z[vertices].real), integers(self.z[vertices].imag)
+        (ax, bx, cx), (ay, by, cy) = (part[corners.reshape(-1, 3).T] for part in (x, y))
+        sound = np.zeros(len(self.flipped), bool)
+        sound[finite] = (bx - ax) * (cy - ay) > (by - ay) * (cx - ax)
+        return self.flipped[~sound]
 
-        Per face the derivative of `|T| grad lam . A(mu) grad x`.
-        """
-        mu, scale = self.mu, 1 / (1 - abs(self.mu) ** 2)
-        q = np.einsum("fk,fk->f", self.gradients, x[self.faces])
-        r = q + scale * ((2 - 1 / scale) * q - 2 * mu * q.conj())
-        # With p = grad lam it is 2 |T| scale (mu Re(conj(p) r) - p q), linear in lam: one sparse matrix for all of
-        # them.
-        along, across = 0.5 * mu * r.conj() - q, 0.5 * mu * r
-        rows = along[:, None] * self.gradients + across[:, None] * self.gradients.conj()
-        rows *= (2 * self.areas * scale)[:, None]
-        starts = np.arange(0, rows.size + 1, 3)
-        return sparse.csr_array((rows.ravel(), self.faces.ravel(), starts), shape=(len(rows), len(self.z)))
+    @cached_property
+    def certificate(self) -> Certificate:
+        """Whether the mesh lies in the plane without folds, its boundary a simple polygon run counter-clockwise."""
+        rim = self.z[self.loop]
+        ring = shapely.linearrings(pairs(rim)) if np.isfinite(rim).all() else None
+        simple = bool(ring is not None and ring.is_simple and ring.is_ccw)
+        return Certificate(simple and len(self.reversed) == 0, self.reversed, simple)
+
+    def certify(self, f):
+        """The `Certificate` of the map f (V,) of this mesh; BeltramiError where the mesh itself is folded."""
+        if len(self.reversed):
+            raise BeltramiError(
+                f"{len(self.reversed)} triangles of the source mesh are folded or without area (first: "
+                f"{self.reversed[:5].tolist()}): a map of it cannot be certified"
+            )
+        return self.at(f).certificate
 
 
-def unfold(solver, f):
-    """A solver's last map f (V,), after a Möbius map or not, mended by row switching: (f, vertices of switched rows).
+def read_only(array):
+    """The array itself where nobody can write to it, else a copy that nobody can write to."""
+    if array.flags.writeable or array.base is not None:
+        array = array.copy()
+        array.flags.writeable = False
+    return array
 
-    The mean-value rows take the triangles' lengths in the metric of mu. Not certified: a map may stay folded.
+
+def boundary_loop(faces, alone=None):
+    """Vertices of the boundary of a triangulated disk, counter-clockwise, from the smallest index: (B,).
+
+    BeltramiError if the faces have no boundary or several, or touch in a vertex.
     """
-    if not len(flipped_faces(solver.faces, f)):
-        return f, np.zeros(0, int)
-    corners = solver.z[solver.faces]
-    sides = np.roll(corners, -1, axis=1) - np.roll(corners, -2, axis=1)
-    lengths = abs(sides + solver.mu[:, None] * sides.conj())
-    f, rows, _ = switch_rows(stiffness(solver.z, solver.faces, solver.mu), solver.faces, lengths, f)
-    return f, rows
+    faces = check_faces(faces)
+    alone = halves_alone(faces) if alone is None else alone
+    tails, heads = faces.ravel()[alone], np.roll(faces, -1, axis=1).ravel()[alone]
+    following = dict(zip(tails.tolist(), heads.tolist()))
+    loop = [min(following, default=None)]
+    while len(loop) <= len(following) and following.get(loop[-1]) != loop[0]:
+        loop.append(following.get(loop[-1]))
+    if len(following) != len(alone) or len(loop) != len(following):
+        raise BeltramiError("the faces do not form a disk with one simple boundary loop")
+    return np.array(loop)
 
 
-def solve_beltrami_disk(
-    z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"], mu: Complex[ndarray, " F"], repair: bool = False
-) -> Complex[ndarray, " V"]:
-    """The disk self-map with Beltrami coefficient mu (F,) and a free boundary, f(0) = 0 and f(1) = 1: complex (V,).
-
-    z (V,) complex with its boundary on the unit circle. Exact up to discretisation: the flux form, one factorisation
-    for the mesh (its boundary steps are calibrated at mu = 0 where they are off by more than 1 %) and one for mu.
-    Not certified: a discrete map can fold where mu varies within few triangles, or where triangles are slivers; ask
-    `check_bijective`. repair: where it folds, switch rows to mean-value weights, which moves f there and nearby. A
-    RepairWarning says if boundary steps had to be raised, if rows were switched, and whether faces stay flipped.
-    Errors: BeltramiError, SurfaceError. Source: paper, theorem 1 (existence and uniqueness).
-    """
-    solver = BeltramiDiskSolver(z, faces)
-    f, words = solver.solve(mu), []
-    if solver.floored:
-        words.append(f"{solver.floored} boundary steps ran backwards or were lost, and were raised")
-    if repair:
-        f, rows = unfold(solver, f)
-        if len(rows):
-            left = len(check_embedding(solver.faces, f).flipped)
-            words.append(f"{len(rows)} rows switched to mean-value weights, {left} faces stay flipped")
-    if words:
-        warnings.warn("; ".join(words), RepairWarning, stacklevel=2)
-    return f
+def halves_alone(faces):
+    """Numbers of the half-edges without an opposite one, (k,), 3 f + k from corner k of face f."""
+    tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    n = int(faces.max()) + 1
+    there, opposite = np.sort(tails * n + heads), heads * n + tails
+    return np.flatnonzero(there[np.minimum(np.searchsorted(there, opposite), len(there) - 1)] != opposite)
 
 
-def elimination_order(matrix, points, loop):
-    """The vertices of a mesh without its boundary loop in an order that keeps the factors of its matrix small."""
-    inner = np.setdiff1d(np.arange(len(points)), loop)
-    return inner[nested_dissection(matrix.tocsr()[inner][:, inner], points[inner])]
+def integers(x):
+    """Finite doubles (n,) times the power of two that makes all of them integers, as Python's, object (n,)."""
+    mantissa, exponent = np.frexp(x)
+    mantissa = np.ldexp(mantissa, 53).astype(np.int64)
+    exponent -= exponent.min(initial=0, where=mantissa != 0)  # of 0 it says nothing
+    whole = [m << max(e, 0) for m, e in zip(mantissa.tolist(), exponent.tolist())]
+    return np.array(whole, dtype=object).reshape(len(x))

@@ -22,9 +22,9 @@ class ExactMap:
     def mu(self, z):
         return self.f_zbar(z) / self.f_z(z)
 
-    def on_faces(self, z, faces):
-        """Exact mu at the centroids (of the interpolant's own mu a convergence test would learn nothing)."""
-        return self.mu(z[faces].mean(1))
+    def on_faces(self, disk):
+        """Exact mu at the centroids of a `Disk` (a convergence test would learn nothing of the interpolant's)."""
+        return self.mu(disk.centroids)
 
 
 def affine(a, b, c=0.0):

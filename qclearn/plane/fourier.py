@@ -8,9 +8,8 @@ channels is keeping them here.
 import numpy as np
 import scipy
 
-from .beltrami import signed_areas
-from .disk import solve_beltrami_disk
-from .diskmesh import disk_to_square, locate, pixel_centres, square_to_disk
+from .grids import disk_to_square, pixel_centres, square_to_disk
+from .solver import DiskSolver
 
 # Radians that pixels are turned before the faces below them are looked for. Those on the diagonals of the square lie on
 # edges of every polar mesh with such a spoke, and rounding alone would say which of two faces they show.
@@ -64,46 +63,46 @@ def coefficient_count(size, k):
     return len(frequencies(size, k)) ** 2
 
 
-def to_square(z, faces, mu, size):
-    """mu (F,) of a disk mesh sampled at the pixel centres of the square [-1, 1]^2, complex (size, size).
+def to_square(disk, mu, size):
+    """mu (F,) of a `Disk` sampled at the pixel centres of the square [-1, 1]^2, complex (size, size).
 
     The pixel at w shows the face that holds `square_to_disk(w)`, and on an edge the face that follows
     counterclockwise; pixels as `pixel_centres`. The values are carried over as they are: this is resampling, not the
     coefficient of a map of the square.
     """
-    face, _ = locate(z, faces, square_to_disk(pixel_centres(size)).ravel() * np.exp(1j * ASIDE))
+    face, _ = disk.locate(square_to_disk(pixel_centres(size)).ravel() * np.exp(1j * ASIDE))
     return np.asarray(mu)[face].reshape(size, size)
 
 
-def from_square(image, z, faces):
-    """An image of the square, bilinear at the centroids of the faces of a disk mesh, complex (F,)."""
+def from_square(image, disk):
+    """An image of the square, bilinear at the centroids of the faces of a `Disk`, complex (F,)."""
     image = _square(image)
-    w = disk_to_square(np.asarray(z)[faces].mean(axis=1))
+    w = disk_to_square(disk.centroids)
     row, column = (((x + 1) * len(image) - 1) / 2 for x in (w.imag, w.real))
     return scipy.ndimage.map_coordinates(image, [row, column], order=1, mode="nearest")
 
 
-def compression_effect(z, faces, mu, ks, size=128):
-    """What keeping the frequencies up to k costs, one dict for each k of `ks`.
+def compression_effect(disk, mu, ks, size=128):
+    """What keeping the frequencies of mu (F,) on a `Disk` up to k costs, one dict for each k of `ks`.
 
     Keys: k; coefficients (their number); image_error and mu_error, root mean square of the change of mu over the
     square's pixels and over the disk's area; max_abs_mu; map_error, the largest distance between the disk maps of the
     original and of the compressed mu. Raises BeltramiError where compression lifts |mu| to 1.
     """
-    image, areas = to_square(z, faces, mu, size), signed_areas(z, faces)
-    original = solve_beltrami_disk(z, faces, mu)
+    image, solver = to_square(disk, mu, size), DiskSolver(disk)
+    original = solver.solve(mu)
     rows = []
     for k in ks:
         smooth = compress(image, k)
-        compressed = from_square(smooth, z, faces)
+        compressed = from_square(smooth, disk)
         rows.append(
             {
                 "k": k,
                 "coefficients": coefficient_count(size, k),
                 "image_error": float(np.sqrt(np.mean(abs(smooth - image) ** 2))),
-                "mu_error": float(np.sqrt(np.average(abs(compressed - mu) ** 2, weights=areas))),
+                "mu_error": float(np.sqrt(np.average(abs(compressed - mu) ** 2, weights=disk.areas))),
                 "max_abs_mu": float(abs(compressed).max()),
-                "map_error": float(abs(solve_beltrami_disk(z, faces, compressed) - original).max()),
+                "map_error": float(abs(solver.solve(compressed) - original).max()),
             }
         )
     return rows

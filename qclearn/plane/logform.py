@@ -4,9 +4,11 @@ import numpy as np
 from jaxtyping import Complex, Integer
 from numpy import ndarray
 
-from .beltrami import Dirichlet, diffuse, signed_areas, stiffness
 from .checks import check_coefficient
-from .disk import BeltramiDiskSolver
+from .coefficients import diffuse
+from .disk import Disk
+from .linear import Dirichlet
+from .solver import DiskSolver
 
 
 def solve_beltrami_disk_log(
@@ -20,21 +22,21 @@ def solve_beltrami_disk_log(
     for v; then `f = L exp(u + iv)`. Not certified: a second route beside `solve_beltrami_disk`, twice its work, and
     its boundary can run backwards on ragged meshes. Errors: BeltramiError, SurfaceError.
     """
-    mesh = BeltramiDiskSolver(z, faces)
-    z, faces, loop, pole = mesh.z, mesh.faces, mesh.loop, mesh.pole
-    mu = check_coefficient(mu, len(faces))
-    around = (faces == pole).any(1)
-    mu0 = np.average(mu[around], weights=mesh.areas[around])
+    disk = Disk(z, faces)
+    solver = DiskSolver(disk)
+    z, loop, pole, mu = disk.z, solver.loop, solver.pole, check_coefficient(mu, len(disk.faces))
+    around = (disk.faces == pole).any(1)
+    mu0 = np.average(mu[around], weights=disk.areas[around])
     L = z - z[pole] + mu0 * np.conj(z - z[pole])
     # d(log L) = ((1 + mu0) dx + i (1 - mu0) dy) / L: real part for log|L|, imaginary part for arg L.
-    x, y = np.array([1 + mu0, 1j * (1 - mu0)])[:, None] * mean_reciprocal(L, faces)
+    x, y = np.array([1 + mu0, 1j * (1 - mu0)])[:, None] * mean_reciprocal(disk.at(L))
 
     def load(gradient):
         flux = diffuse(mu, gradient)[:, None]
-        per_corner = mesh.areas[:, None] * (mesh.gradients.conj() * flux).real
-        return -np.bincount(faces.ravel(), per_corner.ravel(), len(z))
+        per_corner = disk.areas[:, None] * (disk.gradients.conj() * flux).real
+        return -np.bincount(disk.faces.ravel(), per_corner.ravel(), len(z))
 
-    matrix, u, v = stiffness(z, faces, mu), np.zeros(len(z)), np.zeros(len(z))
+    matrix, u, v = disk.stiffness(mu), np.zeros(len(z)), np.zeros(len(z))
     u[loop] = -np.log(abs(L[loop]))
     source = load(x.real + 1j * y.real)
     source[pole] -= 2 * np.pi
@@ -42,17 +44,19 @@ def solve_beltrami_disk_log(
     u[dirichlet.free] = dirichlet.solve_free(source[dirichlet.free] - dirichlet.coupling @ u[loop])
     dirichlet = Dirichlet(matrix, loop[:1])  # a constant in v is a rotation, which the normalisation removes
     v[dirichlet.free] = dirichlet.solve_free(load(x.imag + 1j * y.imag)[dirichlet.free])
-    return mesh.normalise(L * np.exp(u + 1j * v))
+    return solver.normalise(L * np.exp(u + 1j * v))
 
 
-def mean_reciprocal(L, faces):
-    """Exact mean of 1/L over each triangle, complex (F,), L affine there with at most a corner at 0.
+def mean_reciprocal(picture):
+    """Exact mean of 1/L over each triangle, complex (F,), of the picture of a mesh under L, affine there.
+
+    At most a corner of a triangle lies at 0.
 
     Stokes: `int dA / L = (1/2i) sum over edges of (conj(a) - a conj(b - a)/(b - a)) log(b / a)`, a, b = L at its ends.
     """
-    a = L[faces]
+    a = picture.z[picture.faces]
     b = np.roll(a, -1, axis=1)
     touching = (a == 0) | (b == 0)  # such an edge contributes 0, the limit of the formula
     ratio = np.where(touching, 1, b) / np.where(touching, 1, a)
     terms = (a.conj() - a * (b - a).conj() / (b - a)) * np.log(ratio)
-    return terms.sum(1) / (2j * signed_areas(L, faces))
+    return terms.sum(1) / (2j * picture.areas)

@@ -3,10 +3,7 @@
 import numpy as np
 import scipy
 
-from .beltrami import signed_areas, stiffness
-from .diskmesh import polar_disk
-
-POWER = 1.4  # by which the rings crowd towards the centre
+from .grids import polar
 
 
 class Spectrum:
@@ -16,7 +13,7 @@ class Spectrum:
     """
 
     def __init__(self, rings, spokes):
-        self.rings, self.spokes, self.mesh = rings, spokes, polar_disk(rings, spokes, POWER)
+        self.rings, self.spokes, self.mesh = rings, spokes, polar(rings, spokes)
         area, *weights = ring_tables(self.mesh, spokes)
         self.radial, values, kept = eigenvectors(area, *weights, spokes, rings * spokes)
         self.areas, self.values = np.repeat(area, spokes), np.empty(rings * spokes)
@@ -46,10 +43,10 @@ class Spectrum:
 
 
 def ring_tables(mesh, nt):
-    """Of the rings of a polar mesh: lumped areas (nr,), Laplace's weights along spokes (nr - 1,) and rings (nr,)."""
-    (z, faces), nr = mesh, (len(mesh[0]) - 1) // nt
-    area = np.bincount(faces.ravel(), np.repeat(signed_areas(z, faces), 3))[1::nt] / 3
-    K, first = stiffness(z, faces, np.zeros(len(faces))), np.arange(nr) * nt + 1
+    """Of the rings of a polar `Disk`: lumped areas (nr,), Laplace's weights along spokes (nr - 1,) and rings (nr,)."""
+    nr = (len(mesh.z) - 1) // nt
+    area = np.bincount(mesh.faces.ravel(), np.repeat(mesh.areas, 3))[1::nt] / 3
+    K, first = mesh.laplace, np.arange(nr) * nt + 1
     spokes = -np.asarray(K[first[:-1], first[1:]]).ravel()
     return area, spokes, -np.asarray(K[first, first + 1]).ravel()
 

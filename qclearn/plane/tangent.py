@@ -11,16 +11,14 @@ import numpy as np
 import scipy
 from scipy import sparse
 
-from .beltrami import corner_average, signed_areas
-from .diskmesh import Lookup
-from .fields import bounded_pullback
+from .coefficients import bounded_pullback
 
 REACH = 1.8  # cells: from where on a node stands for its cell in the integral
 FINER = 3  # into so many squared a triangle is cut, nearer than that
 
 
 class Carrier:
-    """A polar mesh (z, faces) that carries nu and the mesh of a `BeltramiDiskSolver` that is mapped, whatever points.
+    """A polar `Disk` that carries nu beside the disk of a `DiskSolver` that is mapped, whatever points.
 
     z (N,), areas (N,): the nodes and their cells; values (N, V): what a mapped mesh's values are there; slope (V, V):
     f_z at the mapped mesh's vertices; hats (9 T, N): nu on the parts of the triangles; fine, areas_fine, values_fine:
@@ -28,42 +26,41 @@ class Carrier:
     """
 
     def __init__(self, solver, mesh):
-        (self.z, triangles), self.mapped = mesh, solver
-        self.lookup = Lookup(solver.z, solver.faces)
-        starts, shape = np.arange(0, solver.faces.size + 1, 3), (len(solver.faces), len(solver.z))
-        by_face = sparse.csr_array((solver.gradients.conj().ravel() / 2, solver.faces.ravel(), starts), shape=shape)
-        self.slope = (corner_average(solver.faces, len(solver.z), solver.areas) @ by_face).tocsr()
-        areas = signed_areas(*mesh)
-        self.areas = np.bincount(triangles.ravel(), np.repeat(areas, 3)) / 3
+        self.z, self.mapped, triangles = mesh.z, solver.disk, mesh.faces
+        faces = self.mapped.faces
+        starts, shape = np.arange(0, faces.size + 1, 3), (len(faces), len(self.mapped.z))
+        table = self.mapped.gradients.conj().ravel() / 2, faces.ravel(), starts
+        self.slope = (self.mapped.to_vertices @ sparse.csr_array(table, shape=shape)).tocsr()
+        self.areas = np.bincount(triangles.ravel(), np.repeat(mesh.areas, 3)) / 3
         self.values, at = self.values_at(self.z)
         self.tree = scipy.spatial.cKDTree(np.stack([self.z.real, self.z.imag], axis=1))
         self.hats = hats_inside(triangles, len(self.z))
-        self.fine, self.areas_fine = self.hats @ self.z, np.repeat(areas, FINER**2) / FINER**2
+        self.fine, self.areas_fine = self.hats @ self.z, np.repeat(mesh.areas, FINER**2) / FINER**2
         self.values_fine, _ = self.values_at(self.fine, at[np.repeat(triangles[:, 0], FINER**2)])
 
     def values_at(self, points, guess=None):
         """Sparse (P, V) from values on the mapped mesh to those at points (P,), and the faces that hold them."""
-        face, weights = self.lookup(points, guess)
+        face, weights = self.mapped.lookup(points, guess)
         starts = np.arange(0, 3 * len(points) + 1, 3)
-        table = weights.ravel(), self.lookup.faces[face].ravel(), starts
-        return sparse.csr_array(table, shape=(len(points), len(self.lookup.z))), face
+        table = weights.ravel(), self.mapped.faces[face].ravel(), starts
+        return sparse.csr_array(table, shape=(len(points), len(self.mapped.z))), face
 
 
 class Tangent:
     """Derivatives of maps at points `samples @ z` with respect to a field nu on a polar mesh, mu = T(nu).
 
-    solver: a `BeltramiDiskSolver` of the mapped mesh; mesh (z, faces): the one that carries nu; samples (P, V) sparse,
+    solver: a `DiskSolver` of the mapped mesh; mesh: the polar `Disk` that carries nu; samples (P, V) sparse,
     three corners a row; carrier: that of both meshes, if there is one already. Near a point the integral is taken on
     finer triangles, and at the corners of the triangle that holds it, between which the discrete map is linear.
     """
 
     def __init__(self, solver, mesh, samples, carrier=None):
         self.carrier = carrier or Carrier(solver, mesh)
-        at_0 = sparse.csr_array((solver.weights, (np.zeros(3, int), solver.origin)), shape=(1, len(solver.z)))
+        at_0 = sparse.csr_array((solver.weights, (np.zeros(3, int), solver.origin)), shape=(1, len(solver.disk.z)))
         shares = np.array([1 - solver.share, solver.share])
-        at_1 = sparse.csr_array((shares, (np.zeros(2, int), solver.loop[:2])), shape=(1, len(solver.z)))
+        at_1 = sparse.csr_array((shares, (np.zeros(2, int), solver.loop[:2])), shape=(1, len(solver.disk.z)))
         self.points = sparse.vstack([samples, at_0, at_1]).tocsr()  # all, in the mapped mesh
-        self.close = self.close_pairs(solver.z)
+        self.close = self.close_pairs(solver.disk.z)
         self.find_parts()
 
     def close_pairs(self, z):
@@ -104,7 +101,7 @@ class Tangent:
         self.corners[inside], self.shares[inside] = self.points.indices, self.points.data
         reach = np.zeros(len(inside))
         row, node = close.nonzero()
-        centre = self.points @ carrier.lookup.z
+        centre = self.points @ carrier.mapped.z
         np.maximum.at(reach, row, abs(carrier.z[node] - centre[row]))
         rim = 1 - abs(centre) < reach  # of these points the mirror images are near, too
         self.mirrored, self.replaced = np.flatnonzero(rim[self.point]), np.flatnonzero(rim[row])

@@ -3,9 +3,9 @@
 import numpy as np
 
 
-def edge_lengths(points, faces):
-    """Length of the edge opposite each corner, (F, 3), of a planar (V,) complex or spatial (V, 3) mesh."""
-    side = points[np.roll(faces, -1, axis=1)] - points[np.roll(faces, -2, axis=1)]
+def edge_lengths(corners):
+    """Length of the edge opposite each corner, (F, 3), of corners in the plane, (F, 3) complex, or space, (F, 3, 3)."""
+    side = np.roll(corners, -1, axis=1) - np.roll(corners, -2, axis=1)
     return abs(side) if np.iscomplexobj(side) else np.linalg.norm(side, axis=2)
 
 

@@ -15,8 +15,7 @@ import shapely
 
 from ..plane.bijectivity import BijectivityError
 from .certified import exact_map, moved_map
-from .fit import ROUNDING, fit_problem
-from .hybrid import fit_registration
+from .fit import ROUNDING, fit_problem, fit_registration
 from .landmarks import detect_curves
 from .metrics import measured_losses
 
@@ -26,13 +25,14 @@ TOLERANCE = 5e-3  # landmark error in the disk above which a network's map is re
 MARGIN = 0.9  # of the tolerance: what refinement aims at, as the report also counts points that curves share
 
 
-def guarded_curves(detect, surface, z, entries, side):
-    """The curves of one side in its disk map z: as given, by `detect`, or else the shortest path; and words on these.
+def guarded_curves(detect, own, entries, side):
+    """The curves of a `Side`, "moving" or "control", in its disk: as given, by `detect`, or else the shortest path.
 
-    Two lists: (k,) complex curves, str. entries as `check_curves` returns them. A detected curve is not
-    used where it leaves the disk or misses its endpoints, crosses itself, or crosses or touches another one between
-    the ends.
+    Two lists: (k,) complex curves, and words on what took the place of a detected one. entries as `check_curves`
+    returns them. A detected curve is not used where it leaves the disk or misses its endpoints, crosses itself, or
+    crosses or touches another one between the ends.
     """
+    surface, z = own.surface, own.disk.z
     lines, names = [z[entry[side]] for entry in entries], [entry["name"] for entry in entries]
     wanted = [k for k, entry in enumerate(entries) if entry["detect"][side]]
     found = detect(surface, z, np.array([entries[k][side] for k in wanted])) if wanted else []
@@ -99,9 +99,9 @@ def rungs(weights, problem, features):
 
 def predicted(predict, problem, weights):
     """The mu (F,) that a network's `predict` answers for a problem."""
-    mesh = problem.z, problem.faces
     known = {name: value for name, value in asdict(weights).items() if name != "delta"}  # of the features: ours alone
-    return predict(*mesh, problem.moving, problem.target, curve=problem.curve, **known)
+    disk = problem.disk
+    return predict(disk.z, disk.faces, problem.moving, problem.target, curve=problem.curve, **known)
 
 
 def guarded_map(predict, solve, problem, weights, tolerance, stages=nullcontext):
@@ -112,7 +112,7 @@ def guarded_map(predict, solve, problem, weights, tolerance, stages=nullcontext)
     with stages("predict"):
         mu = predicted(predict, problem, weights)
     with stages("solve"):
-        f = solve(problem.z, problem.faces, mu)
+        f = solve(problem.disk.z, problem.disk.faces, mu)
     with stages("certify"):
         found = unfolded(problem, mu, f)
     with stages("refine"):
@@ -143,12 +143,13 @@ def refined(problem, weights, mu, found, tolerance):
         else f"the exact solver's map {fold_words(found)}"
     )
     word = f"{cause}: {sum(fit.steps)} Gauss-Newton steps, to {fit.landmark_error:.1e}"
-    return replace(fit, fallbacks=(*found.fallbacks, word, *fit.fallbacks))
+    switched = max(found.switched, fit.switched)
+    return replace(fit, fallbacks=(*found.fallbacks, word, *fit.fallbacks), switched=switched)
 
 
 def not_above_mobius(problem, weights, found):
     """The map of the networks, or the best Möbius map where it is a bijection and better: see `refined`."""
-    plain = moved_map(problem, problem.z)
+    plain = moved_map(problem, problem.disk.z)
     losses, squares = [], []
     for candidate in (found, plain):
         mapped = problem.samples @ candidate.f
@@ -157,7 +158,7 @@ def not_above_mobius(problem, weights, found):
     if not plain.bijective or all(fitted <= (1 + ROUNDING) * best for fitted, best in (losses, squares)):
         return found
     word = "the networks' map ended above the best Möbius map: that map is returned"
-    return replace(plain, fallbacks=(*found.fallbacks, word))
+    return replace(plain, fallbacks=(*found.fallbacks, word), switched=found.switched)
 
 
 def gamma_words(network, weights):

@@ -4,13 +4,13 @@ Sulcal depth and mean curvature, or any maps of the user's own (thickness, myeli
 sides. What is compared is standardised by area on each side, so that units cancel and the mismatch is 2 (1 - r).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
 
-from ..plane.beltrami import cotangent_stiffness, factorise
-from ..plane.diskmesh import Lookup, interpolate
+from ..plane.beltrami import cotangent_stiffness
+from ..plane.linear import factorise
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import SurfaceError
 
@@ -37,21 +37,16 @@ class Feature:
 
 
 class Features:
-    """The features of a moving and a control surface, the control in its disk map z_control (W,).
+    """The features of a moving `Side`, compared with those of a control: a `Side` as well, or a group's mean.
 
-    maps: `Feature`s, as `check_features` returns them. `shares` (C,): their weights, of sum 1; `areas` (V,): the moving
-    vertices' shares of its area; `lookup`: of the control's disk mesh.
+    names (C,), shares (C,): their weights, of sum 1; areas (V,): the moving vertices' shares of its area; disk: the
+    control's.
     """
 
-    def __init__(self, moving, control, z_control, maps):
-        self.names = [feature.name for feature in maps]
-        self.shares = np.array([feature.weight for feature in maps]) / sum(feature.weight for feature in maps)
-        self.sides = tuple(
-            Smoothing(surface, np.stack([getattr(feature, side) for feature in maps], axis=1))
-            for side, surface in (("moving", moving), ("control", control))
-        )
-        self.areas, self.faces = self.sides[0].areas, control.faces
-        self.lookup = Lookup(z_control, control.faces)
+    def __init__(self, moving, control, weights=None):
+        self.sides, self.names, self.disk = (moving.features, control.features), moving.features.names, control.disk
+        weights = np.ones(len(self.names)) if weights is None else np.array(weights)
+        self.shares, self.areas = weights / weights.sum(), moving.features.areas
 
     def at(self, sigma):
         """Both sides' features at scale sigma, standardised: (V, C) and (W, C)."""
@@ -60,30 +55,42 @@ class Features:
     def correlation(self, f, sigma=FINEST):
         """r (C,) over the moving area between features of scale sigma and the control's where f (V,) takes them."""
         here, there = self.at(sigma)
-        there = standardised(interpolate(there, self.faces, *self.lookup(f)), self.areas)
+        there = standardised(self.disk.interpolate(there, self.disk.lookup(f)), self.areas)
         return np.clip(self.areas @ (here * there), -1, 1)
 
 
+def featured(moving, control, maps):
+    """Two `Side`s with maps (`Feature`s, as `check_features` returns them) as their features, and these compared."""
+    names = [feature.name for feature in maps]
+    moving, control = (
+        replace(own, features=Smoothing(own.surface, names, np.stack([getattr(one, side) for one in maps], axis=1)))
+        for own, side in ((moving, "moving"), (control, "control"))
+    )
+    return moving, control, Features(moving, control, [feature.weight for feature in maps])
+
+
 class Smoothing:
-    """Per-vertex values (V, C) of one surface at any scale: `at(sigma)`.
+    """Per-vertex values (V, C) of one surface, with a name each, at any scale: `at(sigma)`.
 
     sigma: standard deviation of the smoothing kernel, in mm on a surface with the area of a HEMISPHERE.
     """
 
-    def __init__(self, surface, values):
+    def __init__(self, surface, names, values):
+        self.names, self.values = names, values
         self.mass, self.stiffness = surface.vertex_areas, cotangent_stiffness(surface.vertices, surface.faces)
         self.areas, self.unit = self.mass / surface.area, np.sqrt(surface.area / HEMISPHERE)
-        self.values, self.kept = clipped(scaled(values), self.areas, OUTLIERS), {}
+        self.levels = {}
 
     def at(self, sigma):
-        """The smoothed values, outliers clipped, standardised; kept."""
-        if sigma not in self.kept:
-            self.kept[sigma] = standardised(clipped(self.heat(sigma), self.areas, SMOOTH_OUTLIERS), self.areas)
-        return self.kept[sigma]
+        """The smoothed values, outliers clipped, standardised; kept in `levels`."""
+        if sigma not in self.levels:
+            self.levels[sigma] = standardised(clipped(self.heat(sigma), self.areas, SMOOTH_OUTLIERS), self.areas)
+        return self.levels[sigma]
 
     def heat(self, sigma):
         """The values after heat flow `A u' = -K u` for the time sigma^2 / 2, in implicit steps."""
-        time, values = (self.unit * sigma) ** 2 / (2 * HEAT_STEPS), self.values
+        time = (self.unit * sigma) ** 2 / (2 * HEAT_STEPS)
+        values = clipped(scaled(self.values), self.areas, OUTLIERS)
         factors = factorise(sparse.diags_array(self.mass) + time * self.stiffness)
         for _ in range(HEAT_STEPS):
             values = factors.solve(self.mass[:, None] * values)

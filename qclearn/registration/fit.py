@@ -1,6 +1,9 @@
-"""The best quasi-conformal map for given landmarks, without a network: Gauss-Newton steps, mesh after mesh."""
+"""The best quasi-conformal map for landmarks and features, without a network: Gauss-Newton steps, mesh after mesh.
 
-from collections.abc import Callable
+Objective: `nu^* W nu + gamma mean |M(f(p)) - q|^2 + delta sum_c a_c sum_k w_k (I_c(x_k) - J_c(M f(x_k)))^2`.
+"""
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -8,23 +11,17 @@ from jaxtyping import Complex, Integer
 from numpy import ndarray
 from threadpoolctl import threadpool_limits
 
-from ..plane.beltrami import check_coefficient
-from ..plane.disk import LARGE
-from ..plane.diskmesh import locate, polar_disk, sampling_matrix
-from ..plane.fields import bounded, unbounded
+from ..plane.coefficients import bounded
+from ..plane.disk import Disk
 from ..plane.mobius import mobius
-from .certified import CertifiedMap, certified
-from .engine import GaussNewton, SurfaceGaussNewton
-from .normal import WORTH
+from .certified import CertifiedMap, certified, solver_words
+from .features import Features
+from .ladder import LEVELS, Climb, climbed, landmark_levels
 from .problem import LandmarkError, Problem, Weights
 
-FIRST_GAMMA = 1e2  # continuation: one step at each power of ten from here to gamma
-STEPS_AT_GAMMA = 5
-STEPS_ON_MESH, STEPS_BETWEEN = 24, 2  # at most, on the caller's mesh, and on the fine polar mesh before a large one
 FEWEST_RINGS = 4  # of the polar mesh; half of them on the coarse one
-POWER = 1.4  # by which the rings of the polar meshes crowd towards the centre
-WORTH_ON_GRID = 1e-2  # there, as `WORTH` on the caller's mesh: what a step has to promise
 ROUNDING = 1e-9  # by which an objective may exceed another and count as equal
+OVERFITS = 10.0  # delta above which a word is said
 ABOVE = "the fit ended above the best Möbius map"
 
 
@@ -69,48 +66,57 @@ def fit_landmarks(
     step is taken on the mesh (0: steps until they settle).
     Errors: LandmarkError, BeltramiError, SurfaceError. Source: paper, eq. RegLoss; Gauss-Newton in its dual form.
     """
-    problem, weights = Problem(z, faces, moving, target, curve, sliding), Weights(alpha, beta, gamma)
+    problem, weights = Problem(Disk(z, faces), moving, target, curve, sliding), Weights(alpha, beta, gamma)
     return fit_problem(problem, weights, start, rings, watch, enough)
 
 
 @threadpool_limits.wrap(limits=1)  # on matrices of this size BLAS threads wait for each other: up to five times slower
 def fit_problem(problem, weights, start=None, rings=None, watch=None, enough=0.0):
-    """`fit_landmarks` of a `Problem` with `Weights`."""
+    """`fit_landmarks` of a `Problem`, or of the `Climb` of one that was fitted before, with `Weights`."""
     if rings is not None and not (isinstance(rings, (int, np.integer)) and rings >= FEWEST_RINGS):
         raise LandmarkError(f"rings = {rings!r}: give an integer from {FEWEST_RINGS}, or None to go by the mesh's size")
-    rings = rings or rings_for(problem.z)
-    coarse = engine_on(GaussNewton, problem, rings // 2, weights)
-    begin = start_field(problem.z, problem.faces, start, coarse.z)
-    # At a tenth of gamma: the coarse mesh's own error moves the landmarks, and the full weight would bend nu after it.
-    # On the tests' smooth problems that costs up to a step more there and ends up to 3 % higher in L_CP.
-    state, steps = fit_on_grid(coarse, coarse.at(begin, problem.mobius), weights.gamma / 10, watch)
-    fine = engine_on(SurfaceGaussNewton, problem, rings, weights)
-    # Only what the steps have changed comes from the coarse mesh, so that a start keeps its details.
-    nu = sampling_matrix(coarse.z, coarse.faces, fine.z) @ (state.nu - begin)
-    nu, parameters = nu + start_field(problem.z, problem.faces, start, fine.z), state.mobius
-    if len(problem.z) > LARGE:  # where a step costs much more than on the polar mesh
-        middle = engine_on(GaussNewton, problem, rings, weights)
-        state, more = fit_on_mesh(middle, middle.at(nu, parameters), watch, enough, STEPS_BETWEEN)
-        nu, parameters, steps = state.nu, state.mobius, steps + more
-    state, polished = fit_on_mesh(fine, fine.at(nu, parameters), watch, enough)
-    fit = report_fit(fine, state, (steps, polished))
-    best = problem.samples @ mobius(problem.z, *problem.mobius)
-    return fit_from_mobius(fine, fit, best, watch) if exceeds(fine, state, best) else fit
+    climb = problem if isinstance(problem, Climb) else Climb(problem)
+    problem = climb.problem
+    levels = list(landmark_levels(problem.disk, rings or rings_for(problem.disk)))
+    engine, state, (*coarse, polished) = climb.run(levels, weights, start, watch=watch, enough=enough)
+    fit = report_fit(engine, state, (sum(coarse), polished))
+    best = problem.samples @ mobius(problem.disk.z, *problem.mobius)
+    return fit_from_mobius(engine, fit, best, levels[-1], watch) if exceeds(engine, state, best) else fit
 
 
-def engine_on(kind, problem, rings, weights):
-    """The engine of a class on the polar mesh of so many rings; of a problem that was fitted before, all but its
-    weights is there."""
-    key = kind, rings
-    if key in problem.engines:
-        return problem.engines[key].weighed(weights)
-    problem.engines[key] = kind(problem, polar_disk(rings, 3 * rings, power=POWER), weights)
-    return problem.engines[key]
+@threadpool_limits.wrap(limits=1)
+def fit_registration(
+    problem: Problem,
+    weights: Weights,
+    features: Features,
+    start: Complex[ndarray, " F"] | None = None,
+    watch: Callable | None = None,
+    levels: Sequence = LEVELS,
+) -> LandmarkFit:
+    """The disk map of a `Problem` that takes landmarks and `Features` to theirs, with `Weights` (delta > 0):
+    LandmarkFit.
+
+    Gauss-Newton from coarse features on a coarse mesh to fine ones on the problem's own; `r` of the result has the
+    features' correlations. start: mu (F,) on the faces to begin from; watch() is called before each step and may raise
+    to stop it. A problem without landmarks begins at the identity: align its disk by features first.
+    """
+    if not weights.delta > 0:
+        raise LandmarkError(f"delta = {weights.delta:g}: the features would take no part; give 0.1 to 1")
+    most, led = rings_for(problem.disk), start is not None or not len(problem.moving)
+    levels = [level._replace(rings=min(level.rings, most)) for level in levels if level.sigma or not led]
+    engine, state, steps = Climb(problem).run(levels, weights, start, features, watch)
+    fit = report_fit(engine, state, steps)
+    plain = engine.mobius_alone(problem.mobius)
+    if not engine.objective(state, weights.gamma) <= (1 + ROUNDING) * engine.objective(plain, weights.gamma):
+        fit = instead(fit, report_fit(engine, plain, steps))
+    words = [f"delta = {weights.delta:g} overfits: choose it by held-out curves"] * (weights.delta > OVERFITS)
+    r = np.transpose([features.correlation(plain.f), features.correlation(fit.f)]).tolist()
+    return replace(fit, fallbacks=(*fit.fallbacks, *words), r=dict(zip(features.names, r)))
 
 
-def rings_for(z):
-    """How many rings the polar mesh that carries nu has for a mesh of so many vertices."""
-    return int(np.clip(np.sqrt(len(z) / 3), 8, 32))
+def rings_for(disk):
+    """How many rings the polar mesh that carries nu has for a `Disk` of so many vertices."""
+    return int(np.clip(np.sqrt(len(disk.z) / 3), 8, 32))
 
 
 def exceeds(engine, state, best):
@@ -122,15 +128,14 @@ def exceeds(engine, state, best):
     return not (fitted <= most * engine.mismatch(best, gamma) and squares[0] <= most * squares[1])
 
 
-def fit_from_mobius(engine, astray, best, watch):
+def fit_from_mobius(engine, astray, best, level, watch):
     """What takes the place of a fit that ended above the best Möbius map: steps from there, or that map itself.
 
     The fit that went astray is kept where the Möbius map folds the mesh and cannot be mended, but it is a bijection.
     """
     parameters = engine.problem.mobius
-    begin = engine.at(np.zeros(len(engine.z), complex), parameters)
-    engine.known_gram = None  # it was learnt far from here
-    state, steps = fit_on_mesh(engine, begin, watch)
+    begin = engine.at(np.zeros(len(engine.link.mesh.z), complex), parameters)  # what was learnt far from here is gone
+    state, steps = climbed(engine, begin, level, watch)
     taken = astray.steps[0], astray.steps[1] + steps
     fit = report_fit(engine, state, taken)
     if fit.bijective and not exceeds(engine, state, best):
@@ -145,56 +150,18 @@ def instead(fit, plain):
     return replace(fit, fallbacks=(*fit.fallbacks, f"{ABOVE}: kept, as that map folds the mesh"))
 
 
-def fit_on_grid(engine, state, gamma, watch=None):
-    """Steps on a polar mesh, from nu = 0 with continuation in gamma: (state, steps)."""
-    low = gamma if state.nu.any() else min(FIRST_GAMMA, gamma)
-    levels = [*10.0 ** np.arange(np.log10(low), np.log10(gamma) - 1e-9), *[gamma] * STEPS_AT_GAMMA]
-    for steps, level in enumerate(levels):
-        if watch:
-            watch()
-        found = engine.step(state, level, WORTH_ON_GRID if level == gamma else 0.0)
-        if level == gamma and found is None:
-            return state, steps
-        state = found or state
-    return state, len(levels)
-
-
-def fit_on_mesh(engine, state, watch=None, enough=0.0, most=STEPS_ON_MESH):
-    """Last steps, on the caller's mesh, as long as they promise enough and the error is not below `enough`: (state,
-    steps)."""
-    for steps in range(most):
-        if watch:
-            watch()
-        found = None if engine.error(state) < enough else engine.step(state, engine.weights.gamma, WORTH)
-        if found is None:
-            return state, steps
-        state = found
-    return state, most
-
-
-def start_field(z, faces, mu, grid):
-    """nu at the polar mesh's vertices from a coefficient mu (F,) on the faces of another disk mesh; 0 from None."""
-    if mu is None:
-        return np.zeros(len(grid), complex)
-    face, _ = locate(z, faces, grid)
-    return unbounded(check_coefficient(mu, len(faces))[face])
-
-
 def report_fit(engine, state, steps):
     """Certify a state's map and gather what `fit_landmarks` returns."""
-    mu, weights = bounded(state.nu), engine.weights
+    mu, weights, link = bounded(state.nu), engine.weights, engine.link
+    off = state.points - engine.problem.target
     terms = {
-        "L_mu": float((mu.conj() @ (engine.mass @ mu)).real),
-        "L_grad_mu": float((mu.conj() @ (engine.laplace @ mu)).real),
-        "L_Landmark": mean_square(state.points - engine.problem.target),
+        "L_mu": float((mu.conj() @ (link.mass @ mu)).real),
+        "L_grad_mu": float((mu.conj() @ (link.laplace @ mu)).real),
+        "L_Landmark": float((abs(off) ** 2).mean()) if len(off) else 0.0,
     }
     terms["L_CP"] = float(sum(factor * terms[name] for name, factor in weights.factors.items()))
-    if engine.dense is not None:
-        terms["L_features"] = float((engine.dense.residual(state.f) ** 2).sum() / weights.delta)
-    found = certified(engine.problem, state.f, state.mobius, state.words)
+    if engine.features is not None:
+        terms["L_features"] = float((engine.features.residual(state.f) ** 2).sum() / weights.delta)
+    words = solver_words(state.solution, state.switched)
+    found = certified(engine.problem, state.f, state.mobius, words, state.switched)
     return LandmarkFit(**vars(found), steps=steps, losses=terms)
-
-
-def mean_square(change):
-    """Mean |change|^2 over landmarks; 0 without any."""
-    return float((abs(change) ** 2).mean()) if len(change) else 0.0

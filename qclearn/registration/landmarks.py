@@ -7,7 +7,6 @@ from numpy import ndarray
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
-from ..plane.diskmesh import interpolate, locate
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import Surface
 from .problem import LandmarkError
@@ -131,11 +130,10 @@ def detect_curves(
     return [z[fundus_path(surface, start, end, metric)] for start, end in np.asarray(endpoints)]
 
 
-def curves_in_space(surface, z, curves, count=SAMPLES):
-    """Points (count, 3) on the surface, equally spaced by arc length, of each of the curves (k,) in its disk map z."""
+def curves_in_space(side, curves, count=SAMPLES):
+    """Points (count, 3) on a `Side`'s surface, equally spaced by arc length, of each of the curves (k,) in its disk."""
     fine = [_subdivide(np.asarray(curve, complex), count) for curve in curves]
-    places = locate(z, surface.faces, np.concatenate(fine))
-    points = interpolate(surface.vertices, surface.faces, *places)
+    points = side.lift(np.concatenate(fine))
     return [_equally_spaced(part, count) for part in np.split(points, np.cumsum([len(part) for part in fine])[:-1])]
 
 

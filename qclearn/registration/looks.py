@@ -10,32 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from ..plane.disk import BeltramiDiskSolver
-from ..plane.diskmesh import sampling_matrix
-from ..plane.fields import bounded
 from ..plane.mobius import compose_mobius, mobius, mobius_fields, mobius_slope
-from ..plane.tangent import Carrier, Tangent
+from ..plane.tangent import Tangent
 
 MOST = 0.6  # of |change of nu| that one step may make: beyond, it is damped
 LOWER, LEAST = 0.3, 1e-7  # by how much at once, and how far at most
 RISE, BACK = 1.02, 0.4  # a look whose objective is that much higher is taken back to this share of its step
 TURNS = 6  # Gauss-Newton steps of the Möbius map at each look
 RIDGE = 1e-9  # relative, of the Möbius columns: fewer than two landmarks leave some of them free
-
-
-class Link:
-    """A disk mesh z (V,), faces (F, 3) beside the polar mesh of a `Spectrum`, which carries nu: what no landmark
-    changes."""
-
-    def __init__(self, z, faces, spectrum):
-        self.spectrum, self.solver = spectrum, BeltramiDiskSolver(z, faces)
-        _ = self.solver.calibration  # cached
-        self.carrier = Carrier(self.solver, spectrum.mesh)
-        self.to_faces = sampling_matrix(*spectrum.mesh, self.solver.z[self.solver.faces].mean(1))
-
-    def coefficient(self, nu):
-        """mu (F,) of nu (N,) at the vertices of the polar mesh."""
-        return bounded(self.to_faces @ nu)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,17 +51,19 @@ class Look:
 
 
 class Looks:
-    """The looks at one problem: landmarks p with targets q (M,), and the ratios beta / alpha and gamma / alpha.
+    """The looks at landmarks p with targets q (M,) on a `Link` whose mesh is that of a `Spectrum`, at the ratios beta /
+    alpha and gamma / alpha.
 
     Whitened coefficients x (2 N - 2,): those of nu times sqrt(1 + beta Laplace), real and imaginary parts by turns.
     Residual r (2 M,): sqrt(gamma / M) times M(f(p)) - q, the real parts before the imaginary ones.
     """
 
-    def __init__(self, link, p, q, beta, gamma):
-        self.link, self.target, self.scale = link, q, np.sqrt(gamma / len(p))
-        self.root = np.sqrt(1 + beta * link.spectrum.values)
+    def __init__(self, link, spectrum, points, beta, gamma):
+        p, self.target = points
+        self.link, self.spectrum, self.scale = link, spectrum, np.sqrt(gamma / len(p))
+        self.root = np.sqrt(1 + beta * spectrum.values)
         self.samples, _ = link.carrier.values_at(p)
-        self.tangent = Tangent(link.solver, link.spectrum.mesh, self.samples, link.carrier)
+        self.tangent = Tangent(link.solver, link.mesh, self.samples, link.carrier)
 
     def run(self, start, count):
         """(proposal, best look so far) before any look, and after each of `count`; one exact map a look, no other.
@@ -109,16 +93,16 @@ class Looks:
         return proposal.nu, wanted, left
 
     def proposal(self, nu):
-        return Proposal(nu, (self.root * self.link.spectrum.coefficients(nu)).view(float))
+        return Proposal(nu, (self.root * self.spectrum.coefficients(nu)).view(float))
 
     def field(self, x):
         """nu (N,) of whitened coefficients."""
-        return self.link.spectrum.field(x.view(complex) / self.root)
+        return self.spectrum.field(x.view(complex) / self.root)
 
     def at_zero(self):
         """The look at nu = 0: no map needs to be found."""
         nowhere = Proposal(np.zeros(len(self.root) + 1, complex), np.zeros(2 * len(self.root)))
-        return self.seen(nowhere, self.link.solver.z, None)
+        return self.seen(nowhere, self.link.disk.z, None)
 
     def look(self, proposal, parameters):
         """The exact map of a proposal, its Möbius map refitted from `parameters` on."""
@@ -153,7 +137,7 @@ class Looks:
         P, Q = (part[:-2] for part in self.tangent.variation(look.proposal.nu, look.f, np.complex64))
         slope = (self.scale * (self.samples @ mobius_slope(look.f, *look.mobius))[:, None]).astype(P.dtype)
         white = (1 / self.root).astype(slope.real.dtype)
-        P, Q = (self.link.spectrum.gradients(part) * white for part in ((slope * P).conj(), slope * Q))
+        P, Q = (self.spectrum.gradients(part) * white for part in ((slope * P).conj(), slope * Q))
         fields = mobius_fields(self.samples @ mobius(look.f, *look.mobius))
         columns, _ = np.linalg.qr(self.components(fields))
         rows = np.concatenate([P + Q, 1j * (P - Q)]).astype(complex).view(float)

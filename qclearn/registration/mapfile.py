@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..files.safe import explain, npz_arrays, read_bytes, write_whole
-from ..plane.bijectivity import check_embedding
+from ..plane.disk import Disk
 from ..surfaces.surface import SurfaceError
 
 FORMAT_VERSION = 1  # raise it when an array's meaning changes, so that old programs do not misread new files
@@ -54,7 +54,7 @@ def read_registration(path):
             if name in arrays:
                 _check_shape(name, arrays[name], (len(np.atleast_1d(arrays[like])), *row), kinds)
         for side, disk in (("moving", "disk_map"), ("control", "disk_control")):
-            _check_mesh(disk, arrays[disk], arrays[f"faces_{side}"])
+            _check_mesh(arrays, disk, f"faces_{side}")
         if "checksum" in arrays and str(arrays.pop("checksum")) != _checksum(arrays):
             raise _damaged("its checksum is not that of its arrays")
     return arrays
@@ -78,8 +78,9 @@ def _check_shape(name, array, shape, kinds):
         raise _damaged(f"{name} is not finite at {bad.size} places, the first {bad[0]}")
 
 
-def _check_mesh(name, z, faces):
+def _check_mesh(arrays, name, triangles):
     """The faces must use all points, and lay them into the unit disk without a fold."""
+    z, faces = arrays[name], arrays[triangles]
     outside = np.flatnonzero(abs(z) > 1 + 1e-6)
     if outside.size:
         raise _damaged(f"{name} leaves the unit disk at {outside.size} vertices, the first {outside[0]}")
@@ -88,7 +89,7 @@ def _check_mesh(name, z, faces):
         used[faces] = True
     if not used.all():
         raise _damaged(f"the faces of {name} do not use its {len(z)} vertices, each at least once")
-    flipped = check_embedding(faces.astype(np.int64), z.astype(complex)).flipped
+    flipped = Disk(z, faces).certificate.flipped
     if len(flipped):
         raise _damaged(f"{name} is folded at {len(flipped)} faces, the first {flipped[0]}")
 

@@ -5,7 +5,6 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
-from ..plane.beltrami import corner_average, signed_areas, stiffness
 from ..plane.triangles import corner_angles, edge_lengths
 
 SMALLEST_RATIO = 1e-6  # of a face's area to its share, where it is measured
@@ -41,18 +40,17 @@ def measured_losses(problem, weights, mu, mapped):
     `L_mu = (1/pi) sum |T| |mu_T|^2`; for `L_grad_mu = (1/pi) int |grad mu|^2` mu is made piecewise linear by averages
     over the faces around each vertex, by area. Source: paper, eqs. muloss, musmooth, lmloss, RegLoss.
     """
-    z, faces = problem.z, problem.faces
-    areas = signed_areas(z, faces)
-    nodal = corner_average(faces, len(z), areas) @ mu
+    disk = problem.disk
+    nodal = disk.to_vertices @ mu
     terms = {
-        "L_mu": float(areas @ abs(mu) ** 2) / np.pi,
-        "L_grad_mu": float((nodal.conj() @ (stiffness(z, faces, np.zeros(len(faces))) @ nodal)).real) / np.pi,
+        "L_mu": float(disk.areas @ abs(mu) ** 2) / np.pi,
+        "L_grad_mu": float((nodal.conj() @ (disk.laplace @ nodal)).real) / np.pi,
         "L_Landmark": float((abs(mapped - problem.target) ** 2).mean()),
     }
     return terms | {"L_CP": sum(factor * terms[name] for name, factor in weights.factors.items())}
 
 
-def coefficient_measures(surface, z, mu):
+def coefficient_measures(surface, disk, mu):
     """|mu| over the faces of the moving mesh, over its disk's area and over the surface's own area, plain numbers.
 
     `coefficient_statistics` and `p95_abs_mu` count each face once, as the paper's table does; `_disk` and `_area`
@@ -60,7 +58,7 @@ def coefficient_measures(surface, z, mu):
     reversed.
     """
     size, result = abs(mu), {**coefficient_statistics(mu), "p95_abs_mu": float(np.percentile(abs(mu), 95))}
-    for name, areas in (("disk", signed_areas(z, surface.faces)), ("area", surface.face_areas)):
+    for name, areas in (("disk", disk.areas), ("area", surface.face_areas)):
         mean = np.average(size, weights=areas)
         result |= {
             f"mean_abs_mu_{name}": float(mean),
@@ -115,7 +113,7 @@ def distortion_measures(surface, points):
     faces, by their area, of |log2 of the area ratio|, both total areas made equal. A face that has lost its area
     counts with the ratio `SMALLEST_RATIO`.
     """
-    here, there = (corner_angles(edge_lengths(vertices, surface.faces)) for vertices in (surface.vertices, points))
+    here, there = (corner_angles(edge_lengths(place[surface.faces])) for place in (surface.vertices, points))
     a, b, c = (points[corner] for corner in surface.faces.T)
     areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
     ratio = np.maximum((areas / areas.sum()) / (surface.face_areas / surface.area), SMALLEST_RATIO)
@@ -131,7 +129,7 @@ def log2_distortions(surface, points):
     `log2_area`: |log2 J|, J the ratio of areas, both total areas made equal; `log2_shape`: log2 R, R the ratio of the
     two principal stretches, `(1 + |mu|) / (1 - |mu|)`. A face that has lost its area counts as `SMALLEST_RATIO`.
     """
-    p, q = (_flattened(vertices, surface.faces) for vertices in (surface.vertices, points))
+    p, q = (_flattened(vertices[surface.faces]) for vertices in (surface.vertices, points))
     # On each face the map is w -> a w + b conj(w).
     double_area = p[0] * p[1].conj() - p[1] * p[0].conj()
     a = (q[0] * p[1].conj() - q[1] * p[0].conj()) / double_area
@@ -144,9 +142,9 @@ def log2_distortions(surface, points):
     return {name: [float(weights @ value), _quantile(value, weights, 0.95)] for name, value in values.items()}
 
 
-def _flattened(vertices, faces):
-    """Two edges of each face, from its first corner, in a plane of its own: complex (2, F)."""
-    first, second = (vertices[faces[:, k]] - vertices[faces[:, 0]] for k in (1, 2))
+def _flattened(corners):
+    """Two edges of each face (F, 3, 3), from its first corner, in a plane of its own: complex (2, F)."""
+    first, second = (corners[:, k] - corners[:, 0] for k in (1, 2))
     length = np.linalg.norm(first, axis=1)
     along = first / np.maximum(length, np.finfo(float).tiny)[:, None]
     x = (second * along).sum(1)

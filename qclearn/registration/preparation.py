@@ -1,19 +1,13 @@
-"""What a registration begins with: disk maps laid upon each other, and landmarks sampled on both."""
+"""What a registration begins with: two sides laid upon each other, and landmarks sampled on both."""
 
-import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from scipy.sparse import vstack
 
-from ..plane.beltrami import cotangent_stiffness
-from ..plane.bijectivity import RepairWarning, check_embedding, flipped_faces, repair
-from ..plane.diskmesh import sampling_matrix
-from ..plane.mobius import best_mobius, mobius
-from ..plane.triangles import edge_lengths
-from ..surfaces.conformal import disk_conformal_map
-from ..surfaces.surface import Surface
+from ..plane.mobius import best_mobius
+from ..surfaces.side import Side, moved
 from .checked import guarded_curves
 from .features import FeatureError, Features
 from .landmarks import POINTS_PER_CURVE, detect_curves, resample, sample_curve
@@ -21,34 +15,24 @@ from .problem import LandmarkError, Problem, distinct, meeting
 from .search import mobius_by_features
 
 
-def conformal(surface):
-    """The disk conformal map of a surface (V,), and words on what was repaired, list."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", RepairWarning)
-        z = disk_conformal_map(surface)
-    return z, [str(warning.message) for warning in caught]
-
-
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class Sides:
-    """Two surfaces, the curves to fit and those held out (as `check_curves` returns them), and what is found of them.
+    """Two `Side`s, the curves to fit and those held out (as `check_curves` returns them), and features or None."""
 
-    z_moving, z_control: disk maps, the moving one laid upon the control's by `lay_upon`; features: `Features` or None;
-    words: what was repaired on the way.
-    """
-
-    moving: Surface
-    control: Surface
+    moving: Side
+    control: Side
     entries: list
     held: list
-    z_moving: np.ndarray | None = None
-    z_control: np.ndarray | None = None
     features: Features | None = None
-    words: list = field(default_factory=list)
+
+    @property
+    def words(self):
+        """What was repaired when the two were laid out."""
+        return [f"{name}: {word}" for name in ("moving", "control") for word in getattr(self, name).words]
 
 
 @dataclass(frozen=True, eq=False)
-class Landmarks:
+class Sampled:
     """The landmarks of two `Sides`, ten a curve, and the `Problem` of the distinct ones.
 
     samples: sparse (10 K, V) of moving and control; lines: name -> (moving, control) curve in the disk; words: what
@@ -61,59 +45,48 @@ class Landmarks:
     words: list
 
 
-def lay_upon(sides):
-    """Lay the moving disk upon the control's by a Möbius map: of the curves' given points, or of features alone."""
-    moving, control = sides.moving, sides.control
+def laid_upon(sides):
+    """The sides with the moving disk laid upon the control's by a Möbius map: of the curves' given points, or of
+    features alone."""
     if sides.entries:
-        sides.z_moving = align(moving, sides.z_moving, control, sides.z_control, sides.entries)
-    else:
-        parameters = mobius_by_features(sides.features, sides.z_moving)
-        sides.z_moving, whole = moved_disk(moving, sides.z_moving, parameters)
-        if not whole:
-            raise FeatureError("the features pull the moving disk onto its rim; give a landmark curve or two")
+        return replace(sides, moving=align(sides.moving, sides.control, sides.entries))
+    laid = moved(sides.moving, mobius_by_features(sides.features, sides.moving.disk.z))
+    if not laid.whole:
+        raise FeatureError("the features pull the moving disk onto its rim; give a landmark curve or two")
+    return replace(sides, moving=laid)
 
 
 def sampled(sides, detect=None, sliding=False):
-    """The `Landmarks` of two sides; curves of which ends alone are given by `detect`, or else the shortest paths."""
+    """Landmarks of two `Sides`, `Sampled`; curves of which ends alone are given by `detect`, or else shortest paths."""
     moving, control, entries = sides.moving, sides.control, sides.entries
     if not entries:
-        return Landmarks((), {}, Problem(sides.z_moving, moving.faces, [], [], fewest=0), [])
-    samples_moving, lines_moving, words = sample_side(moving, sides.z_moving, entries, "moving", detect)
-    samples_control, lines_control, more = sample_side(control, sides.z_control, entries, "control", detect)
-    p, q = samples_moving @ sides.z_moving, samples_control @ sides.z_control
+        return Sampled((), {}, Problem(moving.disk, [], [], fewest=0), [])
+    samples_moving, lines_moving, words = sample_side(moving, entries, "moving", detect)
+    samples_control, lines_control, more = sample_side(control, entries, "control", detect)
+    p, q = samples_moving @ moving.disk.z, samples_control @ control.disk.z
     once = distinct_landmarks(entries, p, q)
-    problem = Problem(sides.z_moving, moving.faces, p[once], q[once], once // POINTS_PER_CURVE, sliding)
+    problem = Problem(moving.disk, p[once], q[once], once // POINTS_PER_CURVE, sliding)
     lines = {entry["name"]: pair for entry, pair in zip(entries, zip(lines_moving, lines_control))}
-    return Landmarks((samples_moving, samples_control), lines, problem, words + more)
+    return Sampled((samples_moving, samples_control), lines, problem, words + more)
 
 
-def align(moving, z_moving, control, z_control, entries):
-    """z_moving after the Möbius map that best carries the given points (ends or whole curves) to the control's."""
+def align(moving, control, entries):
+    """The moving `Side` after the Möbius map that best carries the given points (ends or whole curves) to the
+    control's."""
     p, q = [], []
     for entry in entries:
         whole = min(len(entry["moving"]), len(entry["control"])) > 2
         count = POINTS_PER_CURVE if whole else 2
-        p.append(sample_curve(moving, entry["moving"], count) @ z_moving)
-        q.append(sample_curve(control, entry["control"], count) @ z_control)
-    z, whole = moved_disk(moving, z_moving, best_mobius(np.concatenate(p), np.concatenate(q)))
-    if not whole:
+        p.append(sample_curve(moving.surface, entry["moving"], count) @ moving.disk.z)
+        q.append(sample_curve(control.surface, entry["control"], count) @ control.disk.z)
+    laid = moved(moving, best_mobius(np.concatenate(p), np.concatenate(q)))
+    if not laid.whole:
         raise LandmarkError(
             f"curve {farthest_curve(entries, p, q)!r} pulls the moving disk onto its rim: the Möbius map "
             "that carries the given points to the control's leaves no room for the rest; check this "
             "curve's ends on both sides, keep them off the rim, or give curves elsewhere as well"
         )
-    return z
-
-
-def moved_disk(surface, z, parameters):
-    """A disk map z (V,) after a Möbius map, mended where that folds it: (z, whether it is whole)."""
-    z, loop = mobius(z, *parameters), surface.boundary
-    z[loop] /= abs(z[loop])
-    if not check_embedding(surface.faces, z).bijective:
-        lengths = edge_lengths(surface.vertices, surface.faces)
-        z, _, _ = repair(cotangent_stiffness(surface.vertices, surface.faces), surface.faces, lengths, z)
-    steps = np.angle(np.roll(z[loop], -1) / z[loop])
-    return z, steps.min() > 0 and not len(flipped_faces(surface.faces, z))
+    return laid
 
 
 def farthest_curve(entries, p, q):
@@ -126,20 +99,20 @@ def farthest_curve(entries, p, q):
     return entries[int(np.argmin([shift(k) for k in range(len(entries))]))]["name"]
 
 
-def sample_side(surface, z, entries, side, detect=None):
-    """One side's landmarks: (sampling matrix (10 K, V), list of K curves in the disk, list of words).
+def sample_side(own, entries, side, detect=None):
+    """The landmarks of a `Side`, "moving" or "control": sampling matrix (10 K, V), K curves in the disk, words.
 
     Where only ends are given, by `detect` as in checked.py, or else the shortest paths.
     """
-    words = []
+    surface, z, words = own.surface, own.disk.z, []
     if detect:
-        lines, words = guarded_curves(detect, surface, z, entries, side)
+        lines, words = guarded_curves(detect, own, entries, side)
     else:
         ends = [entry[side] for entry in entries if entry["detect"][side]]
         found = iter(detect_curves(surface, z, ends) if ends else [])
         lines = [next(found) if entry["detect"][side] else z[entry[side]] for entry in entries]
     stops = np.cumsum([0, *map(len, lines)])
-    corners = sampling_matrix(z, surface.faces, np.concatenate(lines))  # of all at once: looking up places is slow
+    corners = own.disk.sampling(np.concatenate(lines))  # of all at once: looking up places is slow
     matrices = [resample(surface, corners[start:stop], POINTS_PER_CURVE) for start, stop in pairwise(stops)]
     return vstack(matrices).tocsr(), lines, words
 

@@ -5,8 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ..plane.checks import BeltramiError, check_mesh, complex_numbers
-from ..plane.diskmesh import sampling_matrix
+from ..plane.checks import BeltramiError, complex_numbers
+from ..plane.disk import Disk
 from ..plane.mobius import best_mobius
 
 DELTA = 1.0  # weight of features where there are any, unless a call says otherwise
@@ -40,9 +40,9 @@ class Weights:
         if not (is_finite(self.delta) and self.delta >= 0):
             raise LandmarkError(f"delta = {self.delta!r}: must be finite and not negative (0.1 to 1 is usual)")
 
-    def at(self, gamma):
-        """The same with another gamma."""
-        return replace(self, gamma=gamma)
+    def at(self, gamma, delta=None):
+        """The same with another gamma, and delta if given."""
+        return replace(self, gamma=gamma, delta=self.delta if delta is None else delta)
 
     @property
     def factors(self):
@@ -54,38 +54,31 @@ class Weights:
 class Problem:
     """Landmarks of one moving disk to be carried to their targets in the control's disk.
 
-    z (V,) complex, faces (F, 3): the moving surface's disk mesh, its boundary on the unit circle; moving, target (M,)
-    complex: landmarks p in that disk and q in the control's; curve (M,) int: which curve each belongs to, in order;
-    sliding: inner points of a curve may move along their target curve, where a method can let them; fewest: how many
-    landmarks there must be (0: features lead); sides: the two surfaces with their own disk maps, for methods that look
-    at folds (`Sides` in preparation.py), None where landmarks alone are known.
-    A method returns f (V,) complex: where each vertex lies in the control's disk. BeltramiError for an unusable mesh,
-    LandmarkError for unusable landmarks.
+    disk: the moving surface's `Disk`, its boundary on the unit circle; moving, target (M,) complex: landmarks p in that
+    disk and q in the control's; curve (M,) int: which curve each belongs to, in order; sliding: inner points of a curve
+    may move along their target curve, where a method can let them; fewest: how many landmarks there must be (0:
+    features lead); sides: the two surfaces on their disks, for methods that look at folds (`Sides` in preparation.py),
+    None where landmarks alone are known.
+    A method returns f (V,) complex: where each vertex lies in the control's disk. LandmarkError for unusable landmarks.
     """
 
-    z: np.ndarray
-    faces: np.ndarray
+    disk: Disk
     moving: np.ndarray
     target: np.ndarray
     curve: np.ndarray = field(default=None)
     sliding: bool = False
     fewest: int = 1
     sides: object = None
-    engines: dict = field(default_factory=dict, init=False, repr=False)  # of fits so far, for those with other weights
 
     def __post_init__(self):
         landmarks = check_landmarks(self.moving, self.target, self.curve, self.sliding, self.fewest)
-        checked = *check_mesh(self.z, self.faces), *landmarks
-        for name, array in zip(("z", "faces", "moving", "target", "curve"), checked):
+        for name, array in zip(("moving", "target", "curve"), landmarks):
             object.__setattr__(self, name, array)
-
-    def __getstate__(self):
-        return self.__dict__ | {"engines": {}}  # their factors belong to one process
 
     @cached_property
     def samples(self):
         """Sparse (M, V): per-vertex data at the moving landmarks."""
-        return sampling_matrix(self.z, self.faces, self.moving)
+        return self.disk.sampling(self.moving)
 
     @cached_property
     def mobius(self):

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -12,14 +12,14 @@ from jaxtyping import Complex, Float, Integer
 from numpy import ndarray
 from tqdm import tqdm
 
+from ..surfaces.side import laid_out
 from ..surfaces.surface import Surface, require_disk, require_outward
 from .checked import TOLERANCE, bijective_fit, gamma_words, guarded_map, predicted
-from .features import FOLDS, Features, check_features
+from .features import FOLDS, check_features, featured
 from .landmarkfile import check_curves, held_apart
-from .preparation import Sides, conformal, lay_upon, sampled
+from .preparation import Sides, laid_upon, sampled
 from .problem import DELTA, LandmarkError, Weights
 from .report import report_of
-from .transfer import lift
 
 STAGES = {"exact": (5, 6), "network": (9, 8)}  # how many run without and with features
 
@@ -121,71 +121,73 @@ def register(
     """
     tolerance = check_method(method, sliding, tolerance, features)
     weights = Weights(alpha, beta, gamma, check_delta(delta, features))
-    sides = given_sides(moving, control, curves, features, hold_out)
+    entries, held = given_curves(moving, control, curves, features, hold_out)
     stages, networks, maps = Stages(STAGES[method][features is not None], progress), {}, []
     if features is not None:
         with stages("features"):
             maps = check_features(features, moving, control)
     if method == "network":
         with stages("load"):
-            networks = load_networks(sides, weights, ["ldnet", "cpnet", *["dbsnet"] * (features is None)])
-    lay_out(sides, maps, stages)
+            networks = load_networks(entries, features is not None)
+    sides = lay_out(moving, control, maps, stages)
     with stages("detect"):
-        lay_upon(sides)
+        sides = laid_upon(replace(sides, entries=entries, held=held))
         landmarks = sampled(sides, networks["ldnet"].detect if networks else None, sliding)
     if networks:
-        fit = fit_by_networks(networks, sides, landmarks.problem, weights, tolerance, stages)
+        fit = fit_by_networks(networks, sides.features, landmarks.problem, weights, tolerance, stages)
     else:
         with stages("map"):
             fit = bijective_fit(landmarks.problem, weights, None, 0.0, sides.features)
     with stages("pull_back"):
-        points = lift(control, sides.z_control, fit.f)
+        points = sides.control.lift(fit.f)
         found = report_of(sides, landmarks, weights, fit, points)
-    asked = {"method": method, **({"tolerance": finite_or_none(tolerance)} if networks and features is None else {})}
-    report = {**found, "seconds": stages.report(), **asked}
-    disks = sides.z_moving, sides.z_control
-    return Registration(points, fit.f, fit.mu, report, *disks, landmarks.lines, moving.faces, control.faces)
+    words = gamma_words(networks["cpnet"], weights) if networks else []
+    report = {**found, "fallbacks": words + found["fallbacks"], "seconds": stages.report(), "method": method}
+    if networks and features is None:
+        report["tolerance"] = finite_or_none(tolerance)
+    disks = sides.moving.disk, sides.control.disk
+    lines = landmarks.lines
+    return Registration(points, fit.f, fit.mu, report, *(d.z for d in disks), lines, *(d.faces for d in disks))
 
 
-def given_sides(moving, control, curves, features, hold_out):
-    """The surfaces and curves of a call, checked, as `Sides`."""
+def given_curves(moving, control, curves, features, hold_out):
+    """The curves of a call, checked: those to fit and those held out."""
     for surface in (moving, control):
         require_disk(surface)
         require_outward(surface)
     entries, held = held_apart(check_curves(curves, moving, control, int(features is None)), hold_out)
     if not entries and features is None:
         raise LandmarkError("all curves are held out: leave some to be fitted, or give features")
-    return Sides(moving, control, entries, held)
+    return entries, held
 
 
-def load_networks(sides, weights, names):
-    """The networks of these names, dict; LandmarkError without landmarks."""
-    if not sides.entries:
+def load_networks(entries, features):
+    """The networks that a registration needs, with features or without, dict; LandmarkError without landmarks."""
+    if not entries:
         raise LandmarkError("method 'network' needs landmarks: CP-Net knows nothing else; give method 'exact'")
-    networks = {name: load(name) for name in names}
-    sides.words += gamma_words(networks["cpnet"], weights)
-    return networks
+    return {name: load(name) for name in ("ldnet", "cpnet", *([] if features else ["dbsnet"]))}
 
 
-def lay_out(sides, maps, stages):
-    """The disk maps of both sides, and their `Features` if there are maps."""
+def lay_out(moving, control, maps, stages):
+    """Both surfaces on their disks, `Sides` without curves, and their `Features` if there are maps."""
     with stages("disk_moving"):
-        sides.z_moving, words_moving = conformal(sides.moving)
+        moving = laid_out(moving)
     with stages("disk_control"):
-        sides.z_control, words_control = conformal(sides.control)
-        sides.features = Features(sides.moving, sides.control, sides.z_control, maps) if maps else None
-    sides.words += [f"moving: {word}" for word in words_moving] + [f"control: {word}" for word in words_control]
+        control, features = laid_out(control), None
+        if maps:
+            moving, control, features = featured(moving, control, maps)
+    return Sides(moving, control, [], [], features)
 
 
-def fit_by_networks(networks, sides, problem, weights, tolerance, stages):
+def fit_by_networks(networks, features, problem, weights, tolerance, stages):
     """`guarded_map`; with features the fit that starts from CP-Net's answer."""
     predict = networks["cpnet"].predict
-    if sides.features is None:
+    if features is None:
         return guarded_map(predict, networks["dbsnet"].solve, problem, weights, tolerance, stages)
     with stages("predict"):
         mu = predicted(predict, problem, weights)
     with stages("map"):
-        return bijective_fit(problem, weights, mu, 0.0, sides.features)
+        return bijective_fit(problem, weights, mu, 0.0, features)
 
 
 def check_method(method, sliding, tolerance, features):

@@ -4,31 +4,28 @@ from importlib.metadata import version
 
 import numpy as np
 
-from ..plane.diskmesh import sampling_matrix
-from ..plane.mobius import mobius
+from ..plane.mobius import best_mobius, mobius
 from ..surfaces.checks import degenerate_faces
-from .landmarks import curve_distance, curves_in_space
-from .metrics import coefficient_statistics, log2_distortions, mean_rows
+from .landmarks import POINTS_PER_CURVE, curve_distance, curves_in_space, sample_curve
+from .metrics import coefficient_statistics, curve_rows, log2_distortions, mean_rows
 from .preparation import sample_side
 from .suspect import disagreeing, reasons
-from .transfer import error_rows
 
 ERRORS = "landmark_error_before", "landmark_error", "landmark_error_mm"  # null where no landmark was given
 
 
 def report_of(sides, landmarks, weights, fit, points):
     """The report of a registration, a dict for JSON, but for what the call asked for and the seconds it took."""
-    rows, features = landmark_rows(sides, landmarks, fit), sides.features
-    plain = mobius(sides.z_moving, *landmarks.problem.mobius)
-    suspect = reasons(sides.moving, sides.control, sides.z_moving, sides.z_control, sides.entries, rows, fit)
+    rows, features, moving = error_rows(sides, landmarks.samples, fit.f), sides.features, sides.moving.surface
+    plain = mobius(sides.moving.disk.z, *landmarks.problem.mobius)
     return {
         **dict.fromkeys(ERRORS),
         **mean_rows(rows),
         **coefficient_statistics(fit.mu),
-        **log2_distortions(sides.moving, points),
+        **log2_distortions(moving, points),
         "flipped": len(fit.flipped),
         "bijective": fit.bijective,
-        "degenerate": len(degenerate_faces(points, sides.moving.faces)),
+        "degenerate": len(degenerate_faces(points, moving.faces)),
         "fallbacks": [*sides.words, *landmarks.words, *fit.fallbacks],
         "alpha": weights.alpha,
         "beta": weights.beta,
@@ -39,17 +36,42 @@ def report_of(sides, landmarks, weights, fit, points):
         "mobius": {"a": [fit.mobius[0].real, fit.mobius[0].imag], "theta": fit.mobius[1]},
         "curves": rows,
         "held_out_mm": held_out_distances(sides, plain, fit.f),
-        "suspect": [*suspect, *(disagreeing(features, plain) if features else [])],
+        "suspect": [*reasons(sides, rows, fit), *(disagreeing(features, plain) if features else [])],
         "version": version("qclearn"),
     }
 
 
-def landmark_rows(sides, landmarks, fit):
-    """`error_rows` of the fitted curves, [] without any."""
-    if not sides.entries:
+def error_rows(sides, samples, f):
+    """Per fitted curve its errors; for a detected one also between the true curves, where the surfaces carry them.
+
+    samples: the landmarks of the moving and of the control surface, sparse (10 K, V) each; f (V,): the map.
+    `landmark_error_true` is the error of the map between points on the true curves, which took no part in finding it.
+    """
+    moving, control, entries = sides.moving, sides.control, sides.entries
+    if not entries:
         return []
-    maps = sides.moving, sides.control, sides.z_moving, sides.z_control
-    return error_rows(*maps, sides.entries, landmarks.samples, fit.f)
+    p, mapped, q = samples[0] @ moving.disk.z, samples[0] @ f, samples[1] @ control.disk.z
+    off = np.linalg.norm(control.lift(mapped) - samples[1] @ control.surface.vertices, axis=1)
+    before = abs(mobius(p, *best_mobius(p, q)) - q)
+    rows = curve_rows([entry["name"] for entry in entries], before, abs(mapped - q), off)
+    for row, entry in zip(rows, entries):
+        paths = true_path(moving.surface, entry, "moving"), true_path(control.surface, entry, "control")
+        if any(entry["detect"].values()) and all(path is not None for path in paths):
+            true_p, true_q = (
+                sample_curve(side.surface, path, POINTS_PER_CURVE) for side, path in zip((moving, control), paths)
+            )
+            row["landmark_error_true"] = float(abs(true_p @ f - true_q @ control.disk.z).mean())
+    return rows
+
+
+def true_path(surface, entry, side):
+    """The vertex path of a curve as given, or as the surface carries it between the given endpoints, else None."""
+    given, known = entry[side], surface.curves.get(entry["name"])
+    if not entry["detect"][side]:
+        return given
+    if known is None or sorted(known[[0, -1]]) != sorted(given):
+        return None
+    return known if known[0] == given[0] else known[::-1]
 
 
 def held_out_distances(sides, *maps):
@@ -57,16 +79,11 @@ def held_out_distances(sides, *maps):
     control's length, for each of the maps (V,)."""
     if not sides.held:
         return {}
-    lines_moving, lines_control = (
-        sample_side(surface, z, sides.held, side)[1]
-        for surface, z, side in (
-            (sides.moving, sides.z_moving, "moving"),
-            (sides.control, sides.z_control, "control"),
-        )
-    )
+    lines_moving = sample_side(sides.moving, sides.held, "moving")[1]
+    lines_control = sample_side(sides.control, sides.held, "control")[1]
     stops = np.cumsum([len(line) for line in lines_moving])[:-1]
-    samples = sampling_matrix(sides.z_moving, sides.moving.faces, np.concatenate(lines_moving))
-    wanted = curves_in_space(sides.control, sides.z_control, lines_control)
-    found = [curves_in_space(sides.control, sides.z_control, np.split(samples @ f, stops)) for f in maps]
+    samples = sides.moving.disk.sampling(np.concatenate(lines_moving))
+    wanted = curves_in_space(sides.control, lines_control)
+    found = [curves_in_space(sides.control, np.split(samples @ f, stops)) for f in maps]
     distances = [[float(curve_distance(*pair)) for pair in zip(curves, wanted)] for curves in found]
     return {entry["name"]: list(row) for entry, row in zip(sides.held, zip(*distances))}

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..plane.mobius import compose_mobius, mobius, mobius_fields
-from .dense import Image
+from .terms import Image
 
 SCALE = 16.0  # mm, of the features that are compared
 TURNS, RADII, DIRECTIONS = 24, (0.25, 0.5), 8  # of the maps to begin with: angles, and which points they send to 0
@@ -37,7 +37,7 @@ class Match:
 
     def __init__(self, features, z, some):
         here, there = features.at(SCALE)
-        self.lookup, self.image, self.z = features.lookup, Image(features, there), z[some]
+        self.lookup, self.image, self.z = features.disk.lookup, Image(features.disk, there), z[some]
         self.shares, self.here = np.sqrt(features.shares / len(some)), here[some]
 
     def residual(self, places):

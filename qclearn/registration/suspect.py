@@ -5,7 +5,6 @@ run from its other end, two curves swapped, ...) the curves' ends fit much bette
 reason is one text: a fixed word, what was found, at which curves, and what to do.
 """
 
-import re
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -49,18 +48,17 @@ class Reading:
     reason: str = ""
 
 
-def reasons(moving, control, z_moving, z_control, entries, rows, fit):
-    """Why a registration is suspect: a list of texts, each with its fixed word first; empty where nothing is.
+def reasons(sides, rows, fit):
+    """Why a registration of two `Sides` is suspect: texts, each with its fixed word first; [] where nothing is.
 
-    z_moving, z_control: disk maps; entries as `check_curves` returns them; rows: the landmark errors of
-    `error_rows`; fit: the `CertifiedMap`.
+    rows: the landmark errors of `error_rows`; fit: the `CertifiedMap`.
     """
     return [
-        *mistakes(moving, control, z_moving, z_control, entries),
+        *mistakes(sides),
         *(large_error(mean_rows(rows)) if rows else ()),
         *(odd_curves(rows) if rows else ()),
-        *switched_rows(fit.fallbacks, len(moving.vertices)),
-        *strong_distortion(moving, fit.mu),
+        *switched_rows(fit, sides.moving.surface),
+        *strong_distortion(sides.moving.surface, fit.mu),
     ]
 
 
@@ -106,18 +104,13 @@ def odd_curves(rows):
             )
 
 
-def rows_switched(words):
-    """How many rows the fit has switched, from its fallbacks: the most, where maps were tried one after the other."""
-    return max((int(count) for word in words for count in re.findall(r"(\d+) rows switched", word)), default=0)
-
-
-def switched_rows(words, n_vertices):
-    """`rows:` where the map had to be repaired at many vertices."""
-    count = rows_switched(words)
-    if count > LIMITS["rows"] * n_vertices:
+def switched_rows(fit, surface):
+    """`rows:` where the `CertifiedMap` of a surface had to be repaired at many vertices."""
+    n_vertices = len(surface.vertices)
+    if fit.switched > LIMITS["rows"] * n_vertices:
         yield (
-            f"rows: the map folded and was repaired at {count} of {n_vertices} vertices; no good landmarks ask for "
-            "that: check the order, the names and the ends of the curves"
+            f"rows: the map folded and was repaired at {fit.switched} of {n_vertices} vertices; no good landmarks ask "
+            "for that: check the order, the names and the ends of the curves"
         )
 
 
@@ -136,25 +129,25 @@ def strong_distortion(moving, mu):
         )
 
 
-def mistakes(moving, control, z_moving, z_control, entries):
+def mistakes(sides):
     """The mistakes in surfaces and landmarks that explain the curves' ends much better than the landmarks as given."""
-    if len(entries) < FEWEST:
+    if len(sides.entries) < FEWEST:
         return []
-    given = given_reading(z_moving, z_control, entries)
+    given = given_reading(sides)
     start, words = given, []
-    best = best_reading([given, *of_surfaces(given, moving, control, z_moving, z_control, entries), *of_order(given)])
+    best = best_reading([given, *of_surfaces(given, sides), *of_order(given)])
     if best.reason and accepted(given, best):
         start, words = best, [best.reason]
     best = in_order(start)
     if best is not start and accepted(start, best):
-        words += order_words(best, [entry["name"] for entry in entries])
+        words += order_words(best, [entry["name"] for entry in sides.entries])
     return words
 
 
-def given_reading(z_moving, z_control, entries):
-    """The landmarks as given."""
-    p, q = (z[ends(entries, side)] for side, z in (("moving", z_moving), ("control", z_control)))
-    return Reading(p, q, np.arange(len(entries)), np.zeros(len(entries), bool))
+def given_reading(sides):
+    """The landmarks of two `Sides` as given."""
+    p, q = (getattr(sides, side).disk.z[ends(sides.entries, side)] for side in ("moving", "control"))
+    return Reading(p, q, np.arange(len(p)), np.zeros(len(p), bool))
 
 
 def ends(entries, side):
@@ -207,8 +200,9 @@ def compared(given, other):
     }
 
 
-def of_surfaces(reading, moving, control, z_moving, z_control, entries):
+def of_surfaces(reading, sides):
     """Readings in which the surfaces are not those that the landmarks mean."""
+    z_moving, z_control = sides.moving.disk.z, sides.control.disk.z
 
     def change(p, q, reason):
         return replace(reading, p=p, q=q, reason=reason)
@@ -219,7 +213,7 @@ def of_surfaces(reading, moving, control, z_moving, z_control, entries):
         "mirror: the curves fit the mirrored moving surface much better; give "
         "--mirror (library: qc.mirror), or leave it out if it was given: one side is a left, the other a right",
     )
-    pairs = {side: ends(entries, side) for side in ("moving", "control")}
+    pairs = {side: ends(sides.entries, side) for side in ("moving", "control")}
     if pairs["control"].max() < len(z_moving) and pairs["moving"].max() < len(z_control):
         yield change(
             z_moving[pairs["control"]],
@@ -227,13 +221,13 @@ def of_surfaces(reading, moving, control, z_moving, z_control, entries):
             "exchanged: the curves fit much better with "
             'MOVING and CONTROL exchanged; exchange the two surfaces, or "moving" and "control" in the landmarks',
         )
-    cut = {side: cut_numbers(surface, pairs[side]) for side, surface in (("moving", moving), ("control", control))}
-    for sides in (("moving",), ("control",), ("moving", "control")):
-        if all(cut[side] is not None for side in sides):
+    cut = {side: cut_numbers(getattr(sides, side).surface, numbers) for side, numbers in pairs.items()}
+    for read in (("moving",), ("control",), ("moving", "control")):
+        if all(cut[side] is not None for side in read):
             yield change(
-                z_moving[cut["moving"]] if "moving" in sides else reading.p,
-                z_control[cut["control"]] if "control" in sides else reading.q,
-                f"numbering: the {' and '.join(sides)} vertices fit much better as those of the whole surface, "
+                z_moving[cut["moving"]] if "moving" in read else reading.p,
+                z_control[cut["control"]] if "control" in read else reading.q,
+                f"numbering: the {' and '.join(read)} vertices fit much better as those of the whole surface, "
                 "before it was cut open; give those of the cut one: the positions of your numbers in "
                 "original_vertices, which `qclearn open` keeps in the npz",
             )

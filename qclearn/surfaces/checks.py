@@ -5,7 +5,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from ..plane.diskmesh import SurfaceError
+from ..plane.checks import SurfaceError
 
 LARGEST = 1e60  # of a coordinate: a squared area, its fourth power, is still a number
 

@@ -6,10 +6,11 @@ import numpy as np
 from jaxtyping import Complex, Float
 from numpy import ndarray
 
-from ..plane.beltrami import Dirichlet, cotangent_stiffness
-from ..plane.bijectivity import BijectivityError, RepairWarning, check_embedding
-from ..plane.bijectivity import repair as switch_rows
-from ..plane.disk import LARGE, FreeBoundary, elimination_order
+from ..plane.beltrami import cotangent_stiffness
+from ..plane.bijectivity import BijectivityError, RepairWarning, repair
+from ..plane.disk import Disk
+from ..plane.freeboundary import FreeBoundary
+from ..plane.linear import LARGE, Dirichlet, elimination_order
 from ..plane.mobius import centring_mobius, mobius
 from ..plane.triangles import corner_angles, edge_lengths
 from .surface import Surface, SurfaceError, require_disk
@@ -33,7 +34,7 @@ def disk_conformal_map(surface: Surface) -> Complex[ndarray, " V"]:
     f, switched = _centre_and_unfold(surface, matrix, free.f)
     f = f / f[loop[0]]
     f[loop] /= abs(f[loop])
-    if not check_embedding(faces, f).bijective:
+    if not Disk(f, faces).certificate.bijective:
         raise BijectivityError(
             "the disk conformal map folds and row switching did not mend it; "
             "remesh the surface (its triangles may be degenerate to rounding)"
@@ -61,19 +62,22 @@ def _centre_and_unfold(surface, matrix, f):
     """Bring the area centroid to 0 and switch rows until no face is flipped: (f, switched vertices)."""
     share = surface.vertex_areas / surface.area
     f = mobius(f, centring_mobius(f, share))
-    lengths, switched = edge_lengths(surface.vertices, surface.faces), np.zeros(0, int)
+    picture, switched = Disk(f, surface.faces), np.zeros(0, int)
+    lengths = edge_lengths(surface.vertices[surface.faces])
     for _ in range(5):
-        f, switched, problem = switch_rows(matrix, surface.faces, lengths, f, switched)
+        picture, switched, problem = repair(matrix, picture, lengths, switched)
+        f = picture.z
         if problem is None:
             break
         for _ in range(50):  # a Möbius map of the boundary values, the interior solved anew
             if abs(share @ f) < 1e-14:
                 break
             f = problem.solve(mobius(f[surface.boundary], centring_mobius(f, share)))
+        picture = picture.at(f)
     return f, switched
 
 
 def angle_distortion(surface: Surface, z: Complex[ndarray, " V"]) -> Float[ndarray, " F 3"]:
     """Angles in the disk minus angles on the surface, in degrees: column k at vertex `faces[:, k]`."""
-    disk, original = (corner_angles(edge_lengths(points, surface.faces)) for points in (z, surface.vertices))
+    disk, original = (corner_angles(edge_lengths(points[surface.faces])) for points in (z, surface.vertices))
     return np.degrees(disk - original)

@@ -11,7 +11,8 @@ from numpy import ndarray
 from scipy.sparse import coo_array
 
 from ..plane.beltrami import cotangent_stiffness
-from ..plane.diskmesh import interpolate, locate, pixel_centres
+from ..plane.disk import Disk
+from ..plane.grids import pixel_centres
 from .checks import frozen
 from .surface import Surface, SurfaceError
 
@@ -223,8 +224,8 @@ def curvature_image(
     radius, w = area_radius(surface, z), pixel_centres(size)
     inside = abs(w) <= 1
     image = np.full((size, size), np.nan)
-    places = locate(z, surface.faces, radius.from_image(w[inside]))
-    image[inside] = interpolate(values, surface.faces, *places)
+    disk = Disk(z, surface.faces)
+    image[inside] = disk.interpolate(values, disk.locate(radius.from_image(w[inside])))
     return image, radius
 
 

@@ -9,7 +9,7 @@ from numpy import ndarray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 
-from ..plane.diskmesh import SurfaceError
+from ..plane.checks import SurfaceError
 from .checks import (
     check_faces,
     check_topology,

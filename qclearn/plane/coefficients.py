@@ -1,0 +1,50 @@
+"""The algebra of Beltrami coefficients: of compositions and inverses, the matrix A(mu), and the paper's activation."""
+
+import numpy as np
+from jaxtyping import Complex
+from numpy import ndarray
+
+LARGEST = 1 - 1e-10  # of |mu|: tanh rounds to 1 from 19 on, where a step that is too long may lead
+
+
+def compose_coefficients(
+    mu_f: Complex[ndarray, " *F"], f_z: Complex[ndarray, " *F"], mu_g: Complex[ndarray, " *F"]
+) -> Complex[ndarray, " *F"]:
+    """Coefficient of g after f: `(mu_f + t mu_g) / (1 + conj(mu_f) t mu_g)`, `t = conj(f_z)/f_z`.
+
+    `mu_g` holds the coefficient of g at the image points f(z).
+    """
+    turned = np.conj(f_z) / f_z * mu_g
+    return (mu_f + turned) / (1 + np.conj(mu_f) * turned)
+
+
+def inverse_coefficient(mu: Complex[ndarray, " *F"], f_z: Complex[ndarray, " *F"]) -> Complex[ndarray, " *F"]:
+    """Coefficient of the inverse of f at the image points f(z): `-mu f_z / conj(f_z)`."""
+    return -np.asarray(mu) * f_z / np.conj(f_z)
+
+
+def diffuse(mu, gradient):
+    """A(mu) applied to gradients: `((1 + |mu|^2) g - 2 mu conj(g)) / (1 - |mu|^2)`; A is SPD with determinant 1."""
+    m = abs(mu) ** 2
+    return ((1 + m) * gradient - 2 * mu * np.conj(gradient)) / (1 - m)
+
+
+def bounded(nu):
+    """The paper's activation `T(nu) = tanh(|nu|) nu / |nu|`: any complex field becomes one with |mu| < 1."""
+    size = abs(nu)
+    return np.divide(np.minimum(np.tanh(size), LARGEST), size, out=np.ones_like(size), where=size > 0) * nu
+
+
+def unbounded(mu):
+    """Inverse of `bounded`: `artanh(|mu|) mu / |mu|`."""
+    size = abs(mu)
+    return np.divide(np.arctanh(size), size, out=np.ones_like(size), where=size > 0) * mu
+
+
+def bounded_pullback(nu, grad_mu):
+    """Gradient with respect to nu of a loss whose gradient with respect to mu = T(nu) is grad_mu."""
+    size = abs(nu)
+    across = np.divide(np.tanh(size), size, out=np.ones_like(size), where=size > 0)
+    along = 1 - np.tanh(size) ** 2
+    direction = np.divide(nu, size, out=np.ones_like(nu), where=size > 0)
+    return 0.5 * ((along + across) * grad_mu + (along - across) * direction**2 * np.conj(grad_mu))

@@ -1,0 +1,89 @@
+"""Meshes of the unit disk that are made, not mapped: polar and square ones, and the square beside the disk."""
+
+from functools import lru_cache
+
+import numpy as np
+import scipy
+from jaxtyping import Complex, Integer
+from numpy import ndarray
+
+from .disk import Disk
+
+POWER = 1.4  # by which the rings of the usual polar meshes crowd towards the centre
+COARSE, FINE = (24, 72), (32, 96)  # rings and spokes: of what CP-Net answers on, and of its exact twins
+
+
+def square_to_disk(w: Complex[ndarray, " *P"]) -> Complex[ndarray, " *P"]:
+    """Radial map of the square [-1, 1]^2 onto the unit disk, `w max(|cos t|, |sin t|)`, t = arg w; 0 to 0."""
+    w = np.asarray(w, complex)
+    return w * _radius_ratio(w)
+
+
+def disk_to_square(z: Complex[ndarray, " *P"]) -> Complex[ndarray, " *P"]:
+    """Inverse of `square_to_disk`: `z / max(|cos t|, |sin t|)` (the paper's formula with its absolute values)."""
+    z = np.asarray(z, complex)
+    return z / _radius_ratio(z)
+
+
+def _radius_ratio(w):
+    size = abs(w)
+    largest = np.maximum(abs(w.real), abs(w.imag))
+    return np.divide(largest, size, out=np.ones_like(size), where=size > 0)
+
+
+def square_disk(n: int) -> tuple[Complex[ndarray, " V"], Integer[ndarray, " F 3"]]:
+    """Disk mesh with the topology of an n x n square grid, n even: (z, faces).
+
+    Every cell is split by the diagonal that runs into the square's corner of its quadrant; the other choice puts a
+    triangle with three boundary vertices at each corner, which carries no boundary flux.
+    """
+    if n < 2 or n % 2:
+        raise ValueError(f"square_disk needs an even number of cells a side, at least 2; got {n}")
+    x, y = np.meshgrid(np.linspace(-1, 1, n + 1), np.linspace(-1, 1, n + 1))
+    corner = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    a, b, c, d = corner, corner + 1, corner + n + 2, corner + n + 1  # counter-clockwise from the lower left
+    row, column = np.divmod(np.arange(n * n), n)
+    rising = ((row >= n // 2) == (column >= n // 2))[:, None]
+    first = np.where(rising, np.stack([a, b, c], 1), np.stack([a, b, d], 1))
+    second = np.where(rising, np.stack([a, c, d], 1), np.stack([b, c, d], 1))
+    return square_to_disk((x + 1j * y).ravel()), np.concatenate([first, second])
+
+
+def polar_disk(nr: int, nt: int, power: float = 1.0) -> tuple[Complex[ndarray, " V"], Integer[ndarray, " F 3"]]:
+    """Graded polar disk mesh: vertex 0 at the centre, then nr rings of nt vertices at radius (j / nr)^power.
+
+    Returns (z (1 + nr nt,), faces); all quads are split along the same diagonal, so that the mesh is invariant under
+    rotation by 2 pi / nt. Vertex `1 + (nr - 1) nt` lies at 1.
+    """
+    if nr < 1 or nt < 3:
+        raise ValueError(f"polar_disk needs at least 1 ring and 3 angles; got {nr} and {nt}")
+    radius = (np.arange(1, nr + 1) / nr) ** power
+    spokes = np.exp(2j * np.pi * np.arange(nt) / nt)
+    z = np.concatenate([[0], (radius[:, None] * spokes).ravel()])
+    k, following = np.arange(nt), (np.arange(nt) + 1) % nt
+    faces = [np.stack([np.zeros(nt, int), 1 + k, 1 + following], 1)]
+    for j in range(nr - 1):
+        inner, outer = 1 + j * nt, 1 + (j + 1) * nt
+        faces += [
+            np.stack([inner + k, outer + k, outer + following], 1),
+            np.stack([inner + k, outer + following, inner + following], 1),
+        ]
+    return z, np.concatenate(faces)
+
+
+@lru_cache(maxsize=16)
+def polar(rings, spokes=None):
+    """The polar `Disk` of so many rings, crowded by POWER, and three times as many spokes unless given; made once."""
+    return Disk(*polar_disk(rings, spokes or 3 * rings, POWER))
+
+
+def pixel_centres(size):
+    """Pixel centres of the image of [-1, 1]^2, complex (size, size): x grows with the column, y with the row."""
+    axis = (2 * np.arange(size) + 1) / size - 1
+    return axis[None, :] + 1j * axis[:, None]
+
+
+def joined(z: Complex[ndarray, " V"]) -> Disk:
+    """Points z (V,) of the disk and Delaunay's triangles that join them, counter-clockwise."""
+    faces = scipy.spatial.Delaunay(np.stack([z.real, z.imag], axis=1)).simplices.astype(np.int64)
+    return Disk(z, np.where((Disk(z, faces).areas < 0)[:, None], faces[:, ::-1], faces))

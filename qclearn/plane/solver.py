@@ -1,0 +1,274 @@
+"""Maps of a triangulated disk onto the unit disk with a free boundary: the exact solver.
+
+With 0 and 1 held the boundary may slide along the circle, and the map with a given Beltrami coefficient is still the
+solution of linear problems: the boundary moves by the harmonic measure of A(mu) seen from 0 (the flux form).
+"""
+
+import warnings
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Complex, Float, Integer
+from numpy import ndarray
+from scipy import sparse
+
+from .bijectivity import RepairWarning
+from .bijectivity import repair as switch_rows
+from .checks import SurfaceError, check_coefficient, check_used
+from .disk import Disk
+from .freeboundary import FreeBoundary
+from .linear import LARGE, Dirichlet, elimination_order
+from .mobius import mobius, mobius_inverse
+
+
+class DiskSolver:
+    """The self-map of a `Disk` with coefficient mu and a free boundary, f(0) = 0 and f(1) = 1, and its adjoint.
+
+    `solve(mu)` keeps its factorisation; `pullback(grad_f)` then carries gradients from f to mu by adjoint solves, and
+    `pushforward(dmu)` changes of mu to f.
+    `floored` counts the boundary steps that had to be raised to stay positive. Results are not certified.
+    f(0) is the piecewise linear value in the face that contains 0; f(1) the boundary angle, linear along the edge.
+    """
+
+    def __init__(self, disk: Disk):
+        self.disk, self.order = disk, None
+        check_used(disk)
+        _ = disk.gradients  # which refuses folded triangles
+        z, loop = disk.z, disk.loop
+        off = abs(abs(z[loop]) - 1)
+        if off.max() > 1e-6:
+            raise SurfaceError(
+                f"boundary vertex {loop[off.argmax()]} is {off.max():.1e} off the unit circle; "
+                "map the mesh onto the disk first (disk_conformal_map)"
+            )
+        angle = np.angle(z[loop]) % (2 * np.pi)
+        first = int(np.argmax(np.where(angle > np.pi, angle, -1)))  # the edge loop[0], loop[1] now holds 1 inside
+        self.loop = np.roll(loop, -(first + 1) if angle.min() == 0 else -first)
+        before, after = np.angle(z[self.loop[:2]])
+        self.share = -before / (after - before)  # 1 lies at this share of the edge
+        following = np.roll(z[self.loop], -1)
+        self.lengths = abs(following - z[self.loop])
+        steps = np.angle(following / z[self.loop])
+        if steps.min() <= 0:  # a chord spans half of the circle or more
+            raise SurfaceError(
+                f"the mesh does not cover 0: boundary vertex {self.loop[steps.argmin()]} and the next "
+                "are half a turn apart or more; refine the boundary, or centre the mesh by `mobius`"
+            )
+        face, weights = disk.locate([0j])
+        self.origin, self.weights = disk.faces[face[0]], weights[0]
+        self.pole = self._choose_pole()
+
+    @cached_property
+    def calibration(self) -> Float[sparse.csr_array, " B B"] | None:
+        """Sparse (B, B): scales the angle steps so that mu = 0 gives back the mesh itself; None where they do anyway.
+
+        An ear (a triangle with three boundary vertices) carries no flux and a sliver a wrong one; the error is much
+        the same for every mu, so that its ratio at mu = 0 takes most of it out.
+        """
+        raw = FreeBoundary(self._problem(np.zeros(len(self.disk.faces), complex)), self.lengths, self.pole).raw_steps
+        moved = mobius(self.disk.z[self.loop], self.disk.z[self.pole])
+        exact = np.angle(np.roll(moved, -1) / moved)
+        if np.allclose(raw, exact, rtol=0.01, atol=0):
+            return None
+        valid = np.flatnonzero((raw > 0.2 * exact) & (raw < 5 * exact))
+        # Where the discrete flux is no measure of the step, the ratio of the neighbouring steps is taken.
+        middle = np.concatenate([[0.0], np.cumsum(self.lengths)])[:-1] + self.lengths / 2
+        ring = self.lengths.sum()
+        knots = np.concatenate([middle[valid] - ring, middle[valid], middle[valid] + ring])
+        after = np.searchsorted(knots, middle, side="right")
+        share = (middle - knots[after - 1]) / (knots[after] - knots[after - 1])
+        columns, n = np.concatenate([valid[(after - 1) % len(valid)], valid[after % len(valid)]]), len(raw)
+        weights = np.concatenate([(1 - share) * exact, share * exact]) / raw[columns]
+        return sparse.csr_array((weights, (np.tile(np.arange(n), 2), columns)), shape=(n, n))
+
+    def _problem(self, mu):
+        matrix = self.disk.stiffness(mu)
+        if self.order is None and len(self.disk.z) > LARGE:
+            self.order = elimination_order(matrix, self.disk.z, self.loop)
+        problem = Dirichlet(matrix, self.loop, self.order)
+        if self.order is None and problem.factors:
+            self.order = problem.free[np.argsort(problem.factors.perm_c)]  # sought once a mesh
+        return problem
+
+    def _choose_pole(self):
+        interior = np.setdiff1d(np.arange(len(self.disk.z)), self.loop)
+        if not len(interior):
+            raise SurfaceError("the disk mesh has no interior vertex; refine it")
+        return interior[abs(self.disk.z[interior]).argmin()]
+
+    def solve(self, mu: Complex[ndarray, " F"]) -> Complex[ndarray, " V"]:
+        """The map f (V,) with Beltrami coefficient mu (F,); BeltramiError unless |mu| < 1 everywhere."""
+        self.mu = check_coefficient(mu, len(self.disk.faces))
+        self.free_boundary = self._sensitivities = None  # the last factors make room
+        calibration = self.calibration  # the first problem of a mesh, so that the order is the same for every mu
+        self.free_boundary = FreeBoundary(self._problem(self.mu), self.lengths, self.pole, calibration)
+        self.floored = int(self.free_boundary.floored.sum())
+        return self.normalise(self.free_boundary.f)
+
+    def normalise(self, raw: Complex[ndarray, " V"]) -> Complex[ndarray, " V"]:
+        """The disk map (V,) that follows `raw` (V,), which keeps the circle, by the Möbius map to f(0) = 0, f(1)
+        = 1."""
+        self.a = 0j
+        for _ in range(50):  # the vertex values move by a Möbius map, the value at 0 between them not quite
+            centre = self.weights @ mobius(raw[self.origin], self.a)
+            if abs(centre) < 1e-15 or abs(centre) >= 1:  # out of the disk: folded, and the boundary must not turn over
+                break
+            self.a = mobius_inverse(centre, self.a)
+        w = mobius(raw, self.a)
+        edge = w[self.loop[:2]]
+        self.turn = np.angle(edge[0]) + self.share * np.angle(edge[1] / edge[0])
+        self.f = w * np.exp(-1j * self.turn)
+        self.f[self.loop] /= abs(self.f[self.loop])
+        return self.f.copy()  # the pullback refers to self.f
+
+    def pullback(self, grad_f: Complex[ndarray, " *B V"]) -> Complex[ndarray, " *B F"]:
+        """Gradient with respect to mu, (F,) or (B, F), from gradients with respect to the last f, (V,) or (B, V).
+
+        Both gradients are `dL/dRe + i dL/dIm` of a real L. Two rounds of solves with the kept factorisation.
+        """
+        grad_f = np.asarray(grad_f, complex)
+        grad_raw, origin, grad_centre = self._unnormalise(np.atleast_2d(grad_f).T, np.arange(len(self.disk.z)))
+        grad_raw += origin[:, None] * grad_centre
+        grad_mu = np.zeros((len(self.disk.faces), grad_raw.shape[1]), complex)
+        for matrix, lam in zip(self.sensitivities, self.free_boundary.pullback(grad_raw)):
+            some = lam.any(0)  # gradients of Re f(p) alone have no part in Im f, and the other way round
+            grad_mu[:, some] += matrix @ lam[:, some]
+        return grad_mu.T.reshape(*grad_f.shape[:-1], len(self.disk.faces))
+
+    def adjoints(self, grad_f: Complex[sparse.csr_array, " B V"]) -> list[Float[ndarray, " V 2*B"]]:
+        """What `pullback` sums up before it comes to the faces, for B gradients and i times each: three, real.
+
+        The gradient with respect to mu is `sum_k sensitivities[k] @ adjoint_k`.
+        As the system is real, the solutions for i times a gradient are i times its own, up to the origin's.
+        """
+        count, free = grad_f.shape[0], self.free_boundary.dirichlet.free
+        at = np.unique(np.concatenate([grad_f.indices, self.origin, self.loop[:2]]))
+        few = grad_f[:, at].toarray().T
+        direct, origin, grad_centre = self._unnormalise(np.concatenate([few, 1j * few], axis=1), at)
+        load = np.zeros((len(self.disk.z), count + 1), complex)
+        load[at] = np.column_stack([direct[:, :count], origin])
+        solution = self.free_boundary.dirichlet.solve_free(load[free])
+        del load
+        solution = np.concatenate([solution[:, :-1], 1j * solution[:, :-1]], 1) + solution[:, -1:] * grad_centre
+        grad_raw = np.zeros((len(self.disk.z), 2 * count), complex)
+        grad_raw[at] = direct + origin[:, None] * grad_centre
+        return self.free_boundary.pullback(grad_raw, solution)
+
+    @property
+    def sensitivities(self) -> list[Complex[sparse.sparray, " F V"]]:
+        """`sensitivity(x)` of the three potentials of the last solution: Re f, Im f and U; made once a solution."""
+        if self._sensitivities is None:
+            free = self.free_boundary
+            self._sensitivities = [self.sensitivity(x) for x in (free.f.real, free.f.imag, free.U)]
+        return self._sensitivities
+
+    def pushforward(self, dmu: Complex[ndarray, " *B F"]) -> Complex[ndarray, " *B V"]:
+        """Change of the last f, (V,) or (B, V), with a change of mu, (F,) or (B, F): the derivative, forwards.
+
+        The transpose of `pullback`: `Re sum conj(grad_f) pushforward(dmu) = Re sum conj(pullback(grad_f)) dmu`. Three
+        real solves with the kept factorisation.
+        """
+        dmu = np.asarray(dmu, complex)
+        changes = [(matrix.T @ np.atleast_2d(dmu).conj().T).real for matrix in self.sensitivities]
+        return self._renormalise(self.free_boundary.pushforward(changes)).T.reshape(*dmu.shape[:-1], len(self.disk.z))
+
+    def _unnormalise(self, grad_f, at):
+        """Gradients with respect to the raw map at the vertices `at`, sorted, as (direct, origin, grad_centre).
+
+        In all `direct + origin grad_centre`, where inside the disk `direct` is complex linear in grad_f.
+        """
+        edge, inner = np.searchsorted(at, self.loop[:2]), np.searchsorted(at, self.origin)
+        w, by_a, slope, by_conj_a = self._derivatives(at)
+        grad_w = grad_f * np.exp(1j * self.turn)
+        grad_turn = (grad_f.conj() * self.f[at, None]).imag.sum(0)
+        grad_w[edge] += np.array([1 - self.share, self.share])[:, None] * 1j * w[edge, None] * grad_turn
+        grad_a = (by_a.conj()[:, None] * grad_w + by_conj_a[:, None] * grad_w.conj()).sum(0)
+        P, Q = self.weights @ by_a[inner], self.weights @ by_conj_a[inner]
+        grad_centre = -(grad_a * P - grad_a.conj() * Q) / (abs(P) ** 2 - abs(Q) ** 2)
+        origin = np.zeros(len(at), complex)
+        origin[inner] = self.weights * slope[inner].conj()
+        return grad_w * slope.conj()[:, None], origin, grad_centre
+
+    def _renormalise(self, change):
+        """The change of f with a change (V, B) of the raw map: the transpose of `_unnormalise`."""
+        w, by_a, slope, by_conj_a = (part[:, None] for part in self._derivatives(slice(None)))
+        dw, at, edge = slope * change, self.origin, self.loop[:2]
+        P, Q, centre = self.weights @ by_a[at], self.weights @ by_conj_a[at], self.weights @ dw[at]
+        da = (Q * centre.conj() - P.conj() * centre) / (abs(P) ** 2 - abs(Q) ** 2)  # keeps the value at 0
+        dw += by_a * da + by_conj_a * da.conj()
+        dturn = np.array([1 - self.share, self.share]) @ (dw[edge] / w[edge]).imag
+        return (dw - 1j * w * dturn) * np.exp(-1j * self.turn)
+
+    def _derivatives(self, at):
+        """At the vertices `at`: w = (raw - a) / (1 - conj(a) raw) and its derivatives by a, by raw and by conj(a).
+
+        a solves: the weighted mean of w at the origin's face = 0.
+        """
+        raw, w = self.free_boundary.f[at], self.f[at] * np.exp(1j * self.turn)
+        s = 1 / (1 - np.conj(self.a) * raw)
+        return w, -s, (1 - abs(self.a) ** 2) * s**2, w * raw * s
+
+    def sensitivity(self, x: Float[ndarray, " V"]) -> Complex[sparse.sparray, " F V"]:
+        """Sparse (F, V): applied to lam, the gradient with respect to mu of `lam . K(mu) x`.
+
+        Per face the derivative of `|T| grad lam . A(mu) grad x`.
+        """
+        mu, scale = self.mu, 1 / (1 - abs(self.mu) ** 2)
+        q = np.einsum("fk,fk->f", self.disk.gradients, x[self.disk.faces])
+        r = q + scale * ((2 - 1 / scale) * q - 2 * mu * q.conj())
+        # With p = grad lam it is 2 |T| scale (mu Re(conj(p) r) - p q), linear in lam: one sparse matrix for all of
+        # them.
+        along, across = 0.5 * mu * r.conj() - q, 0.5 * mu * r
+        rows = along[:, None] * self.disk.gradients + across[:, None] * self.disk.gradients.conj()
+        rows *= (2 * self.disk.areas * scale)[:, None]
+        starts = np.arange(0, rows.size + 1, 3)
+        return sparse.csr_array((rows.ravel(), self.disk.faces.ravel(), starts), shape=(len(rows), len(self.disk.z)))
+
+
+class BeltramiDiskSolver(DiskSolver):
+    """`DiskSolver` of a mesh given as arrays: z (V,) complex with its boundary on the unit circle, faces (F, 3)."""
+
+    def __init__(self, z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"]):
+        super().__init__(Disk(z, faces))
+
+
+def unfold(solver, f):
+    """A solver's last map f (V,), after a Möbius map or not, mended by row switching: (f, vertices of switched rows).
+
+    The mean-value rows take the triangles' lengths in the metric of mu. Not certified: a map may stay folded.
+    """
+    disk = solver.disk
+    picture = disk.at(f)
+    if not len(picture.flipped):
+        return f, np.zeros(0, int)
+    corners = disk.z[disk.faces]
+    sides = np.roll(corners, -1, axis=1) - np.roll(corners, -2, axis=1)
+    lengths = abs(sides + solver.mu[:, None] * sides.conj())
+    picture, rows, _ = switch_rows(disk.stiffness(solver.mu), picture, lengths)
+    return picture.z.copy(), rows
+
+
+def solve_beltrami_disk(
+    z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"], mu: Complex[ndarray, " F"], repair: bool = False
+) -> Complex[ndarray, " V"]:
+    """The disk self-map with Beltrami coefficient mu (F,) and a free boundary, f(0) = 0 and f(1) = 1: complex (V,).
+
+    z (V,) complex with its boundary on the unit circle. Exact up to discretisation: the flux form, one factorisation
+    for the mesh (its boundary steps are calibrated at mu = 0 where they are off by more than 1 %) and one for mu.
+    Not certified: a discrete map can fold where mu varies within few triangles, or where triangles are slivers; ask
+    `check_bijective`. repair: where it folds, switch rows to mean-value weights, which moves f there and nearby. A
+    RepairWarning says if boundary steps had to be raised, if rows were switched, and whether faces stay flipped.
+    Errors: BeltramiError, SurfaceError. Source: paper, theorem 1 (existence and uniqueness).
+    """
+    solver = DiskSolver(Disk(z, faces))
+    f, words = solver.solve(mu), []
+    if solver.floored:
+        words.append(f"{solver.floored} boundary steps ran backwards or were lost, and were raised")
+    if repair:
+        f, rows = unfold(solver, f)
+        if len(rows):
+            left = len(solver.disk.at(f).reversed)
+            words.append(f"{len(rows)} rows switched to mean-value weights, {left} faces stay flipped")
+    if words:
+        warnings.warn("; ".join(words), RepairWarning, stacklevel=2)
+    return f

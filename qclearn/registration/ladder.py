@@ -1,0 +1,170 @@
+"""The way from a coarse mesh to the caller's own: every fit is a list of `Level`s, gone through by one driver."""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from ..plane.checks import check_coefficient
+from ..plane.coefficients import unbounded
+from ..plane.grids import polar
+from ..plane.linear import LARGE
+from ..plane.mobius import best_mobius
+from .engine import Engine, Setting
+from .features import FINEST
+from .link import Link
+from .steps import WORTH
+from .terms import FeatureTerm
+
+WORTH_ON_GRID = 1e-2  # on a polar mesh, as `WORTH` on the caller's: what a step has to promise
+SETTLED, SETTLED_ON_GRID = 0.98, 0.95  # share of its objective that a step leaves where the next is not worth its cost
+FIRST_GAMMA = 1e2  # a rising level takes one step at each power of ten from here to its gamma
+GUIDING_GAMMA = 1e2  # until the last level: a large one tears the map to the landmarks before features can lead it
+GUIDING_DELTA, COARSE = 0.3, 16.0  # at most, from this scale up: a large one tears it to the nearest folds
+
+
+class Level(NamedTuple):
+    """One part of the way: rings of the mesh of nu, scale of the features (None: landmarks alone), steps at most, and
+    whether the surface's own disk mesh is mapped.
+
+    worth: the share of the objective that a step has to promise; settled: the share that it may leave where another
+    follows, 0 for any; share, most: of gamma; rising: whether gamma rises to that from FIRST_GAMMA, where nu is 0.
+    """
+
+    rings: int
+    sigma: float | None
+    steps: int
+    own_mesh: bool = False
+    worth: float = WORTH_ON_GRID
+    settled: float = 0.0
+    share: float = 1.0
+    most: float = np.inf
+    rising: bool = False
+
+    def weights(self, weights):
+        """The `Weights` of this level."""
+        delta = weights.delta if self.sigma is None or self.sigma < COARSE else min(weights.delta, GUIDING_DELTA)
+        return weights if self.own_mesh else weights.at(min(self.share * weights.gamma, self.most), delta)
+
+
+def guided(rings, sigma, steps):
+    """A level on a polar mesh that features lead."""
+    return Level(rings, sigma, steps, settled=SETTLED_ON_GRID, most=GUIDING_GAMMA)
+
+
+# With features; from fine ones at once the map would run into the next best valley.
+LEVELS = (
+    guided(16, 32.0, 4),
+    guided(16, 16.0, 4),
+    guided(24, 8.0, 3),
+    guided(32, FINEST, 2),
+    Level(32, FINEST, 4, True, WORTH, SETTLED),
+)
+
+
+def landmark_levels(disk, rings):
+    """With landmarks alone, for a `Disk` that is mapped and so many rings of its polar mesh."""
+    # At a tenth of gamma: the coarse mesh's own error moves the landmarks, and the full weight would bend nu after it.
+    # On the tests' smooth problems that costs up to a step more there and ends up to 3 % higher in L_CP.
+    yield Level(rings // 2, None, 5, share=0.1, rising=True)
+    if len(disk.z) > LARGE:  # where a step costs much more than on the polar mesh
+        yield Level(rings, None, 2, worth=WORTH)
+    yield Level(rings, None, 24, True, WORTH)
+
+
+def few(steps, rings):
+    """So many steps at most on one polar mesh, whatever they promise."""
+    return Level(rings, None, steps, worth=0.0)
+
+
+class Climb:
+    """The way of one `Problem` through levels, with any weights: what no weight changes is made once and kept.
+
+    Whoever moves a slider keeps the climb.
+    """
+
+    def __init__(self, problem):
+        self.problem, self.settings = problem, {}
+
+    def setting(self, rings, own_mesh):
+        """The `Setting` of the problem on the polar mesh of so many rings."""
+        if (rings, own_mesh) not in self.settings:
+            link = Link(self.problem.disk, polar(rings)) if own_mesh else grid_link(rings)
+            self.settings[rings, own_mesh] = Setting(self.problem, link)
+        return self.settings[rings, own_mesh]
+
+    def engine(self, level, weights, features=None):
+        """The `Engine` of one level."""
+        setting, weights = self.setting(level.rings, level.own_mesh), level.weights(weights)
+        if features is None or level.sigma is None:
+            return Engine(setting, weights)
+        samples = None if level.own_mesh else setting.link.mesh.sampling(self.problem.disk.z)
+        return Engine(setting, weights, FeatureTerm(features, level.sigma, weights.delta, samples))
+
+    def run(self, levels, weights, start=None, features=None, watch=None, enough=0.0):
+        """Steps of each level from mu `start` (F,), or None, on: the last engine, its last state, the steps a level."""
+        engine, state, steps = None, None, []
+        for level in levels:
+            before, engine = engine, self.engine(level, weights, features)
+            if before is None:
+                state = engine.at(start_field(self.problem.disk, start, engine.link.mesh), self.problem.mobius)
+                if features is not None and start is not None:
+                    state = aligned(engine, state)
+            else:
+                nu = self.carried(before, state, engine, start if features is None else None)
+                state = engine.at(nu, state.mobius)
+            state, taken = climbed(engine, state, level, watch, enough)
+            steps.append(taken)
+        return engine, state, tuple(steps)
+
+    def carried(self, before, state, engine, start):
+        """nu on the next engine's mesh: mu `start` (F,) with its details, and what the steps have changed."""
+        old, new = before.link.mesh, engine.link.mesh
+        if old is new:
+            return state.nu
+        known, begin = (start_field(self.problem.disk, start, mesh) for mesh in (old, new))
+        return old.sampling(new.z) @ (state.nu - known) + begin
+
+
+@lru_cache(maxsize=8)
+def grid_link(rings):
+    """The `Link` of a polar mesh that carries nu and is mapped itself, whatever the problem."""
+    return Link(polar(rings), polar(rings))
+
+
+def climbed(engine, state, level, watch=None, enough=0.0):
+    """Steps of one level, as long as they promise enough and the last one has kept it: (state, steps).
+
+    watch() is called before each; none is taken where the landmark error is below `enough`, but on a rising level.
+    """
+    gamma = engine.weights.gamma
+    low = min(FIRST_GAMMA, gamma) if level.rising and not state.nu.any() else gamma
+    gammas = [*10.0 ** np.arange(np.log10(low), np.log10(gamma) - 1e-9), *[gamma] * level.steps]
+    now = engine.objective(state, gamma) if level.settled else None
+    for steps, at in enumerate(gammas):
+        if watch:
+            watch()
+        near = enough > 0 and not level.rising and engine.error(state) < enough
+        found = None if near else engine.step(state, at, level.worth if at == gamma else 0.0)
+        if found is None and at == gamma:
+            return state, steps
+        state = found or state
+        if level.settled:
+            last, now = now, engine.objective(state, gamma)
+            if now > level.settled * last:
+                return state, steps + 1
+    return state, len(gammas)
+
+
+def aligned(engine, state):
+    """A state with the best Möbius map after its own, where there are landmarks to tell."""
+    if not len(engine.problem.moving):
+        return state
+    return engine.moved(state, best_mobius(engine.samples @ state.solution.f, engine.problem.target))
+
+
+def start_field(disk, mu, mesh):
+    """nu at the polar mesh's vertices from a coefficient mu (F,) on the faces of a `Disk`; 0 from None."""
+    if mu is None:
+        return np.zeros(len(mesh.z), complex)
+    return unbounded(check_coefficient(mu, len(disk.faces))[disk.locate(mesh.z)[0]])
