@@ -1,127 +1,43 @@
 """Quasi-conformal registration of cortical surfaces: exact geometry first, networks second."""
 
-import sys
-from types import ModuleType
+from .lazy import offer
 
-from .files.fsaverage import demo_landmarks, fsaverage5
-from .files.meshes import read_surface, write_surface
-from .files.values import read_mask, read_values, write_values
-from .group.kept import TemplateError
-from .group.template import Template, template
-from .group.workers import WorkersError
-from .plane import bijectivity, disk, diskmesh, fields
-from .plane.beltrami import (
-    beltrami_coefficient,
-    compose_coefficients,
-    cotangent_stiffness,
-    hat_gradients,
-    inverse_coefficient,
-    jacobian,
-    signed_areas,
-    solve_beltrami,
-    stiffness,
-    wirtinger,
-)
-from .plane.bijectivity import BijectivityError, Certificate, RepairWarning, check_bijective, check_embedding
-from .plane.checks import BeltramiError
-from .plane.disk import BeltramiDiskSolver, solve_beltrami_disk
-from .plane.diskmesh import disk_to_square, locate, polar_disk, square_disk, square_to_disk
-from .plane.logform import solve_beltrami_disk_log
-from .plane.mobius import best_mobius, compose_mobius, mobius, mobius_inverse
-from .registration import engine, fit, problem
-from .registration.features import FeatureError
-from .registration.fit import LandmarkFit, fit_landmarks
-from .registration.hybrid import fit_registration
-from .registration.landmarks import detect_curves, fundus_metric, fundus_path, sample_curve
-from .registration.problem import LandmarkError
-from .registration.register import Registration, register
-from .registration.transfer import transfer
-from .surfaces import conformal, surface
-from .surfaces.conformal import angle_distortion, disk_conformal_map
-from .surfaces.curvature import curvature_image, mean_curvature, sulcal_depth
-from .surfaces.opening import open_surface
-from .surfaces.surface import Surface, SurfaceError, mirror, require_disk, require_outward
+TABLE = {
+    "files.fsaverage": ["demo_landmarks", "fsaverage5"],
+    "files.meshes": ["read_surface", "write_surface"],
+    "files.values": ["read_mask", "read_values", "write_values"],
+    "group.kept": ["TemplateError"],
+    "group.template": ["Template", "template"],
+    "group.workers": ["WorkersError"],
+    "plane.beltrami": [
+        "beltrami_coefficient",
+        "compose_coefficients",
+        "cotangent_stiffness",
+        "hat_gradients",
+        "inverse_coefficient",
+        "jacobian",
+        "signed_areas",
+        "solve_beltrami",
+        "stiffness",
+        "wirtinger",
+    ],
+    "plane.bijectivity": ["BijectivityError", "Certificate", "RepairWarning", "check_bijective", "check_embedding"],
+    "plane.checks": ["BeltramiError"],
+    "plane.disk": ["BeltramiDiskSolver", "solve_beltrami_disk"],
+    "plane.diskmesh": ["disk_to_square", "locate", "polar_disk", "square_disk", "square_to_disk"],
+    "plane.logform": ["solve_beltrami_disk_log"],
+    "plane.mobius": ["best_mobius", "compose_mobius", "mobius", "mobius_inverse"],
+    "registration.features": ["FeatureError"],
+    "registration.fit": ["LandmarkFit", "fit_landmarks"],
+    "registration.hybrid": ["fit_registration"],
+    "registration.landmarks": ["detect_curves", "fundus_metric", "fundus_path", "sample_curve"],
+    "registration.problem": ["LandmarkError"],
+    "registration.register": ["Registration", "register"],
+    "registration.transfer": ["transfer"],
+    "surfaces.conformal": ["angle_distortion", "disk_conformal_map"],
+    "surfaces.curvature": ["curvature_image", "mean_curvature", "sulcal_depth"],
+    "surfaces.opening": ["open_surface"],
+    "surfaces.surface": ["Surface", "SurfaceError", "mirror", "require_disk", "require_outward"],
+}
 
-__all__ = [
-    "BeltramiDiskSolver",
-    "BeltramiError",
-    "BijectivityError",
-    "Certificate",
-    "FeatureError",
-    "LandmarkError",
-    "LandmarkFit",
-    "Registration",
-    "RepairWarning",
-    "Surface",
-    "SurfaceError",
-    "Template",
-    "TemplateError",
-    "WorkersError",
-    "angle_distortion",
-    "beltrami_coefficient",
-    "best_mobius",
-    "check_bijective",
-    "check_embedding",
-    "compose_coefficients",
-    "compose_mobius",
-    "cotangent_stiffness",
-    "curvature_image",
-    "demo_landmarks",
-    "detect_curves",
-    "disk_conformal_map",
-    "disk_to_square",
-    "fit_landmarks",
-    "fit_registration",
-    "fsaverage5",
-    "fundus_metric",
-    "fundus_path",
-    "hat_gradients",
-    "inverse_coefficient",
-    "jacobian",
-    "locate",
-    "mean_curvature",
-    "mirror",
-    "mobius",
-    "mobius_inverse",
-    "open_surface",
-    "polar_disk",
-    "read_mask",
-    "read_surface",
-    "read_values",
-    "register",
-    "require_disk",
-    "require_outward",
-    "sample_curve",
-    "signed_areas",
-    "solve_beltrami",
-    "solve_beltrami_disk",
-    "solve_beltrami_disk_log",
-    "square_disk",
-    "square_to_disk",
-    "stiffness",
-    "sulcal_depth",
-    "template",
-    "transfer",
-    "wirtinger",
-    "write_surface",
-    "write_values",
-]
-
-
-def _offer(name, *modules):
-    """Let `from qclearn.<name> import ...` find what the modules hold: short addresses for what is asked for most."""
-    offered = ModuleType(f"{__name__}.{name}", modules[0].__doc__)
-    for module in reversed(modules):
-        vars(offered).update({key: value for key, value in vars(module).items() if not key.startswith("__")})
-    sys.modules[offered.__name__] = offered
-
-
-_offer("bijectivity", bijectivity)
-_offer("disk", disk, conformal)
-_offer("diskmesh", diskmesh)
-_offer("fit", fit, engine, problem, fields, diskmesh)
-_offer("mobius", sys.modules[f"{__name__}.plane.mobius"])
-_offer(
-    "register", *(sys.modules[f"{__name__}.registration.{name}"] for name in ("register", "preparation", "transfer"))
-)
-_offer("surface", surface)
+__getattr__, __dir__, __all__ = offer(__name__, TABLE)
