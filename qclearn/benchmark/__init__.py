@@ -19,7 +19,7 @@ TABLE = {
         "summary",
     ],
     "run": ["benchmark"],
-    "runs": ["FRONT", "RUNS", "Run", "run_of"],
+    "runs": ["FRONT", "RUNS", "Run"],
     "yardstick": ["floors"],
 }
 

@@ -4,7 +4,7 @@ from ..lazy import offer
 
 TABLE = {
     "canvas": ["Canvas"],
-    "cells": ["keep", "kept", "kept_by", "num", "show_figure", "table"],
+    "cells": ["keep", "kept", "num", "show_figure", "table"],
     "diagrams": ["block_diagram"],
     "examples": ["cortex_problem", "example_problems", "spread_vertices"],
     "explorables": ["Mobius", "Mu", "Tuner"],
