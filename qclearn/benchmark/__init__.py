@@ -8,7 +8,6 @@ TABLE = {
     "problems": ["DISTANCES"],
     "results": [
         "BenchmarkError",
-        "column",
         "compare_fronts",
         "compare_runs",
         "median_pair",
