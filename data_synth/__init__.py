@@ -1,17 +1,21 @@
 """Synthetic cortex: folded hemispheres with named sulci and a known dense correspondence."""
 
 from qclearn.files.extras import require
+from qclearn.lazy import offer
+
+TABLE = {
+    "cohort": ["CohortWarning", "cohort", "hemispheres"],
+    "correspondence": ["correspondence", "depth_correlation", "locate_on_sphere"],
+    "cortex": ["CortexError", "Mechanics", "growth_frames", "make_cortex"],
+    "datasets": ["CoefficientDataset", "CurveDataset", "cached"],
+    "fields": ["MAX_ABS", "ImageFolder", "dead_leaves", "random_coefficient", "smooth_coefficient"],
+    "folding_measures": ["smooth"],
+    "generations": ["GENERATION", "GENERATIONS"],
+    "intersections": ["self_intersections"],
+    "realism": ["low_pass_curvature", "realism", "score"],
+    "subjects": ["UNNUMBERED", "load_cortex", "save_cortex"],
+    "training": ["DATA_POINTS", "TRAINING_SEEDS", "Pairs", "SolvedFields", "SquareFields"],
+}
 
 with require("synth", "synthetic surfaces"):
-    from data_synth.cohort import CohortWarning, cohort
-    from data_synth.correspondence import correspondence
-    from data_synth.cortex import Cortex, CortexError, growth_frames, make_cortex
-    from data_synth.subjects import load_cortex, save_cortex
-    from data_synth.template import SULCI
-
-SULCUS_NAMES = tuple(SULCI)
-
-__all__ = [
-    "SULCUS_NAMES", "CohortWarning", "Cortex", "CortexError", "cohort", "correspondence", "growth_frames",
-    "load_cortex", "make_cortex", "save_cortex",
-]  # fmt: skip
+    __getattr__, __dir__, __all__ = offer(__name__, TABLE)

@@ -92,8 +92,9 @@ def hold_class(cls):
 
 def hold(package):
     """Hold all that `package.__all__` names to its annotations, wherever its modules have it in hand."""
+    offered = [getattr(package, name) for name in package.__all__]  # first: this loads the modules
     modules = [module for name, module in sys.modules.items() if name.split(".")[0] == package.__name__]
-    for public in (getattr(package, name) for name in package.__all__):
+    for public in offered:
         if inspect.isfunction(public):
             checked = held(public)
             for module in modules:

@@ -1,11 +1,25 @@
 """Every method on the same problems: pairs of surfaces, runs, measures, and the files that keep the figures."""
 
-__all__ = ["FRONT", "RUNS", "BenchmarkError", "Run", "benchmark", "run_of"]
+from ..lazy import offer
 
+TABLE = {
+    "cortex": ["AMPLITUDES"],
+    "pairs": ["CONTROL", "cohort_pair", "displacement_pair", "fsaverage_pair", "mapped", "mapped_subject", "prepare"],
+    "problems": ["DISTANCES"],
+    "results": [
+        "BenchmarkError",
+        "compare_fronts",
+        "compare_runs",
+        "median_pair",
+        "methods_and_oracles",
+        "noted",
+        "read_networks",
+        "read_results",
+        "summary",
+    ],
+    "run": ["benchmark"],
+    "runs": ["FRONT", "RUNS", "Run"],
+    "yardstick": ["floors"],
+}
 
-def __getattr__(name):
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from . import run, runs  # here: they load the methods and the synthetic subjects, which readers of results need not
-
-    return getattr(run if name == "benchmark" else runs, name)
+__getattr__, __dir__, __all__ = offer(__name__, TABLE)

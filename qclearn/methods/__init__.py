@@ -5,7 +5,6 @@ lies in the control's disk, and says by a RepairWarning what it had to do beyond
 form can join the benchmark.
 """
 
-from ..registration.problem import Problem
 from .folds import dense, hybrid, landmark_free
 from .gauss_newton import coarse_steps, gauss_newton
 from .harmonic import harmonic
@@ -33,22 +32,4 @@ METHODS = {
     "guarded": guarded,
 }
 
-__all__ = [
-    "METHODS",
-    "LandmarkSolver",
-    "Problem",
-    "coarse_steps",
-    "cpnet_dbsnet",
-    "cpnet_exact",
-    "cpnet_steps",
-    "dense",
-    "gauss_newton",
-    "guarded",
-    "harmonic",
-    "hybrid",
-    "landmark_free",
-    "mobius_only",
-    "qc_iteration",
-    "teichmuller",
-    "thin_plate",
-]
+__all__ = ["METHODS", "LandmarkSolver", *METHODS]

@@ -1,9 +1,31 @@
 """The paper's three networks, each behind the same call as its exact twin."""
 
 from ..files.extras import require
+from ..lazy import offer
+
+TABLE = {
+    "cpnet": ["BestCPNet", "BestCPNetConfig"],
+    "gauges": ["gauge_errors"],
+    "layers": ["DiskNetwork", "PolarFunction", "output_shapes"],
+    "ldnet": ["heat_metric"],
+    "losses": [
+        "L_LBS",
+        "L_Boundary",
+        "L_DBSNet",
+        "L_Energy",
+        "L_LBS_printed",
+        "L_grad_mu",
+        "LossMesh",
+        "area",
+        "energy",
+    ],
+    "networks": ["NETWORKS", "Network", "WeightsError"],
+    "pictures": ["picture", "stamp"],
+    "polar": ["PolarSolver"],
+    "run": ["header"],
+    "train": ["Objective", "Process", "TrainConfig", "TrainingError", "take_step", "train"],
+    "weights": ["FOLDER", "build", "load", "load_file", "read_weights", "save_weights"],
+}
 
 with require("nets", "the networks"):
-    from .train import TrainConfig, TrainingError, train
-    from .weights import WeightsError, build, load, load_file, save_weights
-
-__all__ = ["TrainConfig", "TrainingError", "WeightsError", "build", "load", "load_file", "save_weights", "train"]
+    __getattr__, __dir__, __all__ = offer(__name__, TABLE)

@@ -1,12 +1,12 @@
 """Block diagrams of networks: boxes with words, arrows that end at their edges."""
 
-GREY, BLUE, ORANGE, GREEN = "#EEEEEE", "#CFE5F3", "#F8D9C4", "#CDEBDD"
+TINTS = {"grey": "#EEEEEE", "blue": "#CFE5F3", "orange": "#F8D9C4", "green": "#CDEBDD"}
 
 
 def block_diagram(ax, boxes, arrows):
-    """Draw boxes, dict name -> (x, y, words, colour) in the units of the Axes, and arrows, pairs of names; the artists.
+    """Draw boxes, dict name -> (x, y, words, tint) in the units of the Axes, and arrows, pairs of names; the artists.
 
-    Returns (dict name -> Text, list of Annotation).
+    A tint is one of `TINTS`. Returns (dict name -> Text, list of Annotation).
     """
     texts = {
         name: ax.text(
@@ -17,9 +17,9 @@ def block_diagram(ax, boxes, arrows):
             va="center",
             fontsize=9,
             zorder=2,
-            bbox={"boxstyle": "round,pad=0.35", "fc": colour, "ec": "0.4"},
+            bbox={"boxstyle": "round,pad=0.35", "fc": TINTS[tint], "ec": "0.4"},
         )
-        for name, (x, y, words, colour) in boxes.items()
+        for name, (x, y, words, tint) in boxes.items()
     }
     across, up = zip(*(box[:2] for box in boxes.values()))
     ax.set(xlim=(min(across) - 0.6, max(across) + 0.6), ylim=(min(up) - 0.4, max(up) + 0.4))

@@ -1,1 +1,24 @@
 """From landmark curves to a certified map: detection, the fit, checked networks, `register`, and its judges."""
+
+from ..lazy import offer
+
+TABLE = {
+    "certified": ["exact_map"],
+    "checked": ["guarded_map"],
+    "engine": ["Engine", "Setting"],
+    "features": ["FINEST", "FOLDS", "Feature", "Features", "check_features"],
+    "fit": ["OVERFITS", "fit_problem"],
+    "ladder": ["GUIDING_DELTA", "GUIDING_GAMMA", "LEVELS", "Climb", "Level", "climbed"],
+    "landmarkfile": ["check_curves"],
+    "landmarks": ["curve_distance", "curves_in_space"],
+    "link": ["Link"],
+    "metrics": ["measured_losses"],
+    "preparation": ["Sides", "laid_upon", "sampled"],
+    "problem": ["DELTA", "Problem", "Weights"],
+    "report": ["held_out_distances"],
+    "steps": ["FeatureStep"],
+    "suspect": ["mistakes"],
+    "terms": ["LandmarkTerm"],
+}
+
+__getattr__, __dir__, __all__ = offer(__name__, TABLE)

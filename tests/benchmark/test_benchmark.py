@@ -14,9 +14,10 @@ from pathlib import Path
 import pytest
 from distributed import Client, LocalCluster
 
+from qclearn.benchmark import BenchmarkError
 from qclearn.benchmark import run as module
 from qclearn.benchmark import runs as table
-from qclearn.benchmark.results import BenchmarkError, read_results
+from qclearn.benchmark.results import read_results
 from qclearn.benchmark.run import benchmark, problems
 from qclearn.benchmark.runs import FRONT, RUNS, Run, check_runs, lacking, run_of
 from qclearn.cli import main

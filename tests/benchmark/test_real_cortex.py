@@ -10,8 +10,9 @@ from qclearn.benchmark.cortex import conte69_pair, heldout_pair, other_mesh, war
 from qclearn.benchmark.pairs import mapped, prepare, reverse
 from qclearn.benchmark.problems import problems
 from qclearn.benchmark.trial import trial
-from qclearn.methods import METHODS, Problem
+from qclearn.methods import METHODS
 from qclearn.plane.diskmesh import boundary_loop, polar_disk
+from qclearn.registration import Problem
 from qclearn.registration.problem import LandmarkError
 from qclearn.surfaces.surface import Surface
 

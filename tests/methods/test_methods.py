@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from meshes import random_disk, random_mu
 
-from qclearn.methods import METHODS, Problem, networks
+from qclearn.methods import METHODS, networks
 from qclearn.methods.harmonic import harmonic, smoothed
 from qclearn.methods.qc_iteration import qc_iteration
 from qclearn.methods.solver import HARD, LandmarkSolver, truncated
@@ -17,6 +17,7 @@ from qclearn.plane.bijectivity import RepairWarning, check_bijective, flipped_fa
 from qclearn.plane.disk import solve_beltrami_disk
 from qclearn.plane.diskmesh import boundary_loop, polar_disk, sampling_matrix
 from qclearn.plane.exactmaps import moebius
+from qclearn.registration import Problem
 from qclearn.registration.fit import fit_landmarks
 from qclearn.registration.problem import LandmarkError
 from qclearn.surfaces.conformal import disk_conformal_map

@@ -5,14 +5,14 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from qclearn.pages.diagrams import BLUE, GREY, block_diagram
+from qclearn.pages.diagrams import block_diagram
 
 
 @pytest.mark.parametrize("dpi", [100, 200])
 def test_an_arrow_stops_at_the_edges_of_its_boxes(dpi):
     figure = Figure(figsize=(6, 3), dpi=dpi)
     FigureCanvasAgg(figure)
-    boxes = {"a": (0, 0, "a", GREY), "b": (3, 1, "a wide\nbox", BLUE)}
+    boxes = {"a": (0, 0, "a", "grey"), "b": (3, 1, "a wide\nbox", "blue")}
     texts, [arrow] = block_diagram(figure.subplots(), boxes, [("a", "b")])
     figure.canvas.draw()
     path = arrow.arrow_patch.get_path().vertices
@@ -26,4 +26,4 @@ def test_an_arrow_stops_at_the_edges_of_its_boxes(dpi):
 
 def test_an_arrow_to_nowhere_is_an_error():
     with pytest.raises(KeyError, match="c"):
-        block_diagram(Figure().subplots(), {"a": (0, 0, "a", GREY)}, [("a", "c")])
+        block_diagram(Figure().subplots(), {"a": (0, 0, "a", "grey")}, [("a", "c")])
