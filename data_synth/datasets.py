@@ -13,12 +13,11 @@ import numpy as np
 from tqdm import tqdm
 
 from data_synth.cortex import require_one_generation
-from data_synth.fields import KINDS, MAX_ABS, dead_leaves, random_coefficient
-from data_synth.landmarks import DiskMaps, Perturbation
+from data_synth.fields import random_coefficient
+from data_synth.landmarks import DiskMaps
 from qclearn.files.extras import require
 from qclearn.files.safe import full_disk, is_full, own_prefix, sweep
 from qclearn.plane.bijectivity import RepairWarning
-from qclearn.plane.diskmesh import polar_disk
 from qclearn.registration.landmarks import sample_curve
 from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.curvature import curvature_image, grey_levels, mean_curvature
@@ -72,42 +71,6 @@ class Seeded(Dataset):
 def _tensor(array):
     array = np.asarray(array)
     return torch.as_tensor(array.astype(np.complex64 if np.iscomplexobj(array) else np.float32))
-
-
-class CoefficientDataset(Seeded):
-    """For DBS-Net: (mu (F,), f (V,)) on a polar disk mesh, f the exact map; the two kinds of field in equal shares.
-
-    source: where the fields of the kind "image" come from, `dead_leaves` or an `ImageFolder`.
-    """
-
-    def __init__(self, count, seed, rings=32, spokes=96, max_abs=MAX_ABS, source=dead_leaves):
-        super().__init__(count, seed, rings, spokes, max_abs, source)
-        self.maps = DiskMaps(*polar_disk(rings, spokes))
-        self.options = {"max_abs": max_abs, "source": source}
-
-    def draw(self, rng):
-        mu = random_coefficient(self.maps.z, self.maps.faces, rng, kind=rng.choice(KINDS), **self.options)
-        return mu, self.maps.solve(mu)
-
-
-class LandmarkDataset(Seeded):
-    """For CP-Net: (moving (M,), target (M,), mu (F,)) with moving = f(target) for a known map f on a polar mesh.
-
-    targets: (M,) complex landmarks on the control, in the unit disk; mu is the coefficient of f. source: as in
-    `CoefficientDataset`.
-    """
-
-    def __init__(self, count, seed, targets, rings=32, spokes=96, max_abs=MAX_ABS, source=dead_leaves):
-        self.targets = np.asarray(targets, complex)
-        if self.targets.ndim != 1 or not len(self.targets) or not (abs(self.targets) <= 1).all():
-            raise DatasetError("targets: give complex points (M,) of the unit disk, at least one")
-        super().__init__(count, seed, self.targets, rings, spokes, max_abs, source)
-        self.perturbation = Perturbation(*polar_disk(rings, spokes), self.targets)
-        self.options = {"max_abs": max_abs, "source": source}
-
-    def draw(self, rng):
-        moving, mu, _ = self.perturbation.draw(rng, kind=rng.choice(KINDS), **self.options)
-        return moving, self.targets, mu
 
 
 def quiet_disk_map(surface):
