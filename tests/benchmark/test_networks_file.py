@@ -23,7 +23,6 @@ def test_the_kept_figures_fit_their_schema_and_come_back(figures, tmp_path):
 
 MEASURED = (
     "benchmark.json",
-    "foldsnetwork.json",
     "networks.json",
     "scaling.json",
     "suspect.json",
