@@ -1,7 +1,7 @@
 """Execute every notebook of book/ once and build the site from the result: build/book -> _build/html.
 
-Sphinx builds the site from the executed copies with warnings as errors. What the site offers for download are the
-copies that read in JupyterLab without a kernel.
+Sphinx builds the site from the executed copies with warnings as errors. What the site offers for download are the plain
+copies, which read in any viewer.
 """
 
 import argparse
@@ -14,6 +14,7 @@ import export_live  # beside this file, as is lab_copies
 import lab_copies
 import nbformat
 from execute_pages import ROOT, SECONDS_PER_CELL, SOURCE, run
+from plain import for_plain_viewers
 
 SITE = ROOT / "_build"
 
@@ -43,9 +44,9 @@ def build_site(meanwhile):
 
 
 def downloads():
-    """Executed pages with citations and references as text, page -> notebook."""
+    """The plain copies of the executed pages, page -> notebook."""
     copies = lab_copies.Copies()
-    return {path.stem: copies.make(path.stem) for path in sorted(SOURCE.glob("*.ipynb"))}
+    return {path.stem: copies.make(path.stem, for_plain_viewers) for path in sorted(SOURCE.glob("*.ipynb"))}
 
 
 def offer(notebooks):

@@ -21,7 +21,7 @@ import torch
 from threadpoolctl import threadpool_limits
 
 from data_synth.generations import GENERATION
-from qclearn.benchmark.results import read_networks, write_networks
+from qclearn.benchmark.measured import read_measured, write_measured
 from qclearn.files.provenance import provenance
 
 PARTS = ("polar", "ldnet", "cpnet", "dbsnet", "controls")  # the last needs networks that are not shipped
@@ -30,7 +30,7 @@ PARTS = ("polar", "ldnet", "cpnet", "dbsnet", "controls")  # the last needs netw
 def main():
     options = read_options()
     torch.set_num_threads(1)
-    results = read_networks(options.out) if options.out and options.out.exists() else {}
+    results = read_measured("networks", options.out) if options.out and options.out.exists() else {}
     for part in options.only:
         start = time.perf_counter()
         with threadpool_limits(1):
@@ -39,7 +39,7 @@ def main():
         show(part, results[part])
         if options.out:  # after every part: what was measured is not lost
             options.out.parent.mkdir(parents=True, exist_ok=True)
-            write_networks(options.out, results)
+            write_measured("networks", options.out, results)
 
 
 def read_options():

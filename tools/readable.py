@@ -1,8 +1,7 @@
-"""Executed pages for two kinds of readers: JupyterLab, and viewers that know plain Markdown alone.
+"""Executed pages as copies to read: what points to other pages or to the literature becomes text with a link.
 
-JupyterLab (jupyterlab_myst) renders a page's own figures, theorems, equations and numbers. It knows one page at a time:
-what points to other pages or to the literature becomes text with a link. For plain viewers everything becomes plain
-Markdown.
+JupyterLab (jupyterlab_myst) renders a page's own figures, theorems, equations and numbers, one page at a time; plain.py
+makes plain Markdown of these, too.
 """
 
 import ast
@@ -114,13 +113,18 @@ def told(text):
     return OPENING.sub(lambda match: f"{match[0]}\n{TOLD[match[1]]}", text)
 
 
+def fold_hidden(notebook):
+    """Fold the code that only draws or keeps."""
+    for cell in notebook.cells:
+        if set(HIDDEN) & set(cell.metadata.get("tags", [])):
+            cell.metadata["jupyter"] = {**cell.metadata.get("jupyter", {}), "source_hidden": True}
+
+
 def for_jupyterlab(notebook, readable, chapter):
     """Change an executed page in place into its copy for JupyterLab."""
     prose = [cell for cell in notebook.cells if cell.cell_type == "markdown"]
     for cell in prose:
         cell.source = outside_code(told, readable.text(cell.source))
-    for cell in notebook.cells:
-        if set(HIDDEN) & set(cell.metadata.get("tags", [])):
-            cell.metadata["jupyter"] = {**cell.metadata.get("jupyter", {}), "source_hidden": True}
+    fold_hidden(notebook)
     prose[0].source = numbering("\n".join(cell.source for cell in prose), chapter) + prose[0].source
     return notebook

@@ -6,8 +6,8 @@ from data_synth.cohort import SEEDS
 
 from ..files.conte69 import installed_folder
 from .cortex import AMPLITUDES, HALVES, PARTS, conte69_pair, conte69_sides, fsaverage_side, heldout_pair, warp_pair
+from .measured import BenchmarkError
 from .pairs import CONTROL, cohort_pair, displacement_pair, fsaverage_pair, mapped_subject
-from .results import BenchmarkError
 from .runs import SETS
 
 DISTANCES, CURVE_COUNTS = (0.05, 0.1, 0.2, 0.3, 0.4), (4, 8)
@@ -36,14 +36,11 @@ def problems(subjects, sets):
     unknown = sorted(set(sets) - set(SETS))
     if unknown or not sets:
         raise BenchmarkError(f"no set of problems {', '.join(unknown) or 'given'}; there are {', '.join(SETS)}")
-    least = 2 if "pairs" in sets else 1
-    if not isinstance(subjects, int) or not least <= subjects <= len(SEEDS):
-        raise BenchmarkError(f"{subjects!r} subjects: the cohort has 1 to {len(SEEDS)}, and pairs need at least 2")
-    seeds, specs = SEEDS[:subjects], []
+    if not isinstance(subjects, int) or not 1 <= subjects <= len(SEEDS):
+        raise BenchmarkError(f"{subjects!r} subjects: the cohort has 1 to {len(SEEDS)}")
+    specs = []
     if "cohort" in sets:
-        specs += [Spec("cohort", f"{seed} to {CONTROL}", seed, CONTROL) for seed in seeds]
-    if "pairs" in sets:
-        specs += [Spec("pairs", f"{a} to {b}", a, b) for b in seeds for a in seeds if a != b]
+        specs += [Spec("cohort", f"{seed} to {CONTROL}", seed, CONTROL) for seed in SEEDS[:subjects]]
     if "displacement" in sets:
         specs += [
             Spec("displacement", f"{distance:g}, {curves} curves", None, CONTROL, distance, curves)

@@ -1,6 +1,6 @@
 """What the pages of the book and the command line draw with: plots, scenes, widgets, and numbers for the prose."""
 
-__all__ = ["keep", "kept", "num", "show_figure", "table"]
+__all__ = ["keep", "num", "show_figure", "table"]
 
 
 def __getattr__(name):
