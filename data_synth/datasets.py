@@ -1,10 +1,7 @@
 """Torch datasets for the three trainings: item k depends on the seed and k alone, whatever the number of workers."""
 
 import hashlib
-import os
-import uuid
 import warnings
-from contextlib import contextmanager
 from errno import EISDIR
 from functools import cached_property
 from pathlib import Path
@@ -16,11 +13,12 @@ from data_synth.cortex import require_one_generation
 from data_synth.fields import random_coefficient
 from data_synth.landmarks import DiskMaps
 from qclearn.files.extras import require
-from qclearn.files.safe import full_disk, is_full, own_prefix, sweep
+from qclearn.files.safe import write_whole
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.registration.landmarks import sample_curve
 from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.curvature import curvature_image, grey_levels, mean_curvature
+from qclearn.surfaces.surface import SurfaceError
 
 with require("nets", "training sets"):
     import torch
@@ -141,45 +139,34 @@ def cached(dataset, path, workers=0, progress=True):
     if kept is None:
         if path.exists():
             warnings.warn(f"{path} is damaged or of another recipe; it is drawn again", DatasetWarning, stacklevel=2)
-        with _written_whole(path) as file:
-            loader = DataLoader(dataset, batch_size=16, num_workers=workers)
-            batches = list(tqdm(loader, desc=f"drawing {path.name}", delay=2, disable=not progress))
-            kept = [torch.cat(column) for column in zip(*batches)]
-            np.savez(
-                file,
-                columns=len(kept),
-                recipe=dataset.recipe,
-                checksum=_checksum(kept),
-                **{f"column_{k}": tensor.numpy() for k, tensor in enumerate(kept)},
-            )
+        kept = _drawn(dataset, path, workers, progress)
     return TensorDataset(*kept)
 
 
-@contextmanager
-def _written_whole(path):
-    """A file that takes the place of `path` at the end, and vanishes where something fails."""
+def _drawn(dataset, path, workers, progress):
+    """The columns of a dataset, drawn and written to `path`, whole or not at all."""
+    kept = []
+
+    def draw(place):
+        loader = DataLoader(dataset, batch_size=16, num_workers=workers)
+        batches = list(tqdm(loader, desc=f"drawing {path.name}", delay=2, disable=not progress))
+        kept.extend(torch.cat(column) for column in zip(*batches))
+        columns = {f"column_{k}": tensor.numpy() for k, tensor in enumerate(kept)}
+        with place.open("wb") as file:
+            np.savez(file, columns=len(kept), recipe=dataset.recipe, checksum=_checksum(kept), **columns)
+
     try:
         if path.is_dir():
             raise IsADirectoryError(EISDIR, "it is a folder")
         path.parent.mkdir(parents=True, exist_ok=True)
-        sweep(path.parent)
-        temporary = path.with_name(f"{own_prefix()}{uuid.uuid4().hex[:8]}-{path.name}")
-        file = temporary.open("xb")  # not tempfile's: others who share the folder may read the set
     except OSError as error:
         reason = error.strerror or error
         raise DatasetError(f"{path} cannot be written: {reason}. Choose a folder you may write.") from None
     try:
-        with file:
-            yield file
-        os.replace(temporary, path)
-    except OSError as error:
-        if not is_full(error):
-            raise
-        written = temporary.stat().st_size
-        temporary.unlink()  # before the free space is asked for
-        raise DatasetError(f"{path}: {full_disk(path.parent, written)}") from None
-    finally:
-        temporary.unlink(missing_ok=True)
+        write_whole(path, draw)
+    except SurfaceError as error:
+        raise DatasetError(str(error)) from None
+    return kept
 
 
 def _checksum(tensors):

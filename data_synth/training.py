@@ -75,9 +75,13 @@ def dbsnet(config, folder, quick=False):
         sets = [kind(n, seed, config.size) for kind, n, seed in zip((SquareFields, SolvedFields), counts, (5201, 5202))]
     else:
         sets = [Fields(count, seed, config.rings, config.spokes) for count, seed in zip(counts, (5101, 5102))]
-    names = (f"dbsnet-{config.preset}-{part}{'-quick' if quick else ''}.npz" for part in ("training", "validation"))
-    training, validation = (cached(items, f"{folder}/{name}", progress=not quick) for items, name in zip(sets, names))
-    return training, validation
+    return kept(sets, f"{folder}/dbsnet-{config.preset}", quick)
+
+
+def kept(sets, start, quick):
+    """The training and the validation set, each drawn once and kept in a file whose name begins so."""
+    names = (f"{start}-{part}{'-quick' if quick else ''}.npz" for part in ("training", "validation"))
+    return tuple(cached(items, name, progress=not quick) for items, name in zip(sets, names))
 
 
 DATA_POINTS = 37  # on each curve: every fourth of them are the ten of preset `paper`
@@ -96,16 +100,11 @@ def ldnet(config, folder, quick=False):
     """Images, endpoints and curves for LD-Net: 96 subjects, 15 times turned and distorted;
     the same for both presets."""
     seeds, counts = (((1,), (2,)), (8, 4)) if quick else ((TRAINING_SEEDS, VALIDATION_SEEDS), (1440, 96))
-    names = (f"ldnet-{part}{'-quick' if quick else ''}.npz" for part in ("training", "validation"))
-    training, validation = (
-        cached(
-            CurveDataset(count, 6001 + k, subjects(group, folder, quick), config.size, DATA_POINTS, names=tuple(SULCI)),
-            f"{folder}/{name}",
-            progress=not quick,
-        )
-        for k, (group, count, name) in enumerate(zip(seeds, counts, names))
+    sets = (
+        CurveDataset(count, 6001 + k, subjects(group, folder, quick), config.size, DATA_POINTS, names=tuple(SULCI))
+        for k, (group, count) in enumerate(zip(seeds, counts))
     )
-    return training, validation
+    return kept(sets, f"{folder}/ldnet", quick)
 
 
 class Pairs(Seeded):
@@ -218,9 +217,7 @@ def cpnet(config, folder, quick=False):
             sets.append(ControlPairs(count, 7101 + k, curves[:, :, ::step], control[:, ::step], moved=0.4 * (k == 0)))
         else:
             sets.append(Pairs(count, 7001 + k, curves, config))
-    names = (f"cpnet-{config.preset}-{part}{'-quick' if quick else ''}.npz" for part in ("training", "validation"))
-    training, validation = (cached(items, f"{folder}/{name}", progress=not quick) for items, name in zip(sets, names))
-    return training, validation
+    return kept(sets, f"{folder}/cpnet-{config.preset}", quick)
 
 
 def disk_curves(seeds, folder, quick=False):

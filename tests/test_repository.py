@@ -71,8 +71,8 @@ def test_code_is_narrow(path):
 
 
 NAMED = re.compile(r"(?<![\w./-])(?:qclearn|data_synth|tests|tools|book)/[\w./-]*\w")
-# What a guide warns of, and what the reader of the page 'How to add a network' would write.
-NOT_THERE = {"book/_static", "qclearn/nets/ringnet.py", "tests/nets/test_ringnet.py"}
+# What a guide warns of, what the reader of the page 'How to add a network' would write, and what an older commit has.
+NOT_THERE = {"book/_static", "qclearn/nets/ringnet.py", "tests/nets/test_ringnet.py", "tools/folds_network.py"}
 
 
 @pytest.mark.parametrize("text", [ROOT / "CONTRIBUTING.md", ROOT / "README.md", *PAGES], ids=lambda path: path.stem)
