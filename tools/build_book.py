@@ -13,7 +13,7 @@ from pathlib import Path
 import export_live  # beside this file, as is lab_copies
 import lab_copies
 import nbformat
-from execute_pages import ROOT, SECONDS_PER_CELL, SOURCE, run
+from execute_pages import ROOT, SOURCE, run
 from plain import for_plain_viewers
 
 SITE = ROOT / "_build"
@@ -58,14 +58,11 @@ def offer(notebooks):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--jobs", type=int, default=2, help="notebooks executed side by side")
-    parser.add_argument(
-        "--seconds-per-cell", type=int, default=SECONDS_PER_CELL, help="a cell that takes longer is a failure"
-    )
     parser.add_argument("--pages", default="", help="execute only these, as in: --pages lbs,fourier")
     parser.add_argument("--no-site", action="store_true", help="execute the pages and leave the site as it is")
     arguments = parser.parse_args()
     pages = [name.strip().removesuffix(".ipynb") for name in arguments.pages.split(",") if name.strip()]
-    run(pages, arguments.jobs, arguments.seconds_per_cell)
+    run(pages, arguments.jobs)
     if not arguments.no_site:
         export_live.export()
         offer(build_site(meanwhile=downloads))

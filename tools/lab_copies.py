@@ -43,11 +43,6 @@ def book_digest():
     return found.hexdigest()
 
 
-def read_record(folder):
-    file = folder / RECORD
-    return json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
-
-
 def put_aside(path):
     """Rename a copy that a reader changed, to a name that is free."""
     number, aside = 1, path.with_stem(f"{path.stem}-mine")
@@ -61,7 +56,8 @@ def put_aside(path):
 def write_copies(folder, stamps, make):
     """Write make(page) for each page whose stamp differs from the one recorded; returns the pages written."""
     folder.mkdir(parents=True, exist_ok=True)
-    record, written = read_record(folder), []
+    file, written = folder / RECORD, []
+    record = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
     for page, stamp in stamps.items():
         path, old = folder / f"{page}.ipynb", record.get(page, {})
         if path.exists() and old.get("made_from") == stamp:
@@ -71,7 +67,7 @@ def write_copies(folder, stamps, make):
         nbformat.write(make(page), path)
         record[page] = {"made_from": stamp, "written": cells_digest(path)}
         written.append(page)
-        (folder / RECORD).write_text(json.dumps(record, indent=1), encoding="utf-8")
+        file.write_text(json.dumps(record, indent=1), encoding="utf-8")
     shutil.copytree(
         references.BOOK / "_assets",
         folder / "_assets",

@@ -19,7 +19,6 @@ BIBLIOGRAPHY = re.compile(r"^(:{3,}|`{3,})\{bibliography\}.*?^\1[ \t]*$", re.DOT
 # What JupyterLab has to be told: it counts each proof that does not ask it not to, and shows captions small and pale.
 TOLD = {"prf:proof": ":nonumber: true", "figure": ":class: not-prose"}
 OPENING = re.compile(r"^(?::{3,}|`{3,})\{(prf:proof|figure)\}.*$", re.MULTILINE)
-HIDDEN = ("hide-input", "hide-cell", "remove-input", "remove-cell")
 
 
 def outside_code(change, text):
@@ -116,7 +115,7 @@ def told(text):
 def fold_hidden(notebook):
     """Fold the code that only draws or keeps."""
     for cell in notebook.cells:
-        if set(HIDDEN) & set(cell.metadata.get("tags", [])):
+        if "hide-input" in cell.metadata.get("tags", []):
             cell.metadata["jupyter"] = {**cell.metadata.get("jupyter", {}), "source_hidden": True}
 
 

@@ -17,6 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+from tqdm import tqdm
 
 import qclearn as qc
 from data_synth.cohort import cohort
@@ -41,21 +42,13 @@ NEAR = 10.0  # mm along the surface: what counts as near a sulcus
 PIXELS, GREYS = 96, 100  # of the pictures, and steps from 0 to their largest value
 
 
-class Bar:
-    """No progress is shown: the tasks are those of `qc.template`."""
-
-    def update(self, count=1):
-        pass
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--folder", type=Path, help="where finished registrations are kept, to go on with")
     parser.add_argument("--out", type=Path, required=True, help="JSON file to write")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        measure(options, options.folder or Path(folder))
+        measure(options, Path(folder))
 
 
 def measure(options, folder):
@@ -115,7 +108,7 @@ def one_control(subjects, folder, workers):
     members, features = members_of(subjects, FOLDS)
     laid = Folder(folder, json.loads((folder / "settings.json").read_text(encoding="utf-8")))
     with client_of(None, workers) as client:
-        group = Group(client, members, features, laid, Bar())
+        group = Group(client, members, features, laid, tqdm(disable=True))
         group.lay_upon_mean()
         group.kept, control = Folder(None, {}), group.median()
         first = alone(group.result(group.subjects[control], members[control]))

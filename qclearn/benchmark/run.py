@@ -24,6 +24,7 @@ from ..files.provenance import commit, processor
 from ..group.workers import connect, versions
 from ..methods import METHODS
 from .measured import BenchmarkError
+from .pairs import CONTROL
 from .problems import problems, submit_pair
 from .results import Journal
 from .runs import FRONT, RUNS, check_runs, lacking
@@ -63,12 +64,12 @@ def benchmark(
         raise BenchmarkError(
             f"{vertices} vertices, {workers} workers: give {FEWEST:,} to {MOST:,} vertices and at least one worker"
         )
-    origin = provenance()
+    origin, seeds = provenance(), {seed for spec in specs for seed in spec.seeds}
     settings = {
         "sets": list(sets),
         "subjects": subjects,
-        "seeds": sorted({spec.moving for spec in specs if spec.moving}),
-        "controls": sorted({spec.control for spec in specs if spec.control}),
+        "seeds": sorted(seeds - {CONTROL}),
+        "controls": sorted(seeds & {CONTROL}),
         "vertices": vertices,
         "generation": GENERATION,
         "commit": origin["commit"],

@@ -227,7 +227,7 @@ def test_an_unreachable_scheduler_is_named(tmp_path, folder, monkeypatch, addres
         (Run("a", "harmonic", {"lambda": 1}), "harmonic has no parameter lambda; it has weight, correct"),
         (Run("a", "mobius_only", {"weight": 1}), "mobius_only has no parameter weight; it has none"),
         (Run("a", "harmonic", landmarks="guessed"), "no landmarks 'guessed'"),
-        (Run("a", "harmonic", sets=("cohort", "mars")), "sets some of cohort, pairs"),
+        (Run("a", "harmonic", sets=("cohort", "mars")), "sets some of cohort, displacement"),
     ],
 )
 def test_unknown_things_are_refused(run, message):
@@ -258,7 +258,7 @@ def test_other_counts_and_sets_are_refused(subjects, sets, message):
 def test_the_sets_problems():
     specs = problems(3, ["cohort", "displacement", "fsaverage5"])
     assert [spec.pair for spec in specs if spec.set == "cohort"] == [f"{seed} to 2001" for seed in (1001, 1002, 1003)]
-    assert {spec.distance for spec in specs if spec.set == "displacement"} == {0.05, 0.1, 0.2, 0.3, 0.4}
+    assert {spec.options[0] for spec in specs if spec.set == "displacement"} == {0.05, 0.1, 0.2, 0.3, 0.4}
     assert len({(spec.set, spec.pair) for spec in specs}) == len(specs) == 14
 
 
