@@ -111,11 +111,11 @@ def methods_and_oracles(rows):
     return [row for row in rows if row["landmarks"] != "exact"], oracles
 
 
-def median_pair(rows, run, key="landmark_error"):
-    """The pair with the median figure of a run (of an even number, the lower): the one to show, chosen by nobody."""
-    values = sorted((value, pair) for pair, value in column(rows, run, key).items() if np.isfinite(value))
+def median_pair(rows, run):
+    """The pair with the median landmark error of a run, of an even number the lower: the one to show, chosen by nobody."""
+    values = sorted((value, pair) for pair, value in column(rows, run, "landmark_error").items() if np.isfinite(value))
     if not values:
-        raise BenchmarkError(f"no pair has the figure {key!r} of the run {run!r}: give one that the results hold")
+        raise BenchmarkError(f"no pair has a landmark error of the run {run!r}: give one that the results hold")
     return values[(len(values) - 1) // 2][1]
 
 

@@ -31,17 +31,14 @@ class Begun:
             raise error(f"{path}: cannot be used ({reason}); give another folder") from None
         if foreign:
             raise error(f"{path}: holds files, but no {SETTINGS} of a run; empty it, or give another folder")
-        self.require_same(there or settings, settings)
-        self.keep(SETTINGS, json.dumps(settings, indent=1).encode())
-
-    def require_same(self, there, settings):
-        """The caller's error unless the folder's settings are these."""
+        there = there or settings
         differ = sorted(key for key in settings | there if there.get(key) != settings.get(key))
         if differ:
-            raise self.error(
-                f"{self.path}: begun with other settings ({', '.join(differ)} differ): give the same ones to go on "
-                "with it, delete it to begin again, or give another place"
+            raise error(
+                f"{path}: begun with other settings ({', '.join(differ)} differ): give the same ones to go on with it, "
+                "delete it to begin again, or give another place"
             )
+        self.keep(SETTINGS, json.dumps(settings, indent=1).encode())
 
     def names(self):
         """Names of the files of finished parts, list."""

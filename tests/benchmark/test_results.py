@@ -254,8 +254,8 @@ def test_oracles_stand_apart():
 def test_the_median_pair_is_shown():
     rows = [row(pair, landmark_error=error) for pair, error in zip("abcd", (0.4, 0.1, 0.3, 0.2))]
     assert median_pair(rows, "one") == "d" and median_pair(rows[:3], "one") == "c"
-    with pytest.raises(BenchmarkError, match="no pair has the figure 'angles' of the run 'one'"):
-        median_pair(rows, "one", "angles")
+    with pytest.raises(BenchmarkError, match="no pair has a landmark error of the run 'two'"):
+        median_pair(rows, "two")
 
 
 def test_notes_are_counted_by_their_words():
