@@ -112,7 +112,7 @@ def methods_and_oracles(rows):
 
 
 def median_pair(rows, run):
-    """The pair with the median landmark error of a run (the lower, of an even number): to be shown, chosen by nobody."""
+    """The pair with the median landmark error of a run (the lower of two): the one to show, chosen by nobody."""
     values = sorted((value, pair) for pair, value in column(rows, run, "landmark_error").items() if np.isfinite(value))
     if not values:
         raise BenchmarkError(f"no pair has a landmark error of the run {run!r}: give one that the results hold")
