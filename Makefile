@@ -1,7 +1,7 @@
 # Two commands matter: `make book` builds the site, `make test` tests everything.
 #   make lab        to read in JupyterLab: opens executed copies of the pages (`make lab-copies` builds them and opens nothing)
 #   make edit       to write: opens the sources in book/; `make clear` takes out what a run left in them
-#   make notebooks  for viewers that know plain Markdown only: build/notebooks/
+#   make notebooks  for any other viewer, what the site offers for download: build/notebooks/
 #
 # The size of torch: on Linux its default wheel brings about 5 GB of CUDA libraries. Without an NVIDIA card, take the CPU
 # wheel (under 1 GB) instead:   make book TORCH_INDEX=https://download.pytorch.org/whl/cpu

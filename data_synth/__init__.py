@@ -7,14 +7,13 @@ TABLE = {
     "cohort": ["CohortWarning", "cohort", "hemispheres"],
     "correspondence": ["correspondence", "depth_correlation", "locate_on_sphere"],
     "cortex": ["CortexError", "Mechanics", "growth_frames", "make_cortex"],
-    "datasets": ["CoefficientDataset", "CurveDataset", "cached"],
+    "datasets": ["CurveDataset", "cached"],
     "fields": ["MAX_ABS", "ImageFolder", "dead_leaves", "random_coefficient", "smooth_coefficient"],
     "folding_measures": ["smooth"],
-    "generations": ["GENERATION", "GENERATIONS"],
     "intersections": ["self_intersections"],
     "realism": ["low_pass_curvature", "realism", "score"],
     "subjects": ["UNNUMBERED", "load_cortex", "save_cortex"],
-    "training": ["DATA_POINTS", "TRAINING_SEEDS", "Pairs", "SolvedFields", "SquareFields"],
+    "training": ["DATA_POINTS", "TRAINING_SEEDS", "Fields", "Pairs", "SolvedFields", "SquareFields"],
 }
 
 with require("synth", "synthetic surfaces"):

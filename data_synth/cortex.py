@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from data_synth.fundus import trace, trim
-from data_synth.generations import GENERATION, GENERATIONS
+from data_synth.generations import GENERATION
 from data_synth.growth import GROWN, Sheet, depth_below, grow, hull_distance, neighbour_table
 from data_synth.individual import Individual, smooth_field
 from data_synth.pattern import pattern
@@ -69,10 +69,9 @@ class Cortex:
 
 
 def require_generation(generation):
-    """CortexError unless this version knows the generation."""
-    if isinstance(generation, bool) or generation not in GENERATIONS:
-        known = ", ".join(map(str, GENERATIONS))
-        raise CortexError(f"the generation is {generation!r}; this version makes {known}.")
+    """CortexError unless this version makes the generation."""
+    if generation != GENERATION:
+        raise CortexError(f"the generation is {generation!r}; this version makes {GENERATION}.")
 
 
 def require_one_generation(subjects):
@@ -81,18 +80,17 @@ def require_one_generation(subjects):
     if len(found) > 1:
         raise CortexError(
             f"the subjects are of the generations {', '.join(map(str, found))}, whose folds follow other rules; "
-            "make all with one: make_cortex(..., generation=...)."
+            "make all with one version of the generator."
         )
 
 
-def _check(seed, n_vertices, hemisphere, generation):
+def _check(seed, n_vertices, hemisphere="left"):
     if not isinstance(seed, (int, np.integer)) or isinstance(seed, bool) or not 0 <= seed < 2**63:
         raise CortexError(f"the seed is {seed!r}; give a whole number from 0, below 2^63.")
     if not isinstance(n_vertices, (int, np.integer)) or not FEWEST <= n_vertices <= MOST:
         raise CortexError(f"n_vertices is {n_vertices!r}; give a whole number from {FEWEST:,} to {MOST:,}.")
     if hemisphere not in HEMISPHERES:
         raise CortexError(f"the hemisphere is {hemisphere!r}; choose one of {', '.join(HEMISPHERES)}.")
-    require_generation(generation)
 
 
 def _normals(x, faces):
@@ -116,28 +114,28 @@ def make_cortex(seed, n_vertices=10_000, hemisphere="left", mechanics=Mechanics(
 
     The seed (a whole number from 0) decides everything: the same seed, size, side and generation give the same
     hemisphere, and both sides of a seed resemble each other. Folds have the width of real ones from 8,000 vertices;
-    coarser meshes fold more coarsely. In generation 2 folds form 3 to 6 mm beside what corresponds on the template, in
-    generation 3 1 to 3 mm. Takes time like n^1.5, 10 s at 10,000; `clock`, int64 (2,), is kept at the steps of growth
-    done and in all, for a progress bar in another thread. CortexError for a seed, size, side or generation that is not
-    possible.
+    coarser meshes fold more coarsely. Folds form 1 to 3 mm beside what corresponds on the template. Takes time like
+    n^1.5, 10 s at 10,000; `clock`, int64 (2,), is kept at the steps of growth done and in all, for a progress bar in
+    another thread. CortexError for a seed, size, side or generation that is not possible.
     """
-    _check(seed, n_vertices, hemisphere, generation)
-    person = Individual(seed, hemisphere, GENERATIONS[generation])
+    _check(seed, n_vertices, hemisphere)
+    require_generation(generation)
+    person = Individual(seed, hemisphere)
     surface, template = grown(person, n_vertices, mechanics, clock)
     traits = tuple(person.interrupted), tuple(person.branched)
     return Cortex(surface, template, seed, hemisphere, generation, *traits)
 
 
-def growth_frames(seed, n_vertices=3_000, frames=20, generation=GENERATION):
+def growth_frames(seed, n_vertices=3_000, frames=20):
     """The left hemisphere of `make_cortex` while it grows: (positions (K, V, 3) in mm, faces (F, 3), factors (K,) by
     which the rest lengths of the edges have grown until then). The last positions are those of its surface.
 
     Edges along furrows grow less than the factors say, others vary around them by a few percent. All positions have the
     scale of the last, so that areas can be compared. CortexError as for `make_cortex`.
     """
-    _check(seed, n_vertices, "left", generation)
+    _check(seed, n_vertices)
     m, film = Mechanics(), np.empty((frames - 1, n_vertices, 3))
-    surface, _ = grown(Individual(seed, "left", GENERATIONS[generation]), n_vertices, m, film=film)
+    surface, _ = grown(Individual(seed, "left"), n_vertices, m, film=film)
     progress = np.minimum(1, np.arange(frames) / (GROWN * (frames - 1)))
     return np.concatenate([film, surface.vertices[None]]), surface.faces, 1 + (m.growth - 1) * progress
 

@@ -1,10 +1,7 @@
 """Torch datasets for the three trainings: item k depends on the seed and k alone, whatever the number of workers."""
 
 import hashlib
-import os
-import uuid
 import warnings
-from contextlib import contextmanager
 from errno import EISDIR
 from functools import cached_property
 from pathlib import Path
@@ -13,15 +10,16 @@ import numpy as np
 from tqdm import tqdm
 
 from data_synth.cortex import require_one_generation
-from data_synth.fields import KINDS, MAX_ABS, dead_leaves, random_coefficient
-from data_synth.landmarks import DiskMaps, Perturbation
+from data_synth.fields import random_coefficient
+from data_synth.landmarks import DiskMaps
 from qclearn.files.extras import require
-from qclearn.files.safe import full_disk, is_full, own_prefix, sweep
+from qclearn.files.safe import write_whole
 from qclearn.plane.bijectivity import RepairWarning
-from qclearn.plane.diskmesh import polar_disk
+from qclearn.plane.disk import Disk
 from qclearn.registration.landmarks import sample_curve
 from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.curvature import curvature_image, grey_levels, mean_curvature
+from qclearn.surfaces.surface import SurfaceError
 
 with require("nets", "training sets"):
     import torch
@@ -74,42 +72,6 @@ def _tensor(array):
     return torch.as_tensor(array.astype(np.complex64 if np.iscomplexobj(array) else np.float32))
 
 
-class CoefficientDataset(Seeded):
-    """For DBS-Net: (mu (F,), f (V,)) on a polar disk mesh, f the exact map; the two kinds of field in equal shares.
-
-    source: where the fields of the kind "image" come from, `dead_leaves` or an `ImageFolder`.
-    """
-
-    def __init__(self, count, seed, rings=32, spokes=96, max_abs=MAX_ABS, source=dead_leaves):
-        super().__init__(count, seed, rings, spokes, max_abs, source)
-        self.maps = DiskMaps(*polar_disk(rings, spokes))
-        self.options = {"max_abs": max_abs, "source": source}
-
-    def draw(self, rng):
-        mu = random_coefficient(self.maps.z, self.maps.faces, rng, kind=rng.choice(KINDS), **self.options)
-        return mu, self.maps.solve(mu)
-
-
-class LandmarkDataset(Seeded):
-    """For CP-Net: (moving (M,), target (M,), mu (F,)) with moving = f(target) for a known map f on a polar mesh.
-
-    targets: (M,) complex landmarks on the control, in the unit disk; mu is the coefficient of f. source: as in
-    `CoefficientDataset`.
-    """
-
-    def __init__(self, count, seed, targets, rings=32, spokes=96, max_abs=MAX_ABS, source=dead_leaves):
-        self.targets = np.asarray(targets, complex)
-        if self.targets.ndim != 1 or not len(self.targets) or not (abs(self.targets) <= 1).all():
-            raise DatasetError("targets: give complex points (M,) of the unit disk, at least one")
-        super().__init__(count, seed, self.targets, rings, spokes, max_abs, source)
-        self.perturbation = Perturbation(*polar_disk(rings, spokes), self.targets)
-        self.options = {"max_abs": max_abs, "source": source}
-
-    def draw(self, rng):
-        moving, mu, _ = self.perturbation.draw(rng, kind=rng.choice(KINDS), **self.options)
-        return moving, self.targets, mu
-
-
 def quiet_disk_map(surface):
     """The disk map of a subject, without a word on boundary steps that had to be raised: coarse ones need it."""
     with warnings.catch_warnings():
@@ -152,11 +114,11 @@ class CurveDataset(Seeded):
     def _prepare(self, surface):
         samples = [sample_curve(surface, surface.curves[name], self.points) for name in self.names]
         grey = grey_levels(mean_curvature(surface), surface.vertex_areas)
-        return surface, grey, DiskMaps(quiet_disk_map(surface), surface.faces), samples
+        return surface, grey, DiskMaps(Disk(quiet_disk_map(surface), surface.faces)), samples
 
     def draw(self, rng):
         surface, grey, maps, samples = self.subjects[rng.integers(len(self.subjects))]
-        mu = random_coefficient(maps.z, maps.faces, rng, max_abs=self.max_abs)
+        mu = random_coefficient(maps.disk, rng, max_abs=self.max_abs)
         z = maps.solve(mu) * np.exp(2j * np.pi * rng.random())
         image, radius = curvature_image(surface, z, self.size, grey)
         curves = np.stack([radius.to_image(curve @ z) for curve in samples])
@@ -178,45 +140,34 @@ def cached(dataset, path, workers=0, progress=True):
     if kept is None:
         if path.exists():
             warnings.warn(f"{path} is damaged or of another recipe; it is drawn again", DatasetWarning, stacklevel=2)
-        with _written_whole(path) as file:
-            loader = DataLoader(dataset, batch_size=16, num_workers=workers)
-            batches = list(tqdm(loader, desc=f"drawing {path.name}", delay=2, disable=not progress))
-            kept = [torch.cat(column) for column in zip(*batches)]
-            np.savez(
-                file,
-                columns=len(kept),
-                recipe=dataset.recipe,
-                checksum=_checksum(kept),
-                **{f"column_{k}": tensor.numpy() for k, tensor in enumerate(kept)},
-            )
+        kept = _drawn(dataset, path, workers, progress)
     return TensorDataset(*kept)
 
 
-@contextmanager
-def _written_whole(path):
-    """A file that takes the place of `path` at the end, and vanishes where something fails."""
+def _drawn(dataset, path, workers, progress):
+    """The columns of a dataset, drawn and written to `path`, whole or not at all."""
+    kept = []
+
+    def draw(place):
+        loader = DataLoader(dataset, batch_size=16, num_workers=workers)
+        batches = list(tqdm(loader, desc=f"drawing {path.name}", delay=2, disable=not progress))
+        kept.extend(torch.cat(column) for column in zip(*batches))
+        columns = {f"column_{k}": tensor.numpy() for k, tensor in enumerate(kept)}
+        with place.open("wb") as file:
+            np.savez(file, columns=len(kept), recipe=dataset.recipe, checksum=_checksum(kept), **columns)
+
     try:
         if path.is_dir():
             raise IsADirectoryError(EISDIR, "it is a folder")
         path.parent.mkdir(parents=True, exist_ok=True)
-        sweep(path.parent)
-        temporary = path.with_name(f"{own_prefix()}{uuid.uuid4().hex[:8]}-{path.name}")
-        file = temporary.open("xb")  # not tempfile's: others who share the folder may read the set
     except OSError as error:
         reason = error.strerror or error
         raise DatasetError(f"{path} cannot be written: {reason}. Choose a folder you may write.") from None
     try:
-        with file:
-            yield file
-        os.replace(temporary, path)
-    except OSError as error:
-        if not is_full(error):
-            raise
-        written = temporary.stat().st_size
-        temporary.unlink()  # before the free space is asked for
-        raise DatasetError(f"{path}: {full_disk(path.parent, written)}") from None
-    finally:
-        temporary.unlink(missing_ok=True)
+        write_whole(path, draw)
+    except SurfaceError as error:
+        raise DatasetError(str(error)) from None
+    return kept
 
 
 def _checksum(tensors):

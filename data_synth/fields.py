@@ -124,8 +124,8 @@ def smooth_coefficient(size, rng, slope=2.5):
 KINDS = ("image", "smooth")
 
 
-def random_coefficient(z, faces, rng, kind="smooth", max_abs=MAX_ABS, size=128, source=dead_leaves):
-    """Random mu (F,) on the faces of a disk mesh; its largest |mu| is uniform in `max_abs`.
+def random_coefficient(disk, rng, kind="smooth", max_abs=MAX_ABS, size=128, source=dead_leaves):
+    """Random mu (F,) on the faces of a `Disk`; its largest |mu| is uniform in `max_abs`.
 
     kind: "image" (`image_coefficient` of `source`) or "smooth" (`smooth_coefficient`). The field is drawn on a square
     of size x size pixels and resampled by `disk_to_square`, with a uniformly random turn of its phase.
@@ -135,5 +135,5 @@ def random_coefficient(z, faces, rng, kind="smooth", max_abs=MAX_ABS, size=128, 
     if not 0 <= max_abs[0] <= max_abs[1] < 1:
         raise ValueError(f"max_abs = {max_abs}: give an interval within [0, 1)")
     image = image_coefficient(size, rng, source) if kind == "image" else smooth_coefficient(size, rng)
-    mu = from_square(image, z, faces)
+    mu = from_square(image, disk)
     return mu * (rng.uniform(*max_abs) / abs(mu).max()) * np.exp(2j * np.pi * rng.random())

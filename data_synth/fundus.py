@@ -18,12 +18,12 @@ def concavity(x, normal, start, index):
 
 
 def valley_path(x, sheet, valley, distance, ends, guidance):
-    """Vertices (k,) of the cheapest path between two regions, an edge costing its length over how good a valley it is.
+    """Vertices (k,) of the cheapest path between two vertices, an edge costing its length over how good a valley it is.
 
-    valley (V,) in 0..1, 1 = fundus; distance (V,) from the course on the rest surface; ends: two arrays of candidate
-    vertices, of which the best valley is taken; guidance: `generations.Guidance`, for the corridor around the course.
+    valley (V,) in 0..1, 1 = fundus; distance (V,) from the course on the rest surface; guidance:
+    `generations.Guidance`, for the corridor around the course.
     """
-    first, last = (candidates[np.argmax(valley[candidates])] for candidates in ends)
+    first, last = ends
     owner, index, length = sheet.owner, sheet.index, sheet.lengths(x)
     # Added, not only multiplied: in a perfect valley a factor costs nothing, and the path would jump to a neighbour.
     aside = (distance / guidance.aside) ** 2
@@ -49,11 +49,7 @@ def trace(x, sheet, normal, depth, course, guidance):
     curve = concavity(x, normal, sheet.start, sheet.index)
     spread = np.percentile(depth, 95)
     valley = np.clip(0.5 + 3 * curve, 0, 1) * np.clip(0.15 + depth / spread, 0, 1)
-    tree = cKDTree(sheet.rest)
-    ends = []
-    for end in (course[0], course[-1]):
-        candidates = np.array(tree.query_ball_point(end, guidance.ends))
-        ends.append(candidates if len(candidates) else np.array([tree.query(end)[1]]))
+    _, ends = cKDTree(sheet.rest).query(course[[0, -1]])
     return valley_path(x, sheet, valley, distance, ends, guidance)
 
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from data_synth.generations import GENERATION, GENERATIONS
+from data_synth.generations import GUIDANCE
 from data_synth.pattern import pattern
 from data_synth.template import (
     CENTRE,
@@ -48,7 +48,7 @@ class Furrows(NamedTuple):
 class Individual:
     """The random traits of one hemisphere; the two sides of a seed share two thirds of the deformation's variance."""
 
-    def __init__(self, seed, hemisphere, guidance=GENERATIONS[GENERATION]):
+    def __init__(self, seed, hemisphere, guidance=GUIDANCE):
         self.hemisphere, self.guidance = hemisphere, guidance
         shared = np.random.default_rng([seed, 0])
         self.rng = np.random.default_rng([seed, 1 + ("left", "right").index(hemisphere)])
@@ -153,8 +153,8 @@ class Individual:
         return dimples
 
     def _suits(self, dimple):
-        """Whether a short furrow (k, 3) lies where the template folds, if this individual leans to its folds."""
-        return not self.guidance.pattern or pattern(self.template(dimple)).mean() > 0
+        """Whether a short furrow (k, 3) lies where the template folds."""
+        return pattern(self.template(dimple)).mean() > 0
 
     def _segment(self, start, along, angle, length):
         """Directions (30, 3) of a slightly bent segment that leaves `start` at an angle to the heading `along`."""

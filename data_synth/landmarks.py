@@ -3,19 +3,17 @@
 from copy import copy
 
 from data_synth.fields import random_coefficient
-from qclearn.plane.disk import BeltramiDiskSolver
-from qclearn.plane.diskmesh import sampling_matrix
+from qclearn.plane.solver import DiskSolver
 
 
 class DiskMaps:
-    """`maps.solve(mu)`: the disk maps f (V,) of many mu (F,) on one mesh, as `BeltramiDiskSolver.solve`.
+    """`maps.solve(mu)`: the disk maps f (V,) of many mu (F,) on one `Disk`, as `DiskSolver.solve`.
 
     The solver keeps its last factorisation, tens of megabytes that cannot be sent to a worker; this one keeps none.
     """
 
-    def __init__(self, z, faces):
-        self._solver = BeltramiDiskSolver(z, faces)
-        self.z, self.faces = self._solver.z, self._solver.faces
+    def __init__(self, disk):
+        self.disk, self._solver = disk, DiskSolver(disk)
         _ = self._solver.calibration  # cached, so that the copies need not find it again
 
     def solve(self, mu):
@@ -23,18 +21,17 @@ class DiskMaps:
 
 
 class Perturbation:
-    """Draws random disk maps on one mesh and moves landmarks by them: `p = f(q)`, with f and its mu known.
+    """Draws random maps of one `Disk` and moves landmarks by them: `p = f(q)`, with f and its mu known.
 
-    z (V,), faces (F, 3): the disk mesh; landmarks (M,) complex: the targets q on the control. Source: paper, section
-    'Training the Coefficient Prediction Network'.
+    landmarks (M,) complex: the targets q on the control. Source: paper, section 'Training the Coefficient Prediction
+    Network'.
     """
 
-    def __init__(self, z, faces, landmarks):
-        self.maps = DiskMaps(z, faces)
-        self.evaluate = sampling_matrix(z, faces, landmarks)
+    def __init__(self, disk, landmarks):
+        self.maps, self.evaluate = DiskMaps(disk), disk.sampling(landmarks)
 
     def draw(self, rng, **options):
         """(p (M,), mu (F,), f (V,)) of one random map; options as `random_coefficient`."""
-        mu = random_coefficient(self.maps.z, self.maps.faces, rng, **options)
+        mu = random_coefficient(self.maps.disk, rng, **options)
         f = self.maps.solve(mu)
         return self.evaluate @ f, mu, f

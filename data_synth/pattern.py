@@ -1,4 +1,4 @@
-"""The folds that the template grows by itself, to which subjects of the third generation lean.
+"""The folds that the template grows by itself, to which subjects lean.
 
 They are kept in `pattern.json`, which `tools/grow_pattern.py` writes: a subject that is the template itself is grown
 once, and the depth of its folds kept. Kept and not grown anew, because a seed shall give the same subject everywhere.

@@ -7,7 +7,6 @@ instead. An average brain such as fsaverage5 is too smooth and misses several ro
 shape: look at the surface too.
 """
 
-import argparse
 from typing import NamedTuple
 
 import numpy as np
@@ -23,9 +22,8 @@ from data_synth.folding_measures import (
     spectral_peak,
 )
 from data_synth.intersections import self_intersections
-from qclearn.files.meshes import read_surface
 from qclearn.surfaces.curvature import mean_curvature, sulcal_depth
-from qclearn.surfaces.surface import Surface, SurfaceError, require_outward
+from qclearn.surfaces.surface import Surface, require_outward
 
 CANONICAL_VERTICES = 10_000  # folding is measured at this resolution, so that meshes of 10,000 to 160,000 compare
 BURIED = 0.012  # deeper than this, in units of sqrt(hull area), counts as buried
@@ -202,28 +200,3 @@ def score(metrics):
     return [
         Row(name, metrics[name], low, high, bool(low <= metrics[name] <= high)) for name, (low, high) in TARGETS.items()
     ]
-
-
-def table(rows):
-    """The rows as text, those outside their range marked, and the number inside."""
-    lines = [
-        f"{row.name:28s}{row.value:10.4g}  {row.low:g} to {row.high:g}{'' if row.inside else '   OUTSIDE'}"
-        for row in rows
-    ]
-    return "\n".join([*lines, f"{sum(row.inside for row in rows)} of {len(rows)} inside"])
-
-
-def main(arguments=None):
-    """Command line: print the table of each file; bad input is one line on stderr and exit code 2."""
-    parser = argparse.ArgumentParser(prog="python -m data_synth.realism", description="How much like cortex is a mesh?")
-    parser.add_argument("paths", nargs="+", metavar="mesh", help="a surface file, lengths in any unit")
-    for path in parser.parse_args(arguments).paths:
-        try:
-            rows = score(realism(read_surface(path)))
-        except (SurfaceError, OSError) as error:
-            parser.exit(2, f"{error}\n")
-        print(path, table(rows), sep="\n")
-
-
-if __name__ == "__main__":
-    main()

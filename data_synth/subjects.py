@@ -12,7 +12,7 @@ from qclearn.files.meshes import write_whole
 from qclearn.surfaces.surface import Surface, SurfaceError
 
 TRAITS = ("interrupted", "branched")
-UNNUMBERED = 2  # the generation of files that do not say theirs: the last one that was not written into them
+REQUIRED = ("vertices", "faces", "template", "seed", "hemisphere", "generation", *TRAITS)
 
 
 def save_cortex(path, cortex):
@@ -45,17 +45,11 @@ def load_cortex(path):
         raise CortexError(f"{path} does not exist; make it with `qclearn synth --seed 1 --out {path}`.") from None
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
         raise CortexError(f"{path} is no readable npz file ({error}); make it again with `qclearn synth`.") from None
-    missing = [name for name in ("vertices", "faces", "template", "seed", "hemisphere") if name not in arrays]
-    if missing:
+    if missing := [name for name in REQUIRED if name not in arrays]:
         raise CortexError(
             f"{path} is not a synthetic hemisphere: it lacks {', '.join(missing)}. Use read_surface for others."
         )
-    if not all(trait in arrays for trait in TRAITS):
-        raise CortexError(
-            f"{path} was written before sulci were marked as interrupted or branched; make it again with "
-            f"`qclearn synth --seed {arrays['seed']}`."
-        )
-    hemisphere, generation = str(arrays["hemisphere"]), int(arrays.get("generation", UNNUMBERED))
+    hemisphere = str(arrays["hemisphere"])
     if hemisphere not in HEMISPHERES or arrays["template"].shape != arrays["vertices"].shape:
         raise CortexError(
             f"{path} is damaged: hemisphere {hemisphere!r}, template {arrays['template'].shape}; make it again."
@@ -66,4 +60,4 @@ def load_cortex(path):
     except SurfaceError as error:
         raise CortexError(f"{path} is damaged: {error}") from None
     traits = (tuple(map(str, arrays[trait])) for trait in TRAITS)
-    return Cortex(surface, arrays["template"], int(arrays["seed"]), hemisphere, generation, *traits)
+    return Cortex(surface, arrays["template"], int(arrays["seed"]), hemisphere, int(arrays["generation"]), *traits)

@@ -13,13 +13,14 @@ from data_synth.datasets import CurveDataset, Seeded, cached, quiet_disk_map
 from data_synth.fields import KINDS, MAX_ABS, dead_leaves, image_coefficient, random_coefficient, smooth_coefficient
 from data_synth.landmarks import DiskMaps, Perturbation
 from data_synth.template import SULCI
-from qclearn.plane.disk import BeltramiDiskSolver
-from qclearn.plane.diskmesh import polar_disk, sampling_matrix, square_disk
+from qclearn.plane.disk import Disk
+from qclearn.plane.grids import FINE, polar, polar_disk, square_disk
 from qclearn.plane.mobius import best_mobius, mobius, mobius_inverse
+from qclearn.plane.solver import DiskSolver
 from qclearn.plane.spectrum import Spectrum
-from qclearn.registration.fit import POWER
 from qclearn.registration.landmarks import sample_curve
-from qclearn.registration.looks import Link, Looks, refit
+from qclearn.registration.link import Link
+from qclearn.registration.looks import Looks, refit
 from qclearn.registration.problem import distinct
 
 
@@ -29,11 +30,11 @@ class Fields(Seeded):
 
     def __init__(self, count, seed, rings=48, spokes=144, max_abs=MAX_ABS, source=dead_leaves):
         super().__init__(count, seed, rings, spokes, max_abs, source)
-        self.mesh = polar_disk(rings, spokes)
+        self.disk = Disk(*polar_disk(rings, spokes))
         self.options = {"max_abs": max_abs, "source": source}
 
     def draw(self, rng):
-        return (random_coefficient(*self.mesh, rng, kind=rng.choice(KINDS), **self.options),)
+        return (random_coefficient(self.disk, rng, kind=rng.choice(KINDS), **self.options),)
 
 
 class SquareFields(Seeded):
@@ -60,7 +61,7 @@ class SolvedFields(SquareFields):
 @cache
 def solved(size):
     """The exact solver of the square."""
-    return BeltramiDiskSolver(*square_disk(size))
+    return DiskSolver(Disk(*square_disk(size)))
 
 
 def dbsnet(config, folder, quick=False):
@@ -75,9 +76,13 @@ def dbsnet(config, folder, quick=False):
         sets = [kind(n, seed, config.size) for kind, n, seed in zip((SquareFields, SolvedFields), counts, (5201, 5202))]
     else:
         sets = [Fields(count, seed, config.rings, config.spokes) for count, seed in zip(counts, (5101, 5102))]
-    names = (f"dbsnet-{config.preset}-{part}{'-quick' if quick else ''}.npz" for part in ("training", "validation"))
-    training, validation = (cached(items, f"{folder}/{name}", progress=not quick) for items, name in zip(sets, names))
-    return training, validation
+    return kept(sets, f"{folder}/dbsnet-{config.preset}", quick)
+
+
+def kept(sets, start, quick):
+    """The training and the validation set, each drawn once and kept in a file whose name begins so."""
+    names = (f"{start}-{part}{'-quick' if quick else ''}.npz" for part in ("training", "validation"))
+    return tuple(cached(items, name, progress=not quick) for items, name in zip(sets, names))
 
 
 DATA_POINTS = 37  # on each curve: every fourth of them are the ten of preset `paper`
@@ -96,16 +101,11 @@ def ldnet(config, folder, quick=False):
     """Images, endpoints and curves for LD-Net: 96 subjects, 15 times turned and distorted;
     the same for both presets."""
     seeds, counts = (((1,), (2,)), (8, 4)) if quick else ((TRAINING_SEEDS, VALIDATION_SEEDS), (1440, 96))
-    names = (f"ldnet-{part}{'-quick' if quick else ''}.npz" for part in ("training", "validation"))
-    training, validation = (
-        cached(
-            CurveDataset(count, 6001 + k, subjects(group, folder, quick), config.size, DATA_POINTS, names=tuple(SULCI)),
-            f"{folder}/{name}",
-            progress=not quick,
-        )
-        for k, (group, count, name) in enumerate(zip(seeds, counts, names))
+    sets = (
+        CurveDataset(count, 6001 + k, subjects(group, folder, quick), config.size, DATA_POINTS, names=tuple(SULCI))
+        for k, (group, count) in enumerate(zip(seeds, counts))
     )
-    return training, validation
+    return kept(sets, f"{folder}/ldnet", quick)
 
 
 class Pairs(Seeded):
@@ -123,8 +123,8 @@ class Pairs(Seeded):
         super().__init__(count, seed, curves, config.rings, config.spokes, ranges, self.most)
         turns = [np.exp(1j * best_mobius(curve.ravel(), curves[0].ravel())[1]) for curve in curves]
         self.curves, self.ranges = curves * np.reshape(turns, (-1, 1, 1)), ranges
-        spectrum = Spectrum(config.rings, config.spokes)
-        self.maps, self.link = DiskMaps(*polar_disk(32, 96, POWER)), Link(*spectrum.mesh, spectrum)
+        self.spectrum, self.maps = Spectrum(config.rings, config.spokes), DiskMaps(polar(*FINE))
+        self.link = Link(self.spectrum.mesh, self.spectrum.mesh)
 
     def draw(self, rng):
         while True:
@@ -134,13 +134,13 @@ class Pairs(Seeded):
             logs = np.array([rng.uniform(*limits) for limits in self.ranges])
             if rng.random() < SHARE:
                 logs = np.log10(STIFF)
-            looks = Looks(self.link, p, q, *10**logs)
+            looks = Looks(self.link, self.spectrum, (p, q), *10**logs)
             born, *changes = looks.born()
             *_, (proposal, look) = looks.run(born, LOOKS)
             nu = look.proposal.nu if proposal.cut else proposal.nu  # what was looked at, where a step was cut
             if np.isfinite(nu).all() and abs(nu).max() < WILD:
                 break
-        padding, shape = (0, self.most - len(p)), (self.link.spectrum.rings, -1)
+        padding, shape = (0, self.most - len(p)), (self.spectrum.rings, -1)
         points = [np.pad(x, padding) for x in (p, *changes, np.ones(len(p)))]
         return *points, logs, born[1:].reshape(shape), nu[1:].reshape(shape)
 
@@ -158,8 +158,8 @@ class Pairs(Seeded):
             p = twisted(q, rng)
         else:
             kind = "image" if rng.random() < 0.2 else "smooth"  # images take longer than all the rest
-            mu = random_coefficient(self.maps.z, self.maps.faces, rng, kind, max_abs=(0.05, 0.8))
-            p = sampling_matrix(self.maps.z, self.maps.faces, q) @ self.maps.solve(mu)
+            mu = random_coefficient(self.maps.disk, rng, kind, max_abs=(0.05, 0.8))
+            p = self.maps.disk.sampling(q) @ self.maps.solve(mu)
         return (mobius(p, *refit(p, q)) if rng.random() < 0.85 else p), q
 
     def subject(self, rng):
@@ -187,7 +187,7 @@ class ControlPairs(Seeded):
         super().__init__(count, seed, curves, control, moved)
         self.targets, self.moved = control.ravel(), moved
         self.curves = np.array([mobius(p, *best_mobius(p, self.targets)) for p in curves.reshape(len(curves), -1)])
-        self.perturbation = Perturbation(*polar_disk(32, 96, POWER), self.targets)
+        self.perturbation = Perturbation(polar(*FINE), self.targets)
 
     def draw(self, rng):
         if rng.random() < self.moved:
@@ -218,9 +218,7 @@ def cpnet(config, folder, quick=False):
             sets.append(ControlPairs(count, 7101 + k, curves[:, :, ::step], control[:, ::step], moved=0.4 * (k == 0)))
         else:
             sets.append(Pairs(count, 7001 + k, curves, config))
-    names = (f"cpnet-{config.preset}-{part}{'-quick' if quick else ''}.npz" for part in ("training", "validation"))
-    training, validation = (cached(items, f"{folder}/{name}", progress=not quick) for items, name in zip(sets, names))
-    return training, validation
+    return kept(sets, f"{folder}/cpnet-{config.preset}", quick)
 
 
 def disk_curves(seeds, folder, quick=False):

@@ -1,7 +1,7 @@
 """Execute every notebook of book/ once and build the site from the result: build/book -> _build/html.
 
-Sphinx builds the site from the executed copies with warnings as errors. What the site offers for download are the
-copies that read in JupyterLab without a kernel.
+Sphinx builds the site from the executed copies with warnings as errors. What the site offers for download are the plain
+copies, which read in any viewer.
 """
 
 import argparse
@@ -13,7 +13,8 @@ from pathlib import Path
 import export_live  # beside this file, as is lab_copies
 import lab_copies
 import nbformat
-from execute_pages import ROOT, SECONDS_PER_CELL, SOURCE, run
+from execute_pages import ROOT, SOURCE, run
+from plain import for_plain_viewers
 
 SITE = ROOT / "_build"
 
@@ -43,9 +44,9 @@ def build_site(meanwhile):
 
 
 def downloads():
-    """Executed pages with citations and references as text, page -> notebook."""
+    """The plain copies of the executed pages, page -> notebook."""
     copies = lab_copies.Copies()
-    return {path.stem: copies.make(path.stem) for path in sorted(SOURCE.glob("*.ipynb"))}
+    return {path.stem: copies.make(path.stem, for_plain_viewers) for path in sorted(SOURCE.glob("*.ipynb"))}
 
 
 def offer(notebooks):
@@ -57,14 +58,11 @@ def offer(notebooks):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--jobs", type=int, default=2, help="notebooks executed side by side")
-    parser.add_argument(
-        "--seconds-per-cell", type=int, default=SECONDS_PER_CELL, help="a cell that takes longer is a failure"
-    )
     parser.add_argument("--pages", default="", help="execute only these, as in: --pages lbs,fourier")
     parser.add_argument("--no-site", action="store_true", help="execute the pages and leave the site as it is")
     arguments = parser.parse_args()
     pages = [name.strip().removesuffix(".ipynb") for name in arguments.pages.split(",") if name.strip()]
-    run(pages, arguments.jobs, arguments.seconds_per_cell)
+    run(pages, arguments.jobs)
     if not arguments.no_site:
         export_live.export()
         offer(build_site(meanwhile=downloads))

@@ -20,15 +20,16 @@ from threadpoolctl import threadpool_limits
 
 from data_synth.generations import GENERATION
 from qclearn.benchmark.cortex import HALVES, fsaverage_side, heldout_pair
+from qclearn.benchmark.measured import write_measured
 from qclearn.benchmark.pairs import CONTROL, cohort_pair, mapped_subject, prepare
 from qclearn.benchmark.trial import map_figures
-from qclearn.files.meshes import write_whole
 from qclearn.files.provenance import provenance
 from qclearn.methods.folds import features_of
 from qclearn.plane.diskmesh import Lookup
 from qclearn.registration.checked import bijective_fit
 from qclearn.registration.problem import Weights
 
+SEEDS = range(3001, 3007)
 ALLOWED = 1.0, 2.0  # mm of landmark error: mean over all problems, and over the worst one's landmarks
 CLOSE = 0.03  # by which a default's figure may be above the best's
 KEPT = (
@@ -60,42 +61,28 @@ ALONE = (
 
 
 def main():
-    options, made = read_options(), provenance()
-    settings = dict.fromkeys((*FOLDED, *ALONE, *asked(options.also)))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, help="JSON file to write")
+    options, made = parser.parse_args(), provenance()
+    settings = FOLDED + ALONE
     with threadpool_limits(1):
-        rows = [row for name, pair in pairs(options.subjects) for row in measured(name, pair, settings)]
+        rows = [row for name, pair in pairs() for row in measured(name, pair, settings)]
     table = [line(setting, [row for row in rows if row["setting"] == setting]) for setting in settings]
     for features in (True, False):
         show([entry for entry in table if (entry["delta"] > 0) == features])
     if options.out:
-        subjects = {"seeds": options.subjects, "control": CONTROL, "generation": GENERATION}
+        subjects = {"seeds": list(SEEDS), "control": CONTROL, "generation": GENERATION}
         rules = {"allowed_mm": ALLOWED, "close": CLOSE}
-        text = json.dumps({"table": table, **subjects, **rules, "provenance": made}, indent=1) + "\n"
-        write_whole(options.out, lambda place: place.write_text(text, encoding="utf-8"))
+        write_measured("weights", options.out, {"table": table, **subjects, **rules, "provenance": made})
 
 
-def read_options():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--subjects", type=int, nargs="*", default=list(range(3001, 3007)), help="seeds")
-    parser.add_argument("--also", nargs="*", default=(), metavar="BETA,GAMMA,DELTA[,sliding]", help="other settings")
-    parser.add_argument("--out", type=Path, help="JSON file to write")
-    return parser.parse_args()
-
-
-def asked(texts):
-    """Settings from words like "1e-3,1e2,0.3,sliding"."""
-    for text in texts:
-        beta, gamma, delta, *sliding = text.split(",")
-        yield float(beta), float(gamma), float(delta), sliding == ["sliding"]
-
-
-def pairs(seeds):
+def pairs():
     """(name, Pair) of each problem in turn."""
     for part in HALVES:
         for side, other in (("right", "left"), ("left", "right")):
             yield f"{side} to {other}, {part}", heldout_pair(fsaverage_side(side), fsaverage_side(other), part)
-    control = mapped_subject(CONTROL, 10_000) if seeds else None
-    for seed in seeds:
+    control = mapped_subject(CONTROL, 10_000)
+    for seed in SEEDS:
         yield f"{seed} to {CONTROL}", cohort_pair(mapped_subject(seed, 10_000), control)
 
 

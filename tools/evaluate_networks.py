@@ -21,7 +21,7 @@ import torch
 from threadpoolctl import threadpool_limits
 
 from data_synth.generations import GENERATION
-from qclearn.benchmark.results import read_networks, write_networks
+from qclearn.benchmark.measured import read_measured, write_measured
 from qclearn.files.provenance import provenance
 
 PARTS = ("polar", "ldnet", "cpnet", "dbsnet", "controls")  # the last needs networks that are not shipped
@@ -30,7 +30,7 @@ PARTS = ("polar", "ldnet", "cpnet", "dbsnet", "controls")  # the last needs netw
 def main():
     options = read_options()
     torch.set_num_threads(1)
-    results = read_networks(options.out) if options.out and options.out.exists() else {}
+    results = read_measured("networks", options.out) if options.out and options.out.exists() else {}
     for part in options.only:
         start = time.perf_counter()
         with threadpool_limits(1):
@@ -39,14 +39,12 @@ def main():
         show(part, results[part])
         if options.out:  # after every part: what was measured is not lost
             options.out.parent.mkdir(parents=True, exist_ok=True)
-            write_networks(options.out, results)
+            write_measured("networks", options.out, results)
 
 
 def read_options():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument(
-        "--seeds", type=seed_list, default=seed_list("1001-1024"), help="1001-1024 or 7,8,12 (default: %(default)s)"
-    )
+    parser.add_argument("--seeds", type=seed_list, default=seed_list("1001-1024"), help="default: 1001-1024")
     parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS, help="parts to run (default: all)")
     parser.add_argument("--quick", action="store_true", help="few samples, to see that all works")
     parser.add_argument("--out", type=Path, help="JSON file to write or to renew")
@@ -54,14 +52,9 @@ def read_options():
 
 
 def seed_list(text):
-    """[7, 8, 9, 12] from "7-9,12"."""
-    seeds = []
-    for part in text.split(","):
-        first, _, last = part.partition("-")
-        seeds += range(int(first), int(last or first) + 1)
-    if not seeds:
-        raise ValueError("no seeds")
-    return seeds
+    """[7, 8, 9] from "7-9"."""
+    first, _, last = text.partition("-")
+    return list(range(int(first), int(last or first) + 1))
 
 
 def told(options, seconds):

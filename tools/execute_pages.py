@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parent.parent
 # Not below _build: nbmake passes over everything there.
 BUILD = ROOT / "build"
 SOURCE = BUILD / "book"
-SECONDS_PER_CELL = 120
+SECONDS_PER_CELL = 120  # one that takes longer is a failure
 STAMPS = SOURCE / ".stamps.json"  # page -> what its last good run was a run of
 
 
@@ -66,7 +66,7 @@ def finish(notebook):
     return wrong + errors_in(notebook) + list(guards.pictures_without_a_name(notebook))
 
 
-def execute(paths, jobs, seconds_per_cell):
+def execute(paths, jobs):
     # An empty pytest configuration: the tests' own settings (warnings as errors) are about the library, not about
     # Jupyter.
     settings = BUILD / "nbmake.ini"
@@ -102,7 +102,7 @@ def execute(paths, jobs, seconds_per_cell):
         "no:cacheprovider",
         "--nbmake",
         "--overwrite",
-        f"--nbmake-timeout={seconds_per_cell}",
+        f"--nbmake-timeout={SECONDS_PER_CELL}",
         "-n",
         str(min(jobs, len(paths))),
         "--durations=0",
@@ -128,24 +128,24 @@ def stamp(page):
     return hashlib.sha256(source.read_bytes()).hexdigest() + library_digest()
 
 
-def run(pages, jobs, seconds_per_cell):
+def run(pages, jobs):
     """Execute pages (all where none is named) into build/book; stops at what is wrong."""
     BUILD.mkdir(exist_ok=True)
     paths = copy_book(pages)
     stop_at(each_page(paths, prepare))
-    execute(paths, jobs, seconds_per_cell)
+    execute(paths, jobs)
     stop_at(each_page(paths, finish))
     stamps = json.loads(STAMPS.read_text()) if STAMPS.exists() else {}
     STAMPS.write_text(json.dumps(stamps | {path.stem: stamp(path.stem) for path in paths}, indent=1))
 
 
-def execute_outdated(pages, jobs, seconds_per_cell=SECONDS_PER_CELL):
+def execute_outdated(pages, jobs):
     """Execute those of the pages of which build/book has no run, or one of an older page or library."""
     stamps = json.loads(STAMPS.read_text()) if STAMPS.exists() else {}
     outdated = [page for page in pages if stamps.get(page) != stamp(page)]
     if outdated:
         print(f"build_book: executing {', '.join(outdated)}")
-        run(outdated, jobs, seconds_per_cell)
+        run(outdated, jobs)
 
 
 def errors_in(notebook):

@@ -1,5 +1,7 @@
-"""What the two fuzzers share: a case in a forked process under limits of time and memory, and the count of verdicts."""
+"""What the two fuzzers share: options, a case in a forked process under limits of time and memory, and the count of
+verdicts."""
 
+import argparse
 import json
 import os
 import resource
@@ -7,6 +9,17 @@ import signal
 import sys
 import time
 from collections import Counter
+from pathlib import Path
+
+
+def read_options(program, kinds):
+    """The options of a fuzzer; program: its docstring."""
+    parser = argparse.ArgumentParser(description=program, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("kind", choices=kinds)
+    parser.add_argument("count", type=int)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, default=Path(os.devnull), help="a line of JSON for each case")
+    return parser.parse_args()
 
 
 def forked(work, answer, seconds, addresses):

@@ -1,7 +1,7 @@
 """Damaged files against every reader: each must be read as a sound surface or map, or refused in one line that names
 it.
 
-    python tools/fuzz_readers.py 2000 --seed 7 [--kind files|registration|crafted] [--out ROWS.jsonl]
+    python tools/fuzz_readers.py {files,registration,crafted} 2000 --seed 7 [--out ROWS.jsonl]
 
 A case is (seed, number) and is made again from them. Each runs in a forked process with 10 s and 2 GiB of addresses.
 Verdicts: refused, accepted, and the faults: noisy (it wrote or warned), unnamed (a message without the file, or of
@@ -9,7 +9,6 @@ several lines), raw (another exception), wrong (accepted, but not sound), memory
 crash.
 """
 
-import argparse
 import base64
 import gzip
 import io
@@ -25,7 +24,7 @@ from pathlib import Path
 
 import nibabel
 import numpy as np
-from forked import forked, tally  # beside this file
+from forked import forked, read_options, tally  # beside this file
 
 import qclearn as qc
 from qclearn.files.meshes import SlitWarning
@@ -326,12 +325,7 @@ def write(path, data):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("count", type=int, nargs="?", default=500)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--kind", choices=["files", "registration", "crafted"], default="files")
-    parser.add_argument("--out", type=Path, default=Path(os.devnull), help="a line of JSON for each case")
-    options = parser.parse_args()
+    options = read_options(__doc__, ["files", "registration", "crafted"])
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
     def found(first):

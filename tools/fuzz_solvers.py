@@ -8,8 +8,6 @@ addresses. Verdicts: certified, folded (and said so), refused (one of the librar
 finite), raw (another exception), hang, crash.
 """
 
-import argparse
-import os
 import tempfile
 import warnings
 from fractions import Fraction
@@ -17,7 +15,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
-from forked import forked, tally  # beside this file
+from forked import forked, read_options, tally  # beside this file
 from scipy.spatial import Delaunay
 
 import qclearn as qc
@@ -210,12 +208,7 @@ def verdict(kind, seed, number):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("kind", choices=list(CASES))
-    parser.add_argument("count", type=int)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--out", type=Path, default=Path(os.devnull), help="a line of JSON for each case")
-    options = parser.parse_args()
+    options = read_options(__doc__, list(CASES))
 
     def guarded(number, folder):
         return forked(lambda: verdict(options.kind, options.seed, number), folder / str(number), SECONDS, ADDRESSES)

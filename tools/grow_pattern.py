@@ -1,4 +1,4 @@
-"""Grow the template itself and keep where it folds: data_synth/pattern.json, to which subjects of generation 3 lean.
+"""Grow the template itself and keep where it folds: data_synth/pattern.json, to which subjects lean.
 
     python tools/grow_pattern.py
 
@@ -6,13 +6,13 @@ Another pattern makes other subjects, and so another generation. Takes ten secon
 """
 
 import json
-from dataclasses import asdict, replace
+from dataclasses import asdict
 
 import numpy as np
 
 from data_synth.correspondence import locate_on_sphere
 from data_synth.cortex import grown
-from data_synth.generations import GENERATIONS
+from data_synth.generations import GUIDANCE, Guidance
 from data_synth.individual import Individual
 from data_synth.pattern import COUNT, FILE
 from data_synth.tessellation import fibonacci_sphere
@@ -29,7 +29,7 @@ class Template(Individual):
     """The template as a subject: not deformed, its sulci without gaps and branches, with no short furrows between."""
 
     def __init__(self):
-        super().__init__(0, "right", replace(GENERATIONS[3], **OWN))
+        super().__init__(0, "right", Guidance(**OWN))
 
     def _interrupted(self, count):
         return np.ones(count)
@@ -53,7 +53,7 @@ def template_depth(n_vertices=VERTICES):
 
 def main():
     percent = np.round(100 * template_depth()).astype(int).tolist()
-    kept = {"of": "depth of the folded template, percent of its standard deviation", "guidance": asdict(GENERATIONS[3])}
+    kept = {"of": "depth of the folded template, percent of its standard deviation", "guidance": asdict(GUIDANCE)}
     text = json.dumps(kept | {"vertices": VERTICES, "percent": percent})
     write_whole(FILE, lambda place: place.write_text(text + "\n", encoding="utf-8"))
 

@@ -1,4 +1,4 @@
-"""Copies of the executed pages for reading: build/lab for JupyterLab, build/notebooks for plain viewers.
+"""Copies of the executed pages for reading: build/lab for JupyterLab, build/notebooks for any other viewer.
 
 A copy is made anew when its page, the library behind it, the contents or the literature changed, and only then; the
 pages are executed for it where build/book has no run of them that is as new. A copy that a reader changed is never
@@ -23,14 +23,6 @@ LAB, PLAIN = execute_pages.BUILD / "lab", execute_pages.BUILD / "notebooks"
 RECORD = ".copies.json"  # page -> what it was made from, and the digest of its cells as written
 
 
-def digest(*files):
-    """One digest of the content of files."""
-    found = hashlib.sha256()
-    for file in files:
-        found.update(file.read_bytes())
-    return found.hexdigest()
-
-
 def cells_digest(path):
     """Of a notebook's cells without outputs: JupyterLab saves a page that was only opened or run,
     and nobody changed that."""
@@ -45,13 +37,10 @@ def book_digest():
     """Of everything that a copy depends on besides its own page: references to other pages, and these programs."""
     book = references.BOOK
     labels = "".join(f"{label}{target}" for label, target in sorted(references.labels().items()))
-    files = [book / "_toc.yml", book / "references.bib", *sorted(Path(__file__).parent.glob("*.py"))]
-    return hashlib.sha256(labels.encode()).hexdigest() + digest(*files)
-
-
-def read_record(folder):
-    file = folder / RECORD
-    return json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+    found = hashlib.sha256(labels.encode())
+    for file in (book / "_toc.yml", book / "references.bib", *sorted(Path(__file__).parent.glob("*.py"))):
+        found.update(file.read_bytes())
+    return found.hexdigest()
 
 
 def put_aside(path):
@@ -67,7 +56,8 @@ def put_aside(path):
 def write_copies(folder, stamps, make):
     """Write make(page) for each page whose stamp differs from the one recorded; returns the pages written."""
     folder.mkdir(parents=True, exist_ok=True)
-    record, written = read_record(folder), []
+    file, written = folder / RECORD, []
+    record = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
     for page, stamp in stamps.items():
         path, old = folder / f"{page}.ipynb", record.get(page, {})
         if path.exists() and old.get("made_from") == stamp:
@@ -77,7 +67,7 @@ def write_copies(folder, stamps, make):
         nbformat.write(make(page), path)
         record[page] = {"made_from": stamp, "written": cells_digest(path)}
         written.append(page)
-        (folder / RECORD).write_text(json.dumps(record, indent=1), encoding="utf-8")
+        file.write_text(json.dumps(record, indent=1), encoding="utf-8")
     shutil.copytree(
         references.BOOK / "_assets",
         folder / "_assets",
@@ -88,7 +78,7 @@ def write_copies(folder, stamps, make):
 
 
 class Copies:
-    """Makes a copy of any page for JupyterLab or for plain viewers."""
+    """Makes copies of pages, by `for_jupyterlab` or `for_plain_viewers`."""
 
     def __init__(self):
         self.chapters, self.targets = references.chapters(), references.labels()
@@ -100,17 +90,15 @@ class Copies:
             return nbformat.read(path, as_version=4)
         return as_notebook(references.markdown_of(page))
 
-    def make(self, page, plain=False):
-        readable = Readable(page, self.targets, self.literature, plain)
+    def make(self, page, change):
+        readable = Readable(page, self.targets, self.literature, plain=change is for_plain_viewers)
         try:
-            if plain:
-                return for_plain_viewers(self.executed(page), readable, self.chapters[page])
-            return for_jupyterlab(self.executed(page), readable, self.chapters[page])
+            return change(self.executed(page), readable, self.chapters[page])
         except KeyError as error:
             sys.exit(f"lab_copies: {page}: {error.args[0]}")
 
     def signed(self, page):
-        notebook = self.make(page)
+        notebook = self.make(page, for_jupyterlab)
         NotebookNotary().sign(notebook)  # the reader's own machine made it: JupyterLab may show its 3-D scenes
         return notebook
 
@@ -127,12 +115,12 @@ def build(folder, make, jobs):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--plain", action="store_true", help="build/notebooks, for viewers without JupyterLab")
+    parser.add_argument("--plain", action="store_true", help="build/notebooks, what the site offers for download")
     parser.add_argument("--jobs", type=int, default=2, help="notebooks executed side by side")
     arguments = parser.parse_args()
     copies = Copies()
     if arguments.plain:
-        build(PLAIN, lambda page: copies.make(page, plain=True), arguments.jobs)
+        build(PLAIN, lambda page: copies.make(page, for_plain_viewers), arguments.jobs)
     else:
         build(LAB, copies.signed, arguments.jobs)
 

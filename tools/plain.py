@@ -1,16 +1,17 @@
-"""Executed pages as plain Markdown notebooks: no directive, no role, no label;
-numbers of figures and equations put in."""
+"""Executed pages as notebooks that any viewer reads (VS Code, Colab, GitHub): no directive, no role, no label; numbers
+put in. The site offers them for download, and `make notebooks` writes the same files to build/notebooks."""
 
 import re
 from collections import Counter, deque
 
-from readable import outside_code, stored_values
+from readable import fold_hidden, outside_code, stored_values
 from references import shown
 
 OPENING = re.compile(r"^(:{3,}|`{3,})\{([\w:-]+)\}[ \t]*(.*)$")
 CODE_FENCE = re.compile(r"^(`{3,})\w*[ \t]*$")
 SETTING = re.compile(r"^:([\w-]+):[ \t]*(.*)$")
 EQUATION = re.compile(r"\$\$((?:(?!\$\$).)*)\$\$(?:[ \t]*\(([\w:-]+)\))?", re.DOTALL)
+NUMBERED = ("theorem", "lemma", "proposition", "definition", "remark", "corollary", "example", "exercise", "table")
 LABEL = re.compile(r"^\([\w:-]+\)=[ \t]*\n", re.MULTILINE)
 
 
@@ -43,17 +44,7 @@ class Flattened:
             return "*Proof.*\n"
         if kind == "solution":
             return f"**Solution of {self.targets[argument].text if argument in self.targets else argument}**\n"
-        if kind in (
-            "theorem",
-            "lemma",
-            "proposition",
-            "definition",
-            "remark",
-            "corollary",
-            "example",
-            "exercise",
-            "table",
-        ):
+        if kind in NUMBERED:
             name = kind.capitalize() if "nonumber" in settings else self.number(kind)
             return f"**{name}**" + (f" ({argument})" if argument else "") + "\n"
         if kind in ("note", "tip", "warning", "important", "seealso"):
@@ -97,9 +88,14 @@ class Flattened:
 
 
 def for_plain_viewers(notebook, readable, chapter):
-    """Change an executed page in place: values in place of {eval}, roles and directives as plain text."""
+    """Change an executed page in place: values in place of {eval}, roles and directives as plain text, and a figure as
+    its PNG alone, for not every viewer shows pictures within HTML."""
     flattened = Flattened(chapter, readable.targets)
+    fold_hidden(notebook)
     for cell in notebook.cells:
+        for output in cell.get("outputs", []):
+            if "image/png" in output.get("data", {}):
+                output.data.pop("text/html", None)
         if cell.cell_type == "markdown":
             cell.source = flattened.text(readable.text(cell.source, stored_values(cell)))
             cell.metadata.pop("user_expressions", None)

@@ -1,8 +1,7 @@
-"""Executed pages for two kinds of readers: JupyterLab, and viewers that know plain Markdown alone.
+"""Executed pages as copies to read: what points to other pages or to the literature becomes text with a link.
 
-JupyterLab (jupyterlab_myst) renders a page's own figures, theorems, equations and numbers. It knows one page at a time:
-what points to other pages or to the literature becomes text with a link. For plain viewers everything becomes plain
-Markdown.
+JupyterLab (jupyterlab_myst) renders a page's own figures, theorems, equations and numbers, one page at a time; plain.py
+makes plain Markdown of these, too.
 """
 
 import ast
@@ -20,7 +19,6 @@ BIBLIOGRAPHY = re.compile(r"^(:{3,}|`{3,})\{bibliography\}.*?^\1[ \t]*$", re.DOT
 # What JupyterLab has to be told: it counts each proof that does not ask it not to, and shows captions small and pale.
 TOLD = {"prf:proof": ":nonumber: true", "figure": ":class: not-prose"}
 OPENING = re.compile(r"^(?::{3,}|`{3,})\{(prf:proof|figure)\}.*$", re.MULTILINE)
-HIDDEN = ("hide-input", "hide-cell", "remove-input", "remove-cell")
 
 
 def outside_code(change, text):
@@ -114,13 +112,18 @@ def told(text):
     return OPENING.sub(lambda match: f"{match[0]}\n{TOLD[match[1]]}", text)
 
 
+def fold_hidden(notebook):
+    """Fold the code that only draws or keeps."""
+    for cell in notebook.cells:
+        if "hide-input" in cell.metadata.get("tags", []):
+            cell.metadata["jupyter"] = {**cell.metadata.get("jupyter", {}), "source_hidden": True}
+
+
 def for_jupyterlab(notebook, readable, chapter):
     """Change an executed page in place into its copy for JupyterLab."""
     prose = [cell for cell in notebook.cells if cell.cell_type == "markdown"]
     for cell in prose:
         cell.source = outside_code(told, readable.text(cell.source))
-    for cell in notebook.cells:
-        if set(HIDDEN) & set(cell.metadata.get("tags", [])):
-            cell.metadata["jupyter"] = {**cell.metadata.get("jupyter", {}), "source_hidden": True}
+    fold_hidden(notebook)
     prose[0].source = numbering("\n".join(cell.source for cell in prose), chapter) + prose[0].source
     return notebook

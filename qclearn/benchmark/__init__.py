@@ -4,17 +4,15 @@ from ..lazy import offer
 
 TABLE = {
     "cortex": ["AMPLITUDES"],
+    "measured": ["BenchmarkError", "read_measured"],
     "pairs": ["CONTROL", "cohort_pair", "displacement_pair", "fsaverage_pair", "mapped", "mapped_subject", "prepare"],
     "problems": ["DISTANCES"],
     "results": [
-        "BenchmarkError",
         "compare_fronts",
         "compare_runs",
         "median_pair",
         "methods_and_oracles",
         "noted",
-        "read_networks",
-        "read_results",
         "summary",
     ],
     "run": ["benchmark"],

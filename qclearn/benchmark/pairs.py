@@ -1,8 +1,8 @@
 """The benchmark's problems: pairs of surfaces with landmark curves and, where there is one, the true dense map.
 
-Here: synthetic subjects against one control ("cohort") or against each other ("pairs"); one surface whose landmarks a
-known map moves farther and farther ("displacement"); the mirrored right side of fsaverage5 against its left
-("fsaverage5"), where nobody knows the true map. The sets that measure on real cortex are in cortex.py.
+Here: synthetic subjects against one control ("cohort"); one surface whose landmarks a known map moves farther and
+farther ("displacement"); the mirrored right side of fsaverage5 against its left ("fsaverage5"), where nobody knows the
+true map. The sets that measure on real cortex are in cortex.py.
 """
 
 import time

@@ -1,13 +1,14 @@
 """The problems of the benchmark's sets by name, and how dask makes the pair of surfaces of each."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from data_synth.cohort import SEEDS
 
 from ..files.conte69 import installed_folder
 from .cortex import AMPLITUDES, HALVES, PARTS, conte69_pair, conte69_sides, fsaverage_side, heldout_pair, warp_pair
+from .measured import BenchmarkError
 from .pairs import CONTROL, cohort_pair, displacement_pair, fsaverage_pair, mapped_subject
-from .results import BenchmarkError
 from .runs import SETS
 
 DISTANCES, CURVE_COUNTS = (0.05, 0.1, 0.2, 0.3, 0.4), (4, 8)
@@ -15,92 +16,63 @@ DISTANCES, CURVE_COUNTS = (0.05, 0.1, 0.2, 0.3, 0.4), (4, 8)
 
 @dataclass(frozen=True)
 class Spec:
-    """One problem by name: the set, the pair's name and what it is made from.
+    """One problem by name: the set, the pair's name, and `make(*sides, *options)`, which makes its Pair.
 
-    distance: of the landmarks in the disk, or of a warp in mm; part: which curves are fitted, the others held out;
-    hemisphere: the moving one.
+    sides: (function, its arguments) of each thing that problems share, such as a subject, made once.
     """
 
     set: str
     pair: str
-    moving: int | None = None
-    control: int | None = None
-    distance: float = 0.0
-    curves: int = 0
-    part: str = "all"
-    hemisphere: str = "right"
+    make: Callable
+    sides: tuple = ()
+    options: tuple = ()
+
+    @property
+    def seeds(self):
+        """Of the synthetic subjects that it needs."""
+        return [given[0] for function, *given in self.sides if function is mapped_subject]
 
 
 def problems(subjects, sets):
-    """The problems of the sets, list of Spec; BenchmarkError for an unknown set or a bad count of subjects."""
+    """The problems of the sets, list of Spec; BenchmarkError for an unknown set or a bad count of subjects, ImportError
+    where the files of a set are not installed."""
     unknown = sorted(set(sets) - set(SETS))
     if unknown or not sets:
         raise BenchmarkError(f"no set of problems {', '.join(unknown) or 'given'}; there are {', '.join(SETS)}")
-    least = 2 if "pairs" in sets else 1
-    if not isinstance(subjects, int) or not least <= subjects <= len(SEEDS):
-        raise BenchmarkError(f"{subjects!r} subjects: the cohort has 1 to {len(SEEDS)}, and pairs need at least 2")
-    seeds, specs = SEEDS[:subjects], []
-    if "cohort" in sets:
-        specs += [Spec("cohort", f"{seed} to {CONTROL}", seed, CONTROL) for seed in seeds]
-    if "pairs" in sets:
-        specs += [Spec("pairs", f"{a} to {b}", a, b) for b in seeds for a in seeds if a != b]
-    if "displacement" in sets:
-        specs += [
-            Spec("displacement", f"{distance:g}, {curves} curves", None, CONTROL, distance, curves)
-            for curves in CURVE_COUNTS
-            for distance in DISTANCES
-        ]
-    if "fsaverage5" in sets:
-        specs.append(Spec("fsaverage5", "right to left"))
-    return specs + cortex_problems(sets)
-
-
-def cortex_problems(sets):
-    """The problems of the sets on real cortex; ImportError where the files of one are not installed."""
-    specs = []
-    if "heldout" in sets:
-        specs += [
-            Spec("heldout", f"{side} to {other}, {part}", part=part, hemisphere=side)
-            for side, other in (("right", "left"), ("left", "right"))
-            for part in HALVES
-        ]
-    if "warp" in sets:
-        specs += [
-            Spec("warp", f"{name}, {amplitude:g} mm", control=control, distance=amplitude)
-            for name, control in (("fsaverage5", None), ("synthetic", CONTROL))
-            for amplitude in AMPLITUDES
-        ]
+    if not isinstance(subjects, int) or not 1 <= subjects <= len(SEEDS):
+        raise BenchmarkError(f"{subjects!r} subjects: the cohort has 1 to {len(SEEDS)}")
     if "conte69" in sets:
         installed_folder()
-        specs += [Spec("conte69", f"right to left, {part}", part=part) for part in PARTS]
-    return specs
+    return [spec for spec in every_problem(subjects) if spec.set in sets]
+
+
+def every_problem(subjects):
+    """Every Spec of all sets, in their order."""
+    control, left, right = (mapped_subject, CONTROL), (fsaverage_side, "left"), (fsaverage_side, "right")
+    for seed in SEEDS[:subjects]:
+        yield Spec("cohort", f"{seed} to {CONTROL}", cohort_pair, ((mapped_subject, seed), control))
+    for curves in CURVE_COUNTS:
+        for distance in DISTANCES:
+            name = f"{distance:g}, {curves} curves"
+            yield Spec("displacement", name, displacement_pair, (control,), (distance, curves, 0))
+    yield Spec("fsaverage5", "right to left", fsaverage_pair)
+    for sides in ((right, left), (left, right)):
+        for part in HALVES:
+            yield Spec("heldout", f"{sides[0][1]} to {sides[1][1]}, {part}", heldout_pair, sides, (part,))
+    for name, side in (("fsaverage5", left), ("synthetic", control)):
+        for amplitude in AMPLITUDES:
+            yield Spec("warp", f"{name}, {amplitude:g} mm", warp_pair, (side,), (amplitude,))
+    for part in PARTS:
+        yield Spec("conte69", f"right to left, {part}", conte69_pair, ((conte69_sides,),), (part,))
 
 
 def submit_pair(client, spec, grown):
-    """The future of a problem's Pair. Subjects, `grown` with (vertices, folder, generation), have keys of their own, so
-    that pairs share them.
+    """The future of a problem's Pair. What it is made from has keys of its own, so that pairs share it.
+
+    grown: (vertices, folder, generation) of subjects, for the workers' own default may be another.
     """
-    if spec.set in MAKERS and spec.control is None:
-        return MAKERS[spec.set](client, spec)
-    # The generation goes along: the workers' own default may be another.
-    control = client.submit(mapped_subject, spec.control, *grown)
-    if spec.set == "displacement":
-        return client.submit(displacement_pair, control, spec.distance, spec.curves, 0)
-    if spec.set == "warp":
-        return client.submit(warp_pair, control, spec.distance)
-    moving = client.submit(mapped_subject, spec.moving, *grown)
-    return client.submit(cohort_pair, moving, control)
-
-
-def submit_heldout(client, spec):
-    other = "left" if spec.hemisphere == "right" else "right"
-    sides = (client.submit(fsaverage_side, side) for side in (spec.hemisphere, other))
-    return client.submit(heldout_pair, *sides, spec.part)
-
-
-MAKERS = {  # set -> who submits a problem that needs no synthetic subject
-    "fsaverage5": lambda client, spec: client.submit(fsaverage_pair),
-    "heldout": submit_heldout,
-    "warp": lambda client, spec: client.submit(warp_pair, client.submit(fsaverage_side, "left"), spec.distance),
-    "conte69": lambda client, spec: client.submit(conte69_pair, client.submit(conte69_sides), spec.part),
-}
+    sides = [
+        client.submit(function, *given, *(grown if function is mapped_subject else ()))
+        for function, *given in spec.sides
+    ]
+    return client.submit(spec.make, *sides, *spec.options)

@@ -1,195 +1,54 @@
-"""Files of measured figures and their schemas: the benchmark's, its journal while it grows, and that of networks; means
-over subjects."""
+"""The benchmark's rows: kept while they grow, their means over subjects, and comparisons of runs."""
 
+import hashlib
 import json
-import os
-from importlib.resources import files
+import shutil
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
-from ..files.extras import require
-from ..files.meshes import write_whole
+from ..files.begun import Begun
 from ..registration.metrics import paired_difference
-from ..surfaces.surface import SurfaceError
-
-SCHEMA_VERSION = 2  # raise it when a field's meaning changes, so that old files are not read as new ones
-WRITERS = {"benchmark": "qclearn benchmark", "networks": "tools/evaluate_networks.py"}  # of the files of each kind
-
-
-class BenchmarkError(ValueError):
-    """A benchmark that cannot be run, resumed, written or read: says what, where and what to do."""
+from .measured import SCHEMA_VERSION, BenchmarkError, plain, write_measured
 
 
 class Journal:
-    """Rows that are kept as they come, a line of JSON each, in `OUT.partial` beside the results file.
+    """Rows that are kept as they come, a file each, in the folder `OUT.partial` beside the results file.
 
-    The first line holds the run's settings. A journal that is there is gone on with: `rows` are those it has. Its last
-    line may be torn, where a run was killed while it wrote; that row is dropped. Rows that failed are tried again.
+    A journal that is there is gone on with. A row of a task that is tried again takes the place of the one that failed.
     """
 
     def __init__(self, out, settings):
-        self.out, self.path = Path(out), Path(f"{out}.partial")
-        self.rows = []
-        self.settings = plain(settings)
-        head = {"schema_version": SCHEMA_VERSION, "settings": self.settings}
-        data = self.path.read_bytes() if self.path.is_file() else b""
-        whole = data[: data.rfind(b"\n") + 1]
-        self.resume(whole or data, head)  # which refuses a file that is not its own, before anything of it is cut off
-        if len(whole) < len(data):
-            os.truncate(self.path, len(whole))
-        if not whole:
-            self.append_line(head)
+        self.out, self.settings = Path(out), plain(settings)
+        self.begun = Begun(f"{out}.partial", {"schema_version": SCHEMA_VERSION} | self.settings, BenchmarkError)
 
-    def resume(self, data, head):
-        if encoded(head).startswith(data):  # nothing yet, or killed while it wrote the first line
-            return
-        try:
-            lines = [json.loads(line) for line in data.splitlines()]
-        except (ValueError, UnicodeDecodeError) as error:
-            raise BenchmarkError(
-                f"{self.path}: not a journal of this program ({error}); move it away, or give another --out"
-            ) from None
-        check_version(self.path, lines[0])
-        there = lines[0].get("settings", {})
-        differ = sorted(
-            key for key in set(head["settings"]) | set(there) if there.get(key) != head["settings"].get(key)
-        )
-        if differ:
-            raise BenchmarkError(
-                f"{self.path}: begun with other settings ({', '.join(differ)} differ): give the same "
-                "ones to go on with it, delete it to begin again, or give another --out"
-            )
-        self.rows = lines[1:]
+    @property
+    def rows(self):
+        """The rows that are there, but those whose file is damaged: they are made again."""
+        found = []
+        for name in self.begun.names():
+            with suppress(ValueError):
+                found.append(json.loads(self.begun.read(name)))
+        return found
 
     def append(self, row):
         """Keep a finished row: on disk, or BenchmarkError."""
-        row = plain(row)
-        self.append_line(row)
-        self.rows.append(row)
-
-    def append_line(self, value):
-        line = encoded(value)
-        try:
-            file = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
-            try:
-                size = os.fstat(file).st_size
-                if os.write(file, line) < len(line):  # one call, so that a line is there or not
-                    os.ftruncate(file, size)
-                    raise OSError("disk full")
-                os.fsync(file)
-            finally:
-                os.close(file)
-        except OSError as error:
-            raise BenchmarkError(
-                f"{self.path}: cannot be written ({error.strerror or error}); what was finished is kept: "
-                "make room or choose another folder, and run it again to go on"
-            ) from None
+        task = hashlib.sha256(json.dumps([row["set"], row["pair"], row["run"]]).encode()).hexdigest()
+        self.begun.keep(f"row-{task[:16]}.json", json.dumps(plain(row), allow_nan=False).encode())
 
     def finish(self, provenance):
         """Write the results file, whole or not at all, and drop the journal: the results."""
         runs = [run["name"] for run in self.settings["runs"]]
-        last = {(row["set"], row["pair"], row["run"]): row for row in self.rows}  # of a task that was tried again
-        order = sorted(last.values(), key=lambda row: (row["set"], row["pair"], runs.index(row["run"])))
         results = {
             "schema_version": SCHEMA_VERSION,
             "settings": self.settings,
             "provenance": plain(provenance),
-            "rows": order,
+            "rows": sorted(self.rows, key=lambda row: (row["set"], row["pair"], runs.index(row["run"]))),
         }
-        write_results(self.out, results)
-        self.path.unlink(missing_ok=True)
+        write_measured("benchmark", self.out, results)
+        shutil.rmtree(self.begun.path)
         return results
-
-
-def encoded(value):
-    """The journal's line of a row or a head."""
-    return (json.dumps(value, allow_nan=False) + "\n").encode()
-
-
-def plain(value):
-    """Numbers, lists and dicts as JSON knows them; NaN and infinite become None."""
-    if isinstance(value, dict):
-        return {str(name): plain(inner) for name, inner in value.items()}
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return [plain(inner) for inner in value]
-    if isinstance(value, (np.bool_, np.integer, np.floating)):
-        value = value.item()
-    return None if isinstance(value, float) and not np.isfinite(value) else value
-
-
-def write_results(path, results):
-    """Write a checked results file, whole or not at all; BenchmarkError if it cannot be."""
-    check_schema(path, results, "benchmark")
-    rows = ",\n  ".join(json.dumps(row) for row in results["rows"])  # a row a line
-    text = json.dumps(results | {"rows": []}, indent=1).replace('"rows": []', f'"rows": [\n  {rows}\n ]')
-    write_text(path, text + "\n")
-
-
-def write_networks(path, figures):
-    """Write the checked figures of networks, whole or not at all; BenchmarkError if it cannot be."""
-    figures = plain(figures)
-    check_schema(path, figures, "networks")
-    write_text(path, json.dumps(figures, indent=1) + "\n")
-
-
-def write_text(path, text):
-    try:
-        write_whole(Path(path), lambda place: place.write_text(text, encoding="utf-8"))
-    except SurfaceError as error:
-        raise BenchmarkError(str(error)) from None
-
-
-def read_results(path):
-    """A results file as nested dicts and lists, checked against the schema;
-    BenchmarkError if it is none of this version."""
-    results = read_json(path, "benchmark")
-    check_version(path, results)
-    check_schema(path, results, "benchmark")
-    return results
-
-
-def read_networks(path):
-    """The figures of networks as nested dicts and lists; BenchmarkError if they do not fit their schema."""
-    figures = read_json(path, "networks")
-    check_schema(path, figures, "networks")
-    return figures
-
-
-def read_json(path, kind):
-    try:
-        return json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise BenchmarkError(f"{path}: cannot be read ({error.strerror}); check the name") from None
-    except (ValueError, RecursionError) as error:
-        raise BenchmarkError(f"{path}: not a JSON file ({error}); give a file that `{WRITERS[kind]}` wrote") from None
-
-
-def check_version(path, results):
-    version = results.get("schema_version") if isinstance(results, dict) else None
-    if version != SCHEMA_VERSION:
-        found = "no results of this program" if version is None else f"results of schema version {version}"
-        raise BenchmarkError(
-            f"{path}: {found}; this version reads {SCHEMA_VERSION}: run the benchmark again, or use the "
-            "version that wrote the file"
-        )
-
-
-def schema(kind="benchmark"):
-    """The JSON schema of a file of measured figures, "benchmark" or "networks"; descriptions say what it holds, with
-    units."""
-    return json.loads(files(__package__).joinpath(f"{kind}.schema.json").read_text(encoding="utf-8"))
-
-
-def check_schema(path, results, kind):
-    require("benchmark", "measured figures")
-    from jsonschema import Draft202012Validator
-
-    error = next(Draft202012Validator(schema(kind)).iter_errors(results), None)
-    if error:
-        raise BenchmarkError(
-            f"{path}: not a valid results file: {error.json_path}: {error.message[:200]}; run `{WRITERS[kind]}` again"
-        )
 
 
 def column(rows, run, key):
@@ -252,11 +111,11 @@ def methods_and_oracles(rows):
     return [row for row in rows if row["landmarks"] != "exact"], oracles
 
 
-def median_pair(rows, run, key="landmark_error"):
-    """The pair with the median figure of a run (of an even number, the lower): the one to show, chosen by nobody."""
-    values = sorted((value, pair) for pair, value in column(rows, run, key).items() if np.isfinite(value))
+def median_pair(rows, run):
+    """The pair with the median landmark error of a run (the lower of two): the one to show, chosen by nobody."""
+    values = sorted((value, pair) for pair, value in column(rows, run, "landmark_error").items() if np.isfinite(value))
     if not values:
-        raise BenchmarkError(f"no pair has the figure {key!r} of the run {run!r}: give one that the results hold")
+        raise BenchmarkError(f"no pair has a landmark error of the run {run!r}: give one that the results hold")
     return values[(len(values) - 1) // 2][1]
 
 

@@ -23,8 +23,10 @@ from ..files.extras import require
 from ..files.provenance import commit, processor
 from ..group.workers import connect, versions
 from ..methods import METHODS
+from .measured import BenchmarkError
+from .pairs import CONTROL
 from .problems import problems, submit_pair
-from .results import BenchmarkError, Journal
+from .results import Journal
 from .runs import FRONT, RUNS, check_runs, lacking
 from .trial import trial
 
@@ -41,16 +43,15 @@ def benchmark(
     folder=None,
     progress=True,
     fronts=False,
-    generation=GENERATION,
 ):
     """Run all `runs` on all problems of `sets` and write the results file `out`: its contents.
 
     subjects: how many of the cohort's 24; runs: by default RUNS, with FRONT if `fronts`, without those whose networks
     have no weights here.
     scheduler: address of a dask scheduler (its workers with one thread each), None for `workers` processes on this
-    machine; folder: where synthetic subjects, of `generation`, are kept (on each worker's machine). Finished tasks are
-    kept beside `out` at once; called again, a run that was stopped goes on. Errors: BenchmarkError, WorkersError,
-    CortexError for a bad generation; ImportError without the extra.
+    machine; folder: where synthetic subjects are kept (on each worker's machine). Finished tasks are kept beside `out`
+    at once; called again, a run that was stopped goes on. Errors: BenchmarkError, WorkersError; ImportError without the
+    extra.
     """
     require("benchmark", "benchmarks")
     out, left_out = Path(out), {}
@@ -63,14 +64,14 @@ def benchmark(
         raise BenchmarkError(
             f"{vertices} vertices, {workers} workers: give {FEWEST:,} to {MOST:,} vertices and at least one worker"
         )
-    origin = provenance()
+    origin, seeds = provenance(), {seed for spec in specs for seed in spec.seeds}
     settings = {
         "sets": list(sets),
         "subjects": subjects,
-        "seeds": sorted({spec.moving for spec in specs if spec.moving}),
-        "controls": sorted({spec.control for spec in specs if spec.control}),
+        "seeds": sorted(seeds - {CONTROL}),
+        "controls": sorted(seeds & {CONTROL}),
         "vertices": vertices,
-        "generation": generation,
+        "generation": GENERATION,
         "commit": origin["commit"],
         "runs": [asdict(run) for run in runs],
     }
@@ -79,7 +80,7 @@ def benchmark(
     folder = None if folder is None else str(Path(folder).absolute())
     if scheduler is None and settings["controls"]:
         # An unwritable folder is refused now, not in each task.
-        hemispheres([], vertices, folder, generation=generation)
+        hemispheres([], vertices, folder)
     journal, start = Journal(out, settings), time.perf_counter()
     done = {(row["set"], row["pair"], row["run"]) for row in journal.rows if row["status"] == "done"}
     wanted = [(spec, run) for spec in specs for run in runs if spec.set in run.sets]
@@ -87,7 +88,7 @@ def benchmark(
     with connect(scheduler, workers) if tasks else nullcontext() as client:
         machines = machine(client) if tasks else {"workers": 1, "processors": [processor()]}
         with tqdm(total=len(wanted), initial=len(done), desc="benchmark", disable=not progress) as bar:
-            for row in finished(client, tasks, methods, (vertices, folder, generation)):
+            for row in finished(client, tasks, methods, (vertices, folder, GENERATION)):
                 journal.append(row)
                 bar.set_postfix_str(f"{row['pair']}, {row['run']}", refresh=False)
                 bar.update()

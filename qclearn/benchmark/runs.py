@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 from ..methods.networks import network, networks_of
 from ..registration.problem import DELTA, Weights
+from .measured import BenchmarkError
 from .pairs import DETECTORS, SOURCES
-from .results import BenchmarkError
 
-SETS = ("cohort", "pairs", "displacement", "fsaverage5", "heldout", "warp", "conte69")
+SETS = ("cohort", "displacement", "fsaverage5", "heldout", "warp", "conte69")
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Run:
     keep_field: bool = False
 
 
-KNOWN = ("cohort", "pairs")  # sets with true curves and a true map
+KNOWN = ("cohort",)  # the set with true curves and a true map
 DETECTED = (*KNOWN, "fsaverage5")  # sets of real or synthetic cortex, whose curves have ends to detect them from
 WEIGHED = (*KNOWN, "displacement", "fsaverage5")  # sets on which every weight of a method has its line
 HELD_OUT = ("heldout", "conte69")  # sets with curves that take no part

@@ -50,7 +50,7 @@ def train(network, preset, gamma, out, data, steps, seed, quick, threads):
     multiple=True,
     default=["cohort"],
     show_default=True,
-    help="cohort, pairs, displacement, fsaverage5, heldout, warp or conte69; may be repeated.",
+    help="cohort, displacement, fsaverage5, heldout, warp or conte69; may be repeated.",
 )
 @click.option(
     "--method",

@@ -103,24 +103,20 @@ def write_surface(
     """
     path, frame = Path(path), frame or Frame()
     suffix = suffix_of(path)
-    if suffix == ".npz":
+    freesurfer = path.name.startswith(("lh.", "rh.")) and path.suffix.lower() not in FOREIGN_SUFFIXES
 
-        def write(place):
+    def write(place):
+        if suffix == ".npz":
             _write_npz(place, surface, original_vertices)
-    elif suffix == ".gii":
-
-        def write(place):
+        elif suffix == ".gii":
             side = frame.side or gifti.side_of_name(path)
             place.write_bytes(gifti.zipped(path, gifti.surface_bytes(surface, side, frame.space)))
-    elif suffix in _WRITERS:
-
-        def write(place):
+        elif suffix in _WRITERS:
             place.write_bytes(_WRITERS[suffix](surface))
-    elif path.suffix.lower() in _FREESURFER_SUFFIXES or (path.name.startswith(("lh.", "rh.")) and not _foreign(path)):
-
-        def write(place):
+        else:
             _write_freesurfer(place, surface, frame.volume)
-    else:
+
+    if not (suffix in (".npz", ".gii", *_WRITERS) or freesurfer or path.suffix.lower() in _FREESURFER_SUFFIXES):
         raise SurfaceError(f"{path}: {_unknown_format('nor is the name one of FreeSurfer, such as lh.pial')}")
     write_whole(path, write, size=surface.vertices.nbytes + surface.faces.nbytes)
 
@@ -130,10 +126,6 @@ FOREIGN_SUFFIXES = (
     ".csv", ".tsv", ".json", ".xml", ".mat", ".nii", ".gz", ".zip", ".label", ".annot", ".mgh", ".mgz", ".npy", ".npz",
     ".txt", ".gii", ".xlsx", ".h5", ".png", ".ply", ".obj", ".off", ".stl", ".vtk", ".vtp", ".asc",
 )  # fmt: skip
-
-
-def _foreign(path):
-    return path.suffix.lower() in FOREIGN_SUFFIXES
 
 
 def suffix_of(path):
@@ -195,10 +187,6 @@ def _write_freesurfer(path, surface, volume):
     )
 
 
-def _read_gifti(_, data):
-    return *gifti.surface_arrays(gifti.parse(data)), {}
-
-
 def _read_vtk(path, data):
     # in a process of its own: on some damaged files VTK's readers end the process
     script = Path(__file__).with_name("vtkchild.py")
@@ -246,6 +234,7 @@ def _write_vtp(surface):
 
 
 def _read_plain(read):
+    """A reader of a path and bytes, of one of bytes alone that knows no curves."""
     return lambda _, data: (*read(data), {})
 
 
@@ -270,7 +259,7 @@ def _warn_of_slits(path, surface):
 
 _READERS = {
     ".npz": ("npz file", _read_npz),
-    ".gii": ("GIFTI surface", _read_gifti),
+    ".gii": ("GIFTI surface", _read_plain(lambda data: gifti.surface_arrays(gifti.parse(data)))),
     ".ply": ("PLY file", _read_plain(meshformats.read_ply)),
     ".obj": ("OBJ file", _read_plain(meshformats.read_obj)),
     ".off": ("OFF file", _read_plain(meshformats.read_off)),

@@ -220,10 +220,6 @@ def _read_morphometry(path, data):
     return nibabel.freesurfer.read_morph_data(path)
 
 
-def _read_annotation(path, data):
-    return _annotation(path, data)[0]
-
-
 def _annotation(path, data):
     """Places in the table (V,), -1 for none; the table (N, 5); and the names, of a FreeSurfer annotation."""
     words = np.frombuffer(data[: len(data) // 4 * 4], ">i4")
@@ -243,10 +239,6 @@ def _annotation(path, data):
     place = order[np.searchsorted(table[order, 4], colours[given])]
     labels[words[1 : 2 * n_vertices : 2][given]] = place
     return labels, table, names
-
-
-def _read_gifti_values(_, data):
-    return gifti.values_of(gifti.parse(data))
 
 
 def _read_mgh(_, data):
@@ -269,10 +261,6 @@ def _mgh_bytes(values):
     return nibabel.MGHImage(voxels, np.eye(4)).to_bytes()
 
 
-def _read_npy(_, data):
-    return npy_array(data)
-
-
 def _read_txt(path, data):
     whole = re.fullmatch(rb"[\s\d+-]*", data)  # NumPy would also cut 0.5 to 0
     return np.loadtxt(path, ndmin=1, dtype=np.int64 if whole else np.float64)
@@ -288,11 +276,11 @@ def _write_txt(path, values):
 
 
 _READERS = {
-    ".npy": ("NumPy array", _read_npy),
+    ".npy": ("NumPy array", lambda _, data: npy_array(data)),
     ".txt": ("text file of one number a vertex", _read_txt),
-    ".gii": ("GIFTI data file", _read_gifti_values),
+    ".gii": ("GIFTI data file", lambda _, data: gifti.values_of(gifti.parse(data))),
     ".mgh": ("MGH file", _read_mgh),
     ".mgz": ("MGH file", _read_mgh),
-    ".annot": ("FreeSurfer annotation", _read_annotation),
+    ".annot": ("FreeSurfer annotation", lambda path, data: _annotation(path, data)[0]),
 }
 _WRITERS = {".npy": _write_npy, ".txt": _write_txt}

@@ -7,7 +7,6 @@ tools/build_book.py stores the answers in the executed page, where Sphinx reads 
 import base64
 import html
 import io
-from pathlib import Path
 from types import SimpleNamespace
 
 from IPython import get_ipython
@@ -24,11 +23,6 @@ def keep(**numbers):
     for name, value in numbers.items():
         setattr(num, name, getattr(value, "tolist", lambda value=value: value)())
         kept_by.setdefault(name, set()).add(getattr(get_ipython(), "execution_count", 0))
-
-
-def kept(name):
-    """Path of a file of measured figures that comes with the package: "networks.json", "benchmark.json", ..."""
-    return Path(__file__).parents[1] / "benchmark" / "kept" / name
 
 
 def show_figure(picture, name, alt):

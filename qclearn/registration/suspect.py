@@ -13,7 +13,7 @@ import numpy as np
 from ..plane.mobius import mobius_misfits
 from .metrics import mean_rows
 
-# The thresholds. Beside each what tools/suspect_table.py measured: the range in good cases | in cases with a mistake,
+# The thresholds. Beside each what tools/suspect.py measured: the range in good cases | in cases with a mistake,
 # which need not pass each of them. Every single value is in kept/suspect.json.
 LIMITS = {
     "error_mm": 3.0,  # mean landmark error, mm, together with the next; 0.05 to 4.1 | 3.0 to 64

@@ -14,10 +14,9 @@ from pathlib import Path
 import pytest
 from distributed import Client, LocalCluster
 
-from qclearn.benchmark import BenchmarkError
 from qclearn.benchmark import run as module
 from qclearn.benchmark import runs as table
-from qclearn.benchmark.results import read_results
+from qclearn.benchmark.measured import BenchmarkError, read_measured
 from qclearn.benchmark.run import benchmark, problems
 from qclearn.benchmark.runs import FRONT, RUNS, Run, check_runs, lacking, run_of
 from qclearn.cli import main
@@ -92,7 +91,7 @@ def without_times(rows):
 def test_a_method_of_ones_own_joins_and_a_broken_one_stops_nobody(tmp_path, folder, inside):
     runs = [Run("Möbius", "mobius_only"), Run("mine", "shrunk", {"shift": 0.1}), Run("broken", "broken")]
     results = small(tmp_path / "r.json", folder, runs)
-    assert read_results(tmp_path / "r.json") == results
+    assert read_measured("benchmark", tmp_path / "r.json") == results
     assert {(row["pair"], row["run"]): row["status"] for row in results["rows"]} == {
         (f"{seed} to 2001", run.name): "failed" if run.name == "broken" else "done"
         for seed in (1001, 1002)
@@ -117,15 +116,16 @@ def test_a_stopped_run_goes_on(tmp_path, folder, inside, monkeypatch):
         patch.setattr(module, "finished", stop_after_one)
         with pytest.raises(KeyboardInterrupt):
             small(out, folder, runs, subjects=1)
-    kept = Path(f"{out}.partial").read_text().splitlines()
-    assert len(kept) == 2 and not out.exists()
+    (kept,) = Path(f"{out}.partial").glob("row-*.json")
+    kept = json.loads(kept.read_text())
+    assert not out.exists()
     tasks = []
     monkeypatch.setattr(
         module, "finished", lambda client, wanted, *rest: tasks.extend(wanted) or rows(client, wanted, *rest)
     )
     results = small(out, folder, runs, subjects=1)
     assert len(tasks) == 1 and len(results["rows"]) == 2 and results["provenance"]["resumed"]
-    assert json.loads(kept[1]) in results["rows"] and not Path(f"{out}.partial").exists()
+    assert kept in results["rows"] and not Path(f"{out}.partial").exists()
 
 
 @pytest.fixture
@@ -169,8 +169,7 @@ def test_a_killed_worker_costs_only_its_task(tmp_path, folder, inside, cluster):
     out = tmp_path / "b.json"
 
     def kill_midway():
-        journal = Path(f"{out}.partial")
-        while not journal.exists() or len(journal.read_text().splitlines()) < 3:
+        while len(list(Path(f"{out}.partial").glob("row-*.json"))) < 2:
             time.sleep(0.02)
         workers[0].send_signal(signal.SIGKILL)
 
@@ -228,7 +227,7 @@ def test_an_unreachable_scheduler_is_named(tmp_path, folder, monkeypatch, addres
         (Run("a", "harmonic", {"lambda": 1}), "harmonic has no parameter lambda; it has weight, correct"),
         (Run("a", "mobius_only", {"weight": 1}), "mobius_only has no parameter weight; it has none"),
         (Run("a", "harmonic", landmarks="guessed"), "no landmarks 'guessed'"),
-        (Run("a", "harmonic", sets=("cohort", "mars")), "sets some of cohort, pairs"),
+        (Run("a", "harmonic", sets=("cohort", "mars")), "sets some of cohort, displacement"),
     ],
 )
 def test_unknown_things_are_refused(run, message):
@@ -246,9 +245,8 @@ def test_names_serve_once():
     [
         (0, ["cohort"], "0 subjects"),
         (25, ["cohort"], "1 to 24"),
-        (1, ["pairs"], "at least 2"),
         ("3", ["cohort"], "'3' subj"),
-        (1, ["mars"], "no set of problems mars; there are cohort, pairs"),
+        (1, ["mars"], "no set of problems mars; there are cohort, displacement"),
         (1, [], "no set of problems given"),
     ],
 )
@@ -258,12 +256,10 @@ def test_other_counts_and_sets_are_refused(subjects, sets, message):
 
 
 def test_the_sets_problems():
-    specs = problems(3, ["cohort", "pairs", "displacement", "fsaverage5"])
-    pairs = [spec.pair for spec in specs if spec.set == "pairs"]
-    assert len(pairs) == 6 and len(set(pairs)) == 6 and "1001 to 1003" in pairs
+    specs = problems(3, ["cohort", "displacement", "fsaverage5"])
     assert [spec.pair for spec in specs if spec.set == "cohort"] == [f"{seed} to 2001" for seed in (1001, 1002, 1003)]
-    assert {spec.distance for spec in specs if spec.set == "displacement"} == {0.05, 0.1, 0.2, 0.3, 0.4}
-    assert len({(spec.set, spec.pair) for spec in specs}) == len(specs) == 20
+    assert {spec.options[0] for spec in specs if spec.set == "displacement"} == {0.05, 0.1, 0.2, 0.3, 0.4}
+    assert len({(spec.set, spec.pair) for spec in specs}) == len(specs) == 14
 
 
 def test_every_run_of_the_table_is_known_and_every_method_has_one():
@@ -352,7 +348,7 @@ def test_the_command_writes_the_file_and_prints_a_table(tmp_path, folder, capsys
     )
     printed = capsys.readouterr().out
     assert "harmonic:weight=5" in printed and "1/1" in printed
-    rows = {row["run"]: row for row in read_results(out)["rows"]}
+    rows = {row["run"]: row for row in read_measured("benchmark", out)["rows"]}
     assert rows["harmonic:weight=5"]["landmark_error"] < rows["mobius_only"]["landmark_error"]
     assert rows["mobius_only"]["correspondence_sulci_mm"] > 0 and rows["mobius_only"]["floor_mm"] > 0
 

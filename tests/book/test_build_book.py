@@ -32,7 +32,7 @@ def test_ordinary_output_is_no_error():
 def test_only_pages_that_are_out_of_date_are_executed(tmp_path, monkeypatch):
     ran = []
     monkeypatch.setattr(execute_pages, "STAMPS", tmp_path / "stamps.json")
-    monkeypatch.setattr(execute_pages, "run", lambda pages, jobs, seconds: ran.append(pages))
+    monkeypatch.setattr(execute_pages, "run", lambda pages, jobs: ran.append(pages))
     (tmp_path / "stamps.json").write_text(
         json.dumps({"lbs": execute_pages.stamp("lbs"), "fourier": "of an older page"})
     )

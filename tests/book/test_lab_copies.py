@@ -5,7 +5,7 @@ import json
 import lab_copies
 import nbformat
 import pytest
-from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
+from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
 from plain import for_plain_viewers
 from readable import Readable, as_notebook, for_jupyterlab
 from references import Literature, Target
@@ -75,11 +75,12 @@ def executed():
         ":::{exercise} Title\n:label: ex-here\n\nDo.\n\n:::\n\n"
         ":::{solution} ex-here\n:class: dropdown\n\n```python\nprint(':::')\n```\n\n:::\n"
     )
+    picture = new_output("display_data", data={"image/png": "aGk=", "text/html": "<img>", "text/plain": "words"})
     caption = ":::{figure}\n:name: fig-here\n\nA caption.\n\n:::\n\nMore."
     return new_notebook(
         cells=[
             new_markdown_cell(text, metadata={"user_expressions": [{"expression": "n", "result": value}]}),
-            new_code_cell("keep(n=1)", metadata={"tags": ["hide-input"]}),
+            new_code_cell("keep(n=1)", metadata={"tags": ["hide-input"]}, outputs=[picture]),
             new_markdown_cell(caption),
         ]
     )
@@ -97,7 +98,10 @@ def test_the_lab_copy_counts_as_the_book_and_folds_what_is_hidden(literature):
 
 def test_the_plain_copy_has_neither_role_nor_directive(literature):
     notebook = for_plain_viewers(executed(), Readable("here", TARGETS, literature, plain=True), 2)
-    first, _, caption = (cell.source for cell in notebook.cells)
+    first, code, caption = (cell.source for cell in notebook.cells)
+    assert code == "keep(n=1)" and notebook.cells[1].metadata["jupyter"]["source_hidden"]
+    assert set(notebook.cells[1].outputs[0].data) == {"image/png", "text/plain"}
+    assert "user_expressions" not in notebook.cells[0].metadata
     assert "From (2.1): 0.5 by [Guo" in first and "\\tag{2.1}" in first
     assert "**Theorem 2.1** (Name)\n" in first and "**Exercise 2.1** (Title)\n" in first
     assert "**Solution of Exercise 2.1**\n" in first and "print(':::')" in first

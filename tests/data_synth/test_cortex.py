@@ -1,6 +1,5 @@
 """The grown hemisphere: a folded disk with curves in its sulci, the same for the same seed, and files of it."""
 
-import hashlib
 import json
 from dataclasses import asdict, replace
 from functools import cache
@@ -15,7 +14,7 @@ from data_synth import CortexError, correspondence, load_cortex, make_cortex, sa
 from data_synth.compiled import compiled
 from data_synth.correspondence import depth_correlation, locate_on_sphere
 from data_synth.fundus import trim
-from data_synth.generations import GENERATION, GENERATIONS
+from data_synth.generations import GENERATION, GUIDANCE
 from data_synth.growth import depth_below, grow, hull_distance, neighbour_table
 from data_synth.individual import Individual
 from data_synth.intersections import self_intersections
@@ -31,8 +30,8 @@ SIZE = 2500
 
 
 @cache
-def subject(seed=1, hemisphere="left", generation=GENERATION):
-    return make_cortex(seed, SIZE, hemisphere, generation=generation)
+def subject(seed=1, hemisphere="left"):
+    return make_cortex(seed, SIZE, hemisphere)
 
 
 def edge_lengths(surface):
@@ -117,39 +116,23 @@ def test_curves_follow_the_courses_on_the_template():
     assert (apart.argmin(axis=1) == np.arange(len(names))).all()
 
 
-@pytest.mark.parametrize("generation", GENERATIONS)
-def test_the_seed_decides_everything(generation):
-    once, again = subject(generation=generation), make_cortex(1, SIZE, generation=generation)
-    assert again.generation == generation
+def test_the_seed_decides_everything():
+    once, again = subject(), make_cortex(1, SIZE, generation=GENERATION)
+    assert again.generation == GENERATION
     assert np.array_equal(again.surface.vertices, once.surface.vertices)
     assert np.array_equal(again.surface.faces, once.surface.faces)
     assert np.array_equal(again.template, once.template)
     assert all(np.array_equal(again.curves[name], path) for name, path in once.curves.items())
-    assert not np.array_equal(subject(2, generation=generation).surface.faces, once.surface.faces)
+    assert not np.array_equal(subject(2).surface.faces, once.surface.faces)
 
 
-@pytest.mark.parametrize("seed, digest", [(1, "aa56faab46cf288c"), (2, "32050b05e9e41936")])
-def test_the_second_generation_stays_what_it_was(seed, digest):
-    """To the micrometre: the last bits of a sum are the processor's."""
-    cortex = subject(seed, generation=2)
-    arrays = [np.round(1000 * cortex.surface.vertices), np.round(1e6 * cortex.template), cortex.surface.faces]
-    arrays += [cortex.curves[name] for name in SULCI]
-    found = hashlib.sha256(b"".join(array.astype(np.int64).tobytes() for array in arrays))
-    found.update(repr((cortex.interrupted, cortex.branched)).encode())
-    assert found.hexdigest()[:16] == digest
-
-
-def test_folds_correspond_better_in_the_third_generation():
-    second, third = (depth_correlation(subject(1, "left", g), subject(2, "left", g)) for g in (2, 3))
-    assert third > second + 0.1
-    apart = {}
-    for g in (2, 3):
-        one, two = subject(1, "left", g), subject(2, "left", g)
-        truth = correspondence(one, two)
-        apart[g] = np.mean([
-            curve_distance(truth[path], two.surface.vertices[two.curves[name]]) for name, path in one.curves.items()
-        ])  # fmt: skip
-    assert apart[3] < 0.7 * apart[2]
+def test_folds_correspond():
+    """A generation whose folds slid off their furrows had 0.68, and curves 5 mm apart."""
+    one, other = subject(1), subject(2)
+    assert depth_correlation(one, other) > 0.77
+    truth = correspondence(one, other)
+    apart = [curve_distance(truth[path], other.surface.vertices[other.curves[k]]) for k, path in one.curves.items()]
+    assert np.mean(apart) < 3.5
 
 
 def test_depths_of_a_subject_and_itself_agree():
@@ -157,9 +140,9 @@ def test_depths_of_a_subject_and_itself_agree():
 
 
 def test_generations_are_not_mixed():
-    with pytest.raises(CortexError, match="generation is 1; this version makes 2, 3"):
-        make_cortex(1, SIZE, generation=1)
-    other = replace(subject(2), generation=max(set(GENERATIONS) - {GENERATION}))
+    with pytest.raises(CortexError, match="generation is 2; this version makes 3"):
+        make_cortex(1, SIZE, generation=2)
+    other = replace(subject(2), generation=2)
     for pair in (correspondence, depth_correlation):
         with pytest.raises(CortexError, match="of the generations 2, 3"):
             pair(subject(), other)
@@ -175,7 +158,7 @@ def test_the_template_leans_to_itself():
 
 
 def test_the_pattern_was_grown_with_the_constants_of_its_generation():
-    assert json.loads(FILE.read_text())["guidance"] == json.loads(json.dumps(asdict(GENERATIONS[3])))
+    assert json.loads(FILE.read_text())["guidance"] == json.loads(json.dumps(asdict(GUIDANCE)))
 
 
 def test_gaps_and_branches_are_recorded_where_they_were_drawn():
@@ -263,15 +246,12 @@ def test_unreadable_files(tmp_path):
     path.write_bytes(whole[: len(whole) // 2])
     with pytest.raises(CortexError, match="no readable npz"):
         load_cortex(path)
-    save_cortex(path, subject())
-    with np.load(path) as file:
-        np.savez(path, **{name: file[name] for name in file.files if name != "interrupted"})
-    with pytest.raises(CortexError, match="before sulci were marked.*synth --seed 1"):
-        load_cortex(path)
-    save_cortex(path, subject())
-    with np.load(path) as file:
-        np.savez(path, **{name: file[name] for name in file.files if name != "generation"})
-    assert load_cortex(path).generation == 2  # before files said so
+    for lost in ("interrupted", "generation"):
+        save_cortex(path, subject())
+        with np.load(path) as file:
+            np.savez(path, **{name: file[name] for name in file.files if name != lost})
+        with pytest.raises(CortexError, match=f"lacks {lost}"):
+            load_cortex(path)
     np.savez(path, vertices=subject().surface.vertices, faces=subject().surface.faces)
     with pytest.raises(CortexError, match="lacks template, seed, hemisphere"):
         load_cortex(path)

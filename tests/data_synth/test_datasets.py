@@ -11,18 +11,17 @@ from skimage import io
 from torch.utils.data import DataLoader
 
 from data_synth import CortexError, make_cortex
-from data_synth.datasets import CoefficientDataset, CurveDataset, DatasetError, DatasetWarning, LandmarkDataset, cached
+from data_synth.datasets import CurveDataset, DatasetError, DatasetWarning, cached
 from data_synth.fields import MAX_ABS, ImageFolder
+from data_synth.training import Fields
 from qclearn.plane.bijectivity import check_bijective
-from qclearn.plane.disk import solve_beltrami_disk
-from qclearn.plane.diskmesh import locate, pixel_centres, polar_disk
+from qclearn.plane.diskmesh import pixel_centres, polar_disk
 from qclearn.registration.landmarks import sample_curve
 from qclearn.surfaces.curvature import curvature_image
 
 # Coarse hemispheres may need a few switched rows; the map is bijective all the same.
 pytestmark = pytest.mark.filterwarnings("ignore::qclearn.plane.bijectivity.RepairWarning")
 
-TARGETS = 0.6 * np.exp(2j * np.pi * np.arange(7) / 7)
 SMALL = {"rings": 8, "spokes": 24}
 
 
@@ -34,13 +33,12 @@ def subjects():
 @pytest.fixture(scope="module")
 def datasets(subjects):
     return {
-        "coefficients": CoefficientDataset(6, 5, **SMALL),
-        "landmarks": LandmarkDataset(6, 5, TARGETS, **SMALL),
+        "coefficients": Fields(6, 5, **SMALL),
         "curves": CurveDataset(6, 5, subjects, size=32),
     }
 
 
-each = pytest.mark.parametrize("name", ["coefficients", "landmarks", "curves"])
+each = pytest.mark.parametrize("name", ["coefficients", "curves"])
 
 
 def same(one, other):
@@ -52,18 +50,16 @@ def test_an_item_is_its_indexs_alone(datasets, name):
     dataset = datasets[name]
     forwards = [dataset[k] for k in range(6)]
     assert all(same(dataset[k], forwards[k]) for k in (5, 0, 3))
-    image_or_mu = [item[0] if name != "landmarks" else item[2] for item in forwards]
     for a in range(6):
         for b in range(a):
-            assert abs(image_or_mu[a] - image_or_mu[b]).max() > 1e-2, (a, b)
+            assert abs(forwards[a][0] - forwards[b][0]).max() > 1e-2, (a, b)
 
 
 @each
 def test_another_seed_gives_other_items(datasets, name, subjects):
     other = {
-        "coefficients": lambda: CoefficientDataset(6, 6, **SMALL),
+        "coefficients": lambda: Fields(6, 6, **SMALL),
         "curves": lambda: CurveDataset(6, 6, subjects, 32),
-        "landmarks": lambda: LandmarkDataset(6, 6, TARGETS, **SMALL),
     }[name]()
     assert not same(other[0], datasets[name][0])
     assert not same(other[0], datasets[name][1])  # the seed is no offset of the index
@@ -93,13 +89,11 @@ def test_the_length_ends_a_loop(datasets, name):
             dataset[index]
 
 
-def test_a_coefficient_item_is_a_coefficient_and_its_map():
-    dataset = CoefficientDataset(10, 1, **SMALL)
-    z, faces = polar_disk(8, 24)
-    for mu, f in dataset:
-        assert mu.dtype == f.dtype == torch.complex64 and mu.shape == (len(faces),) and f.shape == (len(z),)
+def test_a_coefficient_item_keeps_to_its_range():
+    _, faces = polar_disk(8, 24)
+    for (mu,) in Fields(10, 1, **SMALL):
+        assert mu.dtype == torch.complex64 and mu.shape == (len(faces),)
         assert MAX_ABS[0] <= abs(mu).max() * (1 + 1e-6) and abs(mu).max() <= MAX_ABS[1] * (1 + 1e-6)
-        np.testing.assert_allclose(f, solve_beltrami_disk(z, faces, mu.numpy().astype(complex)), atol=1e-6)
 
 
 def test_both_kinds_of_field_come_in_equal_shares(monkeypatch):
@@ -109,23 +103,11 @@ def test_both_kinds_of_field_come_in_equal_shares(monkeypatch):
         kinds.append(str(kind))
         return np.full(len(faces), 0.1 + 0j)
 
-    monkeypatch.setattr("data_synth.datasets.random_coefficient", note)
-    dataset = CoefficientDataset(200, 1, 3, 9)
+    monkeypatch.setattr("data_synth.training.random_coefficient", note)
+    dataset = Fields(200, 1, 3, 9)
     for k in range(200):
         dataset.draw(np.random.default_rng(k))
     assert set(kinds) == {"image", "smooth"} and 70 < kinds.count("image") < 130
-
-
-def test_a_landmark_item_is_moved_by_a_map_of_its_coefficient():
-    dataset = LandmarkDataset(4, 2, TARGETS, **SMALL)
-    z, faces = polar_disk(8, 24)
-    face, weights = locate(z, faces, TARGETS)
-    for moving, target, mu in dataset:
-        assert moving.shape == target.shape == (7,) and moving.dtype == torch.complex64
-        np.testing.assert_allclose(target, TARGETS, atol=1e-7)
-        f = solve_beltrami_disk(z, faces, mu.numpy().astype(complex))
-        np.testing.assert_allclose(moving, (f[faces[face]] * weights).sum(1), atol=1e-5)
-        assert abs(moving - target).max() > 1e-3
 
 
 def test_a_folder_of_images_feeds_the_training_sets(tmp_path):
@@ -133,13 +115,9 @@ def test_a_folder_of_images_feeds_the_training_sets(tmp_path):
     for name in "ab":
         io.imsave(tmp_path / f"{name}.png", rng.integers(0, 256, (40, 40)).astype(np.uint8))
     source = ImageFolder(tmp_path)
-    for dataset in (
-        CoefficientDataset(8, 1, source=source, **SMALL),
-        LandmarkDataset(8, 1, TARGETS, source=source, **SMALL),
-    ):
-        assert all(torch.isfinite(part).all() for item in dataset for part in item)
-    leaves = CoefficientDataset(8, 1, **SMALL)
-    differ = [not same(a, b) for a, b in zip(CoefficientDataset(8, 1, source=source, **SMALL), leaves, strict=True)]
+    pictures, leaves = (Fields(8, 1, **SMALL, **options) for options in ({"source": source}, {}))
+    assert all(torch.isfinite(mu).all() for (mu,) in pictures)
+    differ = [not same(a, b) for a, b in zip(pictures, leaves, strict=True)]
     assert 0 < sum(differ) < 8  # the smooth kind asks no image
 
 
@@ -211,12 +189,9 @@ def test_the_order_of_the_curves_is_that_of_the_names(subjects):
 @pytest.mark.parametrize(
     "make, message",
     [
-        (lambda subjects: CoefficientDataset(0, 1), "count is 0; give a whole number from 1"),
-        (lambda subjects: CoefficientDataset(2.5, 1), "count is 2.5"),
-        (lambda subjects: CoefficientDataset(3, -1), "seed is -1"),
-        (lambda subjects: LandmarkDataset(3, 1, []), "targets"),
-        (lambda subjects: LandmarkDataset(3, 1, [0.5, 1.5j]), "targets: .*unit disk"),
-        (lambda subjects: LandmarkDataset(3, 1, [0.5, np.nan]), "targets"),
+        (lambda subjects: Fields(0, 1), "count is 0; give a whole number from 1"),
+        (lambda subjects: Fields(2.5, 1), "count is 2.5"),
+        (lambda subjects: Fields(3, -1), "seed is -1"),
         (lambda subjects: CurveDataset(3, 1, []), "subjects: give at least one"),
         (
             lambda subjects: CurveDataset(3, 1, subjects, names=["central sulcus", "silver sulcus"]),
@@ -241,7 +216,7 @@ def test_subjects_of_two_generations_are_no_set(subjects):
         CurveDataset(3, 1, [replace(subject, generation=2 + k) for k, subject in enumerate(subjects)])
 
 
-class Counted(CoefficientDataset):
+class Counted(Fields):
     """Counts its draws."""
 
     drawn = 0
@@ -330,12 +305,7 @@ def test_another_recipe_is_drawn_again(tmp_path, change):
         assert dataset.drawn == len(dataset)
 
 
-def test_recipes_see_targets_subjects_and_pictures(subjects, tmp_path):
-    def landmarks(targets=TARGETS, **options):
-        return LandmarkDataset(2, 1, targets, **{**SMALL, **options}).recipe
-
-    assert landmarks() == landmarks() != landmarks(TARGETS * 0.999) and landmarks() != landmarks(spokes=25)
-
+def test_recipes_see_subjects_and_pictures(subjects, tmp_path):
     first, second = subjects
     surface = first.surface
     shorter = type(surface)(

@@ -14,8 +14,7 @@ from data_synth.folding_measures import (
     spectral_peak,
 )
 from data_synth.intersections import self_intersections
-from data_synth.realism import TARGETS, main, mesh_metrics, realism, score, table, weighted_percentiles
-from qclearn.files.meshes import write_surface
+from data_synth.realism import TARGETS, mesh_metrics, realism, score, weighted_percentiles
 from qclearn.surfaces.surface import Surface, SurfaceError
 
 
@@ -78,9 +77,7 @@ def test_inward_surface_is_refused():
 def test_score_marks_what_is_outside():
     metrics = {name: (low + high) / 2 for name, (low, high) in TARGETS.items()}
     rows = score(metrics | {"pits": 67, "sulcal_width": np.nan, "curvature_5": -58.0})
-    assert {row.name for row in rows if not row.inside} == {"pits", "sulcal_width"}
-    text = table(rows)
-    assert text.count("OUTSIDE") == 2 and "27 of 29 inside" in text
+    assert {row.name for row in rows if not row.inside} == {"pits", "sulcal_width"} and len(rows) == 29
 
 
 def test_mesh_metrics_see_what_is_wrong():
@@ -204,17 +201,3 @@ def test_weighted_percentiles_count_by_weight():
         assert abs(weighted_percentiles(values, weights, percent) - np.percentile(repeated, percent)) < 0.8
     assert weighted_percentiles(np.arange(11.0), np.ones(11), 50) == 5
     assert weighted_percentiles(values, weights, 50) == pytest.approx(2 + 0.5 / 1.5)
-
-
-def test_command_line(tmp_path, capsys):
-    surface = folded()
-    write_surface(tmp_path / "mesh.npz", surface)
-    main([str(tmp_path / "mesh.npz")])
-    printed = capsys.readouterr().out
-    assert table(score(realism(surface))) in printed and "of 29 inside" in printed
-    write_surface(tmp_path / "inward.npz", Surface(surface.vertices, surface.faces[:, ::-1]))
-    for name, reason in (("inward.npz", "inward"), ("absent.npz", "absent.npz")):
-        with pytest.raises(SystemExit) as stop:
-            main([str(tmp_path / name)])
-        error = capsys.readouterr().err
-        assert stop.value.code == 2 and reason in error and error.count("\n") == 1

@@ -31,7 +31,7 @@ def last_line(package, program):
         ("brainspace", "from qclearn.files.conte69 import conte69; conte69()", "conte69"),
         (
             "jsonschema",
-            "from qclearn.benchmark.results import check_schema; check_schema('out.json', {}, 'networks')",
+            "from qclearn.benchmark.measured import check_schema; check_schema('out.json', {}, 'networks')",
             "benchmark",
         ),
     ],

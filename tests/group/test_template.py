@@ -251,7 +251,7 @@ def test_a_subject_of_the_other_side_is_named():
 
 
 def test_the_folder_of_another_run_and_one_that_cannot_be_written_are_refused(folder, found, tmp_path):
-    with pytest.raises(qc.TemplateError, match="kept for another group .delta differ.: give the same"):
+    with pytest.raises(qc.TemplateError, match="begun with other settings .delta differ.: give the same"):
         of_bowls(folder=folder, delta=0.5)
     (tmp_path / "file").touch()
     with pytest.raises(qc.TemplateError, match="file: cannot be used .File exists.; give another folder"):
@@ -261,7 +261,7 @@ def test_the_folder_of_another_run_and_one_that_cannot_be_written_are_refused(fo
         of_bowls(folder=tmp_path)
     (tmp_path / "settings.json").unlink()
     (tmp_path / "round-1-abc.npz").touch()
-    with pytest.raises(qc.TemplateError, match="has rounds, but no settings.json"):
+    with pytest.raises(qc.TemplateError, match="holds files, but no settings.json"):
         of_bowls(folder=tmp_path)
 
 

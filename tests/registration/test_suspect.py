@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from qclearn.benchmark import read_measured
 from qclearn.files.fsaverage import demo_landmarks, fsaverage5
-from qclearn.pages import kept
 from qclearn.plane.diskmesh import polar_disk
 from qclearn.plane.mobius import mobius
 from qclearn.registration import suspect
@@ -223,7 +223,7 @@ def test_all_reasons_come_in_one_list(sides):
 
 @pytest.fixture(scope="module")
 def measured():
-    return json.loads(kept("suspect.json").read_text(encoding="utf-8"))
+    return read_measured("suspect")
 
 
 def test_the_limits_are_those_that_were_measured_and_no_good_case_is_suspect(measured):

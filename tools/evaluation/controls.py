@@ -5,7 +5,7 @@ from platformdirs import user_cache_path
 
 from qclearn.nets.weights import load_file
 
-RUNS = user_cache_path("qclearn") / "training" / "runs"  # of tools/train_all.py
+RUNS = user_cache_path("qclearn") / "training" / "runs"  # of tools/training.py
 SOLVERS = "exact", "best", "paper"
 
 
@@ -14,6 +14,6 @@ def figures(seeds, quick=False):
     trained = {name: next((RUNS / f"cpnet-paper-g1e5-{name}").glob("cpnet-*.safetensors"), None) for name in SOLVERS}
     missing = [name for name, path in trained.items() if path is None]
     if missing:
-        raise SystemExit(f"not trained here: {', '.join(missing)}; python tools/train_all.py --only cpnet-paper-g1e5-")
+        raise SystemExit(f"not trained here: {', '.join(missing)}; python tools/training.py --only cpnet-paper-g1e5-")
     subjects = curves_of(seeds[:2] if quick else seeds[: EACH + 1], 2_500 if quick else 10_000)
     return {name: printed(load_file(path), subjects, quick) for name, path in trained.items()}

@@ -1,8 +1,8 @@
 """Train the networks of the book from a committed tree, one after the other or side by side; goes on where it stopped.
 
-    python tools/train_all.py --left                   # what is left, in steps and minutes
-    python tools/train_all.py --only dbsnet --jobs 2   # those whose name begins so, two at a time
-    python tools/train_all.py --curves qclearn/benchmark/kept/training.json
+    python tools/training.py --left                   # what is left, in steps and minutes
+    python tools/training.py --only dbsnet --jobs 2   # those whose name begins so, two at a time
+    python tools/training.py --curves qclearn/benchmark/kept/training.json
 
 A run is a folder in the user's cache, with checkpoint, log and in the end the weights; which of them are shipped is
 decided by hand. One thread a run. --curves adds the logs to those that the book draws, of unfinished runs as far as
@@ -23,7 +23,6 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded
 
 from platformdirs import user_cache_path
 
-from qclearn.files.meshes import write_whole
 from qclearn.files.provenance import commit
 
 FOLDER = user_cache_path("qclearn") / "training" / "runs"
@@ -148,9 +147,10 @@ def log_of(folder):
 def write_curves(path):
     """The logs of all runs that have begun here, name -> configuration, commit (None: unfinished), columns of the log;
     what the file already has of runs on other machines stays."""
+    from qclearn.benchmark.measured import read_measured, write_measured
     from qclearn.nets.weights import read_weights
 
-    known = json.loads(path.read_text()) if path.exists() else {}
+    known = read_measured("training", path) if path.exists() else {}
     curves = {name: known[name] for name in runs() if name in known}
     for name in runs():
         rows, weights = log_of(FOLDER / name), weights_of(name)
@@ -158,9 +158,7 @@ def write_curves(path):
             config = json.loads((FOLDER / name / "config.json").read_text())
             log = {column: [float(f"{float(row[column]):.5g}") for row in rows] for column in rows[0]}
             curves[name] = config | {"commit": read_weights(weights)[0]["commit"] if weights else None, "log": log}
-    rows = (f"{json.dumps(name)}: {json.dumps(curves[name])}" for name in runs() if name in curves)  # a run a line
-    lines = ",\n".join(rows)
-    write_whole(path, lambda place: place.write_text(f"{{\n{lines}\n}}\n"))
+    write_measured("training", path, {name: curves[name] for name in runs() if name in curves})
 
 
 if __name__ == "__main__":

@@ -10,13 +10,13 @@ import pytest
 
 from qclearn.nets import build
 
-TOOL = Path(__file__).parents[2] / "tools" / "train_all.py"
+TOOL = Path(__file__).parents[2] / "tools" / "training.py"
 
 
 @pytest.fixture
 def tool(tmp_path, monkeypatch):
     """The script as a module, its runs in a folder of the test."""
-    spec = importlib.util.spec_from_file_location("train_all", TOOL)
+    spec = importlib.util.spec_from_file_location("training", TOOL)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     monkeypatch.setattr(module, "FOLDER", tmp_path)
@@ -51,7 +51,7 @@ def test_what_is_left_and_the_logs(tool, tmp_path, capsys):
 
 def test_a_tree_with_changes_trains_nothing(tool, monkeypatch):
     monkeypatch.setattr(tool, "commit", lambda: "1234+changes")
-    monkeypatch.setattr(sys, "argv", ["train_all.py"])
+    monkeypatch.setattr(sys, "argv", ["training.py"])
     with pytest.raises(SystemExit, match="not committed"):
         tool.main()
 

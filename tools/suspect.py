@@ -1,16 +1,14 @@
 """Measure what suspect.py decides by: good registrations, and ones with each of six mistakes made on purpose.
 
-    python tools/suspect_table.py [--good 200] [--wrong 20] [--seeds 1001-1012] [--vertices 3000] [--also FILE.npz ...]
+    python tools/suspect.py [--also FILE.npz ...] [--out FILE.json]
 
 Pairs are drawn from the two hemispheres of fsaverage5 (the right one mirrored) with the surfaces of --also, which carry
 curves of the same names, and from synthetic subjects, for which whole surfaces are made up that they were cut from.
-Four to eleven curves a pair, by their ends or whole, either method. Mistakes are looked for in all of them; so many as
---registered says are also registered, for what their maps show. Writes qclearn/benchmark/kept/suspect.json, every case
-with its values, and prints how often the right word was said and the range of each value. Finished cases are kept and
-not run again.
+Four to eleven curves a pair, by their ends or whole, either method. Mistakes are looked for in all of them, and all are
+registered, for what their maps show. Writes qclearn/benchmark/kept/suspect.json, every case with its values, and prints
+how often the right word was said and the range of each value. Finished cases are kept and not run again.
 """
 
-import json
 import warnings
 from pathlib import Path
 
@@ -19,13 +17,13 @@ import numpy as np
 from tqdm import tqdm
 
 import qclearn as qc
-from data_synth.cohort import hemispheres
-from qclearn.files.meshes import write_whole
+from data_synth.cohort import cohort
+from qclearn.benchmark.measured import KEPT, read_measured, write_measured
 from qclearn.files.provenance import commit
-from qclearn.pages import kept
 from qclearn.registration import suspect
 from qclearn.registration.landmarkfile import check_curves
 
+VERTICES, CASES = 3000, 20  # of the synthetic subjects; of each mistake, and ten times as many good ones
 WORDS = {
     "mirrored": "mirror",
     "exchanged": "exchanged",
@@ -130,13 +128,13 @@ def outcome(result, moving):
     }
 
 
-def measure(kind, number, groups, register, known):
-    """One case, dict: what was drawn, the words that were said, the values. known: the same from before, or nothing."""
+def measure(kind, number, groups):
+    """One case, dict: what was drawn, the words that were said, the values."""
     rng = np.random.default_rng([number, *kind.encode()])
     names, moving, control, curves = draw(rng, groups)
     moving, control = spoil(kind, rng, moving, control, curves)
     method = ("exact", "network")[number % 2]
-    case = known or {
+    case = {
         "kind": kind,
         "number": number,
         "pair": names,
@@ -145,10 +143,8 @@ def measure(kind, number, groups, register, known):
         "method": method,
     }
     try:
-        if "readings" not in case:
-            case |= readings(moving, control, check_curves(curves, moving, control))
-        if register:
-            case |= outcome(qc.register(moving, control, curves, method=method, features=None), moving)
+        case |= readings(moving, control, check_curves(curves, moving, control))
+        case |= outcome(qc.register(moving, control, curves, method=method, features=None), moving)
     except ValueError as error:
         case |= {"refused": str(error)}
     return case
@@ -184,10 +180,7 @@ def table(cases):
     for kind in ("good", *WORDS):
         own = [case for case in cases if case["kind"] == kind]
         right = f", {sum(map(recognised, own))} of them by the right word" if kind in WORDS else ""
-        yield (
-            f"{kind:14} {len(own):3} cases, {sum('suspect' in case for case in own):3} registered: "
-            f"{sum(map(any_word, own)):3} suspect{right}"
-        )
+        yield (f"{kind:14} {len(own):3} cases: {sum(map(any_word, own)):3} suspect{right}")
     for name, limit in VALUES.items():
         yield f"{name} (limit {suspect.LIMITS[limit]:.3g})"
         for kind in ("good", *WORDS):
@@ -197,47 +190,25 @@ def table(cases):
 
 
 @click.command(help=__doc__)
-@click.option("--good", default=200, show_default=True)
-@click.option("--wrong", default=20, show_default=True, help="Cases of each mistake.")
-@click.option(
-    "--registered",
-    default=20,
-    show_default=True,
-    help="Of each kind, are also registered (good ones: ten times as many).",
-)
-@click.option("--seeds", default="1001-1012", show_default=True, help="Of the synthetic subjects.")
-@click.option("--vertices", default=3000, show_default=True, help="Of the synthetic subjects.")
-@click.option("--data", help="Folder where synthetic subjects are kept (default: the user's cache).")
 @click.option("--also", multiple=True, help="npz surface with curves named as those of fsaverage5.")
-@click.option("--out", default=str(kept("suspect.json")), show_default=False)
-def main(good, wrong, registered, seeds, vertices, data, also, out):
+@click.option("--out", default=str(KEPT / "suspect.json"), show_default=False)
+def main(also, out):
     warnings.simplefilter("ignore", qc.RepairWarning)
-    first, last = map(int, seeds.split("-"))
     rng = np.random.default_rng(0)
-    synthetic = {
-        str(seed): uncut(cortex.surface, rng)
-        for seed, cortex in zip(range(first, last + 1), hemispheres(range(first, last + 1), vertices, data))
-    }
+    synthetic = {str(cortex.seed): uncut(cortex.surface, rng) for cortex in cohort(12, VERTICES)}
     real = {
         "fsaverage5 right, mirrored": hemisphere("moving", qc.mirror(qc.fsaverage5("right"))),
         "fsaverage5 left": hemisphere("control", qc.fsaverage5("left")),
     }
     real |= {Path(path).stem: uncut(qc.read_surface(path), rng) for path in also}
-    wanted = [("good", k) for k in range(good)] + [(kind, k) for k in range(wrong) for kind in WORDS]
-    done = json.loads(Path(out).read_text())["cases"] if Path(out).is_file() else []
+    wanted = [("good", k) for k in range(10 * CASES)] + [(kind, k) for k in range(CASES) for kind in WORDS]
+    done = read_measured("suspect", out)["cases"] if Path(out).is_file() else []
     done = {(case["kind"], case["number"]): case for case in done}
-    tasks = [(False, *task) for task in wanted if task not in done]
-    tasks += [
-        (True, kind, k)
-        for kind, k in sorted(wanted, key=lambda task: task[1] / (1 + 9 * (task[0] == "good")))
-        if k < registered * (1 + 9 * (kind == "good")) and not {"suspect", "refused"} & set(done.get((kind, k), {}))
-    ]
-    for register, kind, number in tqdm(tasks):
-        done[kind, number] = measure(kind, number, (real, synthetic), register, done.get((kind, number)))
-        rows = ",\n  ".join(json.dumps(done[key]) for key in sorted(done))
-        head = f'"commit": "{commit()}", "vertices": {vertices}, "limits": {json.dumps(suspect.LIMITS)}'
-        text = f'{{{head},\n "cases": [\n  {rows}]}}\n'
-        write_whole(Path(out), lambda place, text=text: place.write_text(text, encoding="utf-8"))
+    for kind, number in tqdm([task for task in wanted if task not in done]):
+        done[kind, number] = measure(kind, number, (real, synthetic))
+        cases = [done[key] for key in sorted(done)]
+        figures = {"commit": commit(), "vertices": VERTICES, "limits": suspect.LIMITS, "cases": cases}
+        write_measured("suspect", out, figures)
     print("\n".join(table(list(done.values()))))
 
 

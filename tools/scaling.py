@@ -1,6 +1,6 @@
 """Measure how much sooner two worker processes finish the benchmark than one: several times each, in turns.
 
-    python tools/benchmark_scaling.py --out qclearn/benchmark/kept/scaling.json
+    python tools/scaling.py --out qclearn/benchmark/kept/scaling.json
 
 All runs on a few subjects on coarse meshes, which are grown beforehand. The benchmark's page reads
 qclearn/benchmark/kept/scaling.json.
@@ -14,37 +14,36 @@ from pathlib import Path
 import numpy as np
 
 from data_synth.cohort import SEEDS, hemispheres
+from qclearn.benchmark.measured import write_measured
 from qclearn.benchmark.pairs import CONTROL
 from qclearn.benchmark.run import benchmark
 from qclearn.files.provenance import provenance
 
+SUBJECTS, VERTICES, REPETITIONS = 1, 2500, 3
+
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--subjects", type=int, default=1)
-    parser.add_argument("--vertices", type=int, default=2500)
-    parser.add_argument("--repetitions", type=int, default=3)
     parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()
-    hemispheres([*SEEDS[: options.subjects], CONTROL], options.vertices)
+    hemispheres([*SEEDS[:SUBJECTS], CONTROL], VERTICES)
     seconds = {1: [], 2: []}
-    for _ in range(options.repetitions):
+    for _ in range(REPETITIONS):
         for workers, passed in seconds.items():
             with tempfile.TemporaryDirectory() as folder:
-                results = benchmark(Path(folder, "out.json"), options.subjects, options.vertices, workers=workers)
+                results = benchmark(Path(folder, "out.json"), SUBJECTS, VERTICES, workers=workers)
             passed.append(results["provenance"]["seconds"])
     figures = {
-        "subjects": options.subjects,
-        "vertices": options.vertices,
+        "subjects": SUBJECTS,
+        "vertices": VERTICES,
         "tasks": len(results["rows"]),
         "seconds": {str(workers): passed for workers, passed in seconds.items()},
         "speed_up": float(np.median(seconds[1]) / np.median(seconds[2])),
         **provenance(),
     }
-    text = json.dumps(figures, indent=1)
-    print(text)
+    print(json.dumps(figures, indent=1))
     if options.out:
-        options.out.write_text(text + "\n", encoding="utf-8")
+        write_measured("scaling", options.out, figures)
 
 
 if __name__ == "__main__":

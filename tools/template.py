@@ -1,6 +1,6 @@
 """Measure the template of the synthetic cohort beside Möbius maps alone and registration to one control.
 
-    python tools/measure_template.py --out qclearn/benchmark/kept/template.json
+    python tools/template.py --out qclearn/benchmark/kept/template.json
 
 What is averaged: the maps of all subjects after each way. What is compared with the truth: where the same way takes
 each subject's vertices and named sulci, which take no part, on the control's surface; through the template by its own
@@ -17,12 +17,13 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+from tqdm import tqdm
 
 import qclearn as qc
-from data_synth.cohort import SEEDS, cohort
+from data_synth.cohort import cohort
 from data_synth.correspondence import correspondence
 from data_synth.generations import GENERATION
-from qclearn.files.meshes import write_whole
+from qclearn.benchmark.measured import write_measured
 from qclearn.files.provenance import provenance
 from qclearn.group.kept import Folder
 from qclearn.group.members import members_of
@@ -36,30 +37,25 @@ from qclearn.registration.problem import DELTA, Weights
 from qclearn.registration.transfer import lift
 from qclearn.surfaces.curvature import curvature_image
 
+ROUNDS = 6
 NEAR = 10.0  # mm along the surface: what counts as near a sulcus
 PIXELS, GREYS = 96, 100  # of the pictures, and steps from 0 to their largest value
 
 
-class Bar:
-    """No progress is shown: the tasks are those of `qc.template`."""
-
-    def update(self, count=1):
-        pass
-
-
 def main():
-    options = read_options()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--out", type=Path, required=True, help="JSON file to write")
+    options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        measure(options, options.folder or Path(folder))
+        measure(options, Path(folder))
 
 
 def measure(options, folder):
-    subjects = {
-        str(cortex.seed): cortex for cortex in cohort(options.subjects, options.size, generation=options.generation)
-    }
+    subjects = {str(cortex.seed): cortex for cortex in cohort()}
     seconds = {}
     with clock(seconds, "template"):
-        made = qc.template(subjects, rounds=options.rounds, folder=folder, workers=options.workers, progress=True)
+        made = qc.template(subjects, rounds=ROUNDS, folder=folder, workers=options.workers, progress=True)
     start = qc.template(subjects, rounds=0, folder=folder, workers=1)
     with clock(seconds, "one control"):
         control, single, fits = one_control(subjects, folder, options.workers)
@@ -69,8 +65,8 @@ def measure(options, folder):
         "template": (made.disk_maps, made.disk_maps[control]),
     }
     figures = {
-        "subjects": options.subjects,
-        "generation": options.generation,
+        "subjects": len(subjects),
+        "generation": GENERATION,
         "vertices": len(subjects[control].surface.vertices),
         "control": control,
         "report": made.report,
@@ -87,19 +83,7 @@ def measure(options, folder):
     }
     for name in ("variance", "truth", "seconds"):
         print(name, json.dumps(figures[name], indent=1))
-    write_whole(options.out, lambda place: place.write_text(json.dumps(figures) + "\n", encoding="utf-8"))
-
-
-def read_options():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--subjects", type=int, default=len(SEEDS))
-    parser.add_argument("--generation", type=int, default=GENERATION)
-    parser.add_argument("--size", type=int, default=10_000, help="vertices a subject")
-    parser.add_argument("--rounds", type=int, default=6)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--folder", type=Path, help="where finished registrations are kept, to go on with")
-    parser.add_argument("--out", type=Path, required=True, help="JSON file to write")
-    return parser.parse_args()
+    write_measured("template", options.out, figures)
 
 
 @contextmanager
@@ -124,7 +108,7 @@ def one_control(subjects, folder, workers):
     members, features = members_of(subjects, FOLDS)
     laid = Folder(folder, json.loads((folder / "settings.json").read_text(encoding="utf-8")))
     with client_of(None, workers) as client:
-        group = Group(client, members, features, laid, Bar())
+        group = Group(client, members, features, laid, tqdm(disable=True))
         group.lay_upon_mean()
         group.kept, control = Folder(None, {}), group.median()
         first = alone(group.result(group.subjects[control], members[control]))

@@ -1,0 +1,115 @@
+"""Files of measured figures: read and written in one place, each checked against its schema."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from ..files.extras import require
+from ..files.meshes import write_whole
+from ..surfaces.surface import SurfaceError
+
+SCHEMA_VERSION = 2  # of the benchmark: raise it when a field's meaning changes, so that old files are not read as new
+KEPT = Path(__file__).with_name("kept")
+WRITERS = {  # of the files that come with the package
+    "benchmark": "qclearn benchmark",
+    "networks": "tools/evaluate_networks.py",
+    "scaling": "tools/scaling.py",
+    "suspect": "tools/suspect.py",
+    "template": "tools/template.py",
+    "training": "tools/training.py",
+    "weights": "tools/choose_weights.py",
+}
+DENSE = ("template", "training")  # an entry a line
+LISTED = {"benchmark": "rows", "suspect": "cases"}  # the list of which each entry has a line
+
+
+class BenchmarkError(ValueError):
+    """A benchmark that cannot be run, resumed, written or read: says what, where and what to do."""
+
+
+def plain(value):
+    """Numbers, lists and dicts as JSON knows them; NaN and infinite become None."""
+    if isinstance(value, dict):
+        return {str(name): plain(inner) for name, inner in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [plain(inner) for inner in value]
+    if isinstance(value, (np.bool_, np.integer, np.floating)):
+        value = value.item()
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def write_measured(name, path, figures):
+    """Write figures that fit the schema of their kind, whole or not at all; BenchmarkError if it cannot be."""
+    figures = plain(figures)
+    check_schema(path, figures, name)
+    try:
+        write_whole(Path(path), lambda place: place.write_text(laid_out(name, figures), encoding="utf-8"))
+    except SurfaceError as error:
+        raise BenchmarkError(str(error)) from None
+
+
+def laid_out(name, figures):
+    """The text of a file: a row, a case or a training a line, where a file has many; else a number a line."""
+    if name in DENSE:
+        lines = ",\n".join(f"{json.dumps(key)}: {json.dumps(value)}" for key, value in figures.items())
+        return f"{{\n{lines}\n}}\n"
+    if name not in LISTED:
+        return json.dumps(figures, indent=1) + "\n"
+    many = LISTED[name]
+    lines = ",\n  ".join(json.dumps(entry) for entry in figures[many])
+    return json.dumps(figures | {many: []}, indent=1).replace(f'"{many}": []', f'"{many}": [\n  {lines}\n ]') + "\n"
+
+
+def read_measured(name, path=None):
+    """The measured figures `name` ("benchmark", "networks", "template", ...), dicts and lists: those that come with the
+    package, or those of a file of the same kind.
+
+    BenchmarkError where there are none or they do not fit their schema.
+    """
+    path = KEPT / f"{name}.json" if path is None else path
+    figures = read_json(path, name)
+    if name == "benchmark":
+        check_version(path, figures)
+    check_schema(path, figures, name)
+    return figures
+
+
+def read_json(path, name):
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise BenchmarkError(f"{path}: cannot be read ({error.strerror}); check the name") from None
+    except (ValueError, RecursionError) as error:
+        raise BenchmarkError(f"{path}: not a JSON file ({error}); give a file that `{WRITERS[name]}` wrote") from None
+
+
+def check_version(path, results):
+    version = results.get("schema_version") if isinstance(results, dict) else None
+    if version != SCHEMA_VERSION:
+        found = "no results of this program" if version is None else f"results of schema version {version}"
+        raise BenchmarkError(
+            f"{path}: {found}; this version reads {SCHEMA_VERSION}: run the benchmark again, or use the "
+            "version that wrote the file"
+        )
+
+
+def schema(name="benchmark"):
+    """The JSON schema of a file of measured figures; descriptions say what it holds, with units."""
+    folder = Path(__file__).parent
+    own = folder / f"{name}.schema.json"
+    if own.is_file():
+        return json.loads(own.read_text(encoding="utf-8"))
+    others = json.loads((folder / "measured.schema.json").read_text(encoding="utf-8"))
+    return {"$ref": f"#/$defs/{name}", "$defs": others["$defs"]}
+
+
+def check_schema(path, figures, name):
+    require("benchmark", "measured figures")
+    from jsonschema import Draft202012Validator
+
+    error = next(Draft202012Validator(schema(name)).iter_errors(figures), None)
+    if error:
+        raise BenchmarkError(
+            f"{path}: not a valid results file: {error.json_path}: {error.message[:200]}; run `{WRITERS[name]}` again"
+        )
