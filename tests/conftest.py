@@ -2,10 +2,13 @@
 library's public functions are held to the shapes that they are annotated with."""
 
 import os
+import shutil
+import tempfile
 
 import pytest
 from hypothesis import settings
 from shapes import hold
+from subjects import SHARED
 
 import qclearn
 
@@ -16,6 +19,18 @@ settings.register_profile("qclearn", deadline=None, derandomize=True)
 settings.load_profile("qclearn")
 
 hold(qclearn)
+
+
+def pytest_configure(config):
+    """A folder for what all workers share; who starts them names it to them."""
+    if SHARED not in os.environ:
+        config.shared = os.environ[SHARED] = tempfile.mkdtemp(prefix="qclearn-tests-")
+
+
+def pytest_unconfigure(config):
+    if hasattr(config, "shared"):
+        shutil.rmtree(config.shared, ignore_errors=True)
+        del os.environ[SHARED]
 
 
 def pytest_collection_modifyitems(items):

@@ -10,6 +10,7 @@ import numba
 import numpy as np
 import pytest
 from known_surfaces import sphere
+from subjects import grown
 
 import data_synth
 from data_synth import CortexError, correspondence, load_cortex, make_cortex, save_cortex
@@ -33,7 +34,7 @@ SIZE = 2500
 
 @cache
 def subject(seed=1, hemisphere="left", generation=GENERATION):
-    return make_cortex(seed, SIZE, hemisphere, generation=generation)
+    return grown(seed, SIZE, hemisphere, generation)
 
 
 def edge_lengths(surface):

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 import torch
 from skimage import io
+from subjects import grown
 from torch.utils.data import DataLoader
 
-from data_synth import CortexError, make_cortex
+from data_synth import CortexError
 from data_synth.datasets import CoefficientDataset, CurveDataset, DatasetError, DatasetWarning, LandmarkDataset, cached
 from data_synth.fields import MAX_ABS, ImageFolder
 from qclearn.plane.bijectivity import check_bijective
@@ -28,7 +29,7 @@ SMALL = {"rings": 8, "spokes": 24}
 
 @pytest.fixture(scope="module")
 def subjects():
-    return [make_cortex(seed, 1000) for seed in (1, 2)]
+    return [grown(seed, 1000) for seed in (1, 2)]
 
 
 @pytest.fixture(scope="module")
