@@ -15,6 +15,16 @@ import qclearn
 os.environ.setdefault("PYVISTA_OFF_SCREEN", "true")
 os.environ.setdefault("MPLBACKEND", "agg")
 
+# Files that take longest, a half of the time of all unit tests between them, as of pytest --durations.
+LONGEST = [
+    "test_package.py",
+    "test_right_or_refused.py",
+    "test_cli.py",
+    "test_register.py",
+    "test_cortex.py",
+    "test_run.py",
+]
+
 settings.register_profile("qclearn", deadline=None, derandomize=True)
 settings.load_profile("qclearn")
 
@@ -34,8 +44,8 @@ def pytest_unconfigure(config):
 
 
 def pytest_collection_modifyitems(items):
-    """The longest test first, or one of two workers would wait for the other at the end."""
-    items.sort(key=lambda item: item.path.name != "test_package.py")
+    """The longest files first, or one of two workers would wait for the other at the end."""
+    items.sort(key=lambda item: LONGEST.index(item.path.name) if item.path.name in LONGEST else len(LONGEST))
 
 
 @pytest.fixture(scope="module")
