@@ -2,15 +2,28 @@
 library's public functions are held to the shapes that they are annotated with."""
 
 import os
+import shutil
+import tempfile
 
 import pytest
 from hypothesis import settings
 from shapes import hold
+from subjects import SHARED
 
 import qclearn
 
 os.environ.setdefault("PYVISTA_OFF_SCREEN", "true")
 os.environ.setdefault("MPLBACKEND", "agg")
+
+# Files that take longest, a half of the time of all unit tests between them, as of pytest --durations.
+LONGEST = [
+    "test_package.py",
+    "test_right_or_refused.py",
+    "test_cli.py",
+    "test_register.py",
+    "test_cortex.py",
+    "test_run.py",
+]
 
 settings.register_profile("qclearn", deadline=None, derandomize=True)
 settings.load_profile("qclearn")
@@ -18,9 +31,21 @@ settings.load_profile("qclearn")
 hold(qclearn)
 
 
+def pytest_configure(config):
+    """A folder for what all workers share; who starts them names it to them."""
+    if SHARED not in os.environ:
+        config.shared = os.environ[SHARED] = tempfile.mkdtemp(prefix="qclearn-tests-")
+
+
+def pytest_unconfigure(config):
+    if hasattr(config, "shared"):
+        shutil.rmtree(config.shared, ignore_errors=True)
+        del os.environ[SHARED]
+
+
 def pytest_collection_modifyitems(items):
-    """The longest test first, or one of two workers would wait for the other at the end."""
-    items.sort(key=lambda item: item.path.name != "test_package.py")
+    """The longest files first, or one of two workers would wait for the other at the end."""
+    items.sort(key=lambda item: LONGEST.index(item.path.name) if item.path.name in LONGEST else len(LONGEST))
 
 
 @pytest.fixture(scope="module")

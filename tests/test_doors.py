@@ -1,99 +1,250 @@
-"""Doors: pages take from `qclearn`, from its rooms and from `data_synth`, never from a module inside; each name is
-read."""
+"""Rooms are doors: pages come in through them, what a room offers is used outside, and a mesh of the disk is one value
+behind them."""
 
 import ast
 import importlib
-import json
 import re
 
+import nbformat
 import pytest
-from test_imports import FLOORS, PACKAGES, ROOT, forbidden
+from solutions import solutions_in
+from test_imports import PATHS, ROOT, imports_of, module_of, offenders
+from test_rules import functions_of, tree_of
 
-PAGES = sorted((ROOT / "book").glob("*.ipynb"))
-# Other readers of what is offered: programs and tests.
-READERS = [*(ROOT / "tools").rglob("*.py"), *(ROOT / "tests").rglob("*.py")]
-DOORS = [*PACKAGES, *(f"qclearn.{room}" for room in FLOORS if room not in ("cli", "__main__"))]
-TABLES = {door: getattr(importlib.import_module(door), "TABLE", {}) for door in DOORS}
-# Until the page has one tuner: two classes have that name, and the door offers the explorable.
-LATER = {("live", "qclearn.pages: explorables"), ("live", "qclearn.pages.widgets: Tuner")}
+ROOMS = sorted(path.parent.name for path in (ROOT / "qclearn").glob("*/__init__.py"))
+HOUSES = ("qclearn", "data_synth")
+# Who takes a mesh of the disk as two arrays, room by room; all others take one value.
+DOORS = {
+    "plane.BeltramiDiskSolver.__init__",
+    "plane.Disk.__init__",
+    "plane.beltrami_coefficient",
+    "plane.check_bijective",
+    "plane.check_embedding",
+    "plane.hat_gradients",
+    "plane.jacobian",
+    "plane.locate",
+    "plane.signed_areas",
+    "plane.solve_beltrami",
+    "plane.solve_beltrami_disk",
+    "plane.solve_beltrami_disk_log",
+    "plane.stiffness",
+    "plane.wirtinger",
+    "registration.fit_landmarks",
+    "registration.transfer",
+    "nets.BestCPNet.predict",
+    "nets.DiskNetwork.solve",
+    "nets.PaperCPNet.predict",
+    "pages.disk_plot",
+}
+MOST_DOORS = 20
+FACES = re.compile(r"(?<!n_)(?:faces|triangles|simplices|connectivity)\b|(?<!n_)(?:faces|triangles)_")
+PLANAR = re.compile(r"(?:z|w|f|u|L|points|disk|plane|planar|grid|image|xy|uv|zeta|flat)(?:_\w+)?$")
 
 
-def cells_of(page):
-    """The code of a page: cells, and solutions, which lie in fences of the text."""
-    for cell in json.loads(page.read_text(encoding="utf-8"))["cells"]:
-        text = "".join(cell["source"])
-        yield from [text] if cell["cell_type"] == "code" else re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+def offered(place):
+    """The names that a package or a room lists."""
+    return set(getattr(importlib.import_module(place), "__all__", ()))
 
 
-def taken(code):
-    """Pairs (module, name) of what code takes of the two packages, by import or as `qc.name`; name None for a module
-    that is imported whole."""
-    try:
-        tree = ast.parse(code)
-    except SyntaxError:  # a sketch in a text, which nobody runs
-        return
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom):
-            pairs = [(node.module or "", alias.name) for alias in node.names]
-        elif isinstance(node, ast.Import):
-            pairs = [(alias.name, None) for alias in node.names]
-        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
-            pairs = [({"qc": "qclearn"}.get(node.value.id, node.value.id), node.attr)]
+# Pages
+
+
+def code_of(notebook):
+    """The code of a page's cells and of the solutions in its text."""
+    for cell in notebook.cells:
+        if cell.cell_type == "code":
+            yield cell.source
         else:
-            continue
-        yield from (pair for pair in pairs if pair[0].split(".")[0] in PACKAGES)
+            yield from (code for _, code, _ in solutions_in(cell.source))
 
 
-def trespasses(code):
-    """What code takes from a module inside a room, or of a room that does not offer it."""
-    for module, name in taken(code):
-        if module not in DOORS or (name and name not in importlib.import_module(module).__all__):
-            yield f"{module}: {name}"
+def fault_of(name):
+    """Why a page may not reach for a dotted name of this project; None if it may."""
+    house, *inside = name.split(".")
+    if house not in HOUSES or not inside or inside[-1].startswith("__"):
+        return None
+    room = house == "qclearn" and inside[0] in ROOMS
+    place, behind = (f"{house}.{inside[0]}", inside[1:]) if room else (house, inside)
+    if behind and behind[0] not in offered(place):
+        return f"{name}: {place} does not offer {behind[0]}"
+    return None
 
 
-def test_pages_go_through_doors():
-    found = {(page.stem, fault) for page in PAGES for code in cells_of(page) for fault in trespasses(code)}
-    assert found == LATER
+def aliases_of(trees):
+    """Name in a page's code -> the dotted name of this project that it stands for."""
+    for node in (node for tree in trees for node in ast.walk(tree)):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield (alias.asname, alias.name) if alias.asname else (alias.name.split(".")[0],) * 2
+        elif isinstance(node, ast.ImportFrom):
+            yield from ((alias.asname or alias.name, f"{node.module}.{alias.name}") for alias in node.names)
+
+
+def chain(node):
+    """The dotted name that a chain of attributes spells, None where it begins with something else than a name."""
+    parts = []
+    while isinstance(node, ast.Attribute):
+        parts.append(node.attr)
+        node = node.value
+    return ".".join([node.id, *reversed(parts)]) if isinstance(node, ast.Name) else None
+
+
+def imported(trees):
+    """All dotted names that import statements name; a star is a name, too."""
+    for node in (node for tree in trees for node in ast.walk(tree)):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def reached(trees):
+    """All dotted names of this project that code reaches for, by import and by attribute."""
+    aliases = dict(aliases_of(trees))
+    yield from imported(trees)
+    for node in (node for tree in trees for node in ast.walk(tree)):
+        first, _, rest = (chain(node) or "").partition(".") if isinstance(node, ast.Attribute) else ("", "", "")
+        if aliases.get(first, "").split(".")[0] in HOUSES:
+            yield f"{aliases[first]}.{rest}"
+
+
+def wrong_ways(sources):
+    """How code comes into the project other than through its doors, in words."""
+    trees = [ast.parse(source) for source in sources]
+    return sorted({fault for name in reached(trees) if (fault := fault_of(name))})
+
+
+def notebooks():
+    return {path.stem: nbformat.read(path, as_version=4) for path in sorted((ROOT / "book").glob("*.ipynb"))}
+
+
+def test_pages_come_in_through_the_rooms_alone():
+    found = {page: wrong_ways(code_of(notebook)) for page, notebook in notebooks().items()}
+    assert found and {page: ways for page, ways in found.items() if ways} == {}
 
 
 @pytest.mark.parametrize(
-    "code",
+    "source, fault",
     [
-        "from qclearn.plane.beltrami import stiffness",
-        "from qclearn.plane import stiffness",
-        "from qclearn.pages import plot",
-        "import qclearn.plane.beltrami",
-        "from data_synth.cortex import Mechanics",
-        "import qclearn as qc\nqc.plane.beltrami.stiffness(*mesh)",
+        ("from qclearn.plane.disk import Disk", "qclearn.plane does not offer disk"),
+        ("import qclearn.plane.disk", "qclearn.plane does not offer disk"),
+        ("import qclearn.plane.disk as d", "qclearn.plane does not offer disk"),
+        ("import qclearn as qc\nqc.plane.disk.Disk", "qclearn.plane does not offer disk"),
+        ("from qclearn import plane\nplane.disk.unfold(1)", "qclearn.plane does not offer disk"),
+        ("import qclearn.nets\nqclearn.nets.layers", "qclearn.nets does not offer layers"),
+        ("from qclearn.nets import no_such_name", "qclearn.nets does not offer no_such_name"),
+        ("from qclearn import no_such_name", "qclearn does not offer no_such_name"),
+        ("import qclearn as qc\nqc.no_such_name", "qclearn does not offer no_such_name"),
+        ("from data_synth.cortex import make_cortex", "data_synth does not offer cortex"),
+        ("from qclearn.nets import *", "qclearn.nets does not offer *"),
     ],
 )
-def test_a_trespass_is_found(code):
-    assert list(trespasses(code))
+def test_a_way_round_the_doors_is_found(source, fault):
+    assert any(found.endswith(fault) for found in wrong_ways(source.split("\n")))
 
 
-def test_a_door_is_no_trespass():
-    code = "import qclearn as qc\nfrom qclearn.plane import Dirichlet\nqc.stiffness(*mesh)"
-    assert list(trespasses(code)) == []
+@pytest.mark.parametrize(
+    "source",
+    [
+        "import numpy.linalg\nnumpy.linalg.norm",
+        "import qclearn as qc\nqc.fit_landmarks(1).f.shape\nqc.__file__",
+        "from qclearn.nets import load\nload('x').config.size",
+        "import qclearn.nets as nets\nnets.train(1).losses",
+        "from qclearn import nets",
+    ],
+)
+def test_what_goes_through_a_door_is_allowed(source):
+    assert wrong_ways(source.split("\n")) == []
 
 
-def test_every_room_offers_what_somebody_outside_reads():
-    codes = [*(code for page in PAGES for code in cells_of(page)), *(path.read_text("utf-8") for path in READERS)]
-    read = {pair for code in codes for pair in taken(code)}
-    rooms = [door for door in DOORS if door != "qclearn"]
-    offered = {(door, name) for door in rooms for names in TABLES[door].values() for name in names}
-    assert offered - read == {("qclearn.pages", "Tuner")}
+# Rooms
 
 
-@pytest.mark.parametrize("door", [door for door in DOORS if TABLES[door]])
-def test_a_door_opens_on_its_own_rooms_and_no_name_is_hidden_by_a_module(door):
-    package = importlib.import_module(door)
-    for module, names in TABLES[door].items():
-        home = importlib.import_module(f"{door}.{module}")  # Python sets it as an attribute of its package
-        assert all(getattr(package, name) is getattr(home, name) for name in names)
-        assert forbidden(door, f"{door}.{module}", at_top=False) is None
-    assert set(package.__all__) <= set(dir(package))
+def readers():
+    """Pairs (room of the reader, dotted name that it reads) in the library, the generator, the tools and the pages."""
+    tools = sorted((ROOT / "tools").rglob("*.py"))
+    for path in (*PATHS, *tools):
+        name = module_of(path).split(".")
+        room = name[1] if name[0] == "qclearn" and len(name) > 1 else ""
+        tree = tree_of(path)
+        yield from ((room, name) for name, _ in imports_of(path))
+        yield from ((room, name) for name in reached([tree]))
+    for notebook in notebooks().values():
+        yield from (("", name) for name in reached([ast.parse(source) for source in code_of(notebook)]))
 
 
-def test_an_unknown_name_is_an_attribute_error():
-    with pytest.raises(AttributeError, match="module 'qclearn' has no attribute 'nobody'"):
-        importlib.import_module("qclearn").nobody  # noqa: B018
+def unread(offers, read):
+    """room.name of what rooms offer and nobody outside reads; offers: room -> names, read: as `readers` gives it."""
+    outside = {
+        (parts[1], part)
+        for room, name in read
+        if (parts := name.split("."))[0] == "qclearn" and len(parts) > 2 and parts[1] != room
+        for part in parts[2:]
+    }
+    return sorted(f"{room}.{name}" for room, names in offers.items() for name in names if (room, name) not in outside)
+
+
+def test_what_a_room_offers_has_a_reader_outside():
+    public = offered("qclearn")
+    offers = {room: offered(f"qclearn.{room}") - public for room in ROOMS}
+    assert any(offers.values()) and unread(offers, list(readers())) == []
+
+
+@pytest.mark.parametrize(
+    "read, left",
+    [
+        ([("nets", "qclearn.plane.Disk"), ("", "qclearn.plane.disk.unfold")], []),
+        ([("nets", "qclearn.plane.Disk"), ("plane", "qclearn.plane.disk.unfold")], ["plane.unfold"]),
+        ([("nets", "data_synth.plane.Disk"), ("", "qclearn.nets.unfold")], ["plane.Disk", "plane.unfold"]),
+    ],
+)
+def test_an_offer_that_nobody_takes_is_found(read, left):
+    assert unread({"plane": {"Disk", "unfold"}}, read) == left
+
+
+# A mesh of the disk
+
+
+def apart(tree):
+    """Functions that take a mesh of the plane as two arrays: faces, and points first or beside them."""
+    for place, function in functions_of(tree):
+        given = [*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs]
+        given = [parameter for parameter in given if parameter.arg not in ("self", "cls")]
+        at = next((k for k, parameter in enumerate(given) if FACES.search(parameter.arg)), None)
+        near = [] if at is None else [given[k] for k in {0, at - 1, at + 1} if 0 <= k < len(given) and k != at]
+        if any(PLANAR.match(parameter.arg) or "Complex" in ast.dump(parameter) for parameter in near):
+            yield place
+
+
+def meshes_apart():
+    """room.function of all that take a mesh of the disk apart."""
+    ours = [path for path in PATHS if path.is_relative_to(ROOT / "qclearn")]
+    found = offenders(ours, lambda path: list(apart(tree_of(path))))
+    return {".".join([*module.split(".")[1:2], place]) for module, places in found.items() for place in places}
+
+
+def test_only_doors_take_a_mesh_of_the_disk_apart():
+    assert sorted(meshes_apart() - DOORS) == []
+
+
+def test_there_are_few_doors_and_all_of_them_are_there():
+    assert len(DOORS) <= MOST_DOORS and sorted(DOORS - meshes_apart()) == []
+
+
+@pytest.mark.parametrize(
+    "line, places",
+    [
+        ("def fit(z, faces): ...", ["fit"]),
+        ("def fit(ax, w, triangles, values): ...", ["fit"]),
+        ("def folded(faces, f): ...", ["folded"]),
+        ("def length(points, faces): ...", ["length"]),
+        ("def carry(values, z_from, faces_from): ...", ["carry"]),
+        ("class A:\n  def __init__(self, z, name, faces): ...", ["A.__init__"]),
+        ("def area(here: Complex[ndarray, ' V'], faces): ...", ["area"]),
+        ("def fit(z, mu, n_faces): ...", []),
+        ("def area(vertices, faces): ...", []),
+        ("def fit(disk, mu): ...", []),
+    ],
+)
+def test_a_mesh_apart_is_found(line, places):
+    assert list(apart(ast.parse(line))) == places

@@ -16,6 +16,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
+from qclearn.plane.diskmesh import Lookup
 from threadpoolctl import threadpool_limits
 
 from data_synth.generations import GENERATION
@@ -25,7 +26,6 @@ from qclearn.benchmark.pairs import CONTROL, cohort_pair, mapped_subject, prepar
 from qclearn.benchmark.trial import map_figures
 from qclearn.files.provenance import provenance
 from qclearn.methods.folds import features_of
-from qclearn.plane.diskmesh import Lookup
 from qclearn.registration.checked import bijective_fit
 from qclearn.registration.problem import Weights
 

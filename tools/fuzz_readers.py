@@ -25,10 +25,10 @@ from pathlib import Path
 import nibabel
 import numpy as np
 from forked import forked, read_options, tally  # beside this file
+from qclearn.plane.diskmesh import polar_disk
 
 import qclearn as qc
 from qclearn.files.meshes import SlitWarning
-from qclearn.plane.diskmesh import polar_disk
 from qclearn.registration.landmarkfile import read_landmarks
 from qclearn.registration.mapfile import read_registration, write_registration
 from qclearn.registration.register import check_curves

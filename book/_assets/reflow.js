@@ -1,5 +1,8 @@
 // What depends on the width of the window: formulas are broken into lines anew, and a box that scrolls can be reached by keyboard.
 (() => {
+  // The theme calls a colour mode that nobody has chosen yet invalid, in the console, and takes this one.
+  document.documentElement.dataset.mode ||= "auto";
+
   function reachable() {
     for (const box of document.querySelectorAll(".pst-scrollable-table-container")) {
       if (box.scrollWidth > box.clientWidth) {

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-
 from qclearn.plane.diskmesh import polar_disk
+
 from qclearn.registration.metrics import (
     coefficient_histogram,
     coefficient_measures,

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from qclearn.plane.diskmesh import boundary_loop, polar_disk
 
 from qclearn.benchmark import Run
 from qclearn.benchmark.cortex import conte69_pair, heldout_pair, other_mesh, warp_pair, warped
@@ -11,7 +12,6 @@ from qclearn.benchmark.pairs import mapped, prepare, reverse
 from qclearn.benchmark.problems import problems
 from qclearn.benchmark.trial import trial
 from qclearn.methods import METHODS
-from qclearn.plane.diskmesh import boundary_loop, polar_disk
 from qclearn.registration import Problem
 from qclearn.registration.problem import LandmarkError
 from qclearn.surfaces.surface import Surface

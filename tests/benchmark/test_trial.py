@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from qclearn.plane.diskmesh import polar_disk
 
 from qclearn.benchmark import Run
 from qclearn.benchmark.pairs import cohort_pair, displacement_pair, mapped, prepare, twisted
 from qclearn.benchmark.trial import trial
 from qclearn.methods import METHODS
 from qclearn.plane.bijectivity import RepairWarning
-from qclearn.plane.diskmesh import polar_disk
 from qclearn.plane.mobius import mobius
 from qclearn.surfaces.surface import Surface
 

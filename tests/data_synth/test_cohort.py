@@ -3,10 +3,10 @@
 import importlib
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
+from subjects import grown
 
 from data_synth import CohortWarning, CortexError, cohort, make_cortex
 from data_synth.generations import GENERATION
@@ -14,7 +14,6 @@ from qclearn.cli import main
 
 module = importlib.import_module("data_synth.cohort")
 SIZE = 1000
-remembered = cache(make_cortex)  # damage and interruption are about files: the generator need not run again
 
 
 def make(folder, count=2, **options):
@@ -25,7 +24,7 @@ def make(folder, count=2, **options):
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("cohort")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "make_cortex", remembered)
+        patch.setattr(module, "make_cortex", grown)
         make(folder)
     return folder
 
@@ -49,7 +48,7 @@ def test_an_interrupted_run_continues(folder, monkeypatch):
         if made:
             raise KeyboardInterrupt
         made.append(seed)
-        return remembered(seed, n_vertices, generation=generation)
+        return grown(seed, n_vertices, generation=generation)
 
     paths = [module.subject_path(folder, seed, SIZE) for seed in module.SEEDS[:2]]
     before = paths[1].read_bytes()
@@ -60,7 +59,7 @@ def test_an_interrupted_run_continues(folder, monkeypatch):
         make(folder, workers=1)
     assert paths[0].is_file() and not paths[1].is_file()
     monkeypatch.setattr(
-        module, "make_cortex", lambda seed, n, **options: made.append(seed) or remembered(seed, n, **options)
+        module, "make_cortex", lambda seed, n, **options: made.append(seed) or grown(seed, n, **options)
     )
     make(folder)
     assert made == list(module.SEEDS[:2])
@@ -69,7 +68,7 @@ def test_an_interrupted_run_continues(folder, monkeypatch):
 
 @pytest.mark.parametrize("damage", ["flipped byte", "cut short", "no checksum"])
 def test_a_damaged_file_is_made_again(folder, damage, monkeypatch):
-    monkeypatch.setattr(module, "make_cortex", remembered)
+    monkeypatch.setattr(module, "make_cortex", grown)
     path = module.subject_path(folder, module.SEEDS[0], SIZE)
     whole = path.read_bytes()
     if damage == "no checksum":
@@ -86,7 +85,7 @@ def test_a_damaged_file_is_made_again(folder, damage, monkeypatch):
 
 def test_a_generation_keeps_to_its_own_files(folder, tmp_path, monkeypatch):
     assert module.subject_path(folder, 1, SIZE, 3).parent.name == "generation-3"
-    older = replace(remembered(module.SEEDS[0], SIZE), generation=2)
+    older = replace(grown(module.SEEDS[0], SIZE), generation=2)
     monkeypatch.setattr(module, "make_cortex", lambda *arguments, **options: older)
     with pytest.raises(CortexError, match=r"npz holds a subject of generation 2 where those of generation 3 lie"):
         make(tmp_path, count=1)
@@ -96,7 +95,7 @@ def test_a_generation_keeps_to_its_own_files(folder, tmp_path, monkeypatch):
 
 def test_the_command_line_asks_for_a_generation(tmp_path, monkeypatch, capsys):
     made = []
-    monkeypatch.setattr(module, "make_cortex", lambda seed, n, **options: made.append(options) or remembered(seed, n))
+    monkeypatch.setattr(module, "make_cortex", lambda seed, n, **options: made.append(options) or grown(seed, n))
     options = ["--cohort", "1", "--vertices", str(SIZE), "--out", str(tmp_path), "--workers", "1"]
     main(["synth", *options])
     main(["synth", *options, "--generation", str(GENERATION)])

@@ -9,6 +9,7 @@ import numba
 import numpy as np
 import pytest
 from known_surfaces import sphere
+from subjects import grown
 
 from data_synth import CortexError, correspondence, load_cortex, make_cortex, save_cortex
 from data_synth.compiled import compiled
@@ -31,7 +32,7 @@ SIZE = 2500
 
 @cache
 def subject(seed=1, hemisphere="left"):
-    return make_cortex(seed, SIZE, hemisphere)
+    return grown(seed, SIZE, hemisphere)
 
 
 def edge_lengths(surface):

@@ -7,15 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from qclearn.plane.diskmesh import pixel_centres, polar_disk
 from skimage import io
+from subjects import grown
 from torch.utils.data import DataLoader
 
-from data_synth import CortexError, make_cortex
+from data_synth import CortexError
 from data_synth.datasets import CurveDataset, DatasetError, DatasetWarning, cached
 from data_synth.fields import MAX_ABS, ImageFolder
 from data_synth.training import Fields
 from qclearn.plane.bijectivity import check_bijective
-from qclearn.plane.diskmesh import pixel_centres, polar_disk
 from qclearn.registration.landmarks import sample_curve
 from qclearn.surfaces.curvature import curvature_image
 
@@ -27,7 +28,7 @@ SMALL = {"rings": 8, "spokes": 24}
 
 @pytest.fixture(scope="module")
 def subjects():
-    return [make_cortex(seed, 1000) for seed in (1, 2)]
+    return [grown(seed, 1000) for seed in (1, 2)]
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ import shutil
 
 import numpy as np
 import pytest
+from qclearn.plane.diskmesh import disk_to_square, polar_disk
 from scipy import stats
 from skimage import io
 
@@ -23,7 +24,6 @@ from data_synth.landmarks import DiskMaps, Perturbation
 from qclearn.plane.beltrami import beltrami_coefficient
 from qclearn.plane.bijectivity import check_bijective
 from qclearn.plane.disk import solve_beltrami_disk
-from qclearn.plane.diskmesh import disk_to_square, polar_disk
 from qclearn.registration.fit import fit_landmarks
 
 MESH = polar_disk(12, 36)

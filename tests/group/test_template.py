@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from distributed import LocalCluster
+from qclearn.plane.diskmesh import interpolate, locate, polar_disk
 
 import qclearn as qc
 from qclearn.cli import main
@@ -15,7 +16,6 @@ from qclearn.group import subject as of
 from qclearn.group.kept import Folder
 from qclearn.group.members import members_of
 from qclearn.group.subject import Fitted, Mean, Shared, mean_of, onto
-from qclearn.plane.diskmesh import interpolate, locate, polar_disk
 from qclearn.plane.exactmaps import twist
 from qclearn.registration import search
 from qclearn.registration.features import FeatureError

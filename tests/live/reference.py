@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from qclearn.plane.diskmesh import polar_disk, sampling_matrix
+
 from qclearn.registration.engine import GaussNewton, SurfaceGaussNewton
 from qclearn.registration.fit import FIRST_GAMMA
 from qclearn.registration.problem import Problem, Weights

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from qclearn.plane.diskmesh import polar_disk
 from reference import COARSE, CONVERGED, FINE, MODULES, fit_in_steps, numbers, pairs, request, run_engine
 
 from qclearn.methods.harmonic import harmonic
@@ -14,7 +15,6 @@ from qclearn.pages.examples import example_problems
 from qclearn.plane.beltrami import beltrami_coefficient
 from qclearn.plane.bijectivity import RepairWarning, flipped_faces
 from qclearn.plane.disk import BeltramiDiskSolver
-from qclearn.plane.diskmesh import polar_disk
 from qclearn.plane.fourier import compress, from_square, to_square
 from qclearn.registration.fit import report_fit
 from qclearn.registration.metrics import measured_losses

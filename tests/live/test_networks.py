@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from qclearn.plane.fields import bounded
 from reference import MODULES, numbers, pairs, run_engine
 
 from qclearn.nets.weights import load
@@ -13,7 +14,6 @@ from qclearn.pages.examples import example_problems
 from qclearn.pages.explorables import EXPLORABLES
 from qclearn.pages.livenets import cpnet_file, dbsnet_file
 from qclearn.plane.beltrami import face_mean
-from qclearn.plane.fields import bounded
 from qclearn.registration.problem import Problem, Weights
 
 

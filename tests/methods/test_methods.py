@@ -5,6 +5,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 from meshes import random_disk, random_mu
+from qclearn.plane.diskmesh import boundary_loop, polar_disk, sampling_matrix
 
 from qclearn.methods import METHODS, networks
 from qclearn.methods.harmonic import harmonic, smoothed
@@ -15,7 +16,6 @@ from qclearn.methods.thin_plate import thin_plate
 from qclearn.plane.beltrami import beltrami_coefficient, signed_areas, solve_beltrami, stiffness
 from qclearn.plane.bijectivity import RepairWarning, check_bijective, flipped_faces
 from qclearn.plane.disk import solve_beltrami_disk
-from qclearn.plane.diskmesh import boundary_loop, polar_disk, sampling_matrix
 from qclearn.plane.exactmaps import moebius
 from qclearn.registration import Problem
 from qclearn.registration.fit import fit_landmarks

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from qclearn.plane.diskmesh import polar_disk, square_disk
 
 from data_synth.training import DATA_POINTS, ControlPairs, Pairs
 from qclearn.nets import load
@@ -17,7 +18,6 @@ from qclearn.nets.polargrid import PolarGrid, PolarMesh
 from qclearn.nets.torchplane import bounded, fit_mobius, mobius_columns
 from qclearn.nets.train import TrainConfig, train
 from qclearn.plane.checks import BeltramiError
-from qclearn.plane.diskmesh import polar_disk, square_disk
 from qclearn.plane.mobius import best_mobius, mobius, mobius_slope
 from qclearn.registration.certified import exact_map
 from qclearn.registration.fit import fit_landmarks, fit_problem

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 from meshes import random_disk, random_mu
+from qclearn.plane.diskmesh import polar_disk, square_disk
 
 from data_synth.fields import KINDS, random_coefficient
 from qclearn.nets import load
@@ -18,7 +19,6 @@ from qclearn.plane.beltrami import wirtinger
 from qclearn.plane.bijectivity import flipped_faces
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import BeltramiDiskSolver
-from qclearn.plane.diskmesh import polar_disk, square_disk
 from qclearn.plane.fourier import fourier_coefficients
 from qclearn.plane.mobius import mobius
 from qclearn.surfaces.surface import SurfaceError

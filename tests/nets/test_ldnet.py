@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 import torch
 from known_surfaces import sphere
+from qclearn.plane.diskmesh import pixel_centres
+from subjects import grown
 
-from data_synth import make_cortex
 from data_synth.datasets import CurveDataset
 from qclearn.nets import load
 from qclearn.nets.ldnet import PRESETS, BestLDNet, BestLDNetConfig, contrast, heat_metric, refine, smoothed, some, whole
 from qclearn.nets.ldnet_paper import PaperLDNet, PaperLDNetConfig, nearest_pixels
 from qclearn.nets.pictures import stamp, turn
-from qclearn.plane.diskmesh import pixel_centres
 from qclearn.registration.landmarks import curve_distance, curves_in_space, detect_curves, weigh_edges
 from qclearn.registration.problem import LandmarkError
 from qclearn.surfaces.conformal import disk_conformal_map
@@ -31,7 +31,7 @@ PAPER = PaperLDNetConfig(size=32, widths=(16, 16, 16), hidden=64)
 
 @pytest.fixture(scope="module")
 def cortex():
-    return make_cortex(1, 1000)
+    return grown(1, 1000)
 
 
 @pytest.fixture(scope="module")
@@ -232,7 +232,7 @@ def test_presets_are_of_their_size():
 def test_the_shipped_weights_find_sulci():
     """On subjects of no training set, if coarser than those: a mean distance below 2 mm, and below the others'."""
     detectors, found = (load("ldnet").detect, load("ldnet", "paper").detect, detect_curves), []
-    for cortex in (make_cortex(4002, 2500), make_cortex(4003, 2500)):
+    for cortex in (grown(4002, 2500), grown(4003, 2500)):
         surface, z = cortex.surface, disk_conformal_map(cortex.surface)
         paths = list(cortex.curves.values())
         ends = np.array([path[[0, -1]] for path in paths])

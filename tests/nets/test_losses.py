@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 from meshes import random_disk, random_mu
+from qclearn.plane.diskmesh import polar_disk, square_disk
 
 from qclearn.nets.losses import (
     L_CP,
@@ -23,7 +24,6 @@ from qclearn.nets.losses import (
 )
 from qclearn.plane.beltrami import solve_beltrami, stiffness
 from qclearn.plane.disk import solve_beltrami_disk
-from qclearn.plane.diskmesh import polar_disk, square_disk
 from qclearn.plane.exactmaps import DISK_MAPS
 from qclearn.plane.mobius import mobius
 from qclearn.registration.problem import Weights

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from meshes import bowl
+from qclearn.plane.diskmesh import square_disk
 
 from qclearn.pages.plot import (
     CURVE_STYLES,
@@ -21,7 +22,6 @@ from qclearn.pages.plot import (
     square_lines,
 )
 from qclearn.pages.scenes import registration_scene, stacked_scene, surface_picture, surface_scene
-from qclearn.plane.diskmesh import square_disk
 from qclearn.plane.mobius import mobius
 from qclearn.registration.register import register
 from qclearn.surfaces.surface import Surface

@@ -8,6 +8,7 @@ import threading
 import numpy as np
 import pytest
 from meshes import bowl
+from qclearn.plane.diskmesh import square_disk
 
 from qclearn.pages.canvas import Canvas
 from qclearn.pages.examples import Example, cortex_problem, example_problems, spread_vertices
@@ -24,7 +25,6 @@ from qclearn.pages.widgets import (
     states_table,
 )
 from qclearn.plane.bijectivity import check_bijective
-from qclearn.plane.diskmesh import square_disk
 from qclearn.registration.features import FINEST, Feature, Features
 from qclearn.registration.fit import fit_landmarks
 from qclearn.registration.problem import LandmarkError, Problem, Weights

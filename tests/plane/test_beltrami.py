@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import random_disk, random_mu
+from qclearn.plane.diskmesh import boundary_loop, polar_disk, square_disk
 from scipy import sparse
 
 from qclearn.plane.beltrami import (
@@ -26,7 +27,6 @@ from qclearn.plane.beltrami import (
     wirtinger,
 )
 from qclearn.plane.checks import BeltramiError
-from qclearn.plane.diskmesh import boundary_loop, polar_disk, square_disk
 from qclearn.plane.exactmaps import (
     DISK_MAPS,
     RADIAL,

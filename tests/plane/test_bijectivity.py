@@ -8,6 +8,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from meshes import random_disk, strip
+from qclearn.plane.diskmesh import boundary_loop, polar_disk
 
 from qclearn.plane.beltrami import signed_areas, stiffness
 from qclearn.plane.bijectivity import (
@@ -21,7 +22,6 @@ from qclearn.plane.bijectivity import (
 )
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import BeltramiDiskSolver
-from qclearn.plane.diskmesh import boundary_loop, polar_disk
 from qclearn.plane.exactmaps import DISK_MAPS, SLIDING
 from qclearn.plane.triangles import edge_lengths
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import torch
 from meshes import random_disk, random_mu
+from qclearn.plane.diskmesh import boundary_loop, polar_disk, square_disk
 from scipy import sparse
 
 from qclearn.plane.beltrami import beltrami_coefficient, signed_areas
 from qclearn.plane.bijectivity import RepairWarning, check_bijective
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import BeltramiDiskSolver, solve_beltrami_disk
-from qclearn.plane.diskmesh import boundary_loop, polar_disk, square_disk
 from qclearn.plane.exactmaps import DISK_MAPS, SLIDING, SLIDING_THREE, TWIST, after, moebius
 from qclearn.plane.mobius import mobius
 from qclearn.surfaces.conformal import angle_distortion

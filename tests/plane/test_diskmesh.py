@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 from meshes import random_disk
-
-from qclearn.plane.beltrami import signed_areas
 from qclearn.plane.diskmesh import (
     INSET,
     Lookup,
@@ -15,6 +13,8 @@ from qclearn.plane.diskmesh import (
     square_disk,
     square_to_disk,
 )
+
+from qclearn.plane.beltrami import signed_areas
 from qclearn.plane.mobius import mobius
 
 MESHES = {

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from known_surfaces import grooved_sphere
 from meshes import random_disk, random_mu
+from qclearn.plane.diskmesh import boundary_loop, polar_disk
 
 from qclearn.plane import beltrami, disk
 from qclearn.plane.beltrami import Dirichlet, stiffness
 from qclearn.plane.disk import BeltramiDiskSolver, elimination_order
-from qclearn.plane.diskmesh import boundary_loop, polar_disk
 from qclearn.surfaces.conformal import disk_conformal_map
 
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from qclearn.plane.diskmesh import pixel_centres, polar_disk, square_disk
 
 from qclearn.plane.checks import BeltramiError
-from qclearn.plane.diskmesh import pixel_centres, polar_disk, square_disk
 from qclearn.plane.fourier import (
     coefficient_count,
     compress,

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from meshes import random_disk, random_mu
+from qclearn.plane.diskmesh import boundary_loop, polar_disk, square_disk
 
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import solve_beltrami_disk
-from qclearn.plane.diskmesh import boundary_loop, polar_disk, square_disk
 from qclearn.plane.exactmaps import DISK_MAPS, after, moebius, sliding, twist
 from qclearn.plane.logform import mean_reciprocal, solve_beltrami_disk_log
 from qclearn.plane.mobius import mobius

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-
-from qclearn.plane.beltrami import signed_areas
 from qclearn.plane.diskmesh import polar_disk
 from qclearn.plane.fields import bounded, bounded_pullback, mass_matrix, unbounded
+
+from qclearn.plane.beltrami import signed_areas
 
 
 def complex_normal(rng, *shape):

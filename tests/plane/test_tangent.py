@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from meshes import random_disk
+from qclearn.plane.diskmesh import polar_disk, sampling_matrix, square_disk
+from qclearn.plane.fields import bounded, bounded_pullback, mass_matrix
 
 from qclearn.plane.beltrami import face_mean, factorise, stiffness
 from qclearn.plane.disk import BeltramiDiskSolver
-from qclearn.plane.diskmesh import polar_disk, sampling_matrix, square_disk
-from qclearn.plane.fields import bounded, bounded_pullback, mass_matrix
 from qclearn.plane.tangent import FINER, Tangent, hats_inside
 
 POINTS = np.array([0.05, 0.3 + 0.2j, -0.62j, -0.8 + 0.1j, 0.97 * np.exp(2j)])

@@ -3,8 +3,8 @@ test_register.)"""
 
 import numpy as np
 import pytest
-
 from qclearn.plane.diskmesh import polar_disk
+
 from qclearn.plane.mobius import mobius
 from qclearn.registration.certified import exact_map, moved_map
 from qclearn.registration.checked import fill, guarded_curves

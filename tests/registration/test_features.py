@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from known_surfaces import grooved_sphere
-from scipy.special import j0, jn_zeros
-
 from qclearn.plane.diskmesh import polar_disk
 from qclearn.registration.dense import Dense
+from scipy.special import j0, jn_zeros
+
 from qclearn.registration.features import HEMISPHERE, Feature, FeatureError, Features, Smoothing, check_features
 from qclearn.surfaces.curvature import mean_curvature, sulcal_depth
 from qclearn.surfaces.surface import Surface

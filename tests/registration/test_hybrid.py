@@ -4,18 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from qclearn.plane.diskmesh import polar_disk, sampling_matrix, square_disk
+from qclearn.registration.dense import Dense
+from qclearn.registration.hybrid import LEVELS, Level, engine_of, fit_level, fit_registration, instead
+from qclearn.registration.normal import NormalEquations
 from scipy import sparse
 
-from qclearn.plane.diskmesh import polar_disk, sampling_matrix, square_disk
 from qclearn.plane.exactmaps import TWIST
 from qclearn.plane.mobius import compose_mobius, mobius, mobius_inverse
 from qclearn.registration import normal
-from qclearn.registration.dense import Dense
 from qclearn.registration.engine import GaussNewton
 from qclearn.registration.features import Feature, Features
 from qclearn.registration.fit import fit_problem
-from qclearn.registration.hybrid import LEVELS, Level, engine_of, fit_level, fit_registration, instead
-from qclearn.registration.normal import NormalEquations
 from qclearn.registration.problem import LandmarkError, Problem, Weights
 from qclearn.registration.search import mobius_by_features
 from qclearn.surfaces.surface import Surface

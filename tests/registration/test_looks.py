@@ -4,8 +4,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-
 from qclearn.plane.diskmesh import polar_disk, square_disk
+
 from qclearn.plane.mobius import best_mobius, mobius
 from qclearn.plane.spectrum import Spectrum
 from qclearn.registration import looks

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 import torch
+from qclearn.plane.diskmesh import polar_disk
 
 from qclearn.nets import losses
 from qclearn.plane.beltrami import signed_areas
-from qclearn.plane.diskmesh import polar_disk
 from qclearn.registration.metrics import (
     coefficient_statistics,
     curve_rows,

@@ -6,10 +6,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from qclearn.plane.diskmesh import polar_disk
 
 from qclearn.benchmark import read_measured
 from qclearn.files.fsaverage import demo_landmarks, fsaverage5
-from qclearn.plane.diskmesh import polar_disk
 from qclearn.plane.mobius import mobius
 from qclearn.registration import suspect
 from qclearn.registration.landmarkfile import check_curves

@@ -43,6 +43,17 @@ def test_a_planted_fault_is_found(plain_view, planted):
     assert any(sentence in fault for fault in found), found
 
 
+def test_every_complaint_is_heard(window, site_address):
+    view = View(window, site_address, "errata.html")
+    for kind in ("warn", "error", "log"):
+        view.page.evaluate("kind => console[kind](`of ${kind}`)", kind)
+    view.page.evaluate("() => void console.error('strict mode: an error')")
+    with view.page.expect_event("pageerror"):
+        view.page.evaluate("() => void setTimeout(() => { throw Error('thrown'); })")
+    assert view.complaints == ["of warn", "of error", "strict mode: an error", "thrown"]
+    view.page.close()
+
+
 def test_formulas_are_broken_anew_when_the_window_changes(window, site_address):
     lines = "() => document.querySelectorAll('article mjx-linebox').length"
     view = View(window, site_address, "lbs.html")

@@ -8,8 +8,12 @@ from places import SITE
 
 PAGES = sorted(path.name for path in SITE.glob("*.html"))
 WIDE, NARROW = 1280, 390  # a desk, a telephone
-# Both come from the theme, with every page, and change nothing that a reader could notice.
-HARMLESS = ("THEBE_JS_URL", "Got invalid theme mode")
+# Warnings of libraries that no setting of ours can answer; no error is among them.
+REMARKS = (
+    'MathJax: Invalid option "menuOptions"',  # a11y/assistive-mml sets it for a menu that is not vendored
+    "strict mode: ",  # the widgets' checker of schemas, of its own schema
+    "GL Driver Message",  # of a renderer without a graphics card, where a test reads a scene's pixels
+)
 WIDGETS = "script[type='application/vnd.jupyter.widget-view+json']"
 HANDLES = ".jupyter-widgets .noUi-handle"
 LAYOUT = Path(__file__).with_name("layout.js").read_text(encoding="utf-8")
@@ -32,29 +36,32 @@ def axe_findings(frame, part=None, **rules):
 class Tab:
     """A page opened in a tab of a window; everything that it asked for and complained about."""
 
+    heard = ("error",)  # which messages of the console are complaints
+
     def __init__(self, window, address, name, width=WIDE, script=None):
         """script: what the page runs before its own scripts."""
         self.address, self.requests, self.complaints, self.sizes = address, [], [], {}
         self.page = window.new_page()
         self.page.set_viewport_size({"width": width, "height": 900})
         self.page.on("request", lambda request: self.requests.append(request.url))
-        self.page.on("requestfailed", lambda request: self.complain(f"failed: {request.url}"))
+        self.page.on("requestfailed", lambda request: self.complaints.append(f"failed: {request.url}"))
         self.page.on("response", self.receive)
-        self.page.on("console", lambda message: message.type != "error" or self.complain(message.text))
-        self.page.on("pageerror", lambda error: self.complain(error.message))
+        self.page.on("console", self.hear)
+        self.page.on("pageerror", lambda error: self.complaints.append(error.message))
         if script:
             self.page.add_init_script(script)
         self.page.goto(address + name, wait_until="load")
 
-    def complain(self, text):
-        if not any(known in text for known in HARMLESS):
-            self.complaints.append(text)
+    def hear(self, message):
+        remark = message.type == "warning" and any(known in message.text for known in REMARKS)
+        if message.type in self.heard and not remark:
+            self.complaints.append(message.text)
 
     def receive(self, answer):
         """Keep how many bytes an answer has as it is sent, unpacked; what the window had already counts, too."""
         self.sizes[answer.url] = int(answer.headers.get("content-length", 0))
         if answer.status >= 400:
-            self.complain(f"{answer.status}: {answer.url}")
+            self.complaints.append(f"{answer.status}: {answer.url}")
 
     def from_elsewhere(self):
         """What the page asked for that is not of its own server."""
@@ -62,7 +69,9 @@ class Tab:
 
 
 class View(Tab):
-    """A page of the site, formulas typeset and widgets built."""
+    """A page of the site, formulas typeset and widgets built; its console is to be empty."""
+
+    heard = ("error", "warning")
 
     def __init__(self, window, address, name, width=WIDE, script=None):
         super().__init__(window, address, name, width, script)

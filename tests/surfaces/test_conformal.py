@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import pyvista
 from meshes import random_disk, strip
+from qclearn.plane.diskmesh import boundary_loop, polar_disk
 from scipy import sparse
 
 from qclearn.files.fsaverage import fsaverage5
 from qclearn.plane.beltrami import beltrami_coefficient, cotangent_stiffness
 from qclearn.plane.bijectivity import RepairWarning, check_embedding, flipped_faces
-from qclearn.plane.diskmesh import boundary_loop, polar_disk
 from qclearn.surfaces.conformal import angle_distortion, disk_conformal_map
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror
 

@@ -9,6 +9,8 @@ import time
 from itertools import islice, pairwise
 
 import numpy as np
+from qclearn.plane.diskmesh import polar_disk, sampling_matrix
+from qclearn.plane.fields import bounded
 
 import qclearn as qc
 from data_synth.cohort import hemispheres
@@ -17,8 +19,6 @@ from qclearn.benchmark.pairs import fsaverage_pair, prepare
 from qclearn.nets import WeightsError, load
 from qclearn.nets.networks import PAPER_GAMMAS
 from qclearn.plane.disk import BeltramiDiskSolver
-from qclearn.plane.diskmesh import polar_disk, sampling_matrix
-from qclearn.plane.fields import bounded
 from qclearn.plane.mobius import best_mobius, mobius
 from qclearn.registration.certified import exact_map, moved_map
 from qclearn.registration.checked import predicted

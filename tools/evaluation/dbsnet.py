@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import torch
+from qclearn.plane.diskmesh import polar_disk, square_disk
 
 import qclearn as qc
 from data_synth.fields import KINDS, random_coefficient
@@ -14,7 +15,6 @@ from qclearn.nets.polar import PolarSolver, two_steps
 from qclearn.plane.beltrami import signed_areas, solve_beltrami
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.disk import BeltramiDiskSolver
-from qclearn.plane.diskmesh import polar_disk, square_disk
 from qclearn.plane.fourier import from_square
 
 from .polar import median_seconds

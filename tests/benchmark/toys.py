@@ -1,0 +1,27 @@
+"""What workers of the tests run; they find this file alone, beside which nothing of the tests need be loaded."""
+
+import time
+
+from qclearn.plane.mobius import mobius
+
+
+def shrunk(problem, shift=0.0, wait=0.0):
+    """A method of one's own: the best Möbius map, moved."""
+    if wait:
+        time.sleep(wait)
+    return mobius(mobius(problem.z, *problem.mobius), shift)
+
+
+def broken(problem):
+    raise RuntimeError("no such luck")
+
+
+def pair_of(spec):
+    """A pair that costs nothing: the seed of its moving side."""
+    return spec.moving
+
+
+def trial_of(row, pair, run, method):
+    """A trial that costs a tenth of a second: a row, with an error that tells which pair and run it is of."""
+    time.sleep(0.1)
+    return row | {"landmark_error": pair + run.parameters["shift"]}
