@@ -4,7 +4,7 @@ import json
 from functools import cache
 
 from ..plane.diskmesh import polar_disk
-from ..registration.fit import POWER
+from ..plane.spectrum import POWER
 from ..registration.problem import Problem, Weights
 from .examples import CORTICES, cortices, example_problems, paired_problem
 from .live import as_pairs

@@ -7,6 +7,7 @@ from .beltrami import signed_areas, stiffness
 from .diskmesh import polar_disk
 
 POWER = 1.4  # by which the rings crowd towards the centre
+FINE, COARSE = (32, 96), (24, 72)  # rings and spokes of the polar meshes in use
 
 
 class Spectrum:

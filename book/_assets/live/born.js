@@ -3,47 +3,22 @@
 import { zeros } from "./complex.js";
 
 export class Born {
-  // tensors: one, two (rings, modes, 2), kept (modes); cos, sin of the spokes' angles
-  constructor({ mesh, cos, sin }, tensors) {
-    Object.assign(this, { mesh, cos, sin, kept: tensors.kept.data, modes: tensors.kept.data.length });
-    this.tables = Object.fromEntries(["one", "two"].map((name) => [name, Float64Array.from(tensors[name].data)]));
-    this.angular = Int32Array.from(this.kept, (k) => Math.floor(k / mesh.rings)); // mode number
+  // tensors: one, two (rings, modes, 2), kept (modes)
+  constructor(spectrum, { one, two, kept }) {
+    Object.assign(this, { spectrum, kept: kept.data, modes: kept.data.length });
+    [this.one, this.two] = [one, two].map(({ data }) => Float64Array.from(data));
+    this.angular = Int32Array.from(this.kept, (k) => Math.floor(k / spectrum.mesh.rings)); // mode number
   }
 
   spoke(k) {
-    return ((k % this.mesh.spokes) + this.mesh.spokes) % this.mesh.spokes;
-  }
-
-  // sum over frequencies m of waves (spokes, rings) exp(2 pi i m k / spokes), as a field of the rings' nodes
-  fieldOf(waves, scale) {
-    const {
-        mesh: { rings, spokes },
-        cos,
-        sin,
-      } = this,
-      out = zeros(rings * spokes);
-    for (let m = 0; m < spokes; m++) {
-      for (let ring = 0; ring < rings; ring++) {
-        const x = waves.x[m * rings + ring] * scale,
-          y = waves.y[m * rings + ring] * scale;
-        if (x === 0 && y === 0) continue;
-        for (let k = 0, i = 0, to = ring * spokes; k < spokes; k++, to++, i = (i + m) % spokes) {
-          out.x[to] += x * cos[i] - y * sin[i];
-          out.y[to] += x * sin[i] + y * cos[i];
-        }
-      }
-    }
-    return out;
+    const { spokes } = this.spectrum;
+    return ((k % spokes) + spokes) % spokes;
   }
 
   // displacements of the nodes by all coefficients of a field, complex pairs, to first order
   moved(c) {
-    const {
-        mesh: { rings, spokes },
-        modes,
-        angular,
-        tables: { one, two },
-      } = this,
+    const { spectrum, modes, angular, one, two } = this,
+      { rings, spokes } = spectrum.mesh,
       waves = zeros(rings * spokes);
     for (let j = 0; j < rings; j++) {
       for (let n = 0; n < modes; n++) {
@@ -58,6 +33,6 @@ export class Born {
         waves.y[b] += x * two[at + 1] - y * two[at];
       }
     }
-    return this.fieldOf(waves, 1);
+    return spectrum.ofWaves(waves);
   }
 }

@@ -1,10 +1,8 @@
 // A sparse Cholesky factorisation for many matrices of one pattern, that of the edges of a mesh. The order of
 // elimination and the places of all entries are found once; then a factorisation is arithmetic alone.
-import { plainKernels } from "./kernels.js";
-
 export class Cholesky {
   // n unknowns; edge e joins tail[e] and head[e], -1 for what is no unknown. Matrix values come with `factor`.
-  constructor(n, tail, head, kernels = plainKernels) {
+  constructor(n, tail, head, kernels) {
     Object.assign(this, { n, tail, head, kernels });
     const { order, below } = minimumDegree(n, tail, head);
     const place = (this.place = new Int32Array(n)); // of an unknown in the order of elimination

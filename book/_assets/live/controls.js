@@ -2,7 +2,7 @@
 // The options of a choice are a list, or a function of the state where they come with the answer.
 // Labels are names for everybody: what a screen reader says is what is to be read.
 
-const make = (tag, properties = {}, ...children) => {
+export const make = (tag, properties = {}, ...children) => {
   const element = Object.assign(document.createElement(tag), properties);
   element.append(...children);
   return element;

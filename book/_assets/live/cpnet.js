@@ -15,11 +15,6 @@ export class CPNet {
     this.unet = new UNet(layers, partOf(tensors, "unet"), mesh.rings, mesh.spokes);
   }
 
-  // the gamma that is answered for: the given one
-  gammaUsed({ gamma }) {
-    return gamma;
-  }
-
   // nu at the vertices of the network's mesh, for landmarks p, q {x, y}, after so many looks at its map on `mesh`; null
   // once it is `stale`
   async run(p, q, { alpha, beta, gamma }, looks = this.config.looks, mesh = this.mesh, stale = () => false) {
@@ -45,19 +40,16 @@ export class CPNet {
       channels = this.unet.head.outputs,
       { spokes, V } = this.mesh,
       { cos, sin } = this.spectrum,
-      out = zeros(V);
+      out = zeros(V - 1);
     for (let i = 0; i < V - 1; i++) {
       const [u, v, s, t] = output.subarray(i * channels, i * channels + 4),
         x = nu.x[i + 1],
         y = nu.y[i + 1],
         k = (2 * (i % spokes)) % spokes;
-      out.x[i + 1] = x * (1 + u) - y * v + size * (s * cos[k] - t * sin[k]);
-      out.y[i + 1] = y * (1 + u) + x * v + size * (s * sin[k] + t * cos[k]);
+      out.x[i] = x * (1 + u) - y * v + size * (s * cos[k] - t * sin[k]);
+      out.y[i] = y * (1 + u) + x * v + size * (s * sin[k] + t * cos[k]);
     }
-    for (const part of ["x", "y"]) {
-      for (let k = 1; k <= spokes; k++) out[part][0] += out[part][k] / spokes; // the centre has the first ring's mean
-    }
-    return out;
+    return this.spectrum.centred(out);
   }
 
   // the root of mean |nu|^2

@@ -3,7 +3,7 @@
 // With w_m = M(f(p_m)), the gradients of Re w_m and Im w_m with respect to nu at every vertex are the columns of J. One
 // landmark's adjoint has two parts: g, a Green's function of A(mu) at p_m, says how w_m moves with K(mu) f; l says
 // how it moves with K(mu) U through the angles of the circle. A face's share of J is then linear in g and l.
-import { zeros } from "./complex.js";
+import { activation, zeros } from "./complex.js";
 import { TAU } from "./mesh.js";
 import { compose, mobius, mobiusSlope } from "./mobius.js";
 
@@ -238,18 +238,6 @@ function faceShares({ mesh, mu, f, U }, nu, t, shares) {
   }
 }
 
-// The pullback through mu = tanh(|nu|) nu / |nu|, grad nu = p grad mu + e conj(grad mu): [p, Re e, Im e].
-function activation(x, y) {
-  const size = Math.hypot(x, y),
-    t = Math.tanh(size),
-    across = size > 0 ? t / size : 1,
-    radial = 1 - t * t;
-  const dx = size > 0 ? x / size : 0,
-    dy = size > 0 ? y / size : 0,
-    half = (radial - across) / 2;
-  return [(radial + across) / 2, half * (dx * dx - dy * dy), half * 2 * dx * dy];
-}
-
 // For the J that has been lifted (L_W^-1 J): y -> the step sum_r J_r y_r through L_W^-T, a complex nodal field.
 export function combine(mesh, prior, { J, M, pair }, y) {
   const R = 2 * M,
@@ -270,10 +258,4 @@ export function combine(mesh, prior, { J, M, pair }, y) {
     out.y[v] = pair[2 * prior.place[v] + 1];
   }
   return out;
-}
-
-// a square matrix (R, R), in place
-export function transpose(S, R) {
-  for (let i = 0; i < R; i++) for (let j = 0; j < i; j++) [S[i * R + j], S[j * R + i]] = [S[j * R + i], S[i * R + j]];
-  return S;
 }

@@ -1,26 +1,20 @@
 // Shortest paths along the edges of a surface (registration/landmarks.py), and curves in space: lengths and distances.
-import { distance } from "./hemisphere.js";
+import { distance, edgesOf } from "./triangles.js";
 
 const SAMPLES = 400; // on a curve whose distance to another is measured
 
 // Neighbours of each vertex and the edges' lengths in space: `first` (V + 1) says where a vertex' own begin in `other`.
 export function graphOf({ faces, vertices, V }) {
-  const ends = new Set();
-  for (let i = 0; i < faces.length; i++) {
-    const a = faces[i],
-      b = faces[i % 3 === 2 ? i - 2 : i + 1];
-    ends.add(Math.min(a, b) * V + Math.max(a, b));
-  }
-  const first = new Int32Array(V + 1),
-    other = new Int32Array(2 * ends.size),
-    length = new Float64Array(2 * ends.size);
-  for (const key of ends) for (const v of [Math.floor(key / V), key % V]) first[v + 1]++;
+  const { tail, head } = edgesOf(faces, V),
+    first = new Int32Array(V + 1),
+    other = new Int32Array(2 * tail.length),
+    length = new Float64Array(2 * tail.length);
+  for (const ends of [tail, head]) for (const v of ends) first[v + 1]++;
   for (let v = 0; v < V; v++) first[v + 1] += first[v];
   const next = first.slice(),
     at = (v) => vertices.subarray(3 * v, 3 * v + 3);
-  for (const key of ends) {
-    const a = Math.floor(key / V),
-      b = key % V,
+  tail.forEach((a, e) => {
+    const b = head[e],
       long = distance(at(a), at(b));
     for (const [from, to] of [
       [a, b],
@@ -29,7 +23,7 @@ export function graphOf({ faces, vertices, V }) {
       other[next[from]] = to;
       length[next[from]++] = long;
     }
-  }
+  });
   return { first, other, length };
 }
 

@@ -1,17 +1,11 @@
-// The landmark problems of the pages, as they are and as a reader has changed them; meshes for their pictures.
-import { PolarMesh } from "./mesh.js";
+// The landmark problems of the pages, as they are and as a reader has changed them.
+import { COARSE, FINE } from "./given.js";
 
 let problems = null; // name -> {label, moving, target, curve, radius}, once they have been loaded
-const meshes = new Map(); // for the pictures, which need no factorisation
 
 export async function loadProblems(host) {
   problems ??= JSON.parse(new TextDecoder().decode(await host.file("problems.json")));
 }
-
-export const meshOf = ([rings, spokes]) => {
-  if (!meshes.has(rings)) meshes.set(rings, new PolarMesh(rings, spokes));
-  return meshes.get(rings);
-};
 
 const changed = (points, moves) => points.map((point, m) => moves[m] ?? point);
 
@@ -35,7 +29,7 @@ export function requestOf(state) {
     lambda,
     looks: Number(looks),
     sliding: state.landmarks === "sliding",
-    mesh: state.mesh === "finer" ? [32, 96] : [24, 72],
+    mesh: state.mesh === "finer" ? FINE : COARSE,
   };
 }
 
@@ -60,6 +54,3 @@ export const CORTICES = [
   ["first", "a synthetic subject"],
   ["second", "another synthetic subject"],
 ];
-
-export const short = (x) =>
-  x === 0 ? "0" : Math.abs(x) < 0.01 || Math.abs(x) >= 1e5 ? x.toExponential(2) : String(Number(x.toPrecision(4)));

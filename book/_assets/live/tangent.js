@@ -1,6 +1,6 @@
 // The derivative of a disk map in closed form (plane/tangent.py): what a change of nu on one polar mesh, the carrier's,
 // does to points of another one that is mapped, without a solve, up to what Möbius maps do.
-import { zeros } from "./complex.js";
+import { activation, zeros } from "./complex.js";
 
 const REACH = 1.8; // cells: from where on a node stands for its cell in the integral
 const FINER = 3; // into so many squared a triangle is cut, nearer than that
@@ -54,29 +54,7 @@ export class Carrier {
 
   // f_z at the vertices of the mapped mesh, averaged over the faces around them by area
   slope(f) {
-    const { F, V, faces, area, gradient } = this.mapped,
-      out = zeros(V),
-      total = new Float64Array(V);
-    for (let t = 0; t < F; t++) {
-      let x = 0,
-        y = 0;
-      for (let i = 3 * t; i < 3 * t + 3; i++) {
-        const u = f.x[faces[i]],
-          v = f.y[faces[i]];
-        x += (u * gradient.x[i] + v * gradient.y[i]) / 2;
-        y += (v * gradient.x[i] - u * gradient.y[i]) / 2;
-      }
-      for (let i = 3 * t; i < 3 * t + 3; i++) {
-        out.x[faces[i]] += area[t] * x;
-        out.y[faces[i]] += area[t] * y;
-        total[faces[i]] += area[t];
-      }
-    }
-    total.forEach((sum, v) => {
-      out.x[v] /= sum;
-      out.y[v] /= sum;
-    });
-    return out;
+    return this.mapped.onVertices(this.mapped.derivatives(f)[0]);
   }
 }
 
@@ -216,14 +194,7 @@ function kernel(cell, i, ends, P, Q, to, both) {
 // the same with respect to nu, mu = T(nu): dmu = a dnu + b conj(dnu)
 function chain(nu, P, Q) {
   for (let i = 0; i < nu.x.length; i++) {
-    const size = Math.hypot(nu.x[i], nu.y[i]),
-      t = Math.tanh(size),
-      across = size > 0 ? t / size : 1,
-      along = 1 - t * t;
-    const a = (along + across) / 2,
-      half = size > 0 ? (along - across) / 2 / (size * size) : 0,
-      bx = half * (nu.x[i] * nu.x[i] - nu.y[i] * nu.y[i]),
-      by = half * 2 * nu.x[i] * nu.y[i];
+    const [a, bx, by] = activation(nu.x[i], nu.y[i]);
     const px = P[2 * i],
       py = P[2 * i + 1],
       qx = Q[2 * i],

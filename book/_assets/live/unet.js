@@ -1,4 +1,6 @@
 // The polar U-Nets (nets/layers.py: PolarUNet, ConditionedUNet) on the grid of rings and spokes, channels last.
+import { readArrays } from "./files.js";
+import { wasmLayers } from "./layers.js";
 
 const FIRST_SCALE = 0.1; // of a conditioned U-Net's outputs, before the conditions change it
 const upTo = (n, step) => Math.ceil(n / step) * step;
@@ -163,35 +165,6 @@ export class UNet {
   }
 }
 
-// ---- files: uint32 length of a JSON header {config, arrays: [[name, shape, "half" | "single"], ...]}, the header, numbers
-
-export function readNetwork(buffer) {
-  const length = new DataView(buffer).getUint32(0, true);
-  const { config, arrays } = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
-  const tensors = {};
-  let at = 4 + length;
-  for (const [name, shape, kind] of arrays) {
-    const count = shape.reduce((a, b) => a * b, 1),
-      bytes = kind === "half" ? 2 : 4,
-      part = buffer.slice(at, at + bytes * count);
-    tensors[name] = {
-      shape,
-      data: kind === "half" ? Float32Array.from(new Uint16Array(part), half) : new Float32Array(part),
-    };
-    at += bytes * count;
-  }
-  return { config, tensors };
-}
-
-// the number of an IEEE half
-function half(bits) {
-  const sign = bits & 0x8000 ? -1 : 1,
-    exponent = (bits >> 10) & 31,
-    fraction = bits & 1023;
-  if (exponent === 0) return sign * fraction * 2 ** -24;
-  return exponent === 31 ? (fraction ? NaN : sign * Infinity) : sign * (1 + fraction / 1024) * 2 ** (exponent - 15);
-}
-
 // the tensors of one part of a network, their names without its own
 export const partOf = (tensors, part) =>
   Object.fromEntries(
@@ -199,3 +172,13 @@ export const partOf = (tensors, part) =>
       .filter(([name]) => name.startsWith(`${part}.`))
       .map(([name, t]) => [name.slice(part.length + 1), t]),
   );
+
+// A network of a file that the worker was given, made once: its class, and the file's name on the bench.
+export async function networkOf({ files, mesh, networks }, Network, name) {
+  if (!networks[name]) {
+    const file = readArrays(files[name]),
+      { rings, spokes, power } = file.config;
+    networks[name] = new Network(mesh(rings, spokes, power), await wasmLayers(files.layers), file);
+  }
+  return networks[name];
+}

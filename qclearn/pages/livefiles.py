@@ -1,10 +1,13 @@
-"""Networks as the browser reads them: sizes, weights in half precision and tables, from the network that is loaded."""
+"""Files as the browser reads them: networks with weights in half precision and tables, and surfaces."""
 
 import json
 import struct
 
 import numpy as np
 
+from ..surfaces.curvature import area_radius, grey_levels, mean_curvature
+
+STEPS = 2**16 - 1  # of a number that travels in two bytes
 KINDS = {"float16": "half", "float32": "single", "uint16": "short", "uint8": "byte"}
 
 
@@ -51,3 +54,30 @@ def dbsnet_file(network):
     """DBS-Net `best`."""
     config = network.config
     return packed({"rings": config.rings, "spokes": config.spokes, "power": 1.0}, half_weights(network.unet, "unet."))
+
+
+def hemisphere_file(surface, z, **values):
+    """A surface with its disk map z as `Hemisphere` of hemisphere.js reads it.
+
+    Positions in mm, places in the disk with a radius that follows the area, and values per vertex are rounded to one
+    part in 65,535 of their range; numbers go as they are. shade: grey levels from 0 (sulci) to 255 (gyri).
+    """
+    radius = area_radius(surface, z)
+    w = radius.to_image(z)
+    plain = {name: value for name, value in values.items() if np.ndim(value) == 0}
+    numbers = {"vertices": surface.vertices, "places": np.stack([w.real, w.imag], -1)} | values
+    ranges, arrays = {}, {}
+    for name, array in numbers.items():
+        if name in plain:
+            continue
+        low, step = array.min(), np.ptp(array) / STEPS or 1.0
+        ranges[name], arrays[name] = [float(low), float(step)], np.round((array - low) / step).astype(np.uint16)
+    boundary = surface.vertices[np.concatenate(surface.boundary_loops)]
+    config = {
+        **plain,
+        "ranges": ranges,
+        "radius": {"disk": radius.disk.tolist(), "image": radius.image.tolist()},
+        "away": (surface.vertices.mean(0) - boundary.mean(0)).tolist(),  # from the opening
+    }
+    shade = grey_levels(mean_curvature(surface), surface.vertex_areas).round().astype(np.uint8)
+    return packed(config, arrays | {"faces": surface.faces.astype(np.uint16), "shade": shade})
