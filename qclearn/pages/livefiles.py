@@ -29,9 +29,18 @@ def packed(config, arrays):
     return struct.pack("<I", len(header)) + header + b"".join(parts)
 
 
-def half_weights(module, prefix=""):
-    """A module's parameters in half precision, name -> array."""
-    return {f"{prefix}{name}": value.half().numpy() for name, value in module.state_dict().items()}
+def half_weights(module):
+    """The parameters of a U-Net in half precision, "unet.<name>" -> array. Those of convolutions lie as layers.wasm reads
+    them, (outputs / 8, kernel, kernel, inputs, 8), made up with zeros to multiples of 8 outputs and 4 inputs."""
+    values, found = {name: value.half().numpy() for name, value in module.state_dict().items()}, {}
+    for name, value in values.items():
+        layer, kind = name.rsplit(".", 1)
+        if values[f"{layer}.weight"].ndim == 4:
+            value = np.pad(value, [(0, -length % step) for length, step in zip(value.shape, (8, 4, 1, 1))])
+            if kind == "weight":
+                value = value.reshape(-1, 8, *value.shape[1:]).transpose(0, 3, 4, 2, 1)
+        found[f"unet.{name}"] = value
+    return found
 
 
 def cpnet_file(network):
@@ -47,13 +56,13 @@ def cpnet_file(network):
         "radial": spectrum.radial,
         "eigenvalues": spectrum.values,
     }
-    return packed(sizes | {"power": network.grid.power}, tables | half_weights(network.unet, "unet."))
+    return packed(sizes | {"power": network.grid.power}, tables | half_weights(network.unet))
 
 
 def dbsnet_file(network):
     """DBS-Net `best`."""
     config = network.config
-    return packed({"rings": config.rings, "spokes": config.spokes, "power": 1.0}, half_weights(network.unet, "unet."))
+    return packed({"rings": config.rings, "spokes": config.spokes, "power": 1.0}, half_weights(network.unet))
 
 
 def hemisphere_file(surface, z, **values):

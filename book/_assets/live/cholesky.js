@@ -57,6 +57,18 @@ export class Cholesky {
   backward(X, R) {
     this.kernels.backward(this, X, R);
   }
+  solve(X, R) {
+    this.forward(X, R);
+    this.backward(X, R);
+  }
+
+  // the solutions for one or two right-hand sides [(n), ...], by unknown
+  solved(columns) {
+    const pair = (this.pair ??= this.kernels.numbers(2 * this.n)).fill(0);
+    columns.forEach((b, c) => this.place.forEach((j, v) => (pair[2 * j + c] = b[v])));
+    this.solve(pair, 2);
+    return columns.map((_, c) => Float64Array.from(this.place, (j) => pair[2 * j + c]));
+  }
 }
 
 // An order of elimination that always takes an unknown with the fewest neighbours, and the neighbours that each had
@@ -92,7 +104,7 @@ function minimumDegree(n, tail, head) {
       drop(u, u);
       drop(u, v);
     }
-    for (const u of neighbours) degree[u] = count(near, u * words, words);
+    for (const u of neighbours) degree[u] = members(near, u * words, words).length;
   }
   return { order, below };
 }
@@ -103,18 +115,6 @@ function members(bits, from, words) {
     for (let rest = bits[from + w]; rest; rest &= rest - 1) found.push(32 * w + 31 - Math.clz32(rest & -rest));
   }
   return found;
-}
-
-function count(bits, from, words) {
-  let sum = 0;
-  for (let w = from; w < from + words; w++) {
-    let x = bits[w];
-    if (!x) continue;
-    x -= (x >>> 1) & 0x55555555;
-    x = (x & 0x33333333) + ((x >>> 2) & 0x33333333);
-    sum += Math.imul((x + (x >>> 4)) & 0x0f0f0f0f, 0x01010101) >>> 24;
-  }
-  return sum;
 }
 
 // for each row j of L its entries left of the diagonal: their columns, and their places in the column storage

@@ -1,6 +1,6 @@
 // Two losses of boundary points over the angles between neighbours, and their descent by L-BFGS: Newton's method with a
 // Hessian that is learnt from the last few steps.
-import { dot, zeros } from "./complex.js";
+import { copy, dot, zeros } from "./complex.js";
 import { TAU } from "./mesh.js";
 
 const MEMORY = 10,
@@ -40,17 +40,13 @@ export const LOSSES = {
   // energy minus area, 1/2 f* S f - 1/2 sum Im(conj(f_k) f_(k + 1)), whose slope is the residual R
   right({ S }, f) {
     const slope = times(S, f),
-      n = S.length;
+      n = S.length,
+      row = copy(slope);
     let value = 0;
     for (let k = 0; k < n; k++) {
       const next = (k + 1) % n,
         last = (k + n - 1) % n;
       value += (f.x[k] * slope.x[k] + f.y[k] * slope.y[k] - f.x[k] * f.y[next] + f.y[k] * f.x[next]) / 2;
-    }
-    const row = { x: slope.x.slice(), y: slope.y.slice() };
-    for (let k = 0; k < n; k++) {
-      const next = (k + 1) % n,
-        last = (k + n - 1) % n;
       row.x[k] -= (f.y[next] - f.y[last]) / 2;
       row.y[k] += (f.x[next] - f.x[last]) / 2;
     }

@@ -4,7 +4,7 @@ import { ask } from "./ask.js";
 import { apart, fromPairs, interleaved, meanDistance, zeros } from "./complex.js";
 import { angles, descend, LOSSES, objective, points } from "./descent.js";
 import { COARSE, INITIAL } from "./given.js";
-import { DiskMap } from "./map.js";
+import { DiskMap, rimOf } from "./map.js";
 import { meshOf, sample, TAU } from "./mesh.js";
 import { mobius, moved } from "./mobius.js";
 import { COLOURS } from "./picture.js";
@@ -28,8 +28,7 @@ function slidingMu(x, y, s) {
   return [(nx * dx + ny * dy) * q, (ny * dx - nx * dy) * q];
 }
 
-// S = K_bb - K_bi K_ii^-1 K_ib, from boundary values to boundary rows, and K_ii^-1 K_ib, its columns padded to an even
-// number; for the mu that `map` has solved for.
+// S = K_bb - K_bi K_ii^-1 K_ib, from boundary values to boundary rows, for the mu that `map` has solved for.
 function schur(map) {
   const { mesh, off, diagonal } = map,
     { rim, free, spokes, tail, head } = mesh,
@@ -38,8 +37,7 @@ function schur(map) {
   mesh.columns ??= mesh.kernels.numbers(free * R);
   const X = mesh.columns.fill(0);
   for (let i = 0; i < rim.length; i += 3) X[place[rim[i + 1]] * R + rim[i + 2]] = off[rim[i]];
-  mesh.interior.forward(X, R);
-  mesh.interior.backward(X, R);
+  mesh.interior.solve(X, R);
   const S = Array.from({ length: spokes }, () => new Float64Array(spokes));
   for (let k = 0; k < spokes; k++) S[k][k] = diagonal[free + k];
   for (let e = 0; e < mesh.E; e++) {
@@ -50,7 +48,7 @@ function schur(map) {
   for (let i = 0; i < rim.length; i += 3) {
     for (let m = 0; m < spokes; m++) S[rim[i + 2]][m] -= off[rim[i]] * X[place[rim[i + 1]] * R + m];
   }
-  return { S, inside: X, R, count: mesh.V };
+  return { S, count: mesh.V };
 }
 
 // the map that sends the pole to 0 and 1 to 1, after the right one
@@ -60,28 +58,12 @@ function seenFrom(mesh, w, pole) {
   return moved(w, [x[0], y[0], -Math.atan2(first[1], first[0])]);
 }
 
-const rimOf = (mesh, w) => ({ x: w.x.subarray(mesh.free), y: w.y.subarray(mesh.free) });
-
 const stepsOf = ({ x, y }) =>
   Float64Array.from(x, (u, k) => {
     const m = (k + 1) % x.length,
       turn = Math.atan2(u * y[m] - y[k] * x[m], u * x[m] + y[k] * y[m]);
     return turn < 0 ? turn + TAU : turn;
   });
-
-function extended(mesh, { inside, R }, f) {
-  const w = zeros(mesh.V),
-    { place } = mesh.interior;
-  for (let v = 0; v < mesh.free; v++) {
-    for (let m = 0; m < f.x.length; m++) {
-      w.x[v] -= inside[place[v] * R + m] * f.x[m];
-      w.y[v] -= inside[place[v] * R + m] * f.y[m];
-    }
-  }
-  w.x.set(f.x, mesh.free);
-  w.y.set(f.y, mesh.free);
-  return w;
-}
 
 let last = {}; // the descent that was asked for last
 
@@ -99,15 +81,15 @@ function descent(bench, { strength, pole, loss }) {
     judge = objective(system, loss === "right" ? "right" : "printed", loss === "penalised" ? RHO : 0),
     path = descend(judge, measure.map(Math.log), STEPS).map(({ x }) => points(angles(x)));
   const values = path.map((f) => ["printed", "right"].map((name) => LOSSES[name](system, f).value));
-  return (last = { key, mesh, right, start, system, measure, path, values });
+  return (last = { key, mesh, map, right, start, measure, path, values });
 }
 
 // the worker's side
 function work(bench, state) {
   const begin = performance.now(),
-    { mesh, right, start, system, measure, path, values } = descent(bench, state),
+    { mesh, map, right, start, measure, path, values } = descent(bench, state),
     f = path[Math.min(state.step, path.length - 1)],
-    w = extended(mesh, system, f),
+    w = map.extended(f),
     centred = seenFrom(mesh, w, [0, 0]),
     one = zeros(mesh.V);
   one.x.fill(1);

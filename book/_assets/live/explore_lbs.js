@@ -213,7 +213,8 @@ export default {
   },
   compare({ w }, kernel) {
     const off = gap(apart(w, fromPairs(kernel.map)));
-    return `The kernel's map, with right coefficients, has ${kernel.folds} folds; the largest difference of the two maps is ${off}.`;
+    const said = `The kernel's map, with right coefficients, has ${kernel.folds} folds`;
+    return `${said}; the largest difference of the two maps is ${off}.`;
   },
   question: {
     text: "If each pin asked for half of what it asks now, how many triangles would be folded? ",

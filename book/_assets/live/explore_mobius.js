@@ -2,6 +2,7 @@
 import { INITIAL } from "./given.js";
 import { mobius, mobiusSlope } from "./mobius.js";
 import { COLOURS } from "./picture.js";
+import { squareLines } from "./plots.js";
 import { gap, short } from "./words.js";
 
 const POINTS = 181,
@@ -24,18 +25,7 @@ const FIGURES = {
       ]),
     ),
   ],
-  square: () => {
-    const lines = [];
-    for (let c = -0.9; c < 0.95; c += 0.15) {
-      const most = Math.sqrt(1 - c * c),
-        line = Array.from({ length: 61 }, (_, j) => [c, (j / 30 - 1) * most]);
-      lines.push(
-        line,
-        line.map(([x, y]) => [y, x]),
-      );
-    }
-    return lines;
-  },
+  square: squareLines,
   circles: () =>
     [
       [0, 0],

@@ -143,7 +143,8 @@ export default {
     );
   },
   data(state, { exact, mm, mmBefore, bySulcus }) {
-    return { map: interleaved(exact.w), mm, mmBefore, bySulcus, L_CP: exact.L_CP, landmarkError: exact.landmarkError, steps: exact.steps };
+    const { L_CP, landmarkError, steps } = exact;
+    return { map: interleaved(exact.w), mm, mmBefore, bySulcus, L_CP, landmarkError, steps };
   },
   compare: (found, kernel) => {
     const off = gap(apart(found.exact.w, fromPairs(kernel.map)));

@@ -201,16 +201,6 @@ export class Fit {
     const places = Array.from(this.mesh.z.x, (x, v) => other.mesh.locate(x, this.mesh.z.y[v]));
     return this.to(sample(other.nu, places), other.mobius);
   }
-
-  // L_mu, L_grad_mu, L_Landmark and L_CP of the field T(nu)
-  losses({ alpha, beta, gamma }) {
-    const { mass, laplace } = this.mesh.integrals,
-      mu = bounded(this.nu);
-    const L_mu = this.mesh.quadratic(mass, mu),
-      L_grad_mu = this.mesh.quadratic(laplace, mu);
-    const L_Landmark = squares(this.points, this.problem.q) / this.problem.count;
-    return { L_mu, L_grad_mu, L_Landmark, L_CP: alpha * L_mu + beta * L_grad_mu + gamma * L_Landmark };
-  }
 }
 
 // The fit on a coarse mesh by continuation in gamma, then on the fine one. It depends on the request alone: it starts from

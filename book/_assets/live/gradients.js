@@ -29,17 +29,11 @@ export function rooms(mesh, count) {
   };
   const { room } = mesh,
     R = 2 * M;
-  return {
-    M,
-    g: room.g.subarray(0, free * R),
-    l: room.l.subarray(0, free * R),
-    onRim: room.onRim.subarray(0, spokes * R),
-    J: room.J.subarray(0, V * 2 * R),
-    gram: room.gram.subarray(0, R * R),
-    shares: room.shares,
-    none: room.none,
-    pair: room.pair,
-  };
+  const [g, l] = [room.g, room.l].map((array) => array.subarray(0, free * R)),
+    onRim = room.onRim.subarray(0, spokes * R),
+    J = room.J.subarray(0, V * 2 * R),
+    gram = room.gram.subarray(0, R * R);
+  return { ...room, M, g, l, onRim, J, gram };
 }
 
 // J at the last map of `solution`; places of the landmarks, the Möbius map after the normalised f, nu on the faces.
@@ -71,8 +65,7 @@ function greens(solution, { M, g }, places, map) {
     }),
   );
   g[interior.place[0] * R + places.length] = 1;
-  interior.forward(g, R);
-  interior.backward(g, R);
+  interior.solve(g, R);
   for (let i = 0; i < rim.length; i += 3) {
     const from = interior.place[rim[i + 1]] * R,
       to = rim[i + 2] * R,
@@ -125,8 +118,7 @@ function measures({ mesh, off }, { M, l, onRim }) {
       weight = off[rim[i]];
     for (let c = 0; c < R; c++) l[to + c] -= weight * onRim[from + c];
   }
-  interior.forward(l, R);
-  interior.backward(l, R);
+  interior.solve(l, R);
 }
 
 // J: on each face the derivative of |T| grad g . A(mu) grad x by mu, x = Re f, Im f and U, through mu = T(nu), a third
@@ -203,11 +195,8 @@ function normalisation(solution, { M, J }, places, [bx, by, turn]) {
 
 // shares[6 x + 2 k + part]: what the adjoint of potential x at corner k gives to the real or imaginary part of J
 function faceShares({ mesh, mu, f, U }, nu, t, shares) {
-  const {
-      faces,
-      area,
-      gradient: { x: gx, y: gy },
-    } = mesh,
+  const { faces, area, gradient } = mesh,
+    { x: gx, y: gy } = gradient,
     a = mu.x[t],
     b = mu.y[t],
     scale = 1 / (1 - a * a - b * b);

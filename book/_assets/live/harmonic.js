@@ -2,7 +2,7 @@
 // targets by springs. It minimises 1/2 int |grad f|^2 + (lambda / 2) sum_k |f(p_k) - q_k|^2; no overlap correction.
 import { choleskyDense, copy, solveDense, zeros } from "./complex.js";
 import { rooms } from "./gradients.js";
-import { onCircle, DiskMap } from "./map.js";
+import { onCircle, DiskMap, rimOf } from "./map.js";
 import { sample } from "./mesh.js";
 import { bestMobius, moved } from "./mobius.js";
 
@@ -15,7 +15,7 @@ export class Harmonic {
       M = problem.count,
       R = M + (M & 1);
     solution.solve(zeros(mesh.F)); // leaves K(0) factored
-    this.start = this.extension(solution, onCircle(mesh, moved(mesh.z, bestMobius(problem.p, problem.q))));
+    this.start = solution.extended(rimOf(mesh, onCircle(mesh, moved(mesh.z, bestMobius(problem.p, problem.q)))));
     const { place } = mesh.interior,
       green = rooms(mesh, M)
         .g.subarray(0, mesh.free * R)
@@ -25,32 +25,16 @@ export class Harmonic {
         if (v < mesh.free) green[place[v] * R + m] += weights[k];
       }),
     );
-    mesh.interior.forward(green, R);
-    mesh.interior.backward(green, R);
+    mesh.interior.solve(green, R);
     this.green = Array.from({ length: M }, (_, m) =>
       Float64Array.from({ length: mesh.free }, (_, v) => green[place[v] * R + m]),
     );
   }
 
-  // the harmonic map with the boundary values of w
-  extension(solution, w) {
-    const { mesh } = this;
-    for (let v = mesh.free; v < mesh.V; v++) {
-      solution.f.x[v] = w.x[v];
-      solution.f.y[v] = w.y[v];
-    }
-    solution.inside();
-    return copy(solution.f);
-  }
-
   // The map for one lambda: springs pull by s with (1 / lambda + E G) s = q - E f.
   map(lambda) {
-    const {
-        mesh,
-        problem: { q, count: M },
-        places,
-        green,
-      } = this,
+    const { mesh, places, green } = this,
+      { q, count: M } = this.problem,
       w = copy(this.start),
       now = sample(w, places);
     if (!(lambda > 0)) return w;

@@ -77,15 +77,12 @@ export class PolarMesh {
       const [a, b, c] = faces.subarray(3 * t, 3 * t + 3);
       const twice = (z.x[b] - z.x[a]) * (z.y[c] - z.y[a]) - (z.y[b] - z.y[a]) * (z.x[c] - z.x[a]);
       this.area[t] = twice / 2;
-      [
-        [b, c],
-        [c, a],
-        [a, b],
-      ].forEach(([v, w], k) => {
-        // i (w - v) / (2 area), at the corner opposite
+      for (let k = 0; k < 3; k++) {
+        const v = faces[3 * t + ((k + 1) % 3)],
+          w = faces[3 * t + ((k + 2) % 3)]; // i (w - v) / (2 area), at the corner opposite
         gx[3 * t + k] = -(z.y[w] - z.y[v]) / twice;
         gy[3 * t + k] = (z.x[w] - z.x[v]) / twice;
-      });
+      }
       for (let k = 0; k < 3; k++) {
         const i = 3 * t + k,
           m = 3 * t + ((k + 1) % 3);
@@ -117,6 +114,13 @@ export class PolarMesh {
       diagonal[head[e]] -= off[e];
     }
     return true;
+  }
+
+  // the load of values on the circle, -K_ib f_b
+  rimLoad(off, values) {
+    const load = new Float64Array(this.free);
+    for (let i = 0; i < this.rim.length; i += 3) load[this.rim[i + 1]] -= off[this.rim[i]] * values[this.rim[i + 2]];
+    return load;
   }
 
   // mass and Laplace over pi, as {off, diagonal} each

@@ -31,67 +31,30 @@ export function graphOf({ faces, vertices, V }) {
 export function shortestPath({ first, other, length }, cost, start, end) {
   const total = new Float64Array(cost.length).fill(Infinity),
     previous = new Int32Array(cost.length).fill(-1),
-    queue = new Queue();
-  total[start] = 0;
-  queue.push(start, 0);
-  while (queue.size) {
-    const [v, sum] = queue.pop();
+    queue = []; // [sum, vertex], the cheapest last
+  const reach = (v, sum, from) => {
+    [total[v], previous[v]] = [sum, from];
+    let [low, high] = [0, queue.length];
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (queue[middle][0] > sum) low = middle + 1;
+      else high = middle;
+    }
+    queue.splice(low, 0, [sum, v]);
+  };
+  reach(start, 0, -1);
+  while (queue.length) {
+    const [sum, v] = queue.pop();
     if (v === end) break;
     if (sum > total[v]) continue; // it was reached more cheaply since
     for (let i = first[v]; i < first[v + 1]; i++) {
-      const w = other[i],
-        through = sum + (length[i] * (cost[v] + cost[w])) / 2;
-      if (through >= total[w]) continue;
-      total[w] = through;
-      previous[w] = v;
-      queue.push(w, through);
+      const through = sum + (length[i] * (cost[v] + cost[other[i]])) / 2;
+      if (through < total[other[i]]) reach(other[i], through, v);
     }
   }
   const path = [end];
   while (path[path.length - 1] !== start) path.push(previous[path[path.length - 1]]);
   return { path: path.reverse(), cost: total[end] };
-}
-
-// the cheapest first: a binary heap
-class Queue {
-  constructor() {
-    Object.assign(this, { items: [], keys: [] });
-  }
-
-  get size() {
-    return this.items.length;
-  }
-
-  push(item, key) {
-    const { items, keys } = this;
-    let i = items.length;
-    while (i > 0) {
-      const up = (i - 1) >> 1;
-      if (keys[up] <= key) break;
-      [items[i], keys[i]] = [items[up], keys[up]];
-      i = up;
-    }
-    [items[i], keys[i]] = [item, key];
-  }
-
-  pop() {
-    const { items, keys } = this,
-      top = [items[0], keys[0]],
-      item = items.pop(),
-      key = keys.pop(),
-      count = items.length;
-    for (let i = 0; count; ) {
-      let down = 2 * i + 1;
-      if (down + 1 < count && keys[down + 1] < keys[down]) down++;
-      if (down >= count || keys[down] >= key) {
-        [items[i], keys[i]] = [item, key];
-        break;
-      }
-      [items[i], keys[i]] = [items[down], keys[down]];
-      i = down;
-    }
-    return top;
-  }
 }
 
 // ---- curves: vertices of a path, points by arc length in space ----

@@ -10,7 +10,7 @@ const SIZE = 320,
 const places = new WeakMap(); // mesh -> {key, places} of the grid's points: looked for once a problem
 
 // a square grid, in the coordinates of the picture
-function squareLines() {
+export function squareLines() {
   const lines = [];
   for (let k = 0; k < LINES; k++) {
     const c = (2 * (k + 0.5)) / LINES - 1,

@@ -1,4 +1,5 @@
 // A surface in 3-D on one WebGL canvas, with tubes upon it, to be turned by mouse, finger and arrow keys.
+import { Picture } from "./picture.js";
 import { cross, minus, normalsOf, unit } from "./triangles.js";
 
 const SIZE = [560, 420],
@@ -19,23 +20,17 @@ uniform vec3 eye; varying vec3 shown, way;
 void main() { gl_FragColor = vec4(shown * (0.3 + 0.75 * max(dot(normalize(way), eye), 0.0)), 1.0); }`;
 const PARTS = { place: 3, unfolded: 3, normal: 3, unfoldedNormal: 3, colour: 3 };
 
-export class Solid {
+export class Solid extends Picture {
   // view: name, label, drag(state, index, [turn, tilt] in degrees) -> part of a state
   constructor(view, title) {
-    Object.assign(this, { view, title, buffers: {} });
-    this.canvas = document.createElement("canvas");
-    const sharpness = Math.min(2, Math.max(1, globalThis.devicePixelRatio || 1));
-    [this.canvas.width, this.canvas.height] = SIZE.map((size) => size * sharpness);
+    super(view, title);
+    this.buffers = {};
     this.canvas.className = "qc-live-solid";
-    this.canvas.setAttribute("role", "application");
-    this.canvas.setAttribute("aria-roledescription", "surface in 3-D: arrow keys turn it");
-    this.canvas.setAttribute("aria-label", `${title}: ${view.label}`);
-    this.element = document.createElement("figure");
     this.element.className = "qc-live-wide";
-    const caption = Object.assign(document.createElement("figcaption"), { textContent: view.label });
-    this.element.append(this.canvas, caption);
-    this.begin();
-    this.listen();
+  }
+
+  get size() {
+    return SIZE;
   }
 
   begin() {
@@ -60,18 +55,13 @@ export class Solid {
     this.slots = Object.fromEntries(Object.keys(PARTS).map((name) => [name, pen.getAttribLocation(program, name)]));
   }
 
-  describe(words) {
-    this.canvas.setAttribute("aria-label", `${this.title}: ${this.view.label}. ${words}`);
-  }
-
   handles() {}
 
   // ---- turning ----
 
   listen() {
     const { canvas } = this;
-    canvas.tabIndex = 0;
-    canvas.style.touchAction = "none";
+    canvas.setAttribute("aria-roledescription", "surface in 3-D: arrow keys turn it");
     let from = null;
     canvas.addEventListener("pointerdown", (event) => {
       from = [event.clientX, event.clientY];

@@ -9,7 +9,6 @@ import { bestMobius, moved } from "./mobius.js";
 import { CPNet } from "./cpnet.js";
 import { unfold } from "./repair.js";
 import { networkOf } from "./unet.js";
-import { bounded } from "./complex.js";
 
 const COARSE_SHARE = 2; // the coarse mesh has half as many rings
 const SWEEP = [1e1, 1e2, 1e3, 1e4, 1e5, 1e6]; // gamma / alpha of the trade-off curve
@@ -79,9 +78,7 @@ async function pass(bench, mesh, request, stale) {
   const nu = await net.run(problem.p, problem.q, request, request.looks, mesh, stale);
   if (!nu) return null;
   const solution = (mesh.map ??= new DiskMap(mesh));
-  const { x, y } = mesh.onFaces(mesh.z),
-    centres = Array.from(x, (u, t) => net.mesh.locate(u, y[t]));
-  if (!solution.solve(bounded(sample(nu, centres)))) return { missing: "CP-Net's coefficient has no map" };
+  if (!solution.solve(net.link(mesh).coefficient(nu))) return { missing: "CP-Net's coefficient has no map" };
   const places = Array.from(problem.p.x, (u, m) => mesh.locate(u, problem.p.y[m])),
     f = solution.normalised();
   const found = unfold(solution, onCircle(mesh, moved(f, bestMobius(sample(f, places), problem.q))));

@@ -51,12 +51,8 @@ export class Spectrum {
 
   // E^* g of gradients g at the nodes, (x, y, centre), into out at `to`, complex pairs
   gradients(x, y, [centreX, centreY], out, to) {
-    const {
-        mesh: { rings },
-        spokes,
-        radial,
-        waves,
-      } = this,
+    const { spokes, radial, waves } = this,
+      { rings } = this.mesh,
       root = 1 / Math.sqrt(spokes);
     for (let j = 0; j < rings; j++) this.ring(x, y, j * spokes, waves[j]);
     waves[0][0] += centreX; // the centre is the mean of the first ring
@@ -77,10 +73,8 @@ export class Spectrum {
 
   // complex pairs of a nodal field (V), the centre left out
   coefficients(nu) {
-    const {
-        mesh: { rings, spokes },
-        area,
-      } = this,
+    const { area } = this,
+      { rings, spokes } = this.mesh,
       N = rings * spokes,
       weight = (i) => area[Math.floor(i / spokes)] / Math.PI;
     const out = new Float64Array(2 * N),

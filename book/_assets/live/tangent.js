@@ -25,14 +25,7 @@ export class Carrier {
       areas = new Float64Array(V);
     for (let i = 0; i < 3 * F; i++) areas[faces[i]] += area[Math.floor(i / 3)] / 3;
     const n = PARTS.length,
-      fine = zeros(n * F);
-    for (let t = 0; t < F; t++)
-      PARTS.forEach((place, i) =>
-        place.forEach((share, k) => {
-          fine.x[n * t + i] += share * z.x[faces[3 * t + k]];
-          fine.y[n * t + i] += share * z.y[faces[3 * t + k]];
-        }),
-      );
+      fine = this.inside(z);
     const located = (points) => Array.from(points.x, (x, i) => mapped.locate(x, points.y[i]));
     this.nodes = { areas, places: located(z) };
     this.fine = { areas: Float64Array.from(fine.x, (_, i) => area[Math.floor(i / n)] / n), places: located(fine) };

@@ -3,9 +3,8 @@ import { readArrays } from "./files.js";
 import { wasmLayers } from "./layers.js";
 
 const FIRST_SCALE = 0.1; // of a conditioned U-Net's outputs, before the conditions change it
-const upTo = (n, step) => Math.ceil(n / step) * step;
 
-// Sizes are read from the tensors, name -> {shape, data}, as torch has them: (outputs, inputs, kernel, kernel).
+// Sizes are read from the tensors, name -> {shape, data}, which come in blocks, made up with zeros (livefiles.py).
 export class UNet {
   constructor(layers, tensors, rings, spokes) {
     Object.assign(this, { layers, tensors, rings, spokes });
@@ -22,32 +21,20 @@ export class UNet {
     this.finer = list(levels, (i) => this.layer(`finer.${i}`));
     this.bottom = list(blocks, (i) => block(`bottom.${i}`));
     this.channels = [this.stem.outputs, ...this.coarser.map(({ outputs }) => outputs)];
-    this.outputs = tensors["head.bias"].shape[0]; // of head.outputs, which are a multiple of 8
     this.film = tensors["film.0.weight"] && [0, 2].map((i) => [tensors[`film.${i}.weight`], tensors[`film.${i}.bias`]]);
     this.makeRoom();
   }
 
-  // weights as [outputs / 8][kernel][kernel][inputs][8], inputs made up to a multiple of 4, outputs to one of 8
+  // its weights lie as [outputs / 8][kernel][kernel][inputs][8]
   layer(name) {
-    const {
-      shape: [O, I, kernel],
-      data,
-    } = this.tensors[`${name}.weight`];
-    const inputs = upTo(I, 4),
-      outputs = upTo(O, 8),
-      weight = this.layers.numbers(outputs * kernel * kernel * inputs);
-    for (let o = 0, from = 0; o < O; o++) {
-      for (let c = 0; c < I; c++) {
-        for (let y = 0; y < kernel; y++) {
-          for (let x = 0; x < kernel; x++, from++) {
-            weight[((((o >> 3) * kernel + y) * kernel + x) * inputs + c) * 8 + (o & 7)] = data[from];
-          }
-        }
-      }
-    }
-    const bias = this.layers.numbers(outputs);
-    bias.set(this.tensors[`${name}.bias`].data);
-    return { weight, bias, kernel, inputs, outputs };
+    const [weight, bias] = ["weight", "bias"].map((kind) => {
+      const { data } = this.tensors[`${name}.${kind}`],
+        numbers = this.layers.numbers(data.length);
+      numbers.set(data);
+      return numbers;
+    });
+    const [blocks, kernel, , inputs, width] = this.tensors[`${name}.weight`].shape;
+    return { weight, bias, kernel, inputs, outputs: blocks * width };
   }
 
   size(level) {
@@ -123,15 +110,8 @@ export class UNet {
     for (let level = 0; level < last; level++) {
       const size = this.size(level);
       this.block(this.down[level], skips[level], spare[level], size);
-      layers.convolve(
-        skips[level],
-        size[1] * channels[level],
-        this.coarser[level],
-        2,
-        skips[level + 1],
-        this.size(level + 1),
-        false,
-      );
+      const next = this.size(level + 1);
+      layers.convolve(skips[level], size[1] * channels[level], this.coarser[level], 2, skips[level + 1], next, false);
       modulate(skips[level + 1], channels[level + 1]);
     }
     for (const block of this.bottom) this.block(block, skips[last], spare[last], this.size(last));
@@ -148,7 +128,7 @@ export class UNet {
     if (films)
       this.output.forEach((value, i) => {
         const channel = i % this.head.outputs;
-        if (channel < this.outputs) this.output[i] = value * FIRST_SCALE * Math.exp(films[at + channel]);
+        if (at + channel < films.length) this.output[i] = value * FIRST_SCALE * Math.exp(films[at + channel]);
       });
     return this.output;
   }
