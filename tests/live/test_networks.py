@@ -80,6 +80,6 @@ def test_nothing_of_a_network_stands_in_the_modules():
     """A network of other sizes needs no change: they come from the file."""
     text = "".join(
         (MODULES / name).read_text()
-        for name in ("unet.js", "born.js", "cpnet.js", "looks.js", "spectrum.js", "tangent.js", "dbsnet.js")
+        for name in ("unet.js", "cpnet.js", "looks.js", "spectrum.js", "tangent.js", "dbsnet.js")
     )
     assert not any(f" {number}" in text for number in (24, 48, 72, 144, 512))

@@ -72,49 +72,31 @@ export class Cholesky {
 }
 
 // An order of elimination that always takes an unknown with the fewest neighbours, and the neighbours that each had
-// left. Neighbours are sets of bits: for a few thousand unknowns exact degrees are cheap.
+// left: for a few thousand unknowns exact degrees are cheap.
 function minimumDegree(n, tail, head) {
-  const words = (n + 31) >> 5,
-    near = new Uint32Array(n * words);
-  const add = (a, b) => {
-    near[a * words + (b >> 5)] |= 1 << (b & 31);
-  };
-  const drop = (a, b) => {
-    near[a * words + (b >> 5)] &= ~(1 << (b & 31));
-  };
-  tail.forEach((a, e) => {
-    if (a >= 0 && head[e] >= 0) {
-      add(a, head[e]);
-      add(head[e], a);
-    }
-  });
-  const degree = Int32Array.from({ length: n }, (_, v) => members(near, v * words, words).length);
-  const left = Array.from({ length: n }, (_, v) => v),
+  const near = Array.from({ length: n }, () => new Set()),
+    left = Array.from({ length: n }, (_, v) => v),
     order = [],
     below = [];
+  tail.forEach((a, e) => {
+    if (a < 0 || head[e] < 0) return;
+    near[a].add(head[e]);
+    near[head[e]].add(a);
+  });
   while (left.length) {
     let best = 0;
-    for (let k = 1; k < left.length; k++) if (degree[left[k]] < degree[left[best]]) best = k;
+    for (let k = 1; k < left.length; k++) if (near[left[k]].size < near[left[best]].size) best = k;
     const [v] = left.splice(best, 1),
-      neighbours = members(near, v * words, words);
+      neighbours = [...near[v]];
     order.push(v);
     below.push(neighbours);
     for (const u of neighbours) {
-      for (let w = 0; w < words; w++) near[u * words + w] |= near[v * words + w];
-      drop(u, u);
-      drop(u, v);
+      for (const w of neighbours) near[u].add(w);
+      near[u].delete(u);
+      near[u].delete(v);
     }
-    for (const u of neighbours) degree[u] = members(near, u * words, words).length;
   }
   return { order, below };
-}
-
-function members(bits, from, words) {
-  const found = [];
-  for (let w = 0; w < words; w++) {
-    for (let rest = bits[from + w]; rest; rest &= rest - 1) found.push(32 * w + 31 - Math.clz32(rest & -rest));
-  }
-  return found;
 }
 
 // for each row j of L its entries left of the diagonal: their columns, and their places in the column storage

@@ -20,18 +20,9 @@ export const largest = (list) => list.reduce((a, b) => Math.max(a, b), 0);
 export const toPairs = (z) => Array.from(z.x, (x, i) => [x, z.y[i]]);
 
 // of two arrays: the sum of squares of the distances, their mean, and the largest
-export function squares(a, b) {
-  let sum = 0;
-  for (let i = 0; i < a.x.length; i++) sum += (a.x[i] - b.x[i]) ** 2 + (a.y[i] - b.y[i]) ** 2;
-  return sum;
-}
-
-export function meanDistance(a, b) {
-  let sum = 0;
-  for (let i = 0; i < a.x.length; i++) sum += Math.hypot(a.x[i] - b.x[i], a.y[i] - b.y[i]);
-  return sum / a.x.length;
-}
-
+export const squares = (a, b) => a.x.reduce((sum, x, i) => sum + (x - b.x[i]) ** 2 + (a.y[i] - b.y[i]) ** 2, 0);
+export const meanDistance = (a, b) =>
+  a.x.reduce((sum, x, i) => sum + Math.hypot(x - b.x[i], a.y[i] - b.y[i]), 0) / a.x.length;
 export const apart = (a, b) => largest(a.x.map((x, i) => Math.hypot(x - b.x[i], a.y[i] - b.y[i])));
 
 const LARGEST = 1 - 1e-10; // of |mu|: tanh rounds to 1 from 19 on

@@ -1,5 +1,4 @@
 // CP-Net, preset `best` (nets/cpnet.py): the first Gauss-Newton step, corrected by a U-Net, and looks from there.
-import { Born } from "./born.js";
 import { zeros } from "./complex.js";
 import { Link, Looks } from "./looks.js";
 import { Spectrum } from "./spectrum.js";
@@ -11,7 +10,11 @@ export class CPNet {
   // network: {config, tensors} of the file; mesh: the polar mesh of its config
   constructor(mesh, layers, { config, tensors }) {
     const spectrum = new Spectrum(mesh, tensors);
-    Object.assign(this, { mesh, config, spectrum, own: new Link(mesh, spectrum), born: new Born(spectrum, tensors) });
+    Object.assign(this, { mesh, config, spectrum, own: new Link(mesh, spectrum) });
+    const { one, two, kept } = tensors;
+    [this.one, this.two] = [one, two].map(({ data }) => Float64Array.from(data));
+    Object.assign(this, { kept: kept.data, modes: kept.data.length });
+    this.angular = Int32Array.from(this.kept, (k) => Math.floor(k / mesh.rings)); // mode number
     this.unet = new UNet(layers, partOf(tensors, "unet"), mesh.rings, mesh.spokes);
   }
 
@@ -92,7 +95,7 @@ export class CPNet {
     };
     const { spread, count } = this.splat(places, wanted);
     turning({ x: nu.x.subarray(1), y: nu.y.subarray(1) }, 2, 0.3 / size);
-    turning(this.born.moved(this.spectrum.coefficients(nu)), 1, 5);
+    turning(this.moved(this.spectrum.coefficients(nu)), 1, 5);
     turning(spread, 1, 10);
     plain((i) => count[i]);
     turning(this.splat(places, left).spread, 1, 10);
@@ -113,5 +116,32 @@ export class CPNet {
       }),
     );
     return { spread, count };
+  }
+
+  spoke(k) {
+    const { spokes } = this.mesh;
+    return ((k % spokes) + spokes) % spokes;
+  }
+
+  // displacements of the nodes by all coefficients of a field, complex pairs, to first order: tables `one` and `two`, one
+  // row a ring, for the smoothest eigenvectors ("modes") of the polar mesh (nets/born.py)
+  moved(c) {
+    const { spectrum, modes, angular, one, two } = this,
+      { rings, spokes } = spectrum.mesh,
+      waves = zeros(rings * spokes);
+    for (let j = 0; j < rings; j++) {
+      for (let n = 0; n < modes; n++) {
+        const at = 2 * (j * modes + n),
+          x = c[2 * this.kept[n]],
+          y = c[2 * this.kept[n] + 1];
+        const a = this.spoke(angular[n] - 1) * rings + j,
+          b = this.spoke(3 - angular[n]) * rings + j;
+        waves.x[a] += x * one[at] + y * one[at + 1];
+        waves.y[a] += y * one[at] - x * one[at + 1];
+        waves.x[b] += x * two[at] + y * two[at + 1];
+        waves.y[b] += x * two[at + 1] - y * two[at];
+      }
+    }
+    return spectrum.ofWaves(waves);
   }
 }

@@ -145,8 +145,7 @@ function draw([seen, image, losses], state, { w, centred, measure, values }) {
   seen.dot(state.pole, COLOURS.target, 5);
   seen.mark();
   const shown = state.centred ? centred : w;
-  image.clear();
-  image.circle();
+  image.disk();
   grid(image, mesh, shown);
   for (let v = mesh.free; v < mesh.V; v++) image.dot([shown.x[v], shown.y[v]], COLOURS.registered, 2.5);
   image.dot([1, 0], COLOURS.ink, 3.5);

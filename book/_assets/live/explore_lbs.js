@@ -152,8 +152,7 @@ const eased = (state, share) => ({
 function draw([image, colours], state, { w, size, folds, pins }) {
   const mesh = meshOf(...SIZE),
     { faces } = mesh;
-  image.clear();
-  image.circle();
+  image.disk();
   for (const t of folds) image.face([0, 1, 2].map((k) => [w.x[faces[3 * t + k]], w.y[faces[3 * t + k]]]), COLOURS.fold);
   grid(image, mesh, w);
   image.lines(pins.map(({ start, target }) => [start, target]), COLOURS.ink, 1.2, [3, 2]);

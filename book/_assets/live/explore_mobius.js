@@ -27,12 +27,9 @@ const FIGURES = {
   ],
   square: squareLines,
   circles: () =>
-    [
-      [0, 0],
-      [0.6, 0],
-      [-0.3, 0.5196],
-      [-0.3, -0.5196],
-    ].flatMap((centre) => [0.1, 0.2, 0.3].map((r) => circle(centre, r))),
+    [circle([0, 0], 0), circle([0, 0], 0.6)].flatMap((ring) =>
+      [0, 60, 120].flatMap((k) => [0.1, 0.2, 0.3].map((r) => circle(ring[k], r))),
+    ),
 };
 
 const parameters = ({ size, direction, turn }) => {
@@ -126,8 +123,7 @@ export default {
       [before, found.source, found.small, found.a],
       [after, found.lines, found.image, [0, 0]],
     ]) {
-      picture.clear();
-      picture.circle();
+      picture.disk();
       picture.lines(lines, COLOURS.grid);
       picture.lines([small], COLOURS.target, 2);
       picture.dot(pole, COLOURS.registered, 5);

@@ -132,8 +132,7 @@ async function answer(state, host) {
 
 function draw([field, image, colours], state, found) {
   const mesh = meshOf(...FINE);
-  field.clear();
-  field.circle();
+  field.disk();
   const lines = [],
     step = 2 / ELLIPSES;
   for (let i = 0; i < ELLIPSES; i++) {
@@ -145,8 +144,7 @@ function draw([field, image, colours], state, found) {
   }
   field.lines(lines, COLOURS.grid, 1);
   field.ring(state.brush, state.radius, COLOURS.target);
-  image.clear();
-  image.circle();
+  image.disk();
   if (found.compressed) grid(image, mesh, found.compressed.w, { colour: COLOURS.target, dash: [3, 2] });
   grid(image, mesh, found.w);
   heat(colours, mesh, found.size);

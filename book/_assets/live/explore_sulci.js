@@ -100,8 +100,7 @@ function draw([solid, disk], state, found) {
       const at = (part) => corners.reduce((sum, v, k) => sum + weights[k] * part[v], 0);
       return control.toPicture([at(control.x), at(control.y)]);
     });
-  disk.clear();
-  disk.circle();
+  disk.disk();
   if (state.before) disk.lines(found.lines.before.map(line), COLOURS.moving, 1.5);
   disk.lines(found.lines.registered.map(line), COLOURS.registered, 3);
   disk.lines(found.lines.target.map(line), COLOURS.target, 1.5, [4, 3]);

@@ -83,13 +83,11 @@ function draw([moving, control, mu, bars, trade], state, found) {
   const start = problem.moving.map(to),
     target = problem.target.map(to);
   const registered = Array.from(shown.points.x, (x, m) => to([x, shown.points.y[m]]));
-  moving.clear();
-  moving.circle();
+  moving.disk();
   moving.lines(curves(start), COLOURS.moving, 1);
   start.forEach((point) => moving.dot(point, COLOURS.moving, 3));
   moving.mark();
-  control.clear();
-  control.circle();
+  control.disk();
   grid(control, mesh, shown.w, { to, from: fromPicture(problem.radius) });
   control.lines(curves(target), COLOURS.target, 1, [4, 3]);
   target.forEach((point) => control.square(point, COLOURS.target, 3.5, 1.2));
@@ -138,11 +136,7 @@ export default {
       kind: "choice",
       name: "looks",
       label: "looks of CP-Net at the exact map",
-      options: [
-        ["0", "0"],
-        ["1", "1"],
-        ["2", "2"],
-      ],
+      options: ["0", "1", "2"].map((count) => [count, count]),
     },
     {
       kind: "choice",

@@ -1,7 +1,7 @@
 // The landmark fit: Gauss-Newton steps for a field nu on a polar mesh and a Möbius map M after the map f of mu = T(nu).
 //   minimise  nu^* W nu + gamma mean |M(f(p)) - q|^2,   W = (alpha mass + beta Laplace) / pi.
 // Unknowns are few in the dual: one system of the landmarks' size a step (registration/engine.py does the same).
-import { bothSides, bounded, copy, dot, dualSolve, largest, meanDistance, sizes, squares, zeros } from "./complex.js";
+import { bothSides, bounded, dot, dualSolve, largest, meanDistance, sizes, squares, zeros } from "./complex.js";
 import { Cholesky } from "./cholesky.js";
 import { combine, gradients, rooms } from "./gradients.js";
 import { checkWeights, Problem } from "./landmarks.js";
@@ -143,11 +143,7 @@ export class Fit {
 
   // to a share of a step from `begin`: whether that is a map
   advance({ nu, mobius }, { change, increment: [dx, dy, turn] }, share = 1) {
-    const next = copy(nu);
-    for (let v = 0; v < next.x.length; v++) {
-      next.x[v] += share * change.x[v];
-      next.y[v] += share * change.y[v];
-    }
+    const next = { x: nu.x.map((x, v) => x + share * change.x[v]), y: nu.y.map((y, v) => y + share * change.y[v]) };
     return this.to(next, compose(mobius, [share * dx, share * dy, share * turn]));
   }
 

@@ -1,10 +1,10 @@
-// The inner loops of the solver in WebAssembly: kernels.wasm, made from kernels.ts. They work on arrays of one memory, which
-// are handed out here.
+// The inner loops in WebAssembly: the solver's, kernels.wasm, made from kernels.ts, and the U-Nets', layers.wasm, from layers.ts.
+// Either works on arrays of one memory, which are handed out here. It never grows: views into it would die.
 
-const PAGES = 1024; // 64 MB, enough for 128 landmarks on the finer mesh. It never grows: views into it would die.
+const BLOCK = 6; // pixels that layers.wasm takes at once: widths have to be multiples
 
 // The functions of a .wasm file, and take(Type): n -> a new array in its memory.
-export async function loaded(bytes, pages) {
+async function loaded(bytes, pages) {
   if (!globalThis.WebAssembly) throw new Error("the browser offers no WebAssembly, which this figure needs");
   const memory = new WebAssembly.Memory({ initial: pages });
   const abort = () => {
@@ -23,7 +23,7 @@ export async function loaded(bytes, pages) {
 const at = (array) => array.byteOffset;
 
 export async function wasmKernels(bytes) {
-  const { wasm, take } = await loaded(bytes, PAGES);
+  const { wasm, take } = await loaded(bytes, 1024); // 64 MB, enough for 128 landmarks on the finer mesh
   return {
     numbers: take(Float64Array),
     integers: take(Int32Array),
@@ -45,5 +45,25 @@ export async function wasmKernels(bytes) {
     // One face's share of the landmarks' gradients, added to those of its corners. See gradients.js: rows are, for
     // the three corners each, adjoints g of f, adjoints l of U (both 2M) and gradients J (4M); shares has 18 numbers.
     face: (M, shares, rows, place) => wasm.face(M, at(shares), ...rows.map((row, k) => at(row) + 8 * place[k])),
+  };
+}
+
+// single precision, channels last
+export async function wasmLayers(bytes) {
+  const { wasm, take } = await loaded(bytes, 512); // 32 MB
+  return {
+    numbers: take(Float32Array),
+
+    // to = from / (1 + exp(-from))
+    silu: (from, to) => wasm.silu(at(from), at(to), to.length),
+
+    // out (height, width, outputs) = bias + convolution of x, rows of `row` numbers, with steps of `step`; add: onto out.
+    // Weights lie as [outputs / 8][kernel][kernel][inputs][8].
+    convolve(x, row, { weight, bias, kernel, inputs, outputs }, step, out, [height, width], add) {
+      if (width % BLOCK)
+        throw new Error(`the network's grid has ${width} spokes on a level: layers.wasm takes multiples of ${BLOCK}`);
+      const places = [at(weight), at(bias), at(out)];
+      wasm.convolve(at(x), 4 * row, inputs, kernel, step, ...places, height, width, outputs, add ? 1 : 0);
+    },
   };
 }

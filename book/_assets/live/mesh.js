@@ -145,11 +145,10 @@ export class PolarMesh {
   quadratic({ off, diagonal }, { x, y }) {
     let sum = 0;
     for (let v = 0; v < this.V; v++) sum += diagonal[v] * (x[v] * x[v] + y[v] * y[v]);
-    for (let e = 0; e < this.E; e++) {
-      const a = this.tail[e],
-        b = this.head[e];
+    this.tail.forEach((a, e) => {
+      const b = this.head[e];
       sum += 2 * off[e] * (x[a] * x[b] + y[a] * y[b]);
-    }
+    });
     return sum;
   }
 
@@ -158,9 +157,7 @@ export class PolarMesh {
     const mean = zeros(this.F),
       { faces } = this;
     for (let t = 0; t < this.F; t++) {
-      const a = faces[3 * t],
-        b = faces[3 * t + 1],
-        c = faces[3 * t + 2];
+      const [a, b, c] = faces.subarray(3 * t, 3 * t + 3);
       mean.x[t] = (x[a] + x[b] + x[c]) / 3;
       mean.y[t] = (y[a] + y[b] + y[c]) / 3;
     }
@@ -256,9 +253,7 @@ export class PolarMesh {
     const found = [],
       { faces } = this;
     for (let t = 0; t < this.F; t++) {
-      const a = faces[3 * t],
-        b = faces[3 * t + 1],
-        c = faces[3 * t + 2];
+      const [a, b, c] = faces.subarray(3 * t, 3 * t + 3);
       const left = (x[b] - x[a]) * (y[c] - y[a]),
         right = (y[b] - y[a]) * (x[c] - x[a]);
       if (!(left - right > 1e-15 * (Math.abs(left) + Math.abs(right)) + TINY)) found.push(t);

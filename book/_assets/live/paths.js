@@ -59,17 +59,20 @@ export function shortestPath({ first, other, length }, cost, start, end) {
 
 // ---- curves: vertices of a path, points by arc length in space ----
 
-export function lengthOf({ vertices }, path) {
-  const at = (v) => vertices.subarray(3 * v, 3 * v + 3);
-  return path.slice(1).reduce((sum, v, k) => sum + distance(at(path[k]), at(v)), 0);
-}
-
-// `count` places at equal steps along a path, ends included: two vertices and the share of the second
-export function places({ vertices }, path, count) {
+// lengths of a path up to each of its vertices
+function lengths({ vertices }, path) {
   const at = (v) => vertices.subarray(3 * v, 3 * v + 3),
     along = [0];
   path.slice(1).forEach((v, k) => along.push(along[k] + distance(at(path[k]), at(v))));
-  const total = along[along.length - 1];
+  return along;
+}
+
+export const lengthOf = (hemisphere, path) => lengths(hemisphere, path).pop();
+
+// `count` places at equal steps along a path, ends included: two vertices and the share of the second
+export function places(hemisphere, path, count) {
+  const along = lengths(hemisphere, path),
+    total = along[along.length - 1];
   let k = 0;
   return Array.from({ length: count }, (_, i) => {
     const wanted = (total * i) / (count - 1);

@@ -137,6 +137,12 @@ export class Picture {
     this.pen.arc(this.X(x), this.Y(y), radius, 0, 7);
   }
 
+  // an empty disk
+  disk() {
+    this.clear();
+    this.circle();
+  }
+
   circle() {
     this.ring([0, 0], 1, COLOURS.ink, 1);
   }
@@ -155,17 +161,21 @@ export class Picture {
     this.pen.setLineDash([]);
   }
 
+  path(points) {
+    points.forEach(([x, y], k) => this.pen[k ? "lineTo" : "moveTo"](this.X(x), this.Y(y)));
+  }
+
   // lines: arrays of [x, y]
   lines(lines, colour, width = 0.8, dash = []) {
     this.pen.beginPath();
-    for (const line of lines) line.forEach(([x, y], k) => this.pen[k ? "lineTo" : "moveTo"](this.X(x), this.Y(y)));
+    lines.forEach((line) => this.path(line));
     this.stroke(colour, width, dash);
   }
 
   // a triangle, or any polygon
   face(corners, colour) {
     this.pen.beginPath();
-    corners.forEach(([x, y], k) => this.pen[k ? "lineTo" : "moveTo"](this.X(x), this.Y(y)));
+    this.path(corners);
     this.pen.closePath();
     this.pen.fillStyle = colour;
     this.pen.fill();

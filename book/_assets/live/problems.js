@@ -18,19 +18,10 @@ export function problemOf({ problem, starts, targets }) {
 // what the worker's tuner is asked
 export function requestOf(state) {
   const { moving, target, curve } = problemOf(state),
-    { alpha, beta, gamma, lambda = 0, looks = 0 } = state;
-  return {
-    moving,
-    target,
-    curve,
-    alpha,
-    beta,
-    gamma,
-    lambda,
-    looks: Number(looks),
-    sliding: state.landmarks === "sliding",
-    mesh: state.mesh === "finer" ? FINE : COARSE,
-  };
+    { alpha, beta, gamma, lambda = 0, looks = 0 } = state,
+    sliding = state.landmarks === "sliding",
+    mesh = state.mesh === "finer" ? FINE : COARSE;
+  return { moving, target, curve, alpha, beta, gamma, lambda, looks: Number(looks), sliding, mesh };
 }
 
 // what sliders and pickers of all explorables with a landmark problem say

@@ -38,11 +38,8 @@ export class Solid extends Picture {
     if (!this.pen) throw new Error("the browser offers no WebGL, which a surface in 3-D needs");
     const { pen } = this,
       program = pen.createProgram();
-    for (const [kind, source] of [
-      [pen.VERTEX_SHADER, VERTEX],
-      [pen.FRAGMENT_SHADER, FRAGMENT],
-    ]) {
-      const shader = pen.createShader(kind);
+    for (const [kind, source] of Object.entries({ VERTEX_SHADER: VERTEX, FRAGMENT_SHADER: FRAGMENT })) {
+      const shader = pen.createShader(pen[kind]);
       pen.shaderSource(shader, source);
       pen.compileShader(shader);
       pen.attachShader(program, shader);

@@ -1,6 +1,6 @@
 // The polar U-Nets (nets/layers.py: PolarUNet, ConditionedUNet) on the grid of rings and spokes, channels last.
 import { readArrays } from "./files.js";
-import { wasmLayers } from "./layers.js";
+import { wasmLayers } from "./kernels.js";
 
 const FIRST_SCALE = 0.1; // of a conditioned U-Net's outputs, before the conditions change it
 
