@@ -19,17 +19,8 @@ class LBS(Live):
 
     page = "lbs"
     initial = MappingProxyType(
-        {
-            "asked": "twist",
-            "strength": 0.0,
-            "count": 4,
-            "pull": 0.2,
-            "e2": False,
-            "e3": False,
-            "e4": False,
-            "e5": False,
-            "moves": {},
-        }
+        {"asked": "twist", "strength": 0.0, "count": 4, "pull": 0.2, "moves": {}}
+        | dict.fromkeys(("e2", "e3", "e4", "e5"), False)
     )
     mesh = polar_disk(*COARSE)
     rim = np.arange(1 + 23 * 72, 1 + 24 * 72)

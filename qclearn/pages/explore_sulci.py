@@ -11,14 +11,13 @@ from ..plane.diskmesh import sampling_matrix
 from ..plane.spectrum import COARSE
 from ..registration.fit import fit_problem
 from ..registration.metrics import measured_losses
-from ..registration.problem import Weights
 from ..registration.transfer import lift
 from ..surfaces.curvature import grey_levels, mean_curvature
 from ..surfaces.surface import Surface
 from .examples import CORTICES, cortices, paired_problem
 from .live import Live, as_pairs
 from .livefiles import hemisphere_file
-from .liveproblems import as_moved, problems_file, weights_of
+from .liveproblems import START, as_moved, problems_file, weights_of
 from .scenes import surface_picture
 
 LINE = 25  # points of a drawn sulcus
@@ -55,22 +54,7 @@ class Sulci(Live):
     """The tuner's map carried to the control surface, of the chapter on registration."""
 
     page = "sulci"
-    initial = MappingProxyType(
-        {
-            "problem": "cortex",
-            "landmarks": "points",
-            "alpha": Weights.alpha,
-            "beta": Weights.beta,
-            "gamma": Weights.gamma,
-            "turn": 0.0,
-            "tilt": 10.0,
-            "zoom": 1.0,
-            "unfold": 0.6,
-            "before": False,
-            "starts": {},
-            "targets": {},
-        }
-    )
+    initial = MappingProxyType(START | {"turn": 0.0, "tilt": 10.0, "zoom": 1.0, "unfold": 0.6, "before": False})
     mesh = COARSE
 
     def files(self):

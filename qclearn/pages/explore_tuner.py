@@ -6,33 +6,18 @@ from types import MappingProxyType
 from ..plane.spectrum import COARSE, FINE
 from ..registration.fit import fit_problem
 from ..registration.metrics import measured_losses
-from ..registration.problem import Weights
 from ..registration.register import load
 from .fitstates import describe, fit_state, states_figure
 from .live import Live, as_pairs
 from .livefiles import cpnet_file
-from .liveproblems import as_moved, example, problems_file, weights_of
+from .liveproblems import START, as_moved, example, problems_file, weights_of
 
 
 class Tuner(Live):
     """Weights, landmarks and targets of the landmark fit, of the page on live tuning."""
 
     page = "tuner"
-    initial = MappingProxyType(
-        {
-            "problem": "cortex",
-            "landmarks": "points",
-            "solver": "exact",
-            "mesh": "coarser",
-            "looks": "2",
-            "alpha": Weights.alpha,
-            "beta": Weights.beta,
-            "gamma": Weights.gamma,
-            "lambda": 10.0,
-            "starts": {},
-            "targets": {},
-        }
-    )
+    initial = MappingProxyType(START | {"solver": "exact", "mesh": "coarser", "looks": "2", "lambda": 10.0})
     meshes = MappingProxyType({"coarser": COARSE, "finer": FINE})
 
     def files(self):

@@ -30,8 +30,8 @@ def packed(config, arrays):
 
 
 def half_weights(module):
-    """The parameters of a U-Net in half precision, "unet.<name>" -> array. Those of convolutions lie as layers.wasm reads
-    them, (outputs / 8, kernel, kernel, inputs, 8), made up with zeros to multiples of 8 outputs and 4 inputs."""
+    """The parameters of a U-Net in half precision, "unet.<name>" -> array. Convolutions lie as layers.wasm reads them,
+    (outputs / 8, kernel, kernel, inputs, 8), made up with zeros to multiples of 8 outputs and 4 inputs."""
     values, found = {name: value.half().numpy() for name, value in module.state_dict().items()}, {}
     for name, value in values.items():
         layer, kind = name.rsplit(".", 1)

@@ -9,6 +9,16 @@ from ..registration.problem import Problem, Weights
 from .examples import CORTICES, cortices, example_problems, paired_problem
 from .live import as_pairs
 
+# Where an explorable of a landmark problem starts.
+START = {
+    "problem": "cortex",
+    "landmarks": "points",
+    "alpha": Weights.alpha,
+    "beta": Weights.beta,
+    "gamma": Weights.gamma,
+    "starts": {},
+    "targets": {},
+}
 DRAWN = ("twist", "anew", "neighbours")
 
 

@@ -14,7 +14,8 @@ from ..registration.certified import exact_map
 from .cells import drawn, picture_html
 from .examples import Example
 from .fitstates import fit_state, sentences, states_figure
-from .plot import disk_axes, grid_plot
+from .live import two_disks
+from .plot import grid_plot
 
 WIDE = {"width": "34em", "max_width": "calc(100% - 4px)"}  # within its margins, where the page is narrow
 EVERY = 0.7  # seconds between two pictures of the curves
@@ -59,15 +60,10 @@ def landmarks_answer(lesson):
 def map_answer(lesson):
     """The network's map of a coefficient beside the exact one, as grids: how far they are apart, and folds."""
     f, z, faces = lesson.answer(lesson.mu), lesson.z, lesson.faces
-    figure = Figure(figsize=(9.6, 3.4), dpi=80, layout="constrained")
-    maps = {"exact map": lesson.exact, "DBS-Net in training": f}
-    for ax, (title, one) in zip(figure.subplots(1, 3), maps.items()):
-        grid_plot(disk_axes(ax), z, faces, one)
-        ax.set_title(title, fontsize=10)
-    both = disk_axes(figure.axes[2])
-    grid_plot(both, z, faces, lesson.exact, color="0.7")
-    grid_plot(both, z, faces, f, color="#B22222")
-    both.set_title("both (red: the network's)", fontsize=10)
+    figure, axes = two_disks("exact map", "DBS-Net in training in red")
+    for ax in axes:
+        grid_plot(ax, z, faces, lesson.exact, color="#1F4E79" if ax is axes[0] else "0.7")
+    grid_plot(axes[1], z, faces, f, color="#B22222")
     away, folds = abs(f - lesson.exact), len(flipped_faces(faces, f))
     words = (
         f"<p>For an unseen coefficient the network's map is {away.mean():.3g} from the exact one on average, at most "
