@@ -1,6 +1,6 @@
 // The tuner's map carried to the control surface: registered sulci yellow, their targets red, moving with the sliders.
 import { ask } from "./ask.js";
-import { apart, fromPairs, interleaved } from "./complex.js";
+import { apart, fromPairs, interleaved, toPairs } from "./complex.js";
 import { INITIAL } from "./given.js";
 import { Hemisphere } from "./hemisphere.js";
 import { meshOf, sample } from "./mesh.js";
@@ -95,11 +95,7 @@ function draw([solid, disk], state, found) {
   }
   solid.tubes(tubesOf(solid, control, found.lines, state));
   solid.draw({ ...state, share: state.unfold });
-  const line = (places) =>
-    places.map(({ corners, weights }) => {
-      const at = (part) => corners.reduce((sum, v, k) => sum + weights[k] * part[v], 0);
-      return control.toPicture([at(control.x), at(control.y)]);
-    });
+  const line = (places) => toPairs(sample(control, places)).map(control.toPicture);
   disk.disk();
   if (state.before) disk.lines(found.lines.before.map(line), COLOURS.moving, 1.5);
   disk.lines(found.lines.registered.map(line), COLOURS.registered, 3);

@@ -82,7 +82,7 @@ function draw([moving, control, mu, bars, trade], state, found) {
     [...new Set(problem.curve)].map((label) => points.filter((_, m) => problem.curve[m] === label));
   const start = problem.moving.map(to),
     target = problem.target.map(to);
-  const registered = Array.from(shown.points.x, (x, m) => to([x, shown.points.y[m]]));
+  const registered = toPairs(shown.points).map(to);
   moving.disk();
   moving.lines(curves(start), COLOURS.moving, 1);
   start.forEach((point) => moving.dot(point, COLOURS.moving, 3));

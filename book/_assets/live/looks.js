@@ -169,10 +169,9 @@ export class Looks {
           Float64Array.from({ length: N + 1 }, (_, i) => sx * A[2 * i] - sy * A[2 * i + 1]),
           Float64Array.from({ length: N + 1 }, (_, i) => sign * (sx * A[2 * i + 1] + sy * A[2 * i])),
         ];
-      [
-        [times(P, -1), a],
-        [times(Q, 1), b],
-      ].forEach(([[x, y], out]) => spectrum.gradients(x.subarray(1), y.subarray(1), [x[0], y[0]], out, 0));
+      const into = ([x, y], out) => spectrum.gradients(x.subarray(1), y.subarray(1), [x[0], y[0]], out, 0);
+      into(times(P, -1), a);
+      into(times(Q, 1), b);
       for (let n = 0; n < 2 * N; n += 2) {
         const w = white[n >> 1];
         rows[m][n] = w * (a[n] + b[n]);

@@ -14,14 +14,9 @@ export function graphOf({ faces, vertices, V }) {
   const next = first.slice(),
     at = (v) => vertices.subarray(3 * v, 3 * v + 3);
   tail.forEach((a, e) => {
-    const b = head[e],
-      long = distance(at(a), at(b));
-    for (const [from, to] of [
-      [a, b],
-      [b, a],
-    ]) {
-      other[next[from]] = to;
-      length[next[from]++] = long;
+    for (const ends of [[a, head[e]], [head[e], a]]) {
+      other[next[ends[0]]] = ends[1];
+      length[next[ends[0]]++] = distance(at(a), at(head[e]));
     }
   });
   return { first, other, length };

@@ -1,4 +1,5 @@
 // Pictures of a map: the deformed grid, |mu| as colours and as a histogram, and a curve on axes.
+import { toPairs } from "./complex.js";
 import { sample } from "./mesh.js";
 import { COLOURS } from "./picture.js";
 
@@ -31,10 +32,7 @@ export function grid(picture, mesh, w, { to = same, from = same, colour = COLOUR
   if (places.get(mesh)?.key !== key) {
     places.set(mesh, { key, list: squareLines().map((line) => line.map((point) => mesh.locate(...from(point)))) });
   }
-  const lines = places.get(mesh).list.map((line) => {
-    const { x, y } = sample(w, line);
-    return Array.from(x, (u, j) => to([u, y[j]]));
-  });
+  const lines = places.get(mesh).list.map((line) => toPairs(sample(w, line)).map(to));
   picture.lines(lines, colour, 0.8, dash);
 }
 

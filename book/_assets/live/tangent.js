@@ -1,6 +1,7 @@
 // The derivative of a disk map in closed form (plane/tangent.py): what a change of nu on one polar mesh, the carrier's,
 // does to points of another one that is mapped, without a solve, up to what Möbius maps do.
-import { activation, zeros } from "./complex.js";
+import { activation, toPairs, zeros } from "./complex.js";
+import { sample } from "./mesh.js";
 
 const REACH = 1.8; // cells: from where on a node stands for its cell in the integral
 const FINER = 3; // into so many squared a triangle is cut, nearer than that
@@ -54,24 +55,15 @@ export class Carrier {
 // The cells around places w = f: [w, radius squared of their images as disks, mass in the integral] as one array, five
 // numbers each.
 function cells({ areas, places }, nu, f, slope) {
-  const out = new Float64Array(5 * places.length);
-  places.forEach(({ corners, weights }, i) => {
-    let wx = 0,
-      wy = 0,
-      sx = 0,
-      sy = 0;
-    for (let k = 0; k < 3; k++) {
-      const v = corners[k],
-        weight = weights[k];
-      wx += weight * f.x[v];
-      wy += weight * f.y[v];
-      sx += weight * slope.x[v];
-      sy += weight * slope.y[v];
-    }
-    const a = areas[i] / Math.PI,
+  const out = new Float64Array(5 * places.length),
+    w = sample(f, places),
+    s = sample(slope, places);
+  for (let i = 0; i < places.length; i++) {
+    const [sx, sy] = [s.x[i], s.y[i]],
+      a = areas[i] / Math.PI,
       t = Math.tanh(Math.hypot(nu.x[i], nu.y[i]));
-    out.set([wx, wy, a * (sx * sx + sy * sy) * (1 - t * t), -a * (sx * sx - sy * sy), -2 * a * sx * sy], 5 * i);
-  });
+    out.set([w.x[i], w.y[i], a * (sx * sx + sy * sy) * (1 - t * t), -a * (sx * sx - sy * sy), -2 * a * sx * sy], 5 * i);
+  }
   return out;
 }
 
@@ -85,13 +77,10 @@ export class Tangent {
     this.close = [];
     this.faces = [];
     this.rim = [];
-    places.forEach(({ corners, weights }) => {
-      const at = [0, 0];
-      corners.forEach((v, k) => {
-        at[0] += weights[k] * mapped.z.x[v];
-        at[1] += weights[k] * mapped.z.y[v];
-      });
-      const size = Math.max(...corners.map((v) => Math.hypot(mapped.z.x[v] - at[0], mapped.z.y[v] - at[1]))),
+    const points = toPairs(sample(mapped.z, places));
+    places.forEach(({ corners }, m) => {
+      const at = points[m],
+        size = Math.max(...corners.map((v) => Math.hypot(mapped.z.x[v] - at[0], mapped.z.y[v] - at[1]))),
         flag = new Uint8Array(V),
         near = [];
       let far = 0;
