@@ -118,7 +118,7 @@ def test_the_rule_refuses(module, name, at_top):
         ("qclearn.cli", "data_synth"),
         ("qclearn.nets.cpnet", "qclearn.plane.disk"),
         ("data_synth.cortex", "qclearn.surfaces.surface"),
-        ("qclearn.pages.widgets", "qclearn.pages.plot"),
+        ("qclearn.pages.fitstates", "qclearn.pages.plot"),
     ],
 )
 def test_the_rule_allows(module, name):

@@ -5,14 +5,16 @@ Made from the library at every build, so that nothing large is committed and not
 
 from execute_pages import SOURCE  # beside this file
 
-from qclearn.pages.explorables import EXPLORABLES
+from qclearn import pages
+from qclearn.pages.live import GIVEN, given
 
 
 def export():
     """Files of the explorables into the copied book's assets, from where Sphinx takes them."""
     folder = SOURCE / "_assets" / "live"
-    for live in (live for live in EXPLORABLES if not live.own):
-        for name, data in live().files().items():
+    (folder / GIVEN).write_text(given(), encoding="utf-8")
+    for live in (getattr(pages, name) for name in pages.EXPLORABLES):
+        for name, data in ({} if live.own else live().files()).items():
             (folder / name).write_bytes(data)
 
 

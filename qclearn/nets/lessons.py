@@ -31,7 +31,7 @@ class Lesson:
     """A small network in training by Adam; `history`: a dict a step, "loss" and "unseen", the figure of an unseen
     example.
 
-    A subclass has `network`, `draw()` of a batch, `loss(batch)` and `unseen()`, whose least value is `least`.
+    A subclass has `name`, `network`, `draw()` of a batch, `loss(batch)` and `unseen()`, whose least value is `least`.
     """
 
     def __init__(self, network, rate, seed):
@@ -67,7 +67,7 @@ class CPLesson(Lesson):
     The control's curves are fixed; subjects are the same curves bent by a random twist about a random point.
     """
 
-    what = "L_CP of the unseen example"
+    name, what = "CP-Net", "L_CP of the unseen example"
 
     def __init__(self, weights, rate=3e-3, seed=0):
         torch.manual_seed(seed)
@@ -130,7 +130,7 @@ class DBSLesson(Lesson):
     waves over the square, of a largest modulus between 0.1 and 0.5.
     """
 
-    what = "mean distance from the exact map, unseen mu"
+    name, what = "DBS-Net", "mean distance from the exact map, unseen mu"
     least = 0.0
 
     def __init__(self, equation="as corrected", rho=1e-6, rate=3e-3, seed=0):

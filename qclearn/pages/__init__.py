@@ -1,19 +1,16 @@
-"""What the pages of the book and the command line draw with: plots, scenes, widgets, and numbers for the prose."""
+"""What the pages of the book and the command line draw with: plots, scenes, explorables, and numbers for the prose."""
 
 from ..lazy import offer
 
+EXPLORABLES = ("Mobius", "Mu", "Tuner", "Sulci", "Landmarks", "LBS", "Boundary", "Growth")
 TABLE = {
-    "canvas": ["Canvas"],
-    "cells": ["keep", "kept", "num", "show_figure", "table"],
+    "cells": ["keep", "num", "show_figure", "table"],
     "diagrams": ["block_diagram"],
     "examples": ["cortex_problem", "example_problems", "spread_vertices"],
-    "explorables": ["Mobius", "Mu", "Tuner"],
-    "explore_boundary": ["Boundary"],
-    "explore_growth": ["Growth"],
-    "explore_lbs": ["LBS"],
+    **{f"explore_{name.lower()}": [name] for name in EXPLORABLES},
+    "fitstates": ["RINGS", "describe", "exact_fit", "fit_state", "network_fit", "states_figure"],
     "gaps": ["gap_bands", "gap_grid"],
     "live": ["explorable"],
-    "livesurfaces": ["Landmarks", "Sulci"],
     "plot": [
         "CURVE_STYLES",
         "FLIPPED_COLOUR",
@@ -28,7 +25,6 @@ TABLE = {
     ],
     "scenes": ["Scene", "registration_scene", "require_renderer", "stacked_scene", "surface_picture", "surface_scene"],
     "traininglab": ["training_lab"],
-    "widgets": ["RINGS", "fit_state", "network_fit"],
 }
 
 __getattr__, __dir__, __all__ = offer(__name__, TABLE)

@@ -12,8 +12,8 @@ from ..files.fsaverage import demo_landmarks, fsaverage5
 from ..plane.beltrami import signed_areas
 from ..plane.bijectivity import RepairWarning
 from ..plane.diskmesh import interpolate, locate, polar_disk
+from ..plane.spectrum import FINE, POWER
 from ..registration.features import FOLDS, Feature, Features, check_features
-from ..registration.fit import POWER
 from ..registration.landmarkfile import check_curves
 from ..registration.landmarks import curves_of_both, fundus_metric, fundus_path, sample_curve
 from ..registration.preparation import align
@@ -24,7 +24,7 @@ from ..surfaces.surface import Surface, mirror
 
 # CP-Net is trained for maps on this mesh. On another one the same mu gives another map: at a large gamma that
 # would hide how far the network is from the fit.
-MESH = polar_disk(32, 96, POWER)
+MESH = polar_disk(*FINE, POWER)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The explorable of a growing cortex, what Python knows of it; the browser's side is `growth.js`."""
+"""The explorable of a growing cortex: what Python knows of it."""
 
 from types import MappingProxyType
 
@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from ..surfaces.surface import Surface
 from .live import Live
-from .livenets import packed
+from .livefiles import packed
 from .scenes import surface_picture
 
 

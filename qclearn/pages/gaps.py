@@ -5,7 +5,7 @@ from itertools import product
 
 import numpy as np
 
-from .widgets import exact_fit, fit_state, network_fit
+from .fitstates import exact_fit, fit_state, network_fit
 
 
 @dataclass(frozen=True)

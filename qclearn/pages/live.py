@@ -14,11 +14,18 @@ import os
 import re
 from pathlib import Path
 
+import anywidget
 import numpy as np
+import traitlets
+from matplotlib.figure import Figure
 
+from .. import pages
+from ..plane.spectrum import COARSE, FINE, POWER
 from .cells import drawn, picture_html
+from .plot import disk_axes
 
 MODULES = Path(__file__).with_name("browser")  # in a checkout a link to book/_assets/live
+GIVEN = "given.js"  # the one module that is written by the library: `given`
 IMPORT = re.compile(r'from "\./([\w.]+)"')
 JOINED = """const sources = %s;
 const address = {};
@@ -41,6 +48,15 @@ NOTE = (
 )
 
 
+@functools.cache
+def given():
+    """The text of `given.js`: the library's constants, and where each explorable starts."""
+    classes = [getattr(pages, name) for name in pages.EXPLORABLES]
+    constants = {"POWER": POWER, "FINE": FINE, "COARSE": COARSE}
+    constants["INITIAL"] = {live.page: dict(live.initial) for live in classes}
+    return "".join(f"export const {name} = {json.dumps(value)};\n" for name, value in constants.items())
+
+
 def modules(names):
     """The texts of browser modules and of all that they import, name -> text, each after those that it imports."""
     if not MODULES.exists():
@@ -49,7 +65,7 @@ def modules(names):
 
     def add(name):
         if name not in found:
-            text = (MODULES / name).read_text(encoding="utf-8")
+            text = given() if name == GIVEN else (MODULES / name).read_text(encoding="utf-8")
             for other in IMPORT.findall(text):
                 add(other)
             found[name] = text
@@ -72,11 +88,6 @@ class Page:
     def __init__(self, live):
         self.live, self.state = live, dict(live.initial)
 
-    def __getattr__(self, name):
-        if name in self.live.initial:
-            return self.state[name]
-        raise AttributeError(name)
-
     def _repr_html_(self):
         figure, alt = self.live.picture(self.state)
         return (
@@ -93,45 +104,33 @@ class Page:
         )
 
 
-@functools.cache
-def widget_class():
-    """anywidget's class for explorables, made when the first one is: the site's pages need none."""
-    import anywidget
-    import traitlets
+class Explorer(anywidget.AnyWidget):
+    """The explorable of a page of the book: `state` is what its controls say, `found` what it last answered."""
 
-    class Widget(anywidget.AnyWidget):
-        """The explorable of a page of the book: `state` is what its controls say, `found` what it last answered."""
+    _esm, _css, page = (traitlets.Unicode().tag(sync=True) for _ in range(3))
+    state, found, files = (traitlets.Dict().tag(sync=True) for _ in range(3))
 
-        _esm, _css = joined(), (MODULES / "live.css").read_text(encoding="utf-8")
-        page = traitlets.Unicode().tag(sync=True)
-        state, found, files = (traitlets.Dict().tag(sync=True) for _ in range(3))
+    def __init__(self, live):
+        css = (MODULES / "live.css").read_text(encoding="utf-8")
+        super().__init__(_esm=joined(), _css=css, page=live.page, state=dict(live.initial), files=live.files())
+        self.live = live
+        self.on_msg(self.asked)
 
-        def __init__(self, live):
-            super().__init__(page=live.page, state=dict(live.initial), files=live.files())
-            self.live = live
-            self.on_msg(self.asked)
+    def asked(self, _, message, buffers):
+        """The kernel's own answer to a state, for 'ask the kernel'."""
+        try:
+            self.send({"answers": message["ask"], "found": self.live.answer(message["state"])})
+        except Exception as error:
+            self.send({"answers": message["ask"], "error": str(error)})
 
-        def asked(self, _, message, buffers):
-            """The kernel's own answer to a state, for 'ask the kernel'."""
-            try:
-                self.send({"answers": message["ask"], "found": self.live.answer(message["state"])})
-            except Exception as error:
-                self.send({"answers": message["ask"], "error": str(error)})
+    def set(self, **state):
+        """Move controls: explorer.set(gamma=1e4)."""
+        self.state = {**self.state, **state}
 
-        def __getattr__(self, name):
-            if name in type(self).__dict__ or name.startswith("_") or "live" not in self.__dict__:
-                raise AttributeError(name)
-            if name in self.live.initial:
-                return self.state[name]
-            return self.live.read(name, self.state, self.found)
-
-        def __setattr__(self, name, value):
-            if "live" in self.__dict__ and name in self.live.initial:
-                self.state = {**self.state, name: value}
-            else:
-                super().__setattr__(name, value)
-
-    return Widget
+    @property
+    def map(self):
+        """The map that is shown, complex values (V,) at the vertices."""
+        return np.frombuffer(self.found["map"]).view(complex)
 
 
 class Live:
@@ -140,19 +139,8 @@ class Live:
     own = False  # whether its files are made on its page, and stand in it; others lie beside the site's scripts
 
     def files(self):
-        """Bytes that the browser needs, name -> bytes."""
-        return {}
-
-    def read(self, name, state, found):
-        """What else the widget offers by name, from its state and what it found; map (V,): the map that is shown."""
-        if name == "map" and "map" in found:
-            return np.frombuffer(found["map"]).view(complex)
-        raise AttributeError(name)
-
-
-def loops():
-    """The browser's inner loops, name -> bytes."""
-    return {name: (MODULES / name).read_bytes() for name in ("kernels.wasm", "layers.wasm")}
+        """Bytes that the browser needs, name -> bytes: the inner loops in WebAssembly."""
+        return {name: (MODULES / name).read_bytes() for name in ("kernels.wasm", "layers.wasm")}
 
 
 def as_pairs(z):
@@ -160,6 +148,15 @@ def as_pairs(z):
     return np.stack([z.real, z.imag], -1).tolist()
 
 
+def two_disks(*titles):
+    """A Matplotlib figure of two disks with titles, and its two Axes."""
+    figure = Figure(figsize=(6.4, 3.3))
+    axes = [disk_axes(ax) for ax in figure.subplots(1, 2)]
+    for ax, title in zip(axes, titles):
+        ax.set_title(title, fontsize=10)
+    return figure, axes
+
+
 def explorable(live):
     """The widget of an explorable, as `explorable(Mobius())`; while the book is made, what its page holds instead."""
-    return Page(live) if os.environ.get("QCLEARN_PAGES") == "static" else widget_class()(live)
+    return Page(live) if os.environ.get("QCLEARN_PAGES") == "static" else Explorer(live)

@@ -4,11 +4,21 @@ import json
 from functools import cache
 
 from ..plane.diskmesh import polar_disk
-from ..registration.fit import POWER
+from ..plane.spectrum import POWER
 from ..registration.problem import Problem, Weights
 from .examples import CORTICES, cortices, example_problems, paired_problem
 from .live import as_pairs
 
+# Where an explorable of a landmark problem starts.
+START = {
+    "problem": "cortex",
+    "landmarks": "points",
+    "alpha": Weights.alpha,
+    "beta": Weights.beta,
+    "gamma": Weights.gamma,
+    "starts": {},
+    "targets": {},
+}
 DRAWN = ("twist", "anew", "neighbours")
 
 

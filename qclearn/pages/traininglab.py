@@ -11,12 +11,13 @@ from matplotlib.figure import Figure
 
 from ..plane.bijectivity import flipped_faces
 from ..registration.certified import exact_map
-from .canvas import Canvas
 from .cells import drawn, picture_html
 from .examples import Example
-from .plot import disk_axes, grid_plot
-from .widgets import WIDE, fit_state, power_slider, states_table
+from .fitstates import fit_state, sentences, states_figure
+from .live import two_disks
+from .plot import grid_plot
 
+WIDE = {"width": "34em", "max_width": "calc(100% - 4px)"}  # within its margins, where the page is narrow
 EVERY = 0.7  # seconds between two pictures of the curves
 WAITS = "The lab trains in JupyterLab, where a kernel runs. This is what {seconds:g} seconds of it look like."
 
@@ -38,47 +39,56 @@ def curves_figure(lesson):
 
 def answer_of(lesson):
     """A lesson's answer to its unseen example beside the exact one: (picture, words as HTML)."""
-    return landmarks_answer(lesson) if hasattr(lesson, "weights") else map_answer(lesson)
+    return {"CP-Net": landmarks_answer, "DBS-Net": map_answer}[lesson.name](lesson)
 
 
 def landmarks_answer(lesson):
-    """The network's coefficient through the exact solver beside the exact fit, drawn and measured as in the tuner."""
+    """The network's coefficient through the exact solver beside the exact fit, drawn and measured."""
 
-    def trained(problem, weights, features=None, watch=None):
+    def trained(problem, *_):
         return exact_map(problem, lesson.answer(problem.moving))
 
     example, weights = Example("an unseen example", lesson.problem), lesson.weights
     weights = weights.alpha, weights.beta, weights.gamma
     states = {
         "exact fit": fit_state(example, weights),
-        "CP-Net in training": fit_state(example, weights, False, trained),
+        "CP-Net in training": fit_state(example, weights, solver=trained),
     }
-    return Canvas(example, list(states)).draw(states), states_table(states)
+    return states_figure(example, states), sentences(states)
 
 
 def map_answer(lesson):
     """The network's map of a coefficient beside the exact one, as grids: how far they are apart, and folds."""
     f, z, faces = lesson.answer(lesson.mu), lesson.z, lesson.faces
-    figure = Figure(figsize=(9.6, 3.4), dpi=80, layout="constrained")
-    maps = {"exact map": lesson.exact, "DBS-Net in training": f}
-    for ax, (title, one) in zip(figure.subplots(1, 3), maps.items()):
-        grid_plot(disk_axes(ax), z, faces, one)
-        ax.set_title(title, fontsize=10)
-    both = disk_axes(figure.axes[2])
-    grid_plot(both, z, faces, lesson.exact, color="0.7")
-    grid_plot(both, z, faces, f, color="#B22222")
-    both.set_title("both (red: the network's)", fontsize=10)
+    figure, axes = two_disks("exact map", "DBS-Net in training in red")
+    for ax in axes:
+        grid_plot(ax, z, faces, lesson.exact, color="#1F4E79" if ax is axes[0] else "0.7")
+    grid_plot(axes[1], z, faces, f, color="#B22222")
     away, folds = abs(f - lesson.exact), len(flipped_faces(faces, f))
     words = (
         f"<p>For an unseen coefficient the network's map is {away.mean():.3g} from the exact one on average, at most "
         f"{away.max():.3g}; {folds} of its {len(faces)} triangles are folded.</p>"
     )
-    return drawn(figure)[0], words
+    return figure, words
 
 
-def image(data, words):
-    """PNG bytes as HTML with a description."""
-    return picture_html(data, words, ' style="max-width:100%;width:768px"')
+def power_slider(name, value, low, high, words):
+    """A slider over powers of ten from 10^low to 10^high, with words on what it sets."""
+    return ipywidgets.FloatLogSlider(
+        value=value,
+        min=low,
+        max=high,
+        step=0.1,
+        description=name,
+        tooltip=words,
+        readout_format=".1e",
+        layout=WIDE,
+    )
+
+
+def image(figure, words):
+    """A figure as HTML with a description."""
+    return picture_html(drawn(figure)[0], words, ' style="max-width:100%;width:768px"')
 
 
 class TrainingLab(ipywidgets.VBox):
@@ -181,7 +191,7 @@ class TrainingLab(ipywidgets.VBox):
         """Draw the figures so far."""
         last = lesson.history[-1]
         words = f"After {len(lesson.history)} steps: loss {last['loss']:.3g}, {lesson.what} {last['unseen']:.3g}"
-        self.curves.value = image(drawn(curves_figure(lesson))[0], words)
+        self.curves.value = image(curves_figure(lesson), words)
         self.say(f"{words}.")
 
 
@@ -197,11 +207,10 @@ class LabPicture:
 
     def _repr_html_(self):
         picture, words = answer_of(self.lesson)
-        curves = drawn(curves_figure(self.lesson))[0]
         return "".join(
             [
                 f"<p>{html.escape(WAITS.format(seconds=self.seconds))}</p>",
-                image(curves, "The loss and an unseen example over the steps of a short run."),
+                image(curves_figure(self.lesson), "The loss and an unseen example over the steps of a short run."),
                 image(picture, "Landmarks, grid and coefficient of the exact fit above, of the trained network below."),
                 words,
             ]

@@ -7,19 +7,21 @@ import { pathToFileURL } from "node:url";
 const folder = process.argv[2], task = process.argv[3];
 const load = (name) => import(pathToFileURL(join(folder, name)));
 const given = JSON.parse(readFileSync(0, "utf8"));
-const { plainKernels, wasmKernels } = await load("kernels.js");
+const { wasmKernels } = await load("kernels.js");
 const { PolarMesh } = await load("mesh.js");
 const { fromPairs, toPairs } = await load("complex.js");
 
-const kernels = given.plain ? plainKernels : await wasmKernels(readFileSync(join(folder, "kernels.wasm")));
+const bytes = (path) => {
+  const { buffer, byteOffset, byteLength } = readFileSync(path);
+  return buffer.slice(byteOffset, byteOffset + byteLength);
+};
+const kernels = await wasmKernels(bytes(join(folder, "kernels.wasm")));
 const mesh = ([rings, spokes, power]) => new PolarMesh(rings, spokes, power, kernels);
 
 // a network from given.file
 async function network(Network) {
-  const { readNetwork } = await load("unet.js"), { plainLayers, wasmLayers } = await load("layers.js");
-  const layers = given.plain ? plainLayers : await wasmLayers(readFileSync(join(folder, "layers.wasm")));
-  const { buffer, byteOffset, byteLength } = readFileSync(given.file), file = readNetwork(buffer.slice(byteOffset, byteOffset + byteLength));
-  return new Network(mesh([file.config.rings, file.config.spokes, file.config.power]), layers, file);
+  const { networkOf } = await load("unet.js"), files = { layers: bytes(join(folder, "layers.wasm")), network: bytes(given.file) };
+  return networkOf({ files, networks: {}, mesh: (...size) => mesh(size) }, Network, "network");
 }
 
 const plain = (answer) => JSON.parse(JSON.stringify(answer, (_, value) => (ArrayBuffer.isView(value) ? Array.from(value) : value)));
@@ -34,15 +36,20 @@ const tasks = {
     });
   },
   async compressed() {
-    const { compressed } = await load("coefficients.js"), one = mesh(given.size);
+    const { compressed } = await load("compression.js"), one = mesh(given.size);
     return given.ks.map((k) => toPairs(compressed(one, fromPairs(given.mu), k, given.side)));
   },
   async fits() {
-    const { fitLandmarks } = await load("fit.js"), meshes = { coarse: mesh(given.coarse), fine: mesh(given.fine) };
+    const { fitLandmarks } = await load("fit.js"), { bounded, squares } = await load("complex.js"), meshes = { coarse: mesh(given.coarse), fine: mesh(given.fine) };
+    const losses = ({ mesh, nu, points, problem: { q, count } }, { alpha, beta, gamma }) => {
+      const { mass, laplace } = mesh.integrals, mu = bounded(nu);
+      const [L_mu, L_grad_mu] = [mass, laplace].map((matrix) => mesh.quadratic(matrix, mu));
+      return { L_CP: alpha * L_mu + beta * L_grad_mu + (gamma * squares(points, q)) / count };
+    };
     return given.fits.map((request) => {
       const begin = performance.now(), fit = fitLandmarks(meshes, request, given.options);
       return {
-        f: toPairs(fit.w), losses: fit.losses(request), objective: fit.objective(request.gamma), error: fit.landmarkError, switched: fit.switched,
+        f: toPairs(fit.w), losses: losses(fit, request), objective: fit.objective(request.gamma), error: fit.landmarkError, switched: fit.switched,
         flipped: fit.mesh.flipped(fit.w), steps: [fit.coarseSteps, fit.steps], left: fit.left, ms: performance.now() - begin,
       };
     });
@@ -70,25 +77,20 @@ const tasks = {
   },
   async surface() {
     const { Hemisphere } = await load("hemisphere.js"), { curveDistance, graphOf, lengthOf, shortestPath } = await load("paths.js");
-    const { buffer, byteOffset, byteLength } = readFileSync(given.file), hemisphere = new Hemisphere(buffer.slice(byteOffset, byteOffset + byteLength));
+    const hemisphere = new Hemisphere(bytes(given.file));
     const graph = graphOf(hemisphere), paths = given.paths.map(({ ends, curvature, depth }) =>
       shortestPath(graph, hemisphere.curvature.map((h, v) => Math.exp(curvature * h - depth * hemisphere.depth[v])), ...ends));
     return {
       lifted: given.points.map(([x, y]) => hemisphere.at(hemisphere.locate(x, y))),
       paths: paths.map(({ path, cost }) => ({ path, cost, length: lengthOf(hemisphere, path), deep: hemisphere.deep })),
       apart: curveDistance(hemisphere, paths[0].path, paths[1].path),
-      unfolded: Array.from((await load("unfold.js")).unfolded(hemisphere)),
     };
   },
   // an explorable's answers to states, as its worker gives them and its data has them
   async answers() {
-    const { [given.call]: task } = await load(given.module), { default: spec } = await load(`explore_${given.page}.js`);
-    const bench = { mesh: (...size) => mesh(size), kernels };
-    return Promise.all(given.states.map(async (state) => plain(spec.data(state, await task(bench, state)))));
-  },
-  async initial() {
-    const specs = await Promise.all(given.pages.map((page) => load(`explore_${page}.js`)));
-    return specs.map((spec) => spec.default.initial);
+    const { default: spec } = await load(`explore_${given.page}.js`), { meshes } = await load("mesh.js");
+    const bench = { mesh: meshes(kernels), kernels };
+    return Promise.all(given.states.map(async (state) => plain(spec.data(state, await spec.work(bench, state)))));
   },
   async refusals() {
     const { Problem, checkWeights } = await load("landmarks.js");

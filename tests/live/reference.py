@@ -1,12 +1,16 @@
 """What the book's browser modules are held against: node to run them in, and the library's own answers."""
 
+import functools
 import json
 import shutil
 import subprocess
+import tempfile
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+from qclearn.pages.live import GIVEN, given
 from qclearn.plane.diskmesh import polar_disk, sampling_matrix
 
 from qclearn.registration.engine import GaussNewton, SurfaceGaussNewton
@@ -19,13 +23,22 @@ COARSE, FINE = (12, 36, 1.4), (24, 72, 1.4)
 CONVERGED = 1e-6  # of the objective: what the last step promised
 
 
-def run_engine(task, folder=MODULES, **given):
+@functools.cache
+def engine_folder():
+    """The browser's modules with the one that the library writes, as the site has them."""
+    folder = tempfile.TemporaryDirectory()
+    shutil.copytree(MODULES, folder.name, dirs_exist_ok=True)
+    (Path(folder.name) / GIVEN).write_text(given(), encoding="utf-8")
+    return folder
+
+
+def run_engine(task, **asked):
     """The answer of tests/live/engine.mjs to a task; skips where there is no node."""
     node = shutil.which("node")
     if node is None:
         pytest.skip("NO NODE: the browser's engine is NOT compared with the library. On Debian: apt-get install nodejs")
-    command = [node, Path(__file__).with_name("engine.mjs"), folder, task]
-    found = subprocess.run(command, input=json.dumps(given), capture_output=True, text=True, check=False)
+    command = [node, Path(__file__).with_name("engine.mjs"), engine_folder().name, task]
+    found = subprocess.run(command, input=json.dumps(asked), capture_output=True, text=True, check=False)
     assert found.returncode == 0, found.stderr
     return json.loads(found.stdout)
 

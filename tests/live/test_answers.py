@@ -1,45 +1,92 @@
-"""What explorables answer, run by node, against Python's side of each: maps with pins, and descents."""
+"""What explorables answer, run by node, against the library: maps with pins, misprints, and where descents end."""
 
 import json
 
 import numpy as np
 import pytest
 from reference import run_engine
+from scipy.optimize import minimize
 
-from qclearn.pages.explorables import LBS, Boundary, Growth
+from qclearn.pages import LBS, Boundary, Growth
+from qclearn.plane.beltrami import hat_gradients, signed_areas, stiffness
 
 
-def answers(live, module, call, changes):
+def answers(live, changes):
     """(state, the browser's answer) for each change of the state that an explorable starts with."""
     states = [json.loads(json.dumps(dict(live.initial))) | change for change in changes]
-    return zip(states, run_engine("answers", page=live.page, module=module, call=call, states=states))
+    found = run_engine("answers", page=live.page, states=states)
+    return [(state, one | {"map": np.array(one["map"]).view(complex)}) for state, one in zip(states, found)]
 
 
-def test_maps_with_pins_and_misprints_are_scipys():
-    live = LBS()
-    changes = (
-        {},
-        {"strength": 0.6, "count": 0},
-        *({"strength": 0.6, "count": 3, misprint: True} for misprint in ("e2", "e3", "e4", "e5")),
-        {"asked": "stretch", "strength": 1.5, "count": 5, "e4": True, "e5": True, "moves": {"1": [0.1, 0.1]}},
-    )
-    folds = []
-    for state, found in answers(live, "lbs.js", "answerLbs", changes):
-        expected = live.answer(state)
-        assert abs(np.array(found["map"]).view(complex) - live.map(state)).max() < 1e-9
-        assert found["folds"] == expected["folds"]
+def test_maps_with_pins_are_the_librarys():
+    live, folds = LBS(), []
+    changes = {}, {"strength": 0.6, "count": 0}, {"asked": "stretch", "strength": 1.5, "moves": {"1": [0.1, 0.1]}}
+    for state, found in answers(live, changes):
+        assert abs(found["map"] - live.map(state)).max() < 1e-9
+        assert found["folds"] == live.answer(state)["folds"]
         folds.append(found["folds"])
     assert folds[0] > 0 == folds[1]  # pins fold a harmonic map; no pins, no folds
 
 
-@pytest.mark.parametrize("loss, step, tolerance", [("printed", 5, 1e-8), ("penalised", 5, 1e-8), ("right", 100, 1e-5)])
-def test_descents_are_numpys(loss, step, tolerance):
+def test_maps_of_misprints_obey_the_misprinted_rows():
+    """Each row of what the paper prints is zero at the free vertices, and those held are where they should be."""
+    live, asked = LBS(), {"strength": 0.6, "count": 3}
+    changes = [*(asked | {misprint: True} for misprint in ("e2", "e3", "e4", "e5")), asked | {"e4": True, "e5": True}]
+    z, faces = live.mesh
+    hats, area = hat_gradients(z, faces), signed_areas(z, faces)[:, None]
+    for state, found in answers(live, changes):
+        f, mu = found["map"][faces], live.coefficient(state)[:, None]
+        flux = ((1 + abs(mu) ** 2) * hats - 2 * mu * hats.conj()) / (1 - abs(mu) ** 2)
+        blocks = area[:, None] * (hats.conj()[:, :, None] * flux[:, None, :]).real
+        blocks = blocks * (area[:, None] ** 4 if state["e2"] else 1) / (area[:, None] if state["e3"] else 1)
+        if state["e5"]:
+            blocks = blocks[:, np.arange(3)[:, None], [[0, 2, 1], [2, 1, 0], [1, 0, 2]]]
+        rows, sizes = np.zeros(len(z), complex), np.zeros(len(z))
+        np.add.at(rows, faces, (blocks * f[:, None, :]).sum(2))
+        np.add.at(sizes, faces, abs(blocks).sum(2))
+        (vertices, targets), fixed = live.pins(state), np.array([0, live.rim[0]]) if state["e4"] else live.rim
+        free = np.setdiff1d(np.arange(len(z)), np.append(vertices, fixed))
+        assert (abs(rows[free]) / sizes[free]).max() < 1e-9
+        assert abs(found["map"][fixed] - z[fixed]).max() < 1e-12
+        assert abs(found["map"][vertices] - targets).max() < 1e-12
+
+
+@pytest.mark.parametrize("loss", ["printed", "penalised", "right"])
+def test_descents_begin_at_the_librarys_map_and_go_down(loss):
     live = Boundary()
-    changes = [{"loss": loss, "step": 0}, {"loss": loss, "step": step, "strength": 0.3, "pole": [-0.2, 0.4]}]
-    for state, found in answers(live, "boundary.js", "answerBoundary", changes):
-        f, _ = live.map(state)
-        assert abs(np.array(found["map"]).view(complex) - f).max() < tolerance
+    there = {"loss": loss, "strength": 0.3, "pole": [-0.2, 0.4]}
+    start, later, end = answers(live, [there | {"step": step, "centred": step == 100} for step in (0, 5, 100)])
+    z, faces = live.mesh
+    assert abs(start[1]["map"] - live.map(start[0]))[live.rim].max() < 1e-8
+    K = stiffness(z, faces, live.coefficient(start[0]))
+    for _, found in (start, later):
+        f = found["map"]
+        rows, rim = K @ f, f[live.rim]
+        printed = (abs(rows.real) + abs(rows.imag)).sum() / (2 * len(z))
+        energy = 0.5 * (f.conj() @ rows).real - 0.5 * (rim.conj() * np.roll(rim, -1)).imag.sum()
+        assert found["losses"] == pytest.approx([printed, energy], rel=1e-8, abs=1e-10)
         assert found["folds"] == 0
+    kind = int(loss == "right")
+    assert start[1]["losses"][kind] > later[1]["losses"][kind] > end[1]["losses"][kind]
+    if loss == "right":  # near the library's map, which other meshes would have nearer
+        assert abs(end[1]["map"] - live.map(end[0])).max() < 5e-3
+        assert end[1]["losses"][1] == pytest.approx(least_gap(K.toarray(), live.rim), abs=1e-5)
+
+
+def least_gap(K, rim):
+    """Energy minus area of the best boundary points, by SciPy's minimiser over their angles."""
+    inside = np.setdiff1d(np.arange(len(K)), rim)
+    S = K[np.ix_(rim, rim)] - K[np.ix_(rim, inside)] @ np.linalg.solve(
+        K[np.ix_(inside, inside)], K[np.ix_(inside, rim)]
+    )
+
+    def gap(turns):
+        f = np.exp(1j * turns)
+        row, after, before = S @ f, np.roll(f, -1), np.roll(f, 1)
+        slope = row + 0.5j * (after - before)
+        return 0.5 * (f.conj() @ row).real - 0.5 * (f.conj() @ after).imag, (slope * f.conj()).imag
+
+    return minimize(gap, 2 * np.pi * np.arange(len(rim)) / len(rim), jac=True).fun
 
 
 def test_a_frame_beyond_the_last_is_the_last():

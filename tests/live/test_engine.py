@@ -50,8 +50,8 @@ def settings():
     return [*made, scattered(1041), scattered(1045)]
 
 
-def fits(plain=False, **options):
-    return run_engine("fits", plain=plain, coarse=COARSE, fine=FINE, fits=settings(), options=options)
+def fits(**options):
+    return run_engine("fits", coarse=COARSE, fine=FINE, fits=settings(), options=options)
 
 
 @pytest.fixture(scope="module")
@@ -65,12 +65,11 @@ def quick():
     return fits()
 
 
-@pytest.mark.parametrize("plain", [False, True], ids=["wasm", "javascript"])
-def test_maps_are_the_solvers(plain):
+def test_maps_are_the_solvers():
     rng = np.random.default_rng(1)
     coefficients = [coefficient(size, rng) for size in SIZES]
     given = [{"size": size, "mu": pairs(mu)} for size, mu in zip(SIZES, coefficients)]
-    for found, size, mu in zip(run_engine("maps", plain=plain, maps=given), SIZES, coefficients):
+    for found, size, mu in zip(run_engine("maps", maps=given), SIZES, coefficients):
         solver = BeltramiDiskSolver(*polar_disk(*size))
         assert abs(numbers(found["f"]) - solver.solve(mu)).max() < 1e-10
         assert found["raised"] == solver.floored
@@ -98,13 +97,6 @@ def test_converged_fits_are_the_librarys(converged):
         assert abs(found["losses"]["L_CP"] / loss - 1) < (1e-4 if state.switched else 1e-6)
         assert found["flipped"] == flipped_faces(engine.problem.faces, state.f).tolist()
     assert sum(number > 0 for number in switched) >= 2
-
-
-def test_javascript_and_webassembly_agree(quick):
-    for plain, fast in zip(fits(plain=True), quick):
-        assert plain["steps"] == fast["steps"] and plain["switched"] == fast["switched"]
-        bound = 1e-6 if fast["switched"] else 1e-9  # |mu| comes near 1 there, and rounding counts for more
-        assert abs(plain["objective"] / fast["objective"] - 1) < bound
 
 
 def test_the_pages_rule_ends_near_the_minimum(quick, converged):

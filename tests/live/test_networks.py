@@ -1,6 +1,5 @@
 """The networks in the browser's modules against those in torch, both with the half-precision weights of the site."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -11,8 +10,7 @@ from reference import MODULES, numbers, pairs, run_engine
 
 from qclearn.nets.weights import load
 from qclearn.pages.examples import example_problems
-from qclearn.pages.explorables import EXPLORABLES
-from qclearn.pages.livenets import cpnet_file, dbsnet_file
+from qclearn.pages.livefiles import cpnet_file, dbsnet_file
 from qclearn.plane.beltrami import face_mean
 from qclearn.registration.problem import Problem, Weights
 
@@ -63,13 +61,6 @@ def test_cpnet_is_the_librarys(found, one_thread):
         assert abs(there - mu).max() < 1e-3 * abs(mu).max()
 
 
-def test_plain_layers_are_those_of_webassembly(found):
-    some = problems()[:2]
-    plain, fast = (run_engine("cpnet", plain=plain, file=str(found[1]), problems=some) for plain in (True, False))
-    for one, other in zip(plain, fast):
-        assert abs(numbers(one) - numbers(other)).max() < 1e-5 * abs(numbers(one)).max()
-
-
 def test_dbsnet_is_torchs(tmp_path, one_thread):
     network, rng, made = halved(load("dbsnet")), np.random.default_rng(2), []
     centres = network.pixels
@@ -85,15 +76,10 @@ def test_dbsnet_is_torchs(tmp_path, one_thread):
         assert abs(numbers(answer) - f).max() < 1e-4
 
 
-def test_explorables_start_where_python_says():
-    states = run_engine("initial", pages=[live.page for live in EXPLORABLES])
-    assert states == [json.loads(json.dumps(dict(live.initial))) for live in EXPLORABLES]
-
-
 def test_nothing_of_a_network_stands_in_the_modules():
     """A network of other sizes needs no change: they come from the file."""
     text = "".join(
         (MODULES / name).read_text()
-        for name in ("unet.js", "born.js", "cpnet.js", "looks.js", "spectrum.js", "tangent.js", "dbsnet.js")
+        for name in ("unet.js", "cpnet.js", "looks.js", "spectrum.js", "tangent.js", "dbsnet.js")
     )
     assert not any(f" {number}" in text for number in (24, 48, 72, 144, 512))

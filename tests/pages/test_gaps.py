@@ -3,8 +3,8 @@
 import pytest
 
 from qclearn.pages.examples import example_problems
+from qclearn.pages.fitstates import exact_fit, fit_state, network_fit
 from qclearn.pages.gaps import gap_bands, gap_grid
-from qclearn.pages.widgets import exact_fit, fit_state, network_fit
 
 RANGES = (-2.0, 1.0), (2.3, 5.3)
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from explorables import InJupyterLab, OnTheSite
 
+from qclearn.pages import Sulci
 from qclearn.pages.examples import cortices
-from qclearn.pages.explorables import Sulci
 from qclearn.pages.liveproblems import as_moved, example
 from qclearn.plane.mobius import best_mobius, mobius
 
@@ -76,4 +76,4 @@ class TestInJupyterLab(InJupyterLab):
     name, live, silent, gap, sets = "sulci", "Sulci()", VIEWS, 1e-2, {"gamma": 1e5, "turn": 40.0}
 
     def test_its_map_is_pythons(self, shown):
-        shown.tab.until("sulci.map.shape == (1729,) and 0 < sulci.mm < 20")
+        shown.tab.until("sulci.map.shape == (1729,) and 0 < sulci.found['mm'] < 20")

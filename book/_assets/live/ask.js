@@ -5,8 +5,8 @@ const waiting = new Map(),
 let count = 0,
   failed = null; // why there is no worker
 
-// the host's worker, told once what it works with; files that are missing are null
-async function workerOf(host, files) {
+// the host's worker, told once what it works with
+async function workerOf(host) {
   const worker = host.worker();
   if (!started.has(worker)) {
     worker.onmessage = ({ data }) => {
@@ -21,28 +21,21 @@ async function workerOf(host, files) {
       for (const { reject } of waiting.values()) reject(failed);
       waiting.clear();
     };
-    started.set(
-      worker,
-      Promise.all(Object.entries(files).map(async ([key, name]) => [key, await fileOf(host, name)])).then((entries) =>
-        worker.postMessage({ begin: Object.fromEntries(entries) }),
-      ),
-    );
+    started.set(worker, hand(worker, host, { kernels: "kernels.wasm" }));
   }
   await started.get(worker);
   return worker;
 }
 
-async function fileOf(host, name) {
-  try {
-    return await host.file(name);
-  } catch {
-    return null;
-  }
+// files of the host, key -> name; an error where one of them cannot be loaded
+async function hand(worker, host, files) {
+  const found = await Promise.all(Object.entries(files).map(async ([key, name]) => [key, await host.file(name)]));
+  worker.postMessage({ files: Object.fromEntries(found) });
 }
 
 // part: what of the answer is wanted, for tasks that have several
 export async function ask(host, page, request, part = "all") {
-  const worker = await workerOf(host, { kernels: "kernels.wasm" }),
+  const worker = await workerOf(host),
     id = ++count;
   return new Promise((resolve, reject) => {
     if (failed) reject(failed);
@@ -51,9 +44,5 @@ export async function ask(host, page, request, part = "all") {
   });
 }
 
-// More files for the worker, key -> name; an error where one of them cannot be loaded.
-export async function give(host, files) {
-  const found = await Promise.all(Object.entries(files).map(async ([key, name]) => [key, await host.file(name)]));
-  const worker = await workerOf(host, { kernels: "kernels.wasm" });
-  worker.postMessage({ more: Object.fromEntries(found) });
-}
+// more files for the worker
+export const give = async (host, files) => hand(await workerOf(host), host, files);

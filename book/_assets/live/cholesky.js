@@ -1,10 +1,8 @@
 // A sparse Cholesky factorisation for many matrices of one pattern, that of the edges of a mesh. The order of
 // elimination and the places of all entries are found once; then a factorisation is arithmetic alone.
-import { plainKernels } from "./kernels.js";
-
 export class Cholesky {
   // n unknowns; edge e joins tail[e] and head[e], -1 for what is no unknown. Matrix values come with `factor`.
-  constructor(n, tail, head, kernels = plainKernels) {
+  constructor(n, tail, head, kernels) {
     Object.assign(this, { n, tail, head, kernels });
     const { order, below } = minimumDegree(n, tail, head);
     const place = (this.place = new Int32Array(n)); // of an unknown in the order of elimination
@@ -59,64 +57,46 @@ export class Cholesky {
   backward(X, R) {
     this.kernels.backward(this, X, R);
   }
+  solve(X, R) {
+    this.forward(X, R);
+    this.backward(X, R);
+  }
+
+  // the solutions for one or two right-hand sides [(n), ...], by unknown
+  solved(columns) {
+    const pair = (this.pair ??= this.kernels.numbers(2 * this.n)).fill(0);
+    columns.forEach((b, c) => this.place.forEach((j, v) => (pair[2 * j + c] = b[v])));
+    this.solve(pair, 2);
+    return columns.map((_, c) => Float64Array.from(this.place, (j) => pair[2 * j + c]));
+  }
 }
 
 // An order of elimination that always takes an unknown with the fewest neighbours, and the neighbours that each had
-// left. Neighbours are sets of bits: for a few thousand unknowns exact degrees are cheap.
+// left: for a few thousand unknowns exact degrees are cheap.
 function minimumDegree(n, tail, head) {
-  const words = (n + 31) >> 5,
-    near = new Uint32Array(n * words);
-  const add = (a, b) => {
-    near[a * words + (b >> 5)] |= 1 << (b & 31);
-  };
-  const drop = (a, b) => {
-    near[a * words + (b >> 5)] &= ~(1 << (b & 31));
-  };
-  tail.forEach((a, e) => {
-    if (a >= 0 && head[e] >= 0) {
-      add(a, head[e]);
-      add(head[e], a);
-    }
-  });
-  const degree = Int32Array.from({ length: n }, (_, v) => members(near, v * words, words).length);
-  const left = Array.from({ length: n }, (_, v) => v),
+  const near = Array.from({ length: n }, () => new Set()),
+    left = Array.from({ length: n }, (_, v) => v),
     order = [],
     below = [];
+  tail.forEach((a, e) => {
+    if (a < 0 || head[e] < 0) return;
+    near[a].add(head[e]);
+    near[head[e]].add(a);
+  });
   while (left.length) {
     let best = 0;
-    for (let k = 1; k < left.length; k++) if (degree[left[k]] < degree[left[best]]) best = k;
+    for (let k = 1; k < left.length; k++) if (near[left[k]].size < near[left[best]].size) best = k;
     const [v] = left.splice(best, 1),
-      neighbours = members(near, v * words, words);
+      neighbours = [...near[v]];
     order.push(v);
     below.push(neighbours);
     for (const u of neighbours) {
-      for (let w = 0; w < words; w++) near[u * words + w] |= near[v * words + w];
-      drop(u, u);
-      drop(u, v);
+      for (const w of neighbours) near[u].add(w);
+      near[u].delete(u);
+      near[u].delete(v);
     }
-    for (const u of neighbours) degree[u] = count(near, u * words, words);
   }
   return { order, below };
-}
-
-function members(bits, from, words) {
-  const found = [];
-  for (let w = 0; w < words; w++) {
-    for (let rest = bits[from + w]; rest; rest &= rest - 1) found.push(32 * w + 31 - Math.clz32(rest & -rest));
-  }
-  return found;
-}
-
-function count(bits, from, words) {
-  let sum = 0;
-  for (let w = from; w < from + words; w++) {
-    let x = bits[w];
-    if (!x) continue;
-    x -= (x >>> 1) & 0x55555555;
-    x = (x & 0x33333333) + ((x >>> 2) & 0x33333333);
-    sum += Math.imul((x + (x >>> 4)) & 0x0f0f0f0f, 0x01010101) >>> 24;
-  }
-  return sum;
 }
 
 // for each row j of L its entries left of the diagonal: their columns, and their places in the column storage

@@ -2,7 +2,7 @@
 // The options of a choice are a list, or a function of the state where they come with the answer.
 // Labels are names for everybody: what a screen reader says is what is to be read.
 
-const make = (tag, properties = {}, ...children) => {
+export const make = (tag, properties = {}, ...children) => {
   const element = Object.assign(document.createElement(tag), properties);
   element.append(...children);
   return element;
@@ -19,27 +19,22 @@ export function buildControls(list, act) {
   };
 }
 
+// a row of a label and its control, in the order given
+const row = (kind, ...parts) => make("div", { className: `qc-live-${kind}` }, ...parts);
+
 // A slider; a log one moves in the exponent of 10, and the state has the number itself.
-function slider({ name, label, min, max, step, digits = 3, also = {} }, act, there, back) {
+function slider({ name, label, min, max, step, digits = 3, also = {} }, act, there = Number, back = Number) {
   const id = freshId(),
-    shown = (value) => Number(value.toPrecision(digits)).toLocaleString("en", { maximumSignificantDigits: digits });
-  const input = make("input", { id, type: "range", min, max, step }),
+    input = make("input", { id, type: "range", min, max, step }),
     output = make("output", { htmlFor: id });
   const send = (settled) => act({ [name]: back(Number(input.value)), ...also }, settled);
   input.addEventListener("input", () => send(false));
   input.addEventListener("change", () => send(true));
-  const element = make(
-    "div",
-    { className: "qc-live-slider" },
-    make("label", { htmlFor: id, textContent: label }),
-    input,
-    output,
-  );
   return {
-    element,
+    element: row("slider", make("label", { htmlFor: id, textContent: label }), input, output),
     show(state) {
       input.value = there(state[name]);
-      output.textContent = shown(state[name]);
+      output.textContent = state[name].toLocaleString("en", { maximumSignificantDigits: digits });
       input.setAttribute("aria-valuetext", output.textContent);
     },
   };
@@ -47,27 +42,15 @@ function slider({ name, label, min, max, step, digits = 3, also = {} }, act, the
 
 const kinds = {
   log: (one, act) => slider(one, act, Math.log10, (x) => Number((10 ** x).toPrecision(6))),
-  linear: (one, act) =>
-    slider(
-      one,
-      act,
-      (x) => x,
-      (x) => x,
-    ),
+  linear: slider,
 
   choice({ name, label, options, also = {} }, act) {
-    const id = freshId();
-    const select = make("select", { id }),
+    const id = freshId(),
+      select = make("select", { id }),
       listed = typeof options === "function" ? options : () => options;
     select.addEventListener("change", () => act({ [name]: select.value, ...also }));
-    const element = make(
-      "div",
-      { className: "qc-live-choice" },
-      make("label", { htmlFor: id, textContent: label }),
-      select,
-    );
     return {
-      element,
+      element: row("choice", make("label", { htmlFor: id, textContent: label }), select),
       show: (state) => {
         const list = listed(state);
         if (select.length !== list.length)
@@ -81,14 +64,8 @@ const kinds = {
     const id = freshId(),
       input = make("input", { id, type: "checkbox" });
     input.addEventListener("change", () => act({ [name]: input.checked }));
-    const element = make(
-      "div",
-      { className: "qc-live-switch" },
-      input,
-      make("label", { htmlFor: id, textContent: label }),
-    );
     return {
-      element,
+      element: row("switch", input, make("label", { htmlFor: id, textContent: label })),
       show: (state) => {
         input.checked = state[name];
       },

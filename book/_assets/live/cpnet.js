@@ -1,5 +1,4 @@
 // CP-Net, preset `best` (nets/cpnet.py): the first Gauss-Newton step, corrected by a U-Net, and looks from there.
-import { Born } from "./born.js";
 import { zeros } from "./complex.js";
 import { Link, Looks } from "./looks.js";
 import { Spectrum } from "./spectrum.js";
@@ -11,13 +10,12 @@ export class CPNet {
   // network: {config, tensors} of the file; mesh: the polar mesh of its config
   constructor(mesh, layers, { config, tensors }) {
     const spectrum = new Spectrum(mesh, tensors);
-    Object.assign(this, { mesh, config, spectrum, own: new Link(mesh, spectrum), born: new Born(spectrum, tensors) });
+    Object.assign(this, { mesh, config, spectrum, own: new Link(mesh, spectrum) });
+    const { one, two, kept } = tensors;
+    [this.one, this.two] = [one, two].map(({ data }) => Float64Array.from(data));
+    Object.assign(this, { kept: kept.data, modes: kept.data.length });
+    this.angular = Int32Array.from(this.kept, (k) => Math.floor(k / mesh.rings)); // mode number
     this.unet = new UNet(layers, partOf(tensors, "unet"), mesh.rings, mesh.spokes);
-  }
-
-  // the gamma that is answered for: the given one
-  gammaUsed({ gamma }) {
-    return gamma;
   }
 
   // nu at the vertices of the network's mesh, for landmarks p, q {x, y}, after so many looks at its map on `mesh`; null
@@ -45,19 +43,16 @@ export class CPNet {
       channels = this.unet.head.outputs,
       { spokes, V } = this.mesh,
       { cos, sin } = this.spectrum,
-      out = zeros(V);
+      out = zeros(V - 1);
     for (let i = 0; i < V - 1; i++) {
       const [u, v, s, t] = output.subarray(i * channels, i * channels + 4),
         x = nu.x[i + 1],
         y = nu.y[i + 1],
         k = (2 * (i % spokes)) % spokes;
-      out.x[i + 1] = x * (1 + u) - y * v + size * (s * cos[k] - t * sin[k]);
-      out.y[i + 1] = y * (1 + u) + x * v + size * (s * sin[k] + t * cos[k]);
+      out.x[i] = x * (1 + u) - y * v + size * (s * cos[k] - t * sin[k]);
+      out.y[i] = y * (1 + u) + x * v + size * (s * sin[k] + t * cos[k]);
     }
-    for (const part of ["x", "y"]) {
-      for (let k = 1; k <= spokes; k++) out[part][0] += out[part][k] / spokes; // the centre has the first ring's mean
-    }
-    return out;
+    return this.spectrum.centred(out);
   }
 
   // the root of mean |nu|^2
@@ -100,7 +95,7 @@ export class CPNet {
     };
     const { spread, count } = this.splat(places, wanted);
     turning({ x: nu.x.subarray(1), y: nu.y.subarray(1) }, 2, 0.3 / size);
-    turning(this.born.moved(this.spectrum.coefficients(nu)), 1, 5);
+    turning(this.moved(this.spectrum.coefficients(nu)), 1, 5);
     turning(spread, 1, 10);
     plain((i) => count[i]);
     turning(this.splat(places, left).spread, 1, 10);
@@ -121,5 +116,32 @@ export class CPNet {
       }),
     );
     return { spread, count };
+  }
+
+  spoke(k) {
+    const { spokes } = this.mesh;
+    return ((k % spokes) + spokes) % spokes;
+  }
+
+  // displacements of the nodes by all coefficients of a field, complex pairs, to first order: tables `one` and `two`, one
+  // row a ring, for the smoothest eigenvectors ("modes") of the polar mesh (nets/born.py)
+  moved(c) {
+    const { spectrum, modes, angular, one, two } = this,
+      { rings, spokes } = spectrum.mesh,
+      waves = zeros(rings * spokes);
+    for (let j = 0; j < rings; j++) {
+      for (let n = 0; n < modes; n++) {
+        const at = 2 * (j * modes + n),
+          x = c[2 * this.kept[n]],
+          y = c[2 * this.kept[n] + 1];
+        const a = this.spoke(angular[n] - 1) * rings + j,
+          b = this.spoke(3 - angular[n]) * rings + j;
+        waves.x[a] += x * one[at] + y * one[at + 1];
+        waves.y[a] += y * one[at] - x * one[at + 1];
+        waves.x[b] += x * two[at] + y * two[at + 1];
+        waves.y[b] += x * two[at + 1] - y * two[at];
+      }
+    }
+    return spectrum.ofWaves(waves);
   }
 }

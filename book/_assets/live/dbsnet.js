@@ -1,9 +1,9 @@
 // DBS-Net, preset `best` (nets/dbsnet.py): what two preconditioned steps know about the map of mu, corrected by a U-Net
 // in logarithmic coordinates, f = z exp(u + iv). The preconditioner is the matrix of mu = 0, factored.
 import { dot, zeros } from "./complex.js";
-import { DiskMap } from "./map.js";
+import { DiskMap, normaliserOf } from "./map.js";
 import { TAU } from "./mesh.js";
-import { mobius } from "./mobius.js";
+import { moved } from "./mobius.js";
 import { partOf, UNet } from "./unet.js";
 
 // what brings each input to the size of 1: FEATURES of nets/dbsnet.py
@@ -15,7 +15,7 @@ export class DBSNet {
   // network: {config, tensors} of the file; mesh: the polar mesh of its config
   constructor(mesh, layers, { config, tensors }) {
     Object.assign(this, { mesh, config, unet: new UNet(layers, partOf(tensors, "unet"), mesh.rings, mesh.spokes) });
-    this.solution = new DiskMap(mesh); // lends its boundary, and room for two right-hand sides
+    this.solution = new DiskMap(mesh); // lends its boundary
     [this.plain, this.off] = [0, 1].map(() => new Float64Array(mesh.E));
     [this.plainDiagonal, this.diagonal] = [0, 1].map(() => new Float64Array(mesh.V));
     mesh.stiffness(zeros(mesh.F), this.plain, this.plainDiagonal);
@@ -61,17 +61,7 @@ export class DBSNet {
 
   // K(0)^-1 of one or two loads
   precondition(loads) {
-    const { interior, free } = this.mesh,
-      { pair } = this.solution;
-    pair.fill(0);
-    loads.forEach((load, c) =>
-      load.forEach((value, i) => {
-        pair[2 * interior.place[i] + c] = value;
-      }),
-    );
-    interior.forward(pair, 2);
-    interior.backward(pair, 2);
-    return loads.map((_, c) => Float64Array.from({ length: free }, (_, i) => pair[2 * interior.place[i] + c]));
+    return this.mesh.interior.solved(loads);
   }
 
   residual(load, x) {
@@ -112,14 +102,6 @@ export class DBSNet {
     return Float64Array.from({ length: mesh.spokes }, (_, k) => (sum += k ? steps[k - 1] : 0));
   }
 
-  // the load of values on the circle, -K_ib f_b, of K(mu) or of K(0)
-  pull(off, values) {
-    const { free, rim } = this.mesh,
-      load = new Float64Array(free);
-    for (let i = 0; i < rim.length; i += 3) load[rim[i + 1]] -= off[rim[i]] * values[rim[i + 2]];
-    return load;
-  }
-
   // potentials U of orders 1 and 2, changes of the angles from each to the next, maps of orders 1, 2 and beyond
   twoSteps() {
     const none = new Float64Array(this.mesh.free),
@@ -131,9 +113,9 @@ export class DBSNet {
       [t1, t2, t3] = [U1, U2, combined(U2, more, 1)].map((U) => this.angles(U));
     const gap = (a, b) => a.map((angle, k) => Math.atan2(Math.sin(b[k] - angle), Math.cos(b[k] - angle)));
     const circle = [t2.map(Math.cos), t2.map(Math.sin)],
-      pull = circle.map((values) => this.pull(this.off, values));
+      pull = circle.map((values) => this.mesh.rimLoad(this.off, values));
     const maps = [];
-    let f = this.precondition(circle.map((values) => this.pull(this.plain, values)));
+    let f = this.precondition(circle.map((values) => this.mesh.rimLoad(this.plain, values)));
     for (let step = 0; step < 2; step++) maps.push(this.normalised((f = this.gradients(pull, f, 1)), circle));
     const rest = this.precondition(pull.map((load, c) => this.residual(load, f[c])));
     maps.push(
@@ -143,22 +125,14 @@ export class DBSNet {
       ),
     );
     const angles = [gap(t1, t2), gap(t2, t3)];
-    const inside = this.precondition(angles.map((values) => this.pull(this.plain, values)));
+    const inside = this.precondition(angles.map((values) => this.mesh.rimLoad(this.plain, values)));
     return { U: [U1, U2], maps, angles, inside };
   }
 
   // [x, y] inside and on the circle as a map of all vertices with f(0) = 0 and f(1) = 1
-  normalised([fx, fy], [bx, by]) {
-    const { V, free } = this.mesh,
-      w = zeros(V),
-      [ax, ay] = Math.hypot(fx[0], fy[0]) < 1 ? [fx[0], fy[0]] : [0, 0];
-    const [x, y] = mobius(bx[0], by[0], ax, ay),
-      size = Math.hypot(x, y);
-    for (let i = 0; i < V; i++) {
-      const [u, v] = i < free ? [fx[i], fy[i]] : [bx[i - free], by[i - free]];
-      [w.x[i], w.y[i]] = mobius(u, v, ax, ay, x / size, -y / size);
-    }
-    return w;
+  normalised(inside, circle) {
+    const [x, y] = inside.map((part, k) => Float64Array.from([...part, ...circle[k]]));
+    return moved({ x, y }, normaliserOf(this.mesh, { x, y }));
   }
 
   // the U-Net's input; returns u and v of the map of order 2

@@ -9,15 +9,10 @@
 //       onward {page, name, text, state(state, answer)}: a link to another explorable, with a state for it or null
 // host: start (part of a state), save(state), tell(answer), file(name), worker(), ask(state) (the kernel) and
 //       link(state), or null where there is none
-import { buildControls, freshId } from "./controls.js";
+import { buildControls, freshId, make } from "./controls.js";
 import { Picture } from "./picture.js";
 
 const MOST_UNDO = 200;
-const make = (tag, properties = {}, ...children) => {
-  const element = Object.assign(document.createElement(tag), properties);
-  element.append(...children);
-  return element;
-};
 
 export class Explorable {
   constructor(root, spec, host) {

@@ -1,18 +1,66 @@
 // A growing cortex: scrub through its frames, look from all sides, and compare its area with what its edges want.
-import { measured, paint, readFrames } from "./growth.js";
+import { readArrays } from "./files.js";
+import { INITIAL } from "./given.js";
 import { COLOURS } from "./picture.js";
+import { chart } from "./plots.js";
+import { Solid, turned } from "./solid.js";
+import { edgesOf, normalsOf } from "./triangles.js";
+import { gap, short } from "./words.js";
 
 const FRAMES = 20,
   FURTHER = 5, // frames, in the question
-  WIDTH = 320,
-  LEFT = 40,
-  FLOOR = 280; // of the picture of areas, in pixels
+  LATERAL = [-1, 0, 0]; // of a left hemisphere
 let film = null; // once it has been loaded
 
-const short = (x) => String(Number(x.toPrecision(4)));
 const last = (state) => Math.min(state.frame, film.K - 1);
 const spread = (list) => Math.sqrt(list.reduce((sum, c) => sum + c * c, 0) / list.length);
 const mix = (share, from, to) => from.map((c, i) => c + Math.max(0, Math.min(1, share)) * (to[i] - c));
+
+// {positions (K V 3), faces (3 F), V, K, factors, crossing, edges, first} from the page's file
+function readFrames(file) {
+  const { config, tensors } = readArrays(file),
+    [K, V] = tensors.positions.shape,
+    faces = Uint16Array.from(tensors.faces.data);
+  const film = { ...config, positions: tensors.positions.data, K, V, faces, edges: edgesOf(faces, V) };
+  film.first = measured(film, 0);
+  return film;
+}
+
+const frame = ({ positions, V }, k) => positions.subarray(3 * V * k, 3 * V * (k + 1));
+
+// positions x, area, unit normals (3 V), curvature (V), areas around vertices (V)
+function measured(film, k) {
+  const x = frame(film, k),
+    { normals, areas } = normalsOf(x, film.faces),
+    share = new Float64Array(film.V);
+  film.faces.forEach((v, i) => {
+    share[v] += areas[Math.floor(i / 3)] / 3;
+  });
+  const area = areas.reduce((a, b) => a + b, 0);
+  return { x, area, share, curvature: curvatureOf(film, x, normals) };
+}
+
+// how far a vertex stands out of the mean of its neighbours, in edge lengths: positive on gyri
+function curvatureOf({ edges: { tail, head }, V }, x, normal) {
+  const out = new Float64Array(V),
+    count = new Float64Array(V);
+  let length = 0;
+  for (let e = 0; e < tail.length; e++) {
+    const a = 3 * tail[e],
+      b = 3 * head[e],
+      d = [x[b] - x[a], x[b + 1] - x[a + 1], x[b + 2] - x[a + 2]];
+    length += Math.hypot(...d);
+    for (let i = 0; i < 3; i++) {
+      out[a / 3] -= d[i] * normal[a + i];
+      out[b / 3] += d[i] * normal[b + i];
+    }
+    count[a / 3]++;
+    count[b / 3]++;
+  }
+  return out.map((c, v) => c / count[v] / (length / tail.length));
+}
+
+// ---- what is to be seen ----
 
 // colour of a vertex: light where the surface is convex; dark where it has grown more than on average
 const SHADES = {
@@ -31,36 +79,29 @@ async function answer(state, host) {
 }
 
 function drawAreas(picture, k) {
-  const { pen } = picture,
-    wanted = film.factors.map((factor) => factor ** 2),
-    top = Math.ceil(2 * Math.max(...wanted)) / 2;
-  const X = (i) => LEFT + (i / (film.K - 1)) * (WIDTH - LEFT - 16),
-    Y = (value) => FLOOR - ((value - 0.5) / (top - 0.5)) * (FLOOR - 16);
-  picture.clear();
-  pen.fillStyle = COLOURS.ink;
-  pen.fillRect(LEFT, FLOOR, WIDTH - LEFT - 10, 1);
-  pen.fillRect(LEFT, 10, 1, FLOOR - 10);
-  for (let value = 1; value <= top; value++) picture.words(String(value), LEFT - 8, Y(value) + 4, "right");
-  for (const i of [0, film.K - 1]) picture.words(String(i), X(i), FLOOR + 16, "center");
-  picture.words("frame", (WIDTH + LEFT) / 2, FLOOR + 32, "center");
-  for (const [values, colour, dash] of [
-    [wanted, COLOURS.target, [5, 3]],
-    [film.areas, COLOURS.grid, []],
-  ]) {
-    pen.beginPath();
-    values.forEach((value, i) => pen[i ? "lineTo" : "moveTo"](X(i), Y(value)));
-    picture.stroke(colour, 1.8, dash);
-    pen.beginPath();
-    pen.arc(X(k), Y(values[k]), 4, 0, 7);
-    pen.fillStyle = colour;
-    pen.fill();
-  }
+  const line = (values) => values.map((value, i) => [i, value]),
+    wanted = line(film.factors.map((factor) => factor ** 2)),
+    areas = line(film.areas),
+    top = Math.ceil(2 * Math.max(...wanted.map(([, value]) => value))) / 2;
+  chart(picture, {
+    x: [0, film.K - 1],
+    y: [0.5, top],
+    ticks: {
+      x: [0, film.K - 1].map((i) => [i, String(i)]),
+      y: Array.from({ length: Math.floor(top) }, (_, i) => [i + 1, String(i + 1)]),
+    },
+    name: "frame",
+    curves: [
+      { points: wanted, colour: COLOURS.target, dash: [5, 3], dot: wanted[k] },
+      { points: areas, colour: COLOURS.grid, dot: areas[k] },
+    ],
+  });
 }
 
 export default {
   name: "growth",
   label: "A growing cortex",
-  initial: { frame: 0, turn: 0, tilt: 10, colour: "curvature" },
+  initial: INITIAL.growth,
   controls: [
     { kind: "linear", name: "frame", label: "frame (0: before growth)", min: 0, max: FRAMES - 1, step: 1 },
     { kind: "linear", name: "turn", label: "turn in degrees (0: from outside)", min: -180, max: 180, step: 5 },
@@ -77,22 +118,17 @@ export default {
     },
   ],
   views: [
-    {
-      name: "surface",
-      label: "the surface, to turn by pointing or by arrow keys",
-      anywhere: true,
-      points: ({ turn, tilt }) => [[turn / 190, tilt / 190]],
-      drag: (state, index, [x, y], by) =>
-        by === "press" ? {} : { turn: Math.round(190 * x), tilt: Math.max(-90, Math.min(90, Math.round(190 * y))) },
-    },
+    { name: "surface", label: "the surface, to turn by pointing or by arrow keys", picture: Solid, drag: turned },
     { name: "areas", label: "factors since the first frame: area (blue), area that the edges want (red, dashed)" },
   ],
   answer,
   draw([surface, areas], state, found) {
-    const { width } = surface.canvas,
-      image = surface.pen.createImageData(width, width);
-    paint(image, film, found, state, SHADES[state.colour](found));
-    surface.pen.putImageData(image, 0, 0);
+    const shade = SHADES[state.colour](found),
+      colour = new Float32Array(found.x.length);
+    for (let v = 0; v < film.V; v++) colour.set(shade(v).map((c) => c / 255), 3 * v);
+    const shown = { vertices: found.x, unfolded: found.x, faces: film.faces, colour, away: LATERAL };
+    surface.surface(shown, frame(film, film.K - 1));
+    surface.draw({ ...state, zoom: 1, share: 0 });
     drawAreas(areas, last(state));
   },
   words(state, { area, factor, crossing, curvature }) {
@@ -109,7 +145,7 @@ export default {
   data: (state, { area, ratio, factor, crossing }) => ({ area: ratio, square: area, factor, crossing }),
   compare: (found, kernel) =>
     `The kernel's area has grown by the factor ${short(kernel.area)}; ` +
-    `the difference is ${Math.abs(kernel.area - found.ratio).toExponential(1)}.`,
+    `the difference is ${gap(Math.abs(kernel.area - found.ratio))}.`,
   question: {
     text: `Go ${FURTHER} frames further. How many times its present area has the surface then? `,
     async truth(state, host) {

@@ -1,8 +1,10 @@
 // A sulcus between two endpoints on the picture of the curvature: the shortest path at once, LD-Net's beside it.
+import { INITIAL } from "./given.js";
 import { Hemisphere } from "./hemisphere.js";
 import { curveDistance, graphOf, lengthOf, places, shortestPath } from "./paths.js";
 import { COLOURS } from "./picture.js";
-import { CORTICES, short } from "./problems.js";
+import { CORTICES } from "./problems.js";
+import { gap, short } from "./words.js";
 
 const PIXELS = 200, // of the picture of the curvature, a side
   CLOSER = 3, // the second picture's magnification
@@ -117,21 +119,22 @@ function draw(pictures, state, found) {
   });
 }
 
+// the tuner's state with a path's points as landmarks
+function toTuner({ hemisphere: name, sulcus }, path) {
+  const { hemisphere, order } = surfaces.get(name),
+    first = order[sulcus] * POINTS,
+    points = places(hemisphere, path, POINTS).map(({ from, to, share }) =>
+      ["x", "y"].map((k) => Number((hemisphere[k][from] * (1 - share) + hemisphere[k][to] * share).toFixed(6))),
+    );
+  return { problem: name, starts: Object.fromEntries(points.map((point, k) => [first + k, point])) };
+}
+
 const mm = (x) => `${Number(x.toPrecision(3))} mm`;
 
 export default {
   name: "landmarks",
   label: "Endpoints, paths and LD-Net",
-  initial: {
-    hemisphere: "first",
-    sulcus: 0,
-    ends: {},
-    curvature: 0.5,
-    depth: 2,
-    shortest: true,
-    network: true,
-    truth: true,
-  },
+  initial: INITIAL.landmarks,
   controls: [
     { kind: "choice", name: "hemisphere", label: "hemisphere", also: { ends: {} }, options: CORTICES },
     {
@@ -173,13 +176,12 @@ export default {
     } else said.push(found.own ? "Nobody knows the true curve of a real cortex" : "Between other ends there is no true curve");
     return `${said.join(". ")}.`;
   },
-  data: (state, { floor, ...found }) => ({ path: floor, ...found }),
+  data: (state, { floor, ...found }) => ({ path: floor, tuner: toTuner(state, floor), ...found }),
   compare: (found, kernel) => {
-    const same = found.floor.filter((v) => kernel.path.includes(v)).length,
-      gap = Math.abs(found.cost / kernel.cost - 1);
+    const same = found.floor.filter((v) => kernel.path.includes(v)).length;
     return (
       `The kernel's path has ${kernel.path.length} vertices, of which ${same} are on the page's; ` +
-      `relative to each other their costs differ by ${gap.toExponential(1)}.`
+      `relative to each other their costs differ by ${gap(Math.abs(found.cost / kernel.cost - 1))}.`
     );
   },
   question: {
@@ -196,13 +198,6 @@ export default {
     page: "live",
     name: "tuner",
     text: "Take the green curve to the tuner",
-    state({ hemisphere: name, sulcus }, { floor }) {
-      const { hemisphere, order } = surfaces.get(name),
-        first = order[sulcus] * POINTS,
-        points = places(hemisphere, floor, POINTS).map(({ from, to, share }) =>
-          ["x", "y"].map((k) => Number((hemisphere[k][from] * (1 - share) + hemisphere[k][to] * share).toFixed(6))),
-        );
-      return { problem: name, starts: Object.fromEntries(points.map((point, k) => [first + k, point])) };
-    },
+    state: (state, { floor }) => toTuner(state, floor),
   },
 };

@@ -1,6 +1,9 @@
 // Möbius maps of the disk: drag the pole, turn; circles stay circles and angles stay angles.
-import { COLOURS } from "./picture.js";
+import { INITIAL } from "./given.js";
 import { mobius, mobiusSlope } from "./mobius.js";
+import { COLOURS } from "./picture.js";
+import { squareLines } from "./plots.js";
+import { gap, short } from "./words.js";
 
 const POINTS = 181,
   SMALL = { centre: [0.5, 0], radius: 0.2 };
@@ -22,25 +25,11 @@ const FIGURES = {
       ]),
     ),
   ],
-  square: () => {
-    const lines = [];
-    for (let c = -0.9; c < 0.95; c += 0.15) {
-      const most = Math.sqrt(1 - c * c),
-        line = Array.from({ length: 61 }, (_, j) => [c, (j / 30 - 1) * most]);
-      lines.push(
-        line,
-        line.map(([x, y]) => [y, x]),
-      );
-    }
-    return lines;
-  },
+  square: squareLines,
   circles: () =>
-    [
-      [0, 0],
-      [0.6, 0],
-      [-0.3, 0.5196],
-      [-0.3, -0.5196],
-    ].flatMap((centre) => [0.1, 0.2, 0.3].map((r) => circle(centre, r))),
+    [circle([0, 0], 0), circle([0, 0], 0.6)].flatMap((ring) =>
+      [0, 60, 120].flatMap((k) => [0.1, 0.2, 0.3].map((r) => circle(ring[k], r))),
+    ),
 };
 
 const parameters = ({ size, direction, turn }) => {
@@ -90,12 +79,10 @@ function answer(state) {
   };
 }
 
-const shown = (x) => Number(x.toPrecision(4));
-
 export default {
   name: "mobius",
   label: "Möbius maps of the disk",
-  initial: { size: 0.4, direction: 30, turn: 0, figure: "polar" },
+  initial: INITIAL.mobius,
   controls: [
     { kind: "linear", name: "size", label: "|a|, distance of the pole from the centre", min: 0, max: 0.95, step: 0.01 },
     {
@@ -136,8 +123,7 @@ export default {
       [before, found.source, found.small, found.a],
       [after, found.lines, found.image, [0, 0]],
     ]) {
-      picture.clear();
-      picture.circle();
+      picture.disk();
       picture.lines(lines, COLOURS.grid);
       picture.lines([small], COLOURS.target, 2);
       picture.dot(pole, COLOURS.registered, 5);
@@ -145,15 +131,15 @@ export default {
     before.mark();
   },
   words(state, { a: [ax, ay], radius, off, stretch, largest }) {
-    const pole = `a = ${shown(ax)} ${ay < 0 ? "−" : "+"} ${shown(Math.abs(ay))} i, θ = ${shown(state.turn)}°`;
-    const red = `The red circle of radius ${SMALL.radius} has become a circle of radius ${shown(radius)}`;
-    const lengths = `Lengths change by ${shown(stretch)} at 0, by up to ${shown(largest)} on the circle`;
+    const pole = `a = ${short(ax)} ${ay < 0 ? "−" : "+"} ${short(Math.abs(ay))} i, θ = ${short(state.turn)}°`;
+    const red = `The red circle of radius ${SMALL.radius} has become a circle of radius ${short(radius)}`;
+    const lengths = `Lengths change by ${short(stretch)} at 0, by up to ${short(largest)} on the circle`;
     return `${pole}. ${red}, round to ${off.toExponential(0)}. ${lengths}. Angles do not change: no folds, mu = 0.`;
   },
   data: (state, { a, theta, centre, radius, stretch, largest }) => ({ a, theta, centre, radius, stretch, largest }),
   compare(found, kernel) {
-    const difference = Math.abs(kernel.radius - found.radius).toExponential(1);
-    return `The kernel's red circle has radius ${shown(kernel.radius)}; the difference is ${difference}.`;
+    const difference = gap(Math.abs(kernel.radius - found.radius));
+    return `The kernel's red circle has radius ${short(kernel.radius)}; the difference is ${difference}.`;
   },
   question: {
     text: "Bring the pole to the opposite place, −a. What radius has the red circle's image then? ",

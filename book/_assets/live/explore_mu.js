@@ -1,14 +1,97 @@
-// Paint a Beltrami coefficient, and see the map that has it.
+// Paint a Beltrami coefficient, and see the map that has it, and that of its Fourier compression.
 import { ask, give } from "./ask.js";
-import { muAt, value } from "./coefficients.js";
-import { PolarMesh } from "./mesh.js";
+import { apart, fromPairs, interleaved, largest, meanDistance, sizes } from "./complex.js";
+import { compressed } from "./compression.js";
+import { DBSNet } from "./dbsnet.js";
+import { FINE, INITIAL } from "./given.js";
+import { DiskMap } from "./map.js";
+import { meshOf } from "./mesh.js";
 import { COLOURS } from "./picture.js";
 import { grid, heat } from "./plots.js";
+import { networkOf } from "./unet.js";
+import { gap, short } from "./words.js";
+
+const BUMP = { x: 0.3, y: 0.2, width: 0.3 };
+
+// how a preset varies over the disk: a complex factor at (x, y)
+const PRESETS = {
+  constant: () => [1, 0],
+  radial(x, y) {
+    // of z |z|^(K - 1)
+    const square = x * x + y * y;
+    return square > 0 ? [(x * x - y * y) / square, (2 * x * y) / square] : [1, 0];
+  },
+  waves: (x, y) => [Math.sin(4 * x) * Math.cos(3 * y), 0],
+  bump: (x, y) => [Math.exp(-((x - BUMP.x) ** 2 + (y - BUMP.y) ** 2) / BUMP.width ** 2), 0],
+  blank: () => [0, 0],
+};
+
+// mu at a point: the preset times the number of the sliders, then what was painted over it, [x, y, radius, re, im] each
+function muAt({ preset, size, direction, strokes }, x, y) {
+  for (let k = strokes.length - 1; k >= 0; k--) {
+    const [u, v, radius, re, im] = strokes[k];
+    if ((x - u) ** 2 + (y - v) ** 2 <= radius * radius) return [re, im];
+  }
+  const [a, b] = PRESETS[preset](x, y),
+    [c, d] = value({ size, direction });
+  return [a * c - b * d, a * d + b * c];
+}
+
+// what the sliders say, and the brush paints
+function value({ size, direction }) {
+  const angle = (direction * Math.PI) / 180;
+  return [size * Math.cos(angle), size * Math.sin(angle)];
+}
+
+const muOn = (mesh, state) => mesh.atCentres((x, y) => muAt(state, x, y));
+
+const SIDE = 64; // pixels of the square that the compression works on
+
+// the worker's side
+async function work(bench, state) {
+  const mesh = bench.mesh(...FINE),
+    map = (mesh.map ??= new DiskMap(mesh)),
+    mu = muOn(mesh, state);
+  const whole = mapOf(map, mu);
+  if (!whole) throw new Error("|mu| must stay below 1: no map that keeps its orientation has such a coefficient");
+  const smooth = compressed(mesh, mu, state.frequencies, SIDE),
+    kept = mapOf(map, smooth);
+  const network = state.dbsnet ? await pass(bench, state) : null;
+  return {
+    network,
+    ...whole,
+    compressed: kept && { ...kept, off: apart(whole.w, kept.w) },
+  };
+}
+
+// the map and what is said of it; null where there is none
+function mapOf(map, mu) {
+  const begin = performance.now(),
+    { mesh } = map;
+  if (!map.solve(mu)) return null;
+  const w = map.normalised(),
+    ms = performance.now() - begin,
+    size = Float32Array.from(sizes(mu)),
+    raised = map.raised.reduce((a, b) => a + b, 0);
+  return { w, size, largest: largest(sizes(mu)), folds: mesh.flipped(w).length, raised, moved: meanDistance(w, mesh.z), ms };
+}
+
+// DBS-Net's map of the same mu on its own mesh, and the exact one there: the largest distance, and both times
+async function pass(bench, state) {
+  const net = await networkOf(bench, DBSNet, "dbsnet"),
+    { mesh } = net,
+    mu = muOn(mesh, state),
+    exact = mapOf((mesh.map ??= new DiskMap(mesh)), mu),
+    begin = performance.now();
+  const w = net.run(mu),
+    ms = performance.now() - begin;
+  return { mesh: [mesh.rings, mesh.spokes], off: apart(w, exact.w), folds: mesh.flipped(w).length, ms, exact: exact.ms };
+}
+
+// ---- what is to be seen ----
 
 const ELLIPSES = 17,
-  MOST_STROKES = 150,
-  same = (point) => point;
-let mesh = null; // for the pictures
+  MOST_STROKES = 150;
 
 const ellipse = (x, y, [a, b], radius) => {
   const size = Math.min(Math.hypot(a, b), 0.999),
@@ -48,9 +131,8 @@ async function answer(state, host) {
 }
 
 function draw([field, image, colours], state, found) {
-  mesh ??= new PolarMesh(32, 96);
-  field.clear();
-  field.circle();
+  const mesh = meshOf(...FINE);
+  field.disk();
   const lines = [],
     step = 2 / ELLIPSES;
   for (let i = 0; i < ELLIPSES; i++) {
@@ -62,29 +144,18 @@ function draw([field, image, colours], state, found) {
   }
   field.lines(lines, COLOURS.grid, 1);
   field.ring(state.brush, state.radius, COLOURS.target);
-  image.clear();
-  image.circle();
-  if (found.compressed) grid(image, mesh, found.compressed.w, same, same, COLOURS.target, [3, 2]);
-  grid(image, mesh, found.w, same, same);
-  heat(colours, mesh, found.size, same);
+  image.disk();
+  if (found.compressed) grid(image, mesh, found.compressed.w, { colour: COLOURS.target, dash: [3, 2] });
+  grid(image, mesh, found.w);
+  heat(colours, mesh, found.size);
 }
 
-const short = (x) => (x !== 0 && Math.abs(x) < 0.001 ? x.toExponential(2) : String(Number(x.toPrecision(4))));
 const K = (size) => (1 + size) / (1 - size);
 
 export default {
   name: "mu",
   label: "Paint mu",
-  initial: {
-    preset: "waves",
-    size: 0.5,
-    direction: 60,
-    frequencies: 4,
-    radius: 0.15,
-    dbsnet: false,
-    brush: [0.5, 0.5],
-    strokes: [],
-  },
+  initial: INITIAL.mu,
   controls: [
     {
       kind: "choice",
@@ -124,6 +195,7 @@ export default {
     { name: "size", label: "|μ| on the disk" },
   ],
   answer,
+  work,
   draw,
   words(state, found) {
     const { compressed, raised } = found,
@@ -146,16 +218,12 @@ export default {
       said.push(`It takes ${ms.toFixed(0)} ms, the exact map ${exact.toFixed(0)} ms`);
     }
     if (raised) said.push(`${raised} boundary steps raised`);
-    return `${said.join(". ")}. In ${found.kernels}.`;
+    return `${said.join(". ")}.`;
   },
   data(state, { w, size, compressed, ...numbers }) {
-    const map = new Float64Array(2 * w.x.length).map((_, i) => (i % 2 ? w.y : w.x)[i >> 1]);
-    return { map, ...numbers, off: compressed?.off ?? null, compressedLargest: compressed?.largest ?? null };
+    return { map: interleaved(w), ...numbers, off: compressed?.off ?? null, compressedLargest: compressed?.largest ?? null };
   },
-  compare: (found, kernel) => {
-    const gap = Math.max(...found.w.x.map((x, v) => Math.hypot(x - kernel.map[v][0], found.w.y[v] - kernel.map[v][1])));
-    return `The kernel's exact map differs by ${gap.toExponential(1)} at most.`;
-  },
+  compare: ({ w }, kernel) => `The kernel's exact map differs by ${gap(apart(w, fromPairs(kernel.map)))} at most.`,
   question: {
     text: "Bring the largest |μ| half the way to 1. How many times longer than wide is the longest ellipse then? ",
     truth: async (state, host) => K((1 + (await answer(state, host)).largest) / 2),

@@ -1,13 +1,15 @@
 // The tuner's map carried to the control surface: registered sulci yellow, their targets red, moving with the sliders.
 import { ask } from "./ask.js";
-import { fromPairs } from "./complex.js";
-import { distance, Hemisphere } from "./hemisphere.js";
-import { sample } from "./mesh.js";
+import { apart, fromPairs, interleaved, toPairs } from "./complex.js";
+import { INITIAL } from "./given.js";
+import { Hemisphere } from "./hemisphere.js";
+import { meshOf, sample } from "./mesh.js";
 import { bestMobius, moved } from "./mobius.js";
 import { COLOURS } from "./picture.js";
-import { CORTICES, kindOfLandmarks, loadProblems, meshOf, moves, problemOf, requestOf, short, weights } from "./problems.js";
-import { Solid } from "./solid.js";
-import { unfolded } from "./unfold.js";
+import { CORTICES, kindOfLandmarks, loadProblems, moves, requestOf, weights } from "./problems.js";
+import { Solid, turned } from "./solid.js";
+import { distance } from "./triangles.js";
+import { gap, short } from "./words.js";
 
 const COLOUR = { registered: [0.94, 0.89, 0.26], target: [0.84, 0.15, 0.16], before: [0, 0.62, 0.45] };
 const RADIUS = 0.9; // of a tube, mm
@@ -19,7 +21,6 @@ async function load(host, problem) {
   const decode = (buffer) => JSON.parse(new TextDecoder().decode(buffer)),
     curves = decode(await host.file("sulci.json"))[problem];
   const control = new Hemisphere(await host.file(curves.control));
-  control.unfolded = unfolded(control);
   surfaces.set(problem, { ...curves, control });
 }
 
@@ -41,7 +42,7 @@ async function answer(state, host) {
 // the sulci before and after the map, in the disk; and in mm how far landmarks are from their targets on the surface
 function carried(state, asked, { w }) {
   const { control, names, moving, target } = surfaces.get(state.problem),
-    mesh = meshOf(asked.mesh);
+    mesh = meshOf(...asked.mesh);
   const best = bestMobius(fromPairs(asked.moving), fromPairs(asked.target));
   const after = (points) => sample(w, points.map(([x, y]) => mesh.locate(x, y))),
     without = (points) => moved(fromPairs(points), best);
@@ -87,16 +88,15 @@ function tubesOf(solid, control, lines, { unfold, before }) {
 
 function draw([solid, disk], state, found) {
   const { control } = surfaces.get(state.problem);
-  if (solid.shown !== control) solid.surface((solid.shown = control));
+  if (solid.shown !== control) {
+    const colour = Float32Array.from(control.vertices, (_, i) => 0.45 + (0.5 * control.shade[Math.floor(i / 3)]) / 255);
+    solid.surface({ ...control, colour });
+    solid.shown = control;
+  }
   solid.tubes(tubesOf(solid, control, found.lines, state));
   solid.draw({ ...state, share: state.unfold });
-  const line = (places) =>
-    places.map(({ corners, weights }) => {
-      const at = (part) => corners.reduce((sum, v, k) => sum + weights[k] * part[v], 0);
-      return control.toPicture([at(control.x), at(control.y)]);
-    });
-  disk.clear();
-  disk.circle();
+  const line = (places) => toPairs(sample(control, places)).map(control.toPicture);
+  disk.disk();
   if (state.before) disk.lines(found.lines.before.map(line), COLOURS.moving, 1.5);
   disk.lines(found.lines.registered.map(line), COLOURS.registered, 3);
   disk.lines(found.lines.target.map(line), COLOURS.target, 1.5, [4, 3]);
@@ -105,20 +105,7 @@ function draw([solid, disk], state, found) {
 export default {
   name: "sulci",
   label: "Registered sulci in 3-D",
-  initial: {
-    problem: "cortex",
-    landmarks: "points",
-    alpha: 1,
-    beta: 0.01,
-    gamma: 1000,
-    turn: 0,
-    tilt: 10,
-    zoom: 1,
-    unfold: 0.6,
-    before: false,
-    starts: {},
-    targets: {},
-  },
+  initial: INITIAL.sulci,
   controls: [
     { kind: "choice", name: "problem", label: "control surface", also: moves, options: CORTICES },
     kindOfLandmarks,
@@ -134,35 +121,31 @@ export default {
       name: "surface",
       label: "control surface to turn: registered sulci yellow, their targets red",
       picture: Solid,
-      drag: (state, index, [turn, tilt]) => ({
-        turn: ((state.turn + turn + 540) % 360) - 180,
-        tilt: Math.min(90, Math.max(-90, state.tilt + tilt)),
-      }),
+      drag: turned,
     },
     { name: "disk", label: "the same in its disk: registered orange, targets red" },
   ],
   answer,
   draw,
-  words(state, { exact, mm, mmBefore, worst, asked, kernels }) {
-    const { F } = meshOf(asked.mesh),
+  words(state, { exact, mm, mmBefore, worst, asked }) {
+    const { F } = meshOf(...asked.mesh),
       certificate = exact.folds ? `not bijective: ${exact.folds} of ${F} triangles folded` : "certified bijective";
     return (
       `Registered landmarks are ${round(mm)} mm from their targets on the control surface, on average, straight through space; ` +
       `after the best Möbius map alone ${round(mmBefore)} mm. Worst is the ${worst.name} with ${round(worst.mm)} mm. ` +
       `Mean |μ| ${short(exact.mean)}, largest ${short(exact.largest)}, L_CP ${short(exact.L_CP)}; ${certificate}. ` +
-      `Exact fit on this mesh of ${asked.mesh.join(" x ")}, ${exact.ms.toFixed(0)} ms, in ${kernels}.`
+      `Exact fit on this mesh of ${asked.mesh.join(" x ")}, ${exact.ms.toFixed(0)} ms.`
     );
   },
   data(state, { exact, mm, mmBefore, bySulcus }) {
-    const map = new Float64Array(2 * exact.w.x.length).map((_, i) => (i % 2 ? exact.w.y : exact.w.x)[i >> 1]);
-    return { map, mm, mmBefore, bySulcus, L_CP: exact.L_CP, landmarkError: exact.landmarkError, steps: exact.steps };
+    const { L_CP, landmarkError, steps } = exact;
+    return { map: interleaved(exact.w), mm, mmBefore, bySulcus, L_CP, landmarkError, steps };
   },
   compare: (found, kernel) => {
-    const { x, y } = found.exact.w,
-      gap = Math.max(...x.map((u, v) => Math.hypot(u - kernel.map[v][0], y[v] - kernel.map[v][1])));
+    const off = gap(apart(found.exact.w, fromPairs(kernel.map)));
     return (
       `The kernel's registered landmarks are ${short(kernel.mm)} mm from their targets, the page's ${short(found.mm)} mm; ` +
-      `the largest difference of the two maps is ${gap.toExponential(1)}.`
+      `the largest difference of the two maps is ${off}.`
     );
   },
   question: {

@@ -1,9 +1,13 @@
 // The registration tuner: weights, landmarks and targets in the reader's hand, the exact fit at once.
 import { ask, give } from "./ask.js";
+import { apart, fromPairs, interleaved, toPairs } from "./complex.js";
+import { INITIAL } from "./given.js";
+import { meshOf } from "./mesh.js";
 import { COLOURS, inDisk } from "./picture.js";
 import { curvePicture, grid, heat, histogram } from "./plots.js";
-import { CORTICES, kindOfLandmarks, loadProblems, meshOf, moves, problemOf, requestOf, short, weights } from "./problems.js";
+import { CORTICES, kindOfLandmarks, loadProblems, moves, problemOf, requestOf, weights } from "./problems.js";
 import { fromPicture, toPicture } from "./radius.js";
+import { gap, short } from "./words.js";
 
 const SOLVERS = { exact: "exact fit", network: "CP-Net", harmonic: "harmonic map" };
 let network = null, // the promise of CP-Net's megabyte: it comes after the first answer, which need not wait for it
@@ -72,21 +76,19 @@ const views = [
 function draw([moving, control, mu, bars, trade], state, found) {
   const shown = isThere(found[state.solver]) ? found[state.solver] : found.exact,
     { problem } = found,
-    mesh = meshOf(found.asked.mesh),
+    mesh = meshOf(...found.asked.mesh),
     to = toPicture(problem.radius);
   const curves = (points) =>
     [...new Set(problem.curve)].map((label) => points.filter((_, m) => problem.curve[m] === label));
   const start = problem.moving.map(to),
     target = problem.target.map(to);
-  const registered = Array.from(shown.points.x, (x, m) => to([x, shown.points.y[m]]));
-  moving.clear();
-  moving.circle();
+  const registered = toPairs(shown.points).map(to);
+  moving.disk();
   moving.lines(curves(start), COLOURS.moving, 1);
   start.forEach((point) => moving.dot(point, COLOURS.moving, 3));
   moving.mark();
-  control.clear();
-  control.circle();
-  grid(control, mesh, shown.w, to, fromPicture(problem.radius));
+  control.disk();
+  grid(control, mesh, shown.w, { to, from: fromPicture(problem.radius) });
   control.lines(curves(target), COLOURS.target, 1, [4, 3]);
   target.forEach((point) => control.square(point, COLOURS.target, 3.5, 1.2));
   registered.forEach((point) => control.dot(point, COLOURS.registered, 2));
@@ -112,19 +114,7 @@ const rows = (found) => [
 export default {
   name: "tuner",
   label: "Tuning alpha, beta and gamma",
-  initial: {
-    problem: "cortex",
-    landmarks: "points",
-    solver: "exact",
-    mesh: "coarser",
-    looks: "2",
-    alpha: 1,
-    beta: 0.01,
-    gamma: 1000,
-    lambda: 10,
-    starts: {},
-    targets: {},
-  },
+  initial: INITIAL.tuner,
   controls: [
     {
       kind: "choice",
@@ -146,11 +136,7 @@ export default {
       kind: "choice",
       name: "looks",
       label: "looks of CP-Net at the exact map",
-      options: [
-        ["0", "0"],
-        ["1", "1"],
-        ["2", "2"],
-      ],
+      options: ["0", "1", "2"].map((count) => [count, count]),
     },
     {
       kind: "choice",
@@ -167,30 +153,25 @@ export default {
   afterwards,
   draw,
   words(state, found) {
-    const faces = meshOf(found.asked.mesh).F,
+    const faces = meshOf(...found.asked.mesh).F,
       lost = found.failed && { missing: found.failed },
       sentences = Object.entries(SOLVERS).map(([key, name]) => sentence(name, found[key] ?? lost, faces));
     const others = Object.keys(SOLVERS).filter((key) => key !== "exact" && isThere(found[key]));
     const gaps = others.map(
       (key) => `L_CP of ${SOLVERS[key]} is ${short(found[key].L_CP / found.exact.L_CP)} times that of the exact fit`,
     );
-    const gamma = found.network?.gamma,
-      stiff = gamma < 0.999 * state.gamma ? [`CP-Net answers for gamma ${short(gamma)}`] : [];
-    const where = `Exact on this mesh of ${found.asked.mesh.join(" x ")}, in ${found.kernels}`;
-    return `${[...sentences, ...gaps, ...stiff, where].join(". ")}.`;
+    const where = `Exact on this mesh of ${found.asked.mesh.join(" x ")}`;
+    return `${[...sentences, ...gaps, where].join(". ")}.`;
   },
   rows,
   data(state, found) {
     const { w, points, size, ...numbers } = isThere(found[state.solver]) ? found[state.solver] : found.exact;
-    const map = new Float64Array(2 * w.x.length).map((_, i) => (i % 2 ? w.y : w.x)[i >> 1]);
-    return { map, landmarks: Array.from(points.x, (x, m) => [x, points.y[m]]), ...numbers };
+    return { map: interleaved(w), landmarks: toPairs(points), ...numbers };
   },
   compare: (found, kernel) => {
-    const gap = Math.max(
-      ...found.exact.w.x.map((x, v) => Math.hypot(x - kernel.map[v][0], found.exact.w.y[v] - kernel.map[v][1])),
-    );
+    const off = gap(apart(found.exact.w, fromPairs(kernel.map)));
     const said = `The kernel's fit has L_CP ${short(kernel.L_CP)} and landmark error ${short(kernel.landmarkError)}`;
-    return `${said}, in ${kernel.ms.toFixed(0)} ms; the largest difference of the two maps is ${gap.toExponential(1)}.`;
+    return `${said}, in ${kernel.ms.toFixed(0)} ms; the largest difference of the two maps is ${off}.`;
   },
   question: {
     text: "Multiply γ by ten: what share of the present landmark error is left (0 to 1, or more)? ",

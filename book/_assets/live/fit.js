@@ -1,19 +1,9 @@
 // The landmark fit: Gauss-Newton steps for a field nu on a polar mesh and a Möbius map M after the map f of mu = T(nu).
 //   minimise  nu^* W nu + gamma mean |M(f(p)) - q|^2,   W = (alpha mass + beta Laplace) / pi.
 // Unknowns are few in the dual: one system of the landmarks' size a step (registration/engine.py does the same).
-import {
-  boundedFactor,
-  choleskyDense,
-  copy,
-  dot,
-  solveDense,
-  squares,
-  zeros,
-  bounded,
-  meanDistance,
-} from "./complex.js";
+import { bothSides, bounded, dot, dualSolve, largest, meanDistance, sizes, squares, zeros } from "./complex.js";
 import { Cholesky } from "./cholesky.js";
-import { combine, gradients, rooms, transpose } from "./gradients.js";
+import { combine, gradients, rooms } from "./gradients.js";
 import { checkWeights, Problem } from "./landmarks.js";
 import { DiskMap, onCircle } from "./map.js";
 import { sample } from "./mesh.js";
@@ -53,14 +43,8 @@ export class Fit {
   // Go to nu and a Möbius map: one solve. False where there is no map.
   to(nu, map) {
     const { mesh } = this,
-      nuFaces = mesh.onFaces(nu),
-      mu = zeros(mesh.F);
-    for (let t = 0; t < mesh.F; t++) {
-      const factor = boundedFactor(nuFaces.x[t], nuFaces.y[t]);
-      mu.x[t] = factor * nuFaces.x[t];
-      mu.y[t] = factor * nuFaces.y[t];
-    }
-    if (!this.solution.solve(mu)) return false;
+      nuFaces = mesh.onFaces(nu);
+    if (!this.solution.solve(bounded(nuFaces))) return false;
     Object.assign(this, { nu, nuFaces, mobius: map });
     this.follow(onCircle(mesh, moved(this.solution.f, compose(this.solution.normaliser(), map))));
     return true;
@@ -124,14 +108,12 @@ export class Fit {
           return m < problem.count ? points[at][m] - problem.q[at][m] - share * Jnu[i] : 0;
         }),
       );
-    const S = this.dual(gamma, scaled),
+    const S = bothSides(Float64Array.from(this.room.gram), R, scaled), // the Gram matrix of the components
       [a, b, c] = three;
     for (let i = 0; i < R; i++) {
-      for (let j = 0; j < R; j++)
-        S[i * R + j] = share * S[i * R + j] + (a[i] * a[j] + b[i] * b[j] + c[i] * c[j]) / weight;
-      S[i * R + i] += 1;
+      for (let j = 0; j < R; j++) S[i * R + j] += (a[i] * a[j] + b[i] * b[j] + c[i] * c[j]) / (share * weight);
     }
-    const y = solveDense(choleskyDense(S, R), R, r),
+    const y = dualSolve(S, share, r),
       promised = dot(y, r);
     const [turn, dx, dy] = three.map((c) => -dot(c, y) / weight);
     problem.changes(...halves(y), gamma);
@@ -142,19 +124,6 @@ export class Fit {
       change.y[v] = -share * (step.y[v] + this.nu.y[v]);
     }
     return { change, increment: [dx, dy, turn], promised };
-  }
-
-  // the Gram matrix of the components
-  dual(gamma, scaled) {
-    const R = 2 * this.room.M,
-      S = Float64Array.from(this.room.gram);
-    const rows = () => {
-      for (let i = 0; i < R; i++) scaled(S.subarray(i * R, i * R + R));
-    };
-    rows();
-    transpose(S, R);
-    rows();
-    return S;
   }
 
   // changes of the landmarks with a Möbius increment (theta, Re a, Im a) after the map, three arrays (2M)
@@ -174,11 +143,7 @@ export class Fit {
 
   // to a share of a step from `begin`: whether that is a map
   advance({ nu, mobius }, { change, increment: [dx, dy, turn] }, share = 1) {
-    const next = copy(nu);
-    for (let v = 0; v < next.x.length; v++) {
-      next.x[v] += share * change.x[v];
-      next.y[v] += share * change.y[v];
-    }
+    const next = { x: nu.x.map((x, v) => x + share * change.x[v]), y: nu.y.map((y, v) => y + share * change.y[v]) };
     return this.to(next, compose(mobius, [share * dx, share * dy, share * turn]));
   }
 
@@ -207,7 +172,7 @@ export class Fit {
     const steps = [];
     for (let k = 0; k < DAMPINGS.length && steps.length < TRIES; k++) {
       const step = this.propose(gamma, DAMPINGS[k]);
-      if (largest(step.change) <= TRUST) steps.push(step);
+      if (largest(sizes(step.change)) <= TRUST) steps.push(step);
     }
     return steps;
   }
@@ -232,19 +197,7 @@ export class Fit {
     const places = Array.from(this.mesh.z.x, (x, v) => other.mesh.locate(x, this.mesh.z.y[v]));
     return this.to(sample(other.nu, places), other.mobius);
   }
-
-  // L_mu, L_grad_mu, L_Landmark and L_CP of the field T(nu)
-  losses({ alpha, beta, gamma }) {
-    const { mass, laplace } = this.mesh.integrals,
-      mu = bounded(this.nu);
-    const L_mu = this.mesh.quadratic(mass, mu),
-      L_grad_mu = this.mesh.quadratic(laplace, mu);
-    const L_Landmark = squares(this.points, this.problem.q) / this.problem.count;
-    return { L_mu, L_grad_mu, L_Landmark, L_CP: alpha * L_mu + beta * L_grad_mu + gamma * L_Landmark };
-  }
 }
-
-const largest = ({ x, y }) => x.reduce((most, u, i) => Math.max(most, Math.hypot(u, y[i])), 0);
 
 // The fit on a coarse mesh by continuation in gamma, then on the fine one. It depends on the request alone: it starts from
 // mu = 0 each time. Ends nowhere above the best Möbius map.

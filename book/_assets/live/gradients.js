@@ -3,7 +3,7 @@
 // With w_m = M(f(p_m)), the gradients of Re w_m and Im w_m with respect to nu at every vertex are the columns of J. One
 // landmark's adjoint has two parts: g, a Green's function of A(mu) at p_m, says how w_m moves with K(mu) f; l says
 // how it moves with K(mu) U through the angles of the circle. A face's share of J is then linear in g and l.
-import { zeros } from "./complex.js";
+import { activation, zeros } from "./complex.js";
 import { TAU } from "./mesh.js";
 import { compose, mobius, mobiusSlope } from "./mobius.js";
 
@@ -29,17 +29,11 @@ export function rooms(mesh, count) {
   };
   const { room } = mesh,
     R = 2 * M;
-  return {
-    M,
-    g: room.g.subarray(0, free * R),
-    l: room.l.subarray(0, free * R),
-    onRim: room.onRim.subarray(0, spokes * R),
-    J: room.J.subarray(0, V * 2 * R),
-    gram: room.gram.subarray(0, R * R),
-    shares: room.shares,
-    none: room.none,
-    pair: room.pair,
-  };
+  const [g, l] = [room.g, room.l].map((array) => array.subarray(0, free * R)),
+    onRim = room.onRim.subarray(0, spokes * R),
+    J = room.J.subarray(0, V * 2 * R),
+    gram = room.gram.subarray(0, R * R);
+  return { ...room, M, g, l, onRim, J, gram };
 }
 
 // J at the last map of `solution`; places of the landmarks, the Möbius map after the normalised f, nu on the faces.
@@ -71,8 +65,7 @@ function greens(solution, { M, g }, places, map) {
     }),
   );
   g[interior.place[0] * R + places.length] = 1;
-  interior.forward(g, R);
-  interior.backward(g, R);
+  interior.solve(g, R);
   for (let i = 0; i < rim.length; i += 3) {
     const from = interior.place[rim[i + 1]] * R,
       to = rim[i + 2] * R,
@@ -125,8 +118,7 @@ function measures({ mesh, off }, { M, l, onRim }) {
       weight = off[rim[i]];
     for (let c = 0; c < R; c++) l[to + c] -= weight * onRim[from + c];
   }
-  interior.forward(l, R);
-  interior.backward(l, R);
+  interior.solve(l, R);
 }
 
 // J: on each face the derivative of |T| grad g . A(mu) grad x by mu, x = Re f, Im f and U, through mu = T(nu), a third
@@ -203,11 +195,8 @@ function normalisation(solution, { M, J }, places, [bx, by, turn]) {
 
 // shares[6 x + 2 k + part]: what the adjoint of potential x at corner k gives to the real or imaginary part of J
 function faceShares({ mesh, mu, f, U }, nu, t, shares) {
-  const {
-      faces,
-      area,
-      gradient: { x: gx, y: gy },
-    } = mesh,
+  const { faces, area, gradient } = mesh,
+    { x: gx, y: gy } = gradient,
     a = mu.x[t],
     b = mu.y[t],
     scale = 1 / (1 - a * a - b * b);
@@ -238,18 +227,6 @@ function faceShares({ mesh, mu, f, U }, nu, t, shares) {
   }
 }
 
-// The pullback through mu = tanh(|nu|) nu / |nu|, grad nu = p grad mu + e conj(grad mu): [p, Re e, Im e].
-function activation(x, y) {
-  const size = Math.hypot(x, y),
-    t = Math.tanh(size),
-    across = size > 0 ? t / size : 1,
-    radial = 1 - t * t;
-  const dx = size > 0 ? x / size : 0,
-    dy = size > 0 ? y / size : 0,
-    half = (radial - across) / 2;
-  return [(radial + across) / 2, half * (dx * dx - dy * dy), half * 2 * dx * dy];
-}
-
 // For the J that has been lifted (L_W^-1 J): y -> the step sum_r J_r y_r through L_W^-T, a complex nodal field.
 export function combine(mesh, prior, { J, M, pair }, y) {
   const R = 2 * M,
@@ -270,10 +247,4 @@ export function combine(mesh, prior, { J, M, pair }, y) {
     out.y[v] = pair[2 * prior.place[v] + 1];
   }
   return out;
-}
-
-// a square matrix (R, R), in place
-export function transpose(S, R) {
-  for (let i = 0; i < R; i++) for (let j = 0; j < i; j++) [S[i * R + j], S[j * R + i]] = [S[j * R + i], S[i * R + j]];
-  return S;
 }

@@ -1,8 +1,7 @@
 // The paper's baseline: the harmonic map with the circle held by the best Möbius map and the landmarks drawn to their
 // targets by springs. It minimises 1/2 int |grad f|^2 + (lambda / 2) sum_k |f(p_k) - q_k|^2; no overlap correction.
 import { choleskyDense, copy, solveDense, zeros } from "./complex.js";
-import { rooms } from "./gradients.js";
-import { onCircle, DiskMap } from "./map.js";
+import { onCircle, DiskMap, rimOf } from "./map.js";
 import { sample } from "./mesh.js";
 import { bestMobius, moved } from "./mobius.js";
 
@@ -11,57 +10,28 @@ export class Harmonic {
   constructor(mesh, problem) {
     Object.assign(this, { mesh, problem });
     this.places = Array.from(problem.p.x, (x, m) => mesh.locate(x, problem.p.y[m]));
-    const solution = (mesh.map ??= new DiskMap(mesh)),
-      M = problem.count,
-      R = M + (M & 1);
+    const solution = (mesh.map ??= new DiskMap(mesh));
     solution.solve(zeros(mesh.F)); // leaves K(0) factored
-    this.start = this.extension(solution, onCircle(mesh, moved(mesh.z, bestMobius(problem.p, problem.q))));
-    const { place } = mesh.interior,
-      green = rooms(mesh, M)
-        .g.subarray(0, mesh.free * R)
-        .fill(0);
-    this.places.forEach(({ corners, weights }, m) =>
+    this.start = solution.extended(rimOf(mesh, onCircle(mesh, moved(mesh.z, bestMobius(problem.p, problem.q)))));
+    this.green = this.places.map(({ corners, weights }) => {
+      const green = new Float64Array(mesh.V);
       corners.forEach((v, k) => {
-        if (v < mesh.free) green[place[v] * R + m] += weights[k];
-      }),
-    );
-    mesh.interior.forward(green, R);
-    mesh.interior.backward(green, R);
-    this.green = Array.from({ length: M }, (_, m) =>
-      Float64Array.from({ length: mesh.free }, (_, v) => green[place[v] * R + m]),
-    );
-  }
-
-  // the harmonic map with the boundary values of w
-  extension(solution, w) {
-    const { mesh } = this;
-    for (let v = mesh.free; v < mesh.V; v++) {
-      solution.f.x[v] = w.x[v];
-      solution.f.y[v] = w.y[v];
-    }
-    solution.inside();
-    return copy(solution.f);
+        if (v < mesh.free) green[v] += weights[k];
+      });
+      green.set(mesh.interior.solved([green.subarray(0, mesh.free)])[0]);
+      return green;
+    });
   }
 
   // The map for one lambda: springs pull by s with (1 / lambda + E G) s = q - E f.
   map(lambda) {
-    const {
-        mesh,
-        problem: { q, count: M },
-        places,
-        green,
-      } = this,
+    const { mesh, places, green } = this,
+      { q, count: M } = this.problem,
       w = copy(this.start),
       now = sample(w, places);
     if (!(lambda > 0)) return w;
     const S = new Float64Array(M * M);
-    places.forEach(({ corners, weights }, i) =>
-      green.forEach((g, j) => {
-        corners.forEach((v, k) => {
-          if (v < mesh.free) S[i * M + j] += weights[k] * g[v];
-        });
-      }),
-    );
+    green.forEach((g, j) => sample({ x: g, y: g }, places).x.forEach((value, i) => (S[i * M + j] = value)));
     for (let m = 0; m < M; m++) S[m * M + m] += 1 / lambda;
     choleskyDense(S, M);
     for (const part of ["x", "y"]) {

@@ -1,30 +1,15 @@
 // A cortical surface as a page has it: positions in mm, triangles, and its vertices' places in the disk.
+import { readArrays } from "./files.js";
 import { fromPicture, toPicture } from "./radius.js";
 
 const CELLS = 96; // a side of the grid, in the picture's coordinates, that finds the triangle of a point
-const KINDS = { single: Float32Array, short: Uint16Array, byte: Uint8Array };
-
-// uint32 length of a JSON header {config, arrays: [[name, shape, kind], ...]}, the header, the numbers
-function readArrays(buffer) {
-  const length = new DataView(buffer).getUint32(0, true),
-    { config, arrays } = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length))),
-    found = {};
-  let at = 4 + length;
-  for (const [name, shape, kind] of arrays) {
-    const Kind = KINDS[kind],
-      size = Kind.BYTES_PER_ELEMENT * shape.reduce((a, b) => a * b, 1);
-    found[name] = new Kind(buffer.slice(at, at + size));
-    at += size;
-  }
-  return { config, ...found };
-}
-
 export class Hemisphere {
   constructor(buffer) {
-    const { config, faces, shade, places, ...arrays } = readArrays(buffer);
-    Object.assign(this, { ...config, faces, shade, V: places.length / 2, F: faces.length / 3 });
+    const { config, tensors } = readArrays(buffer),
+      { faces, shade } = tensors;
+    Object.assign(this, { ...config, faces: faces.data, shade: shade.data, V: shade.data.length, F: faces.data.length / 3 });
     for (const [name, [low, step]] of Object.entries(config.ranges)) {
-      this[name] = Float32Array.from({ ...arrays, places }[name], (value) => low + step * value);
+      this[name] = Float32Array.from(tensors[name].data, (value) => low + step * value);
     }
     this.fromPicture = fromPicture(config.radius);
     this.toPicture = toPicture(config.radius);
@@ -93,5 +78,3 @@ export class Hemisphere {
     return [0, 1, 2].map((k) => corners.reduce((sum, v, i) => sum + weights[i] * vertices[3 * v + k], 0));
   }
 }
-
-export const distance = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);

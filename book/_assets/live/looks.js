@@ -1,7 +1,7 @@
 // Looks at the truth (registration/looks.py): an exact map on a mesh, and one Gauss-Newton step with its derivative in
 // closed form. nu lives on the polar mesh of a `Spectrum`, in whose eigenvectors the prior is diagonal.
-import { boundedFactor, choleskyDense, dot, solveDense, zeros } from "./complex.js";
-import { rooms, transpose } from "./gradients.js";
+import { apart, bothSides, bounded, dot, dualSolve, zeros } from "./complex.js";
+import { rooms } from "./gradients.js";
 import { DiskMap } from "./map.js";
 import { sample } from "./mesh.js";
 import { columns, fitMobius, mobiusSlope, moved } from "./mobius.js";
@@ -22,13 +22,7 @@ export class Link {
 
   // mu on the faces of the mesh
   coefficient(nu) {
-    const mu = sample(nu, this.centres);
-    for (let t = 0; t < mu.x.length; t++) {
-      const factor = boundedFactor(mu.x[t], mu.y[t]);
-      mu.x[t] *= factor;
-      mu.y[t] *= factor;
-    }
-    return mu;
+    return bounded(sample(nu, this.centres));
   }
 }
 
@@ -132,23 +126,16 @@ export class Looks {
     const { rows, off } = this.rows(look),
       R = 2 * this.count,
       { nu, x } = look.proposal;
-    const gram = this.gram(rows);
-    for (let turn = 0; turn < 2; turn++) {
-      for (let i = 0; i < R; i++) gram.set(off(gram.subarray(i * R, i * R + R)), i * R);
-      transpose(gram, R);
-    }
+    const gram = bothSides(this.gram(rows), R, (row) => row.set(off(row)));
     const rest = off(look.r),
       before = off(rows.map((row) => dot(row, x)));
     for (let share = 1; ; share *= LOWER) {
-      const S = gram.map((value, i) => share * value + (i % (R + 1) ? 0 : 1)),
-        y = solveDense(choleskyDense(S, R), R, rest.map((value, i) => value - share * before[i])),
+      const y = dualSolve(gram, share, rest.map((value, i) => value - share * before[i])),
         pull = off(y),
         next = x.map((value) => (1 - share) * value);
       for (let i = 0; i < R; i++) for (let n = 0; n < next.length; n++) next[n] -= share * pull[i] * rows[i][n];
       const field = this.field(next);
-      let most = 0;
-      for (let v = 0; v < field.x.length; v++) most = Math.max(most, Math.hypot(field.x[v] - nu.x[v], field.y[v] - nu.y[v]));
-      if (most <= MOST || share < LEAST) return { nu: field, x: next, left: y };
+      if (apart(field, nu) <= MOST || share < LEAST) return { nu: field, x: next, left: y };
     }
   }
 
@@ -182,10 +169,9 @@ export class Looks {
           Float64Array.from({ length: N + 1 }, (_, i) => sx * A[2 * i] - sy * A[2 * i + 1]),
           Float64Array.from({ length: N + 1 }, (_, i) => sign * (sx * A[2 * i + 1] + sy * A[2 * i])),
         ];
-      [
-        [times(P, -1), a],
-        [times(Q, 1), b],
-      ].forEach(([[x, y], out]) => spectrum.gradients(x.subarray(1), y.subarray(1), [x[0], y[0]], out, 0));
+      const into = ([x, y], out) => spectrum.gradients(x.subarray(1), y.subarray(1), [x[0], y[0]], out, 0);
+      into(times(P, -1), a);
+      into(times(Q, 1), b);
       for (let n = 0; n < 2 * N; n += 2) {
         const w = white[n >> 1];
         rows[m][n] = w * (a[n] + b[n]);

@@ -1,5 +1,5 @@
 // The disk self-map with a given Beltrami coefficient and a free boundary, in the flux form: one factorisation.
-import { zeros } from "./complex.js";
+import { copy, zeros } from "./complex.js";
 import { TAU } from "./mesh.js";
 import { mobius, moved } from "./mobius.js";
 
@@ -11,7 +11,6 @@ export class DiskMap {
     this.mesh = mesh;
     this.off = new Float64Array(mesh.E);
     this.diagonal = new Float64Array(mesh.V);
-    this.pair = mesh.kernels.numbers(2 * mesh.free); // two right-hand sides
     this.U = new Float64Array(mesh.V); // the Green's function of A(mu) seen from 0, zero on the circle
     this.f = zeros(mesh.V); // the map, before it is normalised
     this.steps = new Float64Array(mesh.spokes); // of the angle along the circle
@@ -33,12 +32,10 @@ export class DiskMap {
 
   // K_ii U_i = -2 pi e_0
   green() {
-    const { mesh, pair } = this,
-      { place } = mesh.interior;
-    pair.fill(0);
-    pair[2 * place[0]] = -TAU;
-    this.solvePair();
-    for (let v = 0; v < mesh.free; v++) this.U[v] = pair[2 * place[v]];
+    const { interior, free } = this.mesh,
+      pole = new Float64Array(free);
+    pole[0] = -TAU;
+    this.U.set(interior.solved([pole])[0]);
   }
 
   // The fluxes of U through the circle, halved onto the edges, are the steps of the angle: harmonic measure.
@@ -67,45 +64,39 @@ export class DiskMap {
 
   // K_ii f_i = -K_ib f_b
   inside() {
-    const { mesh, off, pair, f } = this,
-      { rim, free } = mesh,
-      { place } = mesh.interior;
-    pair.fill(0);
-    for (let i = 0; i < rim.length; i += 3) {
-      const to = 2 * place[rim[i + 1]],
-        b = free + rim[i + 2];
-      pair[to] -= off[rim[i]] * f.x[b];
-      pair[to + 1] -= off[rim[i]] * f.y[b];
-    }
-    this.solvePair();
-    for (let v = 0; v < free; v++) {
-      f.x[v] = pair[2 * place[v]];
-      f.y[v] = pair[2 * place[v] + 1];
-    }
+    const { mesh, off, f } = this,
+      loads = [f.x, f.y].map((values) => mesh.rimLoad(off, values.subarray(mesh.free)));
+    mesh.interior.solved(loads).forEach((values, k) => (k ? f.y : f.x).set(values));
   }
 
-  solvePair() {
-    this.mesh.interior.forward(this.pair, 2);
-    this.mesh.interior.backward(this.pair, 2);
+  // the map inside for values {x, y} on the circle
+  extended(circle) {
+    this.f.x.set(circle.x, this.mesh.free);
+    this.f.y.set(circle.y, this.mesh.free);
+    this.inside();
+    return copy(this.f);
   }
 
-  // the Möbius map after f to f(0) = 0 and f(1) = 1; beyond the disk f(0) is folded, and the circle must not turn over
-  normaliser() {
-    const {
-        mesh: { free },
-        f,
-      } = this,
-      inside = Math.hypot(f.x[0], f.y[0]) < 1;
-    const [ax, ay] = inside ? [f.x[0], f.y[0]] : [0, 0],
-      [x, y] = mobius(f.x[free], f.y[free], ax, ay);
-    return [ax, ay, -Math.atan2(y, x)];
-  }
-
-  // the solution so normalised, as a new array
+  // the solution normalised, as a new array
   normalised() {
     return onCircle(this.mesh, moved(this.f, this.normaliser()));
   }
+
+  normaliser() {
+    return normaliserOf(this.mesh, this.f);
+  }
 }
+
+// the Möbius map after f to f(0) = 0 and f(1) = 1; beyond the disk f(0) is folded, and the circle must not turn over
+export function normaliserOf({ free }, f) {
+  const inside = Math.hypot(f.x[0], f.y[0]) < 1,
+    [ax, ay] = inside ? [f.x[0], f.y[0]] : [0, 0],
+    [x, y] = mobius(f.x[free], f.y[free], ax, ay);
+  return [ax, ay, -Math.atan2(y, x)];
+}
+
+// what a map of the vertices is on the circle
+export const rimOf = ({ free }, { x, y }) => ({ x: x.subarray(free), y: y.subarray(free) });
 
 // rounding taken off the points of the circle
 export function onCircle(mesh, w) {

@@ -1,13 +1,15 @@
 // The graded polar mesh of the unit disk: vertex 0 at the centre, then rings of vertices at radius (j / rings)^power.
 import { zeros } from "./complex.js";
 import { Cholesky } from "./cholesky.js";
-import { plainKernels } from "./kernels.js";
+import { POWER } from "./given.js";
+import { edgesOf } from "./triangles.js";
 
 export const TAU = 2 * Math.PI;
 const TINY = 1e-300;
 
 export class PolarMesh {
-  constructor(rings, spokes, power = 1.4, kernels = plainKernels) {
+  // kernels: for what solves on it; a picture needs none
+  constructor(rings, spokes, power = POWER, kernels = null) {
     Object.assign(this, { rings, spokes, power, kernels });
     this.V = 1 + rings * spokes;
     this.F = spokes * (2 * rings - 1);
@@ -52,29 +54,14 @@ export class PolarMesh {
     this.faces = Int32Array.from(list);
   }
 
-  // tail, head (E): the edges; faceEdge (3 F): corner k's edge to corner k + 1; rim: [edge, free vertex, place on the
-  // circle, ...] of the edges that reach the circle
+  // tail, head (E) and faceEdge (3 F) of `edgesOf`; rim: [edge, free vertex, place on the circle, ...] of the edges that
+  // reach the circle
   listEdges() {
-    const known = new Map(),
-      tail = [],
-      head = [],
-      rim = [];
-    this.faceEdge = new Int32Array(3 * this.F);
-    for (let i = 0; i < 3 * this.F; i++) {
-      const next = i % 3 === 2 ? i - 2 : i + 1;
-      const a = Math.min(this.faces[i], this.faces[next]),
-        b = Math.max(this.faces[i], this.faces[next]);
-      const key = a * this.V + b;
-      if (!known.has(key)) {
-        known.set(key, tail.length);
-        tail.push(a);
-        head.push(b);
-      }
-      this.faceEdge[i] = known.get(key);
-    }
-    Object.assign(this, { tail: Int32Array.from(tail), head: Int32Array.from(head), E: tail.length });
-    tail.forEach((a, e) => {
-      if (a < this.free && head[e] >= this.free) rim.push(e, a, head[e] - this.free);
+    const rim = [];
+    Object.assign(this, edgesOf(this.faces, this.V));
+    this.E = this.tail.length;
+    this.tail.forEach((a, e) => {
+      if (a < this.free && this.head[e] >= this.free) rim.push(e, a, this.head[e] - this.free);
     });
     this.rim = Int32Array.from(rim);
   }
@@ -90,15 +77,12 @@ export class PolarMesh {
       const [a, b, c] = faces.subarray(3 * t, 3 * t + 3);
       const twice = (z.x[b] - z.x[a]) * (z.y[c] - z.y[a]) - (z.y[b] - z.y[a]) * (z.x[c] - z.x[a]);
       this.area[t] = twice / 2;
-      [
-        [b, c],
-        [c, a],
-        [a, b],
-      ].forEach(([v, w], k) => {
-        // i (w - v) / (2 area), at the corner opposite
+      for (let k = 0; k < 3; k++) {
+        const v = faces[3 * t + ((k + 1) % 3)],
+          w = faces[3 * t + ((k + 2) % 3)]; // i (w - v) / (2 area), at the corner opposite
         gx[3 * t + k] = -(z.y[w] - z.y[v]) / twice;
         gy[3 * t + k] = (z.x[w] - z.x[v]) / twice;
-      });
+      }
       for (let k = 0; k < 3; k++) {
         const i = 3 * t + k,
           m = 3 * t + ((k + 1) % 3);
@@ -132,6 +116,13 @@ export class PolarMesh {
     return true;
   }
 
+  // the load of values on the circle, -K_ib f_b
+  rimLoad(off, values) {
+    const load = new Float64Array(this.free);
+    for (let i = 0; i < this.rim.length; i += 3) load[this.rim[i + 1]] -= off[this.rim[i]] * values[this.rim[i + 2]];
+    return load;
+  }
+
   // mass and Laplace over pi, as {off, diagonal} each
   get integrals() {
     if (this._integrals) return this._integrals;
@@ -154,11 +145,10 @@ export class PolarMesh {
   quadratic({ off, diagonal }, { x, y }) {
     let sum = 0;
     for (let v = 0; v < this.V; v++) sum += diagonal[v] * (x[v] * x[v] + y[v] * y[v]);
-    for (let e = 0; e < this.E; e++) {
-      const a = this.tail[e],
-        b = this.head[e];
+    this.tail.forEach((a, e) => {
+      const b = this.head[e];
       sum += 2 * off[e] * (x[a] * x[b] + y[a] * y[b]);
-    }
+    });
     return sum;
   }
 
@@ -167,13 +157,36 @@ export class PolarMesh {
     const mean = zeros(this.F),
       { faces } = this;
     for (let t = 0; t < this.F; t++) {
-      const a = faces[3 * t],
-        b = faces[3 * t + 1],
-        c = faces[3 * t + 2];
+      const [a, b, c] = faces.subarray(3 * t, 3 * t + 3);
       mean.x[t] = (x[a] + x[b] + x[c]) / 3;
       mean.y[t] = (y[a] + y[b] + y[c]) / 3;
     }
     return mean;
+  }
+
+  // the mean over the faces around each vertex, by area, of a field on the faces
+  onVertices({ x, y }) {
+    const { faces, area } = this,
+      mean = zeros(this.V),
+      total = new Float64Array(this.V);
+    for (let i = 0; i < faces.length; i++) {
+      const t = Math.floor(i / 3);
+      mean.x[faces[i]] += area[t] * x[t];
+      mean.y[faces[i]] += area[t] * y[t];
+      total[faces[i]] += area[t];
+    }
+    total.forEach((sum, v) => {
+      mean.x[v] /= sum;
+      mean.y[v] /= sum;
+    });
+    return mean;
+  }
+
+  // a function (x, y) -> [u, v] at the centroids of the faces
+  atCentres(value) {
+    const out = this.onFaces(this.z);
+    for (let t = 0; t < this.F; t++) [out.x[t], out.y[t]] = value(out.x[t], out.y[t]);
+    return out;
   }
 
   // Where a point lies: its face, the face's corners and barycentric weights. Beyond the last chord it is moved onto it.
@@ -206,29 +219,31 @@ export class PolarMesh {
     return { face, corners, weights: [first, far, 1 - first - far] };
   }
 
+  // f_z and f_zbar of a map w of the vertices, on the faces
+  derivatives({ x, y }) {
+    const { faces, gradient } = this,
+      { x: gx, y: gy } = gradient,
+      [p, q] = [zeros(this.F), zeros(this.F)];
+    for (let i = 0; i < faces.length; i++) {
+      const t = Math.floor(i / 3),
+        u = x[faces[i]] / 2,
+        v = y[faces[i]] / 2;
+      p.x[t] += gx[i] * u + gy[i] * v;
+      p.y[t] += gx[i] * v - gy[i] * u;
+      q.x[t] += gx[i] * u - gy[i] * v;
+      q.y[t] += gx[i] * v + gy[i] * u;
+    }
+    return [p, q];
+  }
+
   // the measured coefficient of a map w of the vertices
-  coefficient({ x, y }) {
-    const mu = zeros(this.F),
-      {
-        faces,
-        gradient: { x: gx, y: gy },
-      } = this;
+  coefficient(w) {
+    const [p, q] = this.derivatives(w),
+      mu = zeros(this.F);
     for (let t = 0; t < this.F; t++) {
-      let px = 0,
-        py = 0,
-        qx = 0,
-        qy = 0; // 2 f_z and 2 f_zbar
-      for (let i = 3 * t; i < 3 * t + 3; i++) {
-        const u = x[faces[i]],
-          v = y[faces[i]];
-        px += gx[i] * u + gy[i] * v;
-        py += gx[i] * v - gy[i] * u;
-        qx += gx[i] * u - gy[i] * v;
-        qy += gx[i] * v + gy[i] * u;
-      }
-      const scale = 1 / (px * px + py * py);
-      mu.x[t] = (qx * px + qy * py) * scale;
-      mu.y[t] = (qy * px - qx * py) * scale;
+      const scale = 1 / (p.x[t] * p.x[t] + p.y[t] * p.y[t]);
+      mu.x[t] = (q.x[t] * p.x[t] + q.y[t] * p.y[t]) * scale;
+      mu.y[t] = (q.y[t] * p.x[t] - q.x[t] * p.y[t]) * scale;
     }
     return mu;
   }
@@ -238,9 +253,7 @@ export class PolarMesh {
     const found = [],
       { faces } = this;
     for (let t = 0; t < this.F; t++) {
-      const a = faces[3 * t],
-        b = faces[3 * t + 1],
-        c = faces[3 * t + 2];
+      const [a, b, c] = faces.subarray(3 * t, 3 * t + 3);
       const left = (x[b] - x[a]) * (y[c] - y[a]),
         right = (y[b] - y[a]) * (x[c] - x[a]);
       if (!(left - right > 1e-15 * (Math.abs(left) + Math.abs(right)) + TINY)) found.push(t);
@@ -260,3 +273,14 @@ export function sample({ x, y }, places) {
   });
   return out;
 }
+
+// Meshes, each made when it is first asked for: (rings, spokes, power) -> PolarMesh.
+export function meshes(kernels) {
+  const made = new Map();
+  return (rings, spokes, power = POWER) => {
+    const name = `${rings} x ${spokes}, ${power}`;
+    if (!made.has(name)) made.set(name, new PolarMesh(rings, spokes, power, kernels));
+    return made.get(name);
+  };
+}
+export const meshOf = meshes(); // for pictures

@@ -1,35 +1,24 @@
 // Shortest paths along the edges of a surface (registration/landmarks.py), and curves in space: lengths and distances.
-import { distance } from "./hemisphere.js";
+import { distance, edgesOf } from "./triangles.js";
 
 const SAMPLES = 400; // on a curve whose distance to another is measured
 
 // Neighbours of each vertex and the edges' lengths in space: `first` (V + 1) says where a vertex' own begin in `other`.
 export function graphOf({ faces, vertices, V }) {
-  const ends = new Set();
-  for (let i = 0; i < faces.length; i++) {
-    const a = faces[i],
-      b = faces[i % 3 === 2 ? i - 2 : i + 1];
-    ends.add(Math.min(a, b) * V + Math.max(a, b));
-  }
-  const first = new Int32Array(V + 1),
-    other = new Int32Array(2 * ends.size),
-    length = new Float64Array(2 * ends.size);
-  for (const key of ends) for (const v of [Math.floor(key / V), key % V]) first[v + 1]++;
+  const { tail, head } = edgesOf(faces, V),
+    first = new Int32Array(V + 1),
+    other = new Int32Array(2 * tail.length),
+    length = new Float64Array(2 * tail.length);
+  for (const ends of [tail, head]) for (const v of ends) first[v + 1]++;
   for (let v = 0; v < V; v++) first[v + 1] += first[v];
   const next = first.slice(),
     at = (v) => vertices.subarray(3 * v, 3 * v + 3);
-  for (const key of ends) {
-    const a = Math.floor(key / V),
-      b = key % V,
-      long = distance(at(a), at(b));
-    for (const [from, to] of [
-      [a, b],
-      [b, a],
-    ]) {
-      other[next[from]] = to;
-      length[next[from]++] = long;
+  tail.forEach((a, e) => {
+    for (const ends of [[a, head[e]], [head[e], a]]) {
+      other[next[ends[0]]] = ends[1];
+      length[next[ends[0]]++] = distance(at(a), at(head[e]));
     }
-  }
+  });
   return { first, other, length };
 }
 
@@ -37,20 +26,25 @@ export function graphOf({ faces, vertices, V }) {
 export function shortestPath({ first, other, length }, cost, start, end) {
   const total = new Float64Array(cost.length).fill(Infinity),
     previous = new Int32Array(cost.length).fill(-1),
-    queue = new Queue();
-  total[start] = 0;
-  queue.push(start, 0);
-  while (queue.size) {
-    const [v, sum] = queue.pop();
+    queue = []; // [sum, vertex], the cheapest last
+  const reach = (v, sum, from) => {
+    [total[v], previous[v]] = [sum, from];
+    let [low, high] = [0, queue.length];
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (queue[middle][0] > sum) low = middle + 1;
+      else high = middle;
+    }
+    queue.splice(low, 0, [sum, v]);
+  };
+  reach(start, 0, -1);
+  while (queue.length) {
+    const [sum, v] = queue.pop();
     if (v === end) break;
     if (sum > total[v]) continue; // it was reached more cheaply since
     for (let i = first[v]; i < first[v + 1]; i++) {
-      const w = other[i],
-        through = sum + (length[i] * (cost[v] + cost[w])) / 2;
-      if (through >= total[w]) continue;
-      total[w] = through;
-      previous[w] = v;
-      queue.push(w, through);
+      const through = sum + (length[i] * (cost[v] + cost[other[i]])) / 2;
+      if (through < total[other[i]]) reach(other[i], through, v);
     }
   }
   const path = [end];
@@ -58,61 +52,22 @@ export function shortestPath({ first, other, length }, cost, start, end) {
   return { path: path.reverse(), cost: total[end] };
 }
 
-// the cheapest first: a binary heap
-class Queue {
-  constructor() {
-    Object.assign(this, { items: [], keys: [] });
-  }
-
-  get size() {
-    return this.items.length;
-  }
-
-  push(item, key) {
-    const { items, keys } = this;
-    let i = items.length;
-    while (i > 0) {
-      const up = (i - 1) >> 1;
-      if (keys[up] <= key) break;
-      [items[i], keys[i]] = [items[up], keys[up]];
-      i = up;
-    }
-    [items[i], keys[i]] = [item, key];
-  }
-
-  pop() {
-    const { items, keys } = this,
-      top = [items[0], keys[0]],
-      item = items.pop(),
-      key = keys.pop(),
-      count = items.length;
-    for (let i = 0; count; ) {
-      let down = 2 * i + 1;
-      if (down + 1 < count && keys[down + 1] < keys[down]) down++;
-      if (down >= count || keys[down] >= key) {
-        [items[i], keys[i]] = [item, key];
-        break;
-      }
-      [items[i], keys[i]] = [items[down], keys[down]];
-      i = down;
-    }
-    return top;
-  }
-}
-
 // ---- curves: vertices of a path, points by arc length in space ----
 
-export function lengthOf({ vertices }, path) {
-  const at = (v) => vertices.subarray(3 * v, 3 * v + 3);
-  return path.slice(1).reduce((sum, v, k) => sum + distance(at(path[k]), at(v)), 0);
-}
-
-// `count` places at equal steps along a path, ends included: two vertices and the share of the second
-export function places({ vertices }, path, count) {
+// lengths of a path up to each of its vertices
+function lengths({ vertices }, path) {
   const at = (v) => vertices.subarray(3 * v, 3 * v + 3),
     along = [0];
   path.slice(1).forEach((v, k) => along.push(along[k] + distance(at(path[k]), at(v))));
-  const total = along[along.length - 1];
+  return along;
+}
+
+export const lengthOf = (hemisphere, path) => lengths(hemisphere, path).pop();
+
+// `count` places at equal steps along a path, ends included: two vertices and the share of the second
+export function places(hemisphere, path, count) {
+  const along = lengths(hemisphere, path),
+    total = along[along.length - 1];
   let k = 0;
   return Array.from({ length: count }, (_, i) => {
     const wanted = (total * i) / (count - 1);

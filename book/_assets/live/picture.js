@@ -1,4 +1,5 @@
 // A canvas that shows the unit disk, with points that mouse, finger and arrow keys move, and the strokes that all share.
+import { make } from "./controls.js";
 
 export const COLOURS = {
   grid: "#1F4E79",
@@ -18,21 +19,35 @@ const STEP = 0.01; // of the disk's radius, by which an arrow key moves a point;
 export class Picture {
   constructor(view, title) {
     Object.assign(this, { view, title, chosen: 0, points: [] });
-    this.canvas = document.createElement("canvas");
-    this.sharpness = Math.min(2, Math.max(1, globalThis.devicePixelRatio || 1));
-    this.canvas.width = this.canvas.height = SIZE * this.sharpness;
-    this.pen = this.canvas.getContext("2d");
-    this.pen.scale(this.sharpness, this.sharpness);
-    this.canvas.setAttribute("role", view.drag ? "application" : "img");
-    this.canvas.setAttribute("aria-label", `${title}: ${view.label}`);
-    this.element = document.createElement("figure");
-    const caption = Object.assign(document.createElement("figcaption"), { textContent: view.label });
-    this.element.append(this.canvas, caption);
+    this.makeCanvas(...this.size);
+    this.begin();
+    this.describe("");
     if (view.drag) this.listen();
   }
 
+  get size() {
+    return [SIZE, SIZE];
+  }
+
+  makeCanvas(...size) {
+    const { view } = this;
+    this.sharpness = Math.min(2, Math.max(1, globalThis.devicePixelRatio || 1));
+    const [width, height] = size.map((pixels) => pixels * this.sharpness);
+    this.canvas = make("canvas", { width, height });
+    this.canvas.setAttribute("role", view.drag ? "application" : "img");
+    this.element = make("figure", {}, this.canvas, make("figcaption", { textContent: view.label }));
+    if (!view.drag) return;
+    this.canvas.tabIndex = 0;
+    this.canvas.style.touchAction = "none";
+  }
+
+  begin() {
+    this.pen = this.canvas.getContext("2d");
+    this.pen.scale(this.sharpness, this.sharpness);
+  }
+
   describe(words) {
-    this.canvas.setAttribute("aria-label", `${this.title}: ${this.view.label}. ${words}`);
+    this.canvas.setAttribute("aria-label", `${this.title}: ${this.view.label}. ${words}`.trim());
   }
 
   handles(state) {
@@ -44,12 +59,8 @@ export class Picture {
 
   listen() {
     const { canvas } = this;
-    canvas.tabIndex = 0;
-    canvas.style.touchAction = "none";
-    canvas.setAttribute(
-      "aria-roledescription",
-      "picture with points to move: arrow keys move the chosen one, " + "Page Up and Page Down choose another",
-    );
+    const role = "picture with points to move: arrow keys move the chosen one, Page Up and Page Down choose another";
+    canvas.setAttribute("aria-roledescription", role);
     canvas.addEventListener("pointerdown", (event) => this.take(event));
     canvas.addEventListener(
       "pointermove",
@@ -63,7 +74,6 @@ export class Picture {
     canvas.addEventListener("pointerup", drop);
     canvas.addEventListener("pointercancel", drop);
     canvas.addEventListener("keydown", (event) => this.key(event));
-    canvas.addEventListener("focus", () => this.onFocus?.());
   }
 
   at(event) {
@@ -121,10 +131,20 @@ export class Picture {
     this.pen.fillRect(0, 0, SIZE, SIZE);
   }
 
-  circle() {
+  // a circle about a point, its radius in pixels
+  arc([x, y], radius) {
     this.pen.beginPath();
-    this.pen.arc(this.X(0), this.Y(0), SIZE / 2 - MARGIN, 0, 7);
-    this.stroke(COLOURS.ink, 1);
+    this.pen.arc(this.X(x), this.Y(y), radius, 0, 7);
+  }
+
+  // an empty disk
+  disk() {
+    this.clear();
+    this.circle();
+  }
+
+  circle() {
+    this.ring([0, 0], 1, COLOURS.ink, 1);
   }
 
   // a canvas that covers the square around the disk; to: where a point of it goes
@@ -141,26 +161,29 @@ export class Picture {
     this.pen.setLineDash([]);
   }
 
+  path(points) {
+    points.forEach(([x, y], k) => this.pen[k ? "lineTo" : "moveTo"](this.X(x), this.Y(y)));
+  }
+
   // lines: arrays of [x, y]
   lines(lines, colour, width = 0.8, dash = []) {
     this.pen.beginPath();
-    for (const line of lines) line.forEach(([x, y], k) => this.pen[k ? "lineTo" : "moveTo"](this.X(x), this.Y(y)));
+    lines.forEach((line) => this.path(line));
     this.stroke(colour, width, dash);
   }
 
   // a triangle, or any polygon
   face(corners, colour) {
     this.pen.beginPath();
-    corners.forEach(([x, y], k) => this.pen[k ? "lineTo" : "moveTo"](this.X(x), this.Y(y)));
+    this.path(corners);
     this.pen.closePath();
     this.pen.fillStyle = colour;
     this.pen.fill();
     this.stroke(colour, 1);
   }
 
-  dot([x, y], colour, radius = 4) {
-    this.pen.beginPath();
-    this.pen.arc(this.X(x), this.Y(y), radius, 0, 7);
+  dot(point, colour, radius = 4) {
+    this.arc(point, radius);
     this.pen.fillStyle = colour;
     this.pen.fill();
     this.stroke("black", 0.7);
@@ -176,16 +199,14 @@ export class Picture {
   mark() {
     const point = this.points[this.chosen];
     if (!point) return;
-    this.pen.beginPath();
-    this.pen.arc(this.X(point[0]), this.Y(point[1]), 9, 0, 7);
+    this.arc(point, 9);
     this.stroke(COLOURS.ink, 1.2, [3, 2]);
   }
 
   // a circle of the disk: what the brush covers
-  ring([x, y], radius, colour) {
-    this.pen.beginPath();
-    this.pen.arc(this.X(x), this.Y(y), radius * (SIZE / 2 - MARGIN), 0, 7);
-    this.stroke(colour, 1.5);
+  ring(point, radius, colour, width = 1.5) {
+    this.arc(point, radius * (SIZE / 2 - MARGIN));
+    this.stroke(colour, width);
   }
 
   words(text, x, y, align = "left") {

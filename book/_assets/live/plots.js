@@ -1,4 +1,5 @@
 // Pictures of a map: the deformed grid, |mu| as colours and as a histogram, and a curve on axes.
+import { toPairs } from "./complex.js";
 import { sample } from "./mesh.js";
 import { COLOURS } from "./picture.js";
 
@@ -10,7 +11,7 @@ const SIZE = 320,
 const places = new WeakMap(); // mesh -> {key, places} of the grid's points: looked for once a problem
 
 // a square grid, in the coordinates of the picture
-function squareLines() {
+export function squareLines() {
   const lines = [];
   for (let k = 0; k < LINES; k++) {
     const c = (2 * (k + 0.5)) / LINES - 1,
@@ -25,15 +26,13 @@ function squareLines() {
 }
 
 // to: from the disk to the picture, from: back; the same for all but the cortex
-export function grid(picture, mesh, w, to, from, colour = COLOURS.grid, dash = []) {
+const same = (point) => point;
+export function grid(picture, mesh, w, { to = same, from = same, colour = COLOURS.grid, dash = [] } = {}) {
   const key = from([0.5, 0])[0];
   if (places.get(mesh)?.key !== key) {
     places.set(mesh, { key, list: squareLines().map((line) => line.map((point) => mesh.locate(...from(point)))) });
   }
-  const lines = places.get(mesh).list.map((line) => {
-    const { x, y } = sample(w, line);
-    return Array.from(x, (u, j) => to([u, y[j]]));
-  });
+  const lines = places.get(mesh).list.map((line) => toPairs(sample(w, line)).map(to));
   picture.lines(lines, colour, 0.8, dash);
 }
 
@@ -68,7 +67,7 @@ function pixels(mesh, size, from) {
   return faceOf.get(mesh).list;
 }
 
-export function heat(picture, mesh, size, from) {
+export function heat(picture, mesh, size, from = same) {
   const { width } = picture.canvas,
     list = pixels(mesh, width, from),
     image = picture.pen.createImageData(width, width);
@@ -109,32 +108,49 @@ export function histogram(picture, size) {
   picture.words("|μ|", left + width / 2, floor + 34, "center");
 }
 
-// landmark error (log) against mean |mu|; the present one as a dot
-export function curvePicture(picture, sweep, now) {
+// Curves on axes. x, y: [low, high]; ticks: {x, y}, of [place, words]; curves: {points: [[x, y], ...], colour, dash, dot}
+export function chart(picture, { x: [x0, x1], y: [y0, y1], ticks, name, curves }) {
   const { pen } = picture,
     left = 46,
-    floor = SIZE - 40,
-    all = [...sweep, { error: now.landmarkError, mean: now.mean }];
-  const logs = all.map(({ error }) => Math.log10(Math.max(error, 1e-9)));
-  const low = Math.floor(Math.min(...logs)),
-    high = Math.max(low + 1, Math.ceil(Math.max(...logs)));
-  const widest = 1.15 * Math.max(0.05, ...all.map(({ mean }) => mean));
-  const X = (mean) => left + (mean / widest) * (SIZE - left - 12),
-    Y = (log) => floor - ((log - low) / (high - low)) * (floor - 16);
+    floor = SIZE - 40;
+  const X = (x) => left + ((x - x0) / (x1 - x0)) * (SIZE - left - 14),
+    Y = (y) => floor - ((y - y0) / (y1 - y0)) * (floor - 16);
   picture.clear();
   pen.fillStyle = COLOURS.ink;
   pen.fillRect(left, floor, SIZE - left - 10, 1);
   pen.fillRect(left, 10, 1, floor - 10);
-  for (let tick = low; tick <= high; tick++) picture.words(`1e${tick}`, left - 6, Y(tick) + 4, "right");
-  for (const share of [0, 0.4, 0.8])
-    picture.words(share ? (share * widest).toPrecision(2) : "0", X(share * widest), floor + 16, "center");
-  picture.words("mean |μ|", (SIZE + left) / 2, floor + 34, "center");
-  pen.beginPath();
-  sweep.forEach(({ error, mean }, k) => pen[k ? "lineTo" : "moveTo"](X(mean), Y(Math.log10(Math.max(error, 1e-9)))));
-  picture.stroke(COLOURS.grid, 1.5);
-  pen.fillStyle = COLOURS.registered;
-  pen.beginPath();
-  pen.arc(X(now.mean), Y(logs[logs.length - 1]), 5, 0, 7);
-  pen.fill();
-  picture.stroke("black", 1);
+  for (const [x, words] of ticks.x) picture.words(words, X(x), floor + 16, "center");
+  for (const [y, words] of ticks.y) picture.words(words, left - 6, Y(y) + 4, "right");
+  picture.words(name, (SIZE + left) / 2, floor + 34, "center");
+  for (const { points, colour, dash = [], dot } of curves) {
+    pen.beginPath();
+    points.forEach(([x, y], k) => pen[k ? "lineTo" : "moveTo"](X(x), Y(y)));
+    picture.stroke(colour, 1.8, dash);
+    pen.beginPath();
+    pen.arc(X(dot[0]), Y(dot[1]), 4, 0, 7);
+    pen.fillStyle = colour;
+    pen.fill();
+  }
+}
+
+// ticks at the powers of ten from 10^low to 10^high, for logarithms
+export const powers = (low, high) => Array.from({ length: high - low + 1 }, (_, k) => [low + k, `1e${low + k}`]);
+
+// landmark error (log) against mean |mu|; the present one as a dot
+export function curvePicture(picture, sweep, now) {
+  const point = ({ error, mean }) => [mean, Math.log10(Math.max(error, 1e-9))],
+    dot = point({ error: now.landmarkError, mean: now.mean }),
+    points = sweep.map(point),
+    all = [...points, dot],
+    low = Math.floor(Math.min(...all.map(([, log]) => log))),
+    high = Math.max(low + 1, Math.ceil(Math.max(...all.map(([, log]) => log)))),
+    widest = 1.15 * Math.max(0.05, ...all.map(([mean]) => mean)),
+    means = [0, 0.4, 0.8].map((share) => [share * widest, share ? (share * widest).toPrecision(2) : "0"]);
+  chart(picture, {
+    x: [0, widest],
+    y: [low, high],
+    ticks: { x: means, y: powers(low, high) },
+    name: "mean |μ|",
+    curves: [{ points, colour: COLOURS.grid, dot }],
+  });
 }

@@ -1,17 +1,11 @@
-// The landmark problems of the pages, as they are and as a reader has changed them; meshes for their pictures.
-import { PolarMesh } from "./mesh.js";
+// The landmark problems of the pages, as they are and as a reader has changed them.
+import { COARSE, FINE } from "./given.js";
 
 let problems = null; // name -> {label, moving, target, curve, radius}, once they have been loaded
-const meshes = new Map(); // for the pictures, which need no factorisation
 
 export async function loadProblems(host) {
   problems ??= JSON.parse(new TextDecoder().decode(await host.file("problems.json")));
 }
-
-export const meshOf = ([rings, spokes]) => {
-  if (!meshes.has(rings)) meshes.set(rings, new PolarMesh(rings, spokes));
-  return meshes.get(rings);
-};
 
 const changed = (points, moves) => points.map((point, m) => moves[m] ?? point);
 
@@ -24,19 +18,10 @@ export function problemOf({ problem, starts, targets }) {
 // what the worker's tuner is asked
 export function requestOf(state) {
   const { moving, target, curve } = problemOf(state),
-    { alpha, beta, gamma, lambda = 0, looks = 0 } = state;
-  return {
-    moving,
-    target,
-    curve,
-    alpha,
-    beta,
-    gamma,
-    lambda,
-    looks: Number(looks),
-    sliding: state.landmarks === "sliding",
-    mesh: state.mesh === "finer" ? [32, 96] : [24, 72],
-  };
+    { alpha, beta, gamma, lambda = 0, looks = 0 } = state,
+    sliding = state.landmarks === "sliding",
+    mesh = state.mesh === "finer" ? FINE : COARSE;
+  return { moving, target, curve, alpha, beta, gamma, lambda, looks: Number(looks), sliding, mesh };
 }
 
 // what sliders and pickers of all explorables with a landmark problem say
@@ -60,6 +45,3 @@ export const CORTICES = [
   ["first", "a synthetic subject"],
   ["second", "another synthetic subject"],
 ];
-
-export const short = (x) =>
-  x === 0 ? "0" : Math.abs(x) < 0.01 || Math.abs(x) >= 1e5 ? x.toExponential(2) : String(Number(x.toPrecision(4)));

@@ -1,6 +1,6 @@
 // Row switching: where a map folds, the rows of the vertices there become Floater's mean-value averages, whose weights
 // are all positive, and the map is solved again with the same circle. As plane/bijectivity.py.
-import { zeros } from "./complex.js";
+import { copy } from "./complex.js";
 import { solveUnsymmetric } from "./cholesky.js";
 
 const MOST_ROUNDS = 30;
@@ -87,7 +87,7 @@ function meanValues(mesh, mu) {
 
 // the solution with the switched rows' averages in place of K(mu), the same values on the circle
 function mixed({ mesh, off, diagonal }, average, switched, w) {
-  const { E, V, free, tail, head, rim } = mesh;
+  const { E, free, tail, head } = mesh;
   const lower = new Float64Array(E),
     upper = new Float64Array(E);
   for (let e = 0; e < E; e++) {
@@ -95,17 +95,10 @@ function mixed({ mesh, off, diagonal }, average, switched, w) {
     lower[e] = switched[head[e]] ? average.lower[e] : off[e] / diagonal[head[e]];
     upper[e] = switched[tail[e]] ? average.upper[e] : off[e] / diagonal[tail[e]];
   }
-  const ones = new Float64Array(free).fill(1),
-    load = zeros(free);
-  for (let i = 0; i < rim.length; i += 3) {
-    // a rim edge's tail is the free vertex
-    load.x[rim[i + 1]] -= upper[rim[i]] * w.x[free + rim[i + 2]];
-    load.y[rim[i + 1]] -= upper[rim[i]] * w.y[free + rim[i + 2]];
-  }
-  const [x, y] = solveUnsymmetric(mesh.interior, { lower, upper, diagonal: ones }, [load.x, load.y]),
-    out = zeros(V);
-  out.x.set(w.x);
-  out.y.set(w.y);
+  const ones = new Float64Array(free).fill(1), // a rim edge's tail is the free vertex
+    loads = [w.x, w.y].map((values) => mesh.rimLoad(upper, values.subarray(free)));
+  const [x, y] = solveUnsymmetric(mesh.interior, { lower, upper, diagonal: ones }, loads),
+    out = copy(w);
   out.x.set(x);
   out.y.set(y);
   return out;

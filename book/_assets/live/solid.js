@@ -1,4 +1,7 @@
 // A surface in 3-D on one WebGL canvas, with tubes upon it, to be turned by mouse, finger and arrow keys.
+import { Picture } from "./picture.js";
+import { cross, minus, normalsOf, unit } from "./triangles.js";
+
 const SIZE = [560, 420],
   SIDES = 6; // of a tube
 const TURN = 5; // degrees an arrow key turns, three times with shift
@@ -17,23 +20,17 @@ uniform vec3 eye; varying vec3 shown, way;
 void main() { gl_FragColor = vec4(shown * (0.3 + 0.75 * max(dot(normalize(way), eye), 0.0)), 1.0); }`;
 const PARTS = { place: 3, unfolded: 3, normal: 3, unfoldedNormal: 3, colour: 3 };
 
-export class Solid {
-  // view: name, label, turned(state, [turn, tilt] in degrees) -> part of a state
+export class Solid extends Picture {
+  // view: name, label, drag(state, index, [turn, tilt] in degrees) -> part of a state
   constructor(view, title) {
-    Object.assign(this, { view, title, buffers: {} });
-    this.canvas = document.createElement("canvas");
-    const sharpness = Math.min(2, Math.max(1, globalThis.devicePixelRatio || 1));
-    [this.canvas.width, this.canvas.height] = SIZE.map((size) => size * sharpness);
+    super(view, title);
+    this.buffers = {};
     this.canvas.className = "qc-live-solid";
-    this.canvas.setAttribute("role", "application");
-    this.canvas.setAttribute("aria-roledescription", "surface in 3-D: arrow keys turn it");
-    this.canvas.setAttribute("aria-label", `${title}: ${view.label}`);
-    this.element = document.createElement("figure");
     this.element.className = "qc-live-wide";
-    const caption = Object.assign(document.createElement("figcaption"), { textContent: view.label });
-    this.element.append(this.canvas, caption);
-    this.begin();
-    this.listen();
+  }
+
+  get size() {
+    return SIZE;
   }
 
   begin() {
@@ -41,11 +38,8 @@ export class Solid {
     if (!this.pen) throw new Error("the browser offers no WebGL, which a surface in 3-D needs");
     const { pen } = this,
       program = pen.createProgram();
-    for (const [kind, source] of [
-      [pen.VERTEX_SHADER, VERTEX],
-      [pen.FRAGMENT_SHADER, FRAGMENT],
-    ]) {
-      const shader = pen.createShader(kind);
+    for (const [kind, source] of Object.entries({ VERTEX_SHADER: VERTEX, FRAGMENT_SHADER: FRAGMENT })) {
+      const shader = pen.createShader(pen[kind]);
       pen.shaderSource(shader, source);
       pen.compileShader(shader);
       pen.attachShader(program, shader);
@@ -58,18 +52,13 @@ export class Solid {
     this.slots = Object.fromEntries(Object.keys(PARTS).map((name) => [name, pen.getAttribLocation(program, name)]));
   }
 
-  describe(words) {
-    this.canvas.setAttribute("aria-label", `${this.title}: ${this.view.label}. ${words}`);
-  }
-
   handles() {}
 
   // ---- turning ----
 
   listen() {
     const { canvas } = this;
-    canvas.tabIndex = 0;
-    canvas.style.touchAction = "none";
+    canvas.setAttribute("aria-roledescription", "surface in 3-D: arrow keys turn it");
     let from = null;
     canvas.addEventListener("pointerdown", (event) => {
       from = [event.clientX, event.clientY];
@@ -98,13 +87,14 @@ export class Solid {
 
   // ---- drawing ----
 
-  // vertices, unfolded (3 V), faces (3 F), shade (V) 0 to 255, away: the direction that is seen first
-  surface({ vertices, unfolded, faces, shade, away }) {
-    const colour = Float32Array.from(vertices, (_, i) => 0.45 + (0.5 * shade[Math.floor(i / 3)]) / 255);
+  // vertices, unfolded (3 V), faces (3 F), colour (3 V) 0 to 1, away: the direction that is seen first; whole: points that
+  // the picture has room for
+  surface({ vertices, unfolded, faces, colour, away }, whole = vertices) {
     this.away = away;
-    this.middle = middleOf(vertices);
-    this.radius = 1.02 * Math.max(...[vertices, unfolded].map((points) => farthest(points, this.middle)));
-    this.normals = { normal: normalsOf(vertices, faces), unfoldedNormal: normalsOf(unfolded, faces) };
+    this.middle = middleOf(whole);
+    this.radius = 1.02 * Math.max(...[whole, unfolded].map((points) => farthest(points, this.middle)));
+    const [normal, unfoldedNormal] = [vertices, unfolded].map((points) => normalsOf(points, faces).normals);
+    this.normals = { normal, unfoldedNormal };
     this.keep("surface", { place: vertices, unfolded, ...this.normals, colour }, faces);
   }
 
@@ -159,14 +149,13 @@ export class Solid {
   }
 }
 
-// ---- geometry ----
+// the state of a surface that is turned by [turn, tilt] degrees
+export const turned = (state, index, [turn, tilt]) => ({
+  turn: ((state.turn + turn + 540) % 360) - 180,
+  tilt: Math.min(90, Math.max(-90, state.tilt + tilt)),
+});
 
-const minus = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-const unit = (a) => {
-  const size = Math.hypot(...a) || 1;
-  return a.map((c) => c / size);
-};
+// ---- geometry ----
 
 // the middle of the box around points (3 V), and how far they reach from it, seen from any side of a picture of 4 to 3
 function middleOf(points) {
@@ -186,19 +175,6 @@ function farthest(points, [x, y, z]) {
     most = Math.max(most, Math.abs(points[i + 2] - z), across);
   }
   return most;
-}
-
-// unit normals of the vertices (3 V), the faces' weighted by their areas
-export function normalsOf(points, faces) {
-  const out = new Float32Array(points.length),
-    at = (v) => points.subarray(3 * v, 3 * v + 3);
-  for (let i = 0; i < faces.length; i += 3) {
-    const [a, b, c] = faces.subarray(i, i + 3),
-      n = cross(minus(at(b), at(a)), minus(at(c), at(a)));
-    for (const v of [a, b, c]) for (let k = 0; k < 3; k++) out[3 * v + k] += n[k];
-  }
-  for (let v = 0; v < out.length; v += 3) out.set(unit(out.subarray(v, v + 3)), v);
-  return out;
 }
 
 // rings of SIDES corners about the points of a line, joined by triangles

@@ -51,12 +51,8 @@ export class Spectrum {
 
   // E^* g of gradients g at the nodes, (x, y, centre), into out at `to`, complex pairs
   gradients(x, y, [centreX, centreY], out, to) {
-    const {
-        mesh: { rings },
-        spokes,
-        radial,
-        waves,
-      } = this,
+    const { spokes, radial, waves } = this,
+      { rings } = this.mesh,
       root = 1 / Math.sqrt(spokes);
     for (let j = 0; j < rings; j++) this.ring(x, y, j * spokes, waves[j]);
     waves[0][0] += centreX; // the centre is the mean of the first ring
@@ -77,10 +73,8 @@ export class Spectrum {
 
   // complex pairs of a nodal field (V), the centre left out
   coefficients(nu) {
-    const {
-        mesh: { rings, spokes },
-        area,
-      } = this,
+    const { area } = this,
+      { rings, spokes } = this.mesh,
       N = rings * spokes,
       weight = (i) => area[Math.floor(i / spokes)] / Math.PI;
     const out = new Float64Array(2 * N),
@@ -91,32 +85,48 @@ export class Spectrum {
 
   // the nodal field (V) of complex pairs
   field(c) {
-    const {
-        mesh: { rings, spokes, V },
-        radial,
-        cos,
-        sin,
-      } = this,
-      out = zeros(V),
+    const { mesh, radial, spokes } = this,
+      { rings } = mesh,
+      waves = zeros(rings * spokes),
       root = 1 / Math.sqrt(spokes);
     for (let s = 0; s < spokes; s++) {
       for (let j = 0; j < rings; j++) {
-        let x = 0,
-          y = 0;
         for (let r = 0; r < rings; r++) {
           const value = root * radial[(s * rings + j) * rings + r],
             from = 2 * (s * rings + r);
-          x += value * c[from];
-          y += value * c[from + 1];
+          waves.x[s * rings + j] += value * c[from];
+          waves.y[s * rings + j] += value * c[from + 1];
         }
-        for (let k = 0, i = 0, to = 1 + j * spokes; k < spokes; k++, to++, i = (i + s) % spokes) {
+      }
+    }
+    return this.centred(this.ofWaves(waves));
+  }
+
+  // sum over frequencies s of waves (spokes, rings) exp(2 pi i s k / spokes), as a field of the rings' nodes
+  ofWaves(waves) {
+    const { mesh, spokes, cos, sin } = this,
+      { rings } = mesh,
+      out = zeros(rings * spokes);
+    for (let s = 0; s < spokes; s++) {
+      for (let j = 0; j < rings; j++) {
+        const x = waves.x[s * rings + j],
+          y = waves.y[s * rings + j];
+        if (x === 0 && y === 0) continue;
+        for (let k = 0, i = 0, to = j * spokes; k < spokes; k++, to++, i = (i + s) % spokes) {
           out.x[to] += x * cos[i] - y * sin[i];
           out.y[to] += x * sin[i] + y * cos[i];
         }
       }
     }
+    return out;
+  }
+
+  // a field of the rings' nodes as one of the mesh, whose centre has the first ring's mean
+  centred(field) {
+    const out = zeros(this.mesh.V);
     for (const part of ["x", "y"]) {
-      for (let k = 1; k <= spokes; k++) out[part][0] += out[part][k] / spokes;
+      out[part].set(field[part], 1);
+      for (let k = 0; k < this.spokes; k++) out[part][0] += field[part][k] / this.spokes;
     }
     return out;
   }

@@ -1,6 +1,7 @@
 // The derivative of a disk map in closed form (plane/tangent.py): what a change of nu on one polar mesh, the carrier's,
 // does to points of another one that is mapped, without a solve, up to what Möbius maps do.
-import { zeros } from "./complex.js";
+import { activation, toPairs, zeros } from "./complex.js";
+import { sample } from "./mesh.js";
 
 const REACH = 1.8; // cells: from where on a node stands for its cell in the integral
 const FINER = 3; // into so many squared a triangle is cut, nearer than that
@@ -25,14 +26,7 @@ export class Carrier {
       areas = new Float64Array(V);
     for (let i = 0; i < 3 * F; i++) areas[faces[i]] += area[Math.floor(i / 3)] / 3;
     const n = PARTS.length,
-      fine = zeros(n * F);
-    for (let t = 0; t < F; t++)
-      PARTS.forEach((place, i) =>
-        place.forEach((share, k) => {
-          fine.x[n * t + i] += share * z.x[faces[3 * t + k]];
-          fine.y[n * t + i] += share * z.y[faces[3 * t + k]];
-        }),
-      );
+      fine = this.inside(z);
     const located = (points) => Array.from(points.x, (x, i) => mapped.locate(x, points.y[i]));
     this.nodes = { areas, places: located(z) };
     this.fine = { areas: Float64Array.from(fine.x, (_, i) => area[Math.floor(i / n)] / n), places: located(fine) };
@@ -54,53 +48,22 @@ export class Carrier {
 
   // f_z at the vertices of the mapped mesh, averaged over the faces around them by area
   slope(f) {
-    const { F, V, faces, area, gradient } = this.mapped,
-      out = zeros(V),
-      total = new Float64Array(V);
-    for (let t = 0; t < F; t++) {
-      let x = 0,
-        y = 0;
-      for (let i = 3 * t; i < 3 * t + 3; i++) {
-        const u = f.x[faces[i]],
-          v = f.y[faces[i]];
-        x += (u * gradient.x[i] + v * gradient.y[i]) / 2;
-        y += (v * gradient.x[i] - u * gradient.y[i]) / 2;
-      }
-      for (let i = 3 * t; i < 3 * t + 3; i++) {
-        out.x[faces[i]] += area[t] * x;
-        out.y[faces[i]] += area[t] * y;
-        total[faces[i]] += area[t];
-      }
-    }
-    total.forEach((sum, v) => {
-      out.x[v] /= sum;
-      out.y[v] /= sum;
-    });
-    return out;
+    return this.mapped.onVertices(this.mapped.derivatives(f)[0]);
   }
 }
 
 // The cells around places w = f: [w, radius squared of their images as disks, mass in the integral] as one array, five
 // numbers each.
 function cells({ areas, places }, nu, f, slope) {
-  const out = new Float64Array(5 * places.length);
-  places.forEach(({ corners, weights }, i) => {
-    let wx = 0,
-      wy = 0,
-      sx = 0,
-      sy = 0;
-    for (let k = 0; k < 3; k++) {
-      const v = corners[k],
-        weight = weights[k];
-      wx += weight * f.x[v];
-      wy += weight * f.y[v];
-      sx += weight * slope.x[v];
-      sy += weight * slope.y[v];
-    }
-    const a = areas[i] / Math.PI,
+  const out = new Float64Array(5 * places.length),
+    w = sample(f, places),
+    s = sample(slope, places);
+  for (let i = 0; i < places.length; i++) {
+    const [sx, sy] = [s.x[i], s.y[i]],
+      a = areas[i] / Math.PI,
       t = Math.tanh(Math.hypot(nu.x[i], nu.y[i]));
-    out.set([wx, wy, a * (sx * sx + sy * sy) * (1 - t * t), -a * (sx * sx - sy * sy), -2 * a * sx * sy], 5 * i);
-  });
+    out.set([w.x[i], w.y[i], a * (sx * sx + sy * sy) * (1 - t * t), -a * (sx * sx - sy * sy), -2 * a * sx * sy], 5 * i);
+  }
   return out;
 }
 
@@ -114,13 +77,10 @@ export class Tangent {
     this.close = [];
     this.faces = [];
     this.rim = [];
-    places.forEach(({ corners, weights }) => {
-      const at = [0, 0];
-      corners.forEach((v, k) => {
-        at[0] += weights[k] * mapped.z.x[v];
-        at[1] += weights[k] * mapped.z.y[v];
-      });
-      const size = Math.max(...corners.map((v) => Math.hypot(mapped.z.x[v] - at[0], mapped.z.y[v] - at[1]))),
+    const points = toPairs(sample(mapped.z, places));
+    places.forEach(({ corners }, m) => {
+      const at = points[m],
+        size = Math.max(...corners.map((v) => Math.hypot(mapped.z.x[v] - at[0], mapped.z.y[v] - at[1]))),
         flag = new Uint8Array(V),
         near = [];
       let far = 0;
@@ -216,14 +176,7 @@ function kernel(cell, i, ends, P, Q, to, both) {
 // the same with respect to nu, mu = T(nu): dmu = a dnu + b conj(dnu)
 function chain(nu, P, Q) {
   for (let i = 0; i < nu.x.length; i++) {
-    const size = Math.hypot(nu.x[i], nu.y[i]),
-      t = Math.tanh(size),
-      across = size > 0 ? t / size : 1,
-      along = 1 - t * t;
-    const a = (along + across) / 2,
-      half = size > 0 ? (along - across) / 2 / (size * size) : 0,
-      bx = half * (nu.x[i] * nu.x[i] - nu.y[i] * nu.y[i]),
-      by = half * 2 * nu.x[i] * nu.y[i];
+    const [a, bx, by] = activation(nu.x[i], nu.y[i]);
     const px = P[2 * i],
       py = P[2 * i + 1],
       qx = Q[2 * i],

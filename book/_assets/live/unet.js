@@ -1,9 +1,10 @@
 // The polar U-Nets (nets/layers.py: PolarUNet, ConditionedUNet) on the grid of rings and spokes, channels last.
+import { readArrays } from "./files.js";
+import { wasmLayers } from "./kernels.js";
 
 const FIRST_SCALE = 0.1; // of a conditioned U-Net's outputs, before the conditions change it
-const upTo = (n, step) => Math.ceil(n / step) * step;
 
-// Sizes are read from the tensors, name -> {shape, data}, as torch has them: (outputs, inputs, kernel, kernel).
+// Sizes are read from the tensors, name -> {shape, data}, which come in blocks, made up with zeros (livefiles.py).
 export class UNet {
   constructor(layers, tensors, rings, spokes) {
     Object.assign(this, { layers, tensors, rings, spokes });
@@ -20,32 +21,20 @@ export class UNet {
     this.finer = list(levels, (i) => this.layer(`finer.${i}`));
     this.bottom = list(blocks, (i) => block(`bottom.${i}`));
     this.channels = [this.stem.outputs, ...this.coarser.map(({ outputs }) => outputs)];
-    this.outputs = tensors["head.bias"].shape[0]; // of head.outputs, which are a multiple of 8
     this.film = tensors["film.0.weight"] && [0, 2].map((i) => [tensors[`film.${i}.weight`], tensors[`film.${i}.bias`]]);
     this.makeRoom();
   }
 
-  // weights as [outputs / 8][kernel][kernel][inputs][8], inputs made up to a multiple of 4, outputs to one of 8
+  // its weights lie as [outputs / 8][kernel][kernel][inputs][8]
   layer(name) {
-    const {
-      shape: [O, I, kernel],
-      data,
-    } = this.tensors[`${name}.weight`];
-    const inputs = upTo(I, 4),
-      outputs = upTo(O, 8),
-      weight = this.layers.numbers(outputs * kernel * kernel * inputs);
-    for (let o = 0, from = 0; o < O; o++) {
-      for (let c = 0; c < I; c++) {
-        for (let y = 0; y < kernel; y++) {
-          for (let x = 0; x < kernel; x++, from++) {
-            weight[((((o >> 3) * kernel + y) * kernel + x) * inputs + c) * 8 + (o & 7)] = data[from];
-          }
-        }
-      }
-    }
-    const bias = this.layers.numbers(outputs);
-    bias.set(this.tensors[`${name}.bias`].data);
-    return { weight, bias, kernel, inputs, outputs };
+    const [weight, bias] = ["weight", "bias"].map((kind) => {
+      const { data } = this.tensors[`${name}.${kind}`],
+        numbers = this.layers.numbers(data.length);
+      numbers.set(data);
+      return numbers;
+    });
+    const [blocks, kernel, , inputs, width] = this.tensors[`${name}.weight`].shape;
+    return { weight, bias, kernel, inputs, outputs: blocks * width };
   }
 
   size(level) {
@@ -121,15 +110,8 @@ export class UNet {
     for (let level = 0; level < last; level++) {
       const size = this.size(level);
       this.block(this.down[level], skips[level], spare[level], size);
-      layers.convolve(
-        skips[level],
-        size[1] * channels[level],
-        this.coarser[level],
-        2,
-        skips[level + 1],
-        this.size(level + 1),
-        false,
-      );
+      const next = this.size(level + 1);
+      layers.convolve(skips[level], size[1] * channels[level], this.coarser[level], 2, skips[level + 1], next, false);
       modulate(skips[level + 1], channels[level + 1]);
     }
     for (const block of this.bottom) this.block(block, skips[last], spare[last], this.size(last));
@@ -146,7 +128,7 @@ export class UNet {
     if (films)
       this.output.forEach((value, i) => {
         const channel = i % this.head.outputs;
-        if (channel < this.outputs) this.output[i] = value * FIRST_SCALE * Math.exp(films[at + channel]);
+        if (at + channel < films.length) this.output[i] = value * FIRST_SCALE * Math.exp(films[at + channel]);
       });
     return this.output;
   }
@@ -163,35 +145,6 @@ export class UNet {
   }
 }
 
-// ---- files: uint32 length of a JSON header {config, arrays: [[name, shape, "half" | "single"], ...]}, the header, numbers
-
-export function readNetwork(buffer) {
-  const length = new DataView(buffer).getUint32(0, true);
-  const { config, arrays } = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
-  const tensors = {};
-  let at = 4 + length;
-  for (const [name, shape, kind] of arrays) {
-    const count = shape.reduce((a, b) => a * b, 1),
-      bytes = kind === "half" ? 2 : 4,
-      part = buffer.slice(at, at + bytes * count);
-    tensors[name] = {
-      shape,
-      data: kind === "half" ? Float32Array.from(new Uint16Array(part), half) : new Float32Array(part),
-    };
-    at += bytes * count;
-  }
-  return { config, tensors };
-}
-
-// the number of an IEEE half
-function half(bits) {
-  const sign = bits & 0x8000 ? -1 : 1,
-    exponent = (bits >> 10) & 31,
-    fraction = bits & 1023;
-  if (exponent === 0) return sign * fraction * 2 ** -24;
-  return exponent === 31 ? (fraction ? NaN : sign * Infinity) : sign * (1 + fraction / 1024) * 2 ** (exponent - 15);
-}
-
 // the tensors of one part of a network, their names without its own
 export const partOf = (tensors, part) =>
   Object.fromEntries(
@@ -199,3 +152,13 @@ export const partOf = (tensors, part) =>
       .filter(([name]) => name.startsWith(`${part}.`))
       .map(([name, t]) => [name.slice(part.length + 1), t]),
   );
+
+// A network of a file that the worker was given, made once: its class, and the file's name on the bench.
+export async function networkOf({ files, mesh, networks }, Network, name) {
+  if (!networks[name]) {
+    const file = readArrays(files[name]),
+      { rings, spokes, power } = file.config;
+    networks[name] = new Network(mesh(rings, spokes, power), await wasmLayers(files.layers), file);
+  }
+  return networks[name];
+}

@@ -1,46 +1,25 @@
 // All that takes more than a moment: a module worker, so that sliders never wait. The newest request of a page wins.
-import { answerTuner } from "./tuner.js";
-import { plainKernels, wasmKernels } from "./kernels.js";
-import { answerBoundary } from "./boundary.js";
-import { answerLbs } from "./lbs.js";
-import { PolarMesh } from "./mesh.js";
-import { answerMu } from "./paint.js";
+import boundary from "./explore_boundary.js";
+import lbs from "./explore_lbs.js";
+import mu from "./explore_mu.js";
+import { wasmKernels } from "./kernels.js";
+import { meshes } from "./mesh.js";
+import { solve } from "./solvers.js";
 
-const TASKS = { tuner: answerTuner, mu: answerMu, lbs: answerLbs, boundary: answerBoundary };
+const TASKS = { tuner: solve, mu: mu.work, lbs: lbs.work, boundary: boundary.work };
 const newest = new Map(); // what is asked, page and part -> the newest request for it
+const files = {}; // of the page, ArrayBuffers by name
 let busy = false,
-  begun = null;
+  bench = null; // a promise of what tasks work with: files, meshes on the kernels, and networks that have been made
 
-// What tasks work with: kernels, meshes made when first needed, files of the page (ArrayBuffers) by name.
-class Bench {
-  constructor(kernels, files) {
-    Object.assign(this, { kernels, files, meshes: new Map() });
-  }
-
-  mesh(rings, spokes, power = 1.4) {
-    const name = `${rings} x ${spokes}, ${power}`;
-    if (!this.meshes.has(name)) this.meshes.set(name, new PolarMesh(rings, spokes, power, this.kernels));
-    return this.meshes.get(name);
-  }
-}
-
-async function begin({ kernels, ...files }) {
-  let found = plainKernels;
-  try {
-    if (kernels) found = await wasmKernels(kernels);
-  } catch {
-    // no WebAssembly here: the same in JavaScript, slower
-  }
-  return new Bench(found, files);
+async function begin() {
+  const kernels = await wasmKernels(files.kernels);
+  return { kernels, files, mesh: meshes(kernels), networks: {} };
 }
 
 onmessage = ({ data }) => {
-  if (data.begin) {
-    begun = begin(data.begin);
-    return;
-  }
-  if (data.more) {
-    begun = begun.then((bench) => Object.assign(bench, { files: { ...bench.files, ...data.more } }));
+  if (data.files) {
+    Object.assign(files, data.files);
     return;
   }
   const kind = `${data.page} ${data.part}`,
@@ -55,7 +34,7 @@ const pause = () => new Promise((resolve) => setTimeout(resolve));
 async function work() {
   busy = true;
   while (newest.size) {
-    const bench = await begun;
+    await (bench ??= begin()).catch(() => {}); // what is asked meanwhile takes an older question's place
     const [kind, { id, page, request, part }] = newest.entries().next().value;
     newest.delete(kind);
     const stale = async () => {
@@ -63,7 +42,7 @@ async function work() {
       return [...newest.values()].some((other) => other.page === page);
     };
     try {
-      postMessage({ id, answer: await TASKS[page](bench, request, part, stale) });
+      postMessage({ id, answer: await TASKS[page](await bench, request, part, stale) });
     } catch (error) {
       postMessage({ id, error: error.message });
     }

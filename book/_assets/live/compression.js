@@ -1,46 +1,6 @@
-// Beltrami coefficients that a reader sets and paints, and their Fourier compression on the square (plane/fourier.py).
+// Fourier compression of Beltrami coefficients on the square (plane/fourier.py): only the frequencies |m|, |n| <= k of mu on
+// its pixels are kept.
 import { zeros } from "./complex.js";
-
-const BUMP = { x: 0.3, y: 0.2, width: 0.3 };
-
-// how a preset varies over the disk: a complex factor at (x, y)
-const PRESETS = {
-  constant: () => [1, 0],
-  radial(x, y) {
-    // of z |z|^(K - 1)
-    const square = x * x + y * y;
-    return square > 0 ? [(x * x - y * y) / square, (2 * x * y) / square] : [1, 0];
-  },
-  waves: (x, y) => [Math.sin(4 * x) * Math.cos(3 * y), 0],
-  bump: (x, y) => [Math.exp(-((x - BUMP.x) ** 2 + (y - BUMP.y) ** 2) / BUMP.width ** 2), 0],
-  blank: () => [0, 0],
-};
-
-// mu at a point: the preset times the number of the sliders, then what was painted over it, [x, y, radius, re, im] each
-export function muAt({ preset, size, direction, strokes }, x, y) {
-  for (let k = strokes.length - 1; k >= 0; k--) {
-    const [u, v, radius, re, im] = strokes[k];
-    if ((x - u) ** 2 + (y - v) ** 2 <= radius * radius) return [re, im];
-  }
-  const [a, b] = PRESETS[preset](x, y),
-    [c, d] = value({ size, direction });
-  return [a * c - b * d, a * d + b * c];
-}
-
-// what the sliders say, and the brush paints
-export function value({ size, direction }) {
-  const angle = (direction * Math.PI) / 180;
-  return [size * Math.cos(angle), size * Math.sin(angle)];
-}
-
-export function muOnFaces(state, mesh) {
-  const mu = zeros(mesh.F),
-    centre = mesh.onFaces(mesh.z);
-  for (let t = 0; t < mesh.F; t++) [mu.x[t], mu.y[t]] = muAt(state, centre.x[t], centre.y[t]);
-  return mu;
-}
-
-// ---- compression: only the frequencies |m|, |n| <= k of mu on the pixels of the square are kept ----
 
 const ratio = (x, y) => Math.max(Math.abs(x), Math.abs(y)) / (Math.hypot(x, y) || 1);
 

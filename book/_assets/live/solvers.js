@@ -1,4 +1,4 @@
-// The worker's side of the tuner: maps of one landmark problem by several solvers, measured alike, and the trade-off.
+// The worker's side of all landmark problems: maps of one landmark problem by several solvers, measured alike, and the trade-off.
 import { fitLandmarks } from "./fit.js";
 import { Harmonic } from "./harmonic.js";
 import { checkWeights, Problem } from "./landmarks.js";
@@ -6,11 +6,9 @@ import { onCircle, DiskMap } from "./map.js";
 import { measure } from "./measures.js";
 import { sample } from "./mesh.js";
 import { bestMobius, moved } from "./mobius.js";
-import { plainLayers, wasmLayers } from "./layers.js";
 import { CPNet } from "./cpnet.js";
 import { unfold } from "./repair.js";
-import { readNetwork } from "./unet.js";
-import { bounded } from "./complex.js";
+import { networkOf } from "./unet.js";
 
 const COARSE_SHARE = 2; // the coarse mesh has half as many rings
 const SWEEP = [1e1, 1e2, 1e3, 1e4, 1e5, 1e6]; // gamma / alpha of the trade-off curve
@@ -21,14 +19,13 @@ const pairOfMeshes = (bench, [rings, spokes]) => ({
 });
 
 // request: moving, target, curve, sliding, alpha, beta, gamma, mesh [rings, spokes], lambda, solver
-export async function answerTuner(bench, request, part, stale) {
+export async function solve(bench, request, part, stale) {
   const meshes = pairOfMeshes(bench, request.mesh);
   if (part === "sweep") return sweep(meshes, request, stale);
   if (part === "error") return fitLandmarks(meshes, request).landmarkError;
-  const kernels = bench.kernels.name;
-  if (part === "map" || part === "truth") return { kernels, exact: exact(meshes, request) };
+  if (part === "map" || part === "truth") return { exact: exact(meshes, request) };
   if (part === "others") return others(bench, meshes.fine, request, stale);
-  return { kernels, exact: exact(meshes, request), ...(await others(bench, meshes.fine, request)) };
+  return { exact: exact(meshes, request), ...(await others(bench, meshes.fine, request)) };
 }
 
 // the harmonic map and CP-Net's; null as soon as they are out of date
@@ -68,23 +65,12 @@ function springs(mesh, request) {
   return { ...shown(mesh, w, { problem, places, weights: request }), ms };
 }
 
-let network = null; // CP-Net, made when its file has come
-
-async function networkOf(bench) {
-  if (!network) {
-    const layers = await wasmLayers(bench.files.layers).catch(() => plainLayers),
-      file = readNetwork(bench.files.cpnet);
-    network = new CPNet(bench.mesh(file.config.rings, file.config.spokes, file.config.power), layers, file);
-  }
-  return network;
-}
-
 // CP-Net's coefficient, the exact map that has it on this mesh, and the best Möbius map after it; or why there is none;
 // null as soon as it is out of date
 async function pass(bench, mesh, request, stale) {
   if (!bench.files.cpnet) return { missing: "CP-Net has not been loaded" };
   if (request.sliding) return { missing: "CP-Net takes points to points, it knows no sliding; choose points" };
-  const net = await networkOf(bench),
+  const net = await networkOf(bench, CPNet, "cpnet"),
     problem = new Problem(request),
     begin = performance.now();
   if (problem.count > net.config.most)
@@ -92,15 +78,12 @@ async function pass(bench, mesh, request, stale) {
   const nu = await net.run(problem.p, problem.q, request, request.looks, mesh, stale);
   if (!nu) return null;
   const solution = (mesh.map ??= new DiskMap(mesh));
-  const { x, y } = mesh.onFaces(mesh.z),
-    centres = Array.from(x, (u, t) => net.mesh.locate(u, y[t]));
-  if (!solution.solve(bounded(sample(nu, centres)))) return { missing: "CP-Net's coefficient has no map" };
+  if (!solution.solve(net.link(mesh).coefficient(nu))) return { missing: "CP-Net's coefficient has no map" };
   const places = Array.from(problem.p.x, (u, m) => mesh.locate(u, problem.p.y[m])),
     f = solution.normalised();
   const found = unfold(solution, onCircle(mesh, moved(f, bestMobius(sample(f, places), problem.q))));
-  const ms = performance.now() - begin,
-    gamma = net.gammaUsed(request);
-  return { ...shown(mesh, found.w, { problem, places, weights: request }), switched: found.switched, gamma, ms };
+  const ms = performance.now() - begin;
+  return { ...shown(mesh, found.w, { problem, places, weights: request }), switched: found.switched, ms };
 }
 
 // what of a measured map goes to the page

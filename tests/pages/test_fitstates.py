@@ -1,49 +1,20 @@
-"""The live page's callback, its figure, its worker thread and its shell, without a browser."""
+"""The answers that pages show for one choice of the weights: solvers, words, and a figure."""
 
-import base64
 import dataclasses
 import re
-import threading
 
 import numpy as np
 import pytest
 from meshes import bowl
 from qclearn.plane.diskmesh import square_disk
 
-from qclearn.pages.canvas import Canvas
 from qclearn.pages.examples import Example, cortex_problem, example_problems, spread_vertices
-from qclearn.pages.widgets import (
-    SOLVERS,
-    NewestOnly,
-    Superseded,
-    Tuner,
-    describe,
-    exact_fit,
-    fit_state,
-    gaps,
-    network_fit,
-    states_table,
-)
+from qclearn.pages.fitstates import describe, exact_fit, fit_state, network_fit, sentences, states_figure
 from qclearn.plane.bijectivity import check_bijective
 from qclearn.registration.features import FINEST, Feature, Features
 from qclearn.registration.fit import fit_landmarks
 from qclearn.registration.problem import LandmarkError, Problem, Weights
 from qclearn.surfaces.surface import Surface
-
-EXACT = {"exact fit": exact_fit}
-PNG = b"\x89PNG\r\n\x1a\n"
-
-
-def png_of(tuner):
-    """The bytes of the picture that a Tuner shows."""
-    return base64.b64decode(re.search('src="data:image/png;base64,([^"]*)"', tuner.picture.value)[1])
-
-
-def answered(tuner, control, value):
-    """The Tuner's text once a control has been moved."""
-    control.value = value
-    tuner.worker.wait()
-    return tuner.text.value
 
 
 @pytest.fixture(scope="module")
@@ -91,17 +62,6 @@ def test_folds_where_there_are_none_become_a_message(example):
     assert answer.fit is None and "'twist' has no folds" in answer.message
 
 
-def test_delta_reaches_the_solver_where_there_are_folds(example, folded):
-    tuner = Tuner([folded, example], EXACT)
-    tuner.gamma.value = 1e2
-    text = answered(tuner, tuner.delta, 0.3)
-    expected = fit_state(folded, (1.0, 1e-2, 1e2, 0.3))
-    assert f"{expected.fit.landmark_error:.2e}" in text and "L<sub>Features</sub>" in text
-    assert not tuner.delta.disabled
-    text = answered(tuner, tuner.problem, "twist")
-    assert tuner.delta.disabled and tuner.setting()[1] == (1.0, 1e-2, 1e2, 0.0) and "Features" not in text
-
-
 def test_alpha_and_beta_press_on_their_own_terms(example):
     reference = fit_state(example, (1.0, 1e-2, 1e2))
     assert fit_state(example, (100.0, 1e-2, 1e2)).terms["L_mu"][0] < 0.6 * reference.terms["L_mu"][0]
@@ -141,9 +101,24 @@ def test_flipped_triangles_are_reported_and_drawn(example, state):
     bad = dataclasses.replace(state.fit, f=folded, bijective=False, flipped=flipped)
     answer = fit_state(example, (1.0, 1e-2, 1e4), solver=lambda *_: bad)
     assert f"not bijective: {len(flipped)} of {len(example.problem.faces)} triangles" in answer.message
-    canvas = Canvas(example, ["exact fit"])
-    canvas.draw({"exact fit": answer})
-    assert len(canvas.rows["exact fit"][1].get_paths()) == len(flipped)
+    ax = states_figure(example, {"exact fit": answer}).axes[0]
+    assert sum(patch.get_hatch() is not None for patch in ax.patches) == len(flipped)
+
+
+def test_the_figure_draws_the_map(example, state):
+    landmarks, grid, colours, bars = states_figure(example, {"exact fit": state}).axes[:4]
+    (points,) = [line for line in landmarks.lines if line.get_marker() == "o"]
+    there = points.get_xydata() @ [1, 1j]
+    np.testing.assert_allclose(there, example.problem.target, atol=10 * state.fit.landmark_error)
+    np.testing.assert_array_equal(colours.collections[0].get_array(), abs(state.fit.mu))
+    assert sum(patch.get_height() for patch in bars.patches) == len(example.problem.faces)
+    assert abs(np.concatenate(grid.collections[0].get_segments()) @ [1, 1j]).max() <= 1 + 1e-12
+
+
+def test_no_map_no_picture_of_one(example, state):
+    bad = fit_state(example, (-1.0, 1e-2, 1e4))
+    good, empty = states_figure(example, {"exact fit": state, "bad": bad}).axes[:8:4]
+    assert len(good.lines) > len(empty.lines)
 
 
 @pytest.mark.parametrize("weights, word", [((0.0, 1e-2, 1e4), "alpha"), ((1.0, 1e-2, np.nan), "gamma")])
@@ -161,115 +136,12 @@ def test_bad_landmarks_become_a_message(example):
 
     answer = fit_state(example, (1.0, 1e-2, 1e4), solver=on_bad_landmarks)
     assert "coincide" in describe(answer)
-    assert "coincide" in states_table({"exact fit": answer})
+    assert "coincide" in sentences({"exact fit": answer})
 
 
-def test_table_escapes_messages(state):
-    text = states_table({"<b>": dataclasses.replace(state, fit=None, message="a < b")})
+def test_sentences_escape_messages(state):
+    text = sentences({"<b>": dataclasses.replace(state, fit=None, message="a < b")})
     assert "a &lt; b" in text and "<b>&lt;b&gt;</b>" in text
-
-
-def test_canvas_draws_the_map(example, state):
-    canvas = Canvas(example, ["exact fit"])
-    assert canvas.draw({"exact fit": state}).startswith(PNG)
-    points, _, grid, colours, bars = canvas.rows["exact fit"]
-    np.testing.assert_allclose(
-        points.get_xydata() @ [1, 1j], example.problem.target, atol=10 * state.fit.landmark_error
-    )
-    np.testing.assert_array_equal(colours.get_array(), abs(state.fit.mu))
-    assert bars.get_data().values.sum() == len(example.problem.faces)
-    assert abs(np.concatenate(grid.get_segments()) @ [1, 1j]).max() <= 1 + 1e-12
-
-
-def test_canvas_shows_no_stale_map_beside_an_error(example, state):
-    canvas = Canvas(example, ["exact fit"])
-    good = canvas.draw({"exact fit": state})
-    bad = canvas.draw({"exact fit": fit_state(example, (-1.0, 1e-2, 1e4))})
-    assert not any(artist.get_visible() for artist in canvas.rows["exact fit"])
-    assert bad != good
-    assert canvas.draw({"exact fit": state}) == good
-
-
-def test_newest_request_wins_and_older_work_stops():
-    started, release, finished, shown = threading.Event(), threading.Event(), [], []
-
-    def work(number, watch):
-        started.set()
-        release.wait(10)
-        watch()
-        finished.append(number)
-        return number
-
-    worker = NewestOnly(work, shown.append, pause=0)
-    worker.submit(0)
-    assert started.wait(10)
-    for number in range(1, 6):
-        worker.submit(number)
-    release.set()
-    worker.wait()
-    assert finished == shown == [5]
-    worker.submit(6)
-    worker.wait()
-    assert shown == [5, 6]
-
-
-def test_watch_stops_a_fit(example):
-    def watch():
-        raise Superseded
-
-    with pytest.raises(Superseded):
-        fit_state(example, (1.0, 1e-2, 1e4), watch=watch)
-
-
-def test_moving_a_slider_changes_picture_and_text(example):
-    tuner = Tuner([example], EXACT)
-    image, text = png_of(tuner), tuner.text.value
-    assert image.startswith(PNG) and "certified" in text
-    assert answered(tuner, tuner.gamma, 10.0) != text
-    assert png_of(tuner).startswith(PNG) and png_of(tuner) != image
-    expected = fit_state(example, (1.0, 1e-2, 10.0))
-    assert f"{expected.fit.landmark_error:.2e}" in re.search('alt="([^"]*)"', tuner.picture.value)[1]
-
-
-def test_every_control_reaches_the_solver(example):
-    other = dataclasses.replace(example, name="other")
-    tuner = Tuner([example, other], EXACT)
-    for control, value in (
-        (tuner.alpha, 2.0),
-        (tuner.beta, 0.1),
-        (tuner.gamma, 1e3),
-        (tuner.landmarks, "sliding"),
-        (tuner.problem, "other"),
-    ):
-        text = answered(tuner, control, value)
-    assert tuner.setting() == ("other", (2.0, 0.1, 1e3, 0.0), True)
-    expected = fit_state(other, (2.0, 0.1, 1e3), sliding=True)
-    assert f"{expected.fit.landmark_error:.2e}" in text
-    assert tuner.canvas.example is other
-
-
-def test_an_unexpected_error_is_shown_and_the_next_move_works(example):
-    def fails_above(problem, weights, features, watch):
-        if weights.gamma > 1e2:
-            raise RuntimeError("no <answer> here")
-        return exact_fit(problem, weights, features, watch)
-
-    tuner = Tuner([example], {"fragile": fails_above})
-    assert "no &lt;answer&gt; here" in tuner.text.value
-    assert "certified" in answered(tuner, tuner.gamma, 1e1) and png_of(tuner).startswith(PNG)
-    assert "RuntimeError" in answered(tuner, tuner.gamma, 1e6)
-    assert not tuner.picture.value  # no stale picture beside an error
-
-
-def test_answers_of_several_solvers_stand_below_each_other(example):
-    tuner = Tuner(
-        [example],
-        {"exact fit": exact_fit, "half gamma": lambda p, w, *rest: exact_fit(p, w.at(w.gamma / 2), *rest)},
-    )
-    assert set(tuner.canvas.rows) == {"exact fit", "half gamma"}
-    assert "<b>exact fit</b>" in tuner.text.value and "<b>half gamma</b>" in tuner.text.value
-    first, second = (row[0].get_xydata() for row in tuner.canvas.rows.values())
-    assert abs(first - second).max() > 0
 
 
 class StandIn:
@@ -288,23 +160,8 @@ class StandIn:
 @pytest.fixture
 def network(monkeypatch):
     stand_in = StandIn()
-    monkeypatch.setattr("qclearn.pages.widgets.load", lambda name: {"cpnet": stand_in}[name])
+    monkeypatch.setattr("qclearn.pages.fitstates.load", lambda name: {"cpnet": stand_in}[name])
     return stand_in
-
-
-def test_the_network_stands_below_the_fit_with_the_gap_between_them(example, network):
-    tuner = Tuner([example])
-    assert list(tuner.canvas.rows) == ["exact fit", "CP-Net"]
-    usual = Weights.alpha, Weights.beta, Weights.gamma
-    assert network.calls == (usual,)
-    ratio = float(re.search(r"L_CP of CP-Net is (\S+) times that of exact fit", tuner.text.value)[1])
-    alternative = re.search('alt="([^"]*)"', tuner.picture.value)[1]
-    assert f"is {ratio:.3g} times" in alternative and "CP-Net: landmark error" in alternative
-    states = {name: fit_state(example, usual, solver=solver) for name, solver in SOLVERS.items()}
-    assert ratio == pytest.approx(states["CP-Net"].loss / states["exact fit"].loss, rel=1e-2)
-    network.share = 0.5
-    assert float(re.search(r"is (\S+) times", answered(tuner, tuner.gamma, 1e4))[1]) > 2
-    assert network.calls[-1] == (1.0, 1e-2, 1e4)
 
 
 def test_the_network_fit_is_the_exact_map_of_its_coefficient(example, network):
@@ -317,7 +174,29 @@ def test_the_network_fit_is_the_exact_map_of_its_coefficient(example, network):
     )
     network.share = 0.0
     assert abs(network_fit(example.problem, Weights(1.0, 1e-2, 1e4)).mu).max() < 0.05  # a Möbius map between vertices
-    np.testing.assert_array_equal(gaps({"a": fit_state(example, (1.0, 1e-2, 1e4))}), [])
+
+
+def test_the_gap_is_the_ratio_of_the_losses(example, network):
+    network.share = 0.5
+    solvers = {"exact fit": exact_fit, "CP-Net": network_fit}
+    states = {name: fit_state(example, (1.0, 1e-2, 1e4), solver=solve) for name, solve in solvers.items()}
+    ratio = float(re.search(r"L_CP of CP-Net is (\S+) times that of exact fit", sentences(states))[1])
+    assert ratio == pytest.approx(states["CP-Net"].loss / states["exact fit"].loss, rel=1e-2) and ratio > 2
+    assert "times" not in sentences({"exact fit": states["exact fit"]})
+
+
+def test_where_the_network_cannot_answer_it_says_why(example, network, monkeypatch):
+    def refuse(*_, **__):
+        raise LandmarkError("200 landmarks, and CP-Net takes 128")
+
+    def missing(name):
+        raise ImportError("the networks need torch")
+
+    assert "it knows no sliding" in fit_state(example, (1.0, 1e-2, 1e4), True, network_fit).message
+    monkeypatch.setattr(network, "predict", refuse)
+    assert "No map: 200 landmarks" in describe(fit_state(example, (1.0, 1e-2, 1e4), solver=network_fit))
+    monkeypatch.setattr("qclearn.pages.fitstates.load", missing)
+    assert "No map: the networks need torch" in describe(fit_state(example, (1.0, 1e-2, 1e4), solver=network_fit))
 
 
 def test_the_shipped_network_comes_near_the_fit_on_a_smooth_problem():
@@ -325,23 +204,6 @@ def test_the_shipped_network_comes_near_the_fit_on_a_smooth_problem():
     passed, fitted = (fit_state(twist, (1.0, 1e-2, 1e3), solver=solver) for solver in (network_fit, exact_fit))
     assert passed.fit.bijective and passed.loss < 2 * fitted.loss
     assert "answered for gamma" not in passed.message
-
-
-def test_where_the_network_cannot_answer_the_fit_still_does(example, network, monkeypatch):
-    def refuse(*_, **__):
-        raise LandmarkError("200 landmarks, and CP-Net takes 128")
-
-    def missing(name):
-        raise ImportError("the networks need torch")
-
-    monkeypatch.setattr(network, "predict", refuse)
-    tuner = Tuner([example])
-    assert "<b>CP-Net</b>: No map: 200 landmarks" in tuner.text.value and "times" not in tuner.text.value
-    assert "certified" in tuner.text.value and png_of(tuner).startswith(PNG)
-    assert "it knows no sliding" in answered(tuner, tuner.landmarks, "sliding")
-    monkeypatch.setattr("qclearn.pages.widgets.load", missing)
-    tuner.landmarks.value = "points"
-    assert "No map: the networks need torch" in answered(tuner, tuner.gamma, 1e3)
 
 
 @pytest.mark.parametrize("weights", [(0.0, 1e-2, 1e4), (1.0, -1.0, 1e4), (1.0, 1e-2, np.inf)])

@@ -1,0 +1,111 @@
+"""The explorable of a sulcus between two endpoints: what Python knows of it."""
+
+import json
+from itertools import pairwise
+from types import MappingProxyType
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ..registration.landmarks import (
+    CURVATURE_WEIGHT,
+    DEPTH_WEIGHT,
+    fundus_cost,
+    fundus_path,
+    weigh_edges,
+)
+from ..registration.register import load
+from ..surfaces.curvature import area_radius, grey_levels, mean_curvature, sulcal_depth
+from .examples import CORTICES, cortices
+from .live import Live
+from .livefiles import hemisphere_file
+from .plot import curves_plot, disk_plot
+
+SULCI = (
+    "central sulcus",
+    "sylvian fissure",
+    "superior temporal sulcus",
+    "calcarine sulcus",
+    "parieto-occipital sulcus",
+    "intraparietal sulcus",
+    "cingulate sulcus",
+    "superior frontal sulcus",
+)  # that all surfaces have
+
+
+def fundus_terms(surface):
+    """What `fundus_cost` weighs at each vertex: curvature (V,) and depth (V,), limited; and the depth's unit in mm."""
+    curvature, depth = (
+        np.log(fundus_cost(surface, mean_curvature(surface), *weights)) for weights in ((1, 0), (0, -1))
+    )
+    deepest = sulcal_depth(surface).max()
+    return curvature, depth, float(np.percentile(sulcal_depth(surface), 95) or deepest or 1.0)
+
+
+class Landmarks(Live):
+    """Two endpoints, the path along the floor of the sulcus between them, and LD-Net's, of the chapter on LD-Net."""
+
+    page = "landmarks"
+    initial = MappingProxyType(
+        {
+            "hemisphere": "first",
+            "sulcus": 0,
+            "ends": {},
+            "curvature": CURVATURE_WEIGHT,
+            "depth": DEPTH_WEIGHT,
+            "shortest": True,
+            "network": True,
+            "truth": True,
+        }
+    )
+
+    def files(self):
+        """The moving surfaces, and for each the sulci's ends, LD-Net's curves between them, and the true ones."""
+        listed, files = {}, {}
+        for name in CORTICES:
+            pair, file = cortices(name), f"moving-{name}.bin"
+            curvature, depth, deep = fundus_terms(pair.moving)
+            files[file] = hemisphere_file(pair.moving, pair.z_moving, curvature=curvature, depth=depth, deep=deep)
+            order = [pair.names.index(sulcus) for sulcus in SULCI]
+            listed[name] = {"file": file, "order": order, **self.curves(pair, [pair.paths[0][k] for k in order])}
+        return files | {"landmarks.json": json.dumps(listed).encode()}
+
+    @staticmethod
+    def curves(pair, paths):
+        """What the browser is told of the sulci of a `Paired`'s moving surface, whose floors are `paths`."""
+        ends = np.array([[path[0], path[-1]] for path in paths])
+        vertex = {place: v for v, place in enumerate(pair.z_moving.tolist())}
+        found = load("ldnet").detect(pair.moving, pair.z_moving, ends)
+        network = [[vertex[place] for place in line.tolist()] for line in found]
+        truth = [np.asarray(path).tolist() for path in paths] if pair.moving.curves else None
+        return {"names": SULCI, "ends": ends.tolist(), "network": network, "truth": truth}
+
+    def ends(self, state):
+        """The two vertices between which a state's path runs."""
+        pair = cortices(state["hemisphere"])
+        path = pair.paths[0][pair.names.index(SULCI[int(state["sulcus"])])]
+        return [int(state["ends"].get(str(k), path[-k])) for k in (0, 1)]
+
+    def path(self, state):
+        """Vertices of the shortest path in the metric with a state's weights, and its length in that metric."""
+        surface = cortices(state["hemisphere"]).moving
+        cost = fundus_cost(surface, mean_curvature(surface), state["curvature"], state["depth"])
+        metric = weigh_edges(surface, cost)
+        path = fundus_path(surface, *self.ends(state), metric)
+        edge = {tuple(pair): length for pair, length in zip(surface.edges.tolist(), metric)}
+        return path, sum(edge[min(pair), max(pair)] for pair in pairwise(path.tolist()))
+
+    def answer(self, state):
+        """The library's path between the ends, and what it costs."""
+        path, cost = self.path(state)
+        return {"path": path.tolist(), "cost": cost}
+
+    def picture(self, state):
+        """A Matplotlib figure of the curvature on the disk with the path along the floor, and a description."""
+        pair, (path, _) = cortices(state["hemisphere"]), self.path(state)
+        radius, figure = area_radius(pair.moving, pair.z_moving), Figure(figsize=(4.6, 4.6))
+        ax, shades = figure.subplots(), grey_levels(mean_curvature(pair.moving), pair.moving.vertex_areas)
+        disk_plot(ax, radius.to_image(pair.z_moving), pair.moving.faces, shades, "gray", -80, 335)
+        curves_plot(ax, [radius.to_image(pair.z_moving[path])], "detected")
+        name = SULCI[int(state["sulcus"])]
+        return figure, f"The curvature of {pair.name} on the disk, and the path along the floor of the {name}."

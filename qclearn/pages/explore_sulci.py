@@ -1,0 +1,114 @@
+"""The explorable of the registered sulci in 3-D: what Python knows of it."""
+
+import json
+from types import MappingProxyType
+
+import numpy as np
+from matplotlib.figure import Figure
+from scipy import sparse
+
+from ..plane.diskmesh import sampling_matrix
+from ..plane.spectrum import COARSE
+from ..registration.fit import fit_problem
+from ..registration.metrics import measured_losses
+from ..registration.transfer import lift
+from ..surfaces.curvature import grey_levels, mean_curvature
+from ..surfaces.surface import Surface
+from .examples import CORTICES, cortices, paired_problem
+from .live import Live, as_pairs
+from .livefiles import hemisphere_file
+from .liveproblems import START, as_moved, problems_file, weights_of
+from .scenes import surface_picture
+
+LINE = 25  # points of a drawn sulcus
+UNFOLDING = 150  # rounds of averaging over neighbours
+
+
+def unfolded(surface, rounds=UNFOLDING):
+    """Positions (V, 3) after rounds of averaging each vertex with its neighbours, scaled back to the surface's area.
+
+    The rim is averaged along itself, so that the opening stays open.
+    """
+    count = len(surface.vertices)
+    rim = np.isin(np.arange(count), np.concatenate(surface.boundary_loops))
+    ends = np.concatenate([surface.edges, surface.edges[:, ::-1]])
+    ends = ends[~rim[ends[:, 0]] | rim[ends[:, 1]]]  # what moves a vertex of the rim lies on the rim
+    weights = 1 / np.bincount(ends[:, 0], minlength=count)[ends[:, 0]]
+    means = sparse.csr_array((weights, tuple(ends.T)), shape=(count, count))
+    x = surface.vertices
+    for _ in range(rounds):
+        x = (x + means @ x) / 2
+    middle = x.mean(0)
+    corners = x[surface.faces]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
+    return middle + (x - middle) * np.sqrt(surface.area / area)
+
+
+def courses_of(pair):
+    """Names of the sulci of a `Paired`, and LINE points of each in the disk, for the moving and the control side."""
+    lines = ([as_pairs(line.round(5)) for line in side] for side in pair.sampled(LINE))
+    return {"names": pair.names, **dict(zip(("moving", "target"), lines))}
+
+
+class Sulci(Live):
+    """The tuner's map carried to the control surface, of the chapter on registration."""
+
+    page = "sulci"
+    initial = MappingProxyType(START | {"turn": 0.0, "tilt": 10.0, "zoom": 1.0, "unfold": 0.6, "before": False})
+    mesh = COARSE
+
+    def files(self):
+        """The inner loops in WebAssembly, the problems, the courses of the sulci, and the control surfaces."""
+        pairs = {name: cortices(name) for name in CORTICES}
+        # The synthetic subjects have one control.
+        surfaces = {name: f"control-{'cortex' if name == 'cortex' else 'subject'}.bin" for name in CORTICES}
+        controls = {file: pairs[name] for name, file in surfaces.items()}
+        courses = {name: {"control": surfaces[name], **courses_of(pair)} for name, pair in pairs.items()}
+        return {
+            **super().files(),
+            "problems.json": problems_file(),
+            "sulci.json": json.dumps(courses).encode(),
+            **{
+                file: hemisphere_file(pair.control, pair.z_control, unfolded=unfolded(pair.control))
+                for file, pair in controls.items()
+            },
+        }
+
+    def fit(self, state):
+        """The problem as the reader has changed it, and the library's fit."""
+        problem = as_moved(paired_problem(cortices(state["problem"])).problem, state, self.mesh)
+        return problem, fit_problem(problem, weights_of(state), rings=self.mesh[0])
+
+    def answer(self, state):
+        """The library's fit: its map, L_CP, and how far the registered landmarks are from their targets in mm."""
+        problem, fit = self.fit(state)
+        losses = measured_losses(problem, weights_of(state), fit.mu, problem.samples @ fit.f)
+        return {"map": as_pairs(fit.f), "L_CP": losses["L_CP"], "mm": self.distances(state, problem, fit.f).mean()}
+
+    @staticmethod
+    def distances(state, problem, f):
+        """Distance in space (M,) of each landmark on the control surface from its target, in mm."""
+        pair = cortices(state["problem"])
+        ends = (lift(pair.control, pair.z_control, points) for points in (problem.samples @ f, problem.target))
+        return np.linalg.norm(np.subtract(*ends), axis=1)
+
+    def picture(self, state):
+        """A photograph of the unfolded control surface with the registered curves, and a description."""
+        pair, (problem, fit) = cortices(state["problem"]), self.fit(state)
+        moving, targets = pair.sampled(LINE)
+        shape = Surface(unfolded(pair.control), pair.control.faces)
+        ends = np.cumsum([len(line) for line in moving])[:-1]
+        carried = np.split(sampling_matrix(problem.z, problem.faces, np.concatenate(moving)) @ fit.f, ends)
+        curves = [
+            (lift(shape, pair.z_control, line), style)
+            for lines, style in ((targets, "target"), (carried, "registered"))
+            for line in lines
+        ]
+        shades = grey_levels(mean_curvature(pair.control), pair.control.vertex_areas)
+        figure = Figure(figsize=(6.4, 4.3), dpi=50)  # a photograph: twice the dots would be a megabyte
+        figure.add_axes((0, 0, 1, 1)).imshow(surface_picture(shape, shades, curves=curves))
+        figure.axes[0].axis("off")
+        return figure, (
+            f"The unfolded control surface of {pair.name}: registered sulci yellow, their targets red, on average "
+            f"{self.distances(state, problem, fit.f).mean():.1f} mm apart."
+        )
