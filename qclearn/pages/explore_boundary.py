@@ -4,9 +4,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ..plane.disk import solve_beltrami_disk
-from ..plane.diskmesh import polar_disk, sampling_matrix
+from ..plane.disk import Disk
+from ..plane.grids import polar_disk
 from ..plane.mobius import mobius
+from ..plane.solver import DiskSolver
 from .live import Live, as_pairs, two_disks
 from .plot import grid_plot
 
@@ -16,26 +17,25 @@ class Boundary(Live):
 
     page = "boundary"
     initial = MappingProxyType({"strength": 0.5, "pole": (0.5, 0.6), "loss": "printed", "step": 0, "centred": False})
-    mesh = polar_disk(24, 73)  # an odd number of spokes: no boundary point lies opposite to 1
+    mesh = Disk(*polar_disk(24, 73))  # an odd number of spokes: no boundary point lies opposite to 1
     rim = np.arange(1 + 23 * 73, 1 + 24 * 73)
 
     def coefficient(self, state):
         """mu (F,) of the sliding map z exp(i s Im(z) |z|)."""
-        z, faces = self.mesh
-        c = z[faces].mean(1)
+        c = self.mesh.centroids
         h_z = state["strength"] / 2 * (-1j * abs(c) + c.imag * c.conj() / abs(c))
         return 1j * c * h_z.conj() / (1 + 1j * c * h_z)
 
     def seen_from(self, f, pole):
         """The map that sends the pole to 0 and 1 to 1, after f."""
-        value = sampling_matrix(*self.mesh, np.array([complex(*pole)])) @ f
+        value = self.mesh.sampling([complex(*pole)]) @ f
         f = mobius(f, value[0])
         return f / f[self.rim[0]]
 
     def map(self, state):
         """(V,): where a state's descent starts, the right map with the pole at 0; with f(0) = 0, where a descent of
         energy minus area ends."""
-        right = solve_beltrami_disk(*self.mesh, self.coefficient(state))
+        right = DiskSolver(self.mesh).solve(self.coefficient(state))
         return right if state["centred"] else self.seen_from(right, state["pole"])
 
     def answer(self, state):
@@ -44,7 +44,7 @@ class Boundary(Live):
 
     def picture(self, state):
         """A Matplotlib figure of harmonic measure seen from the pole and of the map at this step, and a description."""
-        (z, faces), f, pole = self.mesh, self.map(state), complex(*state["pole"])
+        z, f, pole = self.mesh.z, self.map(state), complex(*state["pole"])
         figure, (seen, image) = two_disks("harmonic measure seen from the pole", "boundary points of the map")
         steps = np.angle(np.roll(f[self.rim], -1) / f[self.rim]) % (2 * np.pi)
         middle = z[self.rim] * np.exp(1j * np.pi / len(steps))
@@ -52,6 +52,6 @@ class Boundary(Live):
         seen.fill(middle.real, middle.imag, color="#E69F00")
         seen.fill(band.real, band.imag, color="white")
         seen.plot(pole.real, pole.imag, "o", color="#B22222")
-        grid_plot(image, z, faces, f)
+        grid_plot(image, z, self.mesh.faces, f)
         image.plot(f[self.rim].real, f[self.rim].imag, ".", color="#E69F00")
         return figure, "A band along the circle, wide where a red pole is near, and a grid whose boundary points crowd."

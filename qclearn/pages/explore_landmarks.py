@@ -64,20 +64,21 @@ class Landmarks(Live):
         listed, files = {}, {}
         for name in CORTICES:
             pair, file = cortices(name), f"moving-{name}.bin"
-            curvature, depth, deep = fundus_terms(pair.moving)
-            files[file] = hemisphere_file(pair.moving, pair.z_moving, curvature=curvature, depth=depth, deep=deep)
+            curvature, depth, deep = fundus_terms(pair.moving.surface)
+            files[file] = hemisphere_file(pair.moving, curvature=curvature, depth=depth, deep=deep)
             order = [pair.names.index(sulcus) for sulcus in SULCI]
             listed[name] = {"file": file, "order": order, **self.curves(pair, [pair.paths[0][k] for k in order])}
         return files | {"landmarks.json": json.dumps(listed).encode()}
 
     @staticmethod
     def curves(pair, paths):
-        """What the browser is told of the sulci of a `Paired`'s moving surface, whose floors are `paths`."""
+        """What the browser is told of the sulci of the moving side of `Courses`, whose floors are `paths`."""
         ends = np.array([[path[0], path[-1]] for path in paths])
-        vertex = {place: v for v, place in enumerate(pair.z_moving.tolist())}
-        found = load("ldnet").detect(pair.moving, pair.z_moving, ends)
+        surface, z = pair.moving.surface, pair.moving.disk.z
+        vertex = {place: v for v, place in enumerate(z.tolist())}
+        found = load("ldnet").detect(surface, z, ends)
         network = [[vertex[place] for place in line.tolist()] for line in found]
-        truth = [np.asarray(path).tolist() for path in paths] if pair.moving.curves else None
+        truth = [np.asarray(path).tolist() for path in paths] if surface.curves else None
         return {"names": SULCI, "ends": ends.tolist(), "network": network, "truth": truth}
 
     def ends(self, state):
@@ -88,7 +89,7 @@ class Landmarks(Live):
 
     def path(self, state):
         """Vertices of the shortest path in the metric with a state's weights, and its length in that metric."""
-        surface = cortices(state["hemisphere"]).moving
+        surface = cortices(state["hemisphere"]).moving.surface
         cost = fundus_cost(surface, mean_curvature(surface), state["curvature"], state["depth"])
         metric = weigh_edges(surface, cost)
         path = fundus_path(surface, *self.ends(state), metric)
@@ -103,9 +104,10 @@ class Landmarks(Live):
     def picture(self, state):
         """A Matplotlib figure of the curvature on the disk with the path along the floor, and a description."""
         pair, (path, _) = cortices(state["hemisphere"]), self.path(state)
-        radius, figure = area_radius(pair.moving, pair.z_moving), Figure(figsize=(4.6, 4.6))
-        ax, shades = figure.subplots(), grey_levels(mean_curvature(pair.moving), pair.moving.vertex_areas)
-        disk_plot(ax, radius.to_image(pair.z_moving), pair.moving.faces, shades, "gray", -80, 335)
-        curves_plot(ax, [radius.to_image(pair.z_moving[path])], "detected")
+        surface, z, figure = pair.moving.surface, pair.moving.disk.z, Figure(figsize=(4.6, 4.6))
+        radius, ax = area_radius(surface, z), figure.subplots()
+        shades = grey_levels(mean_curvature(surface), surface.vertex_areas)
+        disk_plot(ax, radius.to_image(z), surface.faces, shades, "gray", -80, 335)
+        curves_plot(ax, [radius.to_image(z[path])], "detected")
         name = SULCI[int(state["sulcus"])]
         return figure, f"The curvature of {pair.name} on the disk, and the path along the floor of the {name}."

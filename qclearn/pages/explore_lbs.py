@@ -4,10 +4,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ..plane.beltrami import beltrami_coefficient, solve_beltrami
-from ..plane.bijectivity import flipped_faces
-from ..plane.diskmesh import polar_disk
-from ..plane.spectrum import COARSE
+from ..plane.beltrami import solve_beltrami
+from ..plane.disk import Disk
+from ..plane.grids import COARSE, polar_disk
 from .live import Live, as_pairs, two_disks
 from .plot import FLIPPED_COLOUR, disk_plot, grid_plot
 
@@ -22,18 +21,17 @@ class LBS(Live):
         {"asked": "twist", "strength": 0.0, "count": 4, "pull": 0.2, "moves": {}}
         | dict.fromkeys(("e2", "e3", "e4", "e5"), False)
     )
-    mesh = polar_disk(*COARSE)
+    mesh = Disk(*polar_disk(*COARSE))
     rim = np.arange(1 + 23 * 72, 1 + 24 * 72)
 
     def coefficient(self, state):
         """mu (F,) that is asked for, at centroids."""
-        z, faces = self.mesh
-        c, s = z[faces].mean(1), state["strength"]
+        c, s = self.mesh.centroids, state["strength"]
         return -1j * s * c**2 / (1 - 1j * s * abs(c) ** 2) if state["asked"] == "twist" else s / (2 + s) * c / c.conj()
 
     def pins(self, state):
         """(vertices (M,), targets (M,) complex) of the pins."""
-        z, count = self.mesh[0], state["count"]
+        z, count = self.mesh.z, state["count"]
         at = HELD * np.exp(2j * np.pi * np.arange(count) / max(count, 1))
         vertices = abs(z[:, None] - at).argmin(0)
         targets = z[vertices] * (1 + 1j * state["pull"] / abs(z[vertices]))
@@ -44,22 +42,22 @@ class LBS(Live):
 
     def map(self, state):
         """f (V,) with the right coefficients: given at the pins and on the circle."""
-        (z, faces), (vertices, targets) = self.mesh, self.pins(state)
-        pinned, values = np.append(vertices, self.rim), np.append(targets, z[self.rim])
-        return solve_beltrami(z, faces, self.coefficient(state), pinned, values)
+        disk, (vertices, targets) = self.mesh, self.pins(state)
+        pinned, values = np.append(vertices, self.rim), np.append(targets, disk.z[self.rim])
+        return solve_beltrami(disk.z, disk.faces, self.coefficient(state), pinned, values)
 
     def answer(self, state):
         """The library's map, and how many faces it folds."""
         f = self.map(state)
-        return {"map": as_pairs(f), "folds": len(flipped_faces(self.mesh[1], f))}
+        return {"map": as_pairs(f), "folds": len(self.mesh.at(f).flipped)}
 
     def picture(self, state):
         """A Matplotlib figure of the grid under the map and of its |mu|, and a description."""
-        (z, faces), f, (_, targets) = self.mesh, self.map(state), self.pins(state)
-        folded, (figure, (image, sizes)) = flipped_faces(faces, f), two_disks("grid, pins and folds", "|μ|")
+        z, faces, f, (_, targets) = self.mesh.z, self.mesh.faces, self.map(state), self.pins(state)
+        folded, (figure, (image, sizes)) = self.mesh.at(f).flipped, two_disks("grid, pins and folds", "|μ|")
         grid_plot(image, z, faces, f)
         for triangle in f[faces[folded]]:
             image.fill(triangle.real, triangle.imag, color=FLIPPED_COLOUR, zorder=4)
         image.plot(targets.real, targets.imag, "o", color="#E69F00", zorder=5)
-        disk_plot(sizes, z, faces, abs(beltrami_coefficient(z, faces, f)), cmap="YlGnBu", vmin=0, vmax=1)
+        disk_plot(sizes, z, faces, abs(self.mesh.coefficient(f)), cmap="YlGnBu", vmin=0, vmax=1)
         return figure, f"A grid with four pinned points pulled aside, {len(folded)} folded triangles at them, and |μ|."

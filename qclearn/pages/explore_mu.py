@@ -4,9 +4,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ..plane.disk import solve_beltrami_disk
-from ..plane.diskmesh import polar_disk
-from ..plane.spectrum import FINE, POWER
+from ..plane.grids import FINE, polar
+from ..plane.solver import DiskSolver
 from ..registration.register import load
 from .live import Live, as_pairs, two_disks
 from .livefiles import dbsnet_file
@@ -29,7 +28,7 @@ class Mu(Live):
             "strokes": (),
         }
     )
-    mesh = polar_disk(*FINE, POWER)
+    mesh = polar(*FINE)
     presets = MappingProxyType(
         {
             "constant": lambda z: 1 + 0 * z,
@@ -46,8 +45,7 @@ class Mu(Live):
 
     def coefficient(self, state):
         """mu (F,) on the faces of the mesh: the preset, and what was painted over it."""
-        z, faces = self.mesh
-        centres = z[faces].mean(1)
+        centres = self.mesh.centroids
         mu = state["size"] * np.exp(1j * np.radians(state["direction"])) * self.presets[state["preset"]](centres)
         for x, y, radius, re, im in state["strokes"]:
             mu[abs(centres - complex(x, y)) <= radius] = complex(re, im)
@@ -55,12 +53,12 @@ class Mu(Live):
 
     def answer(self, state):
         """The exact solver's map."""
-        return {"map": as_pairs(solve_beltrami_disk(*self.mesh, self.coefficient(state)))}
+        return {"map": as_pairs(DiskSolver(self.mesh).solve(self.coefficient(state)))}
 
     def picture(self, state):
         """A Matplotlib figure of |mu| and of the grid under the exact map, and a description."""
-        (z, faces), mu = self.mesh, self.coefficient(state)
+        z, faces, mu = self.mesh.z, self.mesh.faces, self.coefficient(state)
         figure, (sizes, image) = two_disks("|μ|", "grid under the exact map")
         disk_plot(sizes, z, faces, abs(mu), cmap="YlGnBu", vmin=0, vmax=1)
-        grid_plot(image, z, faces, solve_beltrami_disk(z, faces, mu))
+        grid_plot(image, z, faces, DiskSolver(self.mesh).solve(mu))
         return figure, "The size of a coefficient in waves over the disk, and the grid bent by the map that has it."

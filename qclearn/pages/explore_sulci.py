@@ -7,14 +7,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy import sparse
 
-from ..plane.diskmesh import sampling_matrix
-from ..plane.spectrum import COARSE
+from ..plane.grids import COARSE
 from ..registration.fit import fit_problem
 from ..registration.metrics import measured_losses
-from ..registration.transfer import lift
 from ..surfaces.curvature import grey_levels, mean_curvature
+from ..surfaces.side import Side
 from ..surfaces.surface import Surface
-from .examples import CORTICES, cortices, paired_problem
+from .examples import CORTICES, cortices, courses_problem
 from .live import Live, as_pairs
 from .livefiles import hemisphere_file
 from .liveproblems import START, as_moved, problems_file, weights_of
@@ -45,7 +44,7 @@ def unfolded(surface, rounds=UNFOLDING):
 
 
 def courses_of(pair):
-    """Names of the sulci of a `Paired`, and LINE points of each in the disk, for the moving and the control side."""
+    """Names of the sulci of `Courses`, and LINE points of each in the disk, for the moving and the control side."""
     lines = ([as_pairs(line.round(5)) for line in side] for side in pair.sampled(LINE))
     return {"names": pair.names, **dict(zip(("moving", "target"), lines))}
 
@@ -69,14 +68,14 @@ class Sulci(Live):
             "problems.json": problems_file(),
             "sulci.json": json.dumps(courses).encode(),
             **{
-                file: hemisphere_file(pair.control, pair.z_control, unfolded=unfolded(pair.control))
+                file: hemisphere_file(pair.control, unfolded=unfolded(pair.control.surface))
                 for file, pair in controls.items()
             },
         }
 
     def fit(self, state):
         """The problem as the reader has changed it, and the library's fit."""
-        problem = as_moved(paired_problem(cortices(state["problem"])).problem, state, self.mesh)
+        problem = as_moved(courses_problem(cortices(state["problem"])).problem, state, self.mesh)
         return problem, fit_problem(problem, weights_of(state), rings=self.mesh[0])
 
     def answer(self, state):
@@ -89,24 +88,25 @@ class Sulci(Live):
     def distances(state, problem, f):
         """Distance in space (M,) of each landmark on the control surface from its target, in mm."""
         pair = cortices(state["problem"])
-        ends = (lift(pair.control, pair.z_control, points) for points in (problem.samples @ f, problem.target))
+        ends = (pair.control.lift(points) for points in (problem.samples @ f, problem.target))
         return np.linalg.norm(np.subtract(*ends), axis=1)
 
     def picture(self, state):
         """A photograph of the unfolded control surface with the registered curves, and a description."""
         pair, (problem, fit) = cortices(state["problem"]), self.fit(state)
         moving, targets = pair.sampled(LINE)
-        shape = Surface(unfolded(pair.control), pair.control.faces)
+        surface = pair.control.surface
+        shape = Side(Surface(unfolded(surface), surface.faces), pair.control.disk)
         ends = np.cumsum([len(line) for line in moving])[:-1]
-        carried = np.split(sampling_matrix(problem.z, problem.faces, np.concatenate(moving)) @ fit.f, ends)
+        carried = np.split(problem.disk.sampling(np.concatenate(moving)) @ fit.f, ends)
         curves = [
-            (lift(shape, pair.z_control, line), style)
+            (shape.lift(line), style)
             for lines, style in ((targets, "target"), (carried, "registered"))
             for line in lines
         ]
-        shades = grey_levels(mean_curvature(pair.control), pair.control.vertex_areas)
+        shades = grey_levels(mean_curvature(surface), surface.vertex_areas)
         figure = Figure(figsize=(6.4, 4.3), dpi=50)  # a photograph: twice the dots would be a megabyte
-        figure.add_axes((0, 0, 1, 1)).imshow(surface_picture(shape, shades, curves=curves))
+        figure.add_axes((0, 0, 1, 1)).imshow(surface_picture(shape.surface, shades, curves=curves))
         figure.axes[0].axis("off")
         return figure, (
             f"The unfolded control surface of {pair.name}: registered sulci yellow, their targets red, on average "

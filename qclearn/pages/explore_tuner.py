@@ -3,7 +3,7 @@
 import time
 from types import MappingProxyType
 
-from ..plane.spectrum import COARSE, FINE
+from ..plane.grids import COARSE, FINE
 from ..registration.fit import fit_problem
 from ..registration.metrics import measured_losses
 from ..registration.register import load

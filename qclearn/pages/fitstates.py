@@ -9,17 +9,18 @@ from matplotlib.figure import Figure
 
 from ..registration.certified import CertifiedMap, exact_map
 from ..registration.checked import gamma_words, predicted
-from ..registration.dense import Dense
 from ..registration.features import FINEST
-from ..registration.fit import fit_problem
-from ..registration.hybrid import Level, fit_registration
+from ..registration.fit import fit_problem, fit_registration
+from ..registration.ladder import SETTLED, WORTH, Level, guided
 from ..registration.metrics import measured_losses
 from ..registration.problem import LandmarkError, Weights
 from ..registration.register import load
+from ..registration.terms import FeatureTerm
 from .plot import CURVE_STYLES, FLIPPED_COLOUR, disk_axes, disk_plot, lines_plot, map_curves, square_lines
 
 RINGS = 24  # of the polar mesh that carries the fit's unknowns: more gain little here, and take longer
-FOLD_LEVELS = (Level(12, 16.0, 2), Level(RINGS, 8.0, 2, True))  # fewer than `register` has: a slider cannot wait
+# Fewer levels than `register` has: a slider cannot wait.
+FOLD_LEVELS = (guided(12, 16.0, 2), Level(RINGS, 8.0, 2, True, WORTH, SETTLED))
 BINS = np.linspace(0, 1, 41)
 
 
@@ -76,13 +77,13 @@ def fit_state(example, weights, sliding=False, solver=exact_fit):
     seconds = time.perf_counter() - start
     losses, factors = measured_losses(problem, weights, fit.mu, problem.samples @ fit.f), weights.factors
     if features is not None:
-        losses["L_features"] = float((Dense(features, FINEST, 1.0).residual(fit.f) ** 2).sum())
+        losses["L_features"] = float((FeatureTerm(features, FINEST, 1.0).residual(fit.f) ** 2).sum())
         factors["L_features"] = weights.delta
     terms = {name: (losses[name], factor, factor * losses[name]) for name, factor in factors.items()}
     certificate = (
         "certified bijective"
         if fit.bijective
-        else f"not bijective: {len(fit.flipped)} of {len(problem.faces)} triangles flipped"
+        else f"not bijective: {len(fit.flipped)} of {len(problem.disk.faces)} triangles flipped"
     )
     return FitState(fit, terms, seconds, "; ".join([certificate, *fit.fallbacks]))
 
@@ -153,14 +154,14 @@ def fit_plot(row, example, fit, scale):
     mapped = scale(problem.samples @ fit.f)
     yellow = CURVE_STYLES["registered"]["color"]
     row[0].plot(mapped.real, mapped.imag, "o", color=yellow, markeredgecolor="black", markersize=4)
-    for triangle in scale(fit.f)[problem.faces[fit.flipped]]:
+    for triangle in scale(fit.f)[problem.disk.faces[fit.flipped]]:
         row[0].fill(triangle.real, triangle.imag, facecolor=FLIPPED_COLOUR, hatch="//", edgecolor="black")
     lines = [radius.from_image(line) if radius else line for line in square_lines(15, 61)]
-    carried = map_curves(problem.z, problem.faces, fit.f, lines)
+    carried = map_curves(problem.disk, fit.f, lines)
     lines_plot(disk_axes(row[1]), [scale(line) for line in carried], "#1F4E79")
     # A palette that is light where there is little to see: it is most of the disk.
     look = {"cmap": "YlGnBu", "vmin": 0, "vmax": 1}
-    colours = disk_plot(row[2], scale(problem.z), problem.faces, abs(fit.mu), **look)
+    colours = disk_plot(row[2], scale(problem.disk.z), problem.disk.faces, abs(fit.mu), **look)
     row[2].figure.colorbar(colours, ax=row[2], orientation="horizontal", ticks=(0, 0.5, 1), shrink=0.6)
     row[3].hist(np.minimum(abs(fit.mu), 1), BINS, color="#0072B2")
     row[3].set(xlabel="|μ|", xlim=(0, 1), yticks=[])

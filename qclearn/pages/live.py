@@ -20,7 +20,7 @@ import traitlets
 from matplotlib.figure import Figure
 
 from .. import pages
-from ..plane.spectrum import COARSE, FINE, POWER
+from ..plane.grids import COARSE, FINE, POWER
 from .cells import drawn, picture_html
 from .plot import disk_axes
 

@@ -65,12 +65,13 @@ def dbsnet_file(network):
     return packed({"rings": config.rings, "spokes": config.spokes, "power": 1.0}, half_weights(network.unet))
 
 
-def hemisphere_file(surface, z, **values):
-    """A surface with its disk map z as `Hemisphere` of hemisphere.js reads it.
+def hemisphere_file(side, **values):
+    """A `Side` as `Hemisphere` of hemisphere.js reads it.
 
     Positions in mm, places in the disk with a radius that follows the area, and values per vertex are rounded to one
     part in 65,535 of their range; numbers go as they are. shade: grey levels from 0 (sulci) to 255 (gyri).
     """
+    surface, z = side.surface, side.disk.z
     radius = area_radius(surface, z)
     w = radius.to_image(z)
     plain = {name: value for name, value in values.items() if np.ndim(value) == 0}

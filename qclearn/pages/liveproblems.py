@@ -3,10 +3,9 @@
 import json
 from functools import cache
 
-from ..plane.diskmesh import polar_disk
-from ..plane.spectrum import POWER
+from ..plane.grids import polar
 from ..registration.problem import Problem, Weights
-from .examples import CORTICES, cortices, example_problems, paired_problem
+from .examples import CORTICES, cortices, courses_problem, example_problems
 from .live import as_pairs
 
 # Where an explorable of a landmark problem starts.
@@ -24,7 +23,7 @@ DRAWN = ("twist", "anew", "neighbours")
 
 def example(name):
     """The problem of a name: an `Example`."""
-    return paired_problem(cortices(name)) if name in CORTICES else dict(zip(DRAWN, example_problems()))[name]
+    return courses_problem(cortices(name)) if name in CORTICES else dict(zip(DRAWN, example_problems()))[name]
 
 
 @cache
@@ -47,7 +46,7 @@ def as_moved(problem, state, mesh):
     for points, moves in zip(sides, (state["starts"], state["targets"])):
         for place, (x, y) in moves.items():
             points[int(place)] = complex(x, y)
-    return Problem(*polar_disk(*mesh, POWER), *sides, problem.curve, state["landmarks"] == "sliding")
+    return Problem(polar(*mesh), *sides, problem.curve, state["landmarks"] == "sliding")
 
 
 def weights_of(state):

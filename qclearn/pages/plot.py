@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
-from ..plane.diskmesh import sampling_matrix
+from ..plane.disk import Disk
 from ..surfaces.curvature import area_radius, grey_levels, mean_curvature
 
 # The paper's colours, in shades that colour-blind readers tell apart; a dashed line is the second cue for a target.
@@ -51,15 +51,15 @@ def square_lines(lines=17, samples=181):
     return chords + [chord.imag + 1j * chord.real for chord in chords]
 
 
-def map_curves(z, faces, f, curves):
-    """Curves (list of complex arrays) of the disk mesh z carried by the piecewise linear map f (V,): a list again."""
+def map_curves(disk, f, curves):
+    """Curves (list of complex arrays) of a `Disk` carried by the piecewise linear map f (V,): a list again."""
     ends = np.cumsum([len(curve) for curve in curves])[:-1]
-    return np.split(sampling_matrix(z, faces, np.concatenate(curves)) @ f, ends)
+    return np.split(disk.sampling(np.concatenate(curves)) @ f, ends)
 
 
 def grid_plot(ax, z, faces, f, lines=None, color="#1F4E79"):
     """Draw grid lines of the disk (`polar_lines` by default) as the map f (V,) of the mesh deforms them."""
-    return lines_plot(disk_axes(ax), map_curves(z, faces, f, lines or polar_lines()), color)
+    return lines_plot(disk_axes(ax), map_curves(Disk(z, faces), f, lines or polar_lines()), color)
 
 
 def lines_plot(ax, curves, color):
@@ -170,7 +170,7 @@ def registration_figure(registration, moving, control):
     grey, last = (grey_levels(mean_curvature(surface), surface.vertex_areas) for surface in (first, moving))
     for axes, scale, unscale in zip(rows, (np.asarray, radius.to_image), (np.asarray, radius.from_image)):
         lines = [unscale(line) for line in polar_lines()]
-        mapped = map_curves(r.disk_moving, moving.faces, scale(r.disk_map), curves[0] + lines)
+        mapped = map_curves(Disk(r.disk_moving, moving.faces), scale(r.disk_map), curves[0] + lines)
         targets = [scale(curve) for curve in curves[1]]
         before = (scale(start), first.faces, grey), [scale(curve) for curve in curves[0]], "detected"
         after = (scale(r.disk_map), moving.faces, last), mapped[: len(targets)], "registered"
@@ -227,7 +227,7 @@ def registration_disks(axes, registration, moving, vmax=0.6):
     curves, targets = (list(side) for side in zip(*r.curves.values()))
     lines = [radius.from_image(line) for line in polar_lines()]
     before, after = radius.to_image(r.disk_moving), radius.to_image(r.disk_map)
-    mapped = map_curves(r.disk_moving, moving.faces, after, curves + lines)
+    mapped = map_curves(Disk(r.disk_moving, moving.faces), after, curves + lines)
     curvature = grey_levels(mean_curvature(moving), moving.vertex_areas)
     drawn = [radius.to_image(curve) for curve in curves], mapped[: len(curves)]
     for ax, z, registered, title in zip(axes, (before, after), drawn, ("best Möbius map only", "registered")):

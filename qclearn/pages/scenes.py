@@ -17,7 +17,7 @@ import pyvista as pv
 from matplotlib.colors import LinearSegmentedColormap
 from scipy.spatial import cKDTree
 
-from ..registration.transfer import lift
+from ..plane.disk import Disk
 from .cells import picture_html
 from .plot import CURVE_STYLES, map_curves
 
@@ -262,9 +262,10 @@ def registration_scene(registration, shape, registered=True, **more):
     r = registration
     moving, targets = (list(side) for side in zip(*r.curves.values()))
     if registered:
-        moving = map_curves(r.disk_moving, r.faces_moving, r.disk_map, moving)
+        moving = map_curves(Disk(r.disk_moving, r.faces_moving), r.disk_map, moving)
+    disk = Disk(r.disk_control, shape.faces)
     curves = [
-        (lift(shape, r.disk_control, curve), style)
+        (disk.interpolate(shape.vertices, disk.locate(curve)), style)
         for side, style in ((targets, "target"), (moving, "registered"))
         for curve in side
     ]

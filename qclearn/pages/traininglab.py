@@ -9,7 +9,7 @@ import ipywidgets
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..plane.bijectivity import flipped_faces
+from ..plane.disk import Disk
 from ..registration.certified import exact_map
 from .cells import drawn, picture_html
 from .examples import Example
@@ -64,7 +64,7 @@ def map_answer(lesson):
     for ax in axes:
         grid_plot(ax, z, faces, lesson.exact, color="#1F4E79" if ax is axes[0] else "0.7")
     grid_plot(axes[1], z, faces, f, color="#B22222")
-    away, folds = abs(f - lesson.exact), len(flipped_faces(faces, f))
+    away, folds = abs(f - lesson.exact), len(Disk(f, faces).flipped)
     words = (
         f"<p>For an unseen coefficient the network's map is {away.mean():.3g} from the exact one on average, at most "
         f"{away.max():.3g}; {folds} of its {len(faces)} triangles are folded.</p>"

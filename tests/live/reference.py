@@ -9,10 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from qclearn.pages.live import GIVEN, given
 from qclearn.plane.diskmesh import polar_disk, sampling_matrix
 
+from qclearn.pages.live import GIVEN, given
 from qclearn.registration.engine import GaussNewton, SurfaceGaussNewton
 from qclearn.registration.fit import FIRST_GAMMA
 from qclearn.registration.problem import Problem, Weights
