@@ -12,7 +12,7 @@ TABLE = {
     "folding_measures": ["smooth"],
     "intersections": ["self_intersections"],
     "realism": ["low_pass_curvature", "realism", "score"],
-    "subjects": ["UNNUMBERED", "load_cortex", "save_cortex"],
+    "subjects": ["load_cortex", "save_cortex"],
     "training": ["DATA_POINTS", "TRAINING_SEEDS", "Fields", "Pairs", "SolvedFields", "SquareFields"],
 }
 

@@ -3,11 +3,10 @@
 from ..lazy import offer
 
 TABLE = {
-    "certified": ["exact_map"],
     "checked": ["guarded_map"],
     "engine": ["Engine", "Setting"],
     "features": ["FINEST", "FOLDS", "Feature", "Features", "check_features"],
-    "fit": ["OVERFITS", "fit_problem"],
+    "fit": ["OVERFITS", "exact_map", "fit_problem"],
     "ladder": ["GUIDING_DELTA", "GUIDING_GAMMA", "LEVELS", "Climb", "Level", "climbed"],
     "landmarkfile": ["check_curves"],
     "landmarks": ["curve_distance", "curves_in_space"],
