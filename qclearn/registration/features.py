@@ -1,7 +1,6 @@
 """Features of two surfaces, per-vertex maps that shall lie on each other: checked, smoothed scale by scale, compared.
 
-Sulcal depth and mean curvature, or any maps of the user's own (thickness, myelin, FreeSurfer's sulc), the same on both
-sides. What is compared is standardised by area on each side, so that units cancel and the mismatch is 2 (1 - r).
+Each side is standardised by area, so that units cancel and the mismatch is 2 (1 - r).
 """
 
 from dataclasses import dataclass, replace
@@ -35,7 +34,7 @@ class FeatureError(SurfaceError):
 
 @dataclass(frozen=True, eq=False)
 class Feature:
-    """One per-vertex map of both sides, moving (V,) and control (W,), and its weight among the features."""
+    """A per-vertex map of both sides, moving (V,) and control (W,), and its weight among the features."""
 
     name: str
     moving: np.ndarray
@@ -44,10 +43,9 @@ class Feature:
 
 
 class Features:
-    """The features of a moving `Side`, compared with those of a control: a `Side` as well, or a group's mean.
+    """The features of a moving `Side` compared with those of a control: a `Side` or a group's mean.
 
-    names (C,), shares (C,): their weights, of sum 1; areas (V,): the moving vertices' shares of its area; disk: the
-    control's.
+    names (C,); shares (C,): weights of sum 1; areas (V,): moving vertices' shares of the area; disk: the control's.
     """
 
     def __init__(self, moving, control, weights=None):
@@ -67,7 +65,7 @@ class Features:
 
 
 def featured(moving, control, maps):
-    """Two `Side`s with maps (`Feature`s, as `check_features` returns them) as their features, and these compared."""
+    """Two `Side`s with `Feature`s of `check_features`, and the `Features` that compare them."""
     names = [feature.name for feature in maps]
     moving, control = (
         replace(own, features=Smoothing(own.surface, names, np.stack([getattr(one, side) for one in maps], axis=1)))
@@ -95,7 +93,7 @@ class Smoothing:
         return self.levels[sigma]
 
     def heat(self, sigma):
-        """The values after heat flow `A u' = -K u` for the time sigma^2 / 2, in implicit steps."""
+        """The values after the heat flow `A u' = -K u` for the time sigma^2 / 2."""
         time = (self.unit * sigma) ** 2 / (2 * HEAT_STEPS)
         values = clipped(scaled(self.values), self.areas, OUTLIERS)
         factors = factorise(sparse.diags_array(self.mass) + time * self.stiffness)
@@ -112,12 +110,12 @@ def standardised(values, areas):
 
 
 def scaled(values):
-    """Values (V, C), not all 0, with 1 as the largest size of each map: their squares neither vanish nor overflow."""
+    """Values (V, C), not all 0, with 1 as each map's largest size, so that squares neither vanish nor overflow."""
     return values / abs(values).max(0)
 
 
 def clipped(values, areas, limit):
-    """Values (V, C) cut to so many standard deviations from their mean over the area, those of all but the TAIL."""
+    """Values (V, C) cut to `limit` standard deviations from the mean, both over the area of all but the TAIL."""
     core = np.clip(values, *np.quantile(values, [TAIL, 1 - TAIL], axis=0))
     mean = areas @ core
     reach = limit * np.sqrt(areas @ (core - mean) ** 2)
@@ -125,7 +123,7 @@ def clipped(values, areas, limit):
 
 
 class Image:
-    """The control's features (W, C) at one scale on its `Disk`, at places that the disk's lookup found."""
+    """The control's features (W, C) of one scale, read at places that its `Disk`'s lookup found."""
 
     def __init__(self, disk, values):
         self.disk, self.values = disk, values
@@ -144,8 +142,7 @@ class Image:
 def mobius_by_features(features, z, near=False):
     """(a, theta) of the disk Möbius map after which the features of a moving disk z (V,) match best, at SCALE.
 
-    The best of many maps on a few vertices, drawn by area, refined by damped Gauss-Newton steps on more of them; near:
-    the identity alone is refined.
+    The best of many maps on a few vertices are refined on more; near: the identity alone is refined.
     """
     inner = np.flatnonzero(abs(z) < 0.999)  # the others leave the control's polygon
     share = features.areas[inner] / features.areas[inner].sum()
@@ -177,7 +174,7 @@ class Match:
         return (self.residual(self.lookup(mobius(self.z, *parameters))) ** 2).sum()
 
     def refined(self, parameters):
-        """(a, theta) after damped Gauss-Newton steps from there: increments that follow the map."""
+        """(a, theta) after damped Gauss-Newton steps from there, each a Möbius map after the last."""
         damping, cost = DAMPING, self.misfit(parameters)
         for _ in range(ROUNDS):
             w = mobius(self.z, *parameters)
@@ -198,9 +195,9 @@ class Match:
 def check_features(features, moving, control):
     """The features of a call as a list of `Feature`s, or FeatureError, naming the map that cannot be used.
 
-    Each is a name of FOLDS, a pair of arrays (V,) and (W,), a `Feature`, or a pair of one of these and its weight.
+    Each is a name of FOLDS, a pair of arrays (V,) and (W,), a `Feature`, or a pair of one of these and a weight.
     """
-    if isinstance(features, (str, Feature)) or not isinstance(features, (list, tuple)) or not len(features):
+    if not isinstance(features, (list, tuple)) or not len(features):
         raise FeatureError(f"features are {features!r}: give a list of them, or None for landmarks alone")
     maps = [_feature(number, given, moving, control) for number, given in enumerate(features, 1)]
     names = [feature.name for feature in maps]
@@ -241,7 +238,7 @@ def _has_weight(given):
 
 
 def check_values(values, name, surface):
-    """A feature's values on one surface as floats (V,), or FeatureError, which calls them by their name."""
+    """A feature's values on a surface as floats (V,), or FeatureError with their name."""
     try:
         values = np.asarray(values)
     except ValueError:

@@ -15,7 +15,7 @@ ERRORS = "landmark_error_before", "landmark_error", "landmark_error_mm"  # null 
 
 
 def report_of(sides, landmarks, weights, fit, points):
-    """The report of a registration, a dict for JSON, but for what the call asked for and the seconds it took."""
+    """The report of a registration, a dict for JSON, without method and seconds."""
     rows, features, moving = error_rows(sides, landmarks.samples, fit.f), sides.features, sides.moving.surface
     plain = mobius(sides.moving.disk.z, *landmarks.problem.mobius)
     return {
@@ -42,10 +42,9 @@ def report_of(sides, landmarks, weights, fit, points):
 
 
 def error_rows(sides, samples, f):
-    """Per fitted curve its errors; for a detected one also between the true curves, where the surfaces carry them.
+    """`curve_rows` of the map f (V,); samples: landmarks of the moving and the control surface, sparse (10 K, V) each.
 
-    samples: the landmarks of the moving and of the control surface, sparse (10 K, V) each; f (V,): the map.
-    `landmark_error_true` is the error of the map between points on the true curves, which took no part in finding it.
+    For a detected curve also `landmark_error_true`, between the true curves, where the surfaces carry them.
     """
     moving, control, entries = sides.moving, sides.control, sides.entries
     if not entries:
@@ -75,8 +74,7 @@ def true_path(surface, entry, side):
 
 
 def held_out_distances(sides, *maps):
-    """How far the curves that took no part end from their own on the control: name -> mean two-way distance in the
-    control's length, for each of the maps (V,)."""
+    """Held-out curve -> `curve_distance` between its image by each of the maps (V,) and itself on the control."""
     if not sides.held:
         return {}
     lines_moving = sample_side(sides.moving, sides.held, "moving")[1]
