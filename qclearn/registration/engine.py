@@ -108,9 +108,6 @@ class Engine:
     def prior(self, nu):
         return (nu.conj() @ (self.W @ nu)).real
 
-    def mismatch(self, points, gamma):
-        return (self.landmarks.residual(points, gamma) ** 2).sum()
-
     def residual(self, state, gamma):
         """All residuals of a state: of the landmarks, and of the features if there are any."""
         landmarks = self.landmarks.residual(state.points, gamma)

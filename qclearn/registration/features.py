@@ -13,6 +13,7 @@ from ..plane.mobius import compose_mobius, mobius, mobius_fields
 from ..plane.triangles import cotangent_stiffness
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import SurfaceError
+from .problem import is_finite
 
 FOLDS = ("depth", "curvature")  # the features that a surface has by itself
 OUTLIERS, SMOOTH_OUTLIERS = 2.5, 3.0  # standard deviations to which a map is clipped, before and after it is smoothed
@@ -67,18 +68,15 @@ class Features:
 def featured(moving, control, maps):
     """Two `Side`s with `Feature`s of `check_features`, and the `Features` that compare them."""
     names = [feature.name for feature in maps]
-    moving, control = (
-        replace(own, features=Smoothing(own.surface, names, np.stack([getattr(one, side) for one in maps], axis=1)))
-        for own, side in ((moving, "moving"), (control, "control"))
-    )
+    here, there = (np.stack([getattr(one, side) for one in maps], axis=1) for side in ("moving", "control"))
+    moving = replace(moving, features=Smoothing(moving.surface, names, here))
+    control = replace(control, features=Smoothing(control.surface, names, there))
     return moving, control, Features(moving, control, [feature.weight for feature in maps])
 
 
 class Smoothing:
-    """Per-vertex values (V, C) of one surface, with a name each, at any scale: `at(sigma)`.
-
-    sigma: standard deviation of the smoothing kernel, in mm on a surface with the area of a HEMISPHERE.
-    """
+    """Named per-vertex values (V, C) of one surface at any scale sigma: the standard deviation of the smoothing kernel,
+    in mm on a surface with the area of a HEMISPHERE."""
 
     def __init__(self, surface, names, values):
         self.names, self.values = names, values
@@ -140,10 +138,8 @@ class Image:
 
 
 def mobius_by_features(features, z, near=False):
-    """(a, theta) of the disk Möbius map after which the features of a moving disk z (V,) match best, at SCALE.
-
-    The best of many maps on a few vertices are refined on more; near: the identity alone is refined.
-    """
+    """(a, theta) of the disk Möbius map after which the features of a moving disk z (V,) match best, at SCALE; the best
+    of many maps on a few vertices are refined on more, or with `near` the identity alone."""
     inner = np.flatnonzero(abs(z) < 0.999)  # the others leave the control's polygon
     share = features.areas[inner] / features.areas[inner].sum()
     some = np.random.default_rng(0).choice(inner, POINTS, p=share)
@@ -152,8 +148,7 @@ def mobius_by_features(features, z, near=False):
         return match.refined((0j, 0.0))
     centres = [0j, *np.multiply.outer(RADII, np.exp(2j * np.pi * np.arange(DIRECTIONS) / DIRECTIONS)).ravel()]
     starts = [(a, turn) for a in centres for turn in 2 * np.pi * np.arange(TURNS) / TURNS]
-    scouts = Match(features, z, some[:SCOUTS])
-    found = [scouts.misfit(start) for start in starts]
+    found = [*map(Match(features, z, some[:SCOUTS]).misfit, starts)]
     refined = [match.refined(starts[k]) for k in np.argsort(found, kind="stable")[:BEST]]
     return min(refined, key=match.misfit)
 
@@ -193,10 +188,8 @@ class Match:
 
 
 def check_features(features, moving, control):
-    """The features of a call as a list of `Feature`s, or FeatureError, naming the map that cannot be used.
-
-    Each is a name of FOLDS, a pair of arrays (V,) and (W,), a `Feature`, or a pair of one of these and a weight.
-    """
+    """The features of a call as a list of `Feature`s, or FeatureError, naming the map that cannot be used; each is a
+    name of FOLDS, a pair of arrays (V,) and (W,), a `Feature`, or a pair of one of these and a weight."""
     if not isinstance(features, (list, tuple)) or not len(features):
         raise FeatureError(f"features are {features!r}: give a list of them, or None for landmarks alone")
     maps = [_feature(number, given, moving, control) for number, given in enumerate(features, 1)]
@@ -221,13 +214,11 @@ def _feature(number, given, moving, control):
     if not isinstance(given.name, str):
         raise FeatureError(f"feature {number}: its name {given.name!r} is not text")
     weight = given.weight if weight is None else weight
-    if not (isinstance(weight, (int, float, np.integer, np.floating)) and np.isfinite(weight) and weight > 0):
+    if not (is_finite(weight) and weight > 0):
         raise FeatureError(f"{given.name}: weight {weight!r} is not positive and finite")
-    sides = (
-        check_values(getattr(given, side), f"{given.name}, {side} side", surface)
-        for side, surface in (("moving", moving), ("control", control))
-    )
-    return Feature(given.name, *sides, float(weight))
+    moving = check_values(given.moving, f"{given.name}, moving side", moving)
+    control = check_values(given.control, f"{given.name}, control side", control)
+    return Feature(given.name, moving, control, float(weight))
 
 
 def _has_weight(given):
@@ -244,15 +235,11 @@ def check_values(values, name, surface):
     except ValueError:
         raise FeatureError(f"{name}: lists of unequal lengths; give one number a vertex") from None
     if values.dtype.kind != "f":
-        raise FeatureError(
-            f"{name}: values of type {values.dtype}; a feature is a real measure at each vertex (labels have no "
-            "order, and a complex map has two parts): give floats"
-        )
+        hint = "labels have no order, and a complex map has two parts: give floats"
+        raise FeatureError(f"{name}: values of type {values.dtype}; {hint}")
     if values.shape != (len(surface.vertices),):
-        raise FeatureError(
-            f"{name}: shape {values.shape} for {len(surface.vertices)} vertices; give one value a vertex of the "
-            "surface as it is registered (the cut-open one, if it was cut)"
-        )
+        found = f"{name}: shape {values.shape} for {len(surface.vertices)} vertices"
+        raise FeatureError(f"{found}; give one value a vertex of the surface as registered (cut open, if it was cut)")
     unknown = np.flatnonzero(~np.isfinite(values))
     if len(unknown):
         raise FeatureError(f"{name}: not finite at vertices {unknown[:5].tolist()}; fill them in first")

@@ -3,7 +3,7 @@
 Objective: `nu^* W nu + gamma mean |M(f(p)) - q|^2 + delta sum_c a_c sum_k w_k (I_c(x_k) - J_c(M f(x_k)))^2`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,7 +16,6 @@ from ..plane.coefficients import bounded
 from ..plane.disk import Disk
 from ..plane.mobius import best_mobius, mobius
 from ..plane.solver import DiskSolver
-from .features import Features
 from .ladder import LEVELS, Climb, climbed, landmark_levels
 from .problem import LandmarkError, Problem, Weights
 
@@ -103,19 +102,10 @@ def fit_problem(problem, weights, start=None, rings=None, watch=None, enough=0.0
 
 
 @threadpool_limits.wrap(limits=1)
-def fit_registration(
-    problem: Problem,
-    weights: Weights,
-    features: Features,
-    start: Complex[ndarray, " F"] | None = None,
-    watch: Callable | None = None,
-    levels: Sequence = LEVELS,
-) -> LandmarkFit:
+def fit_registration(problem, weights, features, start=None, watch=None, levels=LEVELS):
     """The disk map of a `Problem` that fits landmarks and `Features` with `Weights`, delta > 0: LandmarkFit.
 
-    Gauss-Newton from coarse features on a coarse mesh to fine ones on the problem's own. start: mu (F,) to begin from;
-    watch() is called before each step and may raise to stop it. A problem without landmarks begins at the identity:
-    align its disk by features first.
+    start, watch: as of `fit_landmarks`. Without landmarks it begins at the identity: align the disk by features first.
     """
     if not weights.delta > 0:
         raise LandmarkError(f"delta = {weights.delta:g}: the features would take no part; give 0.1 to 1")
@@ -141,7 +131,8 @@ def exceeds(engine, state, best):
     gamma, target, most = engine.weights.gamma, engine.problem.target, 1 + ROUNDING
     squares = [(abs(points - target) ** 2).mean() for points in (state.points, best)]
     fitted = engine.objective(state, gamma)
-    return not (fitted <= most * engine.mismatch(best, gamma) and squares[0] <= most * squares[1])
+    plain = (engine.landmarks.residual(best, gamma) ** 2).sum()
+    return not (fitted <= most * plain and squares[0] <= most * squares[1])
 
 
 def fit_from_mobius(engine, astray, best, level, watch):
@@ -182,17 +173,10 @@ def report_fit(engine, state, steps):
 
 def certified(problem, f, parameters, fallbacks=(), switched=0):
     """The CertifiedMap of a problem's map f (V,), which holds the Möbius parameters."""
-    certificate, off = problem.disk.certify(f), abs(problem.samples @ f - problem.target)
-    return CertifiedMap(
-        f,
-        problem.disk.coefficient(f),
-        parameters,
-        float(off.mean()) if len(off) else 0.0,
-        certificate.bijective,
-        certificate.flipped,
-        tuple(fallbacks),
-        switched,
-    )
+    found, mu = problem.disk.certify(f), problem.disk.coefficient(f)
+    off = abs(problem.samples @ f - problem.target)
+    error = float(off.mean()) if len(off) else 0.0
+    return CertifiedMap(f, mu, parameters, error, found.bijective, found.flipped, tuple(fallbacks), switched)
 
 
 def moved_map(problem, f, fallbacks=()):

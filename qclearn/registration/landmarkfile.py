@@ -32,10 +32,8 @@ def read_landmarks(path):
     for number, curve in enumerate(curves if isinstance(curves, list) else []):
         name = curve.get("name") if isinstance(curve, dict) else None
         if isinstance(name, str) and not is_plain_name(name):
-            raise LandmarkError(
-                f"{path}: the name of curve {number} is longer than 200 characters or holds control "
-                f"characters: {name[:40]!r}; rename it"
-            )
+            fault = "is longer than 200 characters or holds control characters"
+            raise LandmarkError(f"{path}: the name of curve {number} {fault}: {name[:40]!r}; rename it")
     return contents
 
 

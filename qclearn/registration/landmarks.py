@@ -61,10 +61,8 @@ def check_path(surface, path):
         raise LandmarkError(f"a curve must be a list of at least two vertex indices; got {found}")
     outside = path[(path < 0) | (path >= len(surface.vertices))]
     if len(outside):
-        raise LandmarkError(
-            f"curve vertices out of range 0..{len(surface.vertices) - 1}: {outside[:5].tolist()}; "
-            "were the indices taken from another mesh (before it was cut open, say)?"
-        )
+        found = f"curve vertices out of range 0..{len(surface.vertices) - 1}: {outside[:5].tolist()}"
+        raise LandmarkError(f"{found}; were the indices taken from another mesh (before it was cut open, say)?")
     repeated = np.flatnonzero(path[1:] == path[:-1])
     if len(repeated):
         raise LandmarkError(f"a curve repeats vertex {path[repeated[0]]} at position {repeated[0]}; drop the repeat")
@@ -103,10 +101,8 @@ def edge_graph(surface, lengths):
 def fundus_path(
     surface: Surface, start: int, end: int, metric: Float[ndarray, " E"] | None = None
 ) -> Integer[ndarray, " k"]:
-    """Vertex path of a sulcus between two endpoints: the shortest one in `fundus_metric` (computed if not given).
-
-    LandmarkError if the endpoints coincide or are out of range.
-    """
+    """Vertex path of a sulcus between two endpoints: the shortest one in `fundus_metric` (computed if not given), or
+    LandmarkError where they coincide or are out of range."""
     check_path(surface, np.array([start, end]))
     graph = edge_graph(surface, fundus_metric(surface) if metric is None else metric)
     previous = dijkstra(graph, directed=False, indices=int(start), return_predecessors=True)[1]

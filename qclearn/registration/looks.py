@@ -21,10 +21,8 @@ RIDGE = 1e-9  # relative, of the Möbius columns: fewer than two landmarks leave
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A field nu (N,) on the polar mesh that is not looked at yet, and its whitened coefficients x.
-
-    cut: whether it is less than a whole step; left (2 M,): what the step would leave of the residual, to first order.
-    """
+    """A field nu (N,) on the polar mesh that is not looked at yet, and its whitened coefficients x; cut: whether it is
+    less than a whole step; left (2 M,): what the step would leave of the residual, to first order."""
 
     nu: np.ndarray
     x: np.ndarray
@@ -62,16 +60,14 @@ class Looks:
         self.tangent = Tangent(link.solver, link.mesh, self.samples, link.carrier)
 
     def run(self, start, count):
-        """(proposal, best look so far) before any look and after each of `count`; each look costs one exact map.
-
-        start: nu (N,), or None for one step from nu = 0. After a look that is worse than the best one, the next
-        proposal lies between the two.
-        """
+        """(proposal, best look so far) before any look and after each of `count`, which cost one exact map each; start:
+        nu (N,), or None for one step from nu = 0. After a look that is worse, the next lies nearer to the best one."""
         best, share = self.at_zero(), 1.0
         wanted = proposal = self.step(best) if start is None else self.proposal(start)
         yield proposal, best
         for _ in range(count):
-            look = self.look(proposal, best.mobius)
+            f = self.link.solver.solve(self.link.coefficient(proposal.nu))
+            look = self.seen(proposal, f, best.mobius)
             if look.objective < RISE * best.objective:
                 best, share = look, 1.0
                 wanted = proposal = self.step(look)
@@ -99,10 +95,6 @@ class Looks:
         """The look at nu = 0, without a solve."""
         nowhere = Proposal(np.zeros(len(self.root) + 1, complex), np.zeros(2 * len(self.root)))
         return self.seen(nowhere, self.link.disk.z, None)
-
-    def look(self, proposal, parameters):
-        """The exact map of a proposal, its Möbius map refitted from `parameters` on."""
-        return self.seen(proposal, self.link.solver.solve(self.link.coefficient(proposal.nu)), parameters)
 
     def seen(self, proposal, f, parameters):
         parameters = refit(self.samples @ f, self.target, parameters)

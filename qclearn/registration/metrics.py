@@ -53,10 +53,8 @@ def coefficient_measures(surface, disk, mu):
     size, result = abs(mu), {**coefficient_statistics(mu), "p95_abs_mu": float(np.percentile(abs(mu), 95))}
     for name, areas in (("disk", disk.areas), ("area", surface.face_areas)):
         mean = np.average(size, weights=areas)
-        result |= {
-            f"mean_abs_mu_{name}": float(mean),
-            f"sd_abs_mu_{name}": float(np.sqrt(np.average((size - mean) ** 2, weights=areas))),
-        }
+        result[f"mean_abs_mu_{name}"] = float(mean)
+        result[f"sd_abs_mu_{name}"] = float(np.sqrt(np.average((size - mean) ** 2, weights=areas)))
     return result
 
 
@@ -144,10 +142,8 @@ def _quantile(values, weights, share):
 
 
 def paired_difference(one, other, rng, draws=10_000, level=0.95):
-    """(mean, low, high) of one - other over subjects, low and high of the bootstrap interval of the mean.
-
-    one, other: the same subjects' figures in one order; pairs with a NaN are left out; three NaN without any pair.
-    """
+    """(mean, low, high) of one - other over the same subjects, low and high of its bootstrap interval; pairs with
+    a NaN are left out, and without any pair all three are NaN."""
     differences = np.asarray(one, float) - np.asarray(other, float)
     differences = differences[np.isfinite(differences)]
     if not len(differences):

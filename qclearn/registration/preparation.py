@@ -32,10 +32,8 @@ class Sides:
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """The landmarks of two `Sides`, ten a curve, and the `Problem` of the distinct ones.
-
-    samples: sparse (10 K, V), moving and control; lines: name -> (moving, control) curve; words: on failed detection.
-    """
+    """The landmarks of two `Sides`, ten a curve, and the `Problem` of the distinct ones; samples: sparse (10 K, V),
+    moving and control; lines: name -> (moving, control) curve; words: on failed detection."""
 
     samples: tuple
     lines: dict
@@ -78,8 +76,8 @@ def align(moving, control, entries):
     laid = moved(moving, best_mobius(np.concatenate(p), np.concatenate(q)))
     if not laid.whole:
         raise LandmarkError(
-            f"curve {farthest_curve(entries, p, q)!r} pulls the moving disk onto its rim; check this curve's ends on "
-            "both sides, keep them off the rim, or give curves elsewhere as well"
+            f"curve {farthest_curve(entries, p, q)!r} pulls the moving disk onto its rim: no room is left for the "
+            "rest; check this curve's ends on both sides, keep them off the rim, or give curves elsewhere as well"
         )
     return laid
 
@@ -116,8 +114,6 @@ def distinct_landmarks(entries, p, q):
     if len(torn):
         first, second = (entries[k // POINTS_PER_CURVE]["name"] for k in torn[0])
         side = "moving" if meet_p[tuple(torn[0])] else "control"
-        raise LandmarkError(
-            f"curves {first!r} and {second!r} share a point on the {side} side only, and a bijection "
-            "can neither part nor merge points; let them meet on both sides or on neither"
-        )
+        found = f"curves {first!r} and {second!r} share a point on the {side} side only"
+        raise LandmarkError(f"{found}, and a bijection cannot part points; let them meet on both sides or on neither")
     return distinct(p, q)

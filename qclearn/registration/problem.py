@@ -96,18 +96,14 @@ def check_landmarks(moving, target, curve, sliding, fewest=1):
     for name, points in (("moving", moving), ("target", target)):
         outside = np.flatnonzero(~(abs(points) <= 1 + 1e-9))
         if len(outside):
-            raise LandmarkError(
-                f"{name} landmarks {outside[:5].tolist()} are not in the closed unit disk "
-                f"({points[outside[0]]:.4g}); map them with the surface's disk map first"
-            )
+            found = f"{outside[:5].tolist()} are not in the closed unit disk ({points[outside[0]]:.4g})"
+            raise LandmarkError(f"{name} landmarks {found}; map them with the surface's disk map first")
         order = np.lexsort((points.imag, points.real))
         twice = np.flatnonzero(abs(np.diff(points[order])) < 1e-12)
         if len(twice):
             pair = sorted(order[twice[0] : twice[0] + 2].tolist())
-            raise LandmarkError(
-                f"{name} landmarks {pair[0]} and {pair[1]} coincide at {points[pair[0]]:.4g}; "
-                "drop one of them (a bijection cannot part or merge points)"
-            )
+            found = f"{name} landmarks {pair[0]} and {pair[1]} coincide at {points[pair[0]]:.4g}"
+            raise LandmarkError(f"{found}; drop one of them (a bijection cannot part or merge points)")
     if curve is None and sliding:
         raise LandmarkError("sliding landmarks need the curve each belongs to: give curve (M,) of integer labels")
     curve = np.zeros(len(moving), int) if curve is None else label_array(curve)

@@ -42,10 +42,8 @@ def report_of(sides, landmarks, weights, fit, points):
 
 
 def error_rows(sides, samples, f):
-    """`curve_rows` of the map f (V,); samples: landmarks of the moving and the control surface, sparse (10 K, V) each.
-
-    For a detected curve also `landmark_error_true`, between the true curves, where the surfaces carry them.
-    """
+    """`curve_rows` of the map f (V,) and the landmarks `samples` of both sides, sparse (10 K, V) each; for a detected
+    curve also `landmark_error_true`, between the true curves, where the surfaces carry them."""
     moving, control, entries = sides.moving, sides.control, sides.entries
     if not entries:
         return []
@@ -56,10 +54,9 @@ def error_rows(sides, samples, f):
     for row, entry in zip(rows, entries):
         paths = true_path(moving.surface, entry, "moving"), true_path(control.surface, entry, "control")
         if any(entry["detect"].values()) and all(path is not None for path in paths):
-            true_p, true_q = (
-                sample_curve(side.surface, path, POINTS_PER_CURVE) for side, path in zip((moving, control), paths)
-            )
-            row["landmark_error_true"] = float(abs(true_p @ f - true_q @ control.disk.z).mean())
+            true_p = sample_curve(moving.surface, paths[0], POINTS_PER_CURVE) @ f
+            true_q = sample_curve(control.surface, paths[1], POINTS_PER_CURVE) @ control.disk.z
+            row["landmark_error_true"] = float(abs(true_p - true_q).mean())
     return rows
 
 

@@ -87,10 +87,8 @@ def odd_curves(rows):
     median = np.median(errors)
     for row, error in zip(rows, errors):
         if error > LIMITS["curve_mm"] and error > LIMITS["curve_ratio"] * median:
-            yield (
-                f"curve: {row['name']!r} ends {error:.1f} mm from its target, the median curve {median:.1f} mm; check "
-                "its vertices, their order and its name, or leave it out"
-            )
+            found = f"curve: {row['name']!r} ends {error:.1f} mm from its target, the median curve {median:.1f} mm"
+            yield f"{found}; check its vertices, their order and its name, or leave it out"
 
 
 def switched_rows(fit, surface):

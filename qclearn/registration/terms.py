@@ -38,10 +38,6 @@ class LandmarkTerm:
         scale = np.sqrt(gamma / self.count)
         return (sparse.diags_array(scale * turns) @ sparse.vstack([samples, samples])).tocsr()
 
-    def error(self, points):
-        """Mean distance of mapped points (M,) from their targets."""
-        return abs(points - self.target).mean()
-
     def jacobian(self, by_re, by_im, gamma):
         """Components (2 M, ...) from the parts Re w and Im w of changes, or from their gradients, (M, ...) each."""
         shape = (-1,) + (1,) * (by_re.ndim - 1)
