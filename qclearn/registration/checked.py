@@ -1,4 +1,4 @@
-"""Curves and disk maps of networks, checked before use; where a check fails, the exact twin takes over in words.
+"""Curves and disk maps of networks, checked before use; where a check fails, the exact twin and a word replace them.
 
 Networks are plain callables; any others with the same calls can stand in their place:
 `detect(surface, z, endpoints (K, 2)) -> list of (k,) complex curves in z`;

@@ -24,9 +24,12 @@ GUIDING_DELTA, COARSE = 0.3, 16.0  # at most, from this scale up: a large one te
 
 
 class Level(NamedTuple):
-    """rings: of the mesh of nu; sigma: the features' scale (None: landmarks alone); steps: at most; own_mesh: map the
+    """One part of the way.
+
+    rings: of the mesh of nu; sigma: the features' scale (None: landmarks alone); steps: at most; own_mesh: map the
     surface's own mesh; worth: share of the objective that a step has to promise; settled: share that it may leave if
-    another follows, 0 for any; share, most: of gamma; rising: raise gamma to that from FIRST_GAMMA, where nu is 0."""
+    another follows, 0 for any; share, most: of gamma; rising: raise gamma to that from FIRST_GAMMA, where nu is 0.
+    """
 
     rings: int
     sigma: float | None

@@ -1,4 +1,4 @@
-"""Gauss-Newton steps: linearisations of a fit, each made at a state of an `Engine`; `propose(damping)` is a change.
+"""Gauss-Newton steps: linearisations of a fit, each made at a state of an `Engine`; `propose(damping)` gives a change.
 
 Landmarks and features are one residual r of the mapped mesh, `dr = Re(conj(R) dw)`. A `DirectStep` holds its whole
 derivative J by nu. The others multiply by J through `pushforward` and by its transpose through `pullback`, two rounds
@@ -113,8 +113,8 @@ class ProductStep:
 class DualStep(ProductStep):
     """Landmarks alone: `S y = r - J nu`, `S = 1 + J diag(W, B)^-1 J^T`, for the residual y that the step leaves.
 
-    An S that is near enough preconditions as well at any gamma; one near `W + J^T J` does not, as that is large where J
-    is not quite 0. learnt: about `J W^-1 J^T` at gamma = 1, (2 M, 2 M).
+    A matrix near S preconditions well at any gamma; one near `W + J^T J` does not, because that is large where J is not
+    quite 0. learnt: about `J W^-1 J^T` at gamma = 1, (2 M, 2 M).
     """
 
     def __init__(self, engine, state, gamma):

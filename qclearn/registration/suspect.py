@@ -12,7 +12,7 @@ import numpy as np
 from ..plane.mobius import mobius_misfits
 from .metrics import mean_rows
 
-# Beside each threshold, from kept/suspect.json: range in good cases | in cases with a mistake, which may pass some.
+# Beside each threshold, from kept/suspect.json: the range in good cases | with a mistake, which need not pass them all.
 LIMITS = {
     "error_mm": 3.0,  # mean landmark error, mm, together with the next; 0.05 to 4.1 | 3.0 to 64
     "error_share": 1 / 3,  # of the error that the best Möbius map leaves; 0.003 to 0.20 | 0.25 to 1.2
