@@ -93,10 +93,11 @@ def test_a_planted_wrong_shape_is_noticed():
 
 def test_the_public_functions_are_held_to_their_shapes():
     """Wherever they are in hand; and the library's own refusal comes first."""
-    from qclearn.plane import beltrami, diskmesh
+    from qclearn.plane import beltrami, logform, solver
 
     z, faces = qc.polar_disk(2, 6)
-    assert qc.locate is diskmesh.locate and qc.jacobian is beltrami.jacobian
+    assert qc.locate is beltrami.locate and qc.jacobian is beltrami.jacobian
+    assert logform.DiskSolver is solver.DiskSolver
     with pytest.raises(ShapeError, match="compose_coefficients takes mu_g"):
         qc.compose_coefficients(np.zeros(3, complex), np.ones(3, complex), np.zeros((2, 3), complex))
     with pytest.raises(qc.BeltramiError, match="give complex numbers"):
