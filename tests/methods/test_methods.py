@@ -12,12 +12,12 @@ from qclearn.methods.qc_iteration import qc_iteration
 from qclearn.methods.solver import HARD, LandmarkSolver, truncated
 from qclearn.methods.teichmuller import extremal
 from qclearn.methods.thin_plate import thin_plate
-from qclearn.plane.beltrami import solve_beltrami
+from qclearn.plane.beltrami import solve_beltrami, solve_beltrami_disk
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.disk import Disk
 from qclearn.plane.exactmaps import moebius
 from qclearn.plane.grids import polar_disk
-from qclearn.plane.solver import DiskSolver, solve_beltrami_disk
+from qclearn.plane.solver import DiskSolver
 from qclearn.registration import Problem
 from qclearn.registration.fit import fit_landmarks
 from qclearn.registration.problem import LandmarkError

@@ -12,7 +12,6 @@ from scipy import sparse
 
 from qclearn.plane.beltrami import (
     beltrami_coefficient,
-    cotangent_stiffness,
     hat_gradients,
     jacobian,
     signed_areas,
@@ -35,6 +34,7 @@ from qclearn.plane.exactmaps import (
     twist,
 )
 from qclearn.plane.grids import polar_disk, square_disk
+from qclearn.plane.triangles import cotangent_stiffness
 
 DISK = random_disk(seed=1)
 below_one = st.builds(lambda r, t: r * np.exp(1j * t), st.floats(0, 0.95), st.floats(0, 2 * np.pi))

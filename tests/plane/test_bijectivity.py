@@ -9,7 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from meshes import random_disk, strip
 
-from qclearn.plane.beltrami import signed_areas, stiffness
+from qclearn.plane.beltrami import BeltramiDiskSolver, signed_areas, stiffness
 from qclearn.plane.bijectivity import (
     check_bijective,
     check_embedding,
@@ -20,7 +20,6 @@ from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import Disk, boundary_loop, integers
 from qclearn.plane.exactmaps import DISK_MAPS, SLIDING
 from qclearn.plane.grids import polar_disk
-from qclearn.plane.solver import BeltramiDiskSolver
 from qclearn.plane.triangles import edge_lengths
 
 DISK = random_disk(seed=1)

@@ -6,11 +6,10 @@ from known_surfaces import grooved_sphere
 from meshes import random_disk, random_mu
 
 from qclearn.plane import linear, solver
-from qclearn.plane.beltrami import stiffness
+from qclearn.plane.beltrami import BeltramiDiskSolver, stiffness
 from qclearn.plane.disk import boundary_loop
 from qclearn.plane.grids import polar_disk
 from qclearn.plane.linear import Dirichlet, assemble, elimination_order
-from qclearn.plane.solver import BeltramiDiskSolver
 from qclearn.surfaces import conformal
 from qclearn.surfaces.conformal import disk_conformal_map
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from meshes import random_disk, random_mu
 
+from qclearn.plane.beltrami import solve_beltrami_disk
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import Disk, boundary_loop
 from qclearn.plane.exactmaps import DISK_MAPS, after, moebius, sliding, twist
 from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.logform import mean_reciprocal, solve_beltrami_disk_log
 from qclearn.plane.mobius import mobius
-from qclearn.plane.solver import solve_beltrami_disk
 
 MEASURED = {  # largest error over the vertices: square grid 32 and 64, polar 32 x 96 and 64 x 192
     "radial stretch": (1.7e-4, 5.7e-5, 1.1e-4, 3.6e-5),

@@ -6,14 +6,13 @@ import torch
 from meshes import random_disk, random_mu
 from scipy import sparse
 
-from qclearn.plane.beltrami import beltrami_coefficient, signed_areas
+from qclearn.plane.beltrami import BeltramiDiskSolver, beltrami_coefficient, signed_areas, solve_beltrami_disk
 from qclearn.plane.bijectivity import RepairWarning, check_bijective
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import Disk, boundary_loop
 from qclearn.plane.exactmaps import DISK_MAPS, SLIDING, SLIDING_THREE, TWIST, after, moebius
 from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.mobius import mobius
-from qclearn.plane.solver import BeltramiDiskSolver, solve_beltrami_disk
 from qclearn.surfaces.conformal import angle_distortion
 from qclearn.surfaces.surface import Surface, SurfaceError
 

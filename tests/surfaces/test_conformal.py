@@ -9,10 +9,11 @@ from meshes import random_disk, strip
 from scipy import sparse
 
 from qclearn.files.fsaverage import fsaverage5
-from qclearn.plane.beltrami import beltrami_coefficient, cotangent_stiffness
+from qclearn.plane.beltrami import beltrami_coefficient
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.disk import Disk, boundary_loop
 from qclearn.plane.grids import polar_disk
+from qclearn.plane.triangles import cotangent_stiffness
 from qclearn.surfaces.conformal import angle_distortion, disk_conformal_map
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror
 

@@ -7,8 +7,7 @@ from meshes import bowl
 
 from qclearn.plane.disk import Disk
 from qclearn.plane.mobius import mobius
-from qclearn.surfaces.conformal import disk_conformal_map
-from qclearn.surfaces.side import Side, laid_out, mended, moved
+from qclearn.surfaces.conformal import Side, disk_conformal_map, laid_out, mended, moved
 from qclearn.surfaces.surface import Surface
 
 MOVE = (0.3 - 0.2j, 0.7)
