@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 from qclearn.plane.beltrami import signed_areas
-from qclearn.plane.grids import polar_disk, square_disk
+from qclearn.plane.grids import polar_disk
 from qclearn.surfaces.surface import Surface
 
 
@@ -21,16 +21,6 @@ def random_disk(seed, n_boundary=48):
     clockwise = signed_areas(z, faces) < 0
     faces[clockwise] = faces[clockwise][:, ::-1]
     return z, faces
-
-
-MESHES = {
-    "square 2": square_disk(2),
-    "square 16": square_disk(16),
-    "polar 1 x 3": polar_disk(1, 3),
-    "polar 8 x 24": polar_disk(8, 24),
-    "graded": polar_disk(8, 24, 1.5),
-    "random": random_disk(seed=3),
-}
 
 
 def random_mu(rng, z, faces, largest):

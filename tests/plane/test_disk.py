@@ -4,18 +4,12 @@ import pickle
 
 import numpy as np
 import pytest
-from meshes import MESHES, random_disk
+from meshes import random_disk
 
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import OF_FACES, Disk, boundary_loop
 from qclearn.plane.exactmaps import SLIDING
 from qclearn.plane.grids import polar_disk
-
-
-@pytest.fixture(params=MESHES, ids=str)
-def mesh(request):
-    return MESHES[request.param]
-
 
 # The value.
 
@@ -39,12 +33,12 @@ FOUND = ["areas", "gradients", "centroids", "loop", "across", "lookup", "laplace
 
 @pytest.mark.parametrize("name", [*FOUND, "open_halfedges", "flipped", "reversed", "certificate"])
 def test_what_is_asked_for_is_found_once(name):
-    disk = Disk(*MESHES["random"])
+    disk = Disk(*random_disk(seed=3))
     assert getattr(disk, name) is getattr(disk, name)
 
 
 def test_a_pickle_has_the_arrays_alone():
-    disk = Disk(*MESHES["random"])
+    disk = Disk(*random_disk(seed=3))
     _ = disk.certificate, disk.lookup(np.array([0.1j])), disk.laplace
     copy = pickle.loads(pickle.dumps(disk))
     assert set(vars(copy)) == {"z", "faces"} and not copy.z.flags.writeable
@@ -53,7 +47,7 @@ def test_a_pickle_has_the_arrays_alone():
 
 
 def test_a_picture_shares_what_depends_on_the_faces_alone():
-    disk = Disk(*MESHES["random"])
+    disk = Disk(*random_disk(seed=3))
     f = SLIDING(disk.z)
     before = disk.at(f)
     assert set(vars(before)) == {"z", "faces"} and before.faces is disk.faces

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from meshes import MESHES
+from meshes import random_disk
 
 from qclearn.plane.beltrami import signed_areas
 from qclearn.plane.disk import boundary_loop
@@ -17,11 +17,6 @@ from qclearn.plane.grids import (
     square_disk,
     square_to_disk,
 )
-
-
-@pytest.fixture(params=MESHES, ids=str)
-def mesh(request):
-    return MESHES[request.param]
 
 
 def test_meshes_are_disks(mesh):
@@ -97,9 +92,7 @@ def test_the_usual_polar_mesh_is_made_once():
 
 
 def test_joined_points_are_counter_clockwise():
-    z = MESHES["random"][0]
+    z, faces = random_disk(seed=3)
     mesh = joined(z)
     assert (mesh.z == z).all() and (mesh.areas > 0).all()
-    assert {frozenset(face) for face in mesh.faces.tolist()} == {
-        frozenset(face) for face in MESHES["random"][1].tolist()
-    }
+    assert {frozenset(face) for face in mesh.faces.tolist()} == {frozenset(face) for face in faces.tolist()}

@@ -409,6 +409,12 @@ def test_unusable_source(spoil):
         solve_beltrami_disk(z, faces, np.zeros(len(faces)))
 
 
+def test_a_vertex_in_no_face():
+    z, faces = polar_disk(4, 12)
+    with pytest.raises(BeltramiError, match=r"vertices \[49\] are in no face"):
+        solve_beltrami_disk(np.append(z, 0.2j), faces, np.zeros(len(faces)))
+
+
 def test_mesh_that_does_not_cover_zero():
     z, faces = np.append(np.exp([-0.6j, 0.5j, 1.8j]), 0.7 + 0.2j), np.array([[0, 1, 3], [1, 2, 3], [2, 0, 3]])
     with pytest.raises(SurfaceError, match="does not cover 0: boundary vertex 2"):
