@@ -25,10 +25,7 @@ def corner_angles(lengths):
 def cotangent_stiffness(
     vertices: Float[ndarray, " V 3"], faces: Integer[ndarray, " F 3"]
 ) -> Float[sparse.csc_array, " V V"]:
-    """The surface's own stiffness matrix, sparse (V, V): off-diagonal entries `-(cot a + cot b)/2`.
-
-    It equals K(mu) of any embedding of the surface with Beltrami coefficient mu: no embedding is needed.
-    """
+    """The surface's stiffness matrix, off-diagonal `-(cot a + cot b)/2`: K(mu) of any embedding with coefficient mu."""
     corners = np.asarray(vertices, float)[faces]
     edges = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)  # edge k lies opposite corner k
     area = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
