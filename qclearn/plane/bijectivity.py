@@ -18,9 +18,9 @@ class RepairWarning(UserWarning):
 def check_bijective(z: PerVertex, faces: Faces, f: PerVertex) -> Certificate:
     """Decide whether the piecewise linear map z -> f of a triangulated disk is a bijection onto its image.
 
-    It is one when every triangle keeps its positive orientation and the image of the boundary is a simple polygon run
-    once counter-clockwise. Decided without rounding, triangles in doubt in exact arithmetic; one without area counts
-    as flipped. BeltramiError where the source mesh is folded or is not a disk.
+    It is one when every triangle keeps its positive orientation and the boundary's image is a simple polygon run once
+    counter-clockwise. Decided without rounding, in exact arithmetic where in doubt; a triangle without area counts as
+    flipped. BeltramiError where the source mesh is folded or is not a disk.
     """
     return Disk(z, faces).certify(f)
 

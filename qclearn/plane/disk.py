@@ -84,12 +84,22 @@ class Disk:
     @cached_property
     def loop(self) -> Integer[ndarray, " B"]:
         """The boundary vertices, counter-clockwise, from the smallest index; BeltramiError unless it is one loop."""
-        return _loop(self.faces, self.open_halfedges)
+        alone = self.open_halfedges
+        tails, heads = self.faces.ravel()[alone], np.roll(self.faces, -1, axis=1).ravel()[alone]
+        following = dict(zip(tails.tolist(), heads.tolist()))
+        loop = [min(following, default=None)]
+        while len(loop) <= len(following) and following.get(loop[-1]) != loop[0]:
+            loop.append(following.get(loop[-1]))
+        if len(following) != len(alone) or len(loop) != len(following):
+            raise BeltramiError("the faces do not form a disk with one simple boundary loop")
+        return np.array(loop)
 
     @cached_property
     def open_halfedges(self):
         """The boundary's half-edges, (B,): 3 f + k from corner k of face f."""
-        return _halves_alone(self.faces)
+        tails, heads, n = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel(), len(self.z)
+        there, opposite = np.sort(tails * n + heads), heads * n + tails
+        return np.flatnonzero(there[np.minimum(np.searchsorted(there, opposite), len(there) - 1)] != opposite)
 
     @cached_property
     def across(self):
@@ -222,28 +232,9 @@ def read_only(array):
 
 
 def boundary_loop(faces):
-    """The boundary vertices (B,) as in `Disk.loop`, of faces alone."""
+    """`Disk.loop` (B,) of faces alone."""
     faces = check_faces(faces)
-    return _loop(faces, _halves_alone(faces))
-
-
-def _loop(faces, alone):
-    tails, heads = faces.ravel()[alone], np.roll(faces, -1, axis=1).ravel()[alone]
-    following = dict(zip(tails.tolist(), heads.tolist()))
-    loop = [min(following, default=None)]
-    while len(loop) <= len(following) and following.get(loop[-1]) != loop[0]:
-        loop.append(following.get(loop[-1]))
-    if len(following) != len(alone) or len(loop) != len(following):
-        raise BeltramiError("the faces do not form a disk with one simple boundary loop")
-    return np.array(loop)
-
-
-def _halves_alone(faces):
-    """Numbers 3 f + k of the half-edges without an opposite one, (k,)."""
-    tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    n = int(faces.max()) + 1
-    there, opposite = np.sort(tails * n + heads), heads * n + tails
-    return np.flatnonzero(there[np.minimum(np.searchsorted(there, opposite), len(there) - 1)] != opposite)
+    return Disk(np.zeros(faces.max() + 1), faces).loop
 
 
 def integers(x):

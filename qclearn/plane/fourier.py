@@ -63,8 +63,7 @@ def coefficient_count(size, k):
 def to_square(disk, mu, size):
     """mu (F,) of a `Disk` resampled at the `pixel_centres` of the square [-1, 1]^2, complex (size, size).
 
-    The pixel at w shows the face that holds `square_to_disk(w)`, on an edge the face that follows counterclockwise. The
-    values are not the coefficient of a map of the square.
+    The pixel at w shows the face that holds `square_to_disk(w)`, on an edge the next counterclockwise: no pullback.
     """
     face, _ = disk.locate(square_to_disk(pixel_centres(size)).ravel() * np.exp(1j * ASIDE))
     return np.asarray(mu)[face].reshape(size, size)
@@ -82,8 +81,7 @@ def compression_effect(disk, mu, ks, size=128):
     """The cost of keeping the frequencies of mu (F,) on a `Disk` up to k, one dict for each k of `ks`.
 
     Keys: k; coefficients, their number; image_error and mu_error, root mean square of the change of mu over pixels and
-    over the disk; max_abs_mu; map_error, the largest distance between the disk maps of the original and of the
-    compressed mu. BeltramiError where compression lifts |mu| to 1.
+    over the disk; max_abs_mu; map_error, the largest change of the disk map. BeltramiError where |mu| comes to 1.
     """
     image, solver = to_square(disk, mu, size), DiskSolver(disk)
     original = solver.solve(mu)

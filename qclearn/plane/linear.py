@@ -25,9 +25,8 @@ def three_a_row(values, columns, width):
 def factorise(matrix, ordering="MMD_AT_PLUS_A"):
     """SuperLU factors of a matrix with symmetric pattern, pivots on the diagonal.
 
-    For SPD matrices, rows of averages among them: pivots off the diagonal fill the factors of a mesh with slivers up to
-    35 times as much and are no more accurate. `relax=1`: with the default some meshes (fsaverage5, subdivided) fill
-    twice as much.
+    For SPD matrices and rows of averages: with slivers, pivots off the diagonal fill the factors up to 35 times as much
+    and are no more accurate; with the default of `relax` some meshes (fsaverage5, subdivided) fill twice as much.
     """
     try:
         return splu(matrix.tocsc(), ordering, diag_pivot_thresh=0.0, relax=1, options={"SymmetricMode": True})
@@ -70,12 +69,14 @@ class Dirichlet:
         return x
 
 
-def nested_dissection(matrix, points):
-    """A permutation (V,) that keeps the factors of a mesh's matrix small; vertices at points (V,) complex or (V, d).
+def elimination_order(matrix, points, loop):
+    """The vertices but the boundary loop, ordered for small factors of a mesh's matrix; points (V,) complex or (V, d).
 
     A part is halved across its longer side; the vertices of one half with a neighbour in the other come last. Source:
     George (1973), Nested dissection of a regular element mesh.
     """
+    inner = np.setdiff1d(np.arange(len(points)), loop)
+    matrix, points = matrix.tocsr()[inner][:, inner], points[inner]
     points = np.stack([points.real, points.imag], 1) if np.iscomplexobj(points) else points
     starts, neighbours, other = matrix.indptr, matrix.indices, np.zeros(len(points), bool)
 
@@ -94,10 +95,4 @@ def nested_dissection(matrix, points):
         other[two] = False
         return [*ordered(one[~touching]), *ordered(two), one[touching]]
 
-    return np.concatenate(ordered(np.arange(len(points))))
-
-
-def elimination_order(matrix, points, loop):
-    """The vertices inside a mesh in the order of `nested_dissection`."""
-    inner = np.setdiff1d(np.arange(len(points)), loop)
-    return inner[nested_dissection(matrix.tocsr()[inner][:, inner], points[inner])]
+    return inner[np.concatenate(ordered(np.arange(len(points))))]

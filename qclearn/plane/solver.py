@@ -119,7 +119,10 @@ class DiskSolver:
             )
         face, weights = disk.locate([0j])
         self.origin, self.weights = disk.faces[face[0]], weights[0]
-        self.pole = self._choose_pole()
+        interior = np.setdiff1d(np.arange(len(z)), loop)
+        if not len(interior):
+            raise SurfaceError("the disk mesh has no interior vertex; refine it")
+        self.pole = interior[abs(z[interior]).argmin()]
 
     @cached_property
     def calibration(self) -> Float[sparse.csr_array, " B B"] | None:
@@ -152,12 +155,6 @@ class DiskSolver:
         if self.order is None and problem.factors:
             self.order = problem.free[np.argsort(problem.factors.perm_c)]  # sought once a mesh
         return problem
-
-    def _choose_pole(self):
-        interior = np.setdiff1d(np.arange(len(self.disk.z)), self.loop)
-        if not len(interior):
-            raise SurfaceError("the disk mesh has no interior vertex; refine it")
-        return interior[abs(self.disk.z[interior]).argmin()]
 
     def solve(self, mu: PerFace) -> PerVertex:
         """The map f (V,) with Beltrami coefficient mu (F,); BeltramiError unless |mu| < 1 everywhere."""

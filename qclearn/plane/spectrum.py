@@ -32,8 +32,7 @@ class Spectrum:
 
     def coefficients(self, nu):
         """`E^* A nu / pi` of a field (1 + rings spokes,) with the mean of its first ring in the centre."""
-        weighted = np.concatenate([[0], self.areas * nu[1:]])
-        return self.gradients(weighted[None])[0] / np.pi
+        return self.gradients(np.concatenate([[0], self.areas * nu[1:]])[None])[0] / np.pi
 
     def field(self, coefficients):
         """nu at the mesh's vertices (1 + rings spokes,) of coefficients (modes,)."""

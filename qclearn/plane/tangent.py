@@ -13,6 +13,7 @@ from scipy import sparse
 
 from .coefficients import bounded_pullback
 from .linear import three_a_row
+from .triangles import middles
 
 REACH = 1.8  # cells: from where on a node stands for its cell in the integral
 FINER = 3  # nearer than that, a triangle is cut into so many squared
@@ -141,11 +142,7 @@ class Tangent:
 
 def hats_inside(triangles, n_vertices):
     """Sparse (FINER^2 T, V): from vertex values to means over the FINER^2 parts of each triangle (T, 3)."""
-    i, j = np.array([(i, j) for i in range(FINER) for j in range(FINER - i)]).T
-    upward = np.stack([i + 1 / 3, j + 1 / 3, FINER - 2 / 3 - i - j], axis=1)
-    i, j = i[i + j < FINER - 1], j[i + j < FINER - 1]
-    downward = np.stack([i + 2 / 3, j + 2 / 3, FINER - 4 / 3 - i - j], axis=1)
-    shares = np.tile(np.concatenate([upward, downward]) / FINER, (len(triangles), 1))
+    shares = np.tile(middles(FINER), (len(triangles), 1))
     return three_a_row(shares, np.repeat(triangles, FINER**2, axis=0), n_vertices)
 
 
