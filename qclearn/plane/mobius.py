@@ -27,11 +27,8 @@ def mobius_slope(z, a=0.0, theta=0.0):
 
 
 def mobius_fields(w):
-    """Changes of points w (P,) with a Möbius increment (dtheta, Re da, Im da) after them, (P, 3).
-
-    As a composition: `dw = i w dtheta - da + conj(da) w^2`.
-    """
-    return np.stack([1j * w, w**2 - 1, -1j * (1 + w**2)], axis=1)
+    """`dw = i w dtheta - da + conj(da) w^2` by (dtheta, Re da, Im da) (..., 3): a Möbius increment after points w."""
+    return np.stack([1j * w, w**2 - 1, -1j * (1 + w**2)], axis=-1)
 
 
 def best_mobius(
@@ -39,8 +36,8 @@ def best_mobius(
 ) -> tuple[complex, float]:
     """The disk Möbius map, as (a, theta), that minimises `mean |M(p) - q|^2` over points of the unit disk.
 
-    Least squares over `s` in the plane with `a = s / sqrt(1 + |s|^2)`, which keeps |a| < 1, from eight rotations,
-    so that a large turn between the point sets does not end in a local minimum.
+    Least squares over s with `a = s / sqrt(1 + |s|^2)`, which keeps |a| < 1, from eight rotations, so that a large turn
+    between the point sets does not end in a local minimum.
     """
     p, q = np.asarray(p, complex), np.asarray(q, complex)
     scale = np.ones(len(p)) if weights is None else np.sqrt(np.asarray(weights) / np.mean(weights))
@@ -62,19 +59,16 @@ def best_mobius(
         return np.stack([np.concatenate([(scale * c).real, (scale * c).imag]) for c in columns], axis=1)
 
     starts = [np.array([0.0, 0.0, turn]) for turn in np.arange(8) * np.pi / 4]
-    best = min(
-        (scipy.optimize.least_squares(residual, x, jacobian, xtol=1e-14, ftol=1e-14, gtol=1e-14) for x in starts),
-        key=lambda s: s.cost,
-    )
-    a, theta = unpack(best.x)
+    fits = [scipy.optimize.least_squares(residual, x, jacobian, xtol=1e-14, ftol=1e-14, gtol=1e-14) for x in starts]
+    a, theta = unpack(min(fits, key=lambda fit: fit.cost).x)
     return complex(a), float(np.angle(np.exp(1j * theta)))
 
 
 def centring_mobius(z, weights):
-    """The point a for which `sum_k weights_k M_a(z_k) = 0`: a Möbius map to the weighted centroid's gauge.
+    """The point a with `sum_k weights_k M_a(z_k) = 0`, whose Möbius map M_a centres the points.
 
-    Newton steps on the minimum of a convex function of the hyperbolic plane (Douady and Earle's conformal barycentre
-    for weights on the circle): to first order M_a moves a point z by `-a + conj(a) z^2`.
+    Newton steps for a convex function of the hyperbolic plane (Douady and Earle's conformal barycentre for weights on
+    the circle): to first order M_a moves a point z by `-a + conj(a) z^2`.
     """
     weights, a = np.asarray(weights, float) / np.sum(weights), 0j
     for _ in range(200):
@@ -88,25 +82,23 @@ def centring_mobius(z, weights):
 
 
 def compose_mobius(first: tuple[complex, float], second: tuple[complex, float]) -> tuple[complex, float]:
-    """Parameters (a, theta) of `second` after `first`, each given as (a, theta)."""
+    """`second` after `first`, Möbius maps as (a, theta)."""
     a = mobius_inverse(second[0], *first)  # what the composition sends to 0
     at_one = mobius(mobius(1.0, *first), *second)
     return complex(a), float(np.angle(at_one * (1 - np.conj(a)) / (1 - a)))
 
 
 def mobius_misfits(p, q, turns=4, rounds=30):
-    """Distances |M(p) - q| (B, M) after the best disk Möbius map of each of B point sets p, q (B, M), all at once.
+    """Distances |M(p) - q| (B, M) after the best disk Möbius map of each of B point sets p, q (B, M).
 
-    Damped Gauss-Newton steps from `turns` rotations. A step is a Möbius map near the identity that follows the map so
-    far, `dw = i w dtheta - da + conj(da) w^2`: `best_mobius` of hundreds of sets in the time of one; their mean squares
-    agree to 1e-4 of themselves.
+    Damped Gauss-Newton steps from `turns` rotations, all sets at once; mean squares are within 1e-4 of `best_mobius`'.
     """
     count, start = len(p), np.angle((p.conj() * q).sum(1))
     w = np.concatenate([p * np.exp(1j * (start + turn))[:, None] for turn in 2 * np.pi * np.arange(turns) / turns])
     q, damping = np.tile(q, (turns, 1)), np.full(turns * count, 1e-3)
     cost = (abs(w - q) ** 2).sum(1)
     for _ in range(rounds):
-        columns = np.stack([1j * w, w**2 - 1, -1j * (1 + w**2)], axis=-1)
+        columns = mobius_fields(w)
         normal = (columns.conj().transpose(0, 2, 1) @ columns).real
         slope = (columns.conj().transpose(0, 2, 1) @ (w - q)[..., None]).real
         normal += (damping * (np.trace(normal, axis1=1, axis2=2) + 1e-300))[:, None, None] * np.eye(3)
