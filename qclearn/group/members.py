@@ -55,10 +55,10 @@ def check_subjects(subjects):
 
 def check_trait(trait, found):
     """TemplateError unless all that have a trait (name -> value) have the same."""
-    one = next(iter(found), None)
-    other = next((name for name in found if found[name] != found[one]), None)
-    if other is not None:
-        raise TemplateError(f"more than one {trait} ({one}: {found[one]}, {other}: {found[other]}); give those of one")
+    a = next(iter(found), None)
+    b = next((name for name in found if found[name] != found[a]), None)
+    if b is not None:
+        raise TemplateError(f"subjects of more than one {trait} ({a}: {found[a]}, {b}: {found[b]}); give those of one")
 
 
 def check_features(features, named):
