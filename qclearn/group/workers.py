@@ -61,7 +61,7 @@ def connect(scheduler, workers):
         client = Client(scheduler, timeout=PATIENCE)
     except (OSError, ValueError, TypeError) as error:  # TypeError: an address without a port
         raise WorkersError(
-            f"{scheduler}: no dask scheduler answers there ({error}); start `dask scheduler` and give its tcp://HOST:8786"
+            f"{scheduler}: no dask scheduler answers there ({error}); start `dask scheduler`, give its tcp://HOST:8786"
         ) from None
     with client:
         check_workers(client, scheduler)
