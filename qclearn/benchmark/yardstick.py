@@ -13,7 +13,7 @@ TRUE_MAP = ("floor_mm", "floor_curve_mm", *(f"true_{name}" for name in OWN))
 
 
 def curve_errors(pair, curves, f):
-    """Distances of curves' mapped points from the control's of equal arc length, in the disk and in mm, (10 K,) each."""
+    """Distances of curves' mapped points from the control's of equal arc length, disk and mm: each (10 K,)."""
     moving, control = pair.moving.surface, pair.control.surface
     mapped = np.concatenate([sample_curve(moving, curve["moving"], POINTS_PER_CURVE) @ f for curve in curves])
     there = [sample_curve(control, curve["control"], POINTS_PER_CURVE) for curve in curves]
