@@ -67,14 +67,15 @@ def lines_plot(ax, curves, color):
 
 def curves_plot(ax, curves, style):
     """Draw complex curves in one of the `CURVE_STYLES`; a dark edge shows them on any ground."""
-    color, dashes, marker = CURVE_STYLES[style].values()
+    look = CURVE_STYLES[style]
+    color, dashes = look["color"], look["linestyle"]
     edge = {"color": "black", "linewidth": 2.6, "solid_capstyle": "round"}
     point = {"color": color, "markersize": 3.5, "markeredgecolor": "black", "markeredgewidth": 0.6}
     for curve in curves:
         ends = curve[[0, -1]]
         ax.plot(curve.real, curve.imag, linestyle=dashes, zorder=4, **edge)
         ax.plot(curve.real, curve.imag, linestyle=dashes, zorder=5, color=color, linewidth=1.7)
-        ax.plot(ends.real, ends.imag, marker, zorder=6, **point)
+        ax.plot(ends.real, ends.imag, look["marker"], zorder=6, **point)
 
 
 def curve_legend(ax, *styles):
@@ -87,7 +88,7 @@ def curve_legend(ax, *styles):
 def ellipse_field(ax, z, mu, size=0.08, color="#0072B2"):
     """Draw the images of small circles at z (K,) under a map with coefficient mu (K,), up to turn and scale by f_z.
 
-    `dz + mu conj(dz)`: long axis of length `size` at the angle `arg(mu) / 2`, ratio `(1 + |mu|) / (1 - |mu|)`.
+    `dz + mu conj(dz)`: long axis of length `size` at the angle `arg(mu) / 2`, axes' ratio `(1 + |mu|) / (1 - |mu|)`.
     """
     z, mu = np.asarray(z, complex), np.asarray(mu, complex)
     short = size * (1 - abs(mu)) / (1 + abs(mu))
