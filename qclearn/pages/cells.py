@@ -52,7 +52,7 @@ def picture_html(png, words, attributes=""):
 
 
 def drawn(picture, sharpness=2):
-    """The PNG of a picture, on white, and its shown width in pixels; a Matplotlib figure has `sharpness` times those."""
+    """The PNG of a picture, on white, and its shown width in pixels (of a Matplotlib figure: over `sharpness`)."""
     if not hasattr(picture, "savefig"):
         return picture.data, picture.width or png_width(picture.data)
     import matplotlib.pyplot as plt
