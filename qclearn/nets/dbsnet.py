@@ -58,7 +58,7 @@ class BestDBSNet(DiskNetwork):
         self.config = config
         self.solver = PolarSolver(config.rings, config.spokes)
         self.unet = PolarUNet(len(FEATURES), 2, config.channels, config.blocks)
-        z = torch.from_numpy(self.solver.mesh.z[1:]).reshape(1, config.rings, config.spokes)
+        z = torch.tensor(self.solver.mesh.z[1:]).reshape(1, config.rings, config.spokes)
         self.register_buffer("z", z.to(torch.complex64), persistent=False)
         self.register_buffer("radius", z.abs().float(), persistent=False)
 

@@ -19,7 +19,7 @@ class LossMesh(nn.Module):
         tables["shares"] = disk.areas[:, None] / around  # of the faces round each corner
         kinds = {"f": precision, "c": precision.to_complex(), "i": torch.int64}
         for name, table in tables.items():
-            table = torch.as_tensor(table)
+            table = torch.tensor(table)  # a copy: a Disk's arrays are read-only
             kind = kinds["c" if table.is_complex() else "f" if table.is_floating_point() else "i"]
             self.register_buffer(name, table.to(kind), persistent=False)
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from qclearn.plane.diskmesh import polar_disk, square_disk
 
 from data_synth.training import DATA_POINTS, ControlPairs, Pairs
 from qclearn.nets import load
@@ -18,6 +17,8 @@ from qclearn.nets.polargrid import PolarGrid, PolarMesh
 from qclearn.nets.torchplane import bounded, fit_mobius, mobius_columns
 from qclearn.nets.train import TrainConfig, train
 from qclearn.plane.checks import BeltramiError
+from qclearn.plane.disk import Disk
+from qclearn.plane.grids import POWER, polar_disk, square_disk
 from qclearn.plane.mobius import best_mobius, mobius, mobius_slope
 from qclearn.registration.certified import exact_map
 from qclearn.registration.fit import fit_landmarks, fit_problem
@@ -57,12 +58,12 @@ def landmarks():
 
 def tensors(*arrays):
     kinds = {"c": torch.complex64, "f": torch.float32}
-    return [torch.as_tensor(array).to(kinds[array.dtype.kind])[None] for array in arrays]
+    return [torch.tensor(array).to(kinds[array.dtype.kind])[None] for array in arrays]
 
 
 def test_points_are_located_in_closed_form():
     mesh, rng = PolarMesh(5, 12), np.random.default_rng(0)
-    z = mesh.mesh[0]
+    z = mesh.mesh.z
     points = np.sqrt(rng.random(200)) * np.exp(2j * np.pi * rng.random(200)) * 0.96  # within the chords
     (located,) = tensors(points)
     corners, weights = mesh.locate(located)
@@ -96,7 +97,7 @@ def test_displacements_are_those_of_the_exact_map(grid, born):
     c = torch.zeros(1, 432, dtype=torch.complex64)
     c[0, :40] = torch.view_as_complex(torch.randn(40, 2, generator=generator)) * 3e-4
     nu, solver = grid.field(c), PolarSolver(12, 36, 1.4)
-    exact = solver.solve(bounded(grid.on_faces(nu)).to(torch.complex128), 1e-9) - torch.from_numpy(solver.z)
+    exact = solver.solve(bounded(grid.on_faces(nu)).to(torch.complex128), 1e-9) - torch.tensor(solver.mesh.z)
     columns = mobius_columns(grid.z.flatten()[None].to(torch.complex128))
     columns = torch.view_as_real(columns).mT.flatten(1, 2)
     one, two = (
@@ -119,8 +120,8 @@ def test_fit_mobius_is_best_mobius(landmarks):
 
 
 def test_an_untrained_network_starts_at_the_born_step(net, landmarks):
-    mesh = net.carrier(12)[0].mesh
-    problem, weights = Problem(*mesh, *landmarks), Weights(1.0, 0.1, 1e3)
+    mesh = polar_disk(12, 36, POWER)
+    problem, weights = Problem(Disk(*mesh), *landmarks), Weights(1.0, 0.1, 1e3)
     answers = net.answers(problem, weights, looks=2)
     np.testing.assert_allclose(answers["CP-Net, no look"], answers["Born step"], atol=1e-6)
     np.testing.assert_allclose(answers["CP-Net, 2 looks"], answers["Born step, 2 looks"], atol=1e-5)
@@ -144,7 +145,7 @@ def test_stiff_weights_have_a_finer_grid_and_more_looks_from_the_born_step_on(ne
     for gamma, rings, looks, start in ((0.99e4, 12, 2, "CP-Net"), (1e4, 20, 7, "Born step")):
         weights = Weights(gamma=gamma)
         assert net.rings(*landmarks, weights) == rings and net.looks_at(weights) == looks
-        problem = Problem(*mesh, *landmarks)
+        problem = Problem(Disk(*mesh), *landmarks)
         answers = net.answers(problem, weights, looks)
         mu = net.predict(*mesh, *landmarks, gamma=gamma)
         np.testing.assert_array_equal(mu, answers[f"{start}, {looks} looks"])
@@ -344,8 +345,8 @@ def test_the_shipped_networks_two_looks_end_where_the_fit_does():
     net, t = load("cpnet"), np.linspace(-1, 1, 10)
     p = np.concatenate([0.4 + 0.25j * t, -0.3 - 0.1j + 0.25 * t, 0.35j + 0.2 * t])
     q = p * np.exp(0.5j * (1 - abs(p) ** 2)) + 0.05j * p**2
-    problem, weights = Problem(*polar_disk(32, 96, 1.4), p, q), Weights()
+    problem, weights = Problem(Disk(*polar_disk(32, 96, 1.4)), p, q), Weights()
     assert net.gamma_used(weights) == weights.gamma and net.config.looks == 2
-    found = [fit_problem(problem, weights), exact_map(problem, net.predict(problem.z, problem.faces, p, q))]
+    found = [fit_problem(problem, weights), exact_map(problem, net.predict(problem.disk.z, problem.disk.faces, p, q))]
     fit, answer = (measured_losses(problem, weights, one.mu, problem.samples @ one.f)["L_CP"] for one in found)
     assert answer < 1.1 * fit

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import torch
 from known_surfaces import sphere
-from qclearn.plane.diskmesh import pixel_centres
 from subjects import grown
 
 from data_synth.datasets import CurveDataset
@@ -15,6 +14,7 @@ from qclearn.nets import load
 from qclearn.nets.ldnet import PRESETS, BestLDNet, BestLDNetConfig, contrast, heat_metric, refine, smoothed, some, whole
 from qclearn.nets.ldnet_paper import PaperLDNet, PaperLDNetConfig, nearest_pixels
 from qclearn.nets.pictures import stamp, turn
+from qclearn.plane.grids import pixel_centres
 from qclearn.registration.landmarks import curve_distance, curves_in_space, detect_curves, weigh_edges
 from qclearn.registration.problem import LandmarkError
 from qclearn.surfaces.conformal import disk_conformal_map
