@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import torch
 from torch.nn import functional
 
-from .dbsnet_paper import PaperDBSNet, PaperDBSNetConfig
+from .dbsnet_paper import PaperDBSNet, PaperDBSNetConfig, mixed
 from .layers import DiskNetwork, PolarFunction, PolarUNet
 from .polar import PolarSolver, harmonic_extension, two_steps
 from .train import TrainConfig
@@ -136,21 +136,13 @@ class BestDBSNet(DiskNetwork):
 
     def rescale(self, mu, generator):
         """Coefficients of the batch with largest |mu| uniform in `max_abs`; with a generator also mixed and turned."""
-        mu, spokes = mu.view(len(mu), -1, self.config.spokes), self.config.spokes
-        if generator is not None:
-            draw = torch.rand(4, len(mu), generator=generator).to(mu.real)
-            other = mu[torch.randperm(len(mu), generator=generator).to(mu.device)]
-            size = [x.abs().amax((1, 2), keepdim=True) for x in (mu, other)]
-            share = (draw[0] * (draw[1] < 0.5))[:, None, None]
-            mu = (
-                mu / size[0] * (1 - share) + other / size[1] * share * torch.exp(2j * torch.pi * draw[2])[:, None, None]
-            )
-            shift = int(torch.randint(spokes, (), generator=generator))
-            mu = mu.roll(shift, -1) * torch.exp(2j * torch.pi * draw[3])[:, None, None]
-            low, high = self.config.max_abs
-            largest = low + (high - low) * torch.rand(len(mu), generator=generator).to(mu.real)
-            mu = mu / mu.abs().amax((1, 2), keepdim=True) * largest[:, None, None]
-        return mu.flatten(1)
+        if generator is None:
+            return mu
+        draw, order = torch.rand(4, len(mu), generator=generator), torch.randperm(len(mu), generator=generator)
+        shift = int(torch.randint(self.config.spokes, (), generator=generator))
+        draw = torch.cat([draw, torch.rand(1, len(mu), generator=generator)])
+        mu = mixed(mu, order, draw, self.config.max_abs).view(len(mu), -1, self.config.spokes)
+        return mu.roll(shift, -1).flatten(1)
 
     def full(self, f):
         """f (B, V) as a grid (B, rings + 1, spokes) whose first ring repeats the centre."""

@@ -1,4 +1,4 @@
-"""What several networks share: convolutions on the polar mesh, and the crossing between NumPy and torch."""
+"""What several networks share: small stacks of layers, convolutions on the polar mesh, and calls from NumPy."""
 
 from functools import lru_cache, wraps
 from itertools import pairwise
@@ -6,12 +6,14 @@ from itertools import pairwise
 import numpy as np
 import torch
 from scipy import ndimage
+from threadpoolctl import threadpool_limits
 from torch import nn
 from torch.nn import functional
 
 from ..plane.checks import check_coefficient
 from ..plane.disk import Disk
 from ..plane.solver import DiskSolver
+from ..registration.problem import Problem, Weights
 
 FIRST_SCALE = 0.1  # of a conditioned U-Net's outputs, before the conditions change it
 
@@ -33,6 +35,25 @@ def inference(method):
             torch.set_num_threads(threads)
 
     return alone
+
+
+def perceptron(*sizes, activation=nn.SiLU):
+    """Linear layers from each of these sizes to the next, with activations between them."""
+    linear = [nn.Linear(*pair) for pair in pairwise(sizes)]
+    return nn.Sequential(linear[0], *(part for layer in linear[1:] for part in (activation(), layer)))
+
+
+def convolution(channels_in, channels_out, **options):
+    """A 3 x 3 convolution with batch normalisation and a ReLU, as a list."""
+    layer = nn.Conv2d(channels_in, channels_out, 3, padding=1, bias=False, **options)
+    return [layer, nn.BatchNorm2d(channels_out), nn.ReLU(inplace=True)]
+
+
+def zero(layer):
+    """The layer with parameters 0: at the start of training it gives 0."""
+    for parameter in layer.parameters():
+        nn.init.zeros_(parameter)
+    return layer
 
 
 class PolarPad(torch.autograd.Function):
@@ -81,9 +102,7 @@ class PolarBlock(nn.Module):
 
     def __init__(self, channels):
         super().__init__()
-        self.first, self.second = PolarConv(channels, channels), PolarConv(channels, channels)
-        nn.init.zeros_(self.second.weight)
-        nn.init.zeros_(self.second.bias)
+        self.first, self.second = PolarConv(channels, channels), zero(PolarConv(channels, channels))
 
     def forward(self, x):
         return x + self.second(functional.silu(self.first(functional.silu(x))))
@@ -99,14 +118,12 @@ class PolarUNet(nn.Module):
     def __init__(self, inputs, outputs, channels, blocks=3):
         super().__init__()
         pairs = list(pairwise(channels))
-        self.stem, self.head = PolarConv(inputs, channels[0]), PolarConv(channels[0], outputs)
+        self.stem, self.head = PolarConv(inputs, channels[0]), zero(PolarConv(channels[0], outputs))
         self.down = nn.ModuleList(PolarBlock(fine) for fine, _ in pairs)
         self.coarser = nn.ModuleList(nn.Conv2d(fine, coarse, 2, stride=2) for fine, coarse in pairs)
         self.bottom = nn.Sequential(*(PolarBlock(channels[-1]) for _ in range(blocks)))
         self.finer = nn.ModuleList(nn.Conv2d(coarse, fine, 1) for fine, coarse in pairs)
         self.up = nn.ModuleList(PolarBlock(fine) for fine, _ in pairs)
-        nn.init.zeros_(self.head.weight)
-        nn.init.zeros_(self.head.bias)
 
     def forward(self, x, modulate=lambda x: x):
         """modulate: applied to the first features of each level on the way down."""
@@ -127,9 +144,8 @@ class ConditionedUNet(PolarUNet):
     def __init__(self, inputs, outputs, conditions, channels, blocks):
         super().__init__(inputs, outputs, channels, blocks)
         self.sizes = [*(2 * size for size in channels), outputs]
-        self.film = nn.Sequential(nn.Linear(conditions, 64), nn.SiLU(), nn.Linear(64, sum(self.sizes)))
-        nn.init.zeros_(self.film[-1].weight)
-        nn.init.zeros_(self.film[-1].bias)
+        self.film = perceptron(conditions, 64, sum(self.sizes))
+        zero(self.film[-1])
 
     def forward(self, x, conditions):
         films = iter(self.film(conditions).split(self.sizes, 1))
@@ -179,6 +195,32 @@ class DiskNetwork(nn.Module):
         f = self.run(mu[holding(disk, self)], **options)(disk.z)
         f[disk.loop] /= abs(f[disk.loop])
         return f
+
+
+class CoefficientNetwork(nn.Module):
+    """A network that is asked for mu: landmarks on any disk mesh in, mu on its faces out.
+
+    A subclass offers `answer(problem, weights, **options)`, mu (F,) of a `Problem`; and `usual`, the `Weights` that it
+    takes where a call names none.
+    """
+
+    usual = Weights()
+
+    @inference
+    @threadpool_limits.wrap(limits=1)
+    def predict(self, z, faces, moving, target, alpha=1.0, beta=None, gamma=None, curve=None, **options):
+        """mu (F,) on a disk mesh z (V,), faces (F, 3) whose map takes `moving` to `target` (M,), as `fit_landmarks`.
+
+        The map is `solve_beltrami_disk(z, faces, mu)` and the best Möbius map after it. curve is checked, not used.
+        LandmarkError for landmarks or weights that the network cannot take; BeltramiError or SurfaceError where the
+        mesh is no disk. options: of the network's `answer`.
+        """
+        beta, gamma = (self.usual.beta if beta is None else beta), (self.usual.gamma if gamma is None else gamma)
+        return self.answer(Problem(disk_of(z, faces), moving, target, curve), Weights(alpha, beta, gamma), **options)
+
+    def gamma_used(self, weights):
+        """The gamma that `predict` answers for: the given one."""
+        return weights.gamma
 
 
 class PolarFunction:

@@ -142,15 +142,12 @@ def _mean(values, shares):
     return values.mean(-1) if shares is None else values @ shares
 
 
-def L_Landmark(points, target, present=None):
-    """`1/M sum_i |p_i - p^_i|^2` (B,) over points (B, M), eq. lmloss; present (B, M): which of them count."""
-    square = (points - target).abs() ** 2
-    if present is None:
-        return square.mean(-1)
-    return (square * present).sum(-1) / present.sum(-1).clamp(min=1)
+def L_Landmark(points, target):
+    """`1/M sum_i |p_i - p^_i|^2` (B,) over points (B, M), eq. lmloss."""
+    return ((points - target).abs() ** 2).mean(-1)
 
 
-def L_CP(mesh, mu, points, target, weights, present=None, shares=None):
+def L_CP(mesh, mu, points, target, weights, shares=None):
     """`alpha L_mu + beta L_grad_mu + gamma L_Landmark` (B,), eq. RegLoss, with the three of a `Weights`."""
-    terms = L_mu(mu, shares), L_grad_mu(mesh, mu, shares), L_Landmark(points, target, present)
+    terms = L_mu(mu, shares), L_grad_mu(mesh, mu, shares), L_Landmark(points, target)
     return weights.alpha * terms[0] + weights.beta * terms[1] + weights.gamma * terms[2]

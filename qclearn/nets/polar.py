@@ -9,12 +9,10 @@ Inside, the centre is a ring like the others: nt copies of its value, and equal 
 a grid (nr, nt) of the rings inside the circle.
 """
 
-import warnings
 from itertools import pairwise
 
 import numpy as np
 import torch
-from torch.autograd import forward_ad
 
 from ..plane.checks import BeltramiError
 from ..plane.disk import Disk
@@ -75,17 +73,6 @@ class PolarSolver:
         f, steps_f = system.solve(system.pull(boundary), f, *stopping)
         self.floored, self.iterations = system.floored, torch.cat([steps_U, steps_f], 1)
         return self.finish(f, boundary)
-
-    def pushforward(self, mu, dmu, tolerance=1e-5, limit=100, start=None):
-        """The maps f of `solve` and their changes df with changes dmu (B, F) of mu: two (B, V), or (V,) from (F,).
-
-        Forward mode: `K dx = dload - dK x` for each system, in the order and to the tolerance of the solves.
-        """
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "`torch.jit.script`", DeprecationWarning)  # torch's own, the first time
-            with forward_ad.dual_level():
-                f = self.solve(forward_ad.make_dual(mu, dmu), tolerance, limit, start)
-                return tuple(forward_ad.unpack_dual(f))
 
     def _begin(self, f, spoke):
         """(U, f, f on the circle) to begin with from maps f (B, V): U = log|f|, at the centre what its row asks for."""

@@ -7,7 +7,8 @@ RIDGE = 1e-9  # relative, of the three Möbius columns: fewer than two landmarks
 
 
 def bounded(nu):
-    """The paper's activation `tanh(|nu|) nu / |nu|` for complex tensors, 1 - 1e-6 at most."""
+    """The paper's activation `tanh(|nu|) nu / |nu|`; |mu| is 1 - 1e-6 at most, as float32 rounds the limit of
+    `plane.coefficients` to 1."""
     size = nu.abs().clamp(min=1e-6)
     return torch.tanh(size).clamp(max=1 - 1e-6) / size * nu
 
@@ -32,7 +33,10 @@ def fit_mobius(f, q, mask, steps=4):
         w = mobius(f, a, theta)
         columns = torch.view_as_real(mobius_columns(w) * mask[..., None]).mT.flatten(1, 2)
         left = torch.view_as_real((q - w) * mask).flatten(1)
-        turn, real, imaginary = least_squares(columns, left[..., None])[..., 0].unbind(1)
+        normal = columns.mT @ columns
+        size = normal.diagonal(dim1=1, dim2=2).sum(1)[:, None, None]
+        normal = normal + RIDGE * (size + 1e-12) * torch.eye(3).to(normal)
+        turn, real, imaginary = torch.linalg.solve(normal, columns.mT @ left[..., None])[..., 0].unbind(1)
         step = torch.complex(real, imaginary)
         step = step / (2 * step.abs()).clamp(min=1)  # no further than 1/2 at once
         at_one = mobius(mobius(torch.ones_like(f[:, :1]), a, theta), step, turn)[:, 0]
@@ -40,16 +44,6 @@ def fit_mobius(f, q, mask, steps=4):
         pole = (step + a) / (1 + a.conj() * step)
         a, theta = pole, torch.angle(at_one * (1 - pole.conj()) / (1 - pole))
     return a.to(torch.complex64), theta.float()
-
-
-def least_squares(columns, right):
-    """`(C^T C)^-1 C^T right`, the pseudoinverse itself where right is None."""
-    normal = columns.mT @ columns
-    size = normal.diagonal(dim1=1, dim2=2).sum(1)[:, None, None]
-    eye = torch.eye(3, dtype=normal.dtype, device=normal.device)
-    return torch.linalg.solve(
-        normal + RIDGE * (size + 1e-12) * eye, columns.mT if right is None else columns.mT @ right
-    )
 
 
 def square_places(points):

@@ -20,6 +20,7 @@ from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import POWER, polar_disk, square_disk
 from qclearn.plane.mobius import best_mobius, mobius, mobius_slope
+from qclearn.plane.spectrum import ring_tables
 from qclearn.registration.certified import exact_map
 from qclearn.registration.fit import fit_landmarks, fit_problem
 from qclearn.registration.metrics import measured_losses
@@ -84,25 +85,28 @@ def test_splat_is_the_transpose_of_sample():
 
 
 def test_the_prior_is_diagonal_in_the_coefficients(grid):
-    c = torch.view_as_complex(torch.randn(2, 432, 2, generator=torch.Generator().manual_seed(0)))
-    nu = grid.field(c)
-    torch.testing.assert_close(grid.coefficients(nu), c, rtol=1e-3, atol=1e-3)
-    size, slope = grid.terms(nu)
-    torch.testing.assert_close(size, (c.abs() ** 2).sum(1), rtol=1e-3, atol=0)
-    torch.testing.assert_close(slope, (grid.values * c.abs() ** 2).sum(1), rtol=1e-3, atol=0)
+    c = np.random.default_rng(0).normal(size=(432, 2)) @ [1, 1j]
+    spectrum, (_, spokes, arcs) = grid.spectrum, ring_tables(grid.mesh, 36)
+    nu = spectrum.field(c)[1:].reshape(12, 36)
+    (on_rings,) = tensors(nu)
+    kept = torch.tensor(c[grid.kept.numpy()]).to(torch.complex64)[None]
+    torch.testing.assert_close(grid.coefficients(on_rings), kept, rtol=1e-3, atol=1e-3)
+    assert grid.mean_square(on_rings).item() == pytest.approx((abs(c) ** 2).sum(), rel=1e-3)
+    slope = spokes @ (abs(np.diff(nu, axis=0)) ** 2).sum(1) + arcs @ (abs(nu - np.roll(nu, 1, 1)) ** 2).sum(1)
+    assert slope / np.pi == pytest.approx((spectrum.values * abs(c) ** 2).sum(), rel=1e-3)
 
 
 def test_displacements_are_those_of_the_exact_map(grid, born):
-    generator = torch.Generator().manual_seed(1)
-    c = torch.zeros(1, 432, dtype=torch.complex64)
-    c[0, :40] = torch.view_as_complex(torch.randn(40, 2, generator=generator)) * 3e-4
-    nu, solver = grid.field(c), PolarSolver(12, 36, 1.4)
-    exact = solver.solve(bounded(grid.on_faces(nu)).to(torch.complex128), 1e-9) - torch.tensor(solver.mesh.z)
+    rng, c = np.random.default_rng(1), np.zeros(432, complex)
+    c[grid.kept[:40].numpy()] = (rng.normal(size=(40, 2)) @ [1, 1j]) * 3e-4
+    nu, solver = grid.spectrum.field(c), PolarSolver(12, 36, 1.4)
+    given = bounded(torch.tensor(grid.mesh.to_faces @ nu))[None]
+    exact = solver.solve(given, 1e-9) - torch.tensor(solver.mesh.z)
     columns = mobius_columns(grid.z.flatten()[None].to(torch.complex128))
     columns = torch.view_as_real(columns).mT.flatten(1, 2)
+    moved = born.moved(*tensors(nu[1:].reshape(12, 36)))
     one, two = (
-        torch.view_as_real(x.to(torch.complex128)).flatten(1)[..., None]
-        for x in (born.moved(nu).flatten(1), exact[:, 1:])
+        torch.view_as_real(x.to(torch.complex128)).flatten(1)[..., None] for x in (moved.flatten(1), exact[:, 1:])
     )
     both = torch.cat([one, two], 2)
     both = both - columns @ torch.linalg.lstsq(columns, both).solution  # f(0) = 0, f(1) = 1 is another gauge

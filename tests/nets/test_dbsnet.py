@@ -133,7 +133,7 @@ def test_poisson_matrix_extends_harmonically():
     )
 
 
-@pytest.mark.parametrize("changes", [{"shortcut": False}, {"carry": False}, {"loss": "rows"}, {"loss": "maps"}])
+@pytest.mark.parametrize("changes", [{"shortcut": False}, {"loss": "rows"}, {"loss": "maps"}])
 def test_paper_runs_without_its_options(changes):
     net = PaperDBSNet(PaperDBSNetConfig(size=8, frequencies=2, **changes))
     loss, _ = net.loss((batch(net),), None)
