@@ -90,7 +90,7 @@ class PaperCPNet(CoefficientNetwork):
         mu = self(p)
         with torch.autocast(p.device.type, enabled=False):
             w = p + self.sample(maps(mu) - mesh.z, p)
-            w = mobius_of(w, *fit_mobius(w, targets, torch.ones_like(p.real)))
+            w = mobius_of(w, *fit_mobius(w, targets))
             shares, weights = mesh.areas / mesh.areas.sum(), Weights(1.0, 1.0, self.config.gamma)
             loss = L_CP(mesh, mu.flatten(1).repeat(1, 2), w, targets, weights, shares=shares)
             error = (w - targets).abs().mean()
@@ -128,8 +128,8 @@ class PaperCPNet(CoefficientNetwork):
                 f"this network is trained for the weights (1, 1, {self.config.gamma:g}) and was given "
                 f"({weights.alpha:g}, {weights.beta:g}, {weights.gamma:g}); use the preset best for others"
             )
-        moved, mask = torch.from_numpy(p)[None].to(self.targets), torch.ones(1, len(p), device=self.targets.device)
-        a, theta = (parameter.item() for parameter in fit_mobius(moved, self.targets[None], mask, steps=8))
+        moved = torch.from_numpy(p)[None].to(self.targets)
+        a, theta = (parameter.item() for parameter in fit_mobius(moved, self.targets[None]))
         aligned = torch.from_numpy(mobius(p, a, theta))[None].to(self.targets)
         mu = self(aligned)
         places = square_places(torch.from_numpy(mobius(disk.centroids, a, theta)).to(self.targets))[None, None]
