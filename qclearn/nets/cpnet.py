@@ -18,7 +18,7 @@ from ..registration.problem import LandmarkError
 from .born import Born
 from .cpnet_paper import PaperCPNet, PaperCPNetConfig
 from .layers import CoefficientNetwork, ConditionedUNet, inference
-from .polargrid import PolarGrid, random_turns
+from .polargrid import PolarGrid
 from .train import TrainConfig
 
 # What the correction sees on the grid, in order: name -> (how often its frame turns with the spoke, scale that brings
@@ -200,9 +200,12 @@ class BestCPNet(CoefficientNetwork):
         most = int(mask.sum(1).max())
         points, fields = [x[:, :most] for x in points], [born, target]
         if generator is not None:
-            turn, mirror, places = random_turns(len(mask), self.config.spokes, generator)
+            spokes = self.config.spokes
+            by = torch.randint(spokes, (len(mask), 1), generator=generator)
+            mirror = torch.rand(len(mask), 1, generator=generator) < 0.5
+            places = (torch.where(mirror, -1, 1) * (torch.arange(spokes) - by)) % spokes  # whose values come here
             places = places.to(mask.device)[:, None].expand(born.shape)
-            turn, mirror = turn.to(born)[:, None], mirror.to(mask.device)[:, None]
+            turn, mirror = torch.exp(2j * torch.pi * by / spokes).to(born), mirror.to(mask.device)
             points = [torch.where(mirror, x.conj(), x) * turn for x in points]
             fields = [torch.where(mirror[..., None], x.conj(), x).gather(2, places) for x in fields]
             fields = [x * turn[..., None] ** 2 for x in fields]

@@ -27,6 +27,11 @@ class LossMesh(nn.Module):
         """Gradients (B, F), complex `d/dx + i d/dy`, of real vertex values (B, V), linear on each face."""
         return (values[:, self.faces] * self.gradients).sum(-1)
 
+    def wirtinger(self, f):
+        """`f_z` and `f_zbar`, (B, F) each, of maps f (B, V)."""
+        corners = f[:, self.faces]
+        return tuple(0.5 * (corners * g).sum(-1) for g in (self.gradients.conj(), self.gradients))
+
     def divergence(self, fields):
         """`sum_T |T| grad phi_i . w_T` (B, V) of fields w (B, F): K(mu) u for w = A grad u."""
         corners = self.areas[:, None] * (self.gradients.conj() * fields[..., None]).real
@@ -65,8 +70,7 @@ def L_Energy(mesh, mu, f):
     The square of an H1 norm of the error, face by face, where `L_LBS` is an L1 norm of second differences; and blind to
     Möbius maps after f.
     """
-    corners = f[:, mesh.faces]
-    f_z, f_zbar = (0.5 * (corners * g).sum(-1) for g in (mesh.gradients.conj(), mesh.gradients))
+    f_z, f_zbar = mesh.wirtinger(f)
     gap = f_zbar - mu * f_z
     return 2 * ((gap.real**2 + gap.imag**2) / (1 - mu.real**2 - mu.imag**2)) @ mesh.areas
 

@@ -82,15 +82,6 @@ class PolarGrid(PolarMesh):
         return (waves @ self.radial.to(waves)).flatten(1)[:, self.kept] / torch.pi
 
 
-def random_turns(count, spokes, generator):
-    """Random turns by whole spokes, and mirrorings, of so many grids: factors (B,) of unit size, whether mirrored (B,),
-    and which spokes (B, spokes) take the places of all."""
-    by = torch.randint(spokes, (count,), generator=generator)
-    mirror = torch.rand(count, generator=generator) < 0.5
-    places = (torch.where(mirror, -1, 1)[:, None] * (torch.arange(spokes) - by[:, None])) % spokes
-    return torch.exp(2j * torch.pi * by / spokes), mirror, places
-
-
 def as_tensor(table):
     table = np.asarray(table)
     if table.dtype.kind in "iu":
