@@ -118,9 +118,9 @@ class BestCPNet(CoefficientNetwork):
     @inference
     @threadpool_limits.wrap(limits=1)
     def answers(self, problem, weights, looks=3):
-        """What one would say of a `Problem` after so many looks from either start: dict name -> mu (F,), in order.
+        """The answers mu (F,) to a `Problem` after 0 to `looks` looks from either start, dict name -> mu, in order.
 
-        "Born step" has learned nothing, "CP-Net" begins where the U-Net says; `predict` gives one of these.
+        "Born step" has learned nothing, "CP-Net" begins where the U-Net says; `predict` returns one of these.
         """
         found = {}
         for learned, name in ((False, "Born step"), (True, "CP-Net")):
@@ -132,9 +132,8 @@ class BestCPNet(CoefficientNetwork):
     def stages(self, problem, weights, looks=None, learned=None):
         """The answers mu (F,) before any look and after each, one after the other.
 
-        learned: whether the looks begin where the U-Net says; by default unless the weights are stiff, where that is
-        no better a start than the Born step. There an answer is the best that was looked at: the last step may lead
-        astray.
+        learned: whether the looks begin where the U-Net says. By default they do unless the weights are stiff: then
+        the Born step is as good a start, and the answer is the best of the looks, as the last step may lead astray.
         """
         points = p, q = problem.moving, problem.target
         if len(p) > (most := self.config.most):
@@ -161,7 +160,7 @@ class BestCPNet(CoefficientNetwork):
         return self.grid.with_centre(found)[0].cpu().numpy().astype(complex)
 
     def is_stiff(self, weights):
-        """Whether a landmark's last digits cost more than what nu may bend."""
+        """Whether gamma / beta is so large that the landmarks' last digits decide."""
         return weights.gamma >= self.config.stiff * weights.beta
 
     def looks_at(self, weights):
@@ -184,8 +183,7 @@ class BestCPNet(CoefficientNetwork):
         return self.carriers[rings]
 
     def loss(self, batch, generator):
-        """Mean of the log of the answer's squared error over the Born step's, both without a look; the target is the
-        field of a fit."""
+        """Mean log of the answer's squared distance from the field of a fit over the Born step's, without a look."""
         with torch.autocast(batch[0].device.type, enabled=False):
             *given, target = self.draw(batch, generator)
         nu = self(*given)

@@ -62,8 +62,8 @@ class PaperCPNet(CoefficientNetwork):
     def forward(self, p):
         """mu (B, size, size) of landmarks (B, M), curve by curve."""
         p = p - self.targets  # the network need not learn where the control is
-        curves = SCALE * torch.view_as_real(p).unflatten(1, (self.config.curves, -1)).flatten(
-            2
+        curves = (
+            torch.view_as_real(SCALE * p).unflatten(1, (self.config.curves, -1)).flatten(2)
         )  # (B, curves, 2 points)
         channels = [
             group(curve).unflatten(1, (self.split, self.side, self.side))

@@ -105,10 +105,9 @@ class BoundaryRoute(nn.Module):
 class PaperDBSNet(DiskNetwork):
     """The two routes joined in one map of `square_disk(size)`.
 
-    The paper does not say how the routes are joined: here the turn of the boundary is carried inwards harmonically, and
-    the inner route gives what is to be added (with `carry` off it starts from the identity, and must first learn to
-    follow the boundary). Nor how f(0) = 0 and f(1) = 1 are held: here by the Möbius map after it, as the exact solver
-    does. (A shift would be a bend at the vertex 0, which no loss of first derivatives feels, and a spike takes it up.)
+    The paper leaves two things open. Here the routes are joined by carrying the turn of the boundary inwards
+    harmonically and adding what the inner route gives; and a Möbius map after that holds f(0) = 0 and f(1) = 1, as in
+    the exact solver. (A shift would put a spike at the vertex 0, which no loss of first derivatives feels.)
     """
 
     def __init__(self, config):
@@ -143,9 +142,7 @@ class PaperDBSNet(DiskNetwork):
             back = self.inner_route.back
             low, small, image = (torch.stack([x.real, x.imag], 1) for x in (10 * low, back @ low @ back.T, mu))
         shift = self.inner_route(small, image)
-        with torch.autocast(
-            mu.device.type, enabled=False
-        ):  # coordinates need all their digits: the loss differentiates
+        with torch.autocast(mu.device.type, enabled=False):  # the loss differentiates, so all digits count
             angles = self.boundary_route(low.flatten(1))
             shift = 0.1 * self.inner_route.last(shift.float()).flatten(2)
             shift = torch.complex(shift[:, 0], shift[:, 1])

@@ -19,9 +19,9 @@ FIRST_SCALE = 0.1  # of a conditioned U-Net's outputs, before the conditions cha
 
 
 def inference(method):
-    """A network's call from NumPy: without gradients, and on one thread of torch, whose number is put back afterwards.
+    """Let a network's call run without gradients and on one thread of torch.
 
-    The work is small, and threads that wait for each other on a busy machine cost far more than they save.
+    The work is small: on a busy machine threads that wait for each other cost far more than they save.
     """
 
     @wraps(method)
@@ -59,9 +59,9 @@ def zero(layer):
 class PolarPad(torch.autograd.Function):
     """x (B, C, rings, spokes) with one more ring and spoke on every side, for a 3 x 3 convolution on the disk.
 
-    Periodic in the angle; beyond the centre the disk goes on at the opposite spoke; beyond the circle the last ring is
-    repeated. Right for functions and for components in the frame that turns twice with the spoke, as those of mu.
-    (Written out, with its adjoint, because slices and `cat` lose the channels-last layout on the way back.)
+    The angle is periodic, the disk goes on at the opposite spoke beyond the centre, and the last ring is repeated
+    beyond the circle. This is right for functions, and for components of mu in the frame that turns with the spoke.
+    The adjoint is written out, because slices and `cat` lose the channels-last layout on the way back.
     """
 
     @staticmethod
@@ -98,7 +98,7 @@ class PolarConv(nn.Conv2d):
 
 
 class PolarBlock(nn.Module):
-    """x + conv(act(conv(act(x)))), the last convolution zero at the start: the block begins as the identity."""
+    """x + conv(act(conv(act(x)))). The last convolution begins at zero, and so the block as the identity."""
 
     def __init__(self, channels):
         super().__init__()
@@ -111,8 +111,8 @@ class PolarBlock(nn.Module):
 class PolarUNet(nn.Module):
     """U-Net on the grid of rings and spokes: (B, inputs, rings, spokes) -> (B, outputs, rings, spokes).
 
-    channels: one number a level, each level half as fine; rings and spokes divisible by 2^(levels - 1). blocks:
-    residual blocks on the coarsest level; the others have one on the way down and one on the way up.
+    channels: one number a level; each level is half as fine as the one before, and 2^(levels - 1) must divide rings and
+    spokes. blocks: residual blocks on the coarsest level; the other levels have one down and one up.
     """
 
     def __init__(self, inputs, outputs, channels, blocks=3):
@@ -126,7 +126,7 @@ class PolarUNet(nn.Module):
         self.up = nn.ModuleList(PolarBlock(fine) for fine, _ in pairs)
 
     def forward(self, x, modulate=lambda x: x):
-        """modulate: applied to the first features of each level on the way down."""
+        """modulate changes the first features of each level on the way down."""
         x, kept = modulate(self.stem(x.contiguous(memory_format=torch.channels_last))), []
         for block, coarser in zip(self.down, self.coarser):
             kept.append(block(x))
@@ -138,8 +138,7 @@ class PolarUNet(nn.Module):
 
 
 class ConditionedUNet(PolarUNet):
-    """The polar U-Net with a scale and a shift of every channel, level by level, from conditions (B, n):
-    FiLM layers."""
+    """The polar U-Net with FiLM layers: conditions (B, n) scale and shift every channel of every level."""
 
     def __init__(self, inputs, outputs, conditions, channels, blocks):
         super().__init__(inputs, outputs, channels, blocks)
@@ -159,7 +158,7 @@ class ConditionedUNet(PolarUNet):
 
 
 def disk_of(z, faces):
-    """The `Disk` of z (V,) and faces (F, 3): one that is there already, if networks used it lately."""
+    """The `Disk` of z (V,) and faces (F, 3); the last four are kept, with all that was found out about them."""
     return _disk_of(np.asarray(z, complex).tobytes(), np.asarray(faces, np.int64).tobytes())
 
 
@@ -177,10 +176,10 @@ def holding(disk, network):
 
 
 class DiskNetwork(nn.Module):
-    """A network with a mesh of its own that is used on any disk mesh: coefficients in, maps out, both resampled.
+    """A network that maps coefficients to maps on a mesh of its own, and serves any disk mesh by resampling both.
 
-    A subclass offers `pixels`, complex points (P,) at which it wants mu, and `run(mu (P,), **options)`, which gives
-    the map as a function of points of the disk.
+    A subclass offers `pixels`, the points (P,) where it takes mu, and `run(mu (P,), **options)`, which returns the map
+    as a function of points of the disk.
     """
 
     @inference
@@ -198,10 +197,10 @@ class DiskNetwork(nn.Module):
 
 
 class CoefficientNetwork(nn.Module):
-    """A network that is asked for mu: landmarks on any disk mesh in, mu on its faces out.
+    """A network that maps landmarks on any disk mesh to mu on its faces.
 
-    A subclass offers `answer(problem, weights, **options)`, mu (F,) of a `Problem`; and `usual`, the `Weights` that it
-    takes where a call names none.
+    A subclass offers `answer(problem, weights, **options)`, which returns mu (F,) of a `Problem`, and `usual`, the
+    `Weights` of calls that name none.
     """
 
     usual = Weights()
@@ -224,9 +223,9 @@ class CoefficientNetwork(nn.Module):
 
 
 class PolarFunction:
-    """The map f(z) = z q(z), q complex values (rings, spokes) at the radii 1/rings ... 1, bilinear in radius and angle.
+    """The map f(z) = z q(z) of values q (rings, spokes) at the radii 1/rings ... 1, bilinear in radius and angle.
 
-    Within the first ring the values of that ring hold. (Cubic interpolation is no more accurate and takes longer.)
+    Inside the first ring q has that ring's values. Cubic interpolation is no more accurate and takes longer.
     """
 
     def __init__(self, q):
@@ -240,10 +239,7 @@ class PolarFunction:
 
 
 def output_shapes(parts, run):
-    """What modules hand on during run(), in order: (name, module, its output's shape in words, without the batch).
-
-    parts: pairs (name, module).
-    """
+    """A row (name, module, shape in words) for each output of `parts`, pairs (name, module), during run(), in order."""
     rows = []
 
     def note(name):
