@@ -16,7 +16,7 @@ TABLE = {
         "summary",
     ],
     "run": ["benchmark"],
-    "runs": ["FRONT", "RUNS", "Run"],
+    "runs": ["RUNS", "Run"],
     "yardstick": ["floors"],
 }
 
