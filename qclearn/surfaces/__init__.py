@@ -12,7 +12,7 @@ TABLE = {
         "grey_levels",
         "resolved_share",
     ],
-    "side": ["Side"],
+    "side": ["Side", "laid_out"],
 }
 
 __getattr__, __dir__, __all__ = offer(__name__, TABLE)
