@@ -13,7 +13,7 @@ TABLE = {
     "generations": ["GENERATION"],
     "intersections": ["self_intersections"],
     "realism": ["low_pass_curvature", "realism", "score"],
-    "subjects": ["UNNUMBERED", "load_cortex", "save_cortex"],
+    "subjects": ["load_cortex", "save_cortex"],
     "training": ["DATA_POINTS", "TRAINING_SEEDS", "Fields", "Pairs", "SolvedFields", "SquareFields"],
 }
 

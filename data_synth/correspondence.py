@@ -4,7 +4,6 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from data_synth.cortex import require_one_generation
-from qclearn.plane.lookup import interpolate
 from qclearn.surfaces.curvature import sulcal_depth
 
 CANDIDATES = (6, 40)
@@ -19,7 +18,7 @@ def correspondence(a, b):
     """
     require_one_generation([a, b])
     places = locate_on_sphere(b.template, b.surface.faces, a.template)
-    return interpolate(b.surface.vertices, b.surface.faces, *places)
+    return at_places(b.surface.vertices, b.surface, places)
 
 
 def depth_correlation(a, b):
@@ -30,8 +29,14 @@ def depth_correlation(a, b):
     """
     require_one_generation([a, b])
     places = locate_on_sphere(b.template, b.surface.faces, a.template)
-    there = interpolate(sulcal_depth(b.surface), b.surface.faces, *places)
+    there = at_places(sulcal_depth(b.surface), b.surface, places)
     return float(np.corrcoef(sulcal_depth(a.surface), there)[0, 1])
+
+
+def at_places(values, surface, places):
+    """Per-vertex values (V, ...) of a surface, linear in each face, at places (face, weights) that were located."""
+    face, weights = places
+    return np.einsum("pk,pk...->p...", weights, values[surface.faces[face]])
 
 
 def locate_on_sphere(template, faces, points):

@@ -4,8 +4,8 @@ import numpy as np
 from scipy import sparse
 
 from data_synth.cortex import vertex_normals
-from qclearn.plane.beltrami import cotangent_stiffness
 from qclearn.plane.linear import factorise
+from qclearn.plane.triangles import cotangent_stiffness
 
 
 def smooth(surface, values, length, steps=3):

@@ -24,7 +24,7 @@ from qclearn.files.provenance import commit
 from qclearn.registration import suspect
 from qclearn.registration.landmarkfile import check_curves
 from qclearn.registration.preparation import Sides
-from qclearn.surfaces.side import laid_out
+from qclearn.surfaces.conformal import laid_out
 
 VERTICES, CASES = 3000, 20  # of the synthetic subjects; of each mistake, and ten times as many good ones
 WORDS = {

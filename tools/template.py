@@ -35,8 +35,8 @@ from qclearn.registration.features import FOLDS
 from qclearn.registration.landmarks import curve_distance, curves_in_space
 from qclearn.registration.metrics import correspondence_measures, near_curves
 from qclearn.registration.problem import DELTA, Weights
+from qclearn.surfaces.conformal import Side
 from qclearn.surfaces.curvature import curvature_image
-from qclearn.surfaces.side import Side
 
 ROUNDS = 6
 NEAR = 10.0  # mm along the surface: what counts as near a sulcus

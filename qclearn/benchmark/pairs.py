@@ -22,8 +22,8 @@ from ..registration.landmarks import POINTS_PER_CURVE, curves_of_both
 from ..registration.preparation import Sides, align, distinct_landmarks, sample_side
 from ..registration.problem import Problem
 from ..registration.register import load
+from ..surfaces.conformal import Side, laid_out
 from ..surfaces.curvature import mean_curvature, sulcal_depth
-from ..surfaces.side import Side, laid_out
 from ..surfaces.surface import mirror
 
 # The seed of the control: the one that the paper's CP-Net is trained for. It is among the subjects that the networks

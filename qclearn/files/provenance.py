@@ -1,15 +1,12 @@
 """Where figures come from: the code's commit, the machine, the versions, the surfaces."""
 
 import contextlib
-import hashlib
 import platform
 import subprocess
 import sys
 from datetime import date
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-
-import numpy as np
 
 
 def commit():
@@ -48,25 +45,13 @@ def versions(*packages):
     return found
 
 
-def fingerprint(surface):
-    """`{"vertices": V, "sha256": hex}` of a surface: what landmarks files and reports know it by.
-
-    The hash is over the vertices (V, 3) as little-endian float32, which is what most formats store, and the faces
-    (F, 3) as little-endian int64, so that a surface has one hash in all formats that keep the order of its vertices.
-    """
-    with np.errstate(over="ignore"):  # beyond float32 all are infinite
-        digest = hashlib.sha256((surface.vertices.astype("<f4") + np.float32(0)).tobytes())  # + 0: one zero, not two
-    digest.update(surface.faces.astype("<i8").tobytes())
-    return {"vertices": len(surface.vertices), "sha256": digest.hexdigest()}
-
-
 def origin(inputs, curves, command):
     """What report.json keeps of where it comes from: `inputs`, `landmarks` (a whole landmarks file), `versions`,
     `command`.
 
     inputs: side -> (path, surface as read); curves: the landmarks as given; command: the words of the command line.
     """
-    marks = {side: fingerprint(surface) for side, (_, surface) in inputs.items()}
+    marks = {side: surface.fingerprint for side, (_, surface) in inputs.items()}
     return {
         "inputs": {side: {"path": path} | marks[side] for side, (path, _) in inputs.items()},
         "landmarks": {"curves": curves["curves"] if isinstance(curves, dict) else curves, "surfaces": marks},

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..files.provenance import fingerprint
 from ..registration.features import FOLDS, FeatureError, check_values
 from ..surfaces.surface import Surface, SurfaceError, require_disk, require_outward
 from .kept import TemplateError
@@ -94,7 +93,7 @@ def check_features(features, named):
 
 def key_of(surface, given):
     """What a subject is known by: a hash of its surface and of its own maps."""
-    digest = hashlib.sha256(fingerprint(surface)["sha256"].encode())
+    digest = hashlib.sha256(surface.fingerprint["sha256"].encode())
     for name in sorted(given):
         digest.update(name.encode() + np.ascontiguousarray(given[name], "<f8").tobytes())
     return digest.hexdigest()[:24]

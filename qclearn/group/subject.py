@@ -9,13 +9,12 @@ from ..plane.bijectivity import BijectivityError
 from ..plane.disk import Disk
 from ..plane.mobius import mobius
 from ..registration.checked import bijective_fit
-from ..registration.features import FOLDS, FeatureError, Features, Smoothing, standardised
+from ..registration.features import FOLDS, SCALE, FeatureError, Features, Smoothing, mobius_by_features, standardised
 from ..registration.ladder import LEVELS
 from ..registration.problem import Problem
-from ..registration.search import SCALE, mobius_by_features
 from ..registration.suspect import disagreeing, strong_distortion, switched_rows
+from ..surfaces.conformal import laid_out, mended, moved
 from ..surfaces.curvature import mean_curvature, sulcal_depth
-from ..surfaces.side import laid_out, mended, moved
 
 SCALES = sorted({level.sigma for level in LEVELS if level.sigma} | {SCALE})  # of the features that are compared
 COMPUTED = dict(zip(FOLDS, (sulcal_depth, mean_curvature)))

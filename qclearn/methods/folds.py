@@ -7,7 +7,7 @@ from ..registration.checked import bijective_fit
 from ..registration.features import FOLDS, check_features, featured
 from ..registration.preparation import laid_upon, sampled
 from ..registration.problem import DELTA, LandmarkError, Problem, Weights
-from ..surfaces.side import mended
+from ..surfaces.conformal import mended
 from .solver import report
 
 

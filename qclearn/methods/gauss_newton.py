@@ -7,8 +7,7 @@ from threadpoolctl import threadpool_limits
 
 from ..plane.coefficients import bounded, unbounded
 from ..plane.grids import COARSE, FINE, polar
-from ..registration.certified import exact_map
-from ..registration.fit import fit_problem
+from ..registration.fit import exact_map, fit_problem
 from ..registration.ladder import Climb, Level, aligned, climbed, few
 from ..registration.problem import Weights
 from .solver import report

@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 from ..plane.grids import FINE, polar
-from ..registration.certified import exact_map, moved_map
 from ..registration.checked import guarded_map, predicted
+from ..registration.fit import exact_map, moved_map
 from ..registration.problem import Weights
 from ..registration.register import load as network
 from .gauss_newton import few_steps

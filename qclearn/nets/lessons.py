@@ -6,9 +6,9 @@ from itertools import count
 import numpy as np
 import torch
 
+from ..plane.beltrami import solve_beltrami_disk
 from ..plane.grids import POWER
 from ..plane.mobius import mobius, mobius_inverse
-from ..plane.solver import solve_beltrami_disk
 from ..registration.fit import fit_problem
 from ..registration.metrics import measured_losses
 from ..registration.problem import Problem, Weights

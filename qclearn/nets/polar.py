@@ -18,8 +18,8 @@ from torch.autograd import forward_ad
 
 from ..plane.checks import BeltramiError
 from ..plane.disk import Disk
-from ..plane.freeboundary import LOST_STEP, SMALLEST_STEP
 from ..plane.grids import polar_disk
+from ..plane.solver import LOST_STEP, SMALLEST_STEP
 from .polarcg import Preconditioner, Solve, Stencil
 
 # Corners of a face at the ends of its spoke, its arc and its diagonal edge, see the order of faces in `polar_disk`.

@@ -13,8 +13,8 @@ from ..registration.landmarkfile import check_curves
 from ..registration.landmarks import curves_of_both, fundus_metric, fundus_path, sample_curve
 from ..registration.preparation import align
 from ..registration.problem import Problem
+from ..surfaces.conformal import Side, laid_out
 from ..surfaces.curvature import AreaRadius, area_radius
-from ..surfaces.side import Side, laid_out
 from ..surfaces.surface import Surface, mirror
 
 # CP-Net is trained for maps on this mesh. On another one the same mu gives another map: at a large gamma that

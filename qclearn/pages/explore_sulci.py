@@ -10,8 +10,8 @@ from scipy import sparse
 from ..plane.grids import COARSE
 from ..registration.fit import fit_problem
 from ..registration.metrics import measured_losses
+from ..surfaces.conformal import Side
 from ..surfaces.curvature import grey_levels, mean_curvature
-from ..surfaces.side import Side
 from ..surfaces.surface import Surface
 from .examples import CORTICES, cortices, courses_problem
 from .live import Live, as_pairs

@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..registration.certified import CertifiedMap, exact_map
 from ..registration.checked import gamma_words, predicted
 from ..registration.features import FINEST
-from ..registration.fit import fit_problem, fit_registration
+from ..registration.fit import CertifiedMap, exact_map, fit_problem, fit_registration
 from ..registration.ladder import SETTLED, WORTH, Level, guided
 from ..registration.metrics import measured_losses
 from ..registration.problem import LandmarkError, Weights

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..plane.disk import Disk
-from ..registration.certified import exact_map
+from ..registration.fit import exact_map
 from .cells import drawn, picture_html
 from .examples import Example
 from .fitstates import fit_state, sentences, states_figure

@@ -93,3 +93,19 @@ def _interior(disk, some):
     marked[disk.faces[some]] = True
     marked[disk.loop] = False
     return marked
+
+
+def unfold(solver, f):
+    """A solver's last map f (V,), after a Möbius map or not, mended by row switching: (f, vertices of switched rows).
+
+    The mean-value rows take the triangles' lengths in the metric of mu. Not certified: a map may stay folded.
+    """
+    disk = solver.disk
+    picture = disk.at(f)
+    if not len(picture.flipped):
+        return f, np.zeros(0, int)
+    corners = disk.z[disk.faces]
+    sides = np.roll(corners, -1, axis=1) - np.roll(corners, -2, axis=1)
+    lengths = abs(sides + solver.mu[:, None] * sides.conj())
+    picture, rows, _ = repair(disk.stiffness(solver.mu), picture, lengths)
+    return picture.z.copy(), rows

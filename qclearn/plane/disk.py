@@ -12,7 +12,7 @@ from scipy import sparse
 from .checks import BeltramiError, check_coefficient, check_faces, check_map, check_mesh, planar_points
 from .coefficients import diffuse
 from .linear import assemble
-from .lookup import FEW, Lookup, interpolate, pairs
+from .lookup import Lookup, pairs
 
 TINY = 1e-300
 OF_FACES = ("loop", "open_halfedges", "across")  # what depends on the faces alone, and pictures share
@@ -113,10 +113,7 @@ class Disk:
             raise BeltramiError(
                 f"points {unknown[:5].tolist()} are not finite: they lie nowhere in the mesh; leave them out"
             )
-        corners, wanted = pairs(self.z[self.faces]), pairs(points)
-        low, high = wanted.min(0, initial=np.inf), wanted.max(0, initial=-np.inf)
-        near = np.flatnonzero(((corners.max(1) >= low) & (corners.min(1) <= high)).all(1))
-        return Lookup(self, near if len(near) < FEW * len(self.faces) else None)(points)
+        return self.lookup.once(points)
 
     def sampling(self, points: Complex[ndarray, " P"]) -> Float[sparse.csr_array, " P V"]:
         """The sparse real matrix that evaluates piecewise linear functions of the mesh at points (P,)."""
@@ -126,8 +123,9 @@ class Disk:
         return sparse.csr_array((weights.ravel(), (rows, columns)), shape=(len(weights), len(self.z)))
 
     def interpolate(self, values, places):
-        """Per-vertex values (V, ...) at places (face, weights) that `locate` or `lookup` found, (P, ...)."""
-        return interpolate(values, self.faces, *places)
+        """Per-vertex values (V, ...) at places (face, weights) that `locate` or `lookup` found, linear in each face."""
+        face, weights = places
+        return np.einsum("pk,pk...->p...", weights, np.asarray(values)[self.faces[face]])
 
     def stiffness(self, mu: Complex[ndarray, " F"]) -> Float[sparse.csc_array, " V V"]:
         """`K(mu)_ij = sum_T |T| grad phi_i . A(mu_T) grad phi_j`, positive semi-definite; |mu| < 1."""

@@ -13,35 +13,47 @@ INSET = 1e-4  # share of the radius that points moved onto the boundary polygon 
 
 
 class Lookup:
-    """Where points lie in one `Disk`, for many questions: `lookup(points)` as `locate`, its search trees kept.
+    """Where points lie in one `Disk`: (face, barycentric coordinates), its search trees kept. Nothing is checked.
 
-    near: the few faces in which points can lie, None for all. Nothing is checked.
     `lookup(points, guess)` tries the faces `guess` (P,) first, and their neighbours: soon done where points have moved
-    little since they were found there. Without, it begins at the nearest vertices.
+    little since they were found there. Without, it begins at the nearest vertices. `once` is for a single question.
     """
 
-    def __init__(self, disk, near=None):
-        self.disk, self.z, self.faces, self.near = disk, disk.z, disk.faces, near
-
-    @cached_property
-    def tree(self):
-        """The search tree of the faces: what takes the longest to build, and not needed where all ways lead on."""
-        faces = self.faces if self.near is None else self.faces[self.near]
-        return shapely.STRtree(shapely.polygons(pairs(self.z[faces])))
+    def __init__(self, disk):
+        self.disk, self.z, self.faces = disk, disk.z, disk.faces
 
     def __call__(self, points, guess=None):
-        if guess is None and self.near is None:
-            guess = self._nearby(points)
-        inside = np.full(len(points), LOST) if guess is None else self._walk(points, guess)
+        inside = self._walk(points, self._nearby(points) if guess is None else guess)
         lost = np.flatnonzero(inside == LOST)
         if len(lost):
-            hit, face = self.tree.query(shapely.points(pairs(points[lost])), predicate="intersects")
-            inside[lost[hit]] = face if self.near is None else self.near[face]
+            hit, face = self._tree.query(shapely.points(pairs(points[lost])), predicate="intersects")
+            inside[lost[hit]] = face
+        return self._weighed(points, inside)
+
+    def once(self, points):
+        """The same without a search tree of the whole mesh, where few of its faces come near the points."""
+        corners, wanted = pairs(self.z[self.faces]), pairs(points)
+        low, high = wanted.min(0, initial=np.inf), wanted.max(0, initial=-np.inf)
+        near = np.flatnonzero(((corners.max(1) >= low) & (corners.min(1) <= high)).all(1))
+        if len(near) >= FEW * len(self.faces):
+            return self(points)
+        inside = np.full(len(points), LOST)
+        hit, face = shapely.STRtree(shapely.polygons(corners[near])).query(shapely.points(wanted), "intersects")
+        inside[hit] = near[face]
+        return self._weighed(points, inside)
+
+    def _weighed(self, points, inside):
+        """The faces and weights of points (P,); those in none are first moved onto the boundary polygon."""
         outside = np.flatnonzero(inside < 0)
         if len(outside):
             points = points.copy()
             inside[outside], points[outside] = self._project_radially(points[outside])
         return inside, _barycentric(self.z[self.faces[inside]], points)
+
+    @cached_property
+    def _tree(self):
+        """The search tree of the faces: what takes the longest to build, and not needed where all ways lead on."""
+        return shapely.STRtree(shapely.polygons(pairs(self.z[self.faces])))
 
     def _walk(self, points, face):
         """The faces that hold points (P,), found from `face` (P,) across edges in a few steps; or LOST, or BEYOND."""
@@ -100,12 +112,6 @@ class Lookup:
         gap = 1 - s * radius  # between the chord and the arc: none at a boundary vertex
         s = s * (1 - INSET * np.clip(np.divide(1 - radius, gap, out=np.zeros_like(gap), where=gap > 0), 0, 1))
         return face[k], s * points
-
-
-def interpolate(values, faces, face, weights):
-    """Per-vertex values (V, ...) at places in a mesh, (P, ...), linear in each face; the places as `locate` gives
-    them."""
-    return np.einsum("pk,pk...->p...", weights, np.asarray(values)[np.asarray(faces)[face]])
 
 
 def pairs(z):

@@ -1,6 +1,11 @@
-"""Measures of triangles, of planar and of spatial meshes: lengths and angles."""
+"""Triangles by their corners, in the plane or in space: lengths, angles, and the stiffness of a surface."""
 
 import numpy as np
+from jaxtyping import Float, Integer
+from numpy import ndarray
+from scipy import sparse
+
+from .linear import assemble
 
 
 def edge_lengths(corners):
@@ -15,3 +20,17 @@ def corner_angles(lengths):
     # Half-angle form: accurate for slivers, where the law of cosines cancels.
     upper, lower = opposite**2 - (left - right) ** 2, (left + right) ** 2 - opposite**2
     return 2 * np.arctan2(np.sqrt(np.maximum(upper, 0)), np.sqrt(np.maximum(lower, 0)))
+
+
+def cotangent_stiffness(
+    vertices: Float[ndarray, " V 3"], faces: Integer[ndarray, " F 3"]
+) -> Float[sparse.csc_array, " V V"]:
+    """The surface's own stiffness matrix, sparse (V, V): off-diagonal entries `-(cot a + cot b)/2`.
+
+    It equals K(mu) of any embedding of the surface with Beltrami coefficient mu: no embedding is needed.
+    """
+    corners = np.asarray(vertices, float)[faces]
+    edges = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)  # edge k lies opposite corner k
+    area = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    blocks = np.einsum("fia,fja->fij", edges, edges) / (4 * area[:, None, None])
+    return assemble(np.asarray(faces), blocks, len(vertices))

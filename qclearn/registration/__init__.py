@@ -3,10 +3,9 @@
 from ..lazy import offer
 
 TABLE = {
-    "certified": ["exact_map"],
     "checked": ["guarded_map"],
     "features": ["FINEST", "FOLDS", "Feature", "check_features", "featured"],
-    "fit": ["OVERFITS", "fit_problem"],
+    "fit": ["OVERFITS", "exact_map", "fit_problem"],
     "ladder": ["GUIDING_DELTA", "GUIDING_GAMMA", "LEVELS", "Climb", "Level", "climbed", "guided"],
     "landmarkfile": ["check_curves"],
     "landmarks": ["curve_distance", "curves_in_space"],

@@ -14,8 +14,7 @@ import numpy as np
 import shapely
 
 from ..plane.bijectivity import BijectivityError
-from .certified import exact_map, moved_map
-from .fit import ROUNDING, fit_problem, fit_registration
+from .fit import ROUNDING, exact_map, fit_problem, fit_registration, moved_map
 from .landmarks import detect_curves
 from .metrics import measured_losses
 

@@ -14,10 +14,11 @@ from operator import itemgetter
 import numpy as np
 from scipy import sparse
 
+from ..plane.bijectivity import unfold
 from ..plane.coefficients import bounded_pullback
 from ..plane.linear import factorise
 from ..plane.mobius import compose_mobius, mobius, mobius_slope
-from ..plane.solver import DiskSolver, unfold
+from ..plane.solver import DiskSolver
 from ..plane.tangent import Tangent
 from .steps import DirectStep, DualStep, FeatureStep
 from .terms import LandmarkTerm

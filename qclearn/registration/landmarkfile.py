@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ..files.provenance import fingerprint
 from ..files.safe import is_plain_name, read_bytes
 from ..surfaces.surface import SurfaceError, mirror
 from .landmarks import check_path
@@ -109,16 +108,16 @@ def check_surfaces(stated, moving, control):
             )
             raise LandmarkError(
                 f"the landmarks were made for another {side} surface ({_stated(wanted)}; this one has "
-                f"{_stated(fingerprint(surfaces[side]))}): {hint}"
+                f"{_stated(surfaces[side].fingerprint)}): {hint}"
             )
 
 
 def _is_one(wanted, surface):
-    own = fingerprint(surface)
+    own = surface.fingerprint
     if wanted.get("vertices", own["vertices"]) != own["vertices"]:
         return False
     wanted = wanted.get("sha256", own["sha256"])
-    return wanted == own["sha256"] or wanted == fingerprint(mirror(surface))["sha256"]
+    return wanted == own["sha256"] or wanted == mirror(surface).fingerprint["sha256"]
 
 
 def _stated(mark):

@@ -7,12 +7,11 @@ import numpy as np
 from scipy.sparse import vstack
 
 from ..plane.mobius import best_mobius
-from ..surfaces.side import Side, moved
+from ..surfaces.conformal import Side, moved
 from .checked import guarded_curves
-from .features import FeatureError, Features
+from .features import FeatureError, Features, mobius_by_features
 from .landmarks import POINTS_PER_CURVE, detect_curves, resample, sample_curve
 from .problem import LandmarkError, Problem, distinct, meeting
-from .search import mobius_by_features
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from jaxtyping import Complex, Float, Integer
 from numpy import ndarray
 from tqdm import tqdm
 
-from ..surfaces.side import laid_out
+from ..surfaces.conformal import laid_out
 from ..surfaces.surface import Surface, require_disk, require_outward
 from .checked import TOLERANCE, bijective_fit, gamma_words, guarded_map, predicted
 from .features import FOLDS, check_features, featured
@@ -103,7 +103,7 @@ def register(
 
     curves: the landmarks file as read from JSON, `{"curves": [{"name", "moving", "control"}, ...]}` with vertex
     indices (two on a side are endpoints and that side's curve is detected, unless "detect" is false), or its list. A
-    file that names its "surfaces" is refused for others (`fingerprint` in provenance.py says by what they are known).
+    file that names its "surfaces" is refused for others (`Surface.fingerprint` says by what they are known).
     features: per-vertex maps that shall lie on each other between the curves: "depth" and "curvature" are computed, a
     pair of arrays (V,) and (W,) is the user's own, and (pair, weight) counts otherwise than 1; None: landmarks alone,
     the paper's setting. With features, curves may be empty. hold_out: names of curves that take no part in the fit and

@@ -3,6 +3,8 @@
 import numpy as np
 from scipy import sparse
 
+from .features import Image
+
 TANGENTIAL_WEIGHT = 0.1  # of a sliding landmark's residual along its target curve
 
 
@@ -49,23 +51,6 @@ class LandmarkTerm:
         turn, along, across = (part.reshape(shape) for part in (self.tangent.conj(), *self.weights))
         rows = along * (turn.real * by_re - turn.imag * by_im), across * (turn.imag * by_re + turn.real * by_im)
         return np.sqrt(gamma / self.count) * np.concatenate(rows)
-
-
-class Image:
-    """The control's features (W, C) at one scale on its `Disk`, at places that the disk's lookup found."""
-
-    def __init__(self, disk, values):
-        self.disk, self.values = disk, values
-        # Slopes are averaged to the vertices: not the derivative of the interpolant, but one without its jumps.
-        self.by_vertex = disk.to_vertices @ np.einsum("fk,fkc->fc", disk.gradients, values[disk.faces])
-
-    def at(self, places):
-        """Values (P, C)."""
-        return self.disk.interpolate(self.values, places)
-
-    def slopes(self, places):
-        """Complex gradients (P, C)."""
-        return self.disk.interpolate(self.by_vertex, places)
 
 
 class FeatureTerm:

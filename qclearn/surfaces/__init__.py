@@ -3,6 +3,7 @@
 from ..lazy import offer
 
 TABLE = {
+    "conformal": ["Side", "laid_out"],
     "curvature": [
         "CLOSING_CELL",
         "CLOSING_RADIUS",
@@ -12,7 +13,6 @@ TABLE = {
         "grey_levels",
         "resolved_share",
     ],
-    "side": ["Side", "laid_out"],
 }
 
 __getattr__, __dir__, __all__ = offer(__name__, TABLE)

@@ -10,9 +10,9 @@ from jaxtyping import Complex, Float
 from numpy import ndarray
 from scipy.sparse import coo_array
 
-from ..plane.beltrami import cotangent_stiffness
 from ..plane.disk import Disk
 from ..plane.grids import pixel_centres
+from ..plane.triangles import cotangent_stiffness
 from .checks import frozen
 from .surface import Surface, SurfaceError
 

@@ -1,5 +1,6 @@
 """Triangulated surfaces: validated once, immutable afterwards, with the topology that everything else asks for."""
 
+import hashlib
 from collections.abc import Mapping
 from functools import cached_property
 
@@ -79,6 +80,18 @@ class Surface:
         if len(self.boundary_loops) != 1:
             raise SurfaceError(_loops_message(self))
         return self.boundary_loops[0]
+
+    @cached_property
+    def fingerprint(self) -> dict:
+        """`{"vertices": V, "sha256": hex}`: what landmarks files and reports know the surface by.
+
+        The hash is over the vertices (V, 3) as little-endian float32, which is what most formats store, and the faces
+        (F, 3) as little-endian int64: the same in all formats that keep the order of the vertices.
+        """
+        with np.errstate(over="ignore"):  # beyond float32 all are infinite
+            digest = hashlib.sha256((self.vertices.astype("<f4") + np.float32(0)).tobytes())  # + 0: one zero, not two
+        digest.update(self.faces.astype("<i8").tobytes())
+        return {"vertices": len(self.vertices), "sha256": digest.hexdigest()}
 
     @property
     def euler_characteristic(self) -> int:

@@ -19,14 +19,13 @@ from qclearn.plane.coefficients import bounded
 from qclearn.plane.grids import COARSE, FINE, polar
 from qclearn.plane.mobius import best_mobius, mobius
 from qclearn.plane.solver import DiskSolver
-from qclearn.registration.certified import exact_map, moved_map
 from qclearn.registration.checked import predicted
-from qclearn.registration.fit import fit_problem
+from qclearn.registration.fit import exact_map, fit_problem, moved_map
 from qclearn.registration.ladder import Climb, few
 from qclearn.registration.landmarks import sample_curve
 from qclearn.registration.metrics import measured_losses
 from qclearn.registration.problem import Problem, Weights, distinct
-from qclearn.surfaces.side import laid_out
+from qclearn.surfaces.conformal import laid_out
 
 MESH = polar(*FINE)
 POINTS = 10  # on each curve

@@ -17,7 +17,7 @@ import qclearn as qc
 from data_synth.cohort import hemispheres
 from qclearn.nets import WeightsError, load
 from qclearn.registration.landmarks import curve_distance, curves_in_space, detect_curves
-from qclearn.surfaces.side import laid_out
+from qclearn.surfaces.conformal import laid_out
 
 RESAMPLES = 2000
 
