@@ -10,6 +10,7 @@ TABLE = {
     "datasets": ["CurveDataset", "cached"],
     "fields": ["MAX_ABS", "ImageFolder", "dead_leaves", "random_coefficient", "smooth_coefficient"],
     "folding_measures": ["smooth"],
+    "generations": ["GENERATION"],
     "intersections": ["self_intersections"],
     "realism": ["low_pass_curvature", "realism", "score"],
     "subjects": ["load_cortex", "save_cortex"],

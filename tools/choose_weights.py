@@ -16,7 +16,6 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
-from qclearn.plane.diskmesh import Lookup
 from threadpoolctl import threadpool_limits
 
 from data_synth.generations import GENERATION
@@ -25,7 +24,7 @@ from qclearn.benchmark.measured import write_measured
 from qclearn.benchmark.pairs import CONTROL, cohort_pair, mapped_subject, prepare
 from qclearn.benchmark.trial import map_figures
 from qclearn.files.provenance import provenance
-from qclearn.methods.folds import features_of
+from qclearn.methods.folds import with_folds
 from qclearn.registration.checked import bijective_fit
 from qclearn.registration.problem import Weights
 
@@ -88,15 +87,15 @@ def pairs():
 
 def measured(name, pair, settings):
     """A row for each setting on one pair, whose landmarks and features are prepared once."""
-    prepared, lookup = prepare(pair), Lookup(pair.control.z, pair.control.surface.faces)
-    features = features_of(prepared.problem)
+    prepared = prepare(pair)
+    features = with_folds(prepared.problem).features
     for setting in settings:
         beta, gamma, delta, sliding = setting
         start = time.process_time()
         problem, weights = replace(prepared.problem, sliding=sliding), Weights(1.0, beta, gamma, delta)
         fit = bijective_fit(problem, weights, features=features if delta else None)
         seconds = time.process_time() - start
-        figures = map_figures(pair, prepared, fit.f, lookup, False)
+        figures = map_figures(pair, prepared, fit.f, pair.control.disk.lookup, False)
         row = {"setting": setting, "problem": name, "seconds": seconds, "fallbacks": fit.fallbacks}
         row |= {key: figures[key] for key in KEPT}
         print(json.dumps(row), flush=True)

@@ -25,7 +25,6 @@ from pathlib import Path
 import nibabel
 import numpy as np
 from forked import forked, read_options, tally  # beside this file
-from qclearn.plane.diskmesh import polar_disk
 
 import qclearn as qc
 from qclearn.files.meshes import SlitWarning
@@ -41,7 +40,7 @@ WORDS = [b"nan", b"inf", b"-inf", b"1e308", b"1e999", b"1.5", b"", b"0x1f", b"9"
 
 def bowl():
     """A disk of 49 vertices in space, with two curves."""
-    z, faces = polar_disk(4, 12)
+    z, faces = qc.polar_disk(4, 12)
     points = np.stack([z.real, z.imag, 0.6 * (1 - abs(z) ** 2)], axis=1) * 50
     return qc.Surface(points, faces, {"a": [0, 1, 13], "b": [5, 17]})
 
@@ -192,7 +191,7 @@ def crafted(sound, blocks=96):
 
 def sound_registration(path):
     """A registration.npz of the bowl onto itself, by a turn."""
-    z, faces = polar_disk(4, 12)
+    z, faces = qc.polar_disk(4, 12)
     write_registration(
         path, {"disk_map": z * np.exp(0.3j), "disk_control": z, "faces_moving": faces, "faces_control": faces}
     )

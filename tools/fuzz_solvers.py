@@ -19,9 +19,7 @@ from forked import forked, read_options, tally  # beside this file
 from scipy.spatial import Delaunay
 
 import qclearn as qc
-from qclearn.plane.bijectivity import check_bijective
-from qclearn.plane.disk import solve_beltrami_disk
-from qclearn.plane.mobius import mobius
+from qclearn.plane.disk import Disk
 from qclearn.registration.fit import ROUNDING
 from qclearn.registration.problem import Problem
 
@@ -107,8 +105,8 @@ def beltrami_case(rng):
             abs(centre) ** 6 * np.exp(2j * np.angle(centre)),
         ]
     )
-    f = solve_beltrami_disk(z, faces, mu)
-    return faces, f, check_bijective(z, faces, f).bijective, False
+    f = qc.solve_beltrami_disk(z, faces, mu)
+    return faces, f, qc.check_bijective(z, faces, f).bijective, False
 
 
 def lifted(rng, z):
@@ -151,14 +149,14 @@ def fit_case(rng):
         0.9 * np.sqrt(rng.uniform(size=m)) * np.exp(2j * np.pi * rng.uniform(size=m)),
     ][kind]
     fit = qc.fit_landmarks(z, faces, p, q, gamma=10.0 ** rng.uniform(2, 8))
-    return faces, fit.f, fit.bijective, above(Problem(z, faces, p, q), fit.f)
+    return faces, fit.f, fit.bijective, above(Problem(Disk(z, faces), p, q), fit.f)
 
 
 def above(problem, f):
     """Whether the mean squared landmark distance exceeds that of the best Moebius map, where that is a bijection."""
-    plain = mobius(problem.z, *problem.mobius)
+    plain = qc.mobius(problem.disk.z, *problem.mobius)
     best, found = ((abs(problem.samples @ w - problem.target) ** 2).mean() for w in (plain, f))
-    return bool(found > best * (1 + ROUNDING) + 1e-24) and is_embedding(problem.faces, plain)
+    return bool(found > best * (1 + ROUNDING) + 1e-24) and is_embedding(problem.disk.faces, plain)
 
 
 def register_case(rng):

@@ -9,7 +9,6 @@ import json
 from dataclasses import asdict
 
 import numpy as np
-from qclearn.plane.diskmesh import interpolate
 
 from data_synth.correspondence import locate_on_sphere
 from data_synth.cortex import grown
@@ -18,6 +17,7 @@ from data_synth.individual import Individual
 from data_synth.pattern import COUNT, FILE
 from data_synth.tessellation import fibonacci_sphere
 from qclearn.files.meshes import write_whole
+from qclearn.plane.lookup import interpolate
 from qclearn.surfaces.curvature import sulcal_depth
 
 VERTICES = 10_000

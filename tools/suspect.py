@@ -9,6 +9,7 @@ registered, for what their maps show. Writes qclearn/benchmark/kept/suspect.json
 how often the right word was said and the range of each value. Finished cases are kept and not run again.
 """
 
+import re
 import warnings
 from pathlib import Path
 
@@ -22,6 +23,8 @@ from qclearn.benchmark.measured import KEPT, read_measured, write_measured
 from qclearn.files.provenance import commit
 from qclearn.registration import suspect
 from qclearn.registration.landmarkfile import check_curves
+from qclearn.registration.preparation import Sides
+from qclearn.surfaces.conformal import laid_out
 
 VERTICES, CASES = 3000, 20  # of the synthetic subjects; of each mistake, and ten times as many good ones
 WORDS = {
@@ -100,15 +103,15 @@ def spoil(kind, rng, moving, control, curves):
 def readings(moving, control, entries):
     """What decides about mistakes: of each kind of reading the one that fits best, dict of dicts; and the words,
     list."""
-    disks = qc.disk_conformal_map(moving), qc.disk_conformal_map(control)
-    given = suspect.given_reading(*disks, entries)
+    sides = Sides(laid_out(moving), laid_out(control), entries, held=[])
+    given = suspect.given_reading(sides)
     found = {}
-    for other in [*suspect.of_surfaces(given, moving, control, *disks, entries), *suspect.of_order(given)]:
+    for other in [*suspect.of_surfaces(given, sides), *suspect.of_order(given)]:
         word = other.reason.split(":")[0] or ("reversed" if other.backwards.any() else "swapped")
         found[word] = min(
             found.get(word, {"better": np.inf}), suspect.compared(given, other), key=lambda one: one["better"]
         )
-    return {"readings": found, "mistakes": suspect.mistakes(moving, control, *disks, entries)}
+    return {"readings": found, "mistakes": suspect.mistakes(sides)}
 
 
 def outcome(result, moving):
@@ -116,6 +119,7 @@ def outcome(result, moving):
     report = result.report
     millimetres = [row["landmark_error_mm"] for row in report["curves"]]
     words = [word for word in report["fallbacks"] if not word.startswith(("moving: ", "control: "))]
+    switched = [int(count) for word in words for count in re.findall(r"(\d+) rows switched", word)]
     return {
         "suspect": report["suspect"],
         "bijective": report["bijective"],
@@ -123,7 +127,7 @@ def outcome(result, moving):
         "error_share": report["landmark_error"] / report["landmark_error_before"],
         "curve_mm": max(millimetres),
         "curve_ratio": float(max(millimetres) / np.median(millimetres)),
-        "rows": suspect.rows_switched(words) / len(moving.vertices),
+        "rows": max(switched, default=0) / len(moving.vertices),
         "strong_area": suspect.strong_share(moving, result.mu),
     }
 

@@ -30,11 +30,12 @@ from qclearn.group.members import members_of
 from qclearn.group.rounds import Group
 from qclearn.group.subject import alone
 from qclearn.group.workers import client_of
+from qclearn.plane.disk import Disk
 from qclearn.registration.features import FOLDS
 from qclearn.registration.landmarks import curve_distance, curves_in_space
 from qclearn.registration.metrics import correspondence_measures, near_curves
 from qclearn.registration.problem import DELTA, Weights
-from qclearn.registration.transfer import lift
+from qclearn.surfaces.conformal import Side
 from qclearn.surfaces.curvature import curvature_image
 
 ROUNDS = 6
@@ -61,7 +62,7 @@ def measure(options, folder):
         control, single, fits = one_control(subjects, folder, options.workers)
     ways = {
         "Möbius maps": (made.disks, made.disks[control]),
-        "one control": (fits, single.disk),
+        "one control": (fits, single.disk.z),
         "template": (made.disk_maps, made.disk_maps[control]),
     }
     figures = {
@@ -113,7 +114,7 @@ def one_control(subjects, folder, workers):
         group.kept, control = Folder(None, {}), group.median()
         first = alone(group.result(group.subjects[control], members[control]))
         used = group.used(group.register_all(first, 1, Weights(delta=DELTA)))
-        mean = group.average(first, used, first.disk)
+        mean = group.average(first, used, first.disk.z)
     return members[control].name, mean, {members[k].name: f for k, f in used.items()}
 
 
@@ -121,15 +122,15 @@ def against_truth(subjects, control, maps, back):
     """Means over the subjects of how far their vertices end from their true partners on the control, in mm, and their
     sulci from the control's. maps: name -> disk map; back: that of the control itself."""
     there, rows = subjects[control], []
-    wanted = curves_in_space(there.surface, back, [back[path] for path in there.curves.values()])
+    side = Side(there.surface, Disk(back, there.surface.faces))
+    wanted = curves_in_space(side, [back[path] for path in there.curves.values()])
     for name, f in maps.items():
         if name == control:
             continue
         one = subjects[name]
         near = near_curves(one.surface, list(one.curves.values()), NEAR)
-        points = lift(there.surface, back, f)
-        row = correspondence_measures(points, correspondence(one, there), near)
-        ends = curves_in_space(there.surface, back, [f[one.curves[curve]] for curve in there.curves])
+        row = correspondence_measures(side.lift(f), correspondence(one, there), near)
+        ends = curves_in_space(side, [f[one.curves[curve]] for curve in there.curves])
         rows.append(row | {"sulci_mm": float(np.mean([curve_distance(*pair) for pair in zip(ends, wanted)]))})
     return {key: float(np.mean([row[key] for row in rows])) for key in rows[0]}
 
@@ -138,9 +139,9 @@ def pictures(control, start, single, made):
     """Mean curvature on the disk, whose radius follows the area, in whole steps of the largest value shown; null
     outside. All ways in one scale."""
     kinds = {
-        "one subject": (control, single.disk, qc.mean_curvature(control)),
+        "one subject": (control, single.disk.z, qc.mean_curvature(control)),
         "Möbius maps": (start.surface, start.disk, start.maps["curvature"]),
-        "one control": (control, single.disk, single.values[:, FOLDS.index("curvature")]),
+        "one control": (control, single.disk.z, single.values[:, FOLDS.index("curvature")]),
         "template": (made.surface, made.disk, made.maps["curvature"]),
     }
     largest = float(np.quantile(abs(kinds["template"][2]), 0.98))

@@ -9,7 +9,7 @@ TABLE = {
     "problems": ["DISTANCES"],
     "results": ["compare_fronts", "compare_runs", "median_pair", "methods_and_oracles", "noted", "summary"],
     "run": ["benchmark"],
-    "runs": ["FRONT", "RUNS", "Run"],
+    "runs": ["RUNS", "Run"],
     "yardstick": ["floors"],
 }
 

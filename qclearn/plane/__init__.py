@@ -18,7 +18,7 @@ TABLE = {
         "from_square",
         "to_square",
     ],
-    "grids": ["POWER", "pixel_centres", "polar"],
+    "grids": ["pixel_centres", "polar"],
     "linear": ["Dirichlet"],
     "mobius": ["centring_mobius"],
     "triangles": ["corner_angles", "edge_lengths"],

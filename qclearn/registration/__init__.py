@@ -4,10 +4,9 @@ from ..lazy import offer
 
 TABLE = {
     "checked": ["guarded_map"],
-    "engine": ["Engine", "Setting"],
-    "features": ["FINEST", "FOLDS", "Feature", "Features", "check_features"],
+    "features": ["FINEST", "FOLDS", "Feature", "check_features", "featured"],
     "fit": ["OVERFITS", "exact_map", "fit_problem"],
-    "ladder": ["GUIDING_DELTA", "GUIDING_GAMMA", "LEVELS", "Climb", "Level", "climbed"],
+    "ladder": ["GUIDING_DELTA", "GUIDING_GAMMA", "LEVELS", "Climb", "Level", "climbed", "guided"],
     "landmarkfile": ["check_curves"],
     "landmarks": ["curve_distance", "curves_in_space"],
     "link": ["Link"],

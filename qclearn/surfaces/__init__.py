@@ -3,7 +3,7 @@
 from ..lazy import offer
 
 TABLE = {
-    "conformal": ["Side", "laid_out", "moved"],
+    "conformal": ["Side", "laid_out"],
     "curvature": [
         "CLOSING_CELL",
         "CLOSING_RADIUS",

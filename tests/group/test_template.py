@@ -16,7 +16,7 @@ from qclearn.group import subject as of
 from qclearn.group.kept import Folder
 from qclearn.group.members import members_of
 from qclearn.group.subject import Fitted, Mean, Shared, mean_of, onto
-from qclearn.plane.exactmaps import twist
+from exactmaps import twist
 from qclearn.registration import search
 from qclearn.registration.features import FeatureError
 from qclearn.registration.problem import Weights

@@ -15,7 +15,7 @@ from qclearn.methods.thin_plate import thin_plate
 from qclearn.plane.beltrami import solve_beltrami, solve_beltrami_disk
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.disk import Disk
-from qclearn.plane.exactmaps import moebius
+from exactmaps import moebius
 from qclearn.plane.grids import polar_disk
 from qclearn.plane.solver import DiskSolver
 from qclearn.registration import Problem

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from qclearn.registration.certified import exact_map
+from qclearn.registration.fit import exact_map
 
 from data_synth.training import DATA_POINTS, ControlPairs, Pairs
 from qclearn.nets import load

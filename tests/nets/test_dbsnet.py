@@ -13,7 +13,7 @@ from qclearn.nets.gauges import gauge_errors
 from qclearn.nets.layers import PolarPad
 from qclearn.nets.polar import two_steps
 from qclearn.nets.train import Process, TrainConfig, take_step
-from qclearn.plane import exactmaps
+import exactmaps
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import boundary_loop
 from qclearn.plane.fourier import fourier_coefficients

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 from known_surfaces import sphere
-from qclearn.surfaces.side import Side, laid_out
+from qclearn.surfaces.conformal import Side, laid_out
 from subjects import grown
 
 from data_synth.datasets import CurveDataset

@@ -23,7 +23,7 @@ from qclearn.nets.losses import (
 )
 from qclearn.plane.beltrami import solve_beltrami
 from qclearn.plane.disk import Disk
-from qclearn.plane.exactmaps import DISK_MAPS
+from exactmaps import DISK_MAPS
 from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.mobius import mobius
 from qclearn.plane.solver import DiskSolver

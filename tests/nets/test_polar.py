@@ -7,7 +7,7 @@ from meshes import random_mu
 
 from qclearn.nets.polar import PolarSolver
 from qclearn.plane.checks import BeltramiError
-from qclearn.plane.exactmaps import DISK_MAPS
+from exactmaps import DISK_MAPS
 from qclearn.plane.solver import DiskSolver
 
 pytestmark = pytest.mark.usefixtures("one_thread")

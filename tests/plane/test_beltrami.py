@@ -22,7 +22,7 @@ from qclearn.plane.beltrami import (
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.coefficients import compose_coefficients, diffuse, inverse_coefficient
 from qclearn.plane.disk import Disk, boundary_loop
-from qclearn.plane.exactmaps import (
+from exactmaps import (
     DISK_MAPS,
     RADIAL,
     SLIDING,

@@ -18,7 +18,7 @@ from qclearn.plane.bijectivity import (
 )
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import Disk, boundary_loop, integers
-from qclearn.plane.exactmaps import DISK_MAPS, SLIDING
+from exactmaps import DISK_MAPS, SLIDING
 from qclearn.plane.grids import polar_disk
 from qclearn.plane.triangles import edge_lengths
 

@@ -8,7 +8,7 @@ from meshes import random_disk
 
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import OF_FACES, Disk, boundary_loop
-from qclearn.plane.exactmaps import SLIDING
+from exactmaps import SLIDING
 from qclearn.plane.grids import polar_disk
 
 # The value.

@@ -10,7 +10,7 @@ from qclearn.plane.beltrami import BeltramiDiskSolver, beltrami_coefficient, sig
 from qclearn.plane.bijectivity import RepairWarning, check_bijective
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import Disk, boundary_loop
-from qclearn.plane.exactmaps import DISK_MAPS, SLIDING, SLIDING_THREE, TWIST, after, moebius
+from exactmaps import DISK_MAPS, SLIDING, SLIDING_THREE, TWIST, after, moebius
 from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.mobius import mobius
 from qclearn.surfaces.conformal import angle_distortion

@@ -6,7 +6,7 @@ import pytest
 from qclearn.plane.diskmesh import polar_disk
 
 from qclearn.plane.mobius import mobius
-from qclearn.registration.certified import exact_map, moved_map
+from qclearn.registration.fit import exact_map, moved_map
 from qclearn.registration.checked import fill, guarded_curves
 from qclearn.registration.landmarks import detect_curves
 from qclearn.registration.problem import Problem

@@ -17,7 +17,7 @@ from qclearn.plane.beltrami import beltrami_coefficient, signed_areas
 from qclearn.plane.bijectivity import check_bijective
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import solve_beltrami_disk
-from qclearn.plane.exactmaps import TWIST
+from exactmaps import TWIST
 from qclearn.plane.mobius import best_mobius, compose_mobius, mobius, mobius_inverse
 from qclearn.registration.engine import MOBIUS_PRIOR, GaussNewton, SurfaceGaussNewton
 from qclearn.registration.fit import fit_landmarks, fit_problem, start_field

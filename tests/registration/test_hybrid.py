@@ -10,14 +10,14 @@ from qclearn.registration.hybrid import LEVELS, Level, engine_of, fit_level, fit
 from qclearn.registration.normal import NormalEquations
 from scipy import sparse
 
-from qclearn.plane.exactmaps import TWIST
+from exactmaps import TWIST
 from qclearn.plane.mobius import compose_mobius, mobius, mobius_inverse
 from qclearn.registration import normal
 from qclearn.registration.engine import GaussNewton
 from qclearn.registration.features import Feature, Features
 from qclearn.registration.fit import fit_problem
 from qclearn.registration.problem import LandmarkError, Problem, Weights
-from qclearn.registration.search import mobius_by_features
+from qclearn.registration.features import mobius_by_features
 from qclearn.surfaces.surface import Surface
 
 CONTROL, MOVING = polar_disk(40, 120), square_disk(40)

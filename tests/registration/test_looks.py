@@ -9,7 +9,7 @@ from qclearn.plane.diskmesh import polar_disk, square_disk
 from qclearn.plane.mobius import best_mobius, mobius
 from qclearn.plane.spectrum import Spectrum
 from qclearn.registration import looks
-from qclearn.registration.certified import exact_map
+from qclearn.registration.fit import exact_map
 from qclearn.registration.engine import GaussNewton
 from qclearn.registration.fit import fit_problem
 from qclearn.registration.looks import Link, Looks, refit

@@ -21,7 +21,7 @@ from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import solve_beltrami_disk
 from qclearn.plane.mobius import best_mobius, compose_mobius, mobius
 from qclearn.registration import register as pipeline
-from qclearn.registration.certified import exact_map
+from qclearn.registration.fit import exact_map
 from qclearn.registration.fit import fit_landmarks, fit_problem
 from qclearn.registration.landmarks import detect_curves, sample_curve
 from qclearn.registration.problem import LandmarkError, Weights

@@ -9,26 +9,25 @@ import time
 from itertools import islice, pairwise
 
 import numpy as np
-from qclearn.plane.diskmesh import polar_disk, sampling_matrix
-from qclearn.plane.fields import bounded
 
-import qclearn as qc
 from data_synth.cohort import hemispheres
 from data_synth.fields import KINDS, random_coefficient
 from qclearn.benchmark.pairs import fsaverage_pair, prepare
 from qclearn.nets import WeightsError, load
 from qclearn.nets.networks import PAPER_GAMMAS
-from qclearn.plane.disk import BeltramiDiskSolver
+from qclearn.plane.coefficients import bounded
+from qclearn.plane.grids import COARSE, FINE, polar
 from qclearn.plane.mobius import best_mobius, mobius
-from qclearn.registration.certified import exact_map, moved_map
+from qclearn.plane.solver import DiskSolver
 from qclearn.registration.checked import predicted
-from qclearn.registration.engine import GaussNewton
-from qclearn.registration.fit import POWER, fit_problem
+from qclearn.registration.fit import exact_map, fit_problem, moved_map
+from qclearn.registration.ladder import Climb, few
 from qclearn.registration.landmarks import sample_curve
 from qclearn.registration.metrics import measured_losses
 from qclearn.registration.problem import Problem, Weights, distinct
+from qclearn.surfaces.conformal import laid_out
 
-MESH = polar_disk(32, 96, POWER)
+MESH = polar(*FINE)
 POINTS = 10  # on each curve
 EACH = 16  # problems of each kind
 LOOKS, TIMED = 7, 3  # at most, of those whose answers are measured, and whose times
@@ -76,8 +75,7 @@ def curves_of(seeds, vertices):
     """Each subject's named curves as landmarks of its disk, POINTS a curve by arc length: list of (M,) complex."""
     found = []
     for subject in hemispheres(seeds, vertices):
-        surface = subject.surface
-        z = qc.disk_conformal_map(surface)
+        surface, z = subject.surface, laid_out(subject.surface).disk.z
         found.append(np.concatenate([sample_curve(surface, path, POINTS) @ z for path in surface.curves.values()]))
     return found
 
@@ -85,17 +83,17 @@ def curves_of(seeds, vertices):
 def subjects(landmarks):
     """Problems of each subject against the next one."""
     for p, q in zip(landmarks, [*landmarks[1:], landmarks[0]]):
-        yield Problem(*MESH, *aligned(p, q))
+        yield Problem(MESH, *aligned(p, q))
 
 
 def scattered(rng):
     """Problems of 4 to 128 scattered points that a random map has moved."""
-    solver = BeltramiDiskSolver(*MESH)
+    solver = DiskSolver(MESH)
     while True:
         q = 0.95 * np.sqrt(rng.random(round(2 ** rng.uniform(2, 7))))
         q = q * np.exp(2j * np.pi * rng.random(len(q)))
-        f = solver.solve(random_coefficient(*MESH, rng, kind=rng.choice(KINDS), max_abs=(0.1, 0.6)))
-        yield Problem(*MESH, *aligned(sampling_matrix(*MESH, q) @ f, q))
+        f = solver.solve(random_coefficient(MESH, rng, kind=rng.choice(KINDS), max_abs=(0.1, 0.6)))
+        yield Problem(MESH, *aligned(MESH.sampling(q) @ f, q))
 
 
 def real(rng):
@@ -110,7 +108,7 @@ def real(rng):
         chosen = labels if number < 2 else rng.choice(labels, rng.integers(3, len(labels) + 1), replace=False)
         every = 1 if number < 2 else rng.integers(1, 3)
         some = np.flatnonzero(np.isin(problem.curve, chosen))[::every]
-        yield Problem(problem.z, problem.faces, problem.moving[some], problem.target[some])
+        yield Problem(problem.disk, problem.moving[some], problem.target[some])
 
 
 def aligned(p, q):
@@ -161,10 +159,10 @@ def measured(problem, weights, found):
 
 def stepped(problem, weights, steps=3):
     """The first Gauss-Newton steps by adjoint solves, from nu = 0 and at the whole gamma: (seconds so far, map)."""
-    start, mesh = time.process_time(), polar_disk(24, 72, POWER)
-    engine = GaussNewton(problem, mesh, weights)
-    to_faces = sampling_matrix(*mesh, problem.z[problem.faces].mean(1))
-    state = engine.at(np.zeros(len(mesh[0]), complex), problem.mobius)
+    start, mesh = time.process_time(), polar(*COARSE)
+    engine = Climb(problem).engine(few(steps, COARSE[0]), weights)
+    to_faces = mesh.sampling(problem.disk.centroids)
+    state = engine.at(np.zeros(len(mesh.z), complex), problem.mobius)
     for _ in range(steps):
         state = engine.step(state, weights.gamma) or state
         passed = time.process_time() - start
@@ -235,13 +233,13 @@ def printed(net, subjects, quick):
     rows, weights = [], Weights(1.0, 1.0, net.config.gamma)
     for moving in subjects[: 1 if quick else 12]:
         p, q = aligned(moving, net.targets.numpy().astype(complex))
-        problem = Problem(*MESH, p, q)
+        problem = Problem(MESH, p, q)
         fit = fit_problem(problem, weights)
         start = time.process_time()
-        mu = net.predict(*MESH, p, q)
+        mu = net.predict(MESH.z, MESH.faces, p, q)
         passed = time.process_time() - start
         answer = exact_map(problem, mu)
-        through = moved_map(problem, load("dbsnet", "paper").solve(*MESH, mu))
+        through = moved_map(problem, load("dbsnet", "paper").solve(MESH.z, MESH.faces, mu))
         losses = {name: measured(problem, weights, one)["L_CP"] for name, one in (("fit", fit), ("net", answer))}
         rows.append(
             {
@@ -268,20 +266,20 @@ def latency(net, problems, repeats=10):
     polar mesh, and "large" all of fsaverage5's on its own."""
     some = min(problems["other seeds"] + problems["scattered"], key=lambda problem: abs(len(problem.moving) - 40))
     large = problems["real"][0]
-    clock = {"landmarks": len(some.moving), "vertices": len(some.z)}
+    clock = {"landmarks": len(some.moving), "vertices": len(some.disk.z)}
     clock |= {f"looks_{looks}": milliseconds(net, some, looks, repeats) for looks in range(TIMED + 1)}
-    clock |= {"large_landmarks": len(large.moving), "large_vertices": len(large.z)}
+    clock |= {"large_landmarks": len(large.moving), "large_vertices": len(large.disk.z)}
     clock["large"] = milliseconds(net, large, net.config.looks, repeats)
-    solver, start = BeltramiDiskSolver(some.z, some.faces), time.process_time()
-    solver.solve(np.zeros(len(some.faces), complex))
+    solver, start = DiskSolver(some.disk), time.process_time()
+    solver.solve(np.zeros(len(some.disk.faces), complex))
     return clock | {"median": clock[f"looks_{net.config.looks}"], "exact_map": 1e3 * (time.process_time() - start)}
 
 
 def milliseconds(net, problem, looks, repeats):
     """The median time of a call, the first one apart."""
-    passed = []
+    passed, disk = [], problem.disk
     for _ in range(repeats + 1):
         start = time.process_time()
-        net.predict(problem.z, problem.faces, problem.moving, problem.target, looks=looks)
+        net.predict(disk.z, disk.faces, problem.moving, problem.target, looks=looks)
         passed.append(1e3 * (time.process_time() - start))
     return float(np.median(passed[1:]))

@@ -4,18 +4,18 @@ import warnings
 
 import numpy as np
 import torch
-from qclearn.plane.diskmesh import polar_disk, square_disk
 
-import qclearn as qc
 from data_synth.fields import KINDS, random_coefficient
 from data_synth.training import SquareFields
 from qclearn.nets import WeightsError, build, load
 from qclearn.nets.gauges import gauge_errors
 from qclearn.nets.polar import PolarSolver, two_steps
-from qclearn.plane.beltrami import signed_areas, solve_beltrami
 from qclearn.plane.bijectivity import RepairWarning
-from qclearn.plane.disk import BeltramiDiskSolver
+from qclearn.plane.disk import Disk
 from qclearn.plane.fourier import from_square
+from qclearn.plane.grids import polar_disk, square_disk
+from qclearn.plane.linear import Dirichlet
+from qclearn.plane.solver import DiskSolver
 
 from .polar import median_seconds
 
@@ -29,17 +29,17 @@ EXACT = 1e-6  # the tolerance of the maps that errors are measured against
 def figures(seeds, quick=False):
     """Random mu with max|mu| uniform in [0.05, 0.6] on the 48 x 144 polar mesh, both kinds, `MAPS` for each seed."""
     solver = PolarSolver(*MESH)
-    mu = draw(seeds[:2] if quick else seeds, solver.z, solver.faces, 2 if quick else MAPS)
+    mu = draw(seeds[:2] if quick else seeds, solver.mesh, 2 if quick else MAPS)
     exact = in_batches(lambda part: solver.solve(part, EXACT), mu)
     nets = networks()
     result = {
         "gauges": gauges(nets, 4 if quick else FIELDS),
         "maps": len(mu),
-        "mean_displacement": float(displacement(exact, solver.z).mean()),
+        "mean_displacement": float(displacement(exact, solver.mesh.z).mean()),
         "superlu": map_figures(superlu(solver, mu), exact, mu, solver),
     }
     for name, net in nets.items():
-        maps = np.array([net.solve(solver.z, solver.faces, one) for one in mu])
+        maps = np.array([net.solve(solver.mesh.z, solver.mesh.faces, one) for one in mu])
         result[name] = map_figures(maps, exact, mu, solver) | {"latency_ms": latency(net, solver, mu[0], quick)}
         result[name]["samples"] = samples(maps, mu, solver)
     if "best" in nets:
@@ -61,20 +61,20 @@ def figures(seeds, quick=False):
 def gauges(nets, count):
     """Every network's `gauge_errors` and share of maps with a fold, mesh by mesh, on images that none has seen."""
     images = [image.numpy() for (image,) in (SquareFields(count, FIELDS_SEED, SIZE)[k] for k in range(count))]
-    square, polar = square_disk(SIZE), polar_disk(RINGS, SPOKES)
+    square, polar = Disk(*square_disk(SIZE)), Disk(*polar_disk(RINGS, SPOKES))
     given = {
-        "square": (*square, [np.tile(image.ravel(), 2) for image in images]),  # a pixel's two faces
-        "polar": (*polar, [from_square(image, *polar) for image in images]),
+        "square": (square, [np.tile(image.ravel(), 2) for image in images]),  # a pixel's two faces
+        "polar": (polar, [from_square(image, polar) for image in images]),
     }
     result = {"fields": count, "seed": FIELDS_SEED}
-    for mesh, (z, faces, mu) in given.items():
-        factored = BeltramiDiskSolver(z, faces)
+    for mesh, (disk, mu) in given.items():
+        factored = DiskSolver(disk)
         exact = np.array([factored.solve(one) for one in mu])
         result[mesh] = {}
         for name, net in nets.items():
-            maps = np.array([net.solve(z, faces, one) for one in mu])
-            folded = np.mean([len(qc.check_bijective(z, faces, f).flipped) > 0 for f in maps])
-            result[mesh][name] = gauge_errors(maps, exact, z) | {"folded_share": float(folded)}
+            maps = np.array([net.solve(disk.z, disk.faces, one) for one in mu])
+            folded = np.mean([len(disk.certify(f).flipped) > 0 for f in maps])
+            result[mesh][name] = gauge_errors(maps, exact, disk.z) | {"folded_share": float(folded)}
     return result
 
 
@@ -89,11 +89,11 @@ def networks():
     return found
 
 
-def draw(seeds, z, faces, count):
+def draw(seeds, disk, count):
     """Coefficients (B, F), the kinds in turn, map k of a seed decided by the two alone."""
     return np.array(
         [
-            random_coefficient(z, faces, np.random.default_rng([seed, 97, k]), kind=KINDS[k % 2])
+            random_coefficient(disk, np.random.default_rng([seed, 97, k]), kind=KINDS[k % 2])
             for seed in seeds
             for k in range(count)
         ]
@@ -109,7 +109,7 @@ def in_batches(function, mu, size=16):
 
 def superlu(solver, mu):
     """The factored exact solver's maps (B, V)."""
-    factored = BeltramiDiskSolver(solver.z, solver.faces)
+    factored = DiskSolver(solver.mesh)
     return np.array([factored.solve(one) for one in mu])
 
 
@@ -121,11 +121,11 @@ def displacement(exact, z):
 
 def map_figures(maps, exact, mu, solver):
     """What a set of maps (B, V) of one mesh is worth."""
-    z, faces, areas = solver.z, solver.faces, signed_areas(solver.z, solver.faces)
+    disk, z, areas = solver.mesh, solver.mesh.z, solver.mesh.areas
     error, moved = abs(maps - exact).mean(1), displacement(exact, z)
-    flipped = np.array([len(qc.check_bijective(z, faces, f).flipped) for f in maps])
-    measured = np.array([abs(qc.beltrami_coefficient(z, faces, f) - one) for f, one in zip(maps, mu)])
-    weights = np.bincount(faces.ravel(), np.repeat(areas, 3), len(z))
+    flipped = np.array([len(disk.certify(f).flipped) for f in maps])
+    measured = np.array([abs(disk.coefficient(f) - one) for f, one in zip(maps, mu)])
+    weights = np.bincount(disk.faces.ravel(), np.repeat(areas, 3), len(z))
     weighted = abs(maps - exact) @ weights / weights.sum() / moved
     return gauge_errors(maps, exact, z) | {
         "relative_error": float((error / moved).mean()),
@@ -146,11 +146,11 @@ def map_figures(maps, exact, mu, solver):
 
 def fallback(maps, flipped, mu, solver):
     """Share of maps with a fold once the exact solver has replaced those that had one."""
-    factored, still = BeltramiDiskSolver(solver.z, solver.faces), 0
+    factored, still = DiskSolver(solver.mesh), 0
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RepairWarning)
         for k in np.flatnonzero(flipped):
-            still += not qc.check_bijective(solver.z, solver.faces, factored.solve(mu[k])).bijective
+            still += not solver.mesh.certify(factored.solve(mu[k])).bijective
     return still / len(maps)
 
 
@@ -158,7 +158,7 @@ def samples(maps, mu, solver):
     """Histograms of |measured mu - mu| over the faces of three maps, as the paper shows: counts and edges."""
     edges = np.linspace(0, 0.2, 41)
     chosen = [0, len(mu) // 3, 2 * len(mu) // 3]
-    errors = [abs(qc.beltrami_coefficient(solver.z, solver.faces, maps[k]) - mu[k]) for k in chosen]
+    errors = [abs(solver.mesh.coefficient(maps[k]) - mu[k]) for k in chosen]
     return {
         "edges": edges.tolist(),
         "counts": [np.histogram(e.clip(max=edges[-1]), edges)[0].tolist() for e in errors],
@@ -174,7 +174,7 @@ def timed(function, quick):
 def latency(net, solver, mu, quick):
     """Milliseconds of one `solve` on the network's own mesh, resampling included (its tables made before)."""
     if net.config.preset == "best":
-        z, faces, given = solver.z, solver.faces, mu
+        z, faces, given = solver.mesh.z, solver.mesh.faces, mu
     else:
         z, faces = net.mesh.z.numpy().astype(complex), net.mesh.faces.numpy()
         loop = net.mesh.loop.numpy()
@@ -198,7 +198,7 @@ def curves(net, mu, exact, count, quick):
         for k in steps:
             with torch.no_grad():
                 maps = torch.cat([method(part, k) for part in parts]).numpy()
-            relative = abs(maps - wanted).mean(1) / displacement(wanted, solver.z)
+            relative = abs(maps - wanted).mean(1) / displacement(wanted, solver.mesh.z)
             times = [timed(lambda part=part, k=k, method=method: method(part, k), quick) for part in parts[:3]]
             result[name].append(
                 {"steps": k, "ms": 1e3 * float(np.median(times)) / count, "error": float(relative.mean())}
@@ -214,17 +214,17 @@ def routes(net, seeds, count):
     exact map, on the circle or everywhere, as they come.
     """
     size = net.config.size
-    z, faces = square_disk(size)
-    loop, factored = net.loop.numpy(), BeltramiDiskSolver(z, faces)
+    disk = Disk(*square_disk(size))
+    z, loop, factored = disk.z, net.loop.numpy(), DiskSolver(disk)
     rows = []
     for image in square_fields(seeds, count, size):
         mu = net.on_faces(torch.from_numpy(image)[None])[0].numpy()
         with torch.no_grad():
             f = net(torch.from_numpy(image).to(torch.complex64)[None])[0][0].numpy().astype(complex)
         exact = factored.solve(mu)
-        inner = solve_beltrami(z, faces, mu, loop, f[loop])
+        inner = Dirichlet(disk.stiffness(mu), loop).solve(f[loop])
         distances = [abs(x).sum() for x in ((f - exact)[loop], f - inner, f - exact, (z - exact)[loop], z - exact)]
-        rows.append([*distances, len(qc.check_bijective(z, faces, f).flipped) > 0])
+        rows.append([*distances, len(disk.certify(f).flipped) > 0])
     boundary, inside, whole, still_boundary, still, folded = np.mean(rows, axis=0).tolist()
     ratios = {"boundary": boundary / still_boundary, "inner": inside / still, "whole": whole / still}
     return ratios | {"folded_share": folded, "maps": len(rows)}

@@ -17,6 +17,7 @@ import qclearn as qc
 from data_synth.cohort import hemispheres
 from qclearn.nets import WeightsError, load
 from qclearn.registration.landmarks import curve_distance, curves_in_space, detect_curves
+from qclearn.surfaces.conformal import laid_out
 
 RESAMPLES = 2000
 
@@ -30,8 +31,7 @@ def figures(seeds, quick=False):
     methods = detectors()
     rows, seconds = [], {name: [] for name in methods}
     for subject in subjects:
-        z = qc.disk_conformal_map(subject.surface)
-        distances, times = distances_to_truth(subject.surface, z, methods)
+        distances, times = distances_to_truth(laid_out(subject.surface), methods)
         for name, passed in times.items():
             seconds[name].append(passed)
         for curve, values in distances.items():
@@ -76,11 +76,12 @@ def detectors():
     return {**found, "twin": detect_curves}
 
 
-def distances_to_truth(surface, z, methods):
+def distances_to_truth(side, methods):
     """({curve: {method: mm, "apart": mm}}, {method: seconds}): the named curves found again from their endpoints.
 
     "apart": from the first method's curve to the last one's.
     """
+    surface, z = side.surface, side.disk.z
     ends = np.array([path[[0, -1]] for path in surface.curves.values()])
     groups, seconds = [[z[path] for path in surface.curves.values()]], {}
     for name, detect in methods.items():
@@ -88,7 +89,7 @@ def distances_to_truth(surface, z, methods):
         start = time.process_time()
         groups.append(detect(fresh, z, ends))
         seconds[name] = time.process_time() - start
-    points = iter(curves_in_space(surface, z, [curve for group in groups for curve in group]))
+    points = iter(curves_in_space(side, [curve for group in groups for curve in group]))
     truth, *found = [[next(points) for _ in group] for group in groups]
     distances = {}
     for k, curve in enumerate(surface.curves):
@@ -140,9 +141,8 @@ def latency(preset, repeats=20):
 
 def real(path, methods):
     """{curve: {method: mm}} on a surface whose named curves someone has drawn; the paper's preset needs all its own."""
-    surface = qc.read_surface(path)
     usable = {name: detect for name, detect in methods.items() if name != "paper"}
-    return distances_to_truth(surface, qc.disk_conformal_map(surface), usable)[0]
+    return distances_to_truth(laid_out(qc.read_surface(path)), usable)[0]
 
 
 if __name__ == "__main__":

@@ -6,8 +6,8 @@ import numpy as np
 import torch
 
 from qclearn.nets.polar import PolarSolver
-from qclearn.plane.disk import BeltramiDiskSolver
 from qclearn.plane.exactmaps import sliding, twist
+from qclearn.plane.solver import DiskSolver
 
 SIZES = ((32, 96), (64, 192), (128, 384), (256, 768), (512, 1536))
 TOLERANCE = 1e-5
@@ -37,17 +37,17 @@ def figures(seeds, quick=False):
 def size_row(nr, nt, seed, repeats):
     """What one mesh shows; SuperLU up to 50,000 vertices."""
     solver = PolarSolver(nr, nt)
-    centre = solver.z[solver.faces].mean(1)
-    row = {"nr": nr, "nt": nt, "vertices": len(solver.z)}
+    z, centre = solver.mesh.z, solver.mesh.centroids
+    row = {"nr": nr, "nt": nt, "vertices": len(z)}
     for name, closed in (("twist", twist(0.6)), ("sliding", sliding(0.5))):
         mu = torch.from_numpy(closed.mu(centre))
-        points = np.where(solver.z == 0, 1e-300, solver.z)  # derivatives of `sliding` divide by |z|
+        points = np.where(z == 0, 1e-300, z)  # derivatives of `sliding` divide by |z|
         row[f"{name}_error"] = float(abs(solver.solve(mu, TOLERANCE).numpy() - closed(points)).max())
     mu = random_coefficient(seed, centre)
     row["polar_seconds"] = median_seconds(lambda: solver.solve(torch.from_numpy(mu), TOLERANCE), repeats)
     row["iterations"] = int(solver.iterations.max())
-    if len(solver.z) < 60_000:
-        factored = BeltramiDiskSolver(solver.z, solver.faces)
+    if len(z) < 60_000:
+        factored = DiskSolver(solver.mesh)
         _ = factored.calibration  # once a mesh
         row["superlu_seconds"] = median_seconds(lambda: factored.solve(mu), repeats)
         row["ratio"] = row["superlu_seconds"] / row["polar_seconds"]
@@ -60,7 +60,7 @@ def batches(seed, quick):
     rows = []
     for nr, nt in ((24, 72), (32, 96), (48, 144))[: 1 if quick else None]:
         solver = PolarSolver(nr, nt)
-        centre = solver.z[solver.faces].mean(1)
+        centre = solver.mesh.centroids
         for count in (1, 8):
             fields = np.array([random_coefficient(seed + k, centre) for k in range(count)])
             mu = torch.from_numpy(fields).to(torch.complex64).requires_grad_()
@@ -83,7 +83,7 @@ def accelerator(seed, quick):
     if quick or not torch.accelerator.is_available():
         return None
     device, solver = torch.accelerator.current_accelerator(), PolarSolver(64, 192)
-    centre = solver.z[solver.faces].mean(1)
+    centre = solver.mesh.centroids
     fields = np.array([random_coefficient(seed + k, centre) for k in range(50)])
     mu = torch.from_numpy(fields).to(device, torch.complex64)
 
@@ -92,7 +92,7 @@ def accelerator(seed, quick):
             solver.solve(mu, TOLERANCE)
         torch.accelerator.synchronize()
 
-    return {"device": str(device), "maps": 1000, "vertices": len(solver.z), "seconds": median_seconds(run, 3)}
+    return {"device": str(device), "maps": 1000, "vertices": len(solver.mesh.z), "seconds": median_seconds(run, 3)}
 
 
 def median_seconds(function, repeats):
