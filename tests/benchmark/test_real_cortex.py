@@ -87,6 +87,19 @@ def test_there_and_back_is_the_identity_of_a_map_and_its_inverse(pair):
     assert back.moving is pair.control and back.curves[0]["moving"] == pair.curves[0]["control"] and not back.held
 
 
+def test_each_repetition_begins_with_nothing_known_of_the_disks(pair):
+    known = []
+
+    def note(problem):
+        for disk in (problem.disk, problem.sides.moving.disk, problem.sides.control.disk):
+            known.append(set(vars(disk)))
+            _ = disk.lookup
+        return truth_or_back(pair, problem)
+
+    row = trial(replace(pair, there_and_back=False), Run("noted", "noted"), note)
+    assert len(known) == 3 * row["repetitions"] > 3 and all(found == {"z", "faces"} for found in known)
+
+
 def test_folds_lead_where_landmarks_do_not_reach(pair):
     rows = {}
     for name in ("gauss_newton", "hybrid", "dense", "landmark_free"):

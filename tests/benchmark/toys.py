@@ -5,10 +5,8 @@ import time
 from qclearn.plane.mobius import mobius
 
 
-def shrunk(problem, shift=0.0, wait=0.0):
+def shrunk(problem, shift=0.0):
     """A method of one's own: the best Möbius map, moved."""
-    if wait:
-        time.sleep(wait)
     return mobius(mobius(problem.disk.z, *problem.mobius), shift)
 
 
