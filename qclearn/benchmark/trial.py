@@ -43,7 +43,7 @@ def trial(pair, run, method):
             networks_of(run.method, run.parameters)  # loaded before the clock starts
             f, costs = timed(method, prepared.problem, run.parameters)
             start = time.perf_counter()
-            lookup = Lookup(pair.control.disk)
+            lookup = Lookup(unknown(pair.control.disk))
             places = lookup(f)
             costs["seconds"] |= {
                 "disk_moving": pair.moving.seconds,
@@ -67,7 +67,7 @@ def timed(method, problem, parameters):
     """
     seconds = []
     while not seconds or (sum(seconds) < LONG and len(seconds) < REPETITIONS):
-        fresh = replace(problem, disk=Disk(problem.disk.z, problem.disk.faces))
+        fresh = forgotten(problem)
         if "torch" in sys.modules:  # it keeps its own count of threads
             sys.modules["torch"].set_num_threads(1)
         if not seconds:
@@ -86,6 +86,18 @@ def timed(method, problem, parameters):
         "notes": notes,
         "peak_memory_mb": None if peak is None or before is None else max(0.0, peak - before),
     }
+
+
+def forgotten(problem):
+    """The problem as it is before anything is asked of its disks."""
+    moving, control = (replace(side, disk=unknown(side.disk)) for side in (problem.sides.moving, problem.sides.control))
+    sides = replace(problem.sides, moving=moving, control=control)
+    return replace(problem, disk=unknown(problem.disk), sides=sides)
+
+
+def unknown(disk):
+    """The same `Disk`, of which nothing is found yet."""
+    return Disk(disk.z, disk.faces)
 
 
 def checked(f, problem):

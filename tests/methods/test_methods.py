@@ -4,6 +4,7 @@ from importlib import import_module
 
 import numpy as np
 import pytest
+from exactmaps import moebius
 from meshes import random_disk, random_mu
 
 from qclearn.methods import METHODS, networks
@@ -15,7 +16,6 @@ from qclearn.methods.thin_plate import thin_plate
 from qclearn.plane.beltrami import solve_beltrami, solve_beltrami_disk
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.disk import Disk
-from exactmaps import moebius
 from qclearn.plane.grids import polar_disk
 from qclearn.plane.solver import DiskSolver
 from qclearn.registration import Problem

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from qclearn.registration.fit import exact_map
 
 from data_synth.training import DATA_POINTS, ControlPairs, Pairs
 from qclearn.nets import load
@@ -22,7 +21,7 @@ from qclearn.plane.disk import Disk
 from qclearn.plane.grids import POWER, polar_disk, square_disk
 from qclearn.plane.mobius import best_mobius, mobius, mobius_fields, mobius_slope
 from qclearn.plane.spectrum import ring_tables
-from qclearn.registration.fit import fit_landmarks, fit_problem
+from qclearn.registration.fit import exact_map, fit_landmarks, fit_problem
 from qclearn.registration.metrics import measured_losses
 from qclearn.registration.problem import LandmarkError, Problem, Weights
 from qclearn.surfaces.surface import SurfaceError

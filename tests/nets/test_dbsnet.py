@@ -1,5 +1,6 @@
 """DBS-Net: what holds by construction, the exact maps it starts from, learns from and goes on to, and bad input."""
 
+import exactmaps
 import numpy as np
 import pytest
 import torch
@@ -13,7 +14,6 @@ from qclearn.nets.gauges import gauge_errors
 from qclearn.nets.layers import PolarPad
 from qclearn.nets.polar import two_steps
 from qclearn.nets.train import Process, TrainConfig, take_step
-import exactmaps
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import boundary_loop
 from qclearn.plane.fourier import fourier_coefficients

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import torch
 from known_surfaces import sphere
-from qclearn.surfaces.conformal import Side, laid_out
 from subjects import grown
 
 from data_synth.datasets import CurveDataset
@@ -19,7 +18,7 @@ from qclearn.plane.disk import Disk
 from qclearn.plane.grids import pixel_centres
 from qclearn.registration.landmarks import curve_distance, curves_in_space, detect_curves, weigh_edges
 from qclearn.registration.problem import LandmarkError
-from qclearn.surfaces.conformal import disk_conformal_map
+from qclearn.surfaces.conformal import Side, disk_conformal_map, laid_out
 from qclearn.surfaces.curvature import area_radius, sulcal_depth
 from qclearn.surfaces.surface import SurfaceError
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from exactmaps import DISK_MAPS
 from meshes import random_disk, random_mu
 
 from qclearn.nets.losses import (
@@ -23,7 +24,6 @@ from qclearn.nets.losses import (
 )
 from qclearn.plane.beltrami import solve_beltrami
 from qclearn.plane.disk import Disk
-from exactmaps import DISK_MAPS
 from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.mobius import mobius
 from qclearn.plane.solver import DiskSolver

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 import torch
+from exactmaps import DISK_MAPS
 from meshes import random_mu
 
 from qclearn.nets.polar import PolarSolver
 from qclearn.plane.checks import BeltramiError
-from exactmaps import DISK_MAPS
 from qclearn.plane.solver import DiskSolver
 
 pytestmark = pytest.mark.usefixtures("one_thread")

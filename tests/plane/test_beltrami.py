@@ -5,6 +5,17 @@ import lapy
 import lapy.conformal
 import numpy as np
 import pytest
+from exactmaps import (
+    DISK_MAPS,
+    RADIAL,
+    SLIDING,
+    affine,
+    after,
+    moebius,
+    radial_stretch,
+    sliding_three,
+    twist,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import random_disk, random_mu
@@ -22,17 +33,6 @@ from qclearn.plane.beltrami import (
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.coefficients import compose_coefficients, diffuse, inverse_coefficient
 from qclearn.plane.disk import Disk, boundary_loop
-from exactmaps import (
-    DISK_MAPS,
-    RADIAL,
-    SLIDING,
-    affine,
-    after,
-    moebius,
-    radial_stretch,
-    sliding_three,
-    twist,
-)
 from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.triangles import cotangent_stiffness
 

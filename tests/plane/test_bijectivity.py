@@ -5,6 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from exactmaps import DISK_MAPS, SLIDING
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from meshes import random_disk, strip
@@ -18,7 +19,6 @@ from qclearn.plane.bijectivity import (
 )
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import Disk, boundary_loop, integers
-from exactmaps import DISK_MAPS, SLIDING
 from qclearn.plane.grids import polar_disk
 from qclearn.plane.triangles import edge_lengths
 

@@ -4,11 +4,11 @@ import pickle
 
 import numpy as np
 import pytest
+from exactmaps import SLIDING
 from meshes import random_disk
 
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import OF_FACES, Disk, boundary_loop
-from exactmaps import SLIDING
 from qclearn.plane.grids import polar_disk
 
 # The value.

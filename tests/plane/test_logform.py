@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from exactmaps import DISK_MAPS, after, moebius, sliding, twist
 from meshes import random_disk, random_mu
 
 from qclearn.plane.beltrami import solve_beltrami_disk
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import Disk, boundary_loop
-from exactmaps import DISK_MAPS, after, moebius, sliding, twist
 from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.logform import mean_reciprocal, solve_beltrami_disk_log
 from qclearn.plane.mobius import mobius
