@@ -70,8 +70,7 @@ class BestDBSNet(DiskNetwork):
         return self.solver.mesh.centroids
 
     def run(self, mu, steps=0):
-        """The map of mu (F,) on the polar mesh as a function of points,
-        after `steps` more steps of the exact solver."""
+        """The map of mu (F,) on the polar mesh, after `steps` steps of the exact solver, as a function of points."""
         f = self.refine(torch.from_numpy(mu).to(self.z)[None], steps)
         return PolarFunction((f[:, 1:].view(self.z.shape) / self.z)[0].cpu().numpy())
 
@@ -93,8 +92,7 @@ class BestDBSNet(DiskNetwork):
             return torch.cat([f.new_zeros(len(f), 1), f.flatten(1)], 1)
 
     def features(self, mu):
-        """What is known in closed form: features (B, 14, rings, spokes), see FEATURES, and the first u, v (B, rings,
-        spokes)."""
+        """FEATURES (B, 14, rings, spokes), which are known in closed form, and the first u, v (B, rings, spokes)."""
         maps, potentials, angles = two_steps(self.solver, mu)
         first, second, beyond = (f[:, 1:].view(-1, *self.z.shape[1:]) for f in maps)  # (B, rings, spokes)
         start, change, residual = (torch.log(a / b) for a, b in ((second, self.z), (second, first), (beyond, second)))
@@ -124,7 +122,7 @@ class BestDBSNet(DiskNetwork):
         return loss, {"position": position.item(), "derivative": size.mean().item(), "folds": folds.mean().item()}
 
     def rescale(self, mu, generator):
-        """Coefficients of the batch with largest |mu| uniform in `max_abs`; with a generator also mixed and turned."""
+        """Coefficients (B, F); with a generator mixed, turned and of a largest |mu| uniform in `max_abs`."""
         if generator is None:
             return mu
         draw, order = torch.rand(4, len(mu), generator=generator), torch.randperm(len(mu), generator=generator)

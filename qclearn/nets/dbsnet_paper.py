@@ -31,7 +31,7 @@ class PaperDBSNetConfig:
     frequencies: int = 8  # the low ones: at most this, either way
     shortcut: bool = True
     loss: str = "energy"  # one of LOSSES
-    rho: float = 1e-8  # of the loss "rows"; the right weight falls with the fourth power of the size
+    rho: float = 1e-8  # of "rows", for this size: the right weight falls with the fourth power of the pixels
 
 
 class FourierLayer(nn.Module):
@@ -135,8 +135,7 @@ class PaperDBSNet(DiskNetwork):
         self.boundary_route = BoundaryRoute(2 * (2 * config.frequencies + 1) ** 2, torch.from_numpy(usual).float())
 
     def forward(self, mu):
-        """(f (B, V), angles (B, 4 size)) of images mu (B, size, size): rows upwards,
-        pixels are the cells of the mesh."""
+        """(f (B, V), angles (B, 4 size)) of images mu (B, size, size), rows upwards, a pixel a cell of the mesh."""
         with torch.autocast(mu.device.type, enabled=False):
             low = self.fourier(mu)
             back = self.inner_route.back

@@ -101,8 +101,7 @@ class BestLDNet(nn.Module):
         return torch.stack([(grey / 127.5 - 1) * disk, disk.expand_as(grey), marks, chords], 1)
 
     def loss(self, batch, generator):
-        """Binary cross-entropy against the soft band around the shown curves, a hit weighing four times, and the
-        overlap.
+        """Binary cross-entropy with the soft band around the shown curves, a hit counting four times; the overlap.
 
         batch: images (B, 2, S, S), ends (B, K, 2), curves (B, K, P) as `CurveDataset` gives them. Augmentation: the
         symmetries of the square, contrast, some of the curves, parts of curves.
@@ -195,8 +194,7 @@ def some(curves, generator):
 
 
 def contrast(grey, generator):
-    """Images (B, 1, S, S) in 0..255 with another gamma, 0.6 to 1.6, and some of them smoothed:
-    surfaces differ in both."""
+    """Images (B, 1, S, S) in 0..255 with another gamma, 0.6 to 1.6, some smoothed: surfaces differ in both."""
     gamma, blur = (torch.rand(len(grey), 1, 1, 1, generator=generator).to(grey.device) for _ in range(2))
     smooth = F.avg_pool2d(grey, 3, stride=1, padding=1)
     grey = torch.lerp(grey, smooth, (2 * blur - 1).clamp(min=0))

@@ -57,8 +57,7 @@ class PaperLDNet(nn.Module):
         return torch.cat([ends[..., :1], inner, ends[..., 1:]], 2)
 
     def loss(self, batch, generator):
-        """`L_LD`, the mean over the batch, and the points' mean distance in the image;
-        symmetries of the square drawn."""
+        """Mean `L_LD` of the batch under random symmetries of the square; the points' mean distance in the image."""
         images, _, curves = batch
         every = (curves.shape[2] - 1) // (self.config.points - 1)  # the set has more points, equally spaced too
         curves = curves[..., ::every]

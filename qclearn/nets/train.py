@@ -94,10 +94,8 @@ def train(model, training, validation, config, folder, progress=True):
         log = Log(folder, step, seconds, sums)
         objective = Objective(model)
         objective = DistributedDataParallel(objective) if world > 1 else objective
-        quiet = not progress or rank > 0
-        bar = tqdm(
-            total=config.steps, initial=step, disable=quiet or None, desc="training"
-        )  # None: unless on a terminal
+        disable = not progress or rank > 0 or None  # None: unless on a terminal
+        bar = tqdm(total=config.steps, initial=step, disable=disable, desc="training")
         kept = time.perf_counter()
         while step < config.steps:
             loss, figures = take_step(objective, optimiser, training, config, step, process)
@@ -262,8 +260,7 @@ def claim(folder, model, config):
 
 
 def write_checkpoint(folder, model, optimiser, step, log):
-    """Parameters, the optimiser's state, the step and the log's sums since its last row: one file,
-    whole or not at all."""
+    """Write parameters, optimiser, step and the log's sums since its last row as one file, whole or not at all."""
     tensors = {f"model.{name}": tensor for name, tensor in model.state_dict().items()}
     for number, state in optimiser.state_dict()["state"].items():
         tensors |= {f"optimiser.{number}.{key}": value for key, value in state.items()}
