@@ -7,10 +7,11 @@ import tempfile
 
 import pytest
 from hypothesis import settings
-from shapes import hold
+from shapes import hold, hold_class
 from subjects import SHARED
 
 import qclearn
+from qclearn.plane import Disk
 
 os.environ.setdefault("PYVISTA_OFF_SCREEN", "true")
 os.environ.setdefault("MPLBACKEND", "agg")
@@ -29,6 +30,7 @@ settings.register_profile("qclearn", deadline=None, derandomize=True)
 settings.load_profile("qclearn")
 
 hold(qclearn)
+hold_class(Disk)  # what most of the public functions make of a mesh
 
 
 def pytest_configure(config):

@@ -4,8 +4,8 @@ from functools import cache
 
 import numpy as np
 import pyvista
-from qclearn.plane.diskmesh import polar_disk
 
+from qclearn.plane.grids import polar_disk
 from qclearn.surfaces.surface import Surface
 
 

@@ -1,10 +1,10 @@
-"""Meshes that the tests of the geometric core share, beside those of `qclearn.plane.diskmesh`."""
+"""Meshes that the tests of the geometric core share, beside those of `qclearn.plane.grids`."""
 
 import numpy as np
-from qclearn.plane.diskmesh import polar_disk
 from scipy.spatial import Delaunay
 
 from qclearn.plane.beltrami import signed_areas
+from qclearn.plane.grids import polar_disk
 from qclearn.surfaces.surface import Surface
 
 

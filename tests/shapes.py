@@ -66,15 +66,22 @@ def held(function):
     return call
 
 
+def members_of(cls):
+    """What a class and those that it inherits from, all of one package, have: (class, name, member), its own last."""
+    house = cls.__module__.split(".")[0]
+    owners = [owner for owner in reversed(cls.__mro__) if owner.__module__.split(".")[0] == house]
+    return [(owner, name, member) for owner in owners for name, member in vars(owner).items()]
+
+
 def hold_class(cls):
-    """A class with its public methods held to their annotations, and its attributes once it is made."""
-    for name, member in list(vars(cls).items()):
+    """A class with its public methods held to their annotations, inherited ones too, and its attributes once made."""
+    for owner, name, member in members_of(cls):
         if isinstance(member, cached_property):
             member.func = held(member.func)
         elif isinstance(member, property):
-            setattr(cls, name, property(held(member.fget)))
+            setattr(owner, name, property(held(member.fget)))
         elif inspect.isfunction(member) and not name.startswith("_"):
-            setattr(cls, name, held(member))
+            setattr(owner, name, held(member))
     make, attributes = held(cls.__init__), get_type_hints(cls)
 
     @wraps(cls.__init__)

@@ -11,7 +11,6 @@ import nibabel
 import numpy as np
 import pytest
 from known_surfaces import sphere
-from qclearn.plane.diskmesh import polar_disk
 from reports import REPORT
 
 from qclearn import read_values
@@ -19,7 +18,8 @@ from qclearn.cli import main
 from qclearn.files.fsaverage import fsaverage5
 from qclearn.files.meshes import read_surface, write_surface
 from qclearn.files.provenance import fingerprint
-from qclearn.plane.disk import solve_beltrami_disk
+from qclearn.plane.grids import polar_disk
+from qclearn.plane.solver import solve_beltrami_disk
 from qclearn.registration.landmarkfile import read_landmarks
 from qclearn.registration.landmarks import detect_curves
 from qclearn.registration.problem import LandmarkError

@@ -8,7 +8,7 @@ import pytest
 from jaxtyping import AbstractArray, Complex, Float
 from numpy import ndarray
 from scipy import sparse
-from shapes import ShapeError, held, hold_class
+from shapes import ShapeError, held, hold_class, members_of
 
 import qclearn as qc
 
@@ -20,7 +20,7 @@ def functions_of(public):
     if inspect.isfunction(public):
         yield public.__name__, public
     elif not issubclass(public, Exception):
-        for name, member in vars(public).items():
+        for _, name, member in members_of(public):
             member = getattr(member, "fget", None) or getattr(member, "func", member)
             if inspect.isfunction(member) and (name == "__init__" or not name.startswith("_")):
                 yield f"{public.__name__}.{name}", member
@@ -93,11 +93,12 @@ def test_a_planted_wrong_shape_is_noticed():
 
 def test_the_public_functions_are_held_to_their_shapes():
     """Wherever they are in hand; and the library's own refusal comes first."""
-    from qclearn.plane import beltrami, diskmesh
+    from qclearn.plane import Disk, beltrami, solver
 
     z, faces = qc.polar_disk(2, 6)
-    assert qc.locate is diskmesh.locate and qc.jacobian is beltrami.jacobian
+    assert qc.locate is beltrami.locate and qc.mobius is solver.mobius
     with pytest.raises(ShapeError, match="compose_coefficients takes mu_g"):
         qc.compose_coefficients(np.zeros(3, complex), np.ones(3, complex), np.zeros((2, 3), complex))
+    assert hasattr(qc.BeltramiDiskSolver.solve, "__wrapped__") and hasattr(Disk.sampling, "__wrapped__")
     with pytest.raises(qc.BeltramiError, match="give complex numbers"):
         qc.signed_areas(np.stack([z, z]), faces)

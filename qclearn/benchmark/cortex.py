@@ -1,8 +1,8 @@
-"""The benchmark's problems on real cortex, where a small landmark error cannot stand for a good map.
+"""The benchmark's problems on real cortex, where a small landmark error does not prove a good map. Three sets:
 
-Three sets: fsaverage5, either side onto the other, with half of its curves held out ("heldout"); fsaverage5's left side
-or a synthetic one with another mesh, warped in space, onto itself ("warp"): the same folds in another shape, so that
-the truth is known; conte69, whose sides correspond by vertex index and carry maps that take no part ("conte69").
+"heldout": fsaverage5, either side onto the other, with half of its curves held out. "warp": fsaverage5's left side or a
+synthetic one with another mesh, warped in space, onto itself: the truth is known. "conte69": sides that correspond by
+vertex index and carry maps that take no part.
 """
 
 import numpy as np
@@ -16,10 +16,10 @@ from ..registration.landmarks import curves_of_both, fundus_metric, fundus_path
 from ..surfaces.surface import Surface, mirror
 from .pairs import Pair, mapped
 
-PARTS = {"first half": slice(0, None, 2), "second half": slice(1, None, 2), "all": slice(None)}  # that is fitted
+PARTS = {"first half": slice(0, None, 2), "second half": slice(1, None, 2), "all": slice(None)}  # of the curves: fitted
 HALVES = tuple(PARTS)[:2]
-AMPLITUDES = (6.0, 9.0, 12.0)  # mm, root mean square over the vertices: of the warps
-BUMPS, WIDTH = 40, 22.0  # of a warp: how many Gaussians push, and their standard deviation in mm
+AMPLITUDES = (6.0, 9.0, 12.0)  # of the warps, mm: root mean square over the vertices
+BUMPS, WIDTH = 40, 22.0  # number and standard deviation (mm) of the Gaussians of a warp
 STRETCH = (1.06, 0.95, 1.0)  # along the axes, after the warp
 
 
@@ -31,14 +31,14 @@ def fsaverage_side(hemisphere):
 
 
 def with_curves(surface, ends):
-    """A surface with the shortest fundus paths between pairs of its vertices, name -> (start, end), as its curves."""
+    """A surface whose curves are the shortest fundus paths between ends, name -> (start, end) vertices."""
     metric = fundus_metric(surface)
     curves = {name: fundus_path(surface, *pair, metric) for name, pair in ends.items()}
     return Surface(surface.vertices, surface.faces, curves)
 
 
 def heldout_pair(moving, control, part):
-    """Two sides of a brain, of whose curves a part is fitted and the others are held out."""
+    """Two sides of a brain; a part of their curves is fitted, the others are held out."""
     fitted, held = parted(curves_of_both(moving.surface, control.surface), part)
     return Pair(moving, control, fitted, held=held, there_and_back=True)
 
@@ -50,19 +50,19 @@ def parted(curves, part):
 
 
 def warp_pair(control, amplitude):
-    """A surface with another mesh and in another shape onto itself: the true map is known at every vertex."""
+    """A surface with another mesh and another shape onto itself: the true map of every vertex is known."""
     faces, weights, curves = other_mesh(control)
     surface = control.surface
-    place, disk = weights @ surface.vertices, weights @ control.disk.z
-    moving = Surface(warped(place, amplitude) * STRETCH, faces, curves)
-    return Pair(mapped(moving), control, tuple(curves_of_both(moving, surface)), place, disk)
+    truth = weights @ surface.vertices
+    moving = Surface(warped(truth, amplitude) * STRETCH, faces, curves)
+    return Pair(mapped(moving), control, tuple(curves_of_both(moving, surface)), truth, weights @ control.disk.z)
 
 
 def other_mesh(control):
-    """Another triangulation of a `Mapped` surface: faces (G, 3), where its vertices lie, sparse (W, V), and its curves.
+    """Another mesh of a `Mapped` surface: faces (G, 3), its vertices as sparse weights (W, V) of the old, its curves.
 
-    The vertices of boundary and curves stay, every other one gives way to the centre of a face beside it; the faces are
-    Delaunay's in the disk, where angles are those in space.
+    Vertices of boundary and curves stay; the centre of a face beside it replaces every other one. Delaunay's faces in
+    the disk, where angles are those in space.
     """
     surface, rng = control.surface, np.random.default_rng(0)
     stay = np.unique(np.concatenate([surface.boundary, *surface.curves.values()]))
@@ -75,12 +75,15 @@ def other_mesh(control):
     values = np.concatenate([np.ones(len(stay)), np.full(centres.size, 1 / 3)])
     shape = len(stay) + len(centres), len(surface.vertices)
     weights = sparse.csr_array((values, (rows, columns)), shape=shape)
-    faces = joined(weights @ control.disk.z).faces
-    return faces, weights, {name: np.searchsorted(stay, path) for name, path in surface.curves.items()}
+    return (
+        joined(weights @ control.disk.z).faces,
+        weights,
+        {name: np.searchsorted(stay, path) for name, path in surface.curves.items()},
+    )
 
 
 def warped(points, amplitude):
-    """Points (W, 3) pushed by a sum of random Gaussians, by `amplitude` mm in root mean square."""
+    """Points (W, 3) pushed by random Gaussians, `amplitude` mm in root mean square."""
     rng = np.random.default_rng(round(amplitude))
     centres = points[rng.choice(len(points), BUMPS, replace=False)]
     weights = np.exp(-((points[:, None] - centres) ** 2).sum(-1) / (2 * WIDTH**2))
@@ -89,9 +92,8 @@ def warped(points, amplitude):
 
 
 def conte69_sides():
-    """conte69's mirrored right side, its left side, both `Mapped` with the named sulci as curves, and its maps, right
-    before left. The curves' ends lie next to those on fsaverage5, which is in the same space."""
-    brain, sides = conte69(), []
+    """conte69's mirrored right side and its left one, `Mapped` with named sulci, and its maps, right before left."""
+    brain, sides = conte69(), []  # in the same space as fsaverage5, whose ends of curves lie next to theirs
     for hemisphere, surface in (("right", brain.right), ("left", brain.left)):
         template = fsaverage5(hemisphere)
         ends, tree = named_sulci(hemisphere, template.original_vertices), cKDTree(surface.vertices)

@@ -1,4 +1,4 @@
-"""Files of measured figures: read and written in one place, each checked against its schema."""
+"""Reads and writes files of measured figures, each checked against its schema."""
 
 import json
 from pathlib import Path
@@ -21,11 +21,11 @@ WRITERS = {  # of the files that come with the package
     "weights": "tools/choose_weights.py",
 }
 DENSE = ("template", "training")  # an entry a line
-LISTED = {"benchmark": "rows", "suspect": "cases"}  # the list of which each entry has a line
+LISTED = {"benchmark": "rows", "suspect": "cases"}  # the list that has an entry a line
 
 
 class BenchmarkError(ValueError):
-    """A benchmark that cannot be run, resumed, written or read: says what, where and what to do."""
+    """A benchmark cannot be run, resumed, written or read; the message says why and what to do."""
 
 
 def plain(value):
@@ -40,7 +40,7 @@ def plain(value):
 
 
 def write_measured(name, path, figures):
-    """Write figures that fit the schema of their kind, whole or not at all; BenchmarkError if it cannot be."""
+    """Write figures, whole or not at all; BenchmarkError if they do not fit their schema or cannot be written."""
     figures = plain(figures)
     check_schema(path, figures, name)
     try:
@@ -50,7 +50,7 @@ def write_measured(name, path, figures):
 
 
 def laid_out(name, figures):
-    """The text of a file: a row, a case or a training a line, where a file has many; else a number a line."""
+    """The text of a file: a row, a case or a training a line; else a number a line."""
     if name in DENSE:
         lines = ",\n".join(f"{json.dumps(key)}: {json.dumps(value)}" for key, value in figures.items())
         return f"{{\n{lines}\n}}\n"
@@ -62,10 +62,9 @@ def laid_out(name, figures):
 
 
 def read_measured(name, path=None):
-    """The measured figures `name` ("benchmark", "networks", "template", ...), dicts and lists: those that come with the
-    package, or those of a file of the same kind.
+    """The measured figures `name` ("benchmark", "networks", "template", ...) of the package or of a file `path`: dict.
 
-    BenchmarkError where there are none or they do not fit their schema.
+    BenchmarkError where they are missing or do not fit their schema.
     """
     path = KEPT / f"{name}.json" if path is None else path
     figures = read_json(path, name)
@@ -88,14 +87,12 @@ def check_version(path, results):
     version = results.get("schema_version") if isinstance(results, dict) else None
     if version != SCHEMA_VERSION:
         found = "no results of this program" if version is None else f"results of schema version {version}"
-        raise BenchmarkError(
-            f"{path}: {found}; this version reads {SCHEMA_VERSION}: run the benchmark again, or use the "
-            "version that wrote the file"
-        )
+        advice = "run the benchmark again, or use the version that wrote the file"
+        raise BenchmarkError(f"{path}: {found}; this version reads {SCHEMA_VERSION}: {advice}")
 
 
 def schema(name="benchmark"):
-    """The JSON schema of a file of measured figures; descriptions say what it holds, with units."""
+    """The JSON schema of a file of measured figures; its descriptions name units."""
     folder = Path(__file__).parent
     own = folder / f"{name}.schema.json"
     if own.is_file():
@@ -110,6 +107,5 @@ def check_schema(path, figures, name):
 
     error = next(Draft202012Validator(schema(name)).iter_errors(figures), None)
     if error:
-        raise BenchmarkError(
-            f"{path}: not a valid results file: {error.json_path}: {error.message[:200]}; run `{WRITERS[name]}` again"
-        )
+        fault = f"{error.json_path}: {error.message[:200]}"
+        raise BenchmarkError(f"{path}: not a valid results file: {fault}; run `{WRITERS[name]}` again")

@@ -1,8 +1,7 @@
-"""The benchmark's problems: pairs of surfaces with landmark curves and, where there is one, the true dense map.
+"""The benchmark's problems: pairs of surfaces with landmark curves and, where it is known, the true dense map.
 
-Here: synthetic subjects against one control ("cohort"); one surface whose landmarks a known map moves farther and
-farther ("displacement"); the mirrored right side of fsaverage5 against its left ("fsaverage5"), where nobody knows the
-true map. The sets that measure on real cortex are in cortex.py.
+"cohort": synthetic subjects against one control. "displacement": one surface whose landmarks a known map moves farther
+and farther. "fsaverage5": its mirrored right side against its left, truth unknown. cortex.py has the other sets.
 """
 
 import time
@@ -26,20 +25,19 @@ from ..surfaces.conformal import Side, laid_out
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import mirror
 
-# The seed of the control: the one that the paper's CP-Net is trained for. It is among the subjects that the networks
-# have seen; the cohort's, which are registered to it, are not.
+# The seed of the control that the paper's CP-Net is trained for. The networks have seen it, but not the cohort.
 CONTROL = 2001
 DETECTORS = {"ldnet": "best", "ldnet_paper": "paper"}  # source of landmarks -> preset
 SOURCES = ("given", "exact", "path", *DETECTORS)
-TWISTS, REACH = 3, 0.5  # of a known map: how many, and how far from 0 their centres may lie
+TWISTS, REACH = 3, 0.5  # of a known map: their number, and their centres' largest distance from 0
 
 
 @dataclass(frozen=True, eq=False)
 class Mapped(Side):
-    """A `Side` and what the benchmark knows of it besides.
+    """A `Side` and what the benchmark knows of it.
 
-    template (V, 3): the template points of its vertices, if synthetic; seconds: that its disk map took; folds: depth
-    and curvature, smoothed to the scale FINEST and standardised, name -> (V,).
+    template (V, 3): template points of a synthetic side's vertices; seconds: of its disk map; folds: depth and
+    curvature (positive on gyri) at the scale FINEST, mean 0 and variance 1 by area, name -> (V,).
     """
 
     template: np.ndarray | None = None
@@ -51,11 +49,10 @@ class Mapped(Side):
 class Pair:
     """A moving and a control surface with their landmark curves, as a landmarks file holds them.
 
-    truth (V, 3): where each moving vertex belongs on the control, in mm, and truth_disk (V,) complex in its disk map;
-    None where nobody knows. given: what stands for the landmarks if they are not detected, "given" (the curves of both
-    surfaces, matched by arc length) or "exact" (the moving curves and their true images). held: curves that take no
-    part and are measured; maps: name -> (moving (V,), control (W,)) maps that take no part and are compared;
-    there_and_back: whether the way back is computed, too.
+    truth (V, 3): the moving vertices' true places on the control, mm, and truth_disk (V,) complex in its disk, or None.
+    given: landmarks if not detected: "given" (both sides' curves, matched by arc length) or "exact" (the moving ones
+    and their true images). held: curves that are measured only; maps: name -> (moving (V,), control (W,)), compared
+    only; there_and_back: whether the way back is computed.
     """
 
     moving: Mapped
@@ -71,10 +68,10 @@ class Pair:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A `Problem` for the methods and what is needed to judge their maps.
+    """A `Problem` for the methods, and what judges their maps.
 
-    samples (M, V): sparse, per-vertex data at all landmarks, also at those that curves share; target (M,) complex,
-    target_mm (M, 3): where they should go; seconds, notes: of alignment and detection.
+    samples (M, V): sparse, vertices -> all landmarks, shared ones once a curve; target (M,) complex and target_mm
+    (M, 3): their targets; seconds, notes: of alignment and detection.
     """
 
     problem: Problem
@@ -86,28 +83,24 @@ class Prepared:
 
 
 def mapped_subject(seed, n_vertices, folder=None, generation=GENERATION):
-    """The synthetic left hemisphere of a seed, grown or read from `folder`, with its disk map."""
+    """The synthetic left hemisphere of a seed, grown or read from `folder`, `Mapped`."""
     (subject,) = hemispheres([seed], n_vertices, folder, progress=False, workers=1, generation=generation)
     return replace(mapped(subject.surface), template=subject.template)
 
 
 def mapped(surface):
-    """A surface with its disk conformal map; seconds: the second, warm, of two runs."""
+    """A surface with its disk conformal map, timed on the second, warm run: `Mapped`."""
     side = laid_out(surface)
     start = time.perf_counter()
     laid_out(surface)
     seconds = time.perf_counter() - start
-    return Mapped(surface, side.disk, words=side.words, seconds=seconds, folds=folds_of(surface))
-
-
-def folds_of(surface):
-    """Depth and curvature (positive on gyri) at the scale FINEST, with mean 0 and variance 1 by area: name -> (V,)."""
     values = np.stack([sulcal_depth(surface), mean_curvature(surface)], axis=1)
-    return dict(zip(FOLDS, Smoothing(surface, FOLDS, values).at(FINEST).T))
+    folds = dict(zip(FOLDS, Smoothing(surface, FOLDS, values).at(FINEST).T))
+    return Mapped(surface, side.disk, words=side.words, seconds=seconds, folds=folds)
 
 
 def cohort_pair(moving, control):
-    """Two synthetic hemispheres with all curves they share and the template's dense correspondence."""
+    """Two synthetic hemispheres with all shared curves and the template's dense correspondence."""
     disk, curves = control.disk, tuple(curves_of_both(moving.surface, control.surface))
     places = locate_on_sphere(control.template, disk.faces, moving.template)
     truth = disk.interpolate(control.surface.vertices, places)
@@ -115,9 +108,9 @@ def cohort_pair(moving, control):
 
 
 def displacement_pair(control, distance, n_curves, seed):
-    """One surface against itself, its first n_curves moved by a random known map of the disk: the answer is that map.
+    """One surface against itself: a random known map of the disk, the answer, moves its first n_curves.
 
-    distance: mean distance of the landmarks from their targets in the unit disk, before any alignment.
+    distance: the landmarks' mean distance from their targets in the unit disk, before alignment.
     """
     curves = tuple(curves_of_both(control.surface, control.surface)[:n_curves])
     p = control.disk.z[np.concatenate([curve["moving"] for curve in curves])]
@@ -143,27 +136,26 @@ def twisted(z, centres, turns):
 
 
 def fsaverage_pair():
-    """fsaverage5's mirrored right side against its left, sulci given by their ends: nobody knows the true map."""
+    """fsaverage5's mirrored right side against its left, sulci given by their ends; the true map is unknown."""
     surfaces = mirror(fsaverage5("right")), fsaverage5("left")
     return Pair(*(mapped(surface) for surface in surfaces), tuple(demo_landmarks()["curves"]), there_and_back=True)
 
 
 def reverse(pair):
-    """The pair with its sides exchanged, no truth and nothing held out: for the way back."""
+    """The pair for the way back: sides exchanged, no truth, nothing held out."""
     curves = tuple({**curve, "moving": curve["control"], "control": curve["moving"]} for curve in pair.curves)
     return Pair(pair.control, pair.moving, curves)
 
 
 def prepare(pair, source="given"):
-    """The landmarks of a pair as a `Prepared` problem, the moving disk aligned by them as `register` does.
+    """A pair's landmarks as a `Prepared` problem; they align the moving disk as in `register`.
 
-    source: "given", "exact" (the moving curves and their true images), or the moving curves detected between their
-    given ends, by the shortest "path" or by LD-Net, "ldnet" or "ldnet_paper"; the control keeps its own, if it has
-    more than ends.
+    source: "given"; "exact" (the moving curves and their true images); or moving curves detected between their ends:
+    "path" (the shortest), "ldnet" or "ldnet_paper". The control keeps its curves where it has more than ends.
     """
     source = pair.given if source == "given" else source
     moving, control = pair.moving.surface, pair.control.surface
-    curves = pair.curves if source in ("given", "exact") else tuple(ends_only(curve) for curve in pair.curves)
+    curves = pair.curves if source in ("given", "exact") else [ends_only(curve) for curve in pair.curves]
     detect = load("ldnet", DETECTORS[source]).detect if source in DETECTORS else None
     start = time.perf_counter()
     entries = check_curves(list(curves), moving, control)
@@ -184,5 +176,5 @@ def prepare(pair, source="given"):
 
 
 def ends_only(curve):
-    """A curve's entry with the moving side's two ends alone, to be detected in between."""
+    """A curve with only the two ends of its moving side."""
     return {"name": curve["name"], "moving": [curve["moving"][0], curve["moving"][-1]], "control": curve["control"]}

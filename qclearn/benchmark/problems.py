@@ -1,4 +1,4 @@
-"""The problems of the benchmark's sets by name, and how dask makes the pair of surfaces of each."""
+"""The problems of the benchmark's sets by name, and their pairs of surfaces as dask futures."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,9 +16,9 @@ DISTANCES, CURVE_COUNTS = (0.05, 0.1, 0.2, 0.3, 0.4), (4, 8)
 
 @dataclass(frozen=True)
 class Spec:
-    """One problem by name: the set, the pair's name, and `make(*sides, *options)`, which makes its Pair.
+    """One problem: its set, its pair's name, and `make(*sides, *options)` -> `Pair`.
 
-    sides: (function, its arguments) of each thing that problems share, such as a subject, made once.
+    sides: (function, arguments) of each part, such as a subject, that problems share: made once.
     """
 
     set: str
@@ -29,13 +29,12 @@ class Spec:
 
     @property
     def seeds(self):
-        """Of the synthetic subjects that it needs."""
+        """Seeds of its synthetic subjects, list."""
         return [given[0] for function, *given in self.sides if function is mapped_subject]
 
 
 def problems(subjects, sets):
-    """The problems of the sets, list of Spec; BenchmarkError for an unknown set or a bad count of subjects, ImportError
-    where the files of a set are not installed."""
+    """The problems of the sets, list of Spec; BenchmarkError for bad arguments, ImportError without a set's files."""
     unknown = sorted(set(sets) - set(SETS))
     if unknown or not sets:
         raise BenchmarkError(f"no set of problems {', '.join(unknown) or 'given'}; there are {', '.join(SETS)}")
@@ -67,9 +66,9 @@ def every_problem(subjects):
 
 
 def submit_pair(client, spec, grown):
-    """The future of a problem's Pair. What it is made from has keys of its own, so that pairs share it.
+    """The future of a problem's Pair; its sides are futures that pairs share.
 
-    grown: (vertices, folder, generation) of subjects, for the workers' own default may be another.
+    grown: (vertices, folder, generation) of subjects: workers may have other defaults.
     """
     sides = [
         client.submit(function, *given, *(grown if function is mapped_subject else ()))

@@ -14,10 +14,7 @@ from .measured import SCHEMA_VERSION, BenchmarkError, plain, write_measured
 
 
 class Journal:
-    """Rows that are kept as they come, a file each, in the folder `OUT.partial` beside the results file.
-
-    A journal that is there is gone on with. A row of a task that is tried again takes the place of the one that failed.
-    """
+    """Rows in the folder `OUT.partial` beside the results file, a file each; a task tried again replaces its row."""
 
     def __init__(self, out, settings):
         self.out, self.settings = Path(out), plain(settings)
@@ -25,7 +22,7 @@ class Journal:
 
     @property
     def rows(self):
-        """The rows that are there, but those whose file is damaged: they are made again."""
+        """The rows kept so far; a damaged file has none, and its task is run again."""
         found = []
         for name in self.begun.names():
             with suppress(ValueError):
@@ -33,12 +30,12 @@ class Journal:
         return found
 
     def append(self, row):
-        """Keep a finished row: on disk, or BenchmarkError."""
+        """Keep a finished row on disk, or BenchmarkError."""
         task = hashlib.sha256(json.dumps([row["set"], row["pair"], row["run"]]).encode()).hexdigest()
         self.begun.keep(f"row-{task[:16]}.json", json.dumps(plain(row), allow_nan=False).encode())
 
     def finish(self, provenance):
-        """Write the results file, whole or not at all, and drop the journal: the results."""
+        """Write the results file, whole or not at all, and drop the journal; returns the results."""
         runs = [run["name"] for run in self.settings["runs"]]
         results = {
             "schema_version": SCHEMA_VERSION,
@@ -52,18 +49,16 @@ class Journal:
 
 
 def column(rows, run, key):
-    """One figure of one run over its pairs: dict pair -> number, NaN where it failed or has none."""
+    """One figure of one run: dict pair -> number, NaN where there is none."""
     values = {row["pair"]: row for row in rows if row["run"] == run}
     return {pair: np.nan if row.get(key) is None else float(row[key]) for pair, row in values.items()}
 
 
 def front_ratio(rows, front, baseline, size="mean_abs_mu", error="landmark_error"):
-    """Per pair: the front's error at the baseline's distortion, over the baseline's error, dict; below 1 the front is
-    ahead.
+    """The front's error at the baseline's distortion over the baseline's error, dict pair -> ratio; below 1: ahead.
 
-    front: names of runs that trade `error` for `size`. Their certified points, without those that another one beats in
-    both, are joined by straight lines, beyond the last one held. Only pairs whose baseline is certified; NaN where the
-    baseline's size is below the front's.
+    front: names of runs that trade `error` for `size`. Straight lines join their certified points that none beats in
+    both, constant beyond the last. Pairs with a certified baseline; NaN where its size is below the front's.
     """
     found = {}
     for row in (row for row in rows if row["run"] == baseline and row.get("certified")):
@@ -80,10 +75,9 @@ def front_ratio(rows, front, baseline, size="mean_abs_mu", error="landmark_error
 
 
 def compare_fronts(rows, front, baseline, rng, size="mean_abs_mu", error="landmark_error"):
-    """`front_ratio` in one line: its geometric mean over pairs with its 95 % interval, and who is in front, a dict.
+    """`front_ratio` over all pairs, a dict: its geometric mean "ratio" with its 95 % interval "low", "high".
 
-    "ratio", "low", "high"; "won" of "pairs" where the front is ahead; "state": "ahead" or "behind" where the interval
-    does not hold 1, "level" where it does, "unknown" without a pair.
+    "won" of "pairs": the front is ahead; "state": "ahead", "behind", "level" (the interval holds 1) or "unknown".
     """
     ratios = np.array(list(front_ratio(rows, front, baseline, size, error).values()))
     ratio, low, high = np.exp(paired_difference(np.log(ratios), np.zeros(len(ratios)), rng)).tolist()
@@ -106,13 +100,13 @@ def compare_runs(rows, one, other, key, rng):
 
 
 def methods_and_oracles(rows):
-    """Rows of methods, and rows of oracles: runs whose targets are the true images of the landmarks. Two lists."""
+    """Rows of methods and rows of oracles, whose targets are the landmarks' true images: two lists."""
     oracles = [row for row in rows if row["landmarks"] == "exact"]
     return [row for row in rows if row["landmarks"] != "exact"], oracles
 
 
 def median_pair(rows, run):
-    """The pair with the median landmark error of a run (the lower of two): the one to show, chosen by nobody."""
+    """The pair with a run's median landmark error (the lower of two), to show an example that nobody chose."""
     values = sorted((value, pair) for pair, value in column(rows, run, "landmark_error").items() if np.isfinite(value))
     if not values:
         raise BenchmarkError(f"no pair has a landmark error of the run {run!r}: give one that the results hold")
@@ -128,10 +122,8 @@ MAIN = ("landmark_error", "mean_abs_mu", "correspondence_sulci_mm")
 
 
 def summary(rows):
-    """Per run: a dict with "pairs", "failed", "certified" (counts); each figure's mean over pairs by its own name and
-    its SD as "sd_of_" and the name (`MAIN` figures always, None where no pair has one); "seconds" of the map and
-    "stages", medians.
-    """
+    """Run -> dict: counts "pairs", "failed", "certified"; each figure's mean over pairs by its name, its SD as "sd_of_"
+    and the name (`MAIN` figures always, None where no pair has one); medians "seconds" of the map, and "stages"."""
     table = {}
     figures = dict.fromkeys([*MAIN, *(key for row in rows for key, value in row.items() if is_number(value))])
     for run in dict.fromkeys(row["run"] for row in rows):

@@ -1,11 +1,9 @@
-"""The benchmark: every run on every problem, as tasks on one machine or many, kept as they finish and resumed if
-killed.
+"""The benchmark: every run on every problem, as tasks on one machine or many; each is kept when it finishes.
 
     from qclearn.benchmark import benchmark, Run
     results = benchmark("small.json", subjects=3)
 
-A run is a method with its parameters and a source of landmarks. A method of one's own joins by
-`benchmark(..., methods=METHODS | {"mine": mine}, runs=(*RUNS, Run("mine", "mine")))`.
+A method of one's own joins by `benchmark(..., methods=METHODS | {"mine": mine}, runs=(*RUNS, Run("mine", "mine")))`.
 """
 
 import time
@@ -44,14 +42,12 @@ def benchmark(
     progress=True,
     fronts=False,
 ):
-    """Run all `runs` on all problems of `sets` and write the results file `out`: its contents.
+    """Run all `runs` on all problems of `sets`, write the results file `out` and return its contents.
 
-    subjects: how many of the cohort's 24; runs: by default RUNS, with FRONT if `fronts`, without those whose networks
-    have no weights here.
-    scheduler: address of a dask scheduler (its workers with one thread each), None for `workers` processes on this
-    machine; folder: where synthetic subjects are kept (on each worker's machine). Finished tasks are kept beside `out`
-    at once; called again, a run that was stopped goes on. Errors: BenchmarkError, WorkersError; ImportError without the
-    extra.
+    subjects: number, of the cohort's 24; runs: by default RUNS, with FRONT if `fronts`, without those whose networks
+    have no weights here; scheduler: address of a dask scheduler (one thread a worker), None for `workers` processes
+    here; folder: for synthetic subjects (on each worker's machine). Called again, a stopped run goes on from the
+    finished tasks. Errors: BenchmarkError, WorkersError; ImportError without the extra.
     """
     require("benchmark", "benchmarks")
     out, left_out = Path(out), {}
@@ -61,10 +57,10 @@ def benchmark(
         runs = [run for run in table if run.name not in left_out]
     runs, specs = check_runs(runs, methods), problems(subjects, sets)
     if not FEWEST <= vertices <= MOST or workers < 1:
-        raise BenchmarkError(
-            f"{vertices} vertices, {workers} workers: give {FEWEST:,} to {MOST:,} vertices and at least one worker"
-        )
-    origin, seeds = provenance(), {seed for spec in specs for seed in spec.seeds}
+        wanted = f"{FEWEST:,} to {MOST:,} vertices and at least one worker"
+        raise BenchmarkError(f"{vertices} vertices, {workers} workers: give {wanted}")
+    origin = {"commit": commit(), "date": date.today().isoformat(), "versions": versions(), "threads_per_task": 1}
+    seeds = {seed for spec in specs for seed in spec.seeds}
     settings = {
         "sets": list(sets),
         "subjects": subjects,
@@ -79,8 +75,7 @@ def benchmark(
         raise BenchmarkError(f"{out}: not a file in a folder that exists; give another --out")
     folder = None if folder is None else str(Path(folder).absolute())
     if scheduler is None and settings["controls"]:
-        # An unwritable folder is refused now, not in each task.
-        hemispheres([], vertices, folder)
+        hemispheres([], vertices, folder)  # refuses an unwritable folder now, not in each task
     journal, start = Journal(out, settings), time.perf_counter()
     done = {(row["set"], row["pair"], row["run"]) for row in journal.rows if row["status"] == "done"}
     wanted = [(spec, run) for spec in specs for run in runs if spec.set in run.sets]
@@ -92,15 +87,12 @@ def benchmark(
                 journal.append(row)
                 bar.set_postfix_str(f"{row['pair']}, {row['run']}", refresh=False)
                 bar.update()
-    return journal.finish(
-        origin
-        | machines
-        | {"seconds": round(time.perf_counter() - start, 1), "resumed": bool(done), "left_out": left_out}
-    )
+    seconds = round(time.perf_counter() - start, 1)
+    return journal.finish(origin | machines | {"seconds": seconds, "resumed": bool(done), "left_out": left_out})
 
 
 def finished(client, tasks, methods, grown):
-    """Rows as their tasks finish. A task that fails, with its worker or its problem, gives a row that says so."""
+    """Rows as their tasks finish; a task that fails, with its worker or its problem, gives a row that says so."""
     if not tasks:
         return
     from distributed import as_completed
@@ -131,7 +123,3 @@ def finished(client, tasks, methods, grown):
 
 def machine(client):
     return {"workers": len(client.nthreads()), "processors": sorted(set(client.run(processor).values()))}
-
-
-def provenance():
-    return {"commit": commit(), "date": date.today().isoformat(), "versions": versions(), "threads_per_task": 1}

@@ -27,30 +27,23 @@ from ..registration.metrics import (
 from .pairs import prepare, reverse
 from .yardstick import TRUE_MAP, curve_errors, folds_agree, held_out, log2_means, maps_agree, true_map
 
-LONG, REPETITIONS = 2.0, 3  # seconds after which a map is not computed again for its time; otherwise, how often
-NEAR = 10.0  # mm along the surface: what counts as near a sulcus
+LONG, REPETITIONS = 2.0, 3  # a map is computed again for its time, at most so often, within so many seconds
+NEAR = 10.0  # largest distance from a sulcus along the surface, mm
 ON_CIRCLE = 1e-6
 WITHOUT_TRUTH = dict.fromkeys(
-    (
-        "correspondence_mm",
-        "median_correspondence_mm",
-        "p95_correspondence_mm",
-        "correspondence_sulci_mm",
-        *TRUE_MAP,
-    )
+    ("correspondence_mm", "median_correspondence_mm", "p95_correspondence_mm", "correspondence_sulci_mm", *TRUE_MAP)
 )
 
 
 def trial(pair, run, method):
-    """A row's figures of one run on one pair, dict: `status` "done" with what the results schema names, or "failed"
-    with the error's message."""
+    """The figures of one run on one pair, dict: `status` "done" and the results schema's, or "failed" and a message."""
     try:
         with threadpool_limits(1):
             prepared = prepare(pair, run.landmarks)
             networks_of(run.method, run.parameters)  # loaded before the clock starts
             f, costs = timed(method, prepared.problem, run.parameters)
             start = time.perf_counter()
-            lookup = Lookup(pair.control.disk)
+            lookup = Lookup(unknown(pair.control.disk))
             places = lookup(f)
             costs["seconds"] |= {
                 "disk_moving": pair.moving.seconds,
@@ -59,11 +52,8 @@ def trial(pair, run, method):
                 "pull_back": time.perf_counter() - start,
             }
             sides = {"moving": pair.moving.words, "control": pair.control.words}
-            costs["notes"] = [
-                *[f"{side}: {note}" for side, notes in sides.items() for note in notes],
-                *prepared.notes,
-                *costs["notes"],
-            ]
+            of_disks = [f"{side}: {note}" for side, notes in sides.items() for note in notes]
+            costs["notes"] = [*of_disks, *prepared.notes, *costs["notes"]]
             figures = map_figures(pair, prepared, f, lookup, run.keep_field)
             return {"status": "done", **figures, "there_and_back_mm": way_back(pair, run, method, places), **costs}
     except Exception as error:
@@ -71,15 +61,15 @@ def trial(pair, run, method):
 
 
 def timed(method, problem, parameters):
-    """(f, costs): the map and its median time over the warm ones of up to REPETITIONS, in one thread.
+    """(f, costs): the map, its median time over the warm ones of up to REPETITIONS, in one thread, and its memory.
 
-    Each begins with nothing known of the problem. The first counts only where there is no other, where it takes LONG or
-    more: its memory is measured, which costs it time.
+    Each knows nothing of the problem. The first is measured for memory; its time counts only from LONG on.
     """
-    seconds, notes = [], []
+    seconds = []
     while not seconds or (sum(seconds) < LONG and len(seconds) < REPETITIONS):
-        fresh = replace(problem, disk=Disk(problem.disk.z, problem.disk.faces))
-        one_thread()
+        fresh = forgotten(problem)
+        if "torch" in sys.modules:  # it keeps its own count of threads
+            sys.modules["torch"].set_num_threads(1)
         if not seconds:
             before = memory("VmRSS", reset_peak=True)
         with warnings.catch_warnings(record=True) as caught:
@@ -98,20 +88,30 @@ def timed(method, problem, parameters):
     }
 
 
+def forgotten(problem):
+    """The problem as it is before anything is asked of its disks."""
+    moving, control = (replace(side, disk=unknown(side.disk)) for side in (problem.sides.moving, problem.sides.control))
+    sides = replace(problem.sides, moving=moving, control=control)
+    return replace(problem, disk=unknown(problem.disk), sides=sides)
+
+
+def unknown(disk):
+    """The same `Disk`, of which nothing is found yet."""
+    return Disk(disk.z, disk.faces)
+
+
 def checked(f, problem):
     """A method's answer as points of the disk (V,), or ValueError."""
     f = np.asarray(f, complex)
     if f.shape != problem.disk.z.shape or not np.isfinite(f).all():
-        raise ValueError(
-            f"the method returned an array of shape {f.shape} with {(~np.isfinite(f)).sum()} values that "
-            f"are not finite; expected {problem.disk.z.shape}, one point of the disk a vertex"
-        )
+        found = f"an array of shape {f.shape} with {(~np.isfinite(f)).sum()} values that are not finite"
+        wanted = f"{problem.disk.z.shape}, one point of the disk a vertex"
+        raise ValueError(f"the method returned {found}; expected {wanted}")
     return f
 
 
 def way_back(pair, run, method, places):
-    """Mean distance in mm of the moving vertices from where the run's map there, to `places` on the control's mesh, and
-    its map back take them; None for a pair that does not ask for it."""
+    """Mean distance, mm, that the run's maps to `places` on the control and back move vertices; None if not asked."""
     if not pair.there_and_back:
         return None
     problem = prepare(reverse(pair), run.landmarks).problem
@@ -122,15 +122,8 @@ def way_back(pair, run, method, places):
     return float(np.linalg.norm(home - pair.moving.surface.vertices, axis=1).mean())
 
 
-def one_thread():
-    """torch keeps its own count of threads, if it is loaded."""
-    if "torch" in sys.modules:
-        sys.modules["torch"].set_num_threads(1)
-
-
 def memory(name, reset_peak=False):
-    """Resident memory of this process now ("VmRSS") or its peak ("VmHWM"), in MB; None where the system is not
-    Linux."""
+    """This process' resident memory now ("VmRSS") or at its peak ("VmHWM"), MB; None outside Linux."""
     try:
         if reset_peak:
             ctypes.CDLL(None).malloc_trim(0)  # hand back what earlier tasks freed: to use that again would not show
@@ -142,7 +135,7 @@ def memory(name, reset_peak=False):
 
 
 def map_figures(pair, prepared, f, lookup, keep_field):
-    """All figures of a map f (V,); lookup: of the control's disk mesh."""
+    """All figures of a map f (V,); lookup: in the control's disk."""
     moving, control, problem = pair.moving.surface, pair.control.surface, prepared.problem
     places, plain = lookup(f), lookup(mobius(problem.disk.z, *problem.mobius))
     points = pair.control.disk.interpolate(control.vertices, places)
@@ -183,8 +176,7 @@ def certificate(problem, moving, f):
 
 
 def true_errors(pair, f):
-    """Errors between the true curves, whatever landmarks the map was found with; None where a side carries ends
-    only."""
+    """A map's errors on the true curves, whatever its landmarks were; None where a side has ends only."""
     whole = [curve for curve in pair.curves if min(len(curve["moving"]), len(curve["control"])) > 2]
     if not whole or pair.given == "exact":
         return {"landmark_error_true": None, "landmark_error_true_mm": None}

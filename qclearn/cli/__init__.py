@@ -11,12 +11,9 @@ import click
 from . import group, registration, studies, surfaces
 from .output import fail
 
-# SurfaceError, LandmarkError, BeltramiError and BijectivityError are ValueErrors; ImportError: torch may be missing
-USER_ERRORS = (ValueError, OSError, ImportError)
-
 
 def main(arguments=None):
-    """Entry point: runs a command; bad input becomes one line on stderr and exit code 2."""
+    """Run a command; bad input becomes one line on stderr and exit code 2."""
     try:
         command = ["qclearn", *(sys.argv[1:] if arguments is None else arguments)]
         cli.main(arguments, prog_name="qclearn", standalone_mode=False, obj=command)
@@ -28,7 +25,7 @@ def main(arguments=None):
         fail(f"{error.format_message()} (qclearn --help lists the commands)")
     except MemoryError:
         fail("there is not enough memory for this; close other programs, use a machine with more, or coarser surfaces")
-    except USER_ERRORS as error:
+    except (ValueError, OSError, ImportError) as error:  # ours are ValueErrors; torch may be missing
         fail(str(error))
 
 

@@ -48,7 +48,7 @@ def template(subjects, out, mirror, folder, **options):
 
 
 def member_of(path, mirrored):
-    """A subject, and what its file says of its side and generation."""
+    """A subject with the TRAITS that its file says."""
     surface, known = qc.read_surface(path), {"hemisphere": frame_of(path).side}
     if Path(path).suffix == ".npz":
         arrays = npz_arrays(read_bytes(Path(path)), lambda name: name in TRAITS)
@@ -61,21 +61,19 @@ def member_of(path, mirrored):
 
 def write_template(folder, made, members):
     """template.npz, report.json, and a registration-NN.npz a subject, which `qclearn transfer` reads."""
-    surface = made.surface
+    mean = {"vertices": made.surface.vertices, "faces": made.surface.faces, "disk": made.disk}
     means = {f"map_{name}": values for name, values in made.maps.items()}
-    np.savez_compressed(
-        folder / "template.npz", vertices=surface.vertices, faces=surface.faces, disk=made.disk, **means
-    )
+    np.savez_compressed(folder / "template.npz", **mean, **means)
     files = {name: f"registration-{number:02d}.npz" for number, name in enumerate(members, 1) if name in made.disk_maps}
     for name, file in files.items():
         maps = {"disk_moving": made.disks[name], "disk_map": made.disk_maps[name], "disk_control": made.disk}
-        faces = {"faces_moving": members[name].surface.faces, "faces_control": surface.faces}
+        faces = {"faces_moving": members[name].surface.faces, "faces_control": mean["faces"]}
         write_registration(folder / file, maps | faces)
     (folder / "report.json").write_text(json.dumps(made.report | {"files": files}, indent=2) + "\n")
 
 
 def tell(report, out):
-    """What a round has brought, a line each, and whether the template stands still."""
+    """Print a line of each round, and whether the template stands still."""
     say("round  moved, mm  " + "  ".join(f"r({name})  variance" for name in report["features"]))
     for number, row in enumerate(report["rounds"]):
         r = [f"{row['r'].get(name, np.nan):{len(name) + 3}.3f}" for name in report["features"]]

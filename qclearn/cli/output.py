@@ -1,5 +1,4 @@
-"""What the commands say and where they write: one line of an error, harmless to the terminal,
-and a folder as a whole."""
+"""What the commands say and where they write: lines harmless to the terminal, and a folder as a whole."""
 
 import os
 import sys

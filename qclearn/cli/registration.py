@@ -19,6 +19,8 @@ from ..registration.problem import DELTA, Weights
 from ..registration.register import register as run_registration
 from .output import fail, output_folder
 
+MAPS = ("points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving", "faces_control")  # that are written
+
 
 @click.command()
 @click.argument("moving")
@@ -33,10 +35,7 @@ from .output import fail, output_folder
     help="network: LD-Net, CP-Net, DBS-Net, with the exact method where they fall short.",
 )
 @click.option(
-    "--tolerance",
-    type=float,
-    help="Landmark error in the disk above which a network's map is refined by "
-    "Gauss-Newton steps (inf: never)  [default: 0.005]",
+    "--tolerance", type=float, help="Refine a network's map above this landmark error (inf: never)  [default: 0.005]"
 )
 @click.option("--alpha", type=float, default=Weights.alpha, show_default=True, help="Weight of |mu|^2.")
 @click.option("--beta", type=float, default=Weights.beta, show_default=True, help="Weight of |grad mu|^2.")
@@ -103,7 +102,7 @@ def demo(out, accept_suspect):
 
 
 def given_features(files, none):
-    """The features of the options --feature and --no-features, for `qc.register`; by default the folds."""
+    """Features of the options --feature and --no-features; by default the folds."""
     delta = click.get_current_context().get_parameter_source("delta") is ParameterSource.COMMANDLINE
     for option, used in (("--feature", files), ("--delta", delta)):
         if used and none:
@@ -112,7 +111,7 @@ def given_features(files, none):
 
 
 def given_feature(moving, control):
-    """A `Feature` from two files, or twice a name of FOLDS, with its weight, which stands behind a colon."""
+    """A `Feature` from two files, or a name of FOLDS given twice, with the weight behind the colon."""
     path, colon, weight = control.rpartition(":")
     try:
         control, weight = (path, float(weight)) if colon else (control, 1.0)
@@ -124,61 +123,46 @@ def given_feature(moving, control):
 
 
 def register_into(out, moving, control, curves, inputs, accept_suspect, **options):
-    """Run the pipeline, write its four files together, print the report; exit code 3 where the result is suspect.
-
-    inputs: side -> (path, surface as read), for the report.
-    """
+    """Run the pipeline, write its four files, print the report; exit code 3 if suspect. inputs: as of `origin`."""
     from ..pages.plot import registration_figure
 
     with output_folder(out) as folder:
         result = run_registration(moving, control, curves, progress=True, **options)
-        figure = registration_figure(result, moving, control)
-        figure.savefig(folder / "figure.png", dpi=150)
-        write_registration(
-            folder / "registration.npz",
-            {
-                name: getattr(result, name)
-                for name in ("points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving", "faces_control")
-            },
-        )
+        registration_figure(result, moving, control).savefig(folder / "figure.png", dpi=150)
+        write_registration(folder / "registration.npz", {name: getattr(result, name) for name in MAPS})
         report = result.report | origin(inputs, curves, click.get_current_context().obj)
         (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
-        qc.write_surface(folder / "registered.surf.gii", result.surface, frame=frame_of_control(inputs["control"]))
+        path = inputs["control"][0]  # its coordinates are the registered surface's; the demo's control is no file
+        frame = frame_of(path) if Path(path).is_file() else Frame("left")
+        qc.write_surface(folder / "registered.surf.gii", result.surface, frame=frame)
     print_report(report, out)
     if report["suspect"]:
         fail("suspect: " + "; ".join(report["suspect"]), 0 if accept_suspect else 3)
 
 
-def frame_of_control(given):
-    """The hemisphere and coordinate system of the control's file, in which the registered surface lies."""
-    path, _ = given
-    return frame_of(path) if Path(path).is_file() else Frame("left")  # the demo's control
-
-
 def print_report(report, out):
-    """The figures a user asks first, as a few lines."""
+    """The figures a user asks first, a line each."""
+
+    def line(head, text):
+        click.echo(f"{head:15s} {text}")
+
     if report["curves"]:
-        click.echo(
-            f"landmark error  {report['landmark_error']:.2e} in the disk "
-            f"({report['landmark_error_before']:.2e} after the best Möbius map), {report['landmark_error_mm']:.2f} mm"
-        )
+        before, after = report["landmark_error_before"], report["landmark_error"]
+        disk = f"{after:.2e} in the disk ({before:.2e} after the best Möbius map)"
+        line("landmark error", f"{disk}, {report['landmark_error_mm']:.2f} mm")
     if report["held_out_mm"]:
         before, after = np.mean(list(report["held_out_mm"].values()), axis=0)
-        click.echo(f"held out        {after:.2f} mm, mean of the curves ({before:.2f} after the best Möbius map)")
+        line("held out", f"{after:.2f} mm, mean of the curves ({before:.2f} after the best Möbius map)")
     for name, (before, after) in report["r"].items():
-        click.echo(f"{f'r({name})':15s} {after:.3f} ({before:.3f} after the best Möbius map)")
-    click.echo(
-        f"|mu|            mean {report['mean_abs_mu']:.3f}, SD {report['sd_abs_mu']:.3f}, "
-        f"maximum {report['max_abs_mu']:.3f}"
-    )
-    click.echo(
-        f"bijective       {'yes' if report['bijective'] else 'no'}, {report['flipped']} faces flipped, "
-        f"{report['degenerate']} without area on the control"
-    )
-    click.echo(f"fallbacks       {'; '.join(report['fallbacks']) or 'none'}")
-    click.echo(f"suspect         {'; '.join(word.split(':')[0] for word in report['suspect']) or 'no'}")
-    click.echo(f"seconds         {report['seconds']['total']:.1f}")
-    click.echo(f"written to      {out}")
+        line(f"r({name})", f"{after:.3f} ({before:.3f} after the best Möbius map)")
+    mean, deviation, most = (report[f"{word}_abs_mu"] for word in ("mean", "sd", "max"))
+    line("|mu|", f"mean {mean:.3f}, SD {deviation:.3f}, maximum {most:.3f}")
+    faces = f"{report['flipped']} faces flipped, {report['degenerate']} without area on the control"
+    line("bijective", f"{'yes' if report['bijective'] else 'no'}, {faces}")
+    line("fallbacks", "; ".join(report["fallbacks"]) or "none")
+    line("suspect", "; ".join(word.split(":")[0] for word in report["suspect"]) or "no")
+    line("seconds", f"{report['seconds']['total']:.1f}")
+    line("written to", out)
 
 
 def shared_curves(moving, control):

@@ -1,4 +1,4 @@
-"""`qclearn train` and `benchmark`: what takes hours, and goes on where it was stopped."""
+"""`qclearn train` and `benchmark`: runs of hours, which go on where they were stopped."""
 
 from pathlib import Path
 
@@ -53,10 +53,7 @@ def train(network, preset, gamma, out, data, steps, seed, quick, threads):
     help="cohort, displacement, fsaverage5, heldout, warp or conte69; may be repeated.",
 )
 @click.option(
-    "--method",
-    "methods",
-    multiple=True,
-    help="One method in place of all (harmonic, harmonic:weight=2,landmarks=path); may be repeated.",
+    "--method", "methods", multiple=True, help="Instead of all: harmonic, harmonic:weight=2,landmarks=path; repeatable."
 )
 @click.option("--fronts", is_flag=True, help="Also fits along a front of weights, to compare at equal distortion.")
 @click.option("--scheduler", help="Address of a dask scheduler, tcp://HOST:8786 (default: processes of this machine).")
@@ -85,7 +82,7 @@ def benchmark(out, subjects, vertices, sets, methods, fronts, scheduler, workers
 
 
 def lines_of(rows):
-    """One set's rows in lines: means a run, and what the true map itself has of them, where it is known."""
+    """Lines of one set's rows: each run's means, and the true map's own figures where it is known."""
     from ..benchmark.results import summary
 
     table = summary(rows)

@@ -24,9 +24,7 @@ from .output import say
 @click.option("--label", help="FreeSurfer .label file: its vertices are cut away.")
 @click.option("--keep", is_flag=True, help="The file names what to keep (lh.cortex.label, thickness), not what to cut.")
 @click.option("--reverse", is_flag=True, help="Reverse every face first (for a surface that is inside out).")
-@click.option(
-    "--hemisphere", type=click.Choice(["left", "right"]), help="For GIFTI output, where the names do not say it."
-)
+@click.option("--hemisphere", type=click.Choice(["left", "right"]), help="For GIFTI output, if no name says it.")
 @click.option("--out", required=True, help="File to write; an npz also keeps the original vertex numbers.")
 def open_command(surface, mask, label, keep, reverse, hemisphere, out):
     """Cut a closed hemisphere open at its medial wall, so that it becomes a disk."""
@@ -48,31 +46,23 @@ def open_command(surface, mask, label, keep, reverse, hemisphere, out):
 @click.argument("registration")
 @click.argument("values")
 @click.option("--to", type=click.Choice(["moving", "control"]), required=True, help="Where the values are carried.")
-@click.option(
-    "--nearest",
-    is_flag=True,
-    help="Take the nearest corner's value instead of interpolating; whole numbers (labels, an .annot) need it.",
-)
+@click.option("--nearest", is_flag=True, help="Nearest corner's value, not interpolated; labels and .annot need it.")
 @click.option("--hemisphere", type=click.Choice(["left", "right"]), help="For GIFTI output whose name does not say it.")
 @click.option("--out", required=True, help="File to write: .npy, .txt, .gii, .mgh or a FreeSurfer morphometry name.")
 def transfer(registration, values, to, nearest, hemisphere, out):
     """Carry a per-vertex map (VALUES) over to the other surface of a REGISTRATION (registration.npz)."""
     maps = read_registration(registration)
-    disks = {
-        "moving": (maps["disk_map"], maps["faces_moving"]),
-        "control": (maps["disk_control"], maps["faces_control"]),
-    }
-    z_from, faces_from = disks["control" if to == "moving" else "moving"]
-    z_to, _ = disks[to]
+    z = {"moving": maps["disk_map"], "control": maps["disk_control"]}
+    source = "control" if to == "moving" else "moving"
     given = qc.read_values(values)
     if given.dtype.kind in "biu" and not nearest:
         raise ValueError(
             f"{values}: holds whole numbers, which interpolation would blend into others; add --nearest to carry "
             "them as labels, or save them with a decimal point (as floats) to interpolate"
         )
-    carried = transfer_map(given, z_from, faces_from, z_to, nearest)
+    carried = transfer_map(given, z[source], maps[f"faces_{source}"], z[to], nearest)
     qc.write_values(out, carried, side=hemisphere, labels=read_labels(values) if nearest else None)
-    say(f"{out}: {len(z_to)} values on the {to} surface")
+    say(f"{out}: {len(z[to])} values on the {to} surface")
 
 
 @click.command()
@@ -109,7 +99,7 @@ def synth(seed, vertices, hemisphere, cohort, generation, workers, out):
 
 
 def grow_with_bar(make_cortex, *arguments, **options):
-    """make_cortex in a thread of its own, while a progress bar follows its clock."""
+    """Run make_cortex in a thread, while a progress bar follows its clock."""
     clock = np.zeros(2, dtype=np.int64)
     with ThreadPoolExecutor(1) as pool, tqdm(desc="growing", delay=2, leave=False) as bar:
         job = pool.submit(make_cortex, *arguments, clock=clock, **options)

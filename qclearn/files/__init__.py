@@ -1,1 +1,1 @@
-"""What is read and written: surfaces and values in the formats of the field, fsaverage5, where figures come from."""
+"""Surfaces and values in the formats of the field, fsaverage5, conte69, and where figures come from."""

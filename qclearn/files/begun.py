@@ -1,4 +1,4 @@
-"""What a long run has finished so far, kept in a folder, so that a run that was stopped goes on."""
+"""The finished parts of a long run, kept in a folder, so that a stopped run goes on."""
 
 import json
 from pathlib import Path
@@ -10,10 +10,10 @@ SETTINGS = "settings.json"
 
 
 class Begun:
-    """A folder with the settings of a run and a file for each part that is finished; without a path nothing is kept.
+    """A folder with a run's settings and a file for each finished part; path None: nothing is kept.
 
-    settings: dict for JSON of all that the parts depend on. Error: the caller's exception, raised where the folder
-    belongs to a run with other settings, holds other files, or cannot be written.
+    settings: dict for JSON of all that the parts depend on. error: the exception for a folder with other settings or
+    other files, or that cannot be written.
     """
 
     def __init__(self, path, settings, error):
@@ -35,8 +35,7 @@ class Begun:
         differ = sorted(key for key in settings | there if there.get(key) != settings.get(key))
         if differ:
             raise error(
-                f"{path}: begun with other settings ({', '.join(differ)} differ): give the same ones to go on with it, "
-                "delete it to begin again, or give another place"
+                f"{path}: begun with other settings ({', '.join(differ)} differ): give the same or another place"
             )
         self.keep(SETTINGS, json.dumps(settings, indent=1).encode())
 

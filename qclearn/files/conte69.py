@@ -36,30 +36,25 @@ class Conte69(NamedTuple):
 
 
 def conte69(folder=None):
-    """The two sides of conte69 and their maps: `Conte69`.
+    """The two sides of conte69 and their maps, both cut by both sides' masks, so that vertices keep corresponding.
 
-    Both are cut by both sides' masks of the medial wall, so that their vertices keep corresponding. folder: of the data
-    sets of brainspace, found where the package is installed unless given (nothing of it is imported). ImportError, with
-    what to install, without the package; SurfaceError where a file is missing or does not fit the others.
+    folder: of brainspace's data sets, by default the installed package's. ImportError without the package; SurfaceError
+    where a file is missing or does not fit the others.
     """
     folder = installed_folder() if folder is None else Path(folder)
     closed = {side: read_surface(folder / "surfaces" / f"conte69_32k_{word}.gii") for side, word in SIDES.items()}
-    if not np.array_equal(edges(closed["left"]), edges(closed["right"])):
+    if not np.array_equal(*(np.sort(surface.edges, axis=1) for surface in closed.values())):
         raise SurfaceError(f"{folder}: the two sides of conte69 differ in their mesh; install brainspace again")
     count = len(closed["left"].vertices)
     masks = [numbers(folder / "surfaces" / f"conte69_32k_{word}_mask.csv", count) for word in SIDES.values()]
     (left, kept), (right, same) = (open_surface(closed[side], ~np.all(masks, axis=0)) for side in SIDES)
     if not np.array_equal(kept, same):
         raise SurfaceError(f"{folder}: the masks open the two sides of conte69 differently; install brainspace again")
-    maps = {
-        name: numbers(folder / "matrices" / "main_group" / f"conte69_32k_{word}.csv", 2 * count)
-        for name, word in MAPS.items()
-    }
-    return Conte69(left, right, {name: (values[kept], values[count:][kept]) for name, values in maps.items()})
-
-
-def edges(surface):
-    return np.sort(surface.edges, axis=1)
+    maps = {}
+    for name, word in MAPS.items():
+        values = numbers(folder / "matrices" / "main_group" / f"conte69_32k_{word}.csv", 2 * count)
+        maps[name] = values[:count][kept], values[count:][kept]
+    return Conte69(left, right, maps)
 
 
 def installed_folder():

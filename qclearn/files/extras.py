@@ -1,4 +1,4 @@
-"""What is not installed with the core: extras, and the one line that says how to get them."""
+"""Extras: packages that are not installed with the core, and the line that says how to get them."""
 
 from contextlib import nullcontext
 from importlib.util import find_spec
@@ -13,10 +13,9 @@ EXTRAS = {
 
 
 def require(extra, what):
-    """ImportError with the command that installs an extra, where a package of it is missing.
+    """ImportError, with the command that installs it, where a package of an extra is missing; imports nothing.
 
-    what: who needs it, in the plural, "the networks". Nothing is imported. Returns an empty context,
-    for the imports that follow: `with require("nets", "the networks"): import torch`.
+    what: who needs it, in the plural. An empty context: `with require("nets", "the networks"): import torch`.
     """
     missing = [package for package in EXTRAS[extra] if find_spec(package) is None]
     if missing:

@@ -19,25 +19,22 @@ _FILES = {"pial": "pial", "white": "white", "inflated": "infl", "sphere": "spher
 def fsaverage5(hemisphere: str = "left", kind: str = "pial") -> Surface:
     """The open hemisphere "left" or "right" of fsaverage5 as "pial", "white", "inflated" or "sphere" surface, in mm.
 
-    The medial wall, where the cortical thickness is 0, is cut away by open_surface on the pial surface; all kinds of a
-    hemisphere share this cut, so their vertices and faces correspond. Raises SurfaceError where nilearn is missing.
+    The medial wall (thickness 0) is cut away on the pial surface; all kinds of a hemisphere share the cut, so their
+    vertices and faces correspond. SurfaceError where nilearn is missing.
     """
     if hemisphere not in ("left", "right") or kind not in _FILES:
         raise SurfaceError(
-            f"fsaverage5 has no '{hemisphere}' '{kind}' surface; hemispheres are left and right, kinds "
-            f"{', '.join(_FILES)}"
+            f"fsaverage5 has no '{hemisphere}' '{kind}' surface; hemispheres left and right, kinds {', '.join(_FILES)}"
         )
     vertices, faces = _opening(hemisphere)
     return Surface(_closed(hemisphere, kind).vertices[vertices], faces, original_vertices=vertices)
 
 
 def named_sulci(hemisphere, original_indices):
-    """Endpoints of the named sulci of one hemisphere of fsaverage5: dict name -> (start, end).
+    """Endpoints of fsaverage5's named sulci: dict name -> (start, end) on the opened surface, alike on both sides.
 
-    hemisphere: "left" or "right"; original_indices (V',): for each vertex of the opened surface its index on the closed
-    mesh of 10,242 vertices, as `open_surface` returns it; start and end index the opened surface. Both sides run in the
-    same anatomical order. How each was chosen is told in fsaverage5_sulci.json. SurfaceError for another hemisphere,
-    or where an endpoint was cut away.
+    hemisphere: "left" or "right"; original_indices (V',): the opened surface's vertices on the closed mesh, as from
+    `open_surface`. fsaverage5_sulci.json tells how each was chosen. SurfaceError where an endpoint was cut away.
     """
     if hemisphere not in ("left", "right"):
         raise SurfaceError(f"fsaverage5 has no hemisphere '{hemisphere}'; hemispheres are left and right")
@@ -47,10 +44,9 @@ def named_sulci(hemisphere, original_indices):
 
 
 def demo_landmarks() -> dict:
-    """The landmarks of fsaverage5's mirrored right side (moving) and its left side (control), as in a landmarks file.
+    """Landmarks of `mirror(fsaverage5("right"))` (moving) and `fsaverage5("left")` (control), as in a landmarks file.
 
-    `{"curves": [{"name", "moving": [start, end], "control": [start, end]}]}`: endpoints only, in the numbering of
-    `mirror(fsaverage5("right"))` and `fsaverage5("left")`.
+    `{"curves": [{"name", "moving": [start, end], "control": [start, end]}]}`: endpoints only.
     """
     moving, control = (named_sulci(hemisphere, _opening(hemisphere)[0]) for hemisphere in ("right", "left"))
     return {
@@ -63,8 +59,7 @@ def _renumbered(name, vertices, original_indices):
     lost = [vertex for vertex, place in zip(vertices, found) if len(place) != 1]
     if lost:
         raise SurfaceError(
-            f"{name}: vertices {lost} of the closed fsaverage5 are not on the opened surface; "
-            f"open it with a smaller mask, and pass the original indices that belong to it"
+            f"{name}: vertices {lost} of the closed fsaverage5 are cut away; cut less, and pass this surface's indices"
         )
     return tuple(int(place[0]) for place in found)
 

@@ -1,5 +1,4 @@
-"""GIFTI files: surfaces and per-vertex maps through nibabel, once a first pass has seen that the sizes are true; and
-what Workbench wants to find in a file: the hemisphere, a coordinate system and a label table."""
+"""GIFTI through nibabel: a first pass sees that sizes are true; Workbench finds hemisphere, coordinates and labels."""
 
 import base64
 import colorsys
@@ -53,7 +52,7 @@ class _Sizes:
 
 
 def _announced(attributes):
-    """Bytes that a DataArray's attributes announce."""
+    """Number of bytes that a DataArray's attributes announce."""
     dimensions = attributes.get("Dimensionality", "")
     if not re.fullmatch("[1-6]", dimensions):
         raise FormatError(f"an array has {dimensions[:20] or 'no'} dimensions, where 1 or 2 are needed")
@@ -65,8 +64,7 @@ def _announced(attributes):
         raise FormatError(f"an array has the unknown type {kind[:40]}")
     if attributes.get("Encoding") == "ExternalFileBinary":
         raise SurfaceError(
-            "keeps its data in another file (as SPM writes it); convert it to one file, for example with "
-            "wb_command -gifti-convert GZIP_BASE64_BINARY IN OUT"
+            "keeps its data in another file; convert it: wb_command -gifti-convert GZIP_BASE64_BINARY IN OUT"
         )
     return math.prod(map(int, sides)) * nibabel.nifti1.data_type_codes.dtype[kind].itemsize
 
@@ -111,16 +109,14 @@ def surface_arrays(image):
 def values_of(image):
     """Values (V,) or, of several arrays, (V, k) of a map's image."""
     arrays = [array.data for array in image.darrays]
-    intents = {array.intent for array in image.darrays} & {
-        nibabel.nifti1.intent_codes[name] for name in ("NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE")
-    }
-    if intents or not arrays or len({array.shape for array in arrays}) > 1:
+    meshes = map(image.get_arrays_from_intent, ("NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE"))
+    if any(meshes) or not arrays or len({array.shape for array in arrays}) > 1:
         raise SurfaceError("holds no maps of one value a vertex; give a .func.gii, .shape.gii or .label.gii")
     return arrays[0] if len(arrays) == 1 else np.stack(arrays, axis=-1)
 
 
 def labels_of(image):
-    """The label table as a dict key -> (name, (red, green, blue, alpha) from 0 to 1); empty where there is none."""
+    """The label table: dict key -> (name, (red, green, blue, alpha) from 0 to 1)."""
     return {
         label.key: (label.label or "", tuple(1.0 if part is None else part for part in label.rgba))
         for label in image.labeltable.labels
@@ -128,21 +124,16 @@ def labels_of(image):
 
 
 def surface_bytes(surface, side=None, space=None):
-    """The bytes of a .surf.gii; side: "left" or "right", space: the coordinates' GiftiCoordSystem, both if known."""
+    """The bytes of a .surf.gii; side: "left", "right" or None, space: the coordinates' GiftiCoordSystem or None."""
     meta = GiftiMetaData({"AnatomicalStructurePrimary": STRUCTURES[side]} if side else {})
     points, triangles = surface.vertices.astype(np.float32), surface.faces.astype(np.int32)
-    return GiftiImage(
-        meta=meta,
-        darrays=[
-            GiftiDataArray(points, intent="NIFTI_INTENT_POINTSET", meta=meta, coordsys=space or GiftiCoordSystem()),
-            GiftiDataArray(triangles, intent="NIFTI_INTENT_TRIANGLE", meta=GiftiMetaData()),
-        ],
-    ).to_bytes()
+    points = GiftiDataArray(points, intent="NIFTI_INTENT_POINTSET", meta=meta, coordsys=space or GiftiCoordSystem())
+    triangles = GiftiDataArray(triangles, intent="NIFTI_INTENT_TRIANGLE", meta=GiftiMetaData())
+    return GiftiImage(meta=meta, darrays=[points, triangles]).to_bytes()
 
 
 def values_bytes(values, side=None, labels=None):
-    """The bytes of a map (V,) or (V, k), float32 or int32; whole numbers get a label table,
-    `labels` or one made here."""
+    """The bytes of a map (V,) or (V, k), float32 or int32; integers get the label table `labels` or a new one."""
     meta = GiftiMetaData({"AnatomicalStructurePrimary": STRUCTURES[side]} if side else {})
     intent, table = "NIFTI_INTENT_SHAPE", GiftiLabelTable()
     if values.dtype.kind == "i":

@@ -31,8 +31,7 @@ class SlitWarning(UserWarning):
 
 @dataclass(frozen=True)
 class Frame:
-    """What a file says of its coordinates beside their values, kept from one file to the next: the hemisphere ("left",
-    "right"), GIFTI's coordinate system, FreeSurfer's volume geometry; None where it does not say."""
+    """A file's hemisphere ("left", "right"), GIFTI coordinate system and FreeSurfer volume geometry, or None."""
 
     side: str | None = None
     space: object = None
@@ -43,9 +42,9 @@ def read_surface(path: str | Path) -> Surface:
     """Surface from a file: .npz (vertices, faces, curve_<name>), .gii (also gzipped), .ply, .obj, .off, .stl,
     .vtk, .vtp, or FreeSurfer's binary triangles, known by their content under any other name (lh.pial, rh.white).
 
-    Coordinates come as stored: FreeSurfer's volume geometry and GIFTI's coordinate systems are not applied. Faces must
-    be triangles; STL points with equal coordinates are merged, and a SlitWarning says where that leaves a slit. Raises
-    SurfaceError, naming the file and the remedy, also where a file announces or unpacks to far more than its size.
+    Coordinates come as stored, without volume geometry or coordinate system. Faces must be triangles; equal points of
+    an STL are merged (SlitWarning where a slit stays). SurfaceError, with the file and the remedy, where it cannot be
+    read, or announces or unpacks to far more than its size.
     """
     path = Path(path)
     data = read_bytes(path)
@@ -92,14 +91,13 @@ def write_surface(
     original_vertices: Integer[ndarray, " V"] | None = None,
     frame: Frame | None = None,
 ) -> None:
-    """Write a surface in the format of the path's suffix (see read_surface; a FreeSurfer name such as lh.pial, or no
-    suffix, gives FreeSurfer's binary); the file appears whole or not at all.
+    """Write a surface, whole or not at all, in the format of the path's suffix (as read_surface; a FreeSurfer name such
+    as lh.pial, or no suffix: FreeSurfer's binary).
 
-    Coordinates keep float64 exactly, but FreeSurfer, GIFTI and STL store float32, and STL has no vertex numbers. Only
-    npz keeps the curves and original_vertices, the second result of open_surface (by default the surface's own).
-    surface: also a named tuple with a surface's arrays, such as `Registration.surface`. frame: `frame_of` the file the
-    coordinates come from: GIFTI gets its hemisphere (else the one that the name says) and coordinate system,
-    FreeSurfer its volume geometry. Raises SurfaceError where the format is unknown or the folder cannot be written.
+    Coordinates keep float64; FreeSurfer, GIFTI and STL store float32, STL no vertex numbers. Only npz keeps the curves
+    and original_vertices, `open_surface`'s second result (default: the surface's own). surface: also a named tuple such
+    as `Registration.surface`. frame: `frame_of` the coordinates' file, for GIFTI (hemisphere, else by the name, and
+    coordinate system) and FreeSurfer (volume geometry). SurfaceError: unknown format, or a folder not writable.
     """
     path, frame = Path(path), frame or Frame()
     suffix = suffix_of(path)
@@ -114,7 +112,8 @@ def write_surface(
         elif suffix in _WRITERS:
             place.write_bytes(_WRITERS[suffix](surface))
         else:
-            _write_freesurfer(place, surface, frame.volume)
+            arrays, stamp = (surface.vertices, surface.faces), "created by qclearn"
+            nibabel.freesurfer.write_geometry(place, *arrays, create_stamp=stamp, volume_info=frame.volume)
 
     if not (suffix in (".npz", ".gii", *_WRITERS) or freesurfer or path.suffix.lower() in _FREESURFER_SUFFIXES):
         raise SurfaceError(f"{path}: {_unknown_format('nor is the name one of FreeSurfer, such as lh.pial')}")
@@ -134,16 +133,11 @@ def suffix_of(path):
 
 
 def _unknown_format(content):
-    return (
-        f"the suffix is none of {', '.join(_READERS)}, {content}; rename the file or convert it, "
-        f"for example with mris_convert"
-    )
+    return f"the suffix is none of {', '.join(_READERS)}, {content}; rename the file or convert it (mris_convert)"
 
 
 def _read_npz(_, data):
-    arrays = npz_arrays(
-        data, lambda name: name in ("vertices", "faces", "original_vertices") or name.startswith("curve_")
-    )
+    arrays = npz_arrays(data, lambda key: key in ("vertices", "faces", "original_vertices") or key.startswith("curve_"))
     missing = {"vertices", "faces"} - set(arrays)
     if missing:
         raise SurfaceError(f"lacks the array {' and '.join(sorted(missing))}; save vertices (V, 3), faces (F, 3)")
@@ -167,7 +161,7 @@ def _read_freesurfer(path, data):
     if data.startswith(_FREESURFER_QUADS):
         raise SurfaceError("holds quadrangles (FreeSurfer's old format); convert it with mris_convert to triangles")
     _check_freesurfer(data)
-    return *nibabel.freesurfer.read_geometry(path), {}
+    return nibabel.freesurfer.read_geometry(path)
 
 
 def _check_freesurfer(data):
@@ -181,30 +175,19 @@ def _check_freesurfer(data):
     require_all("face", records - n_vertices, n_faces)
 
 
-def _write_freesurfer(path, surface, volume):
-    nibabel.freesurfer.write_geometry(
-        path, surface.vertices, surface.faces, create_stamp="created by qclearn", volume_info=volume
-    )
-
-
 def _read_vtk(path, data):
     # in a process of its own: on some damaged files VTK's readers end the process
     script = Path(__file__).with_name("vtkchild.py")
-    room = max(VTK_ROOM, VTK_RATIO * len(data))
+    command = [sys.executable, "-P", script, path.resolve(), str(max(VTK_ROOM, VTK_RATIO * len(data)))]
     try:
-        child = subprocess.run(
-            [sys.executable, "-P", script, path.resolve(), str(room)],
-            capture_output=True,
-            timeout=VTK_SECONDS,
-            check=False,
-        )
+        child = subprocess.run(command, capture_output=True, timeout=VTK_SECONDS, check=False)
     except subprocess.TimeoutExpired:
         raise FormatError(f"VTK's reader has not ended after {VTK_SECONDS} s") from None
     if child.returncode:
         reason = child.stdout.decode() if child.returncode == 1 else ""
         raise FormatError(reason or "VTK's reader breaks down on it")
     arrays = io.BytesIO(child.stdout)
-    return np.load(arrays), np.load(arrays), {}
+    return np.load(arrays), np.load(arrays)
 
 
 def _write_to_string(writer, surface):
@@ -233,14 +216,8 @@ def _write_vtp(surface):
     return writer.GetOutputString().encode()
 
 
-def _read_plain(read):
-    """A reader of a path and bytes, of one of bytes alone that knows no curves."""
-    return lambda _, data: (*read(data), {})
-
-
 def _warn_of_slits(path, surface):
-    """A torn corner is a vertex of one face whose slit has four sides; at the rim, or where points differ by rounding
-    alone, the next but one on the rim is nearly the same point."""
+    """Warn of torn corners (of one face, on a loop of four) and of neighbours' neighbours on a rim that almost meet."""
     count = np.bincount(surface.faces.ravel())
     for loop in surface.boundary_loops:
         here, beside, twin = (surface.vertices[np.roll(loop, -k)] for k in range(3))
@@ -250,8 +227,7 @@ def _warn_of_slits(path, surface):
             vertex = loop[near | torn][0]
             warnings.warn(
                 f"{path}: merging equal points leaves a slit at vertex {vertex} "
-                f"({surface.vertices[vertex].tolist()}), where two points that should be one may differ; check "
-                "the file, or close the slit (pyvista's clean with a tolerance)",
+                f"({surface.vertices[vertex].tolist()}); check the file, or close it (pyvista's clean, with tolerance)",
                 SlitWarning,
                 stacklevel=3,
             )
@@ -259,11 +235,11 @@ def _warn_of_slits(path, surface):
 
 _READERS = {
     ".npz": ("npz file", _read_npz),
-    ".gii": ("GIFTI surface", _read_plain(lambda data: gifti.surface_arrays(gifti.parse(data)))),
-    ".ply": ("PLY file", _read_plain(meshformats.read_ply)),
-    ".obj": ("OBJ file", _read_plain(meshformats.read_obj)),
-    ".off": ("OFF file", _read_plain(meshformats.read_off)),
-    ".stl": ("STL file", _read_plain(meshformats.read_stl)),
+    ".gii": ("GIFTI surface", lambda _, data: gifti.surface_arrays(gifti.parse(data))),
+    ".ply": ("PLY file", lambda _, data: meshformats.read_ply(data)),
+    ".obj": ("OBJ file", lambda _, data: meshformats.read_obj(data)),
+    ".off": ("OFF file", lambda _, data: meshformats.read_off(data)),
+    ".stl": ("STL file", lambda _, data: meshformats.read_stl(data)),
     ".vtk": ("VTK file", _read_vtk),
     ".vtp": ("VTP file", _read_vtk),
 }

@@ -1,8 +1,7 @@
-"""PLY, OBJ, OFF and STL, read and written here: the libraries at hand crash, hang or accept half a mesh where such a
-file is cut short (VTK's PLY reader ends the process), and write fewer digits than float64 has.
+"""PLY, OBJ, OFF and STL: the libraries at hand crash, hang or accept half a mesh where such a file is cut short (VTK's
+PLY reader ends the process), and write fewer digits than float64 has.
 
-Readers take the file's bytes and return (vertices, faces); they raise FormatError with what is wrong and where.
-Writers return bytes. All but STL (float32 by definition) keep float64 exactly.
+Readers turn bytes into (vertices, faces), or raise FormatError; writers return bytes and keep float64, but for STL.
 """
 
 import re
@@ -203,9 +202,7 @@ def read_stl(data):
     else:
         if len(data) < 84:
             raise FormatError("the STL header is incomplete")
-        there = (len(data) - 84) // _STL_RECORD.itemsize
-        if there != count:
-            raise FormatError(f"{count} face records are announced, {there} are there")
+        require_all("face", (len(data) - 84) // _STL_RECORD.itemsize, count, exactly=True)
         points = np.frombuffer(data, _STL_RECORD, count, 84)["corners"].reshape(-1, 3).astype(np.float64)
     unique, first, corner = np.unique(points, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)  # vertices in the order in which the file names them

@@ -46,10 +46,9 @@ def versions(*packages):
 
 
 def origin(inputs, curves, command):
-    """What report.json keeps of where it comes from: `inputs`, `landmarks` (a whole landmarks file), `versions`,
-    `command`.
+    """Where a report.json comes from: dict of `inputs`, `landmarks` (a whole landmarks file), `versions`, `command`.
 
-    inputs: side -> (path, surface as read); curves: the landmarks as given; command: the words of the command line.
+    inputs: side -> (path, surface as read); curves: landmarks as given; command: the words of the command line.
     """
     marks = {side: surface.fingerprint for side, (_, surface) in inputs.items()}
     return {

@@ -1,7 +1,7 @@
 """Files read within bounds and written whole: what every reader and writer here goes through.
 
-Nothing that a file announces is believed before its bytes bear it out, so a reader's memory is bounded by the file's
-size; and what a killed or failed run began never stands under the name that was asked for.
+Bytes have to bear out what a file announces, so its size bounds a reader's memory; a file that a killed or failed run
+began never stands under the name that was asked for.
 """
 
 import errno
@@ -28,8 +28,6 @@ from ..surfaces.surface import SurfaceError
 # Unpacked, a file may hold so many times its own bytes, or so many bytes where that is more. Coordinates and faces
 # shrink 2 to 6 times, a map that is zero nearly everywhere up to 1000 times, but then it is short.
 RATIO, ROOM = 100, 64 << 20
-LONGEST_NAME = 200  # of a curve
-LONGEST_MESSAGE = 2000
 _LEFTOVER = re.compile(r"\.qclearn-(\d{1,9})@(.*)-\w{8}(-.*)?", re.DOTALL)
 _AGAIN = "it may be cut short or of another format: copy or export it again"
 # Errors of bad bytes by their kind; of any other kind only where one of these libraries raised it.
@@ -47,12 +45,12 @@ def allowance(size):
 
 
 def read_bytes(path):
-    """All bytes of a regular file, unzipped where it is called .gz or .mgz; SurfaceError, naming it,
-    if it cannot be."""
+    """All bytes of a regular file, unzipped where it is called .gz or .mgz; SurfaceError where it cannot be read."""
     try:
         mode = path.stat().st_mode
         if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):  # reading it might never end
-            raise SurfaceError(f"{path}: is {_kind(mode)}, not a regular file; save what it gives in a file first")
+            kind = "a pipe" if stat.S_ISFIFO(mode) else "a socket" if stat.S_ISSOCK(mode) else "a device"
+            raise SurfaceError(f"{path}: is {kind}, not a regular file; save what it gives in a file first")
         data = path.read_bytes()
         if path.suffix.lower() in (".gz", ".mgz"):
             data = _unzipped(path, data)
@@ -66,28 +64,20 @@ def read_bytes(path):
     return data
 
 
-def _kind(mode):
-    return "a pipe" if stat.S_ISFIFO(mode) else "a socket" if stat.S_ISSOCK(mode) else "a device"
-
-
 def _unzipped(path, data):
     most = allowance(len(data))
     with gzip.GzipFile(fileobj=io.BytesIO(data)) as file:
         unzipped = file.read(most + 1)
     if len(unzipped) > most:
         raise SurfaceError(
-            f"{path}: {len(data)} bytes unzip to more than {most}, which no surface or map does; it may be damaged or "
-            f"made to fill the memory. If it is sound, unzip it (gunzip) and give the file that comes out"
+            f"{path}: {len(data)} bytes unzip to more than {most}, as no surface does; if it is sound, gunzip it first"
         )
     return unzipped
 
 
 def out_of_memory(path):
     """The SurfaceError for a file that the memory has no room for."""
-    return SurfaceError(
-        f"{path}: there is not enough memory to read it; close other programs, use a machine with more, "
-        f"or give a coarser surface"
-    )
+    return SurfaceError(f"{path}: there is not enough memory; close other programs or give a coarser surface")
 
 
 @contextmanager
@@ -120,9 +110,9 @@ def _of_bad_bytes(error):
     return isinstance(error, _BAD_BYTES) or trace.tb_frame.f_globals.get("__name__", "").split(".")[0] in _LIBRARIES
 
 
-def require_all(name, found, expected):
-    """FormatError unless as many records are there as were announced, or more."""
-    if expected < 0 or found < expected:
+def require_all(name, found, expected, exactly=False):
+    """FormatError unless as many records are there as were announced, or (unless exactly) more."""
+    if expected < 0 or found < expected or (exactly and found > expected):
         raise FormatError(f"{expected} {name} records are announced, {found} are there")
 
 
@@ -132,9 +122,7 @@ def npz_arrays(data, wanted):
         members = [info for info in archive.infolist() if wanted(info.filename.removesuffix(".npy"))]
         size, most = sum(info.file_size for info in members), allowance(len(data))
         if size > most:
-            raise FormatError(
-                f"its arrays would unpack to {size} bytes, more than {most}, which those of a surface do not"
-            )
+            raise FormatError(f"its arrays would unpack to {size} bytes, and those of a surface to {most} at most")
         return {info.filename.removesuffix(".npy"): npy_array(archive.read(info)) for info in members}
 
 
@@ -158,13 +146,11 @@ def npy_array(data):
 def write_whole(path, write, size=None):
     """Let `write(temporary_path)` write a file that then takes its place in one step; SurfaceError if it cannot.
 
-    size: about how many bytes it will have, where that is known, so that a full disk's message says what is missing.
-    What killed runs left in the folder goes.
+    size: its bytes, about, for a full disk's message. Leftovers of killed runs go from the folder.
     """
     sweep(path.parent)
-    temporary = path.with_name(
-        f"{own_prefix()}{uuid.uuid4().hex[:8]}-{path.name}"
-    )  # the same folder: the last step is atomic
+    # in the same folder: the last step is atomic
+    temporary = path.with_name(f"{own_prefix()}{uuid.uuid4().hex[:8]}-{path.name}")
     written, free = 0, None
     try:
         temporary.touch(exist_ok=False)
@@ -179,8 +165,7 @@ def write_whole(path, write, size=None):
         if is_full(error, free):
             raise SurfaceError(f"{path}: {full_disk(path.parent, written, size)}") from None
         raise SurfaceError(
-            f"{path}: cannot be written ({error.strerror or error}); choose a file in a folder that exists and is "
-            f"writable"
+            f"{path}: cannot be written ({error.strerror or error}); choose a folder that exists and is writable"
         ) from None
 
 
@@ -190,7 +175,7 @@ def is_full(error, free=None):
 
 
 def full_disk(folder, written, size=None):
-    """What to say of a full disk: what is needed, what is free, and how much is missing."""
+    """The message for a full disk: what is needed, free and missing."""
     free = shutil.disk_usage(folder).free
     if size is None:
         need = f"{_megabytes(written)} were written and more is needed, {_megabytes(free)} are free"
@@ -205,8 +190,7 @@ def _megabytes(size):
 
 
 def own_prefix():
-    """How this process's temporary files and folders are called: with its number and machine, so that others can tell
-    whether it still runs."""
+    """The head of temporary names: this process's number and machine, which tell others whether it still runs."""
     return f".qclearn-{os.getpid()}@{_machine()}-"
 
 
@@ -215,7 +199,7 @@ def _machine():
 
 
 def sweep(folder):
-    """Remove from a folder what runs of this machine left there when they were killed; never that of one that runs."""
+    """Remove from a folder what killed runs of this machine left, and nothing of a run that goes on."""
     for leftover in folder.glob(".qclearn-*"):
         name = _LEFTOVER.fullmatch(leftover.name)
         if name and name[2] == _machine() and not _runs(int(name[1])):
@@ -239,11 +223,10 @@ def _runs(process):
 
 def is_plain_name(name):
     """Whether a curve's name can be shown: up to 200 characters, none of which moves the terminal's cursor."""
-    return len(name) <= LONGEST_NAME and name.isprintable()
+    return len(name) <= 200 and name.isprintable()
 
 
 def printable(text):
     """A text as one line for the terminal: control characters as escapes, the middle of a very long one left out."""
     text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in " ".join(text.split()))
-    half = LONGEST_MESSAGE // 2
-    return text if len(text) <= LONGEST_MESSAGE else f"{text[:half]} ... {text[-half:]}"
+    return text if len(text) <= 2000 else f"{text[:1000]} ... {text[-1000:]}"

@@ -15,24 +15,9 @@ from .meshes import FOREIGN_SUFFIXES, suffix_of
 from .safe import FormatError, explain, npy_array, read_bytes, require_all, write_whole
 
 _MORPHOMETRY = b"\xff\xff\xff"
-_MORPHOMETRY_SUFFIXES = (
-    "",
-    ".thickness",
-    ".curv",
-    ".avg_curv",
-    ".sulc",
-    ".area",
-    ".volume",
-    ".mid",
-    ".pial",
-    ".w-g",
-    ".pct",
-)
+_MAP_SUFFIXES = ("", ".thickness", ".curv", ".avg_curv", ".sulc", ".area", ".volume", ".mid", ".pial", ".w-g", ".pct")
 _MGH_BYTES = {0: 1, 1: 4, 3: 4, 4: 2}  # of a voxel, by MGH's type
-_FORMATS = (
-    ".npy, .txt, .gii (.shape.gii, .func.gii, .label.gii, also gzipped), .mgh, .mgz, .annot or FreeSurfer morphometry "
-    "(lh.thickness)"
-)
+_FORMATS = ".npy, .txt, .gii (shape, func, label, also gzipped), .mgh, .mgz, .annot or FreeSurfer morphometry"
 # Formats that are known and not read or written here: what to do instead.
 _REFUSED = {
     ".nii": "CIFTI holds both hemispheres and volumes at once: take one surface's map out, wb_command -cifti-separate "
@@ -47,11 +32,10 @@ Values = Real[ndarray, " V *k"] | Bool[ndarray, " V *k"]
 
 
 def read_mask(path: str | Path, surface: Surface, keep: bool = False) -> Bool[ndarray, " V"]:
-    """Mask of the vertices to cut away: those a file names or gives a nonzero value; for open_surface.
+    """Mask of the vertices that open_surface cuts away: those that a file names or gives a nonzero value.
 
-    Files: a FreeSurfer .label (vertex numbers), or one number a vertex as `read_values` reads it. keep=True: the file
-    says what to keep (lh.cortex.label, thickness), so all else is cut. Raises SurfaceError, also where more than half
-    would be cut although keep was not asked for, and for an .annot, whose regions do not say which to cut.
+    Files: a FreeSurfer .label, or one number a vertex as of `read_values`. keep=True: the file says what to keep
+    (lh.cortex.label, thickness). SurfaceError, also for an .annot, and for more than half of the vertices without keep.
     """
     path = Path(path)
     n_vertices = len(surface.vertices)
@@ -64,8 +48,7 @@ def read_mask(path: str | Path, surface: Surface, keep: bool = False) -> Bool[nd
         mask = np.bincount(values, minlength=n_vertices) > 0
     elif suffix_of(path) == ".annot":
         raise SurfaceError(
-            f"{path}: an annotation names regions and does not say which to cut; give the subject's cortex "
-            f"label (lh.cortex.label, with --keep), or a mask of the regions to cut"
+            f"{path}: an annotation does not say which regions to cut; give lh.cortex.label with --keep, or a mask"
         )
     else:
         values = read_values(path)
@@ -89,33 +72,27 @@ def read_values(path: str | Path) -> Values:
     """Values (V,), or (V, k) of k maps, of a per-vertex file: .npy, .txt, .gii (.shape, .func, .label, also gzipped),
     .mgh, .mgz, .annot, or FreeSurfer morphometry, known by its content under any other name.
 
-    Whole numbers stay integers where the format says that they are: .npy, a text without a point, GIFTI's and MGH's
-    integer types, and an annotation's regions (their place in its table, -1 for none). SurfaceError, naming the file
-    and the remedy, where it cannot be read.
+    Integers stay integers: in .npy, a text without a point, GIFTI's and MGH's integer types, and an annotation (places
+    in its table, -1 for none). SurfaceError, naming the file and the remedy, where it cannot be read.
     """
     path = Path(path)
     suffix = suffix_of(path)
     _require_known(path, suffix, "read")
     data = read_bytes(path)
     if suffix not in _READERS and not data.startswith(_MORPHOMETRY):
-        raise SurfaceError(
-            f"{path}: no per-vertex file that is read here, which are {_FORMATS}; convert it to one of them"
-        )
+        raise SurfaceError(f"{path}: not read here; convert it to one of {_FORMATS}")
     kind, reader = _READERS.get(suffix, ("FreeSurfer morphometry file", _read_morphometry))
     with explain(path, kind):
         values = np.asarray(reader(path, data))
         if values.dtype.kind not in "biuf":
             raise SurfaceError(f"holds {values.dtype}, not real numbers; save one real number a vertex")
         if values.ndim not in (1, 2) or not values.size:
-            raise SurfaceError(
-                f"holds an array of the shape {values.shape}, not (V,) or (V, k); save one number a vertex"
-            )
+            raise SurfaceError(f"holds the shape {values.shape}, not (V,) or (V, k); save one number a vertex")
     return values.astype(values.dtype.newbyteorder("="))
 
 
 def read_labels(path):
-    """The names and colours that a .label.gii or an .annot gives to its whole numbers: dict key -> (name, (r, g, b, a)
-    from 0 to 1), for write_values; empty for other files."""
+    """Labels of a .label.gii or .annot: dict key -> (name, (r, g, b, a) from 0 to 1); empty for other files."""
     path = Path(path)
     suffix = suffix_of(path)
     if suffix not in (".gii", ".annot"):
@@ -134,34 +111,32 @@ def write_values(path: str | Path, values: Values, side: str | None = None, labe
     """Write values (V,) or (V, k) in the format of the path's suffix, as `read_values` reads them; whole or not at all.
 
     GIFTI, MGH and morphometry store float32, GIFTI and MGH integers as int32; morphometry takes (V,) alone. A GIFTI
-    gets the hemisphere, side = "left" or "right" (else the one that its name says), and whole numbers a label table,
-    `labels` as from read_labels. SurfaceError where the format is not written here, where numbers do not fit it, or the
-    folder cannot be written.
+    gets the hemisphere, side = "left" or "right" (else by its name), and for integers the table `labels` (as from
+    read_labels). SurfaceError where format, numbers or folder do not allow it.
     """
     path, values = Path(path), np.asarray(values)
     suffix = suffix_of(path)
     _require_known(path, suffix, "written")
     if values.dtype.kind not in "biuf" or values.ndim not in (1, 2):
         raise SurfaceError(
-            f"{path}: values of the type {values.dtype} and shape {values.shape} cannot be written; give real "
-            "numbers (V,) or (V, k): the real and imaginary parts of complex ones, say"
+            f"{path}: {values.dtype} {values.shape} cannot be written; give (V,) or (V, k), real and imaginary apart"
         )
     if suffix == ".gii":
         side = side or gifti.side_of_name(path)
         data = gifti.zipped(path, gifti.values_bytes(_fitting(path, values), side, labels))
         write_whole(path, lambda place: place.write_bytes(data), len(data))
     elif suffix in (".mgh", ".mgz"):
-        data = gifti.zipped(path, _mgh_bytes(_fitting(path, values)))
+        voxels = _fitting(path, values).reshape(len(values), 1, 1, *values.shape[1:])
+        data = gifti.zipped(path, nibabel.MGHImage(voxels, np.eye(4)).to_bytes())
         write_whole(path, lambda place: place.write_bytes(data), len(data))
     elif suffix in (".npy", ".txt"):
         write_whole(path, lambda place: _WRITERS[suffix](place, values), values.nbytes)
-    elif suffix in _MORPHOMETRY_SUFFIXES or (path.name.startswith(("lh.", "rh.")) and suffix not in FOREIGN_SUFFIXES):
+    elif suffix in _MAP_SUFFIXES or (path.name.startswith(("lh.", "rh.")) and suffix not in FOREIGN_SUFFIXES):
         numbers = _fitting(path, values, whole=False)
         write_whole(path, lambda place: nibabel.freesurfer.write_morph_data(place, numbers), numbers.nbytes)
     else:
         raise SurfaceError(
-            f"{path}: not a format that is written here, which are {_FORMATS.replace(' .annot or', ' or')}; "
-            "choose another name"
+            f"{path}: not a format that is written here: {_FORMATS.replace(' .annot or', ' or')}; choose another name"
         )
 
 
@@ -170,17 +145,13 @@ def _require_known(path, suffix, done):
     if known in _REFUSED:
         raise SurfaceError(f"{path}: {known} files are not {done} here; {_REFUSED[known]}")
     if known == ".annot" and done == "written":
-        raise SurfaceError(
-            f"{path}: .annot files are not written here; write a .label.gii and convert it, mris_convert --annot"
-        )
+        raise SurfaceError(f"{path}: .annot is not written here; write a .label.gii and use mris_convert --annot")
 
 
 def _fitting(path, values, whole=True):
     """Values as int32 or float32; SurfaceError where one would change. whole=False: the format has float32 alone."""
     if values.ndim == 2 and not whole:
-        raise SurfaceError(
-            f"{path}: FreeSurfer morphometry holds one map, not {values.shape[1]}; choose .mgh or .func.gii"
-        )
+        raise SurfaceError(f"{path}: morphometry holds one map, not {values.shape[1]}; choose .mgh or .func.gii")
     integers = values.dtype.kind in "biu"
     largest = np.iinfo(np.int32).max if whole else 1 << 24  # float32 has every integer up to there
     largest = largest if integers else float(np.finfo(np.float32).max)
@@ -188,8 +159,7 @@ def _fitting(path, values, whole=True):
     if bad.size:
         value = values[tuple(bad[0])]
         raise SurfaceError(
-            f"{path}: {value} at vertex {bad[0][0]} does not fit the format (which goes up to {largest:.10g}); "
-            "choose .npy or .txt"
+            f"{path}: {value} at vertex {bad[0][0]} does not fit the format (up to {largest:.10g}); choose .npy or .txt"
         )
     return values.astype(np.int32 if integers and whole else np.float32)
 
@@ -203,11 +173,9 @@ def _read_label(path, data):
     if len(rows) < 2:
         raise FormatError("the two lines of the header are incomplete")
     announced = int(rows[1])
-    there = sum(1 for row in rows[2:] if row.strip())
-    require_all("vertex", there, announced)
-    if there > announced:
-        raise FormatError(f"{announced} vertex records are announced, {there} are there")
-    return np.array([int(row.split()[0]) for row in rows[2:] if row.strip()], dtype=np.int64)
+    records = [row.split() for row in rows[2:] if row.strip()]
+    require_all("vertex", len(records), announced, exactly=True)
+    return np.array([int(words[0]) for words in records], dtype=np.int64)
 
 
 def _read_morphometry(path, data):
@@ -221,7 +189,7 @@ def _read_morphometry(path, data):
 
 
 def _annotation(path, data):
-    """Places in the table (V,), -1 for none; the table (N, 5); and the names, of a FreeSurfer annotation."""
+    """A FreeSurfer annotation: places in the table (V,), -1 for none; the table (N, 5); the names."""
     words = np.frombuffer(data[: len(data) // 4 * 4], ">i4")
     n_vertices = int(words[0]) if len(words) else -1
     require_all("vertex", (len(words) - 1) // 2, n_vertices)
@@ -248,17 +216,11 @@ def _read_mgh(_, data):
         raise FormatError("its header is none of MGH")
     if sum(side > 1 for side in shape[:3]) > 1:
         raise SurfaceError(
-            f"holds a volume of {' x '.join(map(str, shape[:3]))}, not a map on a surface; sample it there "
-            "with mri_vol2surf"
+            f"holds a volume of {' x '.join(map(str, shape[:3]))}, not a map on a surface; use mri_vol2surf"
         )
     require_all("value", (len(data) - 284) // size, math.prod(shape))
     values = np.asarray(nibabel.MGHImage.from_bytes(data).dataobj).reshape(-1, shape[3], order="F")
     return values[:, 0] if shape[3] == 1 else values
-
-
-def _mgh_bytes(values):
-    voxels = values.reshape(len(values), 1, 1, *values.shape[1:])
-    return nibabel.MGHImage(voxels, np.eye(4)).to_bytes()
 
 
 def _read_txt(path, data):

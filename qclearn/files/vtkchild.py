@@ -1,8 +1,8 @@
-"""Run as a script by `files.py`: reads the VTK or VTP file that is named, writes points and faces to stdout.
+"""A script that reads a VTK or VTP file in a process of its own: VTK's readers end the process on some damaged files,
+and allocate whatever they announce.
 
-A process of its own, because VTK's readers end the process on some damaged files, and allocate whatever they announce.
-Arguments: the file, and how many bytes of memory it may take beyond what the process has by then. Exit code 0: two .npy
-arrays, points and polygons' corners, or 1: the reason as text.
+Arguments: the file, and how many further bytes of memory it may take. Exit code 0: points and faces on stdout, two .npy
+arrays; 1: the reason as text.
 """
 
 import contextlib
@@ -25,9 +25,7 @@ def read(path):
     reader.Update()
     mesh = reader.GetOutput()
     if complaints.GetOutput():
-        raise ValueError(
-            "VTK finds it damaged, or it holds no polygonal data (an unstructured grid: extract its surface)"
-        )
+        raise ValueError("VTK finds it damaged, or no polygonal data in it (unstructured grid: extract its surface)")
     if not mesh.GetNumberOfPolys() or mesh.GetNumberOfStrips():
         raise ValueError("it holds no faces, or triangle strips (split them: pyvista's triangulate)")
     sides = np.diff(vtk_to_numpy(mesh.GetPolys().GetOffsetsArray()))
@@ -39,7 +37,7 @@ def read(path):
 
 
 def limit_memory(room):
-    """No more than `room` further bytes of addresses, where the system knows such limits (not on Windows or macOS)."""
+    """Allow `room` further bytes of addresses, where the system has such limits (not on Windows or macOS)."""
     with contextlib.suppress(ImportError, OSError, ValueError):
         import resource
 

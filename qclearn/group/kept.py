@@ -1,4 +1,4 @@
-"""What a template's rounds leave in a folder: a file for each subject and round."""
+"""The folder of a template's rounds: a file for each subject and round."""
 
 import io
 import json
@@ -9,9 +9,11 @@ from ..files.begun import Begun
 from ..files.safe import npz_arrays
 from .subject import Fitted
 
+NAME = "round-{}-{}.npz"  # of a round's number and a subject's key
+
 
 class TemplateError(ValueError):
-    """A group that no template can be made of, or a folder that is not this group's: says what and what to do."""
+    """No template can be made of a group, or a folder is not this group's: says why and what to do."""
 
 
 class Folder:
@@ -21,9 +23,9 @@ class Folder:
         self.begun = Begun(path, settings, TemplateError)
 
     def read(self, number, key):
-        """The `Fitted` of a subject in a round, or None where none is kept or its file is damaged: it is made again."""
+        """The `Fitted` of a subject in a round; None where none is kept or its file is damaged."""
         try:
-            arrays = npz_arrays(self.begun.read(name_of(number, key)), lambda name: True)
+            arrays = npz_arrays(self.begun.read(NAME.format(number, key)), lambda name: True)
             told = json.loads(str(arrays["told"]))
             return Fitted(arrays["f"] if arrays["f"].size else None, **told)
         except Exception:
@@ -35,9 +37,4 @@ class Folder:
         data = io.BytesIO()
         f = np.zeros(0, complex) if found.f is None else found.f
         np.savez(data, f=f, told=np.array(json.dumps(told)))
-        self.begun.keep(name_of(number, key), data.getvalue())
-
-
-def name_of(number, key):
-    """The file of a round and a subject."""
-    return f"round-{number}-{key}.npz"
+        self.begun.keep(NAME.format(number, key), data.getvalue())

@@ -1,4 +1,4 @@
-"""Who belongs to a group: surfaces of one side with their features, checked once and put in an order of their own."""
+"""Who belongs to a group: surfaces of one side with their features, checked once and sorted by what they hold."""
 
 import hashlib
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ TRAITS = ("hemisphere", "generation")  # of synthetic subjects, which all of a g
 
 @dataclass(frozen=True, eq=False)
 class Member:
-    """A subject as given: its name, its surface, maps of its own (feature -> (V,)), and a key that these have."""
+    """A subject as given: name, surface, own maps (feature -> (V,)), and a hash of surface and maps, its key."""
 
     name: str
     surface: Surface
@@ -24,10 +24,7 @@ class Member:
 
 
 def members_of(subjects, features):
-    """The `Member`s in the order of their keys, whatever order they were given in, and the features' names.
-
-    Errors: TemplateError, FeatureError, and SurfaceError with the subject's name.
-    """
+    """The `Member`s by their keys, and the features' names; TemplateError, FeatureError, SurfaceError with a name."""
     named = check_subjects(subjects)
     names, maps = check_features(features, named)
     members = [Member(name, surface, given, key_of(surface, given)) for (name, surface), given in zip(named, maps)]
@@ -57,26 +54,23 @@ def check_subjects(subjects):
 
 
 def check_trait(trait, found):
-    """TemplateError unless all of those that have a trait (name -> value) have the same."""
-    values = list(found.values())
-    if any(value != values[0] for value in values):
-        one, other = (next(name for name in found if (found[name] == values[0]) is same) for same in (True, False))
-        raise TemplateError(
-            f"subjects of more than one {trait} ({one}: {found[one]}, {other}: {found[other]}); give those of one"
-        )
+    """TemplateError unless all that have a trait (name -> value) have the same."""
+    a = next(iter(found), None)
+    b = next((name for name in found if found[name] != found[a]), None)
+    if b is not None:
+        raise TemplateError(f"subjects of more than one {trait} ({a}: {found[a]}, {b}: {found[b]}); give those of one")
 
 
 def check_features(features, named):
     """The features' names, and for each subject its own maps, dict."""
-    if isinstance(features, str) or not isinstance(features, (list, tuple)) or not features:
+    if not isinstance(features, (list, tuple)) or not features:
         raise FeatureError(f"features are {features!r}: give a list of them, {' and '.join(FOLDS)} for instance")
     names, maps = [], [{} for _ in named]
     for given in features:
         if isinstance(given, str):
             if given not in FOLDS:
                 raise FeatureError(
-                    f"unknown feature {given!r}: {' and '.join(FOLDS)} are computed, others are pairs of a name and a "
-                    "list with an array of each subject"
+                    f"unknown feature {given!r}: {' and '.join(FOLDS)} are computed, others (name, arrays)"
                 )
             names.append(given)
             continue
@@ -92,7 +86,7 @@ def check_features(features, named):
 
 
 def key_of(surface, given):
-    """What a subject is known by: a hash of its surface and of its own maps."""
+    """A hash of a subject's surface and of its own maps."""
     digest = hashlib.sha256(surface.fingerprint["sha256"].encode())
     for name in sorted(given):
         digest.update(name.encode() + np.ascontiguousarray(given[name], "<f8").tobytes())

@@ -1,5 +1,7 @@
 """The rounds of a template: tasks for each subject, their results kept, and the mean of all in between."""
 
+from operator import attrgetter
+
 import numpy as np
 
 from ..registration.features import HEMISPHERE
@@ -9,7 +11,7 @@ from .subject import Fitted, alone, mean_of
 from .workers import result_of
 
 PASSES = 3  # in which the subjects are laid upon their mean by Möbius maps, before the first round
-SETTLED = 0.1  # mm, on a surface of the area of a HEMISPHERE: mean distance that a template that stands still moves
+SETTLED = 0.1  # mm, on a surface of the area of a HEMISPHERE: a template that moves less on average stands still
 OTHER_SIDE = 0.1  # gain in correlation at which a subject is taken for one of the other side
 
 
@@ -24,8 +26,7 @@ class Group:
         ]
 
     def run(self, rounds, weights):
-        """(mean, c, fits, rows): the last `Mean`, the average c of the inverses of its maps, the subjects' `Fitted`,
-        and what each round has brought, from that by Möbius maps on, dicts for JSON."""
+        """The last `Mean`, the average c of its maps' inverses, the subjects' `Fitted`, and a `row` for each round."""
         mean, fits = self.lay_upon_mean()
         centre, rows = mean.disk.z, [self.row(mean, mean, fits)]
         for number in range(1, rounds + 1):
@@ -43,16 +44,15 @@ class Group:
         return result_of(future, member.name)
 
     def disks(self):
-        """Tasks: the subjects' disk maps as they are laid now."""
-        return [self.submit(of.disk_map, subject) for subject in self.subjects]
+        """Tasks: the disk maps (V,) of the subjects as laid."""
+        return [self.submit(attrgetter("disk.z"), subject) for subject in self.subjects]
 
     def median(self):
-        """The number of the subject of median area, on whose mesh the others are averaged."""
+        """The subject of median area, on whose mesh the others are averaged: its number."""
         return int(np.argsort([member.surface.area for member in self.members], kind="stable")[len(self.members) // 2])
 
     def lay_upon_mean(self):
-        """Lay the subjects upon their mean by Möbius maps: that mean, on the mesh of the subject of median area, and
-        the subjects' disk maps as `Fitted`."""
+        """Lay the subjects upon their mean by Möbius maps: that `Mean`, and their disk maps as `Fitted`."""
         median = self.median()
         first = alone(self.result(self.subjects[median], self.members[median]))
         fits = [self.kept.read(0, member.key) for member in self.members]
@@ -67,7 +67,7 @@ class Group:
         return self.average(first, self.used(fits), first.disk.z), fits
 
     def align(self, mean):
-        """Lay the subjects by Möbius maps upon one of them, then upon their mean, and again upon that mean."""
+        """Lay the subjects by Möbius maps upon one of them, then twice upon their mean."""
         for number in range(PASSES):
             there, near = self.client.scatter(mean), number == PASSES - 1
             self.subjects = [self.submit(of.laid, subject, there, near) for subject in self.subjects]
@@ -78,12 +78,10 @@ class Group:
     def check_sides(self, mean):
         """TemplateError where subjects fit the mean much better if they are mirrored."""
         tasks = [self.submit(of.mirrored_gain, subject, mean) for subject in self.subjects]
-        gains = [self.result(task, member) for task, member in zip(tasks, self.members)]
-        other = [gain > OTHER_SIDE for gain in gains]
-        if 2 * sum(other) > len(other):  # the subject that the others were laid upon is the odd one
-            other = [not odd for odd in other]
-        if any(other):
-            names = ", ".join(sorted(member.name for member, odd in zip(self.members, other) if odd))
+        other = [self.result(task, member) > OTHER_SIDE for task, member in zip(tasks, self.members)]
+        most = 2 * sum(other) > len(other)  # True: the subject that the others were laid upon is the odd one
+        names = ", ".join(sorted(member.name for member, odd in zip(self.members, other) if odd != most))
+        if names:
             raise TemplateError(f"{names}: of the other side than most; mirror them first (library: qc.mirror)")
 
     def register_all(self, mean, number, weights):
@@ -99,7 +97,7 @@ class Group:
         return fits
 
     def used(self, fits):
-        """The disk maps that take part in the mean: number of the subject -> f; TemplateError for fewer than two."""
+        """Disk maps that take part in the mean: number of the subject -> f; TemplateError for fewer than two."""
         maps = {k: fit.f for k, fit in enumerate(fits) if not fit.reasons}
         if len(maps) < 2:
             told = [f"{member.name}: {fit.reasons[0]}" for member, fit in zip(self.members, fits) if fit.reasons]
@@ -107,8 +105,7 @@ class Group:
         return maps
 
     def mean(self, before, maps):
-        """The next `Mean`, of the subjects where their disk maps take them (number of the subject -> f), taken on by
-        the average c of the maps' inverses, so that that of all is the identity; and c at the vertices (N,)."""
+        """The next `Mean`, of the maps (subject's number -> f) followed by their inverses' average c; and c (N,)."""
         inverses = self.each(of.inverse, maps, before.disk.z)
         centre, loop = sum(inverses) / len(maps), before.disk.loop
         centre[loop] /= abs(centre[loop])
@@ -119,17 +116,17 @@ class Group:
         return self.average(before, maps, back), centre
 
     def average(self, before, maps, points):
-        """The `Mean` of what the subjects have where their maps take them to points (N,), at the vertices before."""
+        """The `Mean` of what the subjects have where their maps reach points (N,), at the vertices before."""
         return mean_of(self.each(of.carried, maps, points, before), len(maps), before)
 
     def each(self, function, maps, *arguments):
-        """The results of a function of a subject, its map and what is the same for all, one by one."""
+        """The results of a function of a subject, its map and arguments shared by all, one by one."""
         there = [self.client.scatter(argument) for argument in arguments]
         tasks = {k: self.submit(function, self.subjects[k], f, *there) for k, f in maps.items()}
         return (self.result(task, self.members[k]) for k, task in tasks.items())
 
     def row(self, before, after, fits):
-        """What a round has brought, dict for JSON."""
+        """What a round has changed, dict for JSON."""
         moved = np.linalg.norm(after.points - before.points, axis=1)
         r = {name: [fit.r[name] for fit in fits if name in fit.r and not fit.reasons] for name in self.names}
         moved_mm, unit = float(after.shares @ moved), np.sqrt(after.areas.sum() / HEMISPHERE)
@@ -142,8 +139,7 @@ class Group:
         }
 
     def finish(self, mean, centre, fits):
-        """Number of the subject -> (its disk map, taken on by `centre`, whether that is a bijection, its inverse), and
-        how far the average of the inverses is from the identity, in the surfaces' unit."""
+        """Number of the subject -> `composed`, and how many mm the inverses' average is from the identity."""
         used = self.used(fits)
         ends = dict(zip(used, self.each(of.composed, used, mean, centre)))
         inverses = [back for _, bijective, back in ends.values() if bijective]

@@ -1,4 +1,4 @@
-"""One subject of a group and the mean of all: laid upon it, registered to it, carried to it. What workers compute."""
+"""What workers compute: one subject laid upon the mean of all, registered to it and carried to it."""
 
 from dataclasses import dataclass, field, replace
 from functools import reduce
@@ -22,10 +22,10 @@ COMPUTED = dict(zip(FOLDS, (sulcal_depth, mean_curvature)))
 
 @dataclass(frozen=True, eq=False)
 class Shared:
-    """What a subject has at the vertices of the template's mesh, or many on average.
+    """What a subject, or the average of many, has at the vertices of the template's mesh.
 
-    points (N, 3): on its surface, turned and shifted onto the mean's; values, levels: of its features; areas (N,): of
-    the vertices on it, in the square of its length.
+    points (N, 3): on its surface, turned and shifted onto the mean's; values (N, C), levels: of its features;
+    areas (N,): of the vertices on its surface.
     """
 
     points: np.ndarray
@@ -36,7 +36,7 @@ class Shared:
 
 @dataclass(frozen=True, eq=False)
 class Mean(Shared):
-    """The mean of what subjects have, at the vertices of a mesh of the disk: what `Features` compare them with."""
+    """The subjects' mean on a mesh of the disk: what `Features` compare them with."""
 
     disk: Disk
 
@@ -54,19 +54,18 @@ class Mean(Shared):
 
     @property
     def variance(self):
-        """Of each feature's mean over the area, (C,)."""
+        """Variance of each feature's mean over the area, (C,)."""
         return self.shares @ (self.values - self.shares @ self.values) ** 2
 
     @property
     def unit(self):
-        """How long the disk's unit is at each vertex (N,), in the subjects' length: the root of the areas' ratio."""
+        """Length of the disk's unit at each vertex (N,), in the surfaces' unit: the root of the areas' ratio."""
         return np.sqrt(self.areas / vertex_areas(self.disk.faces, self.disk.areas))
 
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """The registration of one subject to the mean: its disk map f (V,), or None; reasons why it takes no part; words on
-    what was done besides; r: feature -> correlation with the mean after it."""
+    """A subject's registration: disk map f (V,) or None, reasons to leave it out, repairs, correlations by feature."""
 
     f: np.ndarray | None
     reasons: list = field(default_factory=list)
@@ -75,7 +74,7 @@ class Fitted:
 
 
 def prepared(surface, names, given):
-    """A subject: the `Side` of a surface with its features. given: name -> values (V,) of those not computed."""
+    """The subject of a surface: a `Side` with features; given: name -> values (V,) of those not computed."""
     columns = [given[name] if name in given else COMPUTED[name](surface) for name in names]
     features = Smoothing(surface, names, np.stack(columns, axis=1))
     for sigma in SCALES:
@@ -90,8 +89,7 @@ def alone(subject):
 
 
 def laid(subject, mean, near=False):
-    """The subject with its disk laid upon the mean's by the Möbius map after which their features match best; near: by
-    the nearest such map alone."""
+    """The subject laid upon the mean by the Möbius map that matches their features best; near: a local search."""
     found = moved(subject, mobius_by_features(Features(subject, mean), subject.disk.z, near))
     if not found.whole:
         raise FeatureError("the features pull its disk onto the rim; check that they are those of the others")
@@ -99,7 +97,7 @@ def laid(subject, mean, near=False):
 
 
 def mirrored_gain(subject, mean):
-    """By how much the features correlate better with the mean's, at SCALE, if the laid subject is mirrored first."""
+    """Gain of the features' correlation with the mean's, at SCALE, if the laid subject is mirrored first."""
     features, z = Features(subject, mean), subject.disk.z.conj()
     other = mobius(z, *mobius_by_features(features, z))
     return float((features.correlation(other, SCALE) - features.correlation(subject.disk.z, SCALE)).mean())
@@ -110,34 +108,24 @@ def at_disk(subject, z):
     return replace(subject, disk=subject.disk.at(z))
 
 
-def disk_map(subject):
-    """The disk map (V,) of a subject as it is laid now."""
-    return subject.disk.z
-
-
 def fitted(subject, mean, weights):
-    """`Fitted`: the registration of a laid subject to the mean, by features alone."""
-    features = Features(subject, mean)
-    problem = Problem(subject.disk, [], [], fewest=0)
+    """Register a laid subject to the mean by features alone: `Fitted`."""
+    features, surface, z = Features(subject, mean), subject.surface, subject.disk.z
     try:
-        fit = bijective_fit(problem, weights, None, 0.0, features)
+        fit = bijective_fit(Problem(subject.disk, [], [], fewest=0), weights, None, 0.0, features)
     except BijectivityError as error:
         return Fitted(None, [f"folds: {error}"])
-    reasons = [
-        *switched_rows(fit, subject.surface),
-        *strong_distortion(subject.surface, fit.mu),
-        *disagreeing(features, subject.disk.z),
-    ]
+    reasons = [*switched_rows(fit, surface), *strong_distortion(surface, fit.mu), *disagreeing(features, z)]
     return Fitted(fit.f, reasons, [*subject.words, *fit.fallbacks], {name: after for name, (_, after) in fit.r.items()})
 
 
 def inverse(subject, f, points):
-    """Where the disk map f (V,) of a subject takes points (N,) of the mean's disk back to in its own, (N,)."""
+    """The inverse (N,) of a subject's disk map f (V,) at points (N,) of the mean's disk."""
     return subject.disk.interpolate(subject.disk.z, subject.disk.at(f).locate(points))
 
 
 def carried(subject, f, points, mean):
-    """`Shared`: what a subject has where its disk map f (V,) takes it to points (N,) of the mean's disk."""
+    """What a subject has where its disk map f (V,) reaches points (N,) of the mean's disk: `Shared`."""
     image, own, faces = subject.disk.at(f), subject.features, mean.disk.faces
     places = image.locate(points)
     space = onto(image.interpolate(subject.surface.vertices, places), mean.points, mean.areas)
@@ -148,8 +136,7 @@ def carried(subject, f, points, mean):
 
 
 def composed(subject, f, mean, centre):
-    """The map f (V,) to the mean's disk taken on by the map that `centre` (N,) is of its vertices, mended where that
-    folds: (f, whether it is a bijection, its inverse at the vertices (N,))."""
+    """f (V,) followed by centre (N,), mended where that folds: (map (V,), whether it is a bijection, inverse (N,))."""
     f = mended(subject.surface, mean.disk.interpolate(centre, mean.disk.locate(f))).z
     return f, subject.disk.certify(f).bijective, inverse(subject, f, mean.disk.z)
 
@@ -168,7 +155,7 @@ def vertex_areas(faces, areas):
 
 
 def mean_of(shares, count, before):
-    """The `Mean` of so many `Shared`, added up one at a time, on the mesh of the mean before."""
+    """The `Mean` of `count` shares, added up one at a time, on the mesh of the mean before."""
     total = reduce(added, shares)
     levels = {sigma: values / count for sigma, values in total.levels.items()}
     return Mean(total.points / count, total.values / count, levels, total.areas / count, before.disk)

@@ -1,9 +1,8 @@
 """An unbiased template: what subjects have in common, after all are registered to it, round after round.
 
-A round registers each subject to the mean by features, f_k from its disk to the mean's, and takes each map on by the
-average of the inverses, `c = mean f_k^-1`: that of the maps `c o f_k` is the identity, and nobody's shape is preferred
-(Guimond, Meunier and Thirion 2000; Joshi and others 2004). What the subjects have at the same vertex of the mean is
-averaged: features, positions, areas. That is the next mean.
+A round registers each subject to the mean by features, f_k from its disk to the mean's. With the inverses' average,
+`c = mean f_k^-1`, the inverses of the maps `c o f_k` have the identity as average, and nobody's shape is preferred
+(Guimond, Meunier and Thirion 2000; Joshi and others 2004). The next mean averages features, positions, areas there.
 """
 
 from dataclasses import dataclass
@@ -31,10 +30,9 @@ CHANGED = "folds: its map, once the average of all is taken off"
 class Template:
     """Result of `template`.
 
-    surface: the mean shape; disk: its disk map; maps: feature -> mean over the subjects at its vertices, in their
-    units; disks: name -> a subject's disk map, laid upon the others by a Möbius map; disk_maps: name -> its certified
-    registration, where its vertices lie in the template's disk; left_out: name -> why a subject takes no part;
-    report: dict for JSON.
+    surface: the mean shape; disk: its disk map; maps: feature -> the subjects' mean at its vertices, in their units;
+    disks: name -> a subject's disk map, laid upon the others by a Möbius map; disk_maps: name -> its vertices' places
+    in the template's disk, certified; left_out: name -> why a subject takes no part; report: dict for JSON.
     """
 
     surface: Surface
@@ -56,18 +54,15 @@ def template(
     workers: int = 2,
     progress: bool = False,
 ) -> Template:
-    """The mean of surfaces that are registered to it by features: a Template, which is unbiased and certified.
+    """Register surfaces to their mean by features, without landmarks: a Template, unbiased and certified.
 
-    subjects: at least two outward disks of one side, a list or name -> surface (what `data_synth.make_cortex` returns
-    will do). features: "depth" and "curvature" are computed; (name, [one array (V,) a subject]) are the user's own;
-    landmarks take no part. rounds: at most so many; they end once the template moves less than SETTLED on average, and
-    `report["settled"]` says whether it does; 0: the mean after Möbius maps alone. delta: the features' weight, as in
-    `register`. The result does not depend on the subjects' order. A subject whose registration folds or is suspect
-    takes no part in the mean and is named in `left_out`.
-    folder: where each registration is kept once it is found; called again, a run that was stopped goes on. scheduler:
-    address of a dask scheduler, None for `workers` processes of this machine (1: this process itself).
-    Errors: TemplateError, SurfaceError, FeatureError, WorkersError; ImportError where several workers are asked for
-    and dask is not installed.
+    subjects: at least two outward disks of one side, a list or name -> surface (or `data_synth.make_cortex`'s result);
+    their order changes nothing. features: "depth", "curvature", or the user's own (name, [one array (V,) a subject]).
+    rounds: at most so many, until the template moves less than SETTLED on average (`report["settled"]`); 0: the mean
+    after Möbius maps alone. delta: the features' weight, as in `register`. folder: keeps each registration, so that a
+    stopped run goes on. scheduler: address of a dask scheduler, None for `workers` processes of this machine (1: this
+    process itself). A subject whose registration folds or is suspect takes no part in the mean: see `left_out`.
+    Errors: TemplateError, SurfaceError, FeatureError, WorkersError; ImportError for several workers without dask.
     """
     members, names = members_of(subjects, features)
     weights = Weights(delta=check_delta(delta, features))
@@ -82,7 +77,7 @@ def template(
         group = Group(client, members, names, kept, bar)
         mean, centre, fits, rows = group.run(rounds, weights)
         ends, off = group.finish(mean, centre, fits)
-        disks = [group.result(disk, member) for disk, member in zip(group.disks(), members)]
+        laid = {member.name: group.result(disk, member) for disk, member in zip(group.disks(), members)}
     maps = {members[k].name: f for k, (f, bijective, _) in ends.items() if bijective}
     left_out = {member.name: fit.reasons or [CHANGED] for member, fit in zip(members, fits) if member.name not in maps}
     report = {
@@ -98,5 +93,4 @@ def template(
         "version": version("qclearn"),
     }
     surface, means = Surface(mean.points, mean.disk.faces), dict(zip(names, mean.values.T))
-    laid = {member.name: disk for member, disk in zip(members, disks)}
     return Template(surface, mean.disk.z, means, laid, maps, left_out, report)

@@ -1,14 +1,13 @@
 """Where tasks run: in this process, in processes of this machine, or on the workers of a dask scheduler."""
 
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 
 from ..files.extras import require
 from ..files.provenance import versions as versions_of
 
 PATIENCE = 20  # seconds for a scheduler to answer and to have a worker
-KEEP_MEMORY = "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_"
-PACKAGES = ("qclearn", "numpy", "scipy", "distributed", "torch")
+LOCAL = {"threads_per_worker": 1, "host": "127.0.0.1", "dashboard_address": "127.0.0.1:0", "silence_logs": 50}
 
 
 class WorkersError(ValueError):
@@ -35,15 +34,12 @@ class Here:
         return Done(value)
 
 
-@contextmanager
 def client_of(scheduler, workers):
-    """`connect`, or with one worker and no scheduler this process, which needs no dask."""
+    """`connect`; one worker without a scheduler is this process and needs no dask."""
     if scheduler is None and workers == 1:
-        yield Here()
-    else:
-        require("benchmark", "several workers")
-        with connect(scheduler, workers) as client:
-            yield client
+        return nullcontext(Here())
+    require("benchmark", "several workers")
+    return connect(scheduler, workers)
 
 
 @contextmanager
@@ -55,14 +51,8 @@ def connect(scheduler, workers):
     if scheduler is None:
         # dask has its workers hand memory back at once, and methods then wait for pages: up to a third of their time.
         with (
-            dask.config.set({KEEP_MEMORY: None}),
-            LocalCluster(
-                n_workers=workers,
-                threads_per_worker=1,
-                host="127.0.0.1",
-                dashboard_address="127.0.0.1:0",
-                silence_logs=50,
-            ) as cluster,
+            dask.config.set({"distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None}),
+            LocalCluster(n_workers=workers, **LOCAL) as cluster,
             Client(cluster) as client,
         ):
             yield client
@@ -71,8 +61,7 @@ def connect(scheduler, workers):
         client = Client(scheduler, timeout=PATIENCE)
     except (OSError, ValueError, TypeError) as error:  # TypeError: an address without a port
         raise WorkersError(
-            f"{scheduler}: no dask scheduler answers there ({error}); start one with `dask scheduler` "
-            "and give its address, tcp://HOST:8786"
+            f"{scheduler}: no dask scheduler answers there ({error}); start `dask scheduler`, give its tcp://HOST:8786"
         ) from None
     with client:
         check_workers(client, scheduler)
@@ -84,15 +73,10 @@ def check_workers(client, scheduler):
     try:
         client.wait_for_workers(1, timeout=PATIENCE)
     except TimeoutError:
-        raise WorkersError(
-            f"{scheduler}: the scheduler has no workers; start some with `dask worker {scheduler} --nthreads 1`"
-        ) from None
+        raise WorkersError(f"{scheduler} has no workers; start some: `dask worker {scheduler} --nthreads 1`") from None
     many = sorted(address for address, threads in client.nthreads().items() if threads != 1)
     if many:
-        raise WorkersError(
-            f"workers {', '.join(many[:5])} have several threads, and times are those of one: start "
-            "them with --nthreads 1"
-        )
+        raise WorkersError(f"workers {', '.join(many[:5])} have several threads: start them with --nthreads 1")
     own = versions()
     differ = [
         f"{address} has {name} {theirs.get(name, 'none')}, here {own.get(name, 'none')}"
@@ -105,7 +89,7 @@ def check_workers(client, scheduler):
 
 
 def versions():
-    return versions_of(*PACKAGES)
+    return versions_of("qclearn", "numpy", "scipy", "distributed", "torch")
 
 
 def result_of(future, name):
@@ -118,6 +102,5 @@ def result_of(future, name):
         if not type(error).__module__.startswith(("distributed", "concurrent")):
             raise
         raise WorkersError(
-            f"{name}: lost with its worker ({type(error).__name__}); run it again, and it goes on with what its "
-            "folder has"
+            f"{name}: lost with its worker ({type(error).__name__}); run it again: it goes on with what its folder has"
         ) from None

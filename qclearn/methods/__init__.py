@@ -1,8 +1,8 @@
 """Registration methods behind one call: `METHODS[name](problem, **parameters) -> f (V,)`, one short file each.
 
-A method takes a `Problem` and keyword parameters with defaults; it returns where each vertex of the moving disk mesh
-lies in the control's disk, and says by a RepairWarning what it had to do beyond its plain formula. Any function of this
-form can join the benchmark.
+A method takes a `Problem` and keyword parameters with defaults, returns where each vertex of the moving disk mesh lies
+in the control's disk, and warns with a RepairWarning of what it did beyond its plain formula. Any such function can
+join the benchmark.
 """
 
 from .folds import dense, hybrid, landmark_free

@@ -1,4 +1,4 @@
-"""The library's fit with the folds of both surfaces: beside landmarks, after their Möbius map, and without them."""
+"""The library's fit to the folds of both surfaces: with landmarks, after their Möbius map alone, and without them."""
 
 from dataclasses import replace
 
@@ -28,7 +28,7 @@ def dense(problem, alpha=Weights.alpha, beta=Weights.beta, delta=DELTA):
 
 
 def landmark_free(problem, alpha=Weights.alpha, beta=Weights.beta, delta=DELTA):
-    """Folds alone, from the Möbius map that they give themselves: no landmark is looked at, f (V,)."""
+    """Folds alone, from the Möbius map that fits them best: landmarks take no part, f (V,)."""
     sides = laid_upon(replace(with_folds(problem), entries=[], held=[]))
     return by_folds(sampled(sides).problem, Weights(alpha, beta, delta=delta), sides.features)
 
@@ -40,7 +40,7 @@ def by_folds(problem, weights, features=None):
 
 
 def with_folds(problem):
-    """The sides of a problem with depth and curvature, computed anew: they are part of what such a fit costs."""
+    """A problem's sides with depth and curvature, computed anew: such a fit's time includes them."""
     sides = sides_of(problem)
     maps = check_features(FOLDS, sides.moving.surface, sides.control.surface)
     moving, control, features = featured(sides.moving, sides.control, maps)

@@ -17,8 +17,7 @@ def gauss_newton(problem, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.
     """`fit_landmarks`: the least `alpha mean|nu|^2 + beta mean|grad nu|^2 + gamma mean|M(f(p)) - q|^2`, f (V,).
 
     sliding: inner points of a curve may move along their target curve; rings: of the mesh that carries nu. A
-    RepairWarning says if rows were switched.
-    Source: paper, eq. RegLoss; Gauss-Newton in its dual form.
+    RepairWarning says if rows were switched. Source: paper, eq. RegLoss; Gauss-Newton in its dual form.
     """
     fit = fit_problem(replace(problem, sliding=sliding or problem.sliding), Weights(alpha, beta, gamma), rings=rings)
     report(fit.fallbacks)
@@ -27,7 +26,7 @@ def gauss_newton(problem, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.
 
 @threadpool_limits.wrap(limits=1)
 def coarse_steps(problem, steps=1, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma):
-    """`few_steps` from the same fit on a coarse polar mesh, run until it settles there: CP-Net's exact twin, f (V,)."""
+    """`few_steps` from the fit settled on a coarse polar mesh: CP-Net's exact twin, f (V,)."""
     weights, level, mesh = Weights(alpha, beta, gamma), Level(COARSE[0], None, 5, rising=True), polar(*COARSE)
     engine = Climb(problem).engine(level, weights)
     state, _ = climbed(engine, engine.at(np.zeros(len(mesh.z), complex), problem.mobius), level)
@@ -36,9 +35,9 @@ def coarse_steps(problem, steps=1, alpha=Weights.alpha, beta=Weights.beta, gamma
 
 @threadpool_limits.wrap(limits=1)
 def few_steps(problem, mu, steps, weights):
-    """At most `steps` steps of the same fit on `polar(*FINE)`, from mu on its faces, then one exact solve: f (V,).
+    """At most `steps` steps of the fit on `polar(*FINE)`, from mu on its faces, then one exact solve: f (V,).
 
-    The disk Möbius map is fitted again at last, on the disk mesh itself. A RepairWarning says if rows were switched.
+    The solve fits the disk Möbius map again. A RepairWarning says if rows were switched.
     """
     level, mesh = few(steps, FINE[0]), polar(*FINE)
     engine = Climb(problem).engine(level, weights)

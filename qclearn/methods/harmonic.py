@@ -1,13 +1,10 @@
 """The paper's baseline: the landmark-constrained optimised harmonic map, with its overlap correction."""
 
-import warnings
-
 import numpy as np
 from scipy import sparse
 
-from ..plane.bijectivity import RepairWarning
 from ..plane.linear import factorise
-from .solver import HARD, LandmarkSolver, truncated
+from .solver import HARD, LandmarkSolver, report, truncated
 
 MOST_ROUNDS = 40
 FIRST_WEIGHT = 100.0  # of the data in the smoothing; halved each round, so that no more of the match is lost than must
@@ -16,8 +13,8 @@ FIRST_WEIGHT = 100.0  # of the data in the smoothing; halved each round, so that
 def harmonic(problem, weight=1.0, correct=True):
     """The map that minimises `1/2 int |grad f|^2 + (weight / 2) sum_k |f(p_k) - q_k|^2`, unfolded if `correct`.
 
-    weight: the paper's lambda. The circle is held by the best Möbius map. One sparse solve; where faces are flipped,
-    then `unfold`. Source: Choi, Lam, Lui (2015), FLASH, on the disk of Choi, Lui (2015), as for the paper's table.
+    weight: the paper's lambda. The best Möbius map holds the circle. Source: Choi, Lam, Lui (2015), FLASH, on the disk
+    of Choi, Lui (2015), as for the paper's table.
     """
     if not weight >= 0:
         raise ValueError(f"weight = {weight}: give a number from 0 (the paper's lambda)")
@@ -33,24 +30,23 @@ def unfold(solver, f, smoothness):
     `mu' + smoothness (nu - mu')`, and truncate; 4. solve with that and without landmarks. smoothness in [0, 1]:
     1 forgets the landmarks, 0 follows them. The source leaves open how much to smooth: little at first, then more.
     """
-    first = left = len(solver.disk.at(f).flipped)
-    rounds = 0
+    disk, rounds = solver.disk, 0
+    first = left = len(disk.at(f).flipped)
     while left and rounds < MOST_ROUNDS:
-        nu = truncated(smoothed(solver, truncated(solver.disk.coefficient(f)), FIRST_WEIGHT / 2**rounds))
-        held = truncated(solver.disk.coefficient(solver.solve(nu, HARD)))
+        nu = truncated(smoothed(solver, truncated(disk.coefficient(f)), FIRST_WEIGHT / 2**rounds))
+        held = truncated(disk.coefficient(solver.solve(nu, HARD)))
         f = solver.solve(truncated(held + smoothness * (nu - held)))
-        left, rounds = len(solver.disk.at(f).flipped), rounds + 1
+        left, rounds = len(disk.at(f).flipped), rounds + 1
     if first:
-        warnings.warn(
-            f"overlap correction: {first} faces flipped, {left} after {rounds} rounds", RepairWarning, stacklevel=2
-        )
+        report([f"overlap correction: {first} faces flipped, {left} after {rounds} rounds"])
     return f
 
 
 def smoothed(solver, mu, weight):
     """mu (F,) with smooth modulus: `((1 + 1/weight) + (2/weight) K) m = |mu|` at the vertices, its argument kept."""
-    nodal = solver.disk.to_vertices @ mu
-    matrix = (1 + 1 / weight) * sparse.eye_array(len(nodal)) + (2 / weight) * solver.disk.laplace
+    disk = solver.disk
+    nodal = disk.to_vertices @ mu
+    matrix = (1 + 1 / weight) * sparse.eye_array(len(nodal)) + (2 / weight) * disk.laplace
     size = factorise(matrix).solve(abs(nodal))
     turned = np.divide(size, abs(nodal), out=np.zeros_like(size), where=nodal != 0) * nodal
-    return turned[solver.disk.faces].mean(1)
+    return turned[disk.faces].mean(1)

@@ -10,31 +10,28 @@ from ..registration.register import load as network
 from .gauss_newton import few_steps
 from .solver import report
 
-TIGHT_TOLERANCE = 2e-3  # landmark error in the disk above which `guarded` refines
-
-
-NEEDS = {
+TIGHT_TOLERANCE = 2e-3  # landmark error in the disk above which `guarded` refines; `register` allows more
+NEEDS = {  # method -> networks
     "cpnet_dbsnet": ("cpnet", "dbsnet"),
     "cpnet_exact": ("cpnet",),
     "cpnet_steps": ("cpnet",),
     "guarded": ("cpnet", "dbsnet"),
-}  # method -> networks
+}
 
 
 def networks_of(method, parameters):
-    """The networks that a method named so uses with these parameters, loaded: a list, empty for all others."""
+    """The loaded networks that the method of this name uses with these parameters, list."""
     preset, gamma = parameters.get("preset", "best"), parameters.get("gamma")
     return [network(name, preset, gamma) for name in NEEDS.get(method, ())]
 
 
 def proposed(problem, preset, weights):
-    """CP-Net's mu (F,) on a problem's disk mesh; the paper's has weights for a gamma of 1e4, 1e5 and 2e5 each, at
-    alpha = beta = 1."""
+    """CP-Net's mu (F,) on a problem's disk mesh; the paper's knows gamma = 1e4, 1e5 and 2e5 at alpha = beta = 1."""
     return predicted(network("cpnet", preset, weights.gamma).predict, problem, weights)
 
 
 def cpnet_dbsnet(problem, preset="best", alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma):
-    """M after DBS-Net's map for CP-Net's mu, M the best disk Möbius map for the landmarks: as it comes, folds and all.
+    """DBS-Net's map for CP-Net's mu, then the landmarks' best disk Möbius map: as it comes, folds and all.
 
     Source: paper, section 'Landmark-based Brain Cortical Surface Registration'.
     """
@@ -44,9 +41,8 @@ def cpnet_dbsnet(problem, preset="best", alpha=Weights.alpha, beta=Weights.beta,
 
 
 def cpnet_exact(problem, preset="best", alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma):
-    """The same with the exact solver in DBS-Net's place; a RepairWarning says if rows were switched against folds."""
-    mu = proposed(problem, preset, Weights(alpha, beta, gamma))
-    found = exact_map(problem, mu)
+    """The exact solver's map for CP-Net's mu; a RepairWarning says if rows were switched against folds."""
+    found = exact_map(problem, proposed(problem, preset, Weights(alpha, beta, gamma)))
     report(found.fallbacks)
     return found.f
 
@@ -58,8 +54,7 @@ def cpnet_steps(problem, preset="best", steps=1, alpha=Weights.alpha, beta=Weigh
 
 
 def guarded(problem, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma, tolerance=TIGHT_TOLERANCE):
-    """What `register(method="network", tolerance=tolerance)` does, but for 2e-3: the networks, their exact twins where
-    they fold or miss.
+    """`register(method="network")`: the networks' map, their exact twins' where that folds or misses by `tolerance`.
 
     A RepairWarning says each step aside.
     """

@@ -1,12 +1,9 @@
 """Landmark-constrained quasi-conformal iteration: a smooth coefficient and a map that meets the landmarks, in turns."""
 
-import warnings
-
 import numpy as np
 
-from ..plane.bijectivity import RepairWarning
 from ..plane.linear import factorise
-from .solver import HARD, LandmarkSolver, truncated
+from .solver import HARD, LandmarkSolver, report, truncated
 
 FIRST_SIGMA, GROWTH = 10.0, 1.6  # of the penalty on nu - mu(f), and its factor from round to round
 
@@ -16,9 +13,8 @@ def qc_iteration(problem, alpha=1.0, rounds=20):
 
     Splits off mu(f) with the penalty `sigma int |nu - mu(f)|^2`, sigma rising, and alternates: f from nu by the solver
     with the landmarks held; nu from f by `(L + (alpha + sigma) M) nu = sigma M mu(f)` (Laplace and mass matrix of the
-    disk), truncated. Where the last f folds, it is solved from nu without landmarks, and a RepairWarning says so. The
-    circle is held by the best Möbius map. Source: Lam, Lui (2014), Landmark and intensity based registration, section
-    4.
+    disk), truncated. A last f that folds is solved again without landmarks, and a RepairWarning says so. The best
+    Möbius map holds the circle. Source: Lam, Lui (2014), Landmark and intensity based registration, section 4.
     """
     if not (alpha >= 0 and rounds >= 1):
         raise ValueError(f"alpha = {alpha}, rounds = {rounds}: give alpha from 0 and at least one round")
@@ -35,10 +31,6 @@ def qc_iteration(problem, alpha=1.0, rounds=20):
     left = len(disk.at(f).flipped)
     if left:
         f = solver.solve(nu)
-        warnings.warn(
-            f"quasi-conformal iteration: {left} faces flipped with the landmarks held; let go, "
-            f"{len(disk.at(f).flipped)}",
-            RepairWarning,
-            stacklevel=2,
-        )
+        let_go = len(disk.at(f).flipped)
+        report([f"quasi-conformal iteration: {left} faces flipped with the landmarks held; let go, {let_go}"])
     return f

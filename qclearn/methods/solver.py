@@ -15,10 +15,9 @@ LARGEST = 0.99  # of |mu| after truncation
 class LandmarkSolver:
     """The Linear Beltrami Solver on a problem's `Disk`, its circle held by the best Möbius map.
 
-    Landmarks join by a penalty, so that they may lie between vertices: the map minimises
-    `1/2 int grad f . A(mu) grad f + (weight / 2) sum_k |f(p_k) - q_k|^2`, i.e.
-    `(K(mu) + weight E^T E) f = weight E^T q` at the free
-    vertices, with E the sampling matrix. weight 0: no landmarks; HARD: held; between: soft.
+    A penalty holds landmarks between vertices, too: the map minimises
+    `1/2 int grad f . A(mu) grad f + (weight / 2) sum_k |f(p_k) - q_k|^2`, i.e. at the free vertices
+    `(K(mu) + weight E^T E) f = weight E^T q`, E the sampling matrix. weight 0: no landmarks; HARD: held; between: soft.
     """
 
     def __init__(self, problem):
@@ -41,7 +40,7 @@ class LandmarkSolver:
 
 
 def truncated(mu, largest=LARGEST):
-    """mu with |mu| cut to `largest`; where mu is infinite or undefined (a collapsed face) its direction is lost: 0."""
+    """mu with |mu| cut to `largest`; 0 where mu is infinite or undefined (a collapsed face): its direction is lost."""
     mu = np.where(np.isfinite(mu), mu, 0)
     size = abs(mu)
     return mu * np.divide(largest, size, out=np.ones_like(size), where=size > largest)

@@ -1,11 +1,8 @@
 """Teichmüller maps: among all maps that meet the landmarks, the one with the least maximum of |mu|."""
 
-import warnings
-
 import numpy as np
 
-from ..plane.bijectivity import RepairWarning
-from .solver import HARD, LandmarkSolver, truncated
+from .solver import HARD, LandmarkSolver, report, truncated
 
 MOST_ROUNDS = 60
 SETTLED = 1e-3  # change of the mean |mu|, relative, that ends the iteration
@@ -14,7 +11,7 @@ SETTLED = 1e-3  # change of the mean |mu|, relative, that ends the iteration
 def teichmuller(problem):
     """The map with `mu = k conj(phi) / |phi|`, one k < 1 for the whole disk, that meets landmarks and circle: f (V,).
 
-    The circle is held by the best Möbius map; see `extremal`. Source: Lui, Lam, Yau, Gu (2014), Teichmüller mapping.
+    The best Möbius map holds the circle; see `extremal`. Source: Lui, Lam, Yau, Gu (2014), Teichmüller mapping.
     """
     return extremal(LandmarkSolver(problem))
 
@@ -34,13 +31,9 @@ def extremal(solver):
             break
         f = solver.solve(level * np.divide(mu, size, out=np.zeros_like(mu), where=size > 0), HARD)
     else:
-        warnings.warn(
-            f"Teichmüller iteration: not settled after {MOST_ROUNDS} rounds (the mean |mu| still changes by "
-            f"{abs(level - before) / level:.1e}, {SETTLED:.0e} ends it)",
-            RepairWarning,
-            stacklevel=2,
-        )
+        still = f"the mean |mu| still changes by {abs(level - before) / level:.1e}, {SETTLED:.0e} ends it"
+        report([f"Teichmüller iteration: not settled after {MOST_ROUNDS} rounds ({still})"])
     left = len(solver.disk.at(f).flipped)
     if left:
-        warnings.warn(f"Teichmüller iteration: {left} faces flipped", RepairWarning, stacklevel=2)
+        report([f"Teichmüller iteration: {left} faces flipped"])
     return f

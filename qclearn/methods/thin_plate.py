@@ -11,9 +11,8 @@ from ..plane.mobius import mobius
 def thin_plate(problem, smoothing=0.0):
     """The best Möbius map followed by the thin-plate spline that takes its landmarks to their targets, f (V,).
 
-    Minimises `sum_k |f(p_k) - q_k|^2 + smoothing * int |D^2 f|^2` over the plane up to the spline's constant; smoothing
-    0 interpolates. Neither the circle nor orientation is kept: the certificate says what came of them.
-    Source: Bookstein (1989); scipy's RBFInterpolator.
+    Minimises `sum_k |f(p_k) - q_k|^2 + smoothing * int |D^2 f|^2` over the plane, up to the spline's constant; 0
+    interpolates. Keeps neither the circle nor orientation. Source: Bookstein (1989); scipy's RBFInterpolator.
     """
     moved, points = mobius(problem.disk.z, *problem.mobius), mobius(problem.moving, *problem.mobius)
     spline = RBFInterpolator(pairs(points), pairs(problem.target), kernel="thin_plate_spline", smoothing=smoothing)

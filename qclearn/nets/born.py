@@ -41,8 +41,5 @@ def _responses(grid):
     imaginary[:, rim] -= z[rings, None] * 1j * z[rim] / nt
     grad_mu = solver.pullback(np.concatenate([real, imaginary]))
     grad_nu = grad_mu @ grid.mesh.to_faces
-    nodal = grad_nu[:, 1:]
-    nodal[:, :nt] += grad_nu[:, :1] / nt  # the centre is the mean of the first ring
-    fields = torch.from_numpy(nodal.reshape(2 * nr, nr, nt)).to(torch.complex64)
-    re, im = grid.gradients(fields).numpy().reshape(2, nr, -1)
+    re, im = grid.spectrum.gradients(grad_nu)[:, grid.kept.numpy()].reshape(2, nr, -1)
     return (re - 1j * im) / 2, (re + 1j * im) / 2

@@ -10,16 +10,15 @@ from functools import lru_cache
 import numpy as np
 import torch
 from threadpoolctl import threadpool_limits
-from torch import nn
 
 from ..plane.spectrum import Spectrum
 from ..registration.link import Link
 from ..registration.looks import Looks
-from ..registration.problem import LandmarkError, Problem, Weights
+from ..registration.problem import LandmarkError
 from .born import Born
 from .cpnet_paper import PaperCPNet, PaperCPNetConfig
-from .layers import ConditionedUNet, disk_of, inference
-from .polargrid import PolarGrid, random_turns
+from .layers import CoefficientNetwork, ConditionedUNet, inference
+from .polargrid import PolarGrid
 from .train import TrainConfig
 
 # What the correction sees on the grid, in order: name -> (how often its frame turns with the spoke, scale that brings
@@ -58,14 +57,7 @@ class BestCPNetConfig:
 link_of = lru_cache(maxsize=8)(Link)  # of the last few disks that were looked at
 
 
-def check_count(points, most):
-    if len(points) > most:
-        raise LandmarkError(
-            f"{len(points)} landmarks, and CP-Net takes at most {most}: thin the curves, or use fit_landmarks"
-        )
-
-
-class BestCPNet(nn.Module):
+class BestCPNet(CoefficientNetwork):
     """nu on a polar grid, the start of the looks, from landmarks p (B, M) with a mask (B, M) and the Born step.
 
     wanted, left (B, M): where the landmarks should go, and what the Born step nu (B, rings, spokes) leaves of that;
@@ -84,7 +76,7 @@ class BestCPNet(nn.Module):
 
     def forward(self, p, wanted, left, mask, logs, nu):
         with torch.autocast(p.device.type, enabled=False), torch.no_grad():
-            size = self.grid.terms(nu)[0].sqrt() + SMALL
+            size = self.grid.mean_square(nu).sqrt() + SMALL
             features, conditions = self.features(p, wanted, left, mask, nu, size), self.conditions(mask, logs, size)
         change = self.unet(features, conditions).float()
         factor, more = torch.complex(change[:, ::2], change[:, 1::2]).unbind(1)
@@ -112,37 +104,23 @@ class BestCPNet(nn.Module):
         sizes = torch.log10(torch.stack([mask.sum(1) / 100, size], 1))
         return torch.cat([logs.clamp(low, high) - logs.new_tensor([0, 4]), sizes], 1)
 
-    @inference
-    @threadpool_limits.wrap(limits=1)
-    def predict(
-        self,
-        z,
-        faces,
-        moving,
-        target,
-        alpha=Weights.alpha,
-        beta=Weights.beta,
-        gamma=Weights.gamma,
-        curve=None,
-        looks=None,
-    ):
-        """mu (F,) on a disk mesh z (V,), faces (F, 3) whose map takes `moving` to `target` (M,), as `fit_landmarks`.
+    def answer(self, problem, weights, looks=None):
+        """mu (F,) of a `Problem`.
 
-        The map is `solve_beltrami_disk(z, faces, mu)` and the best Möbius map after it. looks: how many exact maps of
-        this mesh are made in between, each followed by one Gauss-Newton step (default: `looks_at(weights)`). Trained
-        for weights within `config.smooth` and `config.match`; outside, the U-Net takes them for those of the nearest
-        place inside, the looks for what they are. curve is not used. LandmarkError for bad landmarks or weights, or
-        more than `config.most` landmarks; BeltramiError or SurfaceError where the mesh is no disk.
+        looks: how many exact maps of its mesh are made, each followed by one Gauss-Newton step (default:
+        `looks_at(weights)`). The U-Net is trained for weights within `config.smooth` and
+        `config.match`, and takes others for the nearest of those; the looks take them for what they are. LandmarkError
+        for more than `config.most` landmarks.
         """
-        *_, mu = self.stages(Problem(disk_of(z, faces), moving, target), Weights(alpha, beta, gamma), looks)
+        *_, mu = self.stages(problem, weights, looks)
         return mu
 
     @inference
     @threadpool_limits.wrap(limits=1)
     def answers(self, problem, weights, looks=3):
-        """What one would say of a `Problem` after so many looks from either start: dict name -> mu (F,), in order.
+        """The answers mu (F,) to a `Problem` after 0 to `looks` looks from either start, dict name -> mu, in order.
 
-        "Born step" has learned nothing, "CP-Net" begins where the U-Net says; `predict` gives one of these.
+        "Born step" has learned nothing, "CP-Net" begins where the U-Net says; `predict` returns one of these.
         """
         found = {}
         for learned, name in ((False, "Born step"), (True, "CP-Net")):
@@ -154,12 +132,14 @@ class BestCPNet(nn.Module):
     def stages(self, problem, weights, looks=None, learned=None):
         """The answers mu (F,) before any look and after each, one after the other.
 
-        learned: whether the looks begin where the U-Net says; by default unless the weights are stiff, where that is
-        no better a start than the Born step. There an answer is the best that was looked at: the last step may lead
-        astray.
+        learned: whether the looks begin where the U-Net says. By default they do unless the weights are stiff: then
+        the Born step is as good a start, and the answer is the best of the looks, as the last step may lead astray.
         """
         points = p, q = problem.moving, problem.target
-        check_count(p, self.config.most)
+        if len(p) > (most := self.config.most):
+            raise LandmarkError(
+                f"{len(p)} landmarks, and CP-Net takes at most {most}: thin the curves, or use fit_landmarks"
+            )
         ratios = weights.beta / weights.alpha, weights.gamma / weights.alpha
         looks, stiff = self.looks_at(weights) if looks is None else looks, self.is_stiff(weights)
         learned = not stiff if learned is None else learned
@@ -180,7 +160,7 @@ class BestCPNet(nn.Module):
         return self.grid.with_centre(found)[0].cpu().numpy().astype(complex)
 
     def is_stiff(self, weights):
-        """Whether a landmark's last digits cost more than what nu may bend."""
+        """Whether gamma / beta is so large that the landmarks' last digits decide."""
         return weights.gamma >= self.config.stiff * weights.beta
 
     def looks_at(self, weights):
@@ -202,18 +182,13 @@ class BestCPNet(nn.Module):
             self.carriers[rings] = spectrum, self.grid.mesh.sampling(spectrum.mesh.z)
         return self.carriers[rings]
 
-    def gamma_used(self, weights):
-        """The gamma that `predict` answers for: the given one."""
-        return weights.gamma
-
     def loss(self, batch, generator):
-        """Mean of the log of the answer's squared error over the Born step's, both without a look; the target is the
-        field of a fit."""
+        """Mean log of the answer's squared distance from the field of a fit over the Born step's, without a look."""
         with torch.autocast(batch[0].device.type, enabled=False):
             *given, target = self.draw(batch, generator)
         nu = self(*given)
-        before, after = (self.grid.terms(x - target)[0] for x in (given[-1], nu))
-        share = after / (before + FLOOR * self.grid.terms(target)[0] + SMALL**2)
+        before, after = (self.grid.mean_square(x - target) for x in (given[-1], nu))
+        share = after / (before + FLOOR * self.grid.mean_square(target) + SMALL**2)
         figures = {"error": share.sqrt().mean().item(), "born": before.sqrt().mean().item()}
         return (share + FLOOR).log().mean(), figures
 
@@ -223,9 +198,12 @@ class BestCPNet(nn.Module):
         most = int(mask.sum(1).max())
         points, fields = [x[:, :most] for x in points], [born, target]
         if generator is not None:
-            turn, mirror, places = random_turns(len(mask), self.config.spokes, generator)
+            spokes = self.config.spokes
+            by = torch.randint(spokes, (len(mask), 1), generator=generator)
+            mirror = torch.rand(len(mask), 1, generator=generator) < 0.5
+            places = (torch.where(mirror, -1, 1) * (torch.arange(spokes) - by)) % spokes  # whose values come here
             places = places.to(mask.device)[:, None].expand(born.shape)
-            turn, mirror = turn.to(born)[:, None], mirror.to(mask.device)[:, None]
+            turn, mirror = torch.exp(2j * torch.pi * by / spokes).to(born), mirror.to(mask.device)
             points = [torch.where(mirror, x.conj(), x) * turn for x in points]
             fields = [torch.where(mirror[..., None], x.conj(), x).gather(2, places) for x in fields]
             fields = [x * turn[..., None] ** 2 for x in fields]

@@ -11,8 +11,8 @@ from torch.nn import functional
 from ..plane.disk import Disk
 from ..plane.grids import square_disk
 from ..plane.mobius import mobius, mobius_slope
-from ..registration.problem import LandmarkError, Weights, check_landmarks
-from .layers import disk_of, inference
+from ..registration.problem import LandmarkError, Weights
+from .layers import CoefficientNetwork, perceptron
 from .losses import L_CP, LossMesh
 from .squaremaps import SquareMaps
 from .torchplane import bounded, fit_mobius, square_places
@@ -36,7 +36,7 @@ class PaperCPNetConfig:
     widths: tuple = (128, 96, 64, 48, 32)  # channels, from the smallest image to the whole
 
 
-class PaperCPNet(nn.Module):
+class PaperCPNet(CoefficientNetwork):
     """Landmarks (B, M) on a subject's disk to mu (B, size, size), rows upwards, on the square of the paper's DBS-Net.
 
     Each curve passes through an MLP of its own and is reshaped into channels; all are concatenated, and transposed
@@ -49,14 +49,7 @@ class PaperCPNet(nn.Module):
         self.side = config.size // 2 ** (len(config.widths) - 1)
         self.split = first // groups
         self.groups = nn.ModuleList(
-            nn.Sequential(
-                nn.Linear(2 * config.points, 128),
-                nn.SiLU(),
-                nn.Linear(128, 128),
-                nn.SiLU(),
-                nn.Linear(128, self.split * self.side**2),
-            )
-            for _ in range(groups)
+            perceptron(2 * config.points, 128, 128, self.split * self.side**2) for _ in range(groups)
         )
         pairs = list(zip([groups * self.split, *config.widths[1:-1]], config.widths[1:]))
         self.up = nn.ModuleList(nn.ConvTranspose2d(a, b, 4, stride=2, padding=1) for a, b in pairs)
@@ -69,8 +62,8 @@ class PaperCPNet(nn.Module):
     def forward(self, p):
         """mu (B, size, size) of landmarks (B, M), curve by curve."""
         p = p - self.targets  # the network need not learn where the control is
-        curves = SCALE * torch.view_as_real(p).unflatten(1, (self.config.curves, -1)).flatten(
-            2
+        curves = (
+            torch.view_as_real(SCALE * p).unflatten(1, (self.config.curves, -1)).flatten(2)
         )  # (B, curves, 2 points)
         channels = [
             group(curve).unflatten(1, (self.split, self.side, self.side))
@@ -97,7 +90,7 @@ class PaperCPNet(nn.Module):
         mu = self(p)
         with torch.autocast(p.device.type, enabled=False):
             w = p + self.sample(maps(mu) - mesh.z, p)
-            w = mobius_of(w, *fit_mobius(w, targets, torch.ones_like(p.real)))
+            w = mobius_of(w, *fit_mobius(w, targets))
             shares, weights = mesh.areas / mesh.areas.sum(), Weights(1.0, 1.0, self.config.gamma)
             loss = L_CP(mesh, mu.flatten(1).repeat(1, 2), w, targets, weights, shares=shares)
             error = (w - targets).abs().mean()
@@ -118,25 +111,25 @@ class PaperCPNet(nn.Module):
         found = functional.grid_sample(image, places, align_corners=True)[:, :, 0]
         return torch.complex(found[:, 0], found[:, 1])
 
-    @inference
-    def predict(self, z, faces, moving, target, alpha=1.0, beta=1.0, gamma=None, curve=None):
-        """mu (F,) on a disk mesh z (V,), faces (F, 3) whose map takes `moving` to the control's landmarks (M,).
+    @property
+    def usual(self):
+        return Weights(1.0, 1.0, self.config.gamma)
 
-        LandmarkError as the preset `best`, and where the targets are not those of its control or the weights not
-        (1, 1, gamma) up to a factor.
+    def answer(self, problem, weights):
+        """mu (F,) of a `Problem`.
+
+        LandmarkError where the targets are not those of this network's control, or the weights not `usual` up to a
+        factor.
         """
-        gamma = alpha * self.config.gamma if gamma is None else gamma
-        moving, target, _ = check_landmarks(moving, target, curve, False)
-        Weights(alpha, beta, gamma)
-        p = self.in_order(moving, target)
-        if not np.allclose([beta / alpha, gamma / alpha], [1.0, self.config.gamma], rtol=1e-3):
+        p, disk = self.in_order(problem.moving, problem.target), problem.disk
+        ratios = weights.beta / weights.alpha, weights.gamma / weights.alpha
+        if not np.allclose(ratios, [1.0, self.config.gamma], rtol=1e-3):
             raise LandmarkError(
                 f"this network is trained for the weights (1, 1, {self.config.gamma:g}) and was given "
-                f"({alpha:g}, {beta:g}, {gamma:g}); use the preset best for others"
+                f"({weights.alpha:g}, {weights.beta:g}, {weights.gamma:g}); use the preset best for others"
             )
-        moved, mask = torch.from_numpy(p)[None].to(self.targets), torch.ones(1, len(p), device=self.targets.device)
-        a, theta = (parameter.item() for parameter in fit_mobius(moved, self.targets[None], mask, steps=8))
-        disk = disk_of(z, faces)
+        moved = torch.from_numpy(p)[None].to(self.targets)
+        a, theta = (parameter.item() for parameter in fit_mobius(moved, self.targets[None]))
         aligned = torch.from_numpy(mobius(p, a, theta))[None].to(self.targets)
         mu = self(aligned)
         places = square_places(torch.from_numpy(mobius(disk.centroids, a, theta)).to(self.targets))[None, None]

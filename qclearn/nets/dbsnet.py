@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import torch
 from torch.nn import functional
 
-from .dbsnet_paper import PaperDBSNet, PaperDBSNetConfig
+from .dbsnet_paper import PaperDBSNet, PaperDBSNetConfig, mixed
 from .layers import DiskNetwork, PolarFunction, PolarUNet
+from .losses import LossMesh
 from .polar import PolarSolver, harmonic_extension, two_steps
 from .train import TrainConfig
 
@@ -57,8 +58,9 @@ class BestDBSNet(DiskNetwork):
         super().__init__()
         self.config = config
         self.solver = PolarSolver(config.rings, config.spokes)
+        self.mesh = LossMesh(self.solver.mesh)
         self.unet = PolarUNet(len(FEATURES), 2, config.channels, config.blocks)
-        z = torch.from_numpy(self.solver.mesh.z[1:]).reshape(1, config.rings, config.spokes)
+        z = torch.tensor(self.solver.mesh.z[1:]).reshape(1, config.rings, config.spokes)
         self.register_buffer("z", z.to(torch.complex64), persistent=False)
         self.register_buffer("radius", z.abs().float(), persistent=False)
 
@@ -104,21 +106,8 @@ class BestDBSNet(DiskNetwork):
         turn = torch.complex(*self.solver.tables(rows.real)["turn"])
         pairs = torch.cat([rows[:, :1], rows], 1) * turn  # the two faces of each cell, those at the centre twice
         inner, outer = pairs[:, ::2], pairs[:, 1::2]  # (B, rings, spokes)
-        known = [
-            inner.real,
-            inner.imag,
-            outer.real,
-            outer.imag,
-            u,
-            v,
-            change.real,
-            change.imag,
-            residual.real,
-            residual.imag,
-            U - lower,
-            U - u,
-            *angles.unbind(1),
-        ]  # (B, rings, spokes) each, as in FEATURES
+        known = [part for x in (inner, outer, torch.complex(u, v), change, residual) for part in (x.real, x.imag)]
+        known += [U - lower, U - u, *angles.unbind(1)]  # (B, rings, spokes) each, as in FEATURES
         return torch.stack([scale * x for (scale, _), x in zip(FEATURES.values(), known, strict=True)], 1), u, v
 
     def loss(self, batch, generator):
@@ -130,34 +119,19 @@ class BestDBSNet(DiskNetwork):
         f = self(mu)
         with torch.autocast(mu.device.type, enabled=False):
             position = position_error(f, exact, self.z.flatten()).mean()
-            size, folds = derivative_error(self.full(f), self.full(exact), self.full_z())
+            size, folds = derivative_error(self.mesh, f, exact)
             loss = position + 0.5 * size.mean() + 2 * folds.mean()
         return loss, {"position": position.item(), "derivative": size.mean().item(), "folds": folds.mean().item()}
 
     def rescale(self, mu, generator):
         """Coefficients of the batch with largest |mu| uniform in `max_abs`; with a generator also mixed and turned."""
-        mu, spokes = mu.view(len(mu), -1, self.config.spokes), self.config.spokes
-        if generator is not None:
-            draw = torch.rand(4, len(mu), generator=generator).to(mu.real)
-            other = mu[torch.randperm(len(mu), generator=generator).to(mu.device)]
-            size = [x.abs().amax((1, 2), keepdim=True) for x in (mu, other)]
-            share = (draw[0] * (draw[1] < 0.5))[:, None, None]
-            mu = (
-                mu / size[0] * (1 - share) + other / size[1] * share * torch.exp(2j * torch.pi * draw[2])[:, None, None]
-            )
-            shift = int(torch.randint(spokes, (), generator=generator))
-            mu = mu.roll(shift, -1) * torch.exp(2j * torch.pi * draw[3])[:, None, None]
-            low, high = self.config.max_abs
-            largest = low + (high - low) * torch.rand(len(mu), generator=generator).to(mu.real)
-            mu = mu / mu.abs().amax((1, 2), keepdim=True) * largest[:, None, None]
-        return mu.flatten(1)
-
-    def full(self, f):
-        """f (B, V) as a grid (B, rings + 1, spokes) whose first ring repeats the centre."""
-        return torch.cat([f[:, :1, None].expand(-1, 1, self.config.spokes), f[:, 1:].view(-1, *self.z.shape[1:])], 1)
-
-    def full_z(self):
-        return torch.cat([torch.zeros_like(self.z[:, :1]), self.z], 1)
+        if generator is None:
+            return mu
+        draw, order = torch.rand(4, len(mu), generator=generator), torch.randperm(len(mu), generator=generator)
+        shift = int(torch.randint(self.config.spokes, (), generator=generator))
+        draw = torch.cat([draw, torch.rand(1, len(mu), generator=generator)])
+        mu = mixed(mu, order, draw, self.config.max_abs).view(len(mu), -1, self.config.spokes)
+        return mu.roll(shift, -1).flatten(1)
 
 
 def position_error(f, exact, z):
@@ -168,31 +142,15 @@ def position_error(f, exact, z):
     return (f - exact).abs().mean(1) / displacement
 
 
-def derivative_error(f, exact, z):
+def derivative_error(mesh, f, exact):
     """Error of the derivatives against the smaller stretch of the exact map, (root mean square, excess) (B,) each.
 
     `d = (|e_z| + |e_zbar|) / (|f_z| - |f_zbar|)` a face, e = f - exact: a face folds only where d >= 1; excess is the
-    mean of `max(d - 0.5, 0)^2`. Grids (B, rings + 1, spokes) whose first ring is the centre.
+    mean of `max(d - 0.5, 0)^2`. Maps (B, V) on the `LossMesh`.
     """
-    size = []
-    for corners in ((0, 1, 2), (0, 2, 3)):
-        (e_z, e_zbar), (f_z, f_zbar) = (_derivatives(x, z, corners) for x in (f - exact, exact))
-        size.append((e_z.abs() + e_zbar.abs()) / (f_z.abs() - f_zbar.abs()).clamp(min=0.05))
-    size[1] = size[1][:, 1:]  # at the centre the second face of a cell has no area
-    d = torch.cat([x.flatten(1) for x in size], 1)
+    (e_z, e_zbar), (f_z, f_zbar) = mesh.wirtinger(f - exact), mesh.wirtinger(exact)
+    d = (e_z.abs() + e_zbar.abs()) / (f_z.abs() - f_zbar.abs()).clamp(min=0.05)
     return (d**2).mean(1).sqrt(), (functional.relu(d - 0.5) ** 2).mean(1)
-
-
-def _derivatives(f, z, corners):
-    def edges(x):
-        cell = x[:, :-1], x[:, 1:], x[:, 1:].roll(-1, -1), x[:, :-1].roll(-1, -1)
-        a, b, c = (cell[k] for k in corners)
-        return b - a, c - a
-
-    (z1, z2), (f1, f2) = edges(z), edges(f)
-    area = z1 * z2.conj() - z2 * z1.conj()
-    area = torch.where(area == 0, torch.ones_like(area), area)
-    return (f1 * z2.conj() - f2 * z1.conj()) / area, (f2 * z1 - f1 * z2) / area
 
 
 PRESETS = {"paper": (PaperDBSNet, PaperDBSNetConfig()), "best": (BestDBSNet, BestDBSNetConfig())}

@@ -12,7 +12,7 @@ from ..plane.disk import Disk
 from ..plane.fourier import fourier_matrix
 from ..plane.grids import disk_to_square, pixel_centres, square_disk, square_to_disk
 from .gauges import gauge_errors
-from .layers import DiskNetwork
+from .layers import DiskNetwork, perceptron, zero
 from .losses import L_DBSNet, L_Energy, L_Maps, LossMesh
 from .squaremaps import SquareMaps
 
@@ -30,11 +30,8 @@ class PaperDBSNetConfig:
     size: int = 64  # of the square, in pixels
     frequencies: int = 8  # the low ones: at most this, either way
     shortcut: bool = True
-    inverse: bool = True  # of the Fourier layer, before the convolutions of the inner route
-    carry: bool = True  # the boundary's turn inwards
     loss: str = "energy"  # one of LOSSES
-    eta: float = 1.0  # of the loss "rows", as rho
-    rho: float = 1e-8  # for this size: the right weight falls with the fourth power of the number of pixels
+    rho: float = 1e-8  # of the loss "rows"; the right weight falls with the fourth power of the size
 
 
 class FourierLayer(nn.Module):
@@ -54,15 +51,15 @@ class FourierLayer(nn.Module):
 class InnerRoute(nn.Module):
     """Low frequencies (and, by the shortcut, the image itself) to the inner vertices' (B, 2, size - 1, size - 1).
 
-    inverse: the coefficients are first transformed back, to an image of 2k + 1 pixels a side. The paper does not say
-    so, but convolutions and bilinear upsampling mean something for neighbours in space, not in frequency.
+    The coefficients are first transformed back, to an image of 2k + 1 pixels a side. The paper does not say so, but
+    convolutions and bilinear upsampling mean something for neighbours in space, not in frequency.
     """
 
-    def __init__(self, size, k, shortcut, inverse):
+    def __init__(self, size, k, shortcut):
         super().__init__()
         self.size, wide, narrow = size, 64, 16
         back = torch.from_numpy(fourier_matrix(2 * k + 1, k)).to(torch.complex64).conj().T * (2 * k + 1)
-        self.register_buffer("back", back if inverse else None, persistent=False)
+        self.register_buffer("back", back, persistent=False)
 
         def conv(channels_in, channels_out):
             return nn.Conv2d(channels_in, channels_out, 3, padding=1)
@@ -71,9 +68,7 @@ class InnerRoute(nn.Module):
         self.middle, self.fine = conv(wide, wide // 2), conv(wide // 2, narrow)
         self.shortcut = nn.ModuleList([conv(2, narrow), conv(narrow, narrow)] if shortcut else [])
         self.join = conv(2 * narrow if shortcut else narrow, 2 * narrow)
-        self.head = nn.Conv2d(2 * narrow, 2, 2)  # from cells to the vertices between them
-        nn.init.zeros_(self.head.weight)
-        nn.init.zeros_(self.head.bias)
+        self.head = zero(nn.Conv2d(2 * narrow, 2, 2))  # from cells to the vertices between them
 
     def forward(self, coefficients, mu):
         x = self.coarse[0](coefficients)  # (B, 2, 2k + 1, 2k + 1)
@@ -99,11 +94,8 @@ class BoundaryRoute(nn.Module):
 
     def __init__(self, inputs, usual, hidden=512):
         super().__init__()
-        self.layers = nn.Sequential(
-            nn.Linear(inputs, hidden), nn.SiLU(), nn.Linear(hidden, hidden), nn.SiLU(), nn.Linear(hidden, len(usual))
-        )
-        nn.init.zeros_(self.layers[-1].weight)
-        nn.init.zeros_(self.layers[-1].bias)
+        self.layers = perceptron(inputs, hidden, hidden, len(usual))
+        zero(self.layers[-1])
         self.register_buffer("usual", torch.log(usual), persistent=False)  # of the mesh itself, where the MLP says 0
 
     def forward(self, coefficients):
@@ -113,10 +105,9 @@ class BoundaryRoute(nn.Module):
 class PaperDBSNet(DiskNetwork):
     """The two routes joined in one map of `square_disk(size)`.
 
-    The paper does not say how the routes are joined: here the turn of the boundary is carried inwards harmonically, and
-    the inner route gives what is to be added (with `carry` off it starts from the identity, and must first learn to
-    follow the boundary). Nor how f(0) = 0 and f(1) = 1 are held: here by the Möbius map after it, as the exact solver
-    does. (A shift would be a bend at the vertex 0, which no loss of first derivatives feels, and a spike takes it up.)
+    The paper leaves two things open. Here the routes are joined by carrying the turn of the boundary inwards
+    harmonically and adding what the inner route gives; and a Möbius map after that holds f(0) = 0 and f(1) = 1, as in
+    the exact solver. (A shift would put a spike at the vertex 0, which no loss of first derivatives feels.)
     """
 
     def __init__(self, config):
@@ -140,7 +131,7 @@ class PaperDBSNet(DiskNetwork):
         for name, table in tables.items():
             self.register_buffer(name, torch.from_numpy(table), persistent=False)
         self.fourier = FourierLayer(config.size, config.frequencies)
-        self.inner_route = InnerRoute(config.size, config.frequencies, config.shortcut, config.inverse)
+        self.inner_route = InnerRoute(config.size, config.frequencies, config.shortcut)
         self.boundary_route = BoundaryRoute(2 * (2 * config.frequencies + 1) ** 2, torch.from_numpy(usual).float())
 
     def forward(self, mu):
@@ -149,17 +140,14 @@ class PaperDBSNet(DiskNetwork):
         with torch.autocast(mu.device.type, enabled=False):
             low = self.fourier(mu)
             back = self.inner_route.back
-            small = 10 * low if back is None else back @ low @ back.T
-            low, small, image = (torch.stack([x.real, x.imag], 1) for x in (10 * low, small, mu))
+            low, small, image = (torch.stack([x.real, x.imag], 1) for x in (10 * low, back @ low @ back.T, mu))
         shift = self.inner_route(small, image)
-        with torch.autocast(
-            mu.device.type, enabled=False
-        ):  # coordinates need all their digits: the loss differentiates
+        with torch.autocast(mu.device.type, enabled=False):  # the loss differentiates, so all digits count
             angles = self.boundary_route(low.flatten(1))
             shift = 0.1 * self.inner_route.last(shift.float()).flatten(2)
             shift = torch.complex(shift[:, 0], shift[:, 1])
             turned = angles.cumsum(-1) - angles
-            carried = (turned - self.start) @ self.extension * self.config.carry
+            carried = (turned - self.start) @ self.extension
             f = self.mesh.z * torch.polar(torch.ones_like(carried), carried)
             f = f.index_add(1, self.inner, shift)
             f = f.index_copy(1, self.loop, torch.polar(torch.ones_like(turned), turned))
@@ -200,7 +188,8 @@ class PaperDBSNet(DiskNetwork):
         """
         mu = batch[0]
         if generator is not None:
-            mu = mixed(mu, self.config.max_abs, generator)
+            draw = torch.rand(5, len(mu), generator=generator)
+            mu = mixed(mu, torch.randperm(len(mu), generator=generator), draw, self.config.max_abs)
         f, angles = self(mu)
         with torch.autocast(mu.device.type, enabled=False):
             loss = self.distance(mu, f, angles)
@@ -217,7 +206,7 @@ class PaperDBSNet(DiskNetwork):
         if config.loss == "energy":
             return L_Energy(self.mesh, given, f).mean()
         if config.loss == "rows":
-            return 1e3 * L_DBSNet(self.mesh, given, f, angles, config.eta, config.rho).mean()
+            return 1e3 * L_DBSNet(self.mesh, given, f, angles, rho=config.rho).mean()
         self.exact = self.exact or SquareMaps(config.size)
         with torch.no_grad():
             exact = self.exact(mu, TOLERANCE)
@@ -237,11 +226,12 @@ def poisson_matrix(z, boundary):
     return kernel / kernel.sum(0)
 
 
-def mixed(mu, max_abs, generator):
-    """Coefficients (B, ...) of which half are sums of two of the batch, with random phase; largest |mu| uniform."""
-    draw = torch.rand(5, len(mu), generator=generator).to(mu.real)
-    draw = draw.view(5, -1, *[1] * (mu.ndim - 1))
-    other = mu[torch.randperm(len(mu), generator=generator).to(mu.device)]
+def mixed(mu, order, draw, max_abs):
+    """Coefficients (B, ...) of which half are sums with another of the batch; phase and largest |mu| are drawn too.
+
+    order (B,): a permutation, the other ones; draw (5, B): uniform in 0..1; max_abs: the range of the largest |mu|.
+    """
+    draw, other = draw.to(mu.real).view(5, -1, *[1] * (mu.ndim - 1)), mu[order.to(mu.device)]
     share = draw[0] * (draw[1] < 0.5)
 
     def unit(x):

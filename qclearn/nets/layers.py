@@ -1,4 +1,4 @@
-"""What several networks share: convolutions on the polar mesh, and the crossing between NumPy and torch."""
+"""What several networks share: small stacks of layers, convolutions on the polar mesh, and calls from NumPy."""
 
 from functools import lru_cache, wraps
 from itertools import pairwise
@@ -6,20 +6,22 @@ from itertools import pairwise
 import numpy as np
 import torch
 from scipy import ndimage
+from threadpoolctl import threadpool_limits
 from torch import nn
 from torch.nn import functional
 
 from ..plane.checks import check_coefficient
 from ..plane.disk import Disk
 from ..plane.solver import DiskSolver
+from ..registration.problem import Problem, Weights
 
 FIRST_SCALE = 0.1  # of a conditioned U-Net's outputs, before the conditions change it
 
 
 def inference(method):
-    """A network's call from NumPy: without gradients, and on one thread of torch, whose number is put back afterwards.
+    """Let a network's call run without gradients and on one thread of torch.
 
-    The work is small, and threads that wait for each other on a busy machine cost far more than they save.
+    The work is small: on a busy machine threads that wait for each other cost far more than they save.
     """
 
     @wraps(method)
@@ -35,12 +37,31 @@ def inference(method):
     return alone
 
 
+def perceptron(*sizes, activation=nn.SiLU):
+    """Linear layers from each of these sizes to the next, with activations between them."""
+    linear = [nn.Linear(*pair) for pair in pairwise(sizes)]
+    return nn.Sequential(linear[0], *(part for layer in linear[1:] for part in (activation(), layer)))
+
+
+def convolution(channels_in, channels_out, **options):
+    """A 3 x 3 convolution with batch normalisation and a ReLU, as a list."""
+    layer = nn.Conv2d(channels_in, channels_out, 3, padding=1, bias=False, **options)
+    return [layer, nn.BatchNorm2d(channels_out), nn.ReLU(inplace=True)]
+
+
+def zero(layer):
+    """The layer with parameters 0: at the start of training it gives 0."""
+    for parameter in layer.parameters():
+        nn.init.zeros_(parameter)
+    return layer
+
+
 class PolarPad(torch.autograd.Function):
     """x (B, C, rings, spokes) with one more ring and spoke on every side, for a 3 x 3 convolution on the disk.
 
-    Periodic in the angle; beyond the centre the disk goes on at the opposite spoke; beyond the circle the last ring is
-    repeated. Right for functions and for components in the frame that turns twice with the spoke, as those of mu.
-    (Written out, with its adjoint, because slices and `cat` lose the channels-last layout on the way back.)
+    The angle is periodic, the disk goes on at the opposite spoke beyond the centre, and the last ring is repeated
+    beyond the circle. This is right for functions, and for components of mu in the frame that turns with the spoke.
+    The adjoint is written out, because slices and `cat` lose the channels-last layout on the way back.
     """
 
     @staticmethod
@@ -77,13 +98,11 @@ class PolarConv(nn.Conv2d):
 
 
 class PolarBlock(nn.Module):
-    """x + conv(act(conv(act(x)))), the last convolution zero at the start: the block begins as the identity."""
+    """x + conv(act(conv(act(x)))). The last convolution begins at zero, and so the block as the identity."""
 
     def __init__(self, channels):
         super().__init__()
-        self.first, self.second = PolarConv(channels, channels), PolarConv(channels, channels)
-        nn.init.zeros_(self.second.weight)
-        nn.init.zeros_(self.second.bias)
+        self.first, self.second = PolarConv(channels, channels), zero(PolarConv(channels, channels))
 
     def forward(self, x):
         return x + self.second(functional.silu(self.first(functional.silu(x))))
@@ -92,24 +111,22 @@ class PolarBlock(nn.Module):
 class PolarUNet(nn.Module):
     """U-Net on the grid of rings and spokes: (B, inputs, rings, spokes) -> (B, outputs, rings, spokes).
 
-    channels: one number a level, each level half as fine; rings and spokes divisible by 2^(levels - 1). blocks:
-    residual blocks on the coarsest level; the others have one on the way down and one on the way up.
+    channels: one number a level; each level is half as fine as the one before, and 2^(levels - 1) must divide rings and
+    spokes. blocks: residual blocks on the coarsest level; the other levels have one down and one up.
     """
 
     def __init__(self, inputs, outputs, channels, blocks=3):
         super().__init__()
         pairs = list(pairwise(channels))
-        self.stem, self.head = PolarConv(inputs, channels[0]), PolarConv(channels[0], outputs)
+        self.stem, self.head = PolarConv(inputs, channels[0]), zero(PolarConv(channels[0], outputs))
         self.down = nn.ModuleList(PolarBlock(fine) for fine, _ in pairs)
         self.coarser = nn.ModuleList(nn.Conv2d(fine, coarse, 2, stride=2) for fine, coarse in pairs)
         self.bottom = nn.Sequential(*(PolarBlock(channels[-1]) for _ in range(blocks)))
         self.finer = nn.ModuleList(nn.Conv2d(coarse, fine, 1) for fine, coarse in pairs)
         self.up = nn.ModuleList(PolarBlock(fine) for fine, _ in pairs)
-        nn.init.zeros_(self.head.weight)
-        nn.init.zeros_(self.head.bias)
 
     def forward(self, x, modulate=lambda x: x):
-        """modulate: applied to the first features of each level on the way down."""
+        """modulate changes the first features of each level on the way down."""
         x, kept = modulate(self.stem(x.contiguous(memory_format=torch.channels_last))), []
         for block, coarser in zip(self.down, self.coarser):
             kept.append(block(x))
@@ -121,15 +138,13 @@ class PolarUNet(nn.Module):
 
 
 class ConditionedUNet(PolarUNet):
-    """The polar U-Net with a scale and a shift of every channel, level by level, from conditions (B, n):
-    FiLM layers."""
+    """The polar U-Net with FiLM layers: conditions (B, n) scale and shift every channel of every level."""
 
     def __init__(self, inputs, outputs, conditions, channels, blocks):
         super().__init__(inputs, outputs, channels, blocks)
         self.sizes = [*(2 * size for size in channels), outputs]
-        self.film = nn.Sequential(nn.Linear(conditions, 64), nn.SiLU(), nn.Linear(64, sum(self.sizes)))
-        nn.init.zeros_(self.film[-1].weight)
-        nn.init.zeros_(self.film[-1].bias)
+        self.film = perceptron(conditions, 64, sum(self.sizes))
+        zero(self.film[-1])
 
     def forward(self, x, conditions):
         films = iter(self.film(conditions).split(self.sizes, 1))
@@ -143,7 +158,7 @@ class ConditionedUNet(PolarUNet):
 
 
 def disk_of(z, faces):
-    """The `Disk` of z (V,) and faces (F, 3): one that is there already, if networks used it lately."""
+    """The `Disk` of z (V,) and faces (F, 3); the last four are kept, with all that was found out about them."""
     return _disk_of(np.asarray(z, complex).tobytes(), np.asarray(faces, np.int64).tobytes())
 
 
@@ -161,10 +176,10 @@ def holding(disk, network):
 
 
 class DiskNetwork(nn.Module):
-    """A network with a mesh of its own that is used on any disk mesh: coefficients in, maps out, both resampled.
+    """A network that maps coefficients to maps on a mesh of its own, and serves any disk mesh by resampling both.
 
-    A subclass offers `pixels`, complex points (P,) at which it wants mu, and `run(mu (P,), **options)`, which gives
-    the map as a function of points of the disk.
+    A subclass offers `pixels`, the points (P,) where it takes mu, and `run(mu (P,), **options)`, which returns the map
+    as a function of points of the disk.
     """
 
     @inference
@@ -181,10 +196,36 @@ class DiskNetwork(nn.Module):
         return f
 
 
-class PolarFunction:
-    """The map f(z) = z q(z), q complex values (rings, spokes) at the radii 1/rings ... 1, bilinear in radius and angle.
+class CoefficientNetwork(nn.Module):
+    """A network that maps landmarks on any disk mesh to mu on its faces.
 
-    Within the first ring the values of that ring hold. (Cubic interpolation is no more accurate and takes longer.)
+    A subclass offers `answer(problem, weights, **options)`, which returns mu (F,) of a `Problem`, and `usual`, the
+    `Weights` of calls that name none.
+    """
+
+    usual = Weights()
+
+    @inference
+    @threadpool_limits.wrap(limits=1)
+    def predict(self, z, faces, moving, target, alpha=1.0, beta=None, gamma=None, curve=None, **options):
+        """mu (F,) on a disk mesh z (V,), faces (F, 3) whose map takes `moving` to `target` (M,), as `fit_landmarks`.
+
+        The map is `solve_beltrami_disk(z, faces, mu)` and the best Möbius map after it. curve is checked, not used.
+        LandmarkError for landmarks or weights that the network cannot take; BeltramiError or SurfaceError where the
+        mesh is no disk. options: of the network's `answer`.
+        """
+        beta, gamma = (self.usual.beta if beta is None else beta), (self.usual.gamma if gamma is None else gamma)
+        return self.answer(Problem(disk_of(z, faces), moving, target, curve), Weights(alpha, beta, gamma), **options)
+
+    def gamma_used(self, weights):
+        """The gamma that `predict` answers for: the given one."""
+        return weights.gamma
+
+
+class PolarFunction:
+    """The map f(z) = z q(z) of values q (rings, spokes) at the radii 1/rings ... 1, bilinear in radius and angle.
+
+    Inside the first ring q has that ring's values. Cubic interpolation is no more accurate and takes longer.
     """
 
     def __init__(self, q):
@@ -198,10 +239,7 @@ class PolarFunction:
 
 
 def output_shapes(parts, run):
-    """What modules hand on during run(), in order: (name, module, its output's shape in words, without the batch).
-
-    parts: pairs (name, module).
-    """
+    """A row (name, module, shape in words) for each output of `parts`, pairs (name, module), during run(), in order."""
     rows = []
 
     def note(name):

@@ -13,7 +13,7 @@ import torch.nn.functional as F
 from torch import nn
 
 from ..registration.landmarks import fundus_cost, fundus_path, weigh_edges
-from .layers import inference
+from .layers import convolution, inference
 from .ldnet_paper import PaperLDNet, PaperLDNetConfig
 from .pictures import check_input, picture, stamp, turn
 from .train import TrainConfig
@@ -46,17 +46,7 @@ class Residual(nn.Module):
 
     def __init__(self, width):
         super().__init__()
-        self.body = nn.Sequential(
-            *(
-                layer
-                for _ in range(2)
-                for layer in (
-                    nn.Conv2d(width, width, 3, padding=1, bias=False),
-                    nn.BatchNorm2d(width),
-                    nn.ReLU(inplace=True),
-                )
-            )
-        )
+        self.body = nn.Sequential(*convolution(width, width), *convolution(width, width))
 
     def forward(self, x):
         return x + self.body(x)
@@ -73,12 +63,7 @@ class BestLDNet(nn.Module):
         super().__init__()
         self.config = config
         widths = config.widths
-        self.stem = nn.Sequential(
-            nn.PixelUnshuffle(2),
-            nn.Conv2d(16, widths[0], 3, padding=1, bias=False),
-            nn.BatchNorm2d(widths[0]),
-            nn.ReLU(inplace=True),
-        )
+        self.stem = nn.Sequential(nn.PixelUnshuffle(2), *convolution(16, widths[0]))
         self.down = nn.ModuleList(Residual(width) for width in widths[:-1])
         self.shrink = nn.ModuleList(nn.Conv2d(a, b, 2, stride=2) for a, b in pairwise(widths))
         self.bottom = nn.Sequential(Residual(widths[-1]), Residual(widths[-1]))

@@ -7,7 +7,7 @@ import torch
 from torch import nn
 
 from ..registration.problem import LandmarkError
-from .layers import inference
+from .layers import convolution, inference, perceptron
 from .losses import L_LD
 from .pictures import check_input, picture, turn
 
@@ -38,32 +38,12 @@ class PaperLDNet(nn.Module):
         self.config = config
         pairs = list(zip((2, *config.widths), config.widths))
         side = config.size >> len(pairs)  # of the last image
-        self.image = nn.Sequential(
-            *(
-                layer
-                for a, b in pairs
-                for layer in (
-                    nn.Conv2d(a, b, 3, stride=2, padding=1, bias=False),
-                    nn.BatchNorm2d(b),
-                    nn.ReLU(inplace=True),
-                )
-            )
-        )
+        self.image = nn.Sequential(*(layer for pair in pairs for layer in convolution(*pair, stride=2)))
         self.flat = nn.Sequential(nn.Flatten(), nn.Linear(config.widths[-1] * side**2, config.hidden), nn.ReLU())
-        self.start, self.end = (
-            nn.Sequential(
-                nn.Linear(2 * config.curves, config.hidden),
-                nn.ReLU(),
-                nn.Linear(config.hidden, config.hidden),
-                nn.ReLU(),
-            )
-            for _ in range(2)
-        )
-        self.joined = nn.Sequential(
-            nn.Linear(3 * config.hidden, 2 * config.hidden),
-            nn.ReLU(),
-            nn.Linear(2 * config.hidden, 2 * config.curves * (config.points - 2)),
-        )
+        ends = 2 * config.curves, config.hidden, config.hidden
+        self.start, self.end = (nn.Sequential(*perceptron(*ends, activation=nn.ReLU), nn.ReLU()) for _ in range(2))
+        inner = 2 * config.curves * (config.points - 2)
+        self.joined = perceptron(3 * config.hidden, 2 * config.hidden, inner, activation=nn.ReLU)
 
     def forward(self, images, ends):
         """Curves (B, K, points), complex, from images (B, 2, S, S) in 0..255 and ends (B, K, 2), complex."""

@@ -106,7 +106,7 @@ class CPLesson(Lesson):
         mu, target = self.coefficient(p), self.network.targets.expand_as(p)
         f = self.solver.solve(mu, *INSIDE)
         w = self.mesh.sample(f, self.mesh.locate(p))
-        w = mobius_of(w, *fit_mobius(w, target, torch.ones_like(p.real)))
+        w = mobius_of(w, *fit_mobius(w, target))
         shares = self.losses.areas / self.losses.areas.sum()
         return L_CP(self.losses, mu, w, target, self.weights, shares=shares).mean()
 

@@ -19,13 +19,18 @@ class LossMesh(nn.Module):
         tables["shares"] = disk.areas[:, None] / around  # of the faces round each corner
         kinds = {"f": precision, "c": precision.to_complex(), "i": torch.int64}
         for name, table in tables.items():
-            table = torch.as_tensor(table)
+            table = torch.tensor(table)  # a copy: a Disk's arrays are read-only
             kind = kinds["c" if table.is_complex() else "f" if table.is_floating_point() else "i"]
             self.register_buffer(name, table.to(kind), persistent=False)
 
     def gradient(self, values):
         """Gradients (B, F), complex `d/dx + i d/dy`, of real vertex values (B, V), linear on each face."""
         return (values[:, self.faces] * self.gradients).sum(-1)
+
+    def wirtinger(self, f):
+        """`f_z` and `f_zbar`, (B, F) each, of maps f (B, V)."""
+        corners = f[:, self.faces]
+        return tuple(0.5 * (corners * g).sum(-1) for g in (self.gradients.conj(), self.gradients))
 
     def divergence(self, fields):
         """`sum_T |T| grad phi_i . w_T` (B, V) of fields w (B, F): K(mu) u for w = A grad u."""
@@ -65,8 +70,7 @@ def L_Energy(mesh, mu, f):
     The square of an H1 norm of the error, face by face, where `L_LBS` is an L1 norm of second differences; and blind to
     Möbius maps after f.
     """
-    corners = f[:, mesh.faces]
-    f_z, f_zbar = (0.5 * (corners * g).sum(-1) for g in (mesh.gradients.conj(), mesh.gradients))
+    f_z, f_zbar = mesh.wirtinger(f)
     gap = f_zbar - mu * f_z
     return 2 * ((gap.real**2 + gap.imag**2) / (1 - mu.real**2 - mu.imag**2)) @ mesh.areas
 
@@ -142,15 +146,12 @@ def _mean(values, shares):
     return values.mean(-1) if shares is None else values @ shares
 
 
-def L_Landmark(points, target, present=None):
-    """`1/M sum_i |p_i - p^_i|^2` (B,) over points (B, M), eq. lmloss; present (B, M): which of them count."""
-    square = (points - target).abs() ** 2
-    if present is None:
-        return square.mean(-1)
-    return (square * present).sum(-1) / present.sum(-1).clamp(min=1)
+def L_Landmark(points, target):
+    """`1/M sum_i |p_i - p^_i|^2` (B,) over points (B, M), eq. lmloss."""
+    return ((points - target).abs() ** 2).mean(-1)
 
 
-def L_CP(mesh, mu, points, target, weights, present=None, shares=None):
+def L_CP(mesh, mu, points, target, weights, shares=None):
     """`alpha L_mu + beta L_grad_mu + gamma L_Landmark` (B,), eq. RegLoss, with the three of a `Weights`."""
-    terms = L_mu(mu, shares), L_grad_mu(mesh, mu, shares), L_Landmark(points, target, present)
+    terms = L_mu(mu, shares), L_grad_mu(mesh, mu, shares), L_Landmark(points, target)
     return weights.alpha * terms[0] + weights.beta * terms[1] + weights.gamma * terms[2]

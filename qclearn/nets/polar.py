@@ -1,20 +1,18 @@
 """The exact disk solver without a matrix: batched conjugate gradients on a polar mesh, preconditioned at mu = 0.
 
-On a polar mesh the stiffness matrix of mu = 0 does not change under a turn by one spoke: an FFT in the angle leaves
-one tridiagonal system over the rings a mode (its quads are isosceles trapezia, hence cyclic, and the weights of their
-diagonals vanish), solved by cyclic reduction with factors computed once. The condition number that is left is at most
-`((1 + k)/(1 - k))^2` for |mu| <= k, whatever the resolution, so that a solve costs O(n log n).
+The stiffness matrix of mu = 0 on a polar mesh does not change under a turn by one spoke. An FFT in the angle therefore
+leaves one tridiagonal system over the rings for each mode, which cyclic reduction solves with factors computed once.
+(The quads are isosceles trapezia, hence cyclic: the weights of their diagonals vanish.) The preconditioned matrix has a
+condition number of at most `((1 + k)/(1 - k))^2` for |mu| <= k at any resolution, so that a solve costs O(n log n).
 
-Inside, the centre is a ring like the others: nt copies of its value, and equal shares of its load. Then every vector is
-a grid (nr, nt) of the rings inside the circle.
+The solver treats the centre as a ring: nt copies of its value, and equal shares of its load. Every vector is then a
+grid (nr, nt) of the rings inside the circle.
 """
 
-import warnings
 from itertools import pairwise
 
 import numpy as np
 import torch
-from torch.autograd import forward_ad
 
 from ..plane.checks import BeltramiError
 from ..plane.disk import Disk
@@ -41,9 +39,7 @@ class PolarSolver:
             raise ValueError(f"PolarSolver needs at least 2 rings; got {nr}")
         self.nr, self.nt = nr, nt
         self.mesh = Disk(*polar_disk(nr, nt, power))
-        edges = _edge_tables(
-            self.mesh.gradients[::nt], self.mesh.areas[::nt]
-        )  # a face a ring: others are turned copies
+        edges = _edge_tables(self.mesh.gradients[::nt], self.mesh.areas[::nt])  # a face a ring, the others are turned
         turn = np.exp(-4j * np.pi * np.arange(nt) / nt)
         tables = {"edges": edges, "turn": np.stack([turn.real, turn.imag]), **_reduction(edges[:, 0, :, 0], nt)}
         self._tables = {None: {name: torch.from_numpy(table) for name, table in tables.items()}}
@@ -59,10 +55,9 @@ class PolarSolver:
         """The maps f (B, V) with coefficients mu (B, F), f(0) = 0 and f(1) = 1; or (V,) from (F,). Differentiable.
 
         Flux form: `K_ii U = -2 pi e_0`; the boundary fluxes of U give the angles of f_b; `K_ii f_i = -K_ib f_b`.
-        Conjugate gradients stop for each sample and system alone: where the residual, in the norm of the inverse of
-        the preconditioner, is below `tolerance` times the energy norm of the identity (in the backward pass: times
-        that norm of the gradient), or after `limit` steps. start: maps f like the result, to begin with in place of
-        those of mu = 0. BeltramiError where |mu| < 1 fails.
+        Conjugate gradients stop for each sample and system alone, after `limit` steps, or where the residual in the
+        norm of the inverse preconditioner is below `tolerance` times the energy norm of the identity (backwards: of
+        the gradient). start: maps f to begin with, in place of those of mu = 0. BeltramiError unless |mu| < 1.
         """
         if mu.ndim == 1:
             return self.solve(mu[None], tolerance, limit, None if start is None else start[None])[0]
@@ -75,17 +70,6 @@ class PolarSolver:
         f, steps_f = system.solve(system.pull(boundary), f, *stopping)
         self.floored, self.iterations = system.floored, torch.cat([steps_U, steps_f], 1)
         return self.finish(f, boundary)
-
-    def pushforward(self, mu, dmu, tolerance=1e-5, limit=100, start=None):
-        """The maps f of `solve` and their changes df with changes dmu (B, F) of mu: two (B, V), or (V,) from (F,).
-
-        Forward mode: `K dx = dload - dK x` for each system, in the order and to the tolerance of the solves.
-        """
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "`torch.jit.script`", DeprecationWarning)  # torch's own, the first time
-            with forward_ad.dual_level():
-                f = self.solve(forward_ad.make_dual(mu, dmu), tolerance, limit, start)
-                return tuple(forward_ad.unpack_dual(f))
 
     def _begin(self, f, spoke):
         """(U, f, f on the circle) to begin with from maps f (B, V): U = log|f|, at the centre what its row asks for."""
@@ -107,9 +91,8 @@ class PolarSolver:
 class PolarSystem:
     """K(mu) and the loads of one batch mu (B, F) on the mesh of a `PolarSolver`, for fields (B, S, nr, nt).
 
-    spoke, arc, diagonal (B, nr, nt): edge weights -K_ab, spokes outwards from each ring, arcs on it, diagonals outwards
-    from it; pole: the load of U; floored (B,): boundary steps that `boundary` had to raise. BeltramiError where
-    |mu| < 1 fails.
+    spoke, arc, diagonal (B, nr, nt): edge weights -K_ab of the spokes outwards from each ring, the arcs on it and the
+    diagonals outwards from it; pole: the load of U; floored (B,): how many steps `boundary` had to raise.
     """
 
     def __init__(self, solver, mu):
@@ -244,12 +227,11 @@ def _reduction(plain, nt):
 
 
 def two_steps(solver, mu):
-    """What two preconditioned steps from mu = 0 say about the maps on the polar mesh, and the residual they leave.
+    """Maps (f1, f2, f3), potentials (U1, U2) of log|f|, (B, nr - 1, nt), and boundary angles (d1, d2), (B, nt).
 
-    Returns maps (f1, f2, f3), potentials (U1, U2) of log|f|, (B, nr - 1, nt), and boundary angles (d1, d2), (B, nt).
-    Orders 1 and 2 in mu: U by conjugate gradients, whose very first step only scales the potential of mu = 0; f from
-    the harmonic map with the boundary of U2. Beyond, f3 - f2 and d2 are the preconditioned residuals of f2 and of U2,
-    as a change of the map and of the boundary angles; d1 is the change from U1 to U2.
+    1 and 2 are of first and second order in mu: two preconditioned steps from mu = 0 for U (the very first step of
+    conjugate gradients only scales its potential), and from the harmonic map with the boundary of U2 for f. f3 - f2 and
+    d2 are the preconditioned residuals of f2 and U2; d1 is the change of the boundary from U1 to U2.
     """
     system = PolarSystem(solver, mu)
     potentials = [system.solve(system.pole, None, 0.0, 2)[0]]

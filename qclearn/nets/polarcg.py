@@ -97,25 +97,15 @@ def _dot(a, b):
 
 
 class Solve(torch.autograd.Function):
-    """x with K x = load by conjugate gradients; its adjoint: `K lam = grad_x`, then `-(lam_a - lam_b)(x_a - x_b)`;
-    its tangent: `K dx = dload - dK x`."""
+    """x with K x = load by conjugate gradients; its adjoint: `K lam = grad_x`, then `-(lam_a - lam_b)(x_a - x_b)`."""
 
     @staticmethod
     def forward(ctx, spoke, arc, diagonal, load, start, size, *stopping):
         ctx.stencil, ctx.stopping = Stencil(spoke, arc, diagonal), stopping
         x, steps = conjugate_gradients(ctx.stencil, load, start, size, *stopping)
         ctx.save_for_backward(x)
-        ctx.save_for_forward(x)
         ctx.mark_non_differentiable(steps)
         return x, steps
-
-    @staticmethod
-    def jvp(ctx, spoke, arc, diagonal, load, *_):
-        (x,) = ctx.saved_tensors
-        load = torch.zeros_like(x) if load is None else load
-        if spoke is not None:
-            load = load - Stencil(spoke, arc, diagonal).apply(x)
-        return conjugate_gradients(ctx.stencil, load, None, None, *ctx.stopping)[0], None
 
     @staticmethod
     @torch.autograd.function.once_differentiable

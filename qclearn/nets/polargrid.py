@@ -6,7 +6,7 @@ from torch import nn
 
 from ..plane.disk import Disk
 from ..plane.grids import POWER, polar_disk
-from ..plane.spectrum import eigenvectors, ring_tables
+from ..plane.spectrum import Spectrum
 
 
 class PolarMesh(nn.Module):
@@ -53,72 +53,33 @@ class PolarMesh(nn.Module):
 class PolarGrid(PolarMesh):
     """Complex fields nu (B, nr, nt) on the rings of a polar mesh; the centre takes the first ring's mean.
 
-    modes: how many eigenvectors E of (Laplace, lumped mass) are kept, the smoothest: `E^* A E = pi`.
+    modes: how many eigenvectors E of a `Spectrum` are kept, the smoothest: `E^* A E = pi`.
     """
 
-    def __init__(self, nr, nt, power=POWER, modes=512):
-        super().__init__(nr, nt, power)
-        area, spokes, arcs = ring_tables(self.mesh, nt)
-        radial, values, kept = eigenvectors(area, spokes, arcs, nt, modes)
+    def __init__(self, nr, nt, modes=512):
+        super().__init__(nr, nt)
+        self.spectrum = Spectrum(nr, nt)
         tables = {
             "z": self.mesh.z[1:].reshape(nr, nt),
-            "area": area[:, None],
-            "spokes": spokes[:, None],
-            "arcs": arcs[:, None],
-            "radial": radial,
-            "values": values,
-            "kept": kept,
+            "area": self.spectrum.areas[::nt, None],
+            "radial": self.spectrum.radial,
+            "kept": np.argsort(self.spectrum.values, kind="stable")[:modes],
         }
         for name, table in tables.items():
             self.register_buffer(name, as_tensor(table), persistent=False)
 
-    def terms(self, nu):
-        """`mean|nu|^2` and `mean|grad nu|^2` over the disk, (B,) each."""
-        size = (self.area * _square(nu)).sum((1, 2))
-        slope = (self.spokes * _square(nu[:, 1:] - nu[:, :-1])).sum((1, 2))
-        slope = slope + (self.arcs * _square(nu - nu.roll(-1, -1))).sum((1, 2))
-        return size / torch.pi, slope / torch.pi
-
-    def on_faces(self, nu):
-        """Means over the corners of each face of the mesh, (B, F)."""
-        following = nu.roll(-1, -1)
-        fan = nu[:, 0].mean(-1, keepdim=True) + nu[:, 0] + following[:, 0]
-        common = nu[:, :-1] + following[:, 1:]
-        bands = torch.stack([common + nu[:, 1:], common + following[:, :-1]], 2)
-        return torch.cat([fan, bands.flatten(1)], 1) / 3
+    def mean_square(self, nu):
+        """`mean|nu|^2` over the disk, (B,)."""
+        return (self.area * (nu.real**2 + nu.imag**2)).sum((1, 2)) / torch.pi
 
     def with_centre(self, nu):
         """(B, nr, nt) as values at the mesh's vertices (B, V)."""
         return torch.cat([nu[:, 0].mean(-1, keepdim=True), nu.flatten(1)], 1)
 
-    def gradients(self, fields):
-        """`E^* fields` (..., modes) of fields (..., nr, nt): gradients with respect to the coefficients."""
-        waves = torch.fft.fft(fields, norm="ortho").movedim(-1, -2)[..., None, :]  # (..., nt, 1, nr)
-        return (waves @ self.radial.to(waves)).flatten(-3)[..., self.kept]
-
     def coefficients(self, nu):
         """Coefficients (B, modes) of a field, those of its projection: `E^* A nu / pi`."""
-        return self.gradients(nu * self.area) / torch.pi
-
-    def field(self, coefficients):
-        """nu (B, nr, nt) of coefficients (B, modes)."""
-        waves = coefficients.new_zeros(*coefficients.shape[:-1], self.nr * self.nt)
-        waves = waves.index_copy(-1, self.kept, coefficients).unflatten(-1, (self.nt, 1, self.nr))
-        waves = waves @ self.radial.mT.to(waves)  # (..., nt, 1, nr)
-        return torch.fft.ifft(waves[..., 0, :].movedim(-1, -2), norm="ortho")
-
-
-def random_turns(count, spokes, generator):
-    """Random turns by whole spokes, and mirrorings, of so many grids: factors (B,) of unit size, whether mirrored (B,),
-    and which spokes (B, spokes) take the places of all."""
-    by = torch.randint(spokes, (count,), generator=generator)
-    mirror = torch.rand(count, generator=generator) < 0.5
-    places = (torch.where(mirror, -1, 1)[:, None] * (torch.arange(spokes) - by[:, None])) % spokes
-    return torch.exp(2j * torch.pi * by / spokes), mirror, places
-
-
-def _square(x):
-    return x.real**2 + x.imag**2
+        waves = torch.fft.fft(nu * self.area, norm="ortho").mT[..., None, :]  # (B, nt, 1, nr)
+        return (waves @ self.radial.to(waves)).flatten(1)[:, self.kept] / torch.pi
 
 
 def as_tensor(table):

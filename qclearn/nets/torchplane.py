@@ -3,11 +3,14 @@ the square."""
 
 import torch
 
-RIDGE = 1e-9  # relative, of the three Möbius columns: fewer than two landmarks leave some of them free
+from ..plane.mobius import best_turn, nearest_mobius
+
+STEPS = 8  # Gauss-Newton steps of a Möbius map
 
 
 def bounded(nu):
-    """The paper's activation `tanh(|nu|) nu / |nu|` for complex tensors, 1 - 1e-6 at most."""
+    """The paper's activation `tanh(|nu|) nu / |nu|`; |mu| is 1 - 1e-6 at most, as float32 rounds the limit of
+    `plane.coefficients` to 1."""
     size = nu.abs().clamp(min=1e-6)
     return torch.tanh(size).clamp(max=1 - 1e-6) / size * nu
 
@@ -18,38 +21,11 @@ def mobius(w, a, theta):
     return torch.exp(1j * theta)[:, None] * (w - a) / (1 - a.conj() * w)
 
 
-def mobius_columns(w):
-    """Changes (B, n, 3) of points w with an increment (theta, Re a, Im a) after a Möbius map."""
-    return torch.stack([1j * w, w**2 - 1, -1j * (1 + w**2)], 2)
-
-
-def fit_mobius(f, q, mask, steps=4):
-    """Parameters (a, theta), (B,) each, of the disk Möbius map that brings f (B, M) closest to q:
-    Gauss-Newton steps."""
-    f, q = f.detach().to(torch.complex128), q.to(torch.complex128)
-    a, theta = torch.zeros_like(f[:, 0]), torch.angle((mask * q * f.conj()).sum(1))
-    for _ in range(steps):
-        w = mobius(f, a, theta)
-        columns = torch.view_as_real(mobius_columns(w) * mask[..., None]).mT.flatten(1, 2)
-        left = torch.view_as_real((q - w) * mask).flatten(1)
-        turn, real, imaginary = least_squares(columns, left[..., None])[..., 0].unbind(1)
-        step = torch.complex(real, imaginary)
-        step = step / (2 * step.abs()).clamp(min=1)  # no further than 1/2 at once
-        at_one = mobius(mobius(torch.ones_like(f[:, :1]), a, theta), step, turn)[:, 0]
-        step = torch.exp(-1j * theta) * step
-        pole = (step + a) / (1 + a.conj() * step)
-        a, theta = pole, torch.angle(at_one * (1 - pole.conj()) / (1 - pole))
-    return a.to(torch.complex64), theta.float()
-
-
-def least_squares(columns, right):
-    """`(C^T C)^-1 C^T right`, the pseudoinverse itself where right is None."""
-    normal = columns.mT @ columns
-    size = normal.diagonal(dim1=1, dim2=2).sum(1)[:, None, None]
-    eye = torch.eye(3, dtype=normal.dtype, device=normal.device)
-    return torch.linalg.solve(
-        normal + RIDGE * (size + 1e-12) * eye, columns.mT if right is None else columns.mT @ right
-    )
+def fit_mobius(f, q):
+    """Parameters (a, theta), (B,) each, of the disk Möbius map that brings f (B, M) closest to q; without gradients."""
+    f, goal = (x.detach().cpu().numpy().astype(complex) for x in (f, q))
+    (a, theta), _ = nearest_mobius(f, goal, best_turn(f, goal), STEPS)
+    return torch.from_numpy(a).to(q), torch.from_numpy(theta).to(q.real)
 
 
 def square_places(points):

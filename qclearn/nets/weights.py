@@ -15,6 +15,7 @@ from .networks import NETWORKS, WeightsError, gamma_fault, network
 
 FORMAT = 2  # raise it when a header's meaning or a network's layers change, so that old weights are refused
 FOLDER = Path(__file__).parent / "weights"
+GONE = {"inverse": True, "carry": True, "eta": 1.0}  # options of old files, with the value that is left
 NEEDED = {"format", "network", "config", "training", "data", "steps", "commit", "figures", "digest"}
 
 
@@ -26,6 +27,7 @@ def build(name, config):
     if preset not in presets:
         raise WeightsError(f"{name} has no preset {preset!r}; there are {', '.join(presets)}")
     network_class, default = presets[preset]
+    given = {field: value for field, value in given.items() if field not in GONE or value != GONE[field]}
     plain = {field: tuple(value) if isinstance(value, list) else value for field, value in given.items()}
     return network_class(replace(default, **plain))
 

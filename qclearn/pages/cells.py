@@ -1,7 +1,7 @@
-"""What every page of the book does with its results: numbers for the prose, figures and tables.
+"""A page's results: numbers for the prose, figures and tables.
 
-The prose quotes numbers as {eval}`num.count` or {eval}`f"{num.error:.2f}"`: JupyterLab asks the kernel for them, and
-tools/build_book.py stores the answers in the executed page, where Sphinx reads them (qclearn/pages/sphinxpages.py).
+The prose quotes numbers as {eval}`num.count` or {eval}`f"{num.error:.2f}"`. JupyterLab asks the kernel for them;
+tools/build_book.py stores the answers in the executed page, for Sphinx (qclearn/pages/sphinxpages.py).
 """
 
 import base64
@@ -13,9 +13,7 @@ from IPython import get_ipython
 from IPython.display import Markdown, display
 
 num = SimpleNamespace()  # the numbers of this page
-# name -> execution counts of the cells that kept it: the build refuses a name that two cells keep. Here nothing is
-# refused, so that a reader may run a cell again.
-kept_by = {}
+kept_by = {}  # name -> execution counts of the cells that kept it: the build refuses two, a reader may run cells again
 
 
 def keep(**numbers):
@@ -54,8 +52,7 @@ def picture_html(png, words, attributes=""):
 
 
 def drawn(picture, sharpness=2):
-    """The PNG of a picture, on white, and the width in pixels at which it is shown. A Matplotlib figure has `sharpness`
-    times as many."""
+    """The PNG of a picture, on white, and its shown width in pixels (of a Matplotlib figure: over `sharpness`)."""
     if not hasattr(picture, "savefig"):
         return picture.data, picture.width or png_width(picture.data)
     import matplotlib.pyplot as plt

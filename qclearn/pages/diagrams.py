@@ -8,32 +8,16 @@ def block_diagram(ax, boxes, arrows):
 
     A tint is one of `TINTS`. Returns (dict name -> Text, list of Annotation).
     """
-    texts = {
-        name: ax.text(
-            x,
-            y,
-            words,
-            ha="center",
-            va="center",
-            fontsize=9,
-            zorder=2,
-            bbox={"boxstyle": "round,pad=0.35", "fc": TINTS[tint], "ec": "0.4"},
-        )
-        for name, (x, y, words, tint) in boxes.items()
-    }
+    texts, lines = {}, []
+    for name, (x, y, words, tint) in boxes.items():
+        box = {"boxstyle": "round,pad=0.35", "fc": TINTS[tint], "ec": "0.4"}
+        texts[name] = ax.text(x, y, words, ha="center", va="center", fontsize=9, zorder=2, bbox=box)
     across, up = zip(*(box[:2] for box in boxes.values()))
     ax.set(xlim=(min(across) - 0.6, max(across) + 0.6), ylim=(min(up) - 0.4, max(up) + 0.4))
     ax.axis("off")
-    lines = []
     for start, end in arrows:
         # Above the words: they set the size of their boxes while they are drawn, and the arrow is cut at these.
-        look = {
-            "arrowstyle": "->",
-            "color": "0.4",
-            "shrinkA": 1,
-            "shrinkB": 1,
-            "patchA": texts[start].get_bbox_patch(),
-            "patchB": texts[end].get_bbox_patch(),
-        }
+        ends = {"patchA": texts[start].get_bbox_patch(), "patchB": texts[end].get_bbox_patch()}
+        look = {"arrowstyle": "->", "color": "0.4", "shrinkA": 1, "shrinkB": 1} | ends
         lines.append(ax.annotate("", boxes[end][:2], boxes[start][:2], zorder=4, arrowprops=look))
     return texts, lines

@@ -17,15 +17,14 @@ from ..surfaces.conformal import Side, laid_out
 from ..surfaces.curvature import AreaRadius, area_radius
 from ..surfaces.surface import Surface, mirror
 
-# CP-Net is trained for maps on this mesh. On another one the same mu gives another map: at a large gamma that
-# would hide how far the network is from the fit.
+# CP-Net is trained on this mesh. On another one the same mu gives another map: a large gamma would hide the gap.
 MESH = polar(*FINE)
 
 
 @dataclass(frozen=True)
 class Example:
-    """A landmark problem on a small disk mesh and its name; radius: to draw it with where the disk would crowd it;
-    features: of the surfaces that it was taken from, if there are any."""
+    """A named landmark problem on a small disk mesh; radius: spreads a crowded disk in pictures; features: of its
+    surfaces, if it has some."""
 
     name: str
     problem: Problem
@@ -34,7 +33,7 @@ class Example:
 
     @cached_property
     def sliding(self):
-        """The problem with landmarks that slide along their curves."""
+        """The problem with sliding landmarks."""
         return replace(self.problem, sliding=True)
 
 
@@ -59,10 +58,8 @@ def _example(name, mesh, moving, target, radius=None, features=None):
 
 @dataclass(frozen=True)
 class Courses:
-    """Two cortical `Side`s laid upon each other by what is given, and the courses of the sulci that both have.
-
-    names: of the sulci; paths: for the moving and for the control side a list of vertex paths.
-    """
+    """Two cortical `Side`s laid upon each other, and their common sulci: names, and paths, per side a list of vertex
+    paths."""
 
     name: str
     moving: Side
@@ -71,7 +68,7 @@ class Courses:
     paths: tuple
 
     def sampled(self, points):
-        """The landmarks in the disk, `points` a curve: for the moving and for the control side a list of (points,)."""
+        """Landmarks in the disk, `points` a curve: lists of (points,), moving and control."""
         return [
             [sample_curve(side.surface, path, points) @ side.disk.z for path in paths]
             for side, paths in zip((self.moving, self.control), self.paths)
@@ -92,11 +89,10 @@ def courses(name, moving, control, curves):
 
 
 def cortex_problem(name, moving, control, curves, vertices=None, points=5):
-    """The landmarks and folds of two cortical surfaces, `points` a curve, on a small disk mesh: an `Example`.
+    """Landmarks, `points` a curve, and folds of two full cortical surfaces on a small disk mesh: an `Example`.
 
-    curves as in `register`, sulci between endpoints by `fundus_path`; the landmarks come from the full surfaces, as do
-    depth and curvature. The mesh: the graded polar one of the examples; or, given their number, vertices spread evenly
-    over the moving surface, joined at their places in its disk (Delaunay).
+    curves as in `register`, sulci between endpoints by `fundus_path`. The mesh: the examples' graded polar one, or this
+    number of vertices spread evenly over the moving surface, with Delaunay's faces in its disk.
     """
     return courses_problem(courses(name, moving, control, curves), vertices, points)
 
@@ -114,8 +110,7 @@ SUBJECTS = MappingProxyType({"first": 1001, "second": 1002})  # seeds; of the co
 
 @cache
 def cortices(name):
-    """The `Courses` of a name: "cortex", fsaverage5's right side, mirrored, and its left one; "first" and
-    "second", two synthetic subjects and the benchmark's control."""
+    """`Courses`: "cortex", fsaverage5's mirrored right side to its left; "first", "second": synthetic, to CONTROL."""
     if name == "cortex":
         sides = mirror(fsaverage5("right")), fsaverage5("left")
         return courses("sulci of fsaverage5", *sides, demo_landmarks())
@@ -126,7 +121,7 @@ def cortices(name):
 
 
 def folds_on(mesh, pair):
-    """Depth and curvature of `Courses`, the moving ones on a small `Disk` laid into theirs: `Features`."""
+    """`Features` depth and curvature of `Courses`, the moving ones on a small `Disk` inside theirs."""
     disk, places = pair.moving.disk, pair.moving.disk.locate(mesh.z)
     whole = check_features(FOLDS, pair.moving.surface, pair.control.surface)
     small = Side(Surface(disk.interpolate(pair.moving.surface.vertices, places), mesh.faces), mesh)

@@ -28,18 +28,16 @@ class Boundary(Live):
 
     def seen_from(self, f, pole):
         """The map that sends the pole to 0 and 1 to 1, after f."""
-        value = self.mesh.sampling([complex(*pole)]) @ f
-        f = mobius(f, value[0])
+        f = mobius(f, (self.mesh.sampling([complex(*pole)]) @ f)[0])
         return f / f[self.rim[0]]
 
     def map(self, state):
-        """(V,): where a state's descent starts, the right map with the pole at 0; with f(0) = 0, where a descent of
-        energy minus area ends."""
+        """(V,): the descent's start, the right map with the pole at 0; `centred`, the end of energy minus area."""
         right = DiskSolver(self.mesh).solve(self.coefficient(state))
         return right if state["centred"] else self.seen_from(right, state["pole"])
 
     def answer(self, state):
-        """The library's map, from which the descent starts, and the right one."""
+        """The library's maps: the descent's start, and the right one."""
         return {name: as_pairs(self.map({**state, "centred": name == "right"})) for name in ("start", "right")}
 
     def picture(self, state):

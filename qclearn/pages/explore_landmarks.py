@@ -7,13 +7,7 @@ from types import MappingProxyType
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..registration.landmarks import (
-    CURVATURE_WEIGHT,
-    DEPTH_WEIGHT,
-    fundus_cost,
-    fundus_path,
-    weigh_edges,
-)
+from ..registration.landmarks import CURVATURE_WEIGHT, DEPTH_WEIGHT, fundus_cost, fundus_path, weigh_edges
 from ..registration.register import load
 from ..surfaces.curvature import area_radius, grey_levels, mean_curvature, sulcal_depth
 from .examples import CORTICES, cortices
@@ -21,7 +15,7 @@ from .live import Live
 from .livefiles import hemisphere_file
 from .plot import curves_plot, disk_plot
 
-SULCI = (
+SULCI = (  # of all surfaces
     "central sulcus",
     "sylvian fissure",
     "superior temporal sulcus",
@@ -30,20 +24,18 @@ SULCI = (
     "intraparietal sulcus",
     "cingulate sulcus",
     "superior frontal sulcus",
-)  # that all surfaces have
+)
 
 
 def fundus_terms(surface):
-    """What `fundus_cost` weighs at each vertex: curvature (V,) and depth (V,), limited; and the depth's unit in mm."""
-    curvature, depth = (
-        np.log(fundus_cost(surface, mean_curvature(surface), *weights)) for weights in ((1, 0), (0, -1))
-    )
-    deepest = sulcal_depth(surface).max()
-    return curvature, depth, float(np.percentile(sulcal_depth(surface), 95) or deepest or 1.0)
+    """The terms of `fundus_cost`, limited: curvature (V,) and depth (V,); and the depth's unit in mm."""
+    curved, deep = mean_curvature(surface), sulcal_depth(surface)
+    curvature, depth = (np.log(fundus_cost(surface, curved, *weights)) for weights in ((1, 0), (0, -1)))
+    return curvature, depth, float(np.percentile(deep, 95) or deep.max() or 1.0)
 
 
 class Landmarks(Live):
-    """Two endpoints, the path along the floor of the sulcus between them, and LD-Net's, of the chapter on LD-Net."""
+    """The path along a sulcus' floor between two endpoints, and LD-Net's, of the chapter on LD-Net."""
 
     page = "landmarks"
     initial = MappingProxyType(
@@ -60,7 +52,7 @@ class Landmarks(Live):
     )
 
     def files(self):
-        """The moving surfaces, and for each the sulci's ends, LD-Net's curves between them, and the true ones."""
+        """The moving surfaces, each with its sulci's ends, LD-Net's curves between them, and the true ones."""
         listed, files = {}, {}
         for name in CORTICES:
             pair, file = cortices(name), f"moving-{name}.bin"
@@ -72,7 +64,7 @@ class Landmarks(Live):
 
     @staticmethod
     def curves(pair, paths):
-        """What the browser is told of the sulci of the moving side of `Courses`, whose floors are `paths`."""
+        """The sulci with floors `paths` on the moving side of `Courses`, as the browser reads them."""
         ends = np.array([[path[0], path[-1]] for path in paths])
         surface, z = pair.moving.surface, pair.moving.disk.z
         vertex = {place: v for v, place in enumerate(z.tolist())}
@@ -88,7 +80,7 @@ class Landmarks(Live):
         return [int(state["ends"].get(str(k), path[-k])) for k in (0, 1)]
 
     def path(self, state):
-        """Vertices of the shortest path in the metric with a state's weights, and its length in that metric."""
+        """The shortest path's vertices and length in the metric with a state's weights."""
         surface = cortices(state["hemisphere"]).moving.surface
         cost = fundus_cost(surface, mean_curvature(surface), state["curvature"], state["depth"])
         metric = weigh_edges(surface, cost)

@@ -17,6 +17,7 @@ from .examples import CORTICES, cortices, courses_problem
 from .live import Live, as_pairs
 from .livefiles import hemisphere_file
 from .liveproblems import START, as_moved, problems_file, weights_of
+from .plot import map_curves
 from .scenes import surface_picture
 
 LINE = 25  # points of a drawn sulcus
@@ -24,10 +25,7 @@ UNFOLDING = 150  # rounds of averaging over neighbours
 
 
 def unfolded(surface, rounds=UNFOLDING):
-    """Positions (V, 3) after rounds of averaging each vertex with its neighbours, scaled back to the surface's area.
-
-    The rim is averaged along itself, so that the opening stays open.
-    """
+    """Positions (V, 3) after averaging over neighbours, scaled to the old area; the rim is averaged along itself."""
     count = len(surface.vertices)
     rim = np.isin(np.arange(count), np.concatenate(surface.boundary_loops))
     ends = np.concatenate([surface.edges, surface.edges[:, ::-1]])
@@ -63,18 +61,13 @@ class Sulci(Live):
         surfaces = {name: f"control-{'cortex' if name == 'cortex' else 'subject'}.bin" for name in CORTICES}
         controls = {file: pairs[name] for name, file in surfaces.items()}
         courses = {name: {"control": surfaces[name], **courses_of(pair)} for name, pair in pairs.items()}
-        return {
-            **super().files(),
-            "problems.json": problems_file(),
-            "sulci.json": json.dumps(courses).encode(),
-            **{
-                file: hemisphere_file(pair.control, unfolded=unfolded(pair.control.surface))
-                for file, pair in controls.items()
-            },
-        }
+        files = {"problems.json": problems_file(), "sulci.json": json.dumps(courses).encode()}
+        for file, pair in controls.items():
+            files[file] = hemisphere_file(pair.control, unfolded=unfolded(pair.control.surface))
+        return super().files() | files
 
     def fit(self, state):
-        """The problem as the reader has changed it, and the library's fit."""
+        """The reader's problem, and the library's fit."""
         problem = as_moved(courses_problem(cortices(state["problem"])).problem, state, self.mesh)
         return problem, fit_problem(problem, weights_of(state), rings=self.mesh[0])
 
@@ -97,13 +90,8 @@ class Sulci(Live):
         moving, targets = pair.sampled(LINE)
         surface = pair.control.surface
         shape = Side(Surface(unfolded(surface), surface.faces), pair.control.disk)
-        ends = np.cumsum([len(line) for line in moving])[:-1]
-        carried = np.split(problem.disk.sampling(np.concatenate(moving)) @ fit.f, ends)
-        curves = [
-            (shape.lift(line), style)
-            for lines, style in ((targets, "target"), (carried, "registered"))
-            for line in lines
-        ]
+        curves = [(shape.lift(line), "target") for line in targets]
+        curves += [(shape.lift(line), "registered") for line in map_curves(problem.disk, fit.f, moving)]
         shades = grey_levels(mean_curvature(surface), surface.vertex_areas)
         figure = Figure(figsize=(6.4, 4.3), dpi=50)  # a photograph: twice the dots would be a megabyte
         figure.add_axes((0, 0, 1, 1)).imshow(surface_picture(shape.surface, shades, curves=curves))

@@ -25,7 +25,7 @@ class Tuner(Live):
         return super().files() | {"problems.json": problems_file(), "cpnet.bin": cpnet_file(load("cpnet"))}
 
     def problem(self, state):
-        """The problem as the reader has changed it, on the mesh that the browser uses."""
+        """The reader's problem on the browser's mesh."""
         return as_moved(example(state["problem"]).problem, state, self.meshes[state["mesh"]])
 
     def answer(self, state):

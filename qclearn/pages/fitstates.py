@@ -1,4 +1,4 @@
-"""Fits by landmarks and folds at one choice of the weights: solvers, what is said of their answers, and a figure."""
+"""Fits to landmarks and folds at one choice of the weights: solvers, their answers in words, and a figure."""
 
 import html
 import time
@@ -27,8 +27,7 @@ BINS = np.linspace(0, 1, 41)
 class FitState:
     """One solver's answer: fit (None where it failed), its terms of the loss, seconds, and a message in words.
 
-    terms: name -> (value, weight, product) as measured of the map, so that solvers are compared alike: those of L_CP,
-    and "L_features" where folds have a weight.
+    terms: name -> (value, weight, product), measured of the map: those of L_CP, and "L_features" with a fold weight.
     """
 
     fit: CertifiedMap | None
@@ -50,10 +49,7 @@ def exact_fit(problem, weights, features=None):
 
 
 def network_fit(problem, weights, features=None):
-    """CP-Net's coefficient for a `Problem` and the exact solver's map for it: what differs is CP-Net's alone.
-
-    It knows no folds: with features its answer is that without.
-    """
+    """The exact solver's map for CP-Net's coefficient of a `Problem`; features change nothing: it knows no folds."""
     if problem.sliding:
         raise LandmarkError("CP-Net takes points to points, it knows no sliding; choose points")
     network = load("cpnet")
@@ -62,9 +58,9 @@ def network_fit(problem, weights, features=None):
 
 
 def fit_state(example, weights, sliding=False, solver=exact_fit):
-    """The answer to one choice of the weights: a FitState; bad input or a missing network becomes its message.
+    """The answer to weights (alpha, beta, gamma, and delta for folds) by a solver like `exact_fit`: a FitState.
 
-    weights: alpha, beta, gamma and, if folds shall count, delta. solver: a callable like `exact_fit`.
+    Bad input or a missing network becomes its message.
     """
     start, problem = time.perf_counter(), example.sliding if sliding else example.problem
     try:
@@ -79,16 +75,13 @@ def fit_state(example, weights, sliding=False, solver=exact_fit):
         losses["L_features"] = float((FeatureTerm(features, FINEST, 1.0).residual(fit.f) ** 2).sum())
         factors["L_features"] = weights.delta
     terms = {name: (losses[name], factor, factor * losses[name]) for name, factor in factors.items()}
-    certificate = (
-        "certified bijective"
-        if fit.bijective
-        else f"not bijective: {len(fit.flipped)} of {len(problem.disk.faces)} triangles flipped"
-    )
+    folds = f"{len(fit.flipped)} of {len(problem.disk.faces)} triangles flipped"
+    certificate = "certified bijective" if fit.bijective else f"not bijective: {folds}"
     return FitState(fit, terms, seconds, "; ".join([certificate, *fit.fallbacks]))
 
 
 def features_of(example, weights):
-    """The features that a fit is given, None where they have no weight; LandmarkError where there are none to weigh."""
+    """An example's features, None if delta is 0; LandmarkError for a delta without features."""
     if weights.delta and example.features is None:
         raise LandmarkError(f"delta = {weights.delta:g}, but {example.name!r} has no folds; choose delta 0")
     return example.features if weights.delta else None
@@ -109,21 +102,15 @@ def sentences(states):
     """States (dict solver name -> FitState) as HTML: a sentence each, and the loss of each beside the first one's."""
     said = [f"<p><b>{html.escape(name)}</b>: {html.escape(describe(state))}</p>" for name, state in states.items()]
     (name, first), *others = states.items()
-    return "".join(
-        [
-            *said,
-            *(
-                f"<p>L_CP of {other} is {state.loss / first.loss:.3g} times that of {name}.</p>"
-                for other, state in others
-                if state.fit is not None and first.fit is not None
-            ),
-        ]
-    )
+    for other, state in others:
+        if state.fit is not None and first.fit is not None:
+            said.append(f"<p>L_CP of {other} is {state.loss / first.loss:.3g} times that of {name}.</p>")
+    return "".join(said)
 
 
 def states_figure(example, states):
-    """A Matplotlib figure of states (dict name -> FitState) of an `Example`, a row each: landmarks, the deformed grid,
-    |mu| on the moving disk and its histogram. A state without a map leaves its row empty."""
+    """A Matplotlib figure of an `Example`'s states (dict name -> FitState), a row each, empty without a map: landmarks,
+    the deformed grid, |mu| on the moving disk and its histogram."""
     figure = Figure(figsize=(9.6, 2.8 * len(states)), layout="constrained")
     rows = figure.subplots(len(states), 4, squeeze=False, gridspec_kw={"width_ratios": (1, 1, 1, 0.8)})
     scale = example.radius.to_image if example.radius else np.asarray
@@ -148,7 +135,7 @@ def landmarks_plot(ax, problem, scale):
 
 
 def fit_plot(row, example, fit, scale):
-    """A map in a row of four Axes, with the landmarks where it takes them and what it folds."""
+    """A map in a row of four Axes, with its landmarks and folds."""
     problem, radius = example.problem, example.radius
     mapped = scale(problem.samples @ fit.f)
     yellow = CURVE_STYLES["registered"]["color"]

@@ -10,10 +10,7 @@ from .fitstates import exact_fit, fit_state, network_fit
 
 @dataclass(frozen=True)
 class Gap:
-    """L_CP of CP-Net's map over that of the exact fit, at some weights: `ratio`, NaN where one has no map.
-
-    trained: whether both ratios of the weights lie where the network was trained.
-    """
+    """`ratio`: L_CP of CP-Net's map over the exact fit's, NaN where one has no map; trained: weights in its range."""
 
     weights: tuple
     ratio: float
@@ -26,10 +23,9 @@ class Gap:
 
 
 def gap_grid(example, ranges, alphas, betas, gammas):
-    """A `Gap` for each of the weights alphas x betas x gammas: list.
+    """A `Gap` for each of the weights alphas x betas x gammas, list; weights that differ by a factor share one map.
 
-    ranges: exponents (low, high) of beta / alpha and of gamma / alpha in which the network was trained. Weights that
-    differ by a factor have one map, and it is computed once.
+    ranges: exponents (low, high) of beta / alpha and of gamma / alpha of the network's training.
     """
     known, found = {}, []
     for weights in product(alphas, betas, gammas):
@@ -44,10 +40,9 @@ def gap_grid(example, ranges, alphas, betas, gammas):
 
 
 def gap_bands(gaps, bands):
-    """The gaps within the trained ranges by stiffness, beside measured ones: rows of (from, to, count, median, worst,
-    measured median).
+    """Rows (from, to, count, median, worst, measured median) of the trained gaps, by the exponent of gamma / beta.
 
-    bands: of networks.json, dicts with "from" and "to", exponents of gamma / beta, and the median "CP-Net".
+    bands: of networks.json, dicts with the exponents "from" and "to", and the measured median "CP-Net".
     """
     rows = []
     for band in bands:

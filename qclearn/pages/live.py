@@ -1,9 +1,8 @@
 """Explorables in notebooks: the book's browser modules as widgets whose state Python sees and sets.
 
-On the site an explorable is an element of class `qc-live` that the page's own script brings to life; an executed page
-holds that element and a picture, and no widget. In JupyterLab the same modules come through anywidget. JupyterLab
-imports a widget from a blob, where relative addresses lead nowhere, so the modules are joined here, and files travel as
-bytes.
+An executed page holds a picture and an element of class `qc-live`, which the site's script brings to life. JupyterLab
+runs the same modules through anywidget: it imports a widget from a blob, where relative addresses lead nowhere, so the
+modules are joined here, and files travel as bytes.
 """
 
 import base64
@@ -22,10 +21,10 @@ from matplotlib.figure import Figure
 from .. import pages
 from ..plane.grids import COARSE, FINE, POWER
 from .cells import drawn, picture_html
-from .plot import disk_axes
+from .plot import disk_axes, pairs
 
 MODULES = Path(__file__).with_name("browser")  # in a checkout a link to book/_assets/live
-GIVEN = "given.js"  # the one module that is written by the library: `given`
+GIVEN = "given.js"  # the library writes it: `given`
 IMPORT = re.compile(r'from "\./([\w.]+)"')
 JOINED = """const sources = %s;
 const address = {};
@@ -50,15 +49,15 @@ NOTE = (
 
 @functools.cache
 def given():
-    """The text of `given.js`: the library's constants, and where each explorable starts."""
+    """The text of `given.js`: the library's constants, and each explorable's initial state."""
     classes = [getattr(pages, name) for name in pages.EXPLORABLES]
-    constants = {"POWER": POWER, "FINE": FINE, "COARSE": COARSE}
-    constants["INITIAL"] = {live.page: dict(live.initial) for live in classes}
+    initial = {live.page: dict(live.initial) for live in classes}
+    constants = {"POWER": POWER, "FINE": FINE, "COARSE": COARSE, "INITIAL": initial}
     return "".join(f"export const {name} = {json.dumps(value)};\n" for name, value in constants.items())
 
 
 def modules(names):
-    """The texts of browser modules and of all that they import, name -> text, each after those that it imports."""
+    """Browser modules and all their imports, name -> text, imported ones first."""
     if not MODULES.exists():
         raise FileNotFoundError(f"no explorables in {MODULES}, a link to book/_assets/live; install the package again")
     found = {}
@@ -77,13 +76,13 @@ def modules(names):
 
 @functools.cache
 def joined():
-    """One module that holds all modules, for a place where relative addresses do not resolve."""
+    """All modules in one, for places without relative addresses."""
     explorables = sorted(path.name for path in MODULES.glob("explore_*.js"))
     return JOINED % json.dumps(modules(["lab.js", *explorables, "worker.js"]))
 
 
 class Page:
-    """What an executed page of the book holds in place of a widget: an element for the site's script, and a picture."""
+    """An explorable on an executed page: an element for the site's script, and a picture."""
 
     def __init__(self, live):
         self.live, self.state = live, dict(live.initial)
@@ -96,7 +95,7 @@ class Page:
         )
 
     def carried(self):
-        """The files that are this page's own, for the site's script."""
+        """This page's own files, for the site's script."""
         files = self.live.files() if self.live.own else {}
         return "".join(
             f'<script type="text/plain" data-file="{name}">{base64.b64encode(data).decode()}</script>'
@@ -105,7 +104,7 @@ class Page:
 
 
 class Explorer(anywidget.AnyWidget):
-    """The explorable of a page of the book: `state` is what its controls say, `found` what it last answered."""
+    """The widget of an explorable: `state` of its controls, and its last answer `found`."""
 
     _esm, _css, page = (traitlets.Unicode().tag(sync=True) for _ in range(3))
     state, found, files = (traitlets.Dict().tag(sync=True) for _ in range(3))
@@ -134,9 +133,9 @@ class Explorer(anywidget.AnyWidget):
 
 
 class Live:
-    """What Python knows of an explorable: where it starts, its files, its picture, and the library's answer to it."""
+    """Python's part of an explorable: its initial state, files, picture, and the library's answer."""
 
-    own = False  # whether its files are made on its page, and stand in it; others lie beside the site's scripts
+    own = False  # whether its page makes and holds its files; others lie beside the site's scripts
 
     def files(self):
         """Bytes that the browser needs, name -> bytes: the inner loops in WebAssembly."""
@@ -144,8 +143,8 @@ class Live:
 
 
 def as_pairs(z):
-    """Complex numbers as pairs."""
-    return np.stack([z.real, z.imag], -1).tolist()
+    """Complex numbers as pairs, lists."""
+    return pairs(z).tolist()
 
 
 def two_disks(*titles):
@@ -158,5 +157,5 @@ def two_disks(*titles):
 
 
 def explorable(live):
-    """The widget of an explorable, as `explorable(Mobius())`; while the book is made, what its page holds instead."""
+    """The widget of an explorable, as `explorable(Mobius())`; a `Page` while the book is made."""
     return Page(live) if os.environ.get("QCLEARN_PAGES") == "static" else Explorer(live)

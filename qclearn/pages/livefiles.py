@@ -6,21 +6,22 @@ import struct
 import numpy as np
 
 from ..surfaces.curvature import area_radius, grey_levels, mean_curvature
+from .plot import pairs
 
 STEPS = 2**16 - 1  # of a number that travels in two bytes
 KINDS = {"float16": "half", "float32": "single", "uint16": "short", "uint8": "byte"}
 
 
 def packed(config, arrays):
-    """A file for `readNetwork` of unet.js: uint32 length of a JSON header, the header, then the numbers of the arrays.
+    """A file for `readNetwork` of unet.js: uint32 length of a JSON header, the header, the arrays' numbers.
 
-    arrays: name -> array; what `KINDS` names stays, all else becomes float32; complex ones get a last axis of two.
+    arrays: name -> array, made float32 if not of `KINDS`; complex ones get a last axis of two.
     """
     listed, parts = [], []
     for name, array in arrays.items():
         array = np.asarray(array)
         if np.iscomplexobj(array):
-            array = np.stack([array.real, array.imag], -1)
+            array = pairs(array)
         array = array if array.dtype.name in KINDS else array.astype(np.float32)
         listed.append([name, list(array.shape), KINDS[array.dtype.name]])
         parts.append(array.tobytes())
@@ -66,16 +67,15 @@ def dbsnet_file(network):
 
 
 def hemisphere_file(side, **values):
-    """A `Side` as `Hemisphere` of hemisphere.js reads it.
+    """A `Side` as `Hemisphere` of hemisphere.js reads it; values: (V,) arrays or plain numbers.
 
-    Positions in mm, places in the disk with a radius that follows the area, and values per vertex are rounded to one
-    part in 65,535 of their range; numbers go as they are. shade: grey levels from 0 (sulci) to 255 (gyri).
+    Positions in mm, places in the disk with a radius by area, and values per vertex are rounded to 1/65,535 of their
+    range. shade: grey levels from 0 (sulci) to 255 (gyri).
     """
     surface, z = side.surface, side.disk.z
     radius = area_radius(surface, z)
-    w = radius.to_image(z)
     plain = {name: value for name, value in values.items() if np.ndim(value) == 0}
-    numbers = {"vertices": surface.vertices, "places": np.stack([w.real, w.imag], -1)} | values
+    numbers = {"vertices": surface.vertices, "places": pairs(radius.to_image(z))} | values
     ranges, arrays = {}, {}
     for name, array in numbers.items():
         if name in plain:

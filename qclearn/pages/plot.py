@@ -30,18 +30,16 @@ def disk_plot(ax, z, faces, values, cmap="viridis", vmin=None, vmax=None):
     """Colour a planar mesh z (V,) by values per vertex (V,), blended, or per face (F,), flat; returns the artist."""
     shading = "gouraud" if len(values) == len(z) else "flat"
     disk_axes(ax)
-    return ax.tripcolor(
-        z.real, z.imag, faces, values, shading=shading, cmap=cmap, vmin=vmin, vmax=vmax, rasterized=True
-    )
+    look = {"shading": shading, "cmap": cmap, "vmin": vmin, "vmax": vmax}
+    return ax.tripcolor(z.real, z.imag, faces, values, rasterized=True, **look)
 
 
 def polar_lines(rings=10, spokes=24, samples=181):
     """Rings and spokes of the unit disk: list of complex curves."""
     turn = np.exp(2j * np.pi * np.linspace(0, 1, samples))
     along = np.linspace(0, 1, samples)
-    return [r * turn for r in np.arange(1, rings + 1) / rings] + [
-        along * np.exp(2j * np.pi * k / spokes) for k in range(spokes)
-    ]
+    circles = [r * turn for r in np.arange(1, rings + 1) / rings]
+    return circles + [along * np.exp(2j * np.pi * k / spokes) for k in range(spokes)]
 
 
 def square_lines(lines=17, samples=181):
@@ -64,70 +62,41 @@ def grid_plot(ax, z, faces, f, lines=None, color="#1F4E79"):
 
 def lines_plot(ax, curves, color):
     """Draw complex curves as thin lines; returns the LineCollection."""
-    segments = LineCollection([_pairs(curve) for curve in curves], colors=color, linewidths=0.6)
-    return ax.add_collection(segments)
+    return ax.add_collection(LineCollection([pairs(curve) for curve in curves], colors=color, linewidths=0.6))
 
 
 def curves_plot(ax, curves, style):
-    """Draw complex curves in one of the `CURVE_STYLES`, with a dark edge so that they show on any ground."""
+    """Draw complex curves in one of the `CURVE_STYLES`; a dark edge shows them on any ground."""
     look = CURVE_STYLES[style]
+    color, dashes = look["color"], look["linestyle"]
+    edge = {"color": "black", "linewidth": 2.6, "solid_capstyle": "round"}
+    point = {"color": color, "markersize": 3.5, "markeredgecolor": "black", "markeredgewidth": 0.6}
     for curve in curves:
-        ax.plot(
-            curve.real,
-            curve.imag,
-            color="black",
-            linewidth=2.6,
-            zorder=4,
-            solid_capstyle="round",
-            linestyle=look["linestyle"],
-        )
-        ax.plot(curve.real, curve.imag, color=look["color"], linewidth=1.7, zorder=5, linestyle=look["linestyle"])
         ends = curve[[0, -1]]
-        ax.plot(
-            ends.real,
-            ends.imag,
-            look["marker"],
-            color=look["color"],
-            markersize=3.5,
-            markeredgecolor="black",
-            markeredgewidth=0.6,
-            zorder=6,
-        )
+        ax.plot(curve.real, curve.imag, linestyle=dashes, zorder=4, **edge)
+        ax.plot(curve.real, curve.imag, linestyle=dashes, zorder=5, color=color, linewidth=1.7)
+        ax.plot(ends.real, ends.imag, look["marker"], zorder=6, **point)
 
 
 def curve_legend(ax, *styles):
     """A legend below the Axes for curve styles drawn in it."""
     handles = [Line2D([], [], **CURVE_STYLES[style], markeredgecolor="black", label=style) for style in styles]
-    ax.legend(
-        handles=handles,
-        loc="upper center",
-        bbox_to_anchor=(0.5, 0.02),
-        ncols=len(styles),
-        frameon=False,
-        fontsize=8,
-        handlelength=3,
-    )
+    place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.02), "ncols": len(styles)}
+    ax.legend(handles=handles, frameon=False, fontsize=8, handlelength=3, **place)
 
 
 def ellipse_field(ax, z, mu, size=0.08, color="#0072B2"):
-    """Draw what small circles at z (K,) become under a map with coefficient mu (K,), up to turn and scale by f_z.
+    """Draw the images of small circles at z (K,) under a map with coefficient mu (K,), up to turn and scale by f_z.
 
-    `dz + mu conj(dz)`: long axis at the angle `arg(mu) / 2`, axes in the ratio `(1 + |mu|) / (1 - |mu|)`; the long
-    axis has the length `size`.
+    `dz + mu conj(dz)`: long axis of length `size` at the angle `arg(mu) / 2`, axes' ratio `(1 + |mu|) / (1 - |mu|)`.
     """
     z, mu = np.asarray(z, complex), np.asarray(mu, complex)
     short = size * (1 - abs(mu)) / (1 + abs(mu))
-    ellipses = EllipseCollection(
-        np.full(len(z), size),
-        short,
-        np.degrees(np.angle(mu) / 2),
-        units="xy",
-        offsets=_pairs(z),
-        offset_transform=ax.transData,
-        facecolors=color,
-        alpha=0.75,
+    place = {"units": "xy", "offsets": pairs(z), "offset_transform": ax.transData}
+    turns = np.degrees(np.angle(mu) / 2)
+    return ax.add_collection(
+        EllipseCollection(np.full(len(z), size), short, turns, facecolors=color, alpha=0.75, **place)
     )
-    return ax.add_collection(ellipses)
 
 
 def mu_histogram(ax, mu, weights=None, bins=40):
@@ -145,26 +114,14 @@ def mu_histogram(ax, mu, weights=None, bins=40):
 def registration_figure(registration, moving, control):
     """The paper's figure of one `Registration`, its rows as columns: a Figure, ready for `savefig`.
 
-    Curvature disk of the moving surface with detected and target curves, or without any curve that of the control, its
-    target; the mapped disk with the curves after; the deformed grid; |mu| of the map on the disk; its histogram. First
-    row in the unit disk; second row with the radius that gives equal parts of the picture equal moving area (a
-    conformal disk crowds the cortex around its centre), and the histogram by area.
+    The moving disk's curvature with detected and target curves, without curves the control's; the mapped disk with its
+    curves; the deformed grid; |mu| on the disk; its histogram. First row: unit disk. Second row: equal parts of the
+    picture have equal moving area (a conformal disk crowds the cortex around its centre), histogram by area.
     """
     r, radius = registration, area_radius(moving, registration.disk_moving)
     figure = Figure(figsize=(16, 6.8), dpi=110)
-    rows = figure.subplots(
-        2,
-        5,
-        gridspec_kw={
-            "left": 0.02,
-            "right": 0.955,
-            "bottom": 0.11,
-            "top": 0.88,
-            "wspace": 0.08,
-            "hspace": 0.1,
-            "width_ratios": (1, 1, 1, 1, 0.8),
-        },
-    )
+    margins = {"left": 0.02, "right": 0.955, "bottom": 0.11, "top": 0.88, "wspace": 0.08, "hspace": 0.1}
+    rows = figure.subplots(2, 5, width_ratios=(1, 1, 1, 1, 0.8), gridspec_kw=margins)
     curves = [list(side) for side in zip(*r.curves.values())] or [[], []]
     first, start = (moving, r.disk_moving) if r.curves else (control, r.disk_control)
     grey, last = (grey_levels(mean_curvature(surface), surface.vertex_areas) for surface in (first, moving))
@@ -196,8 +153,9 @@ def _label_registration(figure, rows, colours, report):
     )
     for ax, title in zip(rows[0], titles):
         ax.set_title(title, fontsize=11)
+    beside = {"rotation": "vertical", "va": "center", "ha": "right", "fontsize": 11}
     for ax, text in zip(rows[:, 0], ("unit disk", "radius by cortical area")):
-        ax.text(-0.03, 0.5, text, rotation="vertical", va="center", ha="right", transform=ax.transAxes, fontsize=11)
+        ax.text(-0.03, 0.5, text, transform=ax.transAxes, **beside)
     for ax, style in zip(rows[1], ("detected", "registered") if report["curves"] else ()):
         curve_legend(ax, style, "target")
     place = rows[1, 3].get_position()
@@ -210,18 +168,15 @@ def _label_registration(figure, rows, colours, report):
     state = "certified bijective" if report["bijective"] else f"{report['flipped']} faces flipped"
     words = "no landmarks"
     if report["curves"]:
-        words = (
-            f"landmark error {report['landmark_error_before']:.2g} before, {report['landmark_error']:.2g} after "
-            f"({report['landmark_error_mm']:.2g} mm)"
-        )
+        before, after, mm = (report[f"landmark_error{name}"] for name in ("_before", "", "_mm"))
+        words = f"landmark error {before:.2g} before, {after:.2g} after ({mm:.2g} mm)"
     figure.suptitle(rf"{words}; mean $|\mu|$ {report['mean_abs_mu']:.3f}; {state}", fontsize=12)
 
 
 def registration_disks(axes, registration, moving, vmax=0.6):
-    """One `Registration` on four Axes: landmarks before and after on the moving curvature, the deformed grid, |mu|.
+    """One `Registration` on four Axes: landmarks after the best Möbius map and after the fit, the deformed grid, |mu|.
 
-    The radius gives equal parts of a picture equal moving area; "before" is what the best Möbius map leaves. Returns
-    the coloured artist of |mu|.
+    Equal parts of a picture have equal moving area. Returns the coloured artist of |mu|.
     """
     r, radius = registration, area_radius(moving, registration.disk_moving)
     curves, targets = (list(side) for side in zip(*r.curves.values()))
@@ -242,5 +197,6 @@ def registration_disks(axes, registration, moving, vmax=0.6):
     return disk_plot(axes[3], before, moving.faces, abs(r.mu), vmin=0, vmax=vmax)
 
 
-def _pairs(z):
+def pairs(z):
+    """Real and imaginary parts (..., 2) of complex numbers."""
     return np.stack([z.real, z.imag], axis=-1)

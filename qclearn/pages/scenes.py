@@ -1,7 +1,7 @@
-"""Three-dimensional scenes that need no server and no network: a self-contained page inside an iframe.
+"""Three-dimensional scenes without server or network: a self-contained page inside an iframe.
 
-PyVista's own notebook backends leave links to a server on the author's machine in the built book. A `Scene` is the
-scene itself: geometry, viewer and all, 1 to 2 MB of HTML for a surface of 10,000 vertices.
+PyVista's own notebook backends leave links to the author's machine in the built book. A `Scene` holds geometry and
+viewer, 1 to 2 MB of HTML for a surface of 10,000 vertices.
 """
 
 import ctypes
@@ -60,9 +60,9 @@ def _egl_finds_a_device():
 
 
 def require_renderer():
-    """Choose how VTK draws without a screen; RendererError instead of VTK's segmentation fault where nothing can draw.
+    """Choose how VTK draws without a screen; RendererError, not VTK's segmentation fault, where nothing can draw.
 
-    Does nothing where there is a screen, outside Linux, or where VTK_DEFAULT_OPENGL_WINDOW is set already.
+    Does nothing with a screen, outside Linux, or where VTK_DEFAULT_OPENGL_WINDOW is set.
     """
     if not sys.platform.startswith("linux") or os.environ.get("DISPLAY") or "VTK_DEFAULT_OPENGL_WINDOW" in os.environ:
         return
@@ -71,30 +71,25 @@ def require_renderer():
     elif _loads("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so"):
         os.environ["VTK_DEFAULT_OPENGL_WINDOW"] = "vtkOSOpenGLRenderWindow"
     else:
-        raise RendererError(
-            "no screen, and neither EGL nor OSMesa to draw without one; "
-            "on Debian: apt-get install libegl1 libegl-mesa0 (or libosmesa6)"
-        )
+        advice = "on Debian: apt-get install libegl1 libegl-mesa0 (or libosmesa6)"
+        raise RendererError(f"no screen, and neither EGL nor OSMesa to draw without one; {advice}")
 
 
 class Scene:
     """A 3-D view to turn with the mouse, as the result of a notebook cell.
 
-    `description` says in words what is to be seen (alternative text). With `poster` the page shows a picture, and the
-    scene is loaded by a click: browsers keep only 8 to 16 scenes alive on one page. legend: dict label -> CSS colour,
-    written over the scene.
+    description: alternative text; poster: show a picture, and load the scene by a click: browsers keep only 8 to 16
+    scenes alive on one page; legend: dict label -> CSS colour, written over the scene.
     """
 
     def __init__(self, plotter, description, poster=False, height=480, legend=None):
         require_renderer()
-        self.description = description
-        self.height = height
+        self.description, self.height = description, height
         plotter.off_screen = True
         _keep_what_is_shown(plotter)
         self.picture = _png(plotter) if poster else None
         with warnings.catch_warnings():
-            # trame-vtk 2.8 calls what VTK 9.6 deprecates.
-            warnings.simplefilter("ignore", DeprecationWarning)
+            warnings.simplefilter("ignore", DeprecationWarning)  # trame-vtk 2.8 calls what VTK 9.6 deprecates
             page = _named(plotter.export_html(None).getvalue(), description)
         self.page = page.replace("</body>", _legend(legend) + "</body>") if legend else page
         plotter.close()
@@ -113,11 +108,10 @@ class Scene:
 
 
 def _named(page, title):
-    """The page with a language and a title, with the reader's zoom, which trame-vtk's template forbids, and without the
-    picture that its viewer, while it has no scene, asks for beside the page."""
-    head = (
-        f'<html lang="en"><head><title>{html.escape(title)}</title><meta name="viewport" content="width=device-width">'
-    )
+    """The page with language, title and the reader's zoom, which trame-vtk's template forbids, and without the picture
+    that its viewer asks for while it has no scene."""
+    zoom = '<meta name="viewport" content="width=device-width">'
+    head = f'<html lang="en"><head><title>{html.escape(title)}</title>{zoom}'
     page = re.sub(r'<meta name="viewport"[^>]*>', "", page, count=1)
     page = re.sub(r'\w+\.p\+"[0-9a-f]+\.jpg"', '"data:,"', page)
     return re.sub(r"<html>\s*<head>", lambda found: head, page, count=1)
@@ -153,7 +147,7 @@ def _rounded(array, steps):
 
 
 def _keep_what_is_shown(plotter):
-    """Digits that show, and only the array that colours the surface: a third of the bytes on the page."""
+    """Keep digits that show, and the array that colours the surface: a third of the bytes."""
     for actor in plotter.actors.values():
         mapper = getattr(actor, "mapper", None)
         if mapper is None:
@@ -173,11 +167,10 @@ def _keep_what_is_shown(plotter):
 
 
 def surface_scene(surface, values=None, curves=(), cmap=SHADES, clim=None, title=None):
-    """A PyVista Plotter with the surface in 3-D, coloured by values (V,), and curves upon it; show it with `Scene`.
+    """A PyVista Plotter of the surface in 3-D, coloured by values (V,), with curves upon it; show it with `Scene`.
 
-    curves: pairs (points (k, 3) or vertex path (k,), style of `CURVE_STYLES`), drawn as tubes that lie a little above
-    the surface. An open surface is seen from the side away from its opening. Only float32 arrays that are seen go in: a
-    page carries the whole scene.
+    curves: pairs (points (k, 3) or vertex path (k,), style of `CURVE_STYLES`), as tubes a little above the surface. An
+    open surface is seen from the side away from its opening. A page carries all arrays: float32.
     """
     require_renderer()
     plotter = pv.Plotter(window_size=(700, 500))
@@ -207,22 +200,16 @@ def _add_surface(plotter, surface, values, shift=(0, 0, 0), cmap=SHADES, clim=No
     colour = {"color": "lightgray"}
     if values is not None:
         mesh.point_data["values"] = np.asarray(values, np.float32)
-        colour = {
-            "scalars": "values",
-            "cmap": cmap,
-            "clim": clim,
-            "show_scalar_bar": title is not None,
-            "scalar_bar_args": {"title": title or "", "color": "black"},
-        }
+        bar = {"show_scalar_bar": title is not None, "scalar_bar_args": {"title": title or "", "color": "black"}}
+        colour = {"scalars": "values", "cmap": cmap, "clim": clim, **bar}
     plotter.add_mesh(mesh, smooth_shading=True, ambient=0.15, **colour)
     return mesh
 
 
 def stacked_scene(surfaces, values, **more):
-    """A Plotter with surfaces one below the other, to the same scale: one camera turns them all. `more`: colours.
+    """A Plotter with surfaces one below the other, to scale, turned by one camera; `more` goes to `surface_scene`.
 
-    surfaces: list, the first on top; values: a list of (V,). Seen horizontally, from the side that
-    `surface_scene` shows of the first.
+    surfaces: list, the first on top; values: list of (V,). Seen horizontally, from the first one's side.
     """
     plotter = surface_scene(surfaces[0], values[0], **more)
     edge = surfaces[0].vertices[:, 2].min()
@@ -240,7 +227,7 @@ def stacked_scene(surfaces, values, **more):
 def surface_picture(surface, values=None, direction=None, up=(0, 0, 1), height=138.0, **more):
     """A photograph (rows, columns, 3) of the surface, without perspective: `height` units of length fill its height.
 
-    direction: from the surface towards the eye; without one, away from its opening. `more` goes to `surface_scene`.
+    direction: towards the eye; by default away from its opening. `more` goes to `surface_scene`.
     """
     plotter = surface_scene(surface, values, **more)
     plotter.off_screen, plotter.window_size = True, (960, 640)
@@ -256,8 +243,8 @@ def surface_picture(surface, values=None, direction=None, up=(0, 0, 1), height=1
 def registration_scene(registration, shape, registered=True, **more):
     """The landmarks of one `Registration` in 3-D, as in the paper: registered curves yellow, targets red; a Plotter.
 
-    shape: the control surface, or another one with its faces (inflated, say); registered=False shows the moving curves
-    where the best Möbius map of the disk leaves them. `more` goes to `surface_scene`.
+    shape: the control surface, or another with its faces (inflated, say); registered=False: the moving curves after the
+    best Möbius map. `more` goes to `surface_scene`.
     """
     r = registration
     moving, targets = (list(side) for side in zip(*r.curves.values()))

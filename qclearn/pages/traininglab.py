@@ -23,7 +23,7 @@ WAITS = "The lab trains in JupyterLab, where a kernel runs. This is what {second
 
 
 def curves_figure(lesson):
-    """The figures of a lesson so far, step by step: its loss, and what it makes of an unseen example."""
+    """A lesson's loss and its error on an unseen example, step by step: a Figure."""
     figure = Figure(figsize=(9.6, 2.8), dpi=80, layout="constrained")
     axes = figure.subplots(1, 2)
     for ax, name, title in zip(axes, ("loss", "unseen"), ("loss of the batch", lesson.what)):
@@ -48,12 +48,10 @@ def landmarks_answer(lesson):
     def trained(problem, *_):
         return exact_map(problem, lesson.answer(problem.moving))
 
-    example, weights = Example("an unseen example", lesson.problem), lesson.weights
-    weights = weights.alpha, weights.beta, weights.gamma
-    states = {
-        "exact fit": fit_state(example, weights),
-        "CP-Net in training": fit_state(example, weights, solver=trained),
-    }
+    example, given = Example("an unseen example", lesson.problem), lesson.weights
+    weights = given.alpha, given.beta, given.gamma
+    exact, answer = fit_state(example, weights), fit_state(example, weights, solver=trained)
+    states = {"exact fit": exact, "CP-Net in training": answer}
     return states_figure(example, states), sentences(states)
 
 
@@ -73,17 +71,9 @@ def map_answer(lesson):
 
 
 def power_slider(name, value, low, high, words):
-    """A slider over powers of ten from 10^low to 10^high, with words on what it sets."""
-    return ipywidgets.FloatLogSlider(
-        value=value,
-        min=low,
-        max=high,
-        step=0.1,
-        description=name,
-        tooltip=words,
-        readout_format=".1e",
-        layout=WIDE,
-    )
+    """A slider from 10^low to 10^high; `words` say what it sets."""
+    told = {"description": name, "tooltip": words, "readout_format": ".1e"}
+    return ipywidgets.FloatLogSlider(value=value, min=low, max=high, step=0.1, layout=WIDE, **told)
 
 
 def image(figure, words):
@@ -94,8 +84,7 @@ def image(figure, words):
 class TrainingLab(ipywidgets.VBox):
     """Choose a network, its losses and their weights; start, stop and go on; see its answer beside the exact one.
 
-    Training runs in a thread of its own, `seconds` at a time, and the settings hold from the next start. `lesson` is
-    the `Lesson` in hand; `wait()` returns when the training has stopped.
+    A thread trains the `lesson` in hand, `seconds` at a time; settings hold from the next start.
     """
 
     def __init__(self):
@@ -109,27 +98,20 @@ class TrainingLab(ipywidgets.VBox):
         self.rho = power_slider("ρ", 1e-6, -9, -3, "weight of the boundary's angles")
         self.rate = power_slider("rate", 3e-3, -5, -1, "step of Adam")
         self.seconds = ipywidgets.IntSlider(value=10, min=1, max=60, description="seconds", layout=WIDE)
-        self.start, self.stop, self.go_on = (
-            ipywidgets.Button(description=words) for words in ("Start anew", "Stop", "Go on")
-        )
+        labels = "Start anew", "Stop", "Go on"
+        self.start, self.stop, self.go_on = (ipywidgets.Button(description=words) for words in labels)
         self.curves, self.picture, self.text = (ipywidgets.HTML() for _ in range(3))
-        self.own = {
-            "CP-Net": ipywidgets.VBox([self.alpha, self.beta, self.gamma]),
-            "DBS-Net": ipywidgets.VBox([self.equation, self.rho]),
-        }
+        own = {"CP-Net": [self.alpha, self.beta, self.gamma], "DBS-Net": [self.equation, self.rho]}
+        self.own = {name: ipywidgets.VBox(settings) for name, settings in own.items()}
         buttons = ipywidgets.HBox([self.start, self.stop, self.go_on])
         shown = [self.rate, self.seconds, buttons, self.text, self.curves, self.picture]
         super().__init__([self.network, *self.own.values(), *shown])
-        self.listen()
-        self.choose()
-        self.say("Choose losses and weights, guess where the curves will be after that many seconds, and start.")
-
-    def listen(self):
-        """Let buttons and the choice of the network act."""
         self.network.observe(lambda change: self.choose(), "value")
         self.start.on_click(lambda _: self.begin())
         self.stop.on_click(lambda _: self.stopped.set())
         self.go_on.on_click(lambda _: self.train())
+        self.choose()
+        self.say("Choose losses and weights, guess where the curves will be after that many seconds, and start.")
 
     def choose(self):
         """Show the settings of the chosen network alone."""
@@ -137,7 +119,7 @@ class TrainingLab(ipywidgets.VBox):
             box.layout.display = "" if name == self.network.value else "none"
 
     def say(self, words):
-        """Put words where those who listen hear them."""
+        """Show words; a screen reader speaks them."""
         self.text.value = f'<div role="status">{words}</div>'
 
     def begin(self):
@@ -150,7 +132,7 @@ class TrainingLab(ipywidgets.VBox):
         self.train()
 
     def train(self):
-        """Go on with the network in hand for `seconds`; nothing where there is none, or where it trains already."""
+        """Train the network in hand for `seconds`, unless there is none or it trains already."""
         if self.lesson is None:
             self.say("There is no network yet: start one.")
         elif self.thread is None or not self.thread.is_alive():
@@ -159,7 +141,7 @@ class TrainingLab(ipywidgets.VBox):
             self.thread.start()
 
     def halt(self):
-        """Stop the training and wait until it has."""
+        """Stop the training and wait for its end."""
         self.stopped.set()
         self.wait()
 
@@ -196,7 +178,7 @@ class TrainingLab(ipywidgets.VBox):
 
 
 class LabPicture:
-    """What an executed page shows in the lab's place: the curves of a short run, and the answer after it."""
+    """The lab on an executed page: the curves of a short run, and the answer after it."""
 
     def __init__(self, seconds=3.0):
         from ..nets.lessons import lesson
@@ -207,14 +189,10 @@ class LabPicture:
 
     def _repr_html_(self):
         picture, words = answer_of(self.lesson)
-        return "".join(
-            [
-                f"<p>{html.escape(WAITS.format(seconds=self.seconds))}</p>",
-                image(curves_figure(self.lesson), "The loss and an unseen example over the steps of a short run."),
-                image(picture, "Landmarks, grid and coefficient of the exact fit above, of the trained network below."),
-                words,
-            ]
-        )
+        waits = html.escape(WAITS.format(seconds=self.seconds))
+        curves = image(curves_figure(self.lesson), "The loss and an unseen example over the steps of a short run.")
+        answer = "Landmarks, grid and coefficient of the exact fit above, of the trained network below."
+        return f"<p>{waits}</p>{curves}{image(picture, answer)}{words}"
 
 
 def training_lab():

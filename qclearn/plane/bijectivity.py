@@ -1,11 +1,9 @@
 """The certificate of a piecewise linear map, and the repair of one that folds."""
 
 import numpy as np
-from jaxtyping import Complex, Integer
-from numpy import ndarray
 from scipy import sparse
 
-from .disk import Certificate, Disk
+from .disk import Certificate, Disk, Faces, PerVertex
 from .linear import Dirichlet, assemble
 
 
@@ -17,37 +15,32 @@ class RepairWarning(UserWarning):
     """The result is certified, but only after steps that depart from the plain method; the message says which."""
 
 
-def check_bijective(
-    z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"], f: Complex[ndarray, " V"]
-) -> Certificate:
+def check_bijective(z: PerVertex, faces: Faces, f: PerVertex) -> Certificate:
     """Decide whether the piecewise linear map z -> f of a triangulated disk is a bijection onto its image.
 
-    It is one when every triangle keeps its positive orientation and the image of the boundary is a simple polygon
-    run once counter-clockwise. Decided for the numbers as they are, without rounding: triangles in doubt in exact
-    arithmetic; one without area counts as flipped. Raises BeltramiError where the source mesh itself is folded or is
-    not a disk.
+    It is one when every triangle keeps its positive orientation and the boundary's image is a simple polygon run once
+    counter-clockwise. Decided without rounding, in exact arithmetic where in doubt; a triangle without area counts as
+    flipped. BeltramiError where the source mesh is folded or is not a disk.
     """
     return Disk(z, faces).certify(f)
 
 
-def check_embedding(faces: Integer[ndarray, " F 3"], f: Complex[ndarray, " V"]) -> Certificate:
+def check_embedding(faces: Faces, f: PerVertex) -> Certificate:
     """The certificate of a planar picture f of a triangulated disk, whatever its source (a surface, say)."""
     return Disk(f, faces).certificate
 
 
 def mean_value_matrix(disk, lengths):
-    """Floater's mean-value matrix, rows normalised: u_i minus an average of its neighbours, sparse (V, V).
+    """Floater's mean-value matrix (V, V) of edge lengths (F, 3) opposite the corners: u_i - an average of neighbours.
 
-    Weights `(tan(a/2) + tan(b/2)) / |e_ij|` from the edge lengths (F, 3), edge k opposite corner k; all positive, so
-    that a map whose rows are all of this kind and whose boundary is convex is a bijection (Tutte, Floater).
+    The weights `(tan(a/2) + tan(b/2)) / |e_ij|`, normalised, are positive: where all rows are of this kind and the
+    boundary is convex, the map is a bijection (Tutte, Floater).
     """
     opposite, left, right = lengths, np.roll(lengths, -1, axis=1), np.roll(lengths, -2, axis=1)
     # tan(a/2) = sqrt((o^2 - (l - r)^2) / ((l + r)^2 - o^2)); in a sliver rounding can make either part negative.
     smallest = 1e-24 * (left + right) ** 2
-    half = np.sqrt(
-        np.maximum(opposite**2 - (left - right) ** 2, smallest)
-        / np.maximum((left + right) ** 2 - opposite**2, smallest)
-    )
+    upper, lower = opposite**2 - (left - right) ** 2, (left + right) ** 2 - opposite**2
+    half = np.sqrt(np.maximum(upper, smallest) / np.maximum(lower, smallest))
     blocks = np.zeros((len(disk.faces), 3, 3))
     for corner in range(3):
         following, last = (corner + 1) % 3, (corner + 2) % 3
@@ -60,19 +53,17 @@ def mean_value_matrix(disk, lengths):
     return matrix
 
 
-def repair(matrix, disk, lengths, switched=(), most_rounds=30):
-    """Unfold a Dirichlet solution by row switching: (`Disk`, switched (k,) vertices, Dirichlet problem solved last).
+def repair(matrix, disk, lengths, before=()):
+    """Unfold a Dirichlet solution, a `Disk`, by row switching: (`Disk`, switched vertices, last Dirichlet or None).
 
-    disk: the picture that the solution is. The rows of the interior vertices of flipped faces are replaced by
-    mean-value rows and the problem is solved again with the same boundary values; where a flip survives on switched
-    rows one more ring is switched. With all rows switched and a convex boundary this is Floater's theorem. Not
-    certified: the caller checks the result. `switched` holds rows switched before. Without a flipped face nothing is
-    solved and the problem is None.
+    The interior vertices of flipped faces get mean-value rows, and the problem is solved again with the same boundary
+    values; where a flip survives on switched rows, the next ring is switched. With all rows switched and a convex
+    boundary this is Floater's theorem. Not certified. before: rows switched already. The Dirichlet problem is None
+    where no face is flipped.
     """
-    average, dirichlet, already = None, None, np.asarray(switched, int)
-    switched = np.zeros(len(disk.z), bool)
-    switched[already] = True
-    for _ in range(most_rounds):
+    average, dirichlet, switched = None, None, np.zeros(len(disk.z), bool)
+    switched[np.asarray(before, int)] = True
+    for _ in range(30):
         wanted, reached = _interior(disk, disk.flipped), 0
         while wanted.sum() > reached and not (wanted & ~switched).any():  # one ring more, as long as there is one
             wanted, reached = _interior(disk, wanted[disk.faces].any(1)), wanted.sum()
@@ -96,10 +87,7 @@ def _interior(disk, some):
 
 
 def unfold(solver, f):
-    """A solver's last map f (V,), after a Möbius map or not, mended by row switching: (f, vertices of switched rows).
-
-    The mean-value rows take the triangles' lengths in the metric of mu. Not certified: a map may stay folded.
-    """
+    """A solver's last map f (V,), or a Möbius map after it, repaired in the metric of mu: (f, switched vertices)."""
     disk = solver.disk
     picture = disk.at(f)
     if not len(picture.flipped):

@@ -1,5 +1,4 @@
-"""What a planar mesh, a map of it, a coefficient and pins must be;
-what is none becomes a BeltramiError that says why."""
+"""Checks of planar meshes, their maps, coefficients and pins: a BeltramiError says what is wrong."""
 
 import numpy as np
 
@@ -13,7 +12,7 @@ class SurfaceError(ValueError):
 
 
 def complex_numbers(values, name):
-    """An array as complex128, or BeltramiError that calls it by its name."""
+    """An array as complex128, or BeltramiError."""
     try:
         values = np.asarray(values)
         if values.dtype.kind not in "biufcO":  # no text and no dates, which NumPy would read or count
@@ -31,30 +30,27 @@ def planar_points(points, name="z"):
     return points
 
 
-def check_faces(faces, n_vertices=None):
-    """Triangles as int64 (F, 3), or BeltramiError: not integers, not three corners, or vertices that are not there."""
+def check_faces(faces, n_vertices=np.inf):
+    """Triangles as int64 (F, 3), or BeltramiError."""
     try:
         faces = np.asarray(faces)
     except ValueError:
         raise BeltramiError("faces have rows of unequal lengths; split polygons into triangles (F, 3)") from None
     if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu" or not len(faces):
         raise BeltramiError(
-            f"faces have shape {faces.shape} and type {faces.dtype}: give integers (F, 3), at least one "
-            "triangle of vertex indices"
+            f"faces have shape {faces.shape} and type {faces.dtype}: give integers (F, 3), at least one triangle"
         )
     faces = faces.astype(np.int64, copy=False)  # products of indices leave the smaller types
-    if faces.min() < 0 or (n_vertices is not None and faces.max() >= n_vertices):
-        outside = np.flatnonzero(((faces < 0) | (faces >= (n_vertices or np.inf))).any(1))
-        last = "" if n_vertices is None else n_vertices - 1
+    if faces.min() < 0 or faces.max() >= n_vertices:
+        outside = np.flatnonzero(((faces < 0) | (faces >= n_vertices)).any(1))[:5].tolist()
         raise BeltramiError(
-            f"faces {outside[:5].tolist()} name vertices outside 0..{last}; do the mesh and the "
-            "vertices belong together?"
+            f"faces {outside} name vertices outside 0..{n_vertices - 1}; do mesh and vertices belong together?"
         )
     return faces
 
 
 def check_mesh(z, faces):
-    """A planar mesh as complex128 (V,) and int64 (F, 3), or BeltramiError that says what it is instead."""
+    """A planar mesh as complex128 (V,) and int64 (F, 3), or BeltramiError."""
     z = np.atleast_1d(planar_points(z))
     return z, check_faces(faces, len(z))
 
@@ -69,7 +65,7 @@ def check_map(f, n_vertices):
 
 
 def check_coefficient(mu, n_faces):
-    """`mu` as a complex array (F,), or BeltramiError if its shape is wrong or |mu| < 1 fails anywhere."""
+    """mu (F,) as complex128, or BeltramiError unless |mu| < 1 everywhere."""
     mu = complex_numbers(mu, "mu")
     if mu.shape != (n_faces,):
         raise BeltramiError(f"mu has shape {mu.shape}, but the mesh has {n_faces} faces: give one value a face")
@@ -86,9 +82,7 @@ def check_used(disk):
     """BeltramiError where a vertex of a `Disk` is in no face: nothing says where it goes."""
     unused = np.flatnonzero(np.bincount(disk.faces.ravel(), minlength=len(disk.z)) == 0)
     if len(unused):
-        raise BeltramiError(
-            f"vertices {unused[:5].tolist()} are in no face; do the mesh and the vertices belong together?"
-        )
+        raise BeltramiError(f"vertices {unused[:5].tolist()} are in no face; do mesh and vertices belong together?")
 
 
 def check_pins(pinned, values, n_vertices):
@@ -96,8 +90,7 @@ def check_pins(pinned, values, n_vertices):
     pinned, values = np.atleast_1d(np.asarray(pinned)), np.atleast_1d(complex_numbers(values, "values"))
     if pinned.ndim != 1 or pinned.shape != values.shape or len(pinned) == 0:
         raise BeltramiError(
-            f"{pinned.shape} pinned vertices with {values.shape} values: give one value a vertex, "
-            "and pin at least one vertex"
+            f"{pinned.shape} pinned vertices with {values.shape} values: give one value a vertex, for at least one"
         )
     if not np.issubdtype(pinned.dtype, np.integer):
         raise BeltramiError(f"pinned vertices have type {pinned.dtype}: give integer vertex indices")

@@ -10,10 +10,7 @@ LARGEST = 1 - 1e-10  # of |mu|: tanh rounds to 1 from 19 on, where a step that i
 def compose_coefficients(
     mu_f: Complex[ndarray, " *F"], f_z: Complex[ndarray, " *F"], mu_g: Complex[ndarray, " *F"]
 ) -> Complex[ndarray, " *F"]:
-    """Coefficient of g after f: `(mu_f + t mu_g) / (1 + conj(mu_f) t mu_g)`, `t = conj(f_z)/f_z`.
-
-    `mu_g` holds the coefficient of g at the image points f(z).
-    """
+    """Coefficient of g after f, mu_g at f(z): `(mu_f + t mu_g) / (1 + conj(mu_f) t mu_g)`, `t = conj(f_z)/f_z`."""
     turned = np.conj(f_z) / f_z * mu_g
     return (mu_f + turned) / (1 + np.conj(mu_f) * turned)
 
@@ -42,7 +39,7 @@ def unbounded(mu):
 
 
 def bounded_pullback(nu, grad_mu):
-    """Gradient with respect to nu of a loss whose gradient with respect to mu = T(nu) is grad_mu."""
+    """A loss's gradient by nu from its gradient by mu = T(nu)."""
     size = abs(nu)
     across = np.divide(np.tanh(size), size, out=np.ones_like(size), where=size > 0)
     along = 1 - np.tanh(size) ** 2

@@ -14,6 +14,7 @@ from .coefficients import diffuse
 from .linear import assemble
 from .lookup import Lookup, pairs
 
+PerVertex, PerFace, Faces = Complex[ndarray, " V"], Complex[ndarray, " F"], Integer[ndarray, " F 3"]
 TINY = 1e-300
 OF_FACES = ("loop", "open_halfedges", "across")  # what depends on the faces alone, and pictures share
 
@@ -31,12 +32,12 @@ class Certificate:
 class Disk:
     """A triangulated disk in the plane: vertices z (V,) complex and faces (F, 3) int64, read-only.
 
-    The arrays are checked when a Disk is made; what else can be wrong with a mesh is found when a property asks for
-    it: `gradients` for counter-clockwise triangles, `loop` for one simple boundary. BeltramiError says what is wrong.
+    Making a Disk checks the arrays; `gradients` asks for counter-clockwise triangles, `loop` for one simple boundary.
+    BeltramiError says what is wrong.
     """
 
-    z: Complex[ndarray, " V"]
-    faces: Integer[ndarray, " F 3"]
+    z: PerVertex
+    faces: Faces
 
     def __post_init__(self):
         for name, array in zip(("z", "faces"), check_mesh(self.z, self.faces)):
@@ -45,7 +46,7 @@ class Disk:
     def __reduce__(self):
         return Disk, (self.z, self.faces)  # what was found stays in the process that found it
 
-    def at(self, f: Complex[ndarray, " V"]) -> "Disk":
+    def at(self, f: PerVertex) -> "Disk":
         """The picture of this mesh under a planar map f (V,): the same faces with their vertices at f."""
         f = check_map(planar_points(f, "f"), len(self.z))
         picture = object.__new__(Disk)
@@ -76,19 +77,29 @@ class Disk:
         return 0.5j * opposite / self.areas[:, None]
 
     @cached_property
-    def centroids(self) -> Complex[ndarray, " F"]:
+    def centroids(self) -> PerFace:
         """The faces' centroids."""
         return self.z[self.faces].mean(1)
 
     @cached_property
     def loop(self) -> Integer[ndarray, " B"]:
         """The boundary vertices, counter-clockwise, from the smallest index; BeltramiError unless it is one loop."""
-        return boundary_loop(self.faces, self.open_halfedges)
+        alone = self.open_halfedges
+        tails, heads = self.faces.ravel()[alone], np.roll(self.faces, -1, axis=1).ravel()[alone]
+        following = dict(zip(tails.tolist(), heads.tolist()))
+        loop = [min(following, default=None)]
+        while len(loop) <= len(following) and following.get(loop[-1]) != loop[0]:
+            loop.append(following.get(loop[-1]))
+        if len(following) != len(alone) or len(loop) != len(following):
+            raise BeltramiError("the faces do not form a disk with one simple boundary loop")
+        return np.array(loop)
 
     @cached_property
     def open_halfedges(self):
-        """Numbers 3 f + k of the half-edges from corner k of face f that have no opposite one: the boundary's."""
-        return halves_alone(self.faces)
+        """The boundary's half-edges, (B,): 3 f + k from corner k of face f."""
+        tails, heads, n = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel(), len(self.z)
+        there, opposite = np.sort(tails * n + heads), heads * n + tails
+        return np.flatnonzero(there[np.minimum(np.searchsorted(there, opposite), len(there) - 1)] != opposite)
 
     @cached_property
     def across(self):
@@ -102,32 +113,29 @@ class Disk:
 
     @cached_property
     def lookup(self) -> Lookup:
-        """Where points lie, for many questions: `lookup(points)` as `locate`, its search trees kept."""
+        """`lookup(points)` as `locate`, its search trees kept for many questions."""
         return Lookup(self)
 
     def locate(self, points: Complex[ndarray, " P"]) -> tuple[Integer[ndarray, " P"], Float[ndarray, " P 3"]]:
-        """Where points lie: (face, barycentric coordinates, non-negative, sum 1), as `qclearn.locate`."""
+        """Where points lie, as `qclearn.locate`: (face, barycentric coordinates, non-negative, sum 1)."""
         points = np.atleast_1d(planar_points(points, "points"))
         unknown = np.flatnonzero(~np.isfinite(points))
         if len(unknown):
-            raise BeltramiError(
-                f"points {unknown[:5].tolist()} are not finite: they lie nowhere in the mesh; leave them out"
-            )
+            raise BeltramiError(f"points {unknown[:5].tolist()} are not finite: they lie nowhere; leave them out")
         return self.lookup.once(points)
 
     def sampling(self, points: Complex[ndarray, " P"]) -> Float[sparse.csr_array, " P V"]:
-        """The sparse real matrix that evaluates piecewise linear functions of the mesh at points (P,)."""
+        """From values of the vertices to values at points (P,), linear in each face."""
         face, weights = self.locate(points)
-        rows = np.repeat(np.arange(len(weights)), 3)
-        columns = self.faces[face].ravel()
-        return sparse.csr_array((weights.ravel(), (rows, columns)), shape=(len(weights), len(self.z)))
+        places = np.repeat(np.arange(len(weights)), 3), self.faces[face].ravel()
+        return sparse.csr_array((weights.ravel(), places), shape=(len(weights), len(self.z)))
 
     def interpolate(self, values, places):
-        """Per-vertex values (V, ...) at places (face, weights) that `locate` or `lookup` found, linear in each face."""
+        """Values (V, ...) of the vertices at places (face, weights) that `locate` found, linear in each face."""
         face, weights = places
         return np.einsum("pk,pk...->p...", weights, np.asarray(values)[self.faces[face]])
 
-    def stiffness(self, mu: Complex[ndarray, " F"]) -> Float[sparse.csc_array, " V V"]:
+    def stiffness(self, mu: PerFace) -> Float[sparse.csc_array, " V V"]:
         """`K(mu)_ij = sum_T |T| grad phi_i . A(mu_T) grad phi_j`, positive semi-definite; |mu| < 1."""
         mu = check_coefficient(mu, len(self.faces))
         turned = diffuse(mu[:, None], self.gradients)
@@ -141,24 +149,22 @@ class Disk:
 
     @cached_property
     def mass(self) -> Float[sparse.csc_array, " V V"]:
-        """The consistent mass matrix of piecewise linear functions."""
+        """The consistent mass matrix."""
         blocks = self.areas[:, None, None] * (np.ones((3, 3)) + np.eye(3)) / 12
         return assemble(self.faces, blocks, len(self.z))
 
     @cached_property
     def to_vertices(self) -> Float[sparse.csr_array, " V F"]:
         """From values of the faces to their averages by area around each vertex."""
-        corners = np.repeat(np.arange(len(self.faces)), 3)
-        shape = len(self.z), len(self.faces)
-        around = sparse.csr_array((np.repeat(self.areas, 3), (self.faces.ravel(), corners)), shape=shape)
+        places = self.faces.ravel(), np.repeat(np.arange(len(self.faces)), 3)
+        around = sparse.csr_array((np.repeat(self.areas, 3), places), shape=(len(self.z), len(self.faces)))
         return sparse.diags_array(1 / around.sum(1)) @ around
 
     @cached_property
     def to_faces(self) -> Float[sparse.csr_array, " F V"]:
-        """From values of the vertices to the mean of each face's corners, the value at its centroid."""
-        rows = np.repeat(np.arange(len(self.faces)), 3)
-        table = np.full(len(rows), 1 / 3), (rows, self.faces.ravel())
-        return sparse.csr_array(table, shape=(len(self.faces), len(self.z)))
+        """From values of the vertices to the value at each face's centroid."""
+        places = np.repeat(np.arange(len(self.faces)), 3), self.faces.ravel()
+        return sparse.csr_array((np.full(self.faces.size, 1 / 3), places), shape=(len(self.faces), len(self.z)))
 
     def wirtinger(self, f):
         """`f_z` and `f_zbar` on each face of a map f, complex (V,) or real (V, 3): (F,) or (F, 3) each."""
@@ -167,7 +173,7 @@ class Disk:
         return f_z, 0.5 * np.einsum("fk,fk...->f...", self.gradients, corners)
 
     def coefficient(self, f):
-        """`mu = f_zbar / f_z` (F,) of a map f, complex (V,) or real (V, 3), as `qclearn.beltrami_coefficient`."""
+        """mu (F,) of a map f, complex (V,) or real (V, 3), as `qclearn.beltrami_coefficient`."""
         f_z, f_zbar = self.wirtinger(f)
         with np.errstate(divide="ignore", invalid="ignore"):
             if f_z.ndim == 1:
@@ -201,14 +207,14 @@ class Disk:
 
     @cached_property
     def certificate(self) -> Certificate:
-        """Whether the mesh lies in the plane without folds, its boundary a simple polygon run counter-clockwise."""
+        """Whether the mesh has no fold, and its boundary is a simple polygon run counter-clockwise."""
         rim = self.z[self.loop]
         ring = shapely.linearrings(pairs(rim)) if np.isfinite(rim).all() else None
         simple = bool(ring is not None and ring.is_simple and ring.is_ccw)
         return Certificate(simple and len(self.reversed) == 0, self.reversed, simple)
 
     def certify(self, f):
-        """The `Certificate` of the map f (V,) of this mesh; BeltramiError where the mesh itself is folded."""
+        """The `Certificate` of a map f (V,); BeltramiError where the mesh itself is folded."""
         if len(self.reversed):
             raise BeltramiError(
                 f"{len(self.reversed)} triangles of the source mesh are folded or without area (first: "
@@ -218,36 +224,17 @@ class Disk:
 
 
 def read_only(array):
-    """The array itself where nobody can write to it, else a copy that nobody can write to."""
+    """The array, or a copy where somebody could write to it."""
     if array.flags.writeable or array.base is not None:
         array = array.copy()
         array.flags.writeable = False
     return array
 
 
-def boundary_loop(faces, alone=None):
-    """Vertices of the boundary of a triangulated disk, counter-clockwise, from the smallest index: (B,).
-
-    BeltramiError if the faces have no boundary or several, or touch in a vertex.
-    """
+def boundary_loop(faces):
+    """`Disk.loop` (B,) of faces alone."""
     faces = check_faces(faces)
-    alone = halves_alone(faces) if alone is None else alone
-    tails, heads = faces.ravel()[alone], np.roll(faces, -1, axis=1).ravel()[alone]
-    following = dict(zip(tails.tolist(), heads.tolist()))
-    loop = [min(following, default=None)]
-    while len(loop) <= len(following) and following.get(loop[-1]) != loop[0]:
-        loop.append(following.get(loop[-1]))
-    if len(following) != len(alone) or len(loop) != len(following):
-        raise BeltramiError("the faces do not form a disk with one simple boundary loop")
-    return np.array(loop)
-
-
-def halves_alone(faces):
-    """Numbers of the half-edges without an opposite one, (k,), 3 f + k from corner k of face f."""
-    tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    n = int(faces.max()) + 1
-    there, opposite = np.sort(tails * n + heads), heads * n + tails
-    return np.flatnonzero(there[np.minimum(np.searchsorted(there, opposite), len(there) - 1)] != opposite)
+    return Disk(np.zeros(faces.max() + 1), faces).loop
 
 
 def integers(x):

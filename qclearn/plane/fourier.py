@@ -1,8 +1,7 @@
 """Low-frequency approximation of Beltrami coefficients on a square grid.
 
-The paper transforms the real and the imaginary part of mu as two images. The transform is linear, so the coefficients
-of the complex mu are those of the two channels put together, `mu_R^ + i mu_I^`, and keeping |m|, |n| <= k in both
-channels is keeping them here.
+The paper transforms the real and the imaginary part of mu as two images. The transform is linear: the coefficients of
+the complex mu are `mu_R^ + i mu_I^`, and |m|, |n| <= k are kept in both channels at once.
 """
 
 import numpy as np
@@ -11,13 +10,12 @@ import scipy
 from .grids import disk_to_square, pixel_centres, square_to_disk
 from .solver import DiskSolver
 
-# Radians that pixels are turned before the faces below them are looked for. Those on the diagonals of the square lie on
-# edges of every polar mesh with such a spoke, and rounding alone would say which of two faces they show.
+# Radians by which pixels are turned before they are located: on a spoke rounding alone would choose between two faces.
 ASIDE = 1e-9
 
 
 def frequencies(size, k):
-    """The integers m with |m| <= k that differ on a grid of `size` points, ascending: 2k + 1 of them, or `size`."""
+    """The integers m with |m| <= k that differ on a grid of `size` points, ascending: 2k + 1 or `size` of them."""
     if k < 0:
         raise ValueError(f"the highest frequency kept is {k}; give 0 (the mean alone) or more")
     return np.arange(-k, k + 1) if 2 * k + 1 <= size else np.arange(size) - size // 2
@@ -26,13 +24,13 @@ def frequencies(size, k):
 def fourier_matrix(size, k):
     """The matrix `M_mp = exp(-2 pi i m p / size) / size`, |m| <= k: rows as `frequencies(size, k)`, `size` columns.
 
-    `M mu M^T` are the kept coefficients: the paper's two matrix products M mu N, with N = M^T, before they are learnt.
+    `M mu M^T` are the kept coefficients: the paper's product M mu N before M and N are learnt.
     """
     return np.exp(-2j * np.pi * np.outer(frequencies(size, k), np.arange(size)) / size) / size
 
 
 def fourier_coefficients(image, k):
-    """Coefficients `mu^(m, n) = 1/N^2 sum mu(p, q) exp(-2 pi i (p m + q n)/N)`, |m|, |n| <= k, of an (N, N) image.
+    """`mu^(m, n) = 1/N^2 sum mu(p, q) exp(-2 pi i (p m + q n)/N)`, |m|, |n| <= k, of an (N, N) image.
 
     Rows and columns as `frequencies(N, k)`. Source: paper, section 'Compression by Fourier Approximation', eq. (FFT).
     """
@@ -42,7 +40,7 @@ def fourier_coefficients(image, k):
 
 
 def from_coefficients(coefficients, size):
-    """The complex image (size, size) that has these coefficients of `fourier_coefficients`, and no others."""
+    """The complex image (size, size) with these `fourier_coefficients` and no others."""
     kept = frequencies(size, len(coefficients) // 2)
     spectrum = np.zeros((size, size), complex)
     spectrum[np.ix_(kept, kept)] = coefficients
@@ -50,10 +48,9 @@ def from_coefficients(coefficients, size):
 
 
 def compress(image, k):
-    """The image (N, N) with its frequencies above k removed, complex; it is its own compression.
+    """The image (N, N) without its frequencies above k, complex: the best approximation in the mean square.
 
-    The best approximation in the mean square by these frequencies. Nothing bounds |mu| < 1: overshoot near a jump can
-    lift it, and the border counts as a jump where opposite sides of the square differ (the transform is periodic).
+    Overshoot near a jump can lift |mu| to 1; the border is a jump where opposite sides of the square differ.
     """
     return from_coefficients(fourier_coefficients(image, k), len(image))
 
@@ -64,11 +61,9 @@ def coefficient_count(size, k):
 
 
 def to_square(disk, mu, size):
-    """mu (F,) of a `Disk` sampled at the pixel centres of the square [-1, 1]^2, complex (size, size).
+    """mu (F,) of a `Disk` resampled at the `pixel_centres` of the square [-1, 1]^2, complex (size, size).
 
-    The pixel at w shows the face that holds `square_to_disk(w)`, and on an edge the face that follows
-    counterclockwise; pixels as `pixel_centres`. The values are carried over as they are: this is resampling, not the
-    coefficient of a map of the square.
+    The pixel at w shows the face that holds `square_to_disk(w)`, on an edge the next counterclockwise: no pullback.
     """
     face, _ = disk.locate(square_to_disk(pixel_centres(size)).ravel() * np.exp(1j * ASIDE))
     return np.asarray(mu)[face].reshape(size, size)
@@ -83,11 +78,10 @@ def from_square(image, disk):
 
 
 def compression_effect(disk, mu, ks, size=128):
-    """What keeping the frequencies of mu (F,) on a `Disk` up to k costs, one dict for each k of `ks`.
+    """The cost of keeping the frequencies of mu (F,) on a `Disk` up to k, one dict for each k of `ks`.
 
-    Keys: k; coefficients (their number); image_error and mu_error, root mean square of the change of mu over the
-    square's pixels and over the disk's area; max_abs_mu; map_error, the largest distance between the disk maps of the
-    original and of the compressed mu. Raises BeltramiError where compression lifts |mu| to 1.
+    Keys: k; coefficients, their number; image_error and mu_error, root mean square of the change of mu over pixels and
+    over the disk; max_abs_mu; map_error, the largest change of the disk map. BeltramiError where |mu| comes to 1.
     """
     image, solver = to_square(disk, mu, size), DiskSolver(disk)
     original = solver.solve(mu)

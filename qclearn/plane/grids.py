@@ -32,10 +32,10 @@ def _radius_ratio(w):
 
 
 def square_disk(n: int) -> tuple[Complex[ndarray, " V"], Integer[ndarray, " F 3"]]:
-    """Disk mesh with the topology of an n x n square grid, n even: (z, faces).
+    """Disk mesh (z, faces) with the topology of an n x n square grid, n even.
 
-    Every cell is split by the diagonal that runs into the square's corner of its quadrant; the other choice puts a
-    triangle with three boundary vertices at each corner, which carries no boundary flux.
+    The diagonal of a cell runs into the square's corner of its quadrant; the other would put a triangle with three
+    boundary vertices at each corner, which carries no boundary flux.
     """
     if n < 2 or n % 2:
         raise ValueError(f"square_disk needs an even number of cells a side, at least 2; got {n}")
@@ -50,10 +50,9 @@ def square_disk(n: int) -> tuple[Complex[ndarray, " V"], Integer[ndarray, " F 3"
 
 
 def polar_disk(nr: int, nt: int, power: float = 1.0) -> tuple[Complex[ndarray, " V"], Integer[ndarray, " F 3"]]:
-    """Graded polar disk mesh: vertex 0 at the centre, then nr rings of nt vertices at radius (j / nr)^power.
+    """Graded polar disk mesh (z (1 + nr nt,), faces): vertex 0 at 0, then nr rings of nt at radius (j / nr)^power.
 
-    Returns (z (1 + nr nt,), faces); all quads are split along the same diagonal, so that the mesh is invariant under
-    rotation by 2 pi / nt. Vertex `1 + (nr - 1) nt` lies at 1.
+    The mesh is invariant under rotation by 2 pi / nt. Vertex `1 + (nr - 1) nt` lies at 1.
     """
     if nr < 1 or nt < 3:
         raise ValueError(f"polar_disk needs at least 1 ring and 3 angles; got {nr} and {nt}")
@@ -73,7 +72,7 @@ def polar_disk(nr: int, nt: int, power: float = 1.0) -> tuple[Complex[ndarray, "
 
 @lru_cache(maxsize=16)
 def polar(rings, spokes=None):
-    """The polar `Disk` of so many rings, crowded by POWER, and three times as many spokes unless given; made once."""
+    """The polar `Disk` crowded by POWER, made once; three times as many spokes as rings unless given."""
     return Disk(*polar_disk(rings, spokes or 3 * rings, POWER))
 
 
@@ -84,6 +83,6 @@ def pixel_centres(size):
 
 
 def joined(z: Complex[ndarray, " V"]) -> Disk:
-    """Points z (V,) of the disk and Delaunay's triangles that join them, counter-clockwise."""
+    """The `Disk` of points z (V,) in Delaunay's triangles."""
     faces = scipy.spatial.Delaunay(np.stack([z.real, z.imag], axis=1)).simplices.astype(np.int64)
     return Disk(z, np.where((Disk(z, faces).areas < 0)[:, None], faces[:, ::-1], faces))

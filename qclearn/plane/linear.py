@@ -11,22 +11,25 @@ LEAF = 16  # vertices of a part that is halved no further
 
 
 def assemble(faces, blocks, n_vertices):
-    """Sum of element matrices (F, 3, 3) as a sparse matrix (V, V) in CSC form."""
+    """Sum of element matrices (F, 3, 3), sparse (V, V)."""
     rows, columns = np.repeat(faces, 3, axis=1).ravel(), np.tile(faces, (1, 3)).ravel()
     return sparse.coo_array((blocks.ravel(), (rows, columns)), shape=(n_vertices, n_vertices)).tocsc()
+
+
+def three_a_row(values, columns, width):
+    """Sparse (n, width) from the values and the columns (n, 3) of the three entries of each row."""
+    starts = np.arange(0, values.size + 1, 3)
+    return sparse.csr_array((values.ravel(), columns.ravel(), starts), shape=(len(values), width))
 
 
 def factorise(matrix, ordering="MMD_AT_PLUS_A"):
     """SuperLU factors of a matrix with symmetric pattern, pivots on the diagonal.
 
-    Right for SPD matrices, and for rows of averages among them: looking for larger pivots off the diagonal fills
-    the factors of a mesh with slivers up to 35 times as much and is no more accurate. `relax=1`: the default joins
-    columns into supernodes so freely that some meshes (fsaverage5, subdivided) fill twice as much.
+    For SPD matrices and rows of averages: with slivers, pivots off the diagonal fill the factors up to 35 times as much
+    and are no more accurate; with the default of `relax` some meshes (fsaverage5, subdivided) fill twice as much.
     """
     try:
-        return splu(
-            matrix.tocsc(), permc_spec=ordering, diag_pivot_thresh=0.0, relax=1, options={"SymmetricMode": True}
-        )
+        return splu(matrix.tocsc(), ordering, diag_pivot_thresh=0.0, relax=1, options={"SymmetricMode": True})
     except RuntimeError as error:
         raise BeltramiError(
             f"the system of equations cannot be solved ({str(error).lower()}): some vertex is in no "
@@ -35,10 +38,7 @@ def factorise(matrix, ordering="MMD_AT_PLUS_A"):
 
 
 class Dirichlet:
-    """A stiffness matrix with values prescribed at some vertices, factored once for any values and loads.
-
-    order: the free vertices in the order of their elimination, a good one for this pattern; without it one is sought.
-    """
+    """A stiffness matrix with values prescribed at some vertices, factored once; order: of eliminating the others."""
 
     def __init__(self, matrix, pinned, order=None):
         self.pinned, self.size = np.asarray(pinned), matrix.shape[0]
@@ -69,12 +69,14 @@ class Dirichlet:
         return x
 
 
-def nested_dissection(matrix, points):
-    """A permutation (V,) in which the symmetric sparse matrix of a mesh has factors with few entries.
+def elimination_order(matrix, points, loop):
+    """The vertices but the boundary loop, ordered for small factors of a mesh's matrix; points (V,) complex or (V, d).
 
-    points (V,) complex or (V, d): where its vertices lie. A part is halved across its longer side; the vertices of one
-    half with a neighbour in the other come last. Source: George (1973), Nested dissection of a regular element mesh.
+    A part is halved across its longer side; the vertices of one half with a neighbour in the other come last. Source:
+    George (1973), Nested dissection of a regular element mesh.
     """
+    inner = np.setdiff1d(np.arange(len(points)), loop)
+    matrix, points = matrix.tocsr()[inner][:, inner], points[inner]
     points = np.stack([points.real, points.imag], 1) if np.iscomplexobj(points) else points
     starts, neighbours, other = matrix.indptr, matrix.indices, np.zeros(len(points), bool)
 
@@ -93,10 +95,4 @@ def nested_dissection(matrix, points):
         other[two] = False
         return [*ordered(one[~touching]), *ordered(two), one[touching]]
 
-    return np.concatenate(ordered(np.arange(len(points))))
-
-
-def elimination_order(matrix, points, loop):
-    """The vertices of a mesh without its boundary loop in an order that keeps the factors of its matrix small."""
-    inner = np.setdiff1d(np.arange(len(points)), loop)
-    return inner[nested_dissection(matrix.tocsr()[inner][:, inner], points[inner])]
+    return inner[np.concatenate(ordered(np.arange(len(points))))]

@@ -1,26 +1,22 @@
 """The log form: a second, independent route to the disk map with a free boundary, for tests and for teaching."""
 
 import numpy as np
-from jaxtyping import Complex, Integer
-from numpy import ndarray
 
 from .checks import check_coefficient
 from .coefficients import diffuse
-from .disk import Disk
+from .disk import Disk, Faces, PerFace, PerVertex
 from .linear import Dirichlet
 from .solver import DiskSolver
 
 
-def solve_beltrami_disk_log(
-    z: Complex[ndarray, " V"], faces: Integer[ndarray, " F 3"], mu: Complex[ndarray, " F"]
-) -> Complex[ndarray, " V"]:
+def solve_beltrami_disk_log(z: PerVertex, faces: Faces, mu: PerFace) -> PerVertex:
     """The disk self-map with Beltrami coefficient mu, free boundary, f(0) = 0 and f(1) = 1.
 
     Away from the pole `F = log f` solves `F_zbar = mu F_z`. With `L = z + mu0 conj(z)`, mu0 the mean of mu around the
     pole, `F = log L + u + iv` with bounded u (Dirichlet, `u = -log|L|` on the circle) and v (natural condition):
     `int A grad u . grad phi = -int A grad log|L| . grad phi - 2 pi phi(0)`, the same with arg L and without the pole
-    for v; then `f = L exp(u + iv)`. Not certified: a second route beside `solve_beltrami_disk`, twice its work, and
-    its boundary can run backwards on ragged meshes. Errors: BeltramiError, SurfaceError.
+    for v; then `f = L exp(u + iv)`. Not certified: twice the work of `solve_beltrami_disk`, and the boundary can run
+    backwards on ragged meshes. Errors: BeltramiError, SurfaceError.
     """
     disk = Disk(z, faces)
     solver = DiskSolver(disk)
@@ -48,9 +44,7 @@ def solve_beltrami_disk_log(
 
 
 def mean_reciprocal(picture):
-    """Exact mean of 1/L over each triangle, complex (F,), of the picture of a mesh under L, affine there.
-
-    At most a corner of a triangle lies at 0.
+    """Exact mean of 1/L over each triangle, (F,), of the picture under L, affine there; at most a corner lies at 0.
 
     Stokes: `int dA / L = (1/2i) sum over edges of (conj(a) - a conj(b - a)/(b - a)) log(b / a)`, a, b = L at its ends.
     """

@@ -15,8 +15,7 @@ INSET = 1e-4  # share of the radius that points moved onto the boundary polygon 
 class Lookup:
     """Where points lie in one `Disk`: (face, barycentric coordinates), its search trees kept. Nothing is checked.
 
-    `lookup(points, guess)` tries the faces `guess` (P,) first, and their neighbours: soon done where points have moved
-    little since they were found there. Without, it begins at the nearest vertices. `once` is for a single question.
+    `lookup(points, guess)` begins at the faces `guess` (P,), else at the nearest vertices. `once`: a single question.
     """
 
     def __init__(self, disk):
@@ -31,7 +30,7 @@ class Lookup:
         return self._weighed(points, inside)
 
     def once(self, points):
-        """The same without a search tree of the whole mesh, where few of its faces come near the points."""
+        """The same without a tree of the whole mesh, where few faces come near the points."""
         corners, wanted = pairs(self.z[self.faces]), pairs(points)
         low, high = wanted.min(0, initial=np.inf), wanted.max(0, initial=-np.inf)
         near = np.flatnonzero(((corners.max(1) >= low) & (corners.min(1) <= high)).all(1))
@@ -43,7 +42,7 @@ class Lookup:
         return self._weighed(points, inside)
 
     def _weighed(self, points, inside):
-        """The faces and weights of points (P,); those in none are first moved onto the boundary polygon."""
+        """The faces and weights of points (P,); those in no face are first moved onto the boundary polygon."""
         outside = np.flatnonzero(inside < 0)
         if len(outside):
             points = points.copy()
@@ -52,11 +51,11 @@ class Lookup:
 
     @cached_property
     def _tree(self):
-        """The search tree of the faces: what takes the longest to build, and not needed where all ways lead on."""
+        """The search tree of the faces: slow to build, and needed only where points are LOST."""
         return shapely.STRtree(shapely.polygons(pairs(self.z[self.faces])))
 
     def _walk(self, points, face):
-        """The faces that hold points (P,), found from `face` (P,) across edges in a few steps; or LOST, or BEYOND."""
+        """The faces that hold points (P,), found from `face` (P,) in a few steps across edges; or LOST, or BEYOND."""
         face, at = face.copy(), np.arange(len(points))
         for _ in range(WALK):
             sides = _edge_distances(self.z[self.faces[face[at]]], points[at])
@@ -66,7 +65,7 @@ class Lookup:
             if not len(at):
                 return face
             across = self.disk.across[face[at], first]
-            if (across < 0).any():
+            if (across < 0).any():  # `_out` is not found before a point needs it
                 across[across < 0] = self._out
             face[at] = across
             at = at[across >= 0]
@@ -87,7 +86,7 @@ class Lookup:
 
     @cached_property
     def _out(self):
-        """What a step across the boundary says of a point: in a convex polygon, that it lies BEYOND."""
+        """The answer for a point across the boundary: BEYOND a convex polygon, else LOST."""
         rim = self.z[self.disk.loop]
         edges = np.roll(rim, -1) - rim
         turns = np.angle(np.roll(edges, -1) / edges)
@@ -95,7 +94,7 @@ class Lookup:
 
     @cached_property
     def _rim(self):
-        """The boundary vertices in the order of their angles, and the face with each one's edge to the next."""
+        """The boundary vertices by angle, and the face at each one's edge to the next."""
         loop, rim = self.disk.loop, self.disk.open_halfedges  # each boundary vertex begins one half-edge of it
         face = np.empty(len(self.z), int)
         face[self.faces.ravel()[rim]] = rim // 3

@@ -1,7 +1,7 @@
 """Maps of a triangulated disk onto the unit disk with a free boundary: the exact solver.
 
-With 0 and 1 held the boundary may slide along the circle, and the map with a given Beltrami coefficient is still the
-solution of linear problems: the boundary moves by the harmonic measure of A(mu) seen from 0 (the flux form).
+The boundary slides along the circle while 0 and 1 are held, and yet the map with a given Beltrami coefficient solves
+linear problems: the boundary moves by the harmonic measure of A(mu) seen from 0 (the flux form).
 """
 
 from functools import cached_property
@@ -12,12 +12,12 @@ from numpy import ndarray
 from scipy import sparse
 
 from .checks import SurfaceError, check_coefficient, check_used
-from .disk import Disk
-from .linear import LARGE, Dirichlet, elimination_order
+from .disk import Disk, PerFace, PerVertex
+from .linear import LARGE, Dirichlet, elimination_order, three_a_row
 from .mobius import mobius, mobius_inverse
 
 SMALLEST_STEP = 1e-3  # of the mean boundary step, where a negative weight makes the boundary run backwards
-LOST_STEP = 1e-8  # of the mean: beyond, at the end of a long peninsula, triangles are lost in the coordinates' rounding
+LOST_STEP = 1e-8  # of the mean: below, at the end of a long peninsula, coordinates round triangles away
 
 
 class FreeBoundary:
@@ -31,12 +31,11 @@ class FreeBoundary:
     def __init__(self, dirichlet, lengths, pole, calibration=None):
         self.dirichlet, self.loop = dirichlet, dirichlet.pinned
         self.lengths, self.spans = lengths, lengths + np.roll(lengths, 1)
-        load = np.where(self.dirichlet.free == pole, -2 * np.pi, 0.0)
-        self.U = np.zeros(dirichlet.size)
-        self.U[self.dirichlet.free] = self.dirichlet.solve_free(load)
-        density = self.dirichlet.coupling.T @ self.U[self.dirichlet.free] / self.spans
-        self.raw_steps = steps = lengths * (density + np.roll(density, -1))
         self.calibration = calibration
+        self.U, free = np.zeros(dirichlet.size), dirichlet.free
+        self.U[free] = dirichlet.solve_free(np.where(free == pole, -2 * np.pi, 0.0))
+        density = dirichlet.coupling.T @ self.U[free] / self.spans
+        self.raw_steps = steps = lengths * (density + np.roll(density, -1))
         if calibration is not None:
             steps = calibration @ steps
         # Negative weights can make a step negative: then the smallest steps are raised, and the caller is told.
@@ -45,13 +44,10 @@ class FreeBoundary:
             self.floored, steps = steps < SMALLEST_STEP * mean, np.maximum(steps, SMALLEST_STEP * mean)
         self.scale = 2 * np.pi / steps.sum()
         self.steps = self.scale * steps
-        self.f = self.dirichlet.solve(np.exp(1j * np.concatenate([[0.0], np.cumsum(self.steps[:-1])])))
+        self.f = dirichlet.solve(np.exp(1j * np.concatenate([[0.0], np.cumsum(self.steps[:-1])])))
 
     def pullback(self, grad_f, solution=None):
-        """Three lam (V, B) with `dL = sum lam . dK x`, x = Re f, Im f, U, for gradients grad_f (V, B) by f.
-
-        solution: `K_ii^-1 grad_f` at the free vertices, if it is known.
-        """
+        """Three lam (V, B) with `dL = sum lam . dK x`, x = Re f, Im f, U; solution: `K_ii^-1 grad_f`, if known."""
         free, loop, f = self.dirichlet.free, self.loop, self.f
         adjoint = np.zeros(grad_f.shape, complex)
         adjoint[free] = -(self.dirichlet.solve_free(grad_f[free]) if solution is None else solution)
@@ -70,7 +66,7 @@ class FreeBoundary:
         return [adjoint.real, adjoint.imag, measure]
 
     def pushforward(self, changes):
-        """The change of f, (V, B), with a change of K, given as `dK x` (V, B) for x = Re f, Im f, U."""
+        """The change of f (V, B) with changes `dK x` (V, B), x = Re f, Im f, U."""
         free, loop, coupling = self.dirichlet.free, self.loop, self.dirichlet.coupling
         real, imaginary, load = changes
         flux = load[loop] - coupling.T @ self.dirichlet.solve_free(load[free])
@@ -92,10 +88,9 @@ class FreeBoundary:
 class DiskSolver:
     """The self-map of a `Disk` with coefficient mu and a free boundary, f(0) = 0 and f(1) = 1, and its adjoint.
 
-    `solve(mu)` keeps its factorisation; `pullback(grad_f)` then carries gradients from f to mu by adjoint solves, and
-    `pushforward(dmu)` changes of mu to f.
-    `floored` counts the boundary steps that had to be raised to stay positive. Results are not certified.
-    f(0) is the piecewise linear value in the face that contains 0; f(1) the boundary angle, linear along the edge.
+    `solve(mu)` keeps its factorisation for `pullback(grad_f)` and `pushforward(dmu)`. `floored` counts the boundary
+    steps that were raised to stay positive. Not certified. f(0) is the value in the face that holds 0; f(1) the angle,
+    linear along the boundary edge.
     """
 
     def __init__(self, disk: Disk):
@@ -124,14 +119,17 @@ class DiskSolver:
             )
         face, weights = disk.locate([0j])
         self.origin, self.weights = disk.faces[face[0]], weights[0]
-        self.pole = self._choose_pole()
+        interior = np.setdiff1d(np.arange(len(z)), loop)
+        if not len(interior):
+            raise SurfaceError("the disk mesh has no interior vertex; refine it")
+        self.pole = interior[abs(z[interior]).argmin()]
 
     @cached_property
     def calibration(self) -> Float[sparse.csr_array, " B B"] | None:
         """Sparse (B, B): scales the angle steps so that mu = 0 gives back the mesh itself; None where they do anyway.
 
-        An ear (a triangle with three boundary vertices) carries no flux and a sliver a wrong one; the error is much
-        the same for every mu, so that its ratio at mu = 0 takes most of it out.
+        An ear (a triangle with three boundary vertices) carries no flux and a sliver a wrong one. The error is much the
+        same for every mu: its ratio at mu = 0 takes most of it out.
         """
         raw = FreeBoundary(self._problem(np.zeros(len(self.disk.faces), complex)), self.lengths, self.pole).raw_steps
         moved = mobius(self.disk.z[self.loop], self.disk.z[self.pole])
@@ -158,13 +156,7 @@ class DiskSolver:
             self.order = problem.free[np.argsort(problem.factors.perm_c)]  # sought once a mesh
         return problem
 
-    def _choose_pole(self):
-        interior = np.setdiff1d(np.arange(len(self.disk.z)), self.loop)
-        if not len(interior):
-            raise SurfaceError("the disk mesh has no interior vertex; refine it")
-        return interior[abs(self.disk.z[interior]).argmin()]
-
-    def solve(self, mu: Complex[ndarray, " F"]) -> Complex[ndarray, " V"]:
+    def solve(self, mu: PerFace) -> PerVertex:
         """The map f (V,) with Beltrami coefficient mu (F,); BeltramiError unless |mu| < 1 everywhere."""
         self.mu = check_coefficient(mu, len(self.disk.faces))
         self.free_boundary = self._sensitivities = None  # the last factors make room
@@ -173,9 +165,8 @@ class DiskSolver:
         self.floored = int(self.free_boundary.floored.sum())
         return self.normalise(self.free_boundary.f)
 
-    def normalise(self, raw: Complex[ndarray, " V"]) -> Complex[ndarray, " V"]:
-        """The disk map (V,) that follows `raw` (V,), which keeps the circle, by the Möbius map to f(0) = 0, f(1)
-        = 1."""
+    def normalise(self, raw: PerVertex) -> PerVertex:
+        """The map `raw` (V,), which keeps the circle, moved by a Möbius map to f(0) = 0 and f(1) = 1."""
         self.a = 0j
         for _ in range(50):  # the vertex values move by a Möbius map, the value at 0 between them not quite
             centre = self.weights @ mobius(raw[self.origin], self.a)
@@ -190,10 +181,7 @@ class DiskSolver:
         return self.f.copy()  # the pullback refers to self.f
 
     def pullback(self, grad_f: Complex[ndarray, " *B V"]) -> Complex[ndarray, " *B F"]:
-        """Gradient with respect to mu, (F,) or (B, F), from gradients with respect to the last f, (V,) or (B, V).
-
-        Both gradients are `dL/dRe + i dL/dIm` of a real L. Two rounds of solves with the kept factorisation.
-        """
+        """Gradients `dL/dRe + i dL/dIm` by mu, (F,) or (B, F), from those by the last f, (V,) or (B, V): two solves."""
         grad_f = np.asarray(grad_f, complex)
         grad_raw, origin, grad_centre = self._unnormalise(np.atleast_2d(grad_f).T, np.arange(len(self.disk.z)))
         grad_raw += origin[:, None] * grad_centre
@@ -204,10 +192,9 @@ class DiskSolver:
         return grad_mu.T.reshape(*grad_f.shape[:-1], len(self.disk.faces))
 
     def adjoints(self, grad_f: Complex[sparse.csr_array, " B V"]) -> list[Float[ndarray, " V 2*B"]]:
-        """What `pullback` sums up before it comes to the faces, for B gradients and i times each: three, real.
+        """Three adjoints of B gradients and i times each: by mu these are `sum_k sensitivities[k] @ adjoint_k`.
 
-        The gradient with respect to mu is `sum_k sensitivities[k] @ adjoint_k`.
-        As the system is real, the solutions for i times a gradient are i times its own, up to the origin's.
+        The system is real: solutions for i times a gradient are i times its own, up to the origin's.
         """
         count, free = grad_f.shape[0], self.free_boundary.dirichlet.free
         at = np.unique(np.concatenate([grad_f.indices, self.origin, self.loop[:2]]))
@@ -224,26 +211,25 @@ class DiskSolver:
 
     @property
     def sensitivities(self) -> list[Complex[sparse.sparray, " F V"]]:
-        """`sensitivity(x)` of the three potentials of the last solution: Re f, Im f and U; made once a solution."""
+        """`sensitivity(x)` of Re f, Im f and U, made once a solution."""
         if self._sensitivities is None:
             free = self.free_boundary
             self._sensitivities = [self.sensitivity(x) for x in (free.f.real, free.f.imag, free.U)]
         return self._sensitivities
 
     def pushforward(self, dmu: Complex[ndarray, " *B F"]) -> Complex[ndarray, " *B V"]:
-        """Change of the last f, (V,) or (B, V), with a change of mu, (F,) or (B, F): the derivative, forwards.
+        """Change of the last f, (V,) or (B, V), with a change of mu, (F,) or (B, F): three real solves.
 
-        The transpose of `pullback`: `Re sum conj(grad_f) pushforward(dmu) = Re sum conj(pullback(grad_f)) dmu`. Three
-        real solves with the kept factorisation.
+        The transpose of `pullback`: `Re sum conj(grad_f) pushforward(dmu) = Re sum conj(pullback(grad_f)) dmu`.
         """
         dmu = np.asarray(dmu, complex)
         changes = [(matrix.T @ np.atleast_2d(dmu).conj().T).real for matrix in self.sensitivities]
         return self._renormalise(self.free_boundary.pushforward(changes)).T.reshape(*dmu.shape[:-1], len(self.disk.z))
 
     def _unnormalise(self, grad_f, at):
-        """Gradients with respect to the raw map at the vertices `at`, sorted, as (direct, origin, grad_centre).
+        """Gradients `direct + origin grad_centre` by the raw map at sorted vertices `at`, as a tuple of the three.
 
-        In all `direct + origin grad_centre`, where inside the disk `direct` is complex linear in grad_f.
+        Inside the disk `direct` is complex linear in grad_f.
         """
         edge, inner = np.searchsorted(at, self.loop[:2]), np.searchsorted(at, self.origin)
         w, by_a, slope, by_conj_a = self._derivatives(at)
@@ -258,7 +244,7 @@ class DiskSolver:
         return grad_w * slope.conj()[:, None], origin, grad_centre
 
     def _renormalise(self, change):
-        """The change of f with a change (V, B) of the raw map: the transpose of `_unnormalise`."""
+        """The change of f with a change (V, B) of the raw map, the transpose of `_unnormalise`."""
         w, by_a, slope, by_conj_a = (part[:, None] for part in self._derivatives(slice(None)))
         dw, at, edge = slope * change, self.origin, self.loop[:2]
         P, Q, centre = self.weights @ by_a[at], self.weights @ by_conj_a[at], self.weights @ dw[at]
@@ -268,26 +254,18 @@ class DiskSolver:
         return (dw - 1j * w * dturn) * np.exp(-1j * self.turn)
 
     def _derivatives(self, at):
-        """At the vertices `at`: w = (raw - a) / (1 - conj(a) raw) and its derivatives by a, by raw and by conj(a).
-
-        a solves: the weighted mean of w at the origin's face = 0.
-        """
+        """At vertices `at`: w = (raw - a) / (1 - conj(a) raw), its derivatives by a, by raw and by conj(a)."""
         raw, w = self.free_boundary.f[at], self.f[at] * np.exp(1j * self.turn)
         s = 1 / (1 - np.conj(self.a) * raw)
         return w, -s, (1 - abs(self.a) ** 2) * s**2, w * raw * s
 
     def sensitivity(self, x: Float[ndarray, " V"]) -> Complex[sparse.sparray, " F V"]:
-        """Sparse (F, V): applied to lam, the gradient with respect to mu of `lam . K(mu) x`.
-
-        Per face the derivative of `|T| grad lam . A(mu) grad x`.
-        """
+        """Sparse (F, V): applied to lam, the gradient of `lam . K(mu) x` by mu."""
         mu, scale = self.mu, 1 / (1 - abs(self.mu) ** 2)
         q = np.einsum("fk,fk->f", self.disk.gradients, x[self.disk.faces])
         r = q + scale * ((2 - 1 / scale) * q - 2 * mu * q.conj())
-        # With p = grad lam it is 2 |T| scale (mu Re(conj(p) r) - p q), linear in lam: one sparse matrix for all of
-        # them.
+        # On a face, with p = grad lam: 2 |T| scale (mu Re(conj(p) r) - p q), linear in lam.
         along, across = 0.5 * mu * r.conj() - q, 0.5 * mu * r
         rows = along[:, None] * self.disk.gradients + across[:, None] * self.disk.gradients.conj()
         rows *= (2 * self.disk.areas * scale)[:, None]
-        starts = np.arange(0, rows.size + 1, 3)
-        return sparse.csr_array((rows.ravel(), self.disk.faces.ravel(), starts), shape=(len(rows), len(self.disk.z)))
+        return three_a_row(rows, self.disk.faces, len(self.disk.z))

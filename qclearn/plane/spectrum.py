@@ -7,9 +7,9 @@ from .grids import polar
 
 
 class Spectrum:
-    """Fields nu on a polar mesh of rings and spokes in all eigenvectors E of (Laplace, lumped mass), `E^* A E = pi`.
+    """Fields nu on a polar mesh of rings and spokes in all eigenvectors E of (Laplace, lumped mass A), `E^* A E = pi`.
 
-    values (spokes rings,): the eigenvalues, in the order of the coefficients: by angular mode, then radial.
+    values (spokes rings,): the eigenvalues, by angular mode, then radial, as the coefficients.
     """
 
     def __init__(self, rings, spokes):
@@ -21,7 +21,7 @@ class Spectrum:
         self.cell = np.sqrt(area.mean())
 
     def gradients(self, fields):
-        """`E^* fields` (n, modes) of gradients (n, 1 + rings spokes) with respect to nu at the mesh's vertices."""
+        """`E^* fields` (n, modes) of gradients (n, 1 + rings spokes) by nu at the mesh's vertices."""
         nodal = fields[:, 1:].reshape(-1, self.rings, self.spokes)
         waves = scipy.fft.fft(nodal, norm="ortho").transpose(2, 0, 1)  # (spokes, n, rings)
         waves[0, :, 0] += fields[:, 0] / np.sqrt(self.spokes)  # the centre is the mean of the first ring
@@ -31,9 +31,8 @@ class Spectrum:
         return found.reshape(len(fields), -1)
 
     def coefficients(self, nu):
-        """Those of a field (1 + rings spokes,) with the mean of its first ring in the centre: `E^* A nu / pi`."""
-        weighted = np.concatenate([[0], self.areas * nu[1:]])
-        return self.gradients(weighted[None])[0] / np.pi
+        """`E^* A nu / pi` of a field (1 + rings spokes,) with the mean of its first ring in the centre."""
+        return self.gradients(np.concatenate([[0], self.areas * nu[1:]])[None])[0] / np.pi
 
     def field(self, coefficients):
         """nu at the mesh's vertices (1 + rings spokes,) of coefficients (modes,)."""

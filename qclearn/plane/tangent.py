@@ -12,62 +12,61 @@ import scipy
 from scipy import sparse
 
 from .coefficients import bounded_pullback
+from .linear import three_a_row
+from .triangles import middles
 
 REACH = 1.8  # cells: from where on a node stands for its cell in the integral
-FINER = 3  # into so many squared a triangle is cut, nearer than that
+FINER = 3  # nearer than that, a triangle is cut into so many squared
 
 
 class Carrier:
-    """A polar `Disk` that carries nu beside the disk of a `DiskSolver` that is mapped, whatever points.
+    """The polar `Disk` of nu beside the disk that a `DiskSolver` maps, for any points.
 
-    z (N,), areas (N,): the nodes and their cells; values (N, V): what a mapped mesh's values are there; slope (V, V):
-    f_z at the mapped mesh's vertices; hats (9 T, N): nu on the parts of the triangles; fine, areas_fine, values_fine:
-    the middles of these parts.
+    z (N,), areas (N,): the nodes and their cells; values (N, V): from the mapped mesh to the nodes; slope (V, V): f_z
+    at the mapped vertices; hats (9 T, N): nu on the parts of the triangles; areas_fine, values_fine: of these parts.
     """
 
     def __init__(self, solver, mesh):
         self.z, self.mapped, triangles = mesh.z, solver.disk, mesh.faces
-        faces = self.mapped.faces
-        starts, shape = np.arange(0, faces.size + 1, 3), (len(faces), len(self.mapped.z))
-        table = self.mapped.gradients.conj().ravel() / 2, faces.ravel(), starts
-        self.slope = (self.mapped.to_vertices @ sparse.csr_array(table, shape=shape)).tocsr()
+        f_z = three_a_row(self.mapped.gradients.conj() / 2, self.mapped.faces, len(self.mapped.z))
+        self.slope = (self.mapped.to_vertices @ f_z).tocsr()
         self.areas = np.bincount(triangles.ravel(), np.repeat(mesh.areas, 3)) / 3
         self.values, at = self.values_at(self.z)
         self.tree = scipy.spatial.cKDTree(np.stack([self.z.real, self.z.imag], axis=1))
         self.hats = hats_inside(triangles, len(self.z))
-        self.fine, self.areas_fine = self.hats @ self.z, np.repeat(mesh.areas, FINER**2) / FINER**2
-        self.values_fine, _ = self.values_at(self.fine, at[np.repeat(triangles[:, 0], FINER**2)])
+        self.areas_fine = np.repeat(mesh.areas, FINER**2) / FINER**2
+        self.values_fine, _ = self.values_at(self.hats @ self.z, at[np.repeat(triangles[:, 0], FINER**2)])
 
     def values_at(self, points, guess=None):
         """Sparse (P, V) from values on the mapped mesh to those at points (P,), and the faces that hold them."""
         face, weights = self.mapped.lookup(points, guess)
-        starts = np.arange(0, 3 * len(points) + 1, 3)
-        table = weights.ravel(), self.mapped.faces[face].ravel(), starts
-        return sparse.csr_array(table, shape=(len(points), len(self.mapped.z))), face
+        return three_a_row(weights, self.mapped.faces[face], len(self.mapped.z)), face
 
 
 class Tangent:
-    """Derivatives of maps at points `samples @ z` with respect to a field nu on a polar mesh, mu = T(nu).
+    """Derivatives of maps at points `samples @ z` by a field nu on a polar mesh, mu = T(nu).
 
-    solver: a `DiskSolver` of the mapped mesh; mesh: the polar `Disk` that carries nu; samples (P, V) sparse,
-    three corners a row; carrier: that of both meshes, if there is one already. Near a point the integral is taken on
-    finer triangles, and at the corners of the triangle that holds it, between which the discrete map is linear.
+    solver: a `DiskSolver` of the mapped mesh; mesh: the polar `Disk` of nu; samples (P, V): sparse, three entries a
+    row; carrier: made unless given. Near a point the integral is taken over parts of triangles, and for the corners of
+    the triangle that holds the point, as the discrete map is linear between them.
     """
 
     def __init__(self, solver, mesh, samples, carrier=None):
         self.carrier = carrier or Carrier(solver, mesh)
-        at_0 = sparse.csr_array((solver.weights, (np.zeros(3, int), solver.origin)), shape=(1, len(solver.disk.z)))
-        shares = np.array([1 - solver.share, solver.share])
-        at_1 = sparse.csr_array((shares, (np.zeros(2, int), solver.loop[:2])), shape=(1, len(solver.disk.z)))
-        self.points = sparse.vstack([samples, at_0, at_1]).tocsr()  # all, in the mapped mesh
+        first, second = solver.loop[:2]
+        at_0_and_1 = [solver.weights, [1 - solver.share, solver.share, 0]]
+        self.shares = np.concatenate([samples.data.reshape(-1, 3), at_0_and_1])  # (P + 2, 3), of the corners
+        self.corners = np.concatenate([samples.indices.reshape(-1, 3), [solver.origin, [first, second, second]]])
+        self.points = three_a_row(self.shares, self.corners, len(solver.disk.z))
         self.close = self.close_pairs(solver.disk.z)
         self.find_parts()
+        self.spread = self.spread_parts()
+        self.mirrored, self.replaced = self.near_the_circle(solver.disk.z)
 
     def close_pairs(self, z):
         """Sparse (P + 2, N), 1 where a node lies within its reach, and the size of the point's triangle, of a point."""
-        carrier, centre, table = self.carrier, self.points @ z, self.points.tocoo()
-        size = np.zeros(len(centre))
-        np.maximum.at(size, table.row, abs(z[table.col] - centre[table.row]))
+        carrier, centre = self.carrier, self.points @ z
+        size = abs(z[self.corners] - centre[:, None]).max(1)
         reach = REACH * np.sqrt(carrier.areas)
         near = carrier.tree.query_ball_point(np.stack([centre.real, centre.imag], axis=1), 2 * size + reach.max())
         rows, columns = np.repeat(np.arange(len(near)), [len(some) for some in near]), np.concatenate(near).astype(int)
@@ -76,38 +75,32 @@ class Tangent:
         return sparse.csr_array((np.ones(inside.sum()), (rows[inside], columns[inside])), shape=shape)
 
     def find_parts(self):
-        """The parts of triangles that stand for the nodes of the close pairs, and what each of them gives to whom.
+        """Of the close pairs' nodes, the parts: hats, areas, values; point, part (E,): which point needs which part."""
+        needed = (self.close @ self.carrier.hats.T).tocoo()
+        used, self.part = np.unique(needed.col, return_inverse=True)
+        self.point, self.hats = needed.row, self.carrier.hats[used]
+        self.areas, self.values = self.carrier.areas_fine[used], self.carrier.values_fine[used]
 
-        point, part (E,): which part is needed for which point; spread (pairs, E): to which close pairs it belongs;
-        corners, shares (P + 2, 3): of the triangles that hold the points.
-        """
-        carrier, close = self.carrier, self.close
-        needed = (close @ carrier.hats.T).tocsr()
-        self.point = np.repeat(np.arange(len(needed.indptr) - 1), np.diff(needed.indptr))
-        wanted = np.zeros(len(carrier.areas_fine), bool)
-        wanted[needed.indices] = True
-        self.used, self.part = np.flatnonzero(wanted), (np.cumsum(wanted) - 1)[needed.indices]
-        self.hats, self.areas = carrier.hats[self.used], carrier.areas_fine[self.used]
-        self.values = carrier.values_fine[self.used]
-        number = np.full(close.shape, -1)
-        number[close.nonzero()] = np.arange(close.nnz)
-        node, share = (part.reshape(-1, 3)[self.part] for part in (self.hats.indices, self.hats.data))
+    def spread_parts(self):
+        """Sparse (pairs, E): the share of each needed part that belongs to each close pair."""
+        number = np.full(self.close.shape, -1)
+        number[self.close.nonzero()] = np.arange(self.close.nnz)
+        node, share = (table.reshape(-1, 3)[self.part] for table in (self.hats.indices, self.hats.data))
         pair = number[self.point[:, None], node]
         counted = pair >= 0
         starts = np.concatenate([[0], np.cumsum(counted.sum(1))])
-        self.spread = sparse.csc_array((share[counted], pair[counted], starts), shape=(close.nnz, len(self.point)))
-        inside = np.arange(3) < np.diff(self.points.indptr)[:, None]
-        self.corners, self.shares = np.zeros(inside.shape, int), np.zeros(inside.shape)
-        self.corners[inside], self.shares[inside] = self.points.indices, self.points.data
-        reach = np.zeros(len(inside))
-        row, node = close.nonzero()
-        centre = self.points @ carrier.mapped.z
-        np.maximum.at(reach, row, abs(carrier.z[node] - centre[row]))
-        rim = 1 - abs(centre) < reach  # of these points the mirror images are near, too
-        self.mirrored, self.replaced = np.flatnonzero(rim[self.point]), np.flatnonzero(rim[row])
+        return sparse.csc_array((share[counted], pair[counted], starts), shape=(self.close.nnz, len(self.point)))
+
+    def near_the_circle(self, z):
+        """Which needed parts and which close pairs belong to points whose mirror images are near, too."""
+        (row, node), centre = self.close.nonzero(), self.points @ z
+        reach = np.zeros(len(centre))
+        np.maximum.at(reach, row, abs(self.carrier.z[node] - centre[row]))
+        rim = 1 - abs(centre) < reach
+        return np.flatnonzero(rim[self.point]), np.flatnonzero(rim[row])
 
     def gradients(self, nu, f):
-        """Gradients of Re f(p) and Im f(p) with respect to nu (N,), complex (2, P, N), for the solver's map f (V,)."""
+        """Gradients of Re f(p) and Im f(p) by nu (N,), complex (2, P, N), for the solver's map f (V,)."""
         at, (P, Q) = self.points @ f, self.variation(nu, f)
         moved = np.stack([P.conj() + Q, 1j * (P.conj() - Q)])  # gradients of Re k and Im k
         (zero_re, _), (zero_im, one_im) = moved[:, -2:]
@@ -118,8 +111,7 @@ class Tangent:
         return moved
 
     def variation(self, nu, f, dtype=complex):
-        """P, Q (P + 2, N) with `dk(p) = sum P dnu + Q conj(dnu)`, the points' own change up to that of a Möbius map;
-        the last two rows are those of 0 and 1. dtype: complex64 takes half the time, to four digits."""
+        """P, Q (P + 2, N), `dk(p) = sum P dnu + Q conj(dnu)`, 0 and 1 last; complex64: four digits in half the time."""
         both = np.stack([f, self.carrier.slope @ f], axis=1)
         P, Q = self.kernel(nu, both, dtype)
         self.mend((P, Q), nu, both, dtype)
@@ -135,7 +127,7 @@ class Tangent:
         return mass * inverse(w - at, size), mass.conj() * at**3 * inverse(1 - at * w.conj(), size)
 
     def mend(self, PQ, nu, both, dtype):
-        """The entries of P, and of Q where mirror images are near, at close pairs: by the parts and the corners."""
+        """P at close pairs, and Q where mirror images are near, by the parts and the corners."""
         w, size, mass = cells(self.areas, self.hats @ nu, self.values @ both, dtype)
         at, share, (P, Q) = both[self.corners, 0].astype(dtype), self.shares.astype(size.dtype), PQ
         (row, node), part, point = self.close.nonzero(), self.part, self.point
@@ -149,20 +141,13 @@ class Tangent:
 
 
 def hats_inside(triangles, n_vertices):
-    """Sparse (FINER^2 T, V): the means over the parts of triangles (T, 3) cut into FINER^2 each, of vertex values."""
-    i, j = np.array([(i, j) for i in range(FINER) for j in range(FINER - i)]).T
-    upward = np.stack([i + 1 / 3, j + 1 / 3, FINER - 2 / 3 - i - j], axis=1)
-    i, j = i[i + j < FINER - 1], j[i + j < FINER - 1]
-    downward = np.stack([i + 2 / 3, j + 2 / 3, FINER - 4 / 3 - i - j], axis=1)
-    shares = np.tile(np.concatenate([upward, downward]) / FINER, (len(triangles), 1))
-    columns = np.repeat(triangles, FINER**2, axis=0)
-    starts = np.arange(0, shares.size + 1, 3)
-    return sparse.csr_array((shares.ravel(), columns.ravel(), starts), shape=(len(shares), n_vertices))
+    """Sparse (FINER^2 T, V): from vertex values to means over the FINER^2 parts of each triangle (T, 3)."""
+    shares = np.tile(middles(FINER), (len(triangles), 1))
+    return three_a_row(shares, np.repeat(triangles, FINER**2, axis=0), n_vertices)
 
 
 def cells(areas, nu, places, dtype):
-    """Of cells around places (n, 2), w = f and f_z: w, the size of their images as disks, radius squared, and their
-    mass in the integral."""
+    """Of cells at places (n, 2), f and f_z: f, the images' size as disks (radius squared), the mass in the integral."""
     w, slope = places.astype(dtype).T
     square = slope**2
     areas = (areas / np.pi).astype(square.real.dtype)
@@ -171,5 +156,5 @@ def cells(areas, nu, places, dtype):
 
 
 def inverse(d, size):
-    """`1 / d`, no larger than on the rim of a disk of this radius squared."""
+    """`1 / d`, no larger than at the rim of a disk of this radius squared."""
     return d.conj() * (1 / np.maximum(d.real**2 + d.imag**2, size))  # NumPy divides by a real in complex numbers

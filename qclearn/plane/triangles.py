@@ -14,6 +14,15 @@ def edge_lengths(corners):
     return abs(side) if np.iscomplexobj(side) else np.linalg.norm(side, axis=2)
 
 
+def middles(m):
+    """Barycentric coordinates (m^2, 3) of the centroids of the m^2 equal parts of a triangle."""
+    i, j = np.array([(i, j) for i in range(m) for j in range(m - i)]).T
+    upward = np.stack([i + 1 / 3, j + 1 / 3, m - 2 / 3 - i - j], axis=1)
+    i, j = i[i + j < m - 1], j[i + j < m - 1]
+    downward = np.stack([i + 2 / 3, j + 2 / 3, m - 4 / 3 - i - j], axis=1)
+    return np.concatenate([upward, downward]) / m
+
+
 def corner_angles(lengths):
     """Interior angles (F, 3) in radians from edge lengths opposite the corners (F, 3)."""
     opposite, left, right = lengths, np.roll(lengths, -1, axis=1), np.roll(lengths, -2, axis=1)
@@ -25,10 +34,7 @@ def corner_angles(lengths):
 def cotangent_stiffness(
     vertices: Float[ndarray, " V 3"], faces: Integer[ndarray, " F 3"]
 ) -> Float[sparse.csc_array, " V V"]:
-    """The surface's own stiffness matrix, sparse (V, V): off-diagonal entries `-(cot a + cot b)/2`.
-
-    It equals K(mu) of any embedding of the surface with Beltrami coefficient mu: no embedding is needed.
-    """
+    """The surface's stiffness matrix, off-diagonal `-(cot a + cot b)/2`: K(mu) of any embedding with coefficient mu."""
     corners = np.asarray(vertices, float)[faces]
     edges = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)  # edge k lies opposite corner k
     area = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)

@@ -1,7 +1,6 @@
-"""What networks propose, checked before it is used: curves and disk maps, and the exact twin where a check fails.
+"""Curves and disk maps of networks, checked before use; where a check fails, the exact twin and a word replace them.
 
-Every step aside is said in words that come back with the result. The networks are plain callables, so that any others
-with the same calls can stand in their place:
+Networks are plain callables; any others with the same calls can stand in their place:
 `detect(surface, z, endpoints (K, 2)) -> list of (k,) complex curves in z`;
 `predict(z, faces, moving, target, alpha=, beta=, gamma=, curve=) -> mu (F,)`; `solve(z, faces, mu) -> f (V,)`.
 """
@@ -25,12 +24,8 @@ MARGIN = 0.9  # of the tolerance: what refinement aims at, as the report also co
 
 
 def guarded_curves(detect, own, entries, side):
-    """The curves of a `Side`, "moving" or "control", in its disk: as given, by `detect`, or else the shortest path.
-
-    Two lists: (k,) complex curves, and words on what took the place of a detected one. entries as `check_curves`
-    returns them. A detected curve is not used where it leaves the disk or misses its endpoints, crosses itself, or
-    crosses or touches another one between the ends.
-    """
+    """The curves (k,) of a `Side`, "moving" or "control", in its disk, as given or by `detect`: two lists, curves and
+    words. The shortest path replaces a detected curve that has an `own_fault`, or crosses or touches another one."""
     surface, z = own.surface, own.disk.z
     lines, names = [z[entry[side]] for entry in entries], [entry["name"] for entry in entries]
     wanted = [k for k, entry in enumerate(entries) if entry["detect"][side]]
@@ -47,7 +42,7 @@ def guarded_curves(detect, own, entries, side):
 
 
 def own_fault(line, ends):
-    """Why one detected curve cannot be used, in words, or None."""
+    """Why a detected curve cannot be used, in words, or None."""
     if len(line) < 2 or not (np.isfinite(line).all() and abs(line).max() <= 1 + ON_VERTEX):
         return "leaves the disk"
     if abs(line[[0, -1]] - ends).max() > ON_VERTEX:
@@ -56,7 +51,7 @@ def own_fault(line, ends):
 
 
 def fill(line):
-    """The same polyline with points added between its own, evenly in their number, to POINTS at least."""
+    """The polyline with equally many points added to each piece, to POINTS at least."""
     pieces = -(-POINTS // (len(line) - 1))
     return np.interp(np.arange((len(line) - 1) * pieces + 1) / pieces, np.arange(len(line)), line)
 
@@ -104,10 +99,7 @@ def predicted(predict, problem, weights):
 
 
 def guarded_map(predict, solve, problem, weights, tolerance, stages=nullcontext):
-    """The disk map of a problem by CP-Net and DBS-Net, certified and within `tolerance`: CertifiedMap.
-
-    In four parts: what the networks say, `unfolded`, `refined`; `stages(name)` is a context that each runs in.
-    """
+    """The disk map of a problem by CP-Net and DBS-Net within `tolerance`: CertifiedMap. Parts run in `stages(name)`."""
     with stages("predict"):
         mu = predicted(predict, problem, weights)
     with stages("solve"):
@@ -119,8 +111,7 @@ def guarded_map(predict, solve, problem, weights, tolerance, stages=nullcontext)
 
 
 def unfolded(problem, mu, f):
-    """DBS-Net's f (V,) for mu (F,) after the best Möbius map, or where it folds the exact solver's, mended by row
-    switching: CertifiedMap."""
+    """`moved_map` of DBS-Net's f (V,), or where that folds `exact_map` of mu (F,): CertifiedMap."""
     found = moved_map(problem, f) if np.isfinite(f).all() else None
     if found is not None and found.bijective:
         return found
@@ -129,25 +120,19 @@ def unfolded(problem, mu, f):
 
 
 def refined(problem, weights, mu, found, tolerance):
-    """The networks' map, or a fit from their mu where it is folded or its mean |f(p) - q| is above the tolerance.
-
-    One whose measured `L_CP` or mean |f(p) - q|^2 is above that of the best Möbius map: that map.
-    """
+    """`not_above_mobius` of the networks' map, or a fit from their mu where it folds or exceeds the tolerance."""
     if found.bijective and found.landmark_error <= tolerance:
         return not_above_mobius(problem, weights, found)
     fit = bijective_fit(problem, weights, start=mu, enough=MARGIN * tolerance)
-    cause = (
-        f"landmark error {found.landmark_error:.1e} above {tolerance:.1e}"
-        if found.bijective
-        else f"the exact solver's map {fold_words(found)}"
-    )
+    large = f"landmark error {found.landmark_error:.1e} above {tolerance:.1e}"
+    cause = large if found.bijective else f"the exact solver's map {fold_words(found)}"
     word = f"{cause}: {sum(fit.steps)} Gauss-Newton steps, to {fit.landmark_error:.1e}"
     switched = max(found.switched, fit.switched)
     return replace(fit, fallbacks=(*found.fallbacks, word, *fit.fallbacks), switched=switched)
 
 
 def not_above_mobius(problem, weights, found):
-    """The map of the networks, or the best Möbius map where it is a bijection and better: see `refined`."""
+    """The networks' map, or the best Möbius map if it is bijective and lower in L_CP or in mean |f(p) - q|^2."""
     plain = moved_map(problem, problem.disk.z)
     losses, squares = [], []
     for candidate in (found, plain):
@@ -161,7 +146,7 @@ def not_above_mobius(problem, weights, found):
 
 
 def gamma_words(network, weights):
-    """Words on the gamma that CP-Net answers for where it is not the given one, as a list."""
+    """Words on the gamma that CP-Net answers for where it is below the given one, as a list."""
     used = network.gamma_used(weights)
     return [f"CP-Net answered for gamma = {used:.3g}"] if used < weights.gamma else []
 

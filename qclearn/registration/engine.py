@@ -1,4 +1,4 @@
-"""The Gauss-Newton engine of every fit: a problem on a mesh that carries nu, and states that steps lead on from.
+"""The Gauss-Newton engine of every fit: states of a problem on a mesh that carries nu, and steps between them.
 
 Unknowns: a complex field nu at the vertices of a polar mesh, `mu = T(nu) = tanh(|nu|) nu / |nu|` on faces, and a disk
 Möbius map M after the solver's f. Objective, to second order the paper's `L_CP`:
@@ -32,11 +32,10 @@ TRUST, TRIES = 0.3, 4  # the largest change of nu in a damped step, and how many
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """One place of a fit: nu (N,) and the Möbius parameters, and the map that they give.
+    """nu (N,) and Möbius parameters, and the map that they give.
 
-    f (V,): M after the solver's map at every vertex of the mapped mesh; points (M,): the mapped landmarks; solution:
-    the solver that found it, with its factors, for the adjoint; switched: rows that were, so that f does not fold;
-    learnt: what the steps that led here have learnt of the linearisation (steps.py), None at first.
+    f (V,): M after the solver's map on the mapped mesh; points (M,): the mapped landmarks; solution: the solver with
+    its factors; switched: how many rows were; learnt: what earlier steps know of the linearisation (steps.py).
     """
 
     nu: np.ndarray
@@ -54,7 +53,7 @@ class State:
 
 
 class Setting:
-    """A `Problem` on a `Link`: what of it no weight changes."""
+    """What no weight changes of a `Problem` on a `Link`."""
 
     def __init__(self, problem, link):
         self.problem, self.link = problem, link
@@ -69,12 +68,11 @@ class Setting:
 
 
 class Engine:
-    """The fit of a `Setting` with `Weights`, and a `FeatureTerm` where there is one; W is factored once.
+    """The fit of a `Setting` with `Weights` and maybe a `FeatureTerm`: `at(nu, mobius)` and `step(state, gamma)`.
 
-    `at(nu, mobius)` is the state there, `step(state, gamma)` the next one, or None where no step lowers the objective.
-    closed: whether the derivative by nu is taken in closed form, a few percent off and without a solve, where it
-    preconditions exact products; else from adjoint solves, which cost little on a polar mesh. Where the problem's own
-    mesh is mapped and a face is flipped, rows are switched.
+    closed: take the derivative by nu in closed form, a few percent off and without a solve, to precondition exact
+    products; else from adjoint solves, which cost little on a polar mesh. Rows are switched where a face of the
+    problem's own mesh is flipped.
     """
 
     def __init__(self, setting, weights, features=None, closed=None):
@@ -86,7 +84,7 @@ class Engine:
         self.factors = factorise(self.W)
 
     def at(self, nu, parameters):
-        """The state with nodal nu (N,) and Möbius parameters (a, theta): one solve."""
+        """The state with nu (N,) and Möbius parameters (a, theta): one solve."""
         solution = copy(self.link.solver)
         solution.solve(self.link.coefficient(nu))
         return self.finished(nu, parameters, solution, mobius(solution.f, *parameters))
@@ -96,7 +94,7 @@ class Engine:
         return self.finished(state.nu, parameters, state.solution, mobius(state.solution.f, *parameters))
 
     def mobius_alone(self, parameters):
-        """The state with nu = 0 whose map is the Möbius map at every vertex itself, mended where it folds triangles."""
+        """The state with nu = 0 and the Möbius map itself at each vertex, mended where it folds triangles."""
         solution = copy(self.link.solver)
         solution.mu, solution.floored = np.zeros(len(solution.disk.faces), complex), 0
         f = mobius(solution.disk.z, *parameters)
@@ -110,9 +108,6 @@ class Engine:
     def prior(self, nu):
         return (nu.conj() @ (self.W @ nu)).real
 
-    def mismatch(self, points, gamma):
-        return (self.landmarks.residual(points, gamma) ** 2).sum()
-
     def residual(self, state, gamma):
         """All residuals of a state: of the landmarks, and of the features if there are any."""
         landmarks = self.landmarks.residual(state.points, gamma)
@@ -125,12 +120,8 @@ class Engine:
         """The objective of a state that may follow another; infinite where its map folds and that one's does not."""
         return np.inf if found.folded and not state.folded else self.objective(found, gamma)
 
-    def error(self, state):
-        """Mean distance of a state's landmarks from their targets."""
-        return self.landmarks.error(state.points)
-
     def jacobian(self, state, gamma):
-        """Gradients of the landmarks' residual with respect to nu, complex (2 M, N), in closed form or exactly."""
+        """Gradients of the landmarks' residual by nu, complex (2 M, N), in closed form or exact."""
         if not self.closed:
             return self.landmarks.jacobian(*self.gradients(state), gamma)
         real, imaginary = self.setting.tangent.gradients(state.nu, state.solution.f)
@@ -139,7 +130,7 @@ class Engine:
         return self.landmarks.jacobian(*turned, gamma)
 
     def gradients(self, state):
-        """Gradients of Re w and Im w of the mapped landmarks with respect to nu, complex (M, N) each, exactly."""
+        """Exact gradients of Re w and Im w of the mapped landmarks by nu, complex (M, N) each."""
         solution, slope = state.solution, mobius_slope(state.solution.f, *state.mobius)
         parts = [np.zeros((2, 0, len(state.nu)), complex)]
         points = (self.samples @ sparse.diags_array(slope.conj())).tocsr()
@@ -151,27 +142,22 @@ class Engine:
         return np.concatenate(parts, axis=1)
 
     def chain(self, state, sensitivity):
-        """Sparse real (2 N, V): from an adjoint of a potential to the gradient with respect to nu, Re above Im.
-
-        In one product what would otherwise take a dense array of faces by landmarks.
-        """
+        """Sparse real (2 N, V): an adjoint of a potential to the gradient by nu, Re above Im, without a dense array."""
         by_mu, to_faces = sensitivity.tocoo(), self.link.to_faces
         data = bounded_pullback((to_faces @ state.nu)[by_mu.row], by_mu.data)
         chain = to_faces.T.tocsr() @ sparse.csr_array((data, (by_mu.row, by_mu.col)), shape=by_mu.shape)
         return sparse.vstack([chain.real, chain.imag]).tocsr()
 
     def linearise(self, state, gamma):
-        """The linearisation at a state, one of steps.py."""
-        kind = DirectStep if not self.setting.own else DualStep
+        """The linearisation of steps.py at a state."""
+        kind = DualStep if self.setting.own else DirectStep
         return (kind if self.features is None else FeatureStep)(self, state, gamma)
 
     def step(self, state, gamma, worth=0.0):
-        """The state after one step, or None where none lowers the objective, or the model promises less than the share
-        `worth` of it.
+        """The state after one step; None where none lowers the objective or the model promises less than `worth` of it.
 
-        A share s of the Gauss-Newton step is taken once it brings a sufficient part of what the quadratic model
-        promises, `(2s - s^2)` of the full step's gain. Where the map is too far from linear in nu for that, the best of
-        these and, with landmarks alone, of some damped steps. None leads from an unfolded map to a folded one.
+        A share s of the Gauss-Newton step is taken once it brings a sufficient part of the model's `(2s - s^2)` of the
+        full step's gain; if none does, the best of these and, with landmarks alone, of some damped steps.
         """
         before, linearised = self.objective(state, gamma), self.linearise(state, gamma)
         *whole, promised = linearised.propose()
@@ -195,7 +181,6 @@ class Engine:
 
 
 def damped_changes(linearised):
-    """Levenberg steps, from the least damping that keeps nu where the linearisation can be trusted: which that is costs
-    no map to find out."""
+    """Levenberg steps from the least damping that changes nu by at most TRUST, found without a map."""
     steps = (linearised.propose(damping)[:-1] for damping in DAMPINGS)
     return islice((step for step in steps if abs(step[0]).max() <= TRUST), TRIES)

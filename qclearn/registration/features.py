@@ -1,7 +1,6 @@
 """Features of two surfaces, per-vertex maps that shall lie on each other: checked, smoothed scale by scale, compared.
 
-Sulcal depth and mean curvature, or any maps of the user's own (thickness, myelin, FreeSurfer's sulc), the same on both
-sides. What is compared is standardised by area on each side, so that units cancel and the mismatch is 2 (1 - r).
+Each side is standardised by area, so that units cancel and the mismatch is 2 (1 - r).
 """
 
 from dataclasses import dataclass, replace
@@ -14,6 +13,7 @@ from ..plane.mobius import compose_mobius, mobius, mobius_fields
 from ..plane.triangles import cotangent_stiffness
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import SurfaceError
+from .problem import is_finite
 
 FOLDS = ("depth", "curvature")  # the features that a surface has by itself
 OUTLIERS, SMOOTH_OUTLIERS = 2.5, 3.0  # standard deviations to which a map is clipped, before and after it is smoothed
@@ -35,7 +35,7 @@ class FeatureError(SurfaceError):
 
 @dataclass(frozen=True, eq=False)
 class Feature:
-    """One per-vertex map of both sides, moving (V,) and control (W,), and its weight among the features."""
+    """A per-vertex map of both sides, moving (V,) and control (W,), and its weight among the features."""
 
     name: str
     moving: np.ndarray
@@ -44,10 +44,9 @@ class Feature:
 
 
 class Features:
-    """The features of a moving `Side`, compared with those of a control: a `Side` as well, or a group's mean.
+    """The features of a moving `Side` compared with those of a control: a `Side` or a group's mean.
 
-    names (C,), shares (C,): their weights, of sum 1; areas (V,): the moving vertices' shares of its area; disk: the
-    control's.
+    names (C,); shares (C,): weights of sum 1; areas (V,): moving vertices' shares of the area; disk: the control's.
     """
 
     def __init__(self, moving, control, weights=None):
@@ -67,20 +66,17 @@ class Features:
 
 
 def featured(moving, control, maps):
-    """Two `Side`s with maps (`Feature`s, as `check_features` returns them) as their features, and these compared."""
+    """Two `Side`s with `Feature`s of `check_features`, and the `Features` that compare them."""
     names = [feature.name for feature in maps]
-    moving, control = (
-        replace(own, features=Smoothing(own.surface, names, np.stack([getattr(one, side) for one in maps], axis=1)))
-        for own, side in ((moving, "moving"), (control, "control"))
-    )
+    here, there = (np.stack([getattr(one, side) for one in maps], axis=1) for side in ("moving", "control"))
+    moving = replace(moving, features=Smoothing(moving.surface, names, here))
+    control = replace(control, features=Smoothing(control.surface, names, there))
     return moving, control, Features(moving, control, [feature.weight for feature in maps])
 
 
 class Smoothing:
-    """Per-vertex values (V, C) of one surface, with a name each, at any scale: `at(sigma)`.
-
-    sigma: standard deviation of the smoothing kernel, in mm on a surface with the area of a HEMISPHERE.
-    """
+    """Named per-vertex values (V, C) of one surface at any scale sigma: the standard deviation of the smoothing kernel,
+    in mm on a surface with the area of a HEMISPHERE."""
 
     def __init__(self, surface, names, values):
         self.names, self.values = names, values
@@ -95,7 +91,7 @@ class Smoothing:
         return self.levels[sigma]
 
     def heat(self, sigma):
-        """The values after heat flow `A u' = -K u` for the time sigma^2 / 2, in implicit steps."""
+        """The values after the heat flow `A u' = -K u` for the time sigma^2 / 2."""
         time = (self.unit * sigma) ** 2 / (2 * HEAT_STEPS)
         values = clipped(scaled(self.values), self.areas, OUTLIERS)
         factors = factorise(sparse.diags_array(self.mass) + time * self.stiffness)
@@ -112,12 +108,12 @@ def standardised(values, areas):
 
 
 def scaled(values):
-    """Values (V, C), not all 0, with 1 as the largest size of each map: their squares neither vanish nor overflow."""
+    """Values (V, C), not all 0, with 1 as each map's largest size, so that squares neither vanish nor overflow."""
     return values / abs(values).max(0)
 
 
 def clipped(values, areas, limit):
-    """Values (V, C) cut to so many standard deviations from their mean over the area, those of all but the TAIL."""
+    """Values (V, C) cut to `limit` standard deviations from the mean, both over the area of all but the TAIL."""
     core = np.clip(values, *np.quantile(values, [TAIL, 1 - TAIL], axis=0))
     mean = areas @ core
     reach = limit * np.sqrt(areas @ (core - mean) ** 2)
@@ -125,7 +121,7 @@ def clipped(values, areas, limit):
 
 
 class Image:
-    """The control's features (W, C) at one scale on its `Disk`, at places that the disk's lookup found."""
+    """The control's features (W, C) of one scale, read at places that its `Disk`'s lookup found."""
 
     def __init__(self, disk, values):
         self.disk, self.values = disk, values
@@ -142,11 +138,8 @@ class Image:
 
 
 def mobius_by_features(features, z, near=False):
-    """(a, theta) of the disk Möbius map after which the features of a moving disk z (V,) match best, at SCALE.
-
-    The best of many maps on a few vertices, drawn by area, refined by damped Gauss-Newton steps on more of them; near:
-    the identity alone is refined.
-    """
+    """(a, theta) of the disk Möbius map after which the features of a moving disk z (V,) match best, at SCALE; the best
+    of many maps on a few vertices are refined on more, or with `near` the identity alone."""
     inner = np.flatnonzero(abs(z) < 0.999)  # the others leave the control's polygon
     share = features.areas[inner] / features.areas[inner].sum()
     some = np.random.default_rng(0).choice(inner, POINTS, p=share)
@@ -155,8 +148,7 @@ def mobius_by_features(features, z, near=False):
         return match.refined((0j, 0.0))
     centres = [0j, *np.multiply.outer(RADII, np.exp(2j * np.pi * np.arange(DIRECTIONS) / DIRECTIONS)).ravel()]
     starts = [(a, turn) for a in centres for turn in 2 * np.pi * np.arange(TURNS) / TURNS]
-    scouts = Match(features, z, some[:SCOUTS])
-    found = [scouts.misfit(start) for start in starts]
+    found = [*map(Match(features, z, some[:SCOUTS]).misfit, starts)]
     refined = [match.refined(starts[k]) for k in np.argsort(found, kind="stable")[:BEST]]
     return min(refined, key=match.misfit)
 
@@ -177,7 +169,7 @@ class Match:
         return (self.residual(self.lookup(mobius(self.z, *parameters))) ** 2).sum()
 
     def refined(self, parameters):
-        """(a, theta) after damped Gauss-Newton steps from there: increments that follow the map."""
+        """(a, theta) after damped Gauss-Newton steps from there, each a Möbius map after the last."""
         damping, cost = DAMPING, self.misfit(parameters)
         for _ in range(ROUNDS):
             w = mobius(self.z, *parameters)
@@ -196,11 +188,9 @@ class Match:
 
 
 def check_features(features, moving, control):
-    """The features of a call as a list of `Feature`s, or FeatureError, naming the map that cannot be used.
-
-    Each is a name of FOLDS, a pair of arrays (V,) and (W,), a `Feature`, or a pair of one of these and its weight.
-    """
-    if isinstance(features, (str, Feature)) or not isinstance(features, (list, tuple)) or not len(features):
+    """The features of a call as a list of `Feature`s, or FeatureError, naming the map that cannot be used; each is a
+    name of FOLDS, a pair of arrays (V,) and (W,), a `Feature`, or a pair of one of these and a weight."""
+    if not isinstance(features, (list, tuple)) or not len(features):
         raise FeatureError(f"features are {features!r}: give a list of them, or None for landmarks alone")
     maps = [_feature(number, given, moving, control) for number, given in enumerate(features, 1)]
     names = [feature.name for feature in maps]
@@ -224,13 +214,11 @@ def _feature(number, given, moving, control):
     if not isinstance(given.name, str):
         raise FeatureError(f"feature {number}: its name {given.name!r} is not text")
     weight = given.weight if weight is None else weight
-    if not (isinstance(weight, (int, float, np.integer, np.floating)) and np.isfinite(weight) and weight > 0):
+    if not (is_finite(weight) and weight > 0):
         raise FeatureError(f"{given.name}: weight {weight!r} is not positive and finite")
-    sides = (
-        check_values(getattr(given, side), f"{given.name}, {side} side", surface)
-        for side, surface in (("moving", moving), ("control", control))
-    )
-    return Feature(given.name, *sides, float(weight))
+    moving = check_values(given.moving, f"{given.name}, moving side", moving)
+    control = check_values(given.control, f"{given.name}, control side", control)
+    return Feature(given.name, moving, control, float(weight))
 
 
 def _has_weight(given):
@@ -241,21 +229,17 @@ def _has_weight(given):
 
 
 def check_values(values, name, surface):
-    """A feature's values on one surface as floats (V,), or FeatureError, which calls them by their name."""
+    """A feature's values on a surface as floats (V,), or FeatureError with their name."""
     try:
         values = np.asarray(values)
     except ValueError:
         raise FeatureError(f"{name}: lists of unequal lengths; give one number a vertex") from None
     if values.dtype.kind != "f":
-        raise FeatureError(
-            f"{name}: values of type {values.dtype}; a feature is a real measure at each vertex (labels have no "
-            "order, and a complex map has two parts): give floats"
-        )
+        hint = "labels have no order, and a complex map has two parts: give floats"
+        raise FeatureError(f"{name}: values of type {values.dtype}; {hint}")
     if values.shape != (len(surface.vertices),):
-        raise FeatureError(
-            f"{name}: shape {values.shape} for {len(surface.vertices)} vertices; give one value a vertex of the "
-            "surface as it is registered (the cut-open one, if it was cut)"
-        )
+        found = f"{name}: shape {values.shape} for {len(surface.vertices)} vertices"
+        raise FeatureError(f"{found}; give one value a vertex of the surface as registered (cut open, if it was cut)")
     unknown = np.flatnonzero(~np.isfinite(values))
     if len(unknown):
         raise FeatureError(f"{name}: not finite at vertices {unknown[:5].tolist()}; fill them in first")

@@ -3,7 +3,7 @@
 Objective: `nu^* W nu + gamma mean |M(f(p)) - q|^2 + delta sum_c a_c sum_k w_k (I_c(x_k) - J_c(M f(x_k)))^2`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,7 +16,6 @@ from ..plane.coefficients import bounded
 from ..plane.disk import Disk
 from ..plane.mobius import best_mobius, mobius
 from ..plane.solver import DiskSolver
-from .features import Features
 from .ladder import LEVELS, Climb, climbed, landmark_levels
 from .problem import LandmarkError, Problem, Weights
 
@@ -28,11 +27,11 @@ ABOVE = "the fit ended above the best Möbius map"
 
 @dataclass(frozen=True)
 class CertifiedMap:
-    """A disk map of a problem's landmarks, measured, and certified or reported.
+    """A disk map of a problem with its certificate.
 
     f: the map, Möbius part included; mu: its measured coefficient; mobius: (a, theta); landmark_error: mean
-    |f(p) - q|, 0 without landmarks; bijective, flipped: its certificate; fallbacks: words on what was done besides,
-    empty if nothing was; switched: at how many vertices rows were, the most where maps were tried one after the other.
+    |f(p) - q|, 0 without landmarks; bijective, flipped: the certificate; fallbacks: words on what was done besides;
+    switched: at how many vertices rows were, the most of the maps tried.
     """
 
     f: Complex[ndarray, " V"]
@@ -50,8 +49,7 @@ class LandmarkFit(CertifiedMap):
     """Result of `fit_landmarks`: a `CertifiedMap` and how it was found.
 
     steps: Gauss-Newton steps on the polar mesh and on the given one; losses: L_mu, L_grad_mu, L_Landmark, L_CP of the
-    coefficient field. With features also L_features, and r: their names -> correlations after the best Möbius map and
-    after this one.
+    coefficient field, and L_features; r: feature -> correlation after the best Möbius map and after this one.
     """
 
     steps: tuple
@@ -78,12 +76,11 @@ def fit_landmarks(
 
     Minimises `alpha mean|nu|^2 + beta mean|grad nu|^2 + gamma mean|M(f(p)) - q|^2` (means over the unit disk and over
     the M landmarks), to second order in nu the paper's L_CP. Neither this nor the mean squared distance ends above
-    that of the best Möbius map: a fit that would is taken up again from there, or the Möbius map is the result, and
-    `fallbacks` says so. z (V,) complex with its boundary on the unit circle; moving, target (M,) complex in the closed
-    disk; curve (M,) int labels, points of a curve in order; sliding lets inner points of a curve move along the target
-    curve. start: mu (F,) on the faces to begin from; rings of the polar mesh that carries nu (default: from the mesh's
-    size); watch() is called before each step and may raise to stop it; enough: landmark error below which no further
-    step is taken on the mesh (0: steps until they settle).
+    that of the best Möbius map: a fit that would starts again from there, or that map is the result; see `fallbacks`.
+    z (V,): boundary on the unit circle; moving, target (M,): in the closed disk; curve (M,): labels, points of a curve
+    in order; sliding: inner points of a curve may move along the target curve; start: mu (F,) to begin from; rings: of
+    the polar mesh of nu (None: by the mesh's size); watch() is called before each step and may raise to stop it;
+    enough: landmark error below which no further step is taken on the mesh (0: steps until they settle).
     Errors: LandmarkError, BeltramiError, SurfaceError. Source: paper, eq. RegLoss; Gauss-Newton in its dual form.
     """
     problem, weights = Problem(Disk(z, faces), moving, target, curve, sliding), Weights(alpha, beta, gamma)
@@ -92,7 +89,7 @@ def fit_landmarks(
 
 @threadpool_limits.wrap(limits=1)  # on matrices of this size BLAS threads wait for each other: up to five times slower
 def fit_problem(problem, weights, start=None, rings=None, watch=None, enough=0.0):
-    """`fit_landmarks` of a `Problem`, or of the `Climb` of one that was fitted before, with `Weights`."""
+    """`fit_landmarks` of a `Problem`, or of the `Climb` of a fitted one, with `Weights`."""
     if rings is not None and not (isinstance(rings, (int, np.integer)) and rings >= FEWEST_RINGS):
         raise LandmarkError(f"rings = {rings!r}: give an integer from {FEWEST_RINGS}, or None to go by the mesh's size")
     climb = problem if isinstance(problem, Climb) else Climb(problem)
@@ -105,20 +102,10 @@ def fit_problem(problem, weights, start=None, rings=None, watch=None, enough=0.0
 
 
 @threadpool_limits.wrap(limits=1)
-def fit_registration(
-    problem: Problem,
-    weights: Weights,
-    features: Features,
-    start: Complex[ndarray, " F"] | None = None,
-    watch: Callable | None = None,
-    levels: Sequence = LEVELS,
-) -> LandmarkFit:
-    """The disk map of a `Problem` that takes landmarks and `Features` to theirs, with `Weights` (delta > 0):
-    LandmarkFit.
+def fit_registration(problem, weights, features, start=None, watch=None, levels=LEVELS):
+    """The disk map of a `Problem` that fits landmarks and `Features` with `Weights`, delta > 0: LandmarkFit.
 
-    Gauss-Newton from coarse features on a coarse mesh to fine ones on the problem's own; `r` of the result has the
-    features' correlations. start: mu (F,) on the faces to begin from; watch() is called before each step and may raise
-    to stop it. A problem without landmarks begins at the identity: align its disk by features first.
+    start, watch: as of `fit_landmarks`. Without landmarks it begins at the identity: align the disk by features first.
     """
     if not weights.delta > 0:
         raise LandmarkError(f"delta = {weights.delta:g}: the features would take no part; give 0.1 to 1")
@@ -135,24 +122,21 @@ def fit_registration(
 
 
 def rings_for(disk):
-    """How many rings the polar mesh that carries nu has for a `Disk` of so many vertices."""
+    """How many rings the polar mesh of nu has for a `Disk`, by its vertices."""
     return int(np.clip(np.sqrt(len(disk.z) / 3), 8, 32))
 
 
 def exceeds(engine, state, best):
-    """Whether a fit ends above the best Möbius map, which takes the landmarks to `best` (M,): in its objective, or in
-    the mean squared distance alone."""
+    """Whether a fit ends above the best Möbius map, landmarks at `best` (M,), in objective or mean squared distance."""
     gamma, target, most = engine.weights.gamma, engine.problem.target, 1 + ROUNDING
     squares = [(abs(points - target) ** 2).mean() for points in (state.points, best)]
     fitted = engine.objective(state, gamma)
-    return not (fitted <= most * engine.mismatch(best, gamma) and squares[0] <= most * squares[1])
+    plain = (engine.landmarks.residual(best, gamma) ** 2).sum()
+    return not (fitted <= most * plain and squares[0] <= most * squares[1])
 
 
 def fit_from_mobius(engine, astray, best, level, watch):
-    """What takes the place of a fit that ended above the best Möbius map: steps from there, or that map itself.
-
-    The fit that went astray is kept where the Möbius map folds the mesh and cannot be mended, but it is a bijection.
-    """
+    """The fit by steps from the best Möbius map in place of one that ended above it, or else `instead` of that one."""
     parameters = engine.problem.mobius
     begin = engine.at(np.zeros(len(engine.link.mesh.z), complex), parameters)  # what was learnt far from here is gone
     state, steps = climbed(engine, begin, level, watch)
@@ -164,7 +148,7 @@ def fit_from_mobius(engine, astray, best, level, watch):
 
 
 def instead(fit, plain):
-    """What takes the place of a fit that ended above the best Möbius map: that map, unless it alone folds the mesh."""
+    """The best Möbius map in place of a fit that ended above it, unless that map alone folds the mesh."""
     if plain.bijective or not fit.bijective:
         return replace(plain, fallbacks=(*plain.fallbacks, f"{ABOVE}: that map is returned"))
     return replace(fit, fallbacks=(*fit.fallbacks, f"{ABOVE}: kept, as that map folds the mesh"))
@@ -188,31 +172,23 @@ def report_fit(engine, state, steps):
 
 
 def certified(problem, f, parameters, fallbacks=(), switched=0):
-    """A map f (V,) of a problem with the Möbius parameters that it holds, measured: CertifiedMap."""
-    certificate, off = problem.disk.certify(f), abs(problem.samples @ f - problem.target)
-    return CertifiedMap(
-        f,
-        problem.disk.coefficient(f),
-        parameters,
-        float(off.mean()) if len(off) else 0.0,
-        certificate.bijective,
-        certificate.flipped,
-        tuple(fallbacks),
-        switched,
-    )
+    """The CertifiedMap of a problem's map f (V,), which holds the Möbius parameters."""
+    found, mu = problem.disk.certify(f), problem.disk.coefficient(f)
+    off = abs(problem.samples @ f - problem.target)
+    error = float(off.mean()) if len(off) else 0.0
+    return CertifiedMap(f, mu, parameters, error, found.bijective, found.flipped, tuple(fallbacks), switched)
 
 
 def moved_map(problem, f, fallbacks=()):
     """M after f (V,), M the disk Möbius map with the least `mean |M(f(p)) - q|^2`: CertifiedMap."""
-    loop = problem.disk.loop
     parameters = best_mobius(problem.samples @ f, problem.target)
     f = mobius(f, *parameters)
-    f[loop] /= abs(f[loop])
+    f[problem.disk.loop] /= abs(f[problem.disk.loop])
     return certified(problem, f, parameters, fallbacks)
 
 
 def exact_map(problem, mu):
-    """`moved_map` of the exact solver's map for mu (F,); where it folds, rows are switched and it is solved again."""
+    """`moved_map` of the exact solver's map for mu (F,), solved again with switched rows where it folds."""
     solver = DiskSolver(problem.disk)
     solved = solver.solve(mu)
     found = moved_map(problem, solved, solver_words(solver))
@@ -223,6 +199,6 @@ def exact_map(problem, mu):
 
 
 def solver_words(solver, switched=0):
-    """What a solver's last map needed to stay one, in words, empty if nothing."""
-    words = [f"{switched} rows switched"] if switched else []
-    return (*words, f"{solver.floored} boundary steps raised") if solver.floored else tuple(words)
+    """Words on what a solver's last map needed to stay one."""
+    told = (switched, "rows switched"), (solver.floored, "boundary steps raised")
+    return tuple(f"{count} {word}" for count, word in told if count)

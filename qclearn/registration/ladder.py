@@ -1,4 +1,4 @@
-"""The way from a coarse mesh to the caller's own: every fit is a list of `Level`s, gone through by one driver."""
+"""The way from a coarse mesh to the caller's own: one driver goes through a list of `Level`s."""
 
 from functools import lru_cache
 from typing import NamedTuple
@@ -24,11 +24,11 @@ GUIDING_DELTA, COARSE = 0.3, 16.0  # at most, from this scale up: a large one te
 
 
 class Level(NamedTuple):
-    """One part of the way: rings of the mesh of nu, scale of the features (None: landmarks alone), steps at most, and
-    whether the surface's own disk mesh is mapped.
+    """One part of the way.
 
-    worth: the share of the objective that a step has to promise; settled: the share that it may leave where another
-    follows, 0 for any; share, most: of gamma; rising: whether gamma rises to that from FIRST_GAMMA, where nu is 0.
+    rings: of the mesh of nu; sigma: the features' scale (None: landmarks alone); steps: at most; own_mesh: map the
+    surface's own mesh; worth: share of the objective that a step has to promise; settled: share that it may leave if
+    another follows, 0 for any; share, most: of gamma; rising: raise gamma to that from FIRST_GAMMA, where nu is 0.
     """
 
     rings: int
@@ -42,7 +42,7 @@ class Level(NamedTuple):
     rising: bool = False
 
     def weights(self, weights):
-        """The `Weights` of this level."""
+        """The `Weights` at this level."""
         delta = weights.delta if self.sigma is None or self.sigma < COARSE else min(weights.delta, GUIDING_DELTA)
         return weights if self.own_mesh else weights.at(min(self.share * weights.gamma, self.most), delta)
 
@@ -63,7 +63,7 @@ LEVELS = (
 
 
 def landmark_levels(disk, rings):
-    """With landmarks alone, for a `Disk` that is mapped and so many rings of its polar mesh."""
+    """The levels with landmarks alone, for a `Disk` and the rings of its finest polar mesh."""
     # At a tenth of gamma: the coarse mesh's own error moves the landmarks, and the full weight would bend nu after it.
     # On the tests' smooth problems that costs up to a step more there and ends up to 3 % higher in L_CP.
     yield Level(rings // 2, None, 5, share=0.1, rising=True)
@@ -73,15 +73,12 @@ def landmark_levels(disk, rings):
 
 
 def few(steps, rings):
-    """So many steps at most on one polar mesh, whatever they promise."""
+    """At most so many steps on one polar mesh, whatever they promise."""
     return Level(rings, None, steps, worth=0.0)
 
 
 class Climb:
-    """The way of one `Problem` through levels, with any weights: what no weight changes is made once and kept.
-
-    Whoever moves a slider keeps the climb.
-    """
+    """The way of one `Problem` through levels with any weights; keeps what no weight changes, for a slider say."""
 
     def __init__(self, problem):
         self.problem, self.settings = problem, {}
@@ -102,14 +99,15 @@ class Climb:
         return Engine(setting, weights, FeatureTerm(features, level.sigma, weights.delta, samples))
 
     def run(self, levels, weights, start=None, features=None, watch=None, enough=0.0):
-        """Steps of each level from mu `start` (F,), or None, on: the last engine, its last state, the steps a level."""
+        """Steps of each level, from mu `start` (F,) or None: the last engine, its last state, the steps a level."""
         engine, state, steps = None, None, []
         for level in levels:
             before, engine = engine, self.engine(level, weights, features)
             if before is None:
                 state = engine.at(start_field(self.problem.disk, start, engine.link.mesh), self.problem.mobius)
-                if features is not None and start is not None:
-                    state = aligned(engine, state)
+                if features is not None and start is not None and len(self.problem.moving):
+                    best = best_mobius(engine.samples @ state.solution.f, self.problem.target)
+                    state = engine.moved(state, best)
             else:
                 nu = self.carried(before, state, engine, start if features is None else None)
                 state = engine.at(nu, state.mobius)
@@ -128,15 +126,13 @@ class Climb:
 
 @lru_cache(maxsize=8)
 def grid_link(rings):
-    """The `Link` of a polar mesh that carries nu and is mapped itself, whatever the problem."""
+    """The `Link` of a polar mesh that carries nu and is mapped itself."""
     return Link(polar(rings), polar(rings))
 
 
 def climbed(engine, state, level, watch=None, enough=0.0):
-    """Steps of one level, as long as they promise enough and the last one has kept it: (state, steps).
-
-    watch() is called before each; none is taken where the landmark error is below `enough`, but on a rising level.
-    """
+    """(state, steps) after the steps of one level, until one promises or gains too little, or the landmark error falls
+    below `enough` (not on a rising level); watch() is called before each."""
     gamma = engine.weights.gamma
     low = min(FIRST_GAMMA, gamma) if level.rising and not state.nu.any() else gamma
     gammas = [*10.0 ** np.arange(np.log10(low), np.log10(gamma) - 1e-9), *[gamma] * level.steps]
@@ -144,7 +140,7 @@ def climbed(engine, state, level, watch=None, enough=0.0):
     for steps, at in enumerate(gammas):
         if watch:
             watch()
-        near = enough > 0 and not level.rising and engine.error(state) < enough
+        near = enough > 0 and not level.rising and abs(state.points - engine.problem.target).mean() < enough
         found = None if near else engine.step(state, at, level.worth if at == gamma else 0.0)
         if found is None and at == gamma:
             return state, steps
@@ -156,15 +152,8 @@ def climbed(engine, state, level, watch=None, enough=0.0):
     return state, len(gammas)
 
 
-def aligned(engine, state):
-    """A state with the best Möbius map after its own, where there are landmarks to tell."""
-    if not len(engine.problem.moving):
-        return state
-    return engine.moved(state, best_mobius(engine.samples @ state.solution.f, engine.problem.target))
-
-
 def start_field(disk, mu, mesh):
-    """nu at the polar mesh's vertices from a coefficient mu (F,) on the faces of a `Disk`; 0 from None."""
+    """nu at the vertices of a polar mesh from mu (F,) on a `Disk`; 0 from None."""
     if mu is None:
         return np.zeros(len(mesh.z), complex)
     return unbounded(check_coefficient(mu, len(disk.faces))[disk.locate(mesh.z)[0]])

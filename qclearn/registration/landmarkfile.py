@@ -17,8 +17,7 @@ SIDES = {"moving": "control", "control": "moving"}  # each side and the other
 
 
 def read_landmarks(path):
-    """The contents of a landmarks file; LandmarkError, naming it, if it cannot be read, is not JSON, or has a curve
-    whose name is long or holds control characters."""
+    """The contents of a landmarks file; LandmarkError, naming it, if it is no sound JSON or a curve's name is bad."""
     try:
         data = read_bytes(Path(path))
     except SurfaceError as error:
@@ -33,32 +32,25 @@ def read_landmarks(path):
     for number, curve in enumerate(curves if isinstance(curves, list) else []):
         name = curve.get("name") if isinstance(curve, dict) else None
         if isinstance(name, str) and not is_plain_name(name):
-            raise LandmarkError(
-                f"{path}: the name of curve {number} is longer than 200 characters or holds control "
-                f"characters: {name[:40]!r}; rename it"
-            )
+            fault = "is longer than 200 characters or holds control characters"
+            raise LandmarkError(f"{path}: the name of curve {number} {fault}: {name[:40]!r}; rename it")
     return contents
 
 
 def nesting(data):
-    """How deep brackets and braces of a text (bytes) are nested, those in its strings counted with the others."""
+    """How deep the brackets and braces of a text (bytes) are nested, those in strings included."""
     text = np.frombuffer(data, np.uint8)
     opened = np.isin(text, list(b"[{")).astype(np.int64) - np.isin(text, list(b"]}"))
     return int(opened.cumsum().max(initial=0))
 
 
 def check_curves(curves, moving, control, fewest=1):
-    """The landmarks file's curves as checked dicts with arrays and `detect` per side, or LandmarkError.
-
-    fewest: how many there must be (0 where features lead).
-    """
+    """The landmarks file's curves, `fewest` at least, as dicts with arrays and `detect` per side, or LandmarkError."""
     if isinstance(curves, dict):
         unknown = set(curves) - {"curves", "surfaces"}
         if unknown or "curves" not in curves:
-            raise LandmarkError(
-                f"landmarks need the one key 'curves'; found {sorted(map(str, curves))} ('surfaces' may "
-                "stand beside it)"
-            )
+            found = sorted(map(str, curves))
+            raise LandmarkError(f"landmarks need the one key 'curves'; found {found} ('surfaces' may stand beside it)")
         check_surfaces(curves.get("surfaces", {}), moving, control)
         curves = curves["curves"]
     if not isinstance(curves, (list, tuple)) or len(curves) < fewest:
@@ -72,27 +64,22 @@ def check_curves(curves, moving, control, fewest=1):
 
 
 def held_apart(entries, names):
-    """Checked curves as (to be fitted, held out): held out are those of these names and those whose entry says so."""
+    """Checked curves as (to be fitted, held out by these names or by their entry)."""
     if isinstance(names, str):
         names = [names]
     if not isinstance(names, (list, tuple, set)) or not all(isinstance(name, str) for name in names):
         raise LandmarkError(f"hold_out is {names!r:.60}: give a list of names of curves")
     unknown = sorted(set(names) - {entry["name"] for entry in entries})
     if unknown:
-        raise LandmarkError(
-            f"no curve is called {', '.join(map(repr, unknown))}, so it cannot be held out; there are "
-            f"{', '.join(repr(entry['name']) for entry in entries) or 'none'}"
-        )
-    held = [entry for entry in entries if entry["hold_out"] or entry["name"] in names]
-    apart = {entry["name"] for entry in held}
-    return [entry for entry in entries if entry["name"] not in apart], held
+        known = ", ".join(repr(entry["name"]) for entry in entries) or "none"
+        raise LandmarkError(f"no curve is called {', '.join(map(repr, unknown))}, to be held out; there are {known}")
+    names = {*names, *(entry["name"] for entry in entries if entry["hold_out"])}
+    return tuple([entry for entry in entries if (entry["name"] in names) == held] for held in (False, True))
 
 
 def check_surfaces(stated, moving, control):
-    """LandmarkError unless the surfaces are those that the file names: `{"moving": {"vertices", "sha256"}, ...}`.
-
-    Each side and each of its two keys may be missing. A surface that was mirrored after reading counts as itself.
-    """
+    """LandmarkError unless the surfaces, or their mirrors, are those stated: `{"moving": {"vertices", "sha256"}, ...}`,
+    each side and key optional."""
     if not isinstance(stated, dict) or not set(stated) <= set(SIDES):
         raise LandmarkError('landmarks: \'surfaces\' must be {"moving": {"vertices", "sha256"}, "control": {...}}')
     surfaces = {"moving": moving, "control": control}
@@ -101,23 +88,16 @@ def check_surfaces(stated, moving, control):
             raise LandmarkError(f'landmarks: surfaces, {side}: give "vertices" and "sha256", and nothing else')
         if not _is_one(wanted, surfaces[side]):
             other = SIDES[side]
-            hint = (
-                f"exchanged: they fit the {other} surface; exchange MOVING and CONTROL"
-                if wanted and _is_one(wanted, surfaces[other])
-                else "numbers of one mesh mean nothing on another: give the surface they belong to, or make them anew"
-            )
-            raise LandmarkError(
-                f"the landmarks were made for another {side} surface ({_stated(wanted)}; this one has "
-                f"{_stated(surfaces[side].fingerprint)}): {hint}"
-            )
+            hint = "numbers of one mesh mean nothing on another: give the surface they belong to, or make them anew"
+            if wanted and _is_one(wanted, surfaces[other]):
+                hint = f"exchanged: they fit the {other} surface; exchange MOVING and CONTROL"
+            found = f"{_stated(wanted)}; this one has {_stated(surfaces[side].fingerprint)}"
+            raise LandmarkError(f"the landmarks were made for another {side} surface ({found}): {hint}")
 
 
 def _is_one(wanted, surface):
     own = surface.fingerprint
-    if wanted.get("vertices", own["vertices"]) != own["vertices"]:
-        return False
-    wanted = wanted.get("sha256", own["sha256"])
-    return wanted == own["sha256"] or wanted == mirror(surface).fingerprint["sha256"]
+    return wanted.items() <= own.items() or wanted.items() <= mirror(surface).fingerprint.items()
 
 
 def _stated(mark):
@@ -133,10 +113,8 @@ def _check_entry(number, entry, moving, control):
     flags = [entry.get("detect", True), entry.get("hold_out", False)]
     if not isinstance(entry["name"], str) or not all(isinstance(flag, bool) for flag in flags):
         raise LandmarkError(f"curve {number}: name must be text, and detect and hold_out true or false")
-    checked, surfaces = (
-        {"name": entry["name"], "detect": {}, "hold_out": flags[1]},
-        {"moving": moving, "control": control},
-    )
+    checked = {"name": entry["name"], "detect": {}, "hold_out": flags[1]}
+    surfaces = {"moving": moving, "control": control}
     for side, surface in surfaces.items():
         try:
             checked[side] = check_path(surface, entry[side])
@@ -148,14 +126,13 @@ def _check_entry(number, entry, moving, control):
 
 
 def _other_numbers(path, surface, other_side, other):
-    """What vertices may be that are out of a surface's range: words to end a message with."""
+    """What vertices out of a surface's range may be: words to end a message with."""
     try:
         path = np.asarray(path)
     except ValueError:
         return ""
-    if path.ndim != 1 or path.dtype.kind not in "iu" or not len(path):
-        return ""
-    if path.min() < 0 or path.max() < len(surface.vertices):
+    numbers = path.ndim == 1 and path.dtype.kind in "iu" and len(path)
+    if not numbers or path.min() < 0 or path.max() < len(surface.vertices):
         return ""
     if surface.original_vertices is not None and np.isin(path, surface.original_vertices).all():
         return " numbering: all are vertices of the whole surface; give their numbers on the cut one"

@@ -1,4 +1,4 @@
-"""Landmark curves on a surface: sampling by arc length, and a sulcus found between two endpoints without a network."""
+"""Landmark curves on a surface: sampling by arc length, and sulci found between two endpoints without a network."""
 
 import numpy as np
 import scipy
@@ -19,21 +19,18 @@ CURVATURE_WEIGHT, DEPTH_WEIGHT = 0.5, 2.0  # exponents of the fundus metric
 def sample_curve(
     surface: Surface, path: Integer[ndarray, " k"], count: int = 10
 ) -> Float[sparse.csr_array, " count V"]:
-    """Sparse matrix (count, V) that evaluates per-vertex data at equally spaced points of a vertex path.
+    """Sparse (count, V): per-vertex data at points of a vertex path, equally spaced by arc length in space, ends
+    included.
 
-    The points are equally spaced by arc length in space, ends included: `sample_curve(s, p) @ s.vertices` are the
-    points, `sample_curve(s, p) @ z` their images in the disk (linear along each segment). LandmarkError for a path
-    with fewer than two distinct points or vertices out of range.
+    `sample_curve(s, p) @ s.vertices` are the points, `sample_curve(s, p) @ z` their images in the disk (linear along
+    each segment). LandmarkError for fewer than two distinct points or vertices out of range.
     """
     path = check_path(surface, path)
-    corners = sparse.csr_array(
-        (np.ones(len(path)), (np.arange(len(path)), path)), shape=(len(path), len(surface.vertices))
-    )
-    return resample(surface, corners, count)
+    return resample(surface, sparse.eye_array(len(surface.vertices), format="csr")[path], count)
 
 
 def curves_of_both(moving, control):
-    """The curves that both surfaces carry under one name, as entries of a landmarks file, not to be detected: list."""
+    """The curves that both surfaces carry under one name, as entries of a landmarks file, not to be detected."""
     return [
         {"name": name, "moving": path.tolist(), "control": control.curves[name].tolist(), "detect": False}
         for name, path in moving.curves.items()
@@ -60,15 +57,12 @@ def check_path(surface, path):
     except ValueError:
         raise LandmarkError("a curve must be a list of vertex indices; got lists of unequal lengths") from None
     if path.ndim != 1 or len(path) < 2 or not np.issubdtype(path.dtype, np.integer):
-        raise LandmarkError(
-            f"a curve must be a list of at least two vertex indices; got {path.dtype} of the shape {path.shape}"
-        )
+        found = f"{path.dtype} of the shape {path.shape}"
+        raise LandmarkError(f"a curve must be a list of at least two vertex indices; got {found}")
     outside = path[(path < 0) | (path >= len(surface.vertices))]
     if len(outside):
-        raise LandmarkError(
-            f"curve vertices out of range 0..{len(surface.vertices) - 1}: {outside[:5].tolist()}; "
-            "were the indices taken from another mesh (before it was cut open, say)?"
-        )
+        found = f"curve vertices out of range 0..{len(surface.vertices) - 1}: {outside[:5].tolist()}"
+        raise LandmarkError(f"{found}; were the indices taken from another mesh (before it was cut open, say)?")
     repeated = np.flatnonzero(path[1:] == path[:-1])
     if len(repeated):
         raise LandmarkError(f"a curve repeats vertex {path[repeated[0]]} at position {repeated[0]}; drop the repeat")
@@ -85,8 +79,7 @@ def fundus_metric(surface: Surface) -> Float[ndarray, " E"]:
 
 
 def fundus_cost(surface, H, curvature_weight=CURVATURE_WEIGHT, depth_weight=DEPTH_WEIGHT):
-    """What a unit of length costs at each vertex (V,): the exponential in `fundus_metric`, with other weights if
-    given."""
+    """What a unit of length costs at each vertex (V,): the exponential in `fundus_metric`."""
     depth = sulcal_depth(surface)
     H = np.clip(H / (H.std() or 1.0), -2, 2)
     deep = np.percentile(depth, 95) or depth.max() or 1.0  # a surface without folds has no depth
@@ -94,24 +87,24 @@ def fundus_cost(surface, H, curvature_weight=CURVATURE_WEIGHT, depth_weight=DEPT
 
 
 def weigh_edges(surface, cost):
-    """Length in space of every edge of `surface.edges` times the mean of the cost (V,) over its ends, (E,)."""
+    """Length in space of every edge (E,) of `surface.edges` times the mean cost (V,) over its ends."""
     first, second = surface.edges.T
     length = np.linalg.norm(surface.vertices[first] - surface.vertices[second], axis=1)
     return length * (cost[first] + cost[second]) / 2
 
 
+def edge_graph(surface, lengths):
+    """The graph of a surface's edges with their lengths (E,): sparse (V, V)."""
+    return sparse.csr_array((lengths, tuple(surface.edges.T)), shape=(len(surface.vertices),) * 2)
+
+
 def fundus_path(
     surface: Surface, start: int, end: int, metric: Float[ndarray, " E"] | None = None
 ) -> Integer[ndarray, " k"]:
-    """Vertex path of a sulcus between two endpoints: the shortest one in `fundus_metric` (computed if not given).
-
-    LandmarkError if the endpoints coincide or are out of range.
-    """
+    """Vertex path of a sulcus between two endpoints: the shortest one in `fundus_metric` (computed if not given), or
+    LandmarkError where they coincide or are out of range."""
     check_path(surface, np.array([start, end]))
-    metric = fundus_metric(surface) if metric is None else metric
-    n = len(surface.vertices)
-    first, second = surface.edges.T
-    graph = sparse.csr_array((metric, (first, second)), shape=(n, n))
+    graph = edge_graph(surface, fundus_metric(surface) if metric is None else metric)
     previous = dijkstra(graph, directed=False, indices=int(start), return_predecessors=True)[1]
     path = [int(end)]
     while path[-1] != start:
@@ -122,16 +115,13 @@ def fundus_path(
 def detect_curves(
     surface: Surface, z: Complex[ndarray, " V"], endpoints: Integer[ndarray, " K 2"]
 ) -> list[Complex[ndarray, " _"]]:
-    """The sulci between pairs of endpoints as curves in the disk map z.
-
-    The shortest paths in `fundus_metric`: the classical twin of LD-Net, behind the same call.
-    """
+    """The sulci between pairs of endpoints as curves in the disk z: shortest paths in `fundus_metric`, as LD-Net's."""
     metric = fundus_metric(surface)
     return [z[fundus_path(surface, start, end, metric)] for start, end in np.asarray(endpoints)]
 
 
 def curves_in_space(side, curves, count=SAMPLES):
-    """Points (count, 3) on a `Side`'s surface, equally spaced by arc length, of each of the curves (k,) in its disk."""
+    """Points (count, 3), equally spaced by arc length, on a `Side`'s surface for each curve (k,) in its disk."""
     fine = [_subdivide(np.asarray(curve, complex), count) for curve in curves]
     points = side.lift(np.concatenate(fine))
     return [_equally_spaced(part, count) for part in np.split(points, np.cumsum([len(part) for part in fine])[:-1])]
@@ -150,10 +140,6 @@ def _equally_spaced(points, count):
 
 
 def curve_distance(one, other):
-    """Mean distance between two curves (n, 3), (m, 3) of equally spaced points, in their length, whatever their
-    direction.
-
-    The mean over either curve's points of the distance in space to the nearest point of the other, both ways averaged.
-    """
+    """Mean distance in space from the points of either curve (n, 3), (m, 3) to the nearest of the other."""
     trees = scipy.spatial.cKDTree(one), scipy.spatial.cKDTree(other)
     return (trees[0].query(other)[0].mean() + trees[1].query(one)[0].mean()) / 2

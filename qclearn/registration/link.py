@@ -1,5 +1,4 @@
-"""What a fit's field nu and the mesh that is mapped have to do with each other: all that no landmark and no weight
-changes."""
+"""A fit's field nu beside the mesh that is mapped: what no landmark and no weight changes."""
 
 from functools import cached_property
 
@@ -21,7 +20,7 @@ class Link:
 
     @cached_property
     def carrier(self):
-        """What the derivative in closed form needs of both meshes."""
+        """What derivatives in closed form need of both meshes."""
         return Carrier(self.solver, self.mesh)
 
     def coefficient(self, nu):

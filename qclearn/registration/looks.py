@@ -1,8 +1,7 @@
 """Looks at the truth: an exact map on the caller's mesh, and one Gauss-Newton step with its derivative in closed form.
 
-A look at nu solves for its map f, refits the Möbius map M after it, and proposes the step that `fit_landmarks` would
-take there, but for the derivative: `plane.tangent` carries that of the identity by the map, and needs no solve. nu
-lives on the rings of a polar mesh, in whose eigenvectors the prior is diagonal.
+A look at nu solves for its map f, refits the Möbius map M after it, and proposes a step whose derivative needs no
+solve (plane.tangent). nu lives on the rings of a polar mesh, in whose eigenvectors the prior is diagonal.
 """
 
 from dataclasses import dataclass
@@ -10,23 +9,19 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from ..plane.mobius import compose_mobius, mobius, mobius_fields, mobius_slope
+from ..plane.mobius import best_turn, mobius, mobius_fields, mobius_slope, nearest_mobius
 from ..plane.tangent import Tangent
 
 MOST = 0.6  # of |change of nu| that one step may make: beyond, it is damped
 LOWER, LEAST = 0.3, 1e-7  # by how much at once, and how far at most
 RISE, BACK = 1.02, 0.4  # a look whose objective is that much higher is taken back to this share of its step
 TURNS = 6  # Gauss-Newton steps of the Möbius map at each look
-RIDGE = 1e-9  # relative, of the Möbius columns: fewer than two landmarks leave some of them free
 
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A field nu (N,) at the vertices of the polar mesh that is not looked at yet, and its whitened coefficients x.
-
-    cut: whether it is less than a whole step from where it was proposed; left (2 M,): what a step would leave of the
-    residual, to first order.
-    """
+    """A field nu (N,) on the polar mesh that is not looked at yet, and its whitened coefficients x; cut: whether it is
+    less than a whole step; left (2 M,): what the step would leave of the residual, to first order."""
 
     nu: np.ndarray
     x: np.ndarray
@@ -36,8 +31,7 @@ class Proposal:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """What a look at a `Proposal` has seen: the solver's map f (V,), the Möbius map after it, and the scaled residual
-    r (2 M,)."""
+    """A `Proposal` with the solver's map f (V,), the Möbius map after it, and the scaled residual r (2 M,)."""
 
     proposal: Proposal
     f: np.ndarray
@@ -51,8 +45,7 @@ class Look:
 
 
 class Looks:
-    """The looks at landmarks p with targets q (M,) on a `Link` whose mesh is that of a `Spectrum`, at the ratios beta /
-    alpha and gamma / alpha.
+    """Looks at points (p, q), (M,) each, on a `Link` with the mesh of a `Spectrum`; beta, gamma in parts of alpha.
 
     Whitened coefficients x (2 N - 2,): those of nu times sqrt(1 + beta Laplace), real and imaginary parts by turns.
     Residual r (2 M,): sqrt(gamma / M) times M(f(p)) - q, the real parts before the imaginary ones.
@@ -66,16 +59,14 @@ class Looks:
         self.tangent = Tangent(link.solver, link.mesh, self.samples, link.carrier)
 
     def run(self, start, count):
-        """(proposal, best look so far) before any look, and after each of `count`; one exact map a look, no other.
-
-        start: nu (N,), or None for one step from nu = 0, whose map is known. Where a look finds an objective that is
-        higher than the best one's, the next proposal lies between the two.
-        """
+        """(proposal, best look so far) before any look and after each of `count`, which cost one exact map each; start:
+        nu (N,), or None for one step from nu = 0. After a look that is worse, the next lies nearer to the best one."""
         best, share = self.at_zero(), 1.0
         wanted = proposal = self.step(best) if start is None else self.proposal(start)
         yield proposal, best
         for _ in range(count):
-            look = self.look(proposal, best.mobius)
+            f = self.link.solver.solve(self.link.coefficient(proposal.nu))
+            look = self.seen(proposal, f, best.mobius)
             if look.objective < RISE * best.objective:
                 best, share = look, 1.0
                 wanted = proposal = self.step(look)
@@ -86,7 +77,7 @@ class Looks:
             yield proposal, best
 
     def born(self):
-        """The step at nu = 0, nu (N,); how far the landmarks should go in the moving disk, (M,), and what it leaves."""
+        """The step at nu = 0, nu (N,); how far the landmarks should go in the moving disk (M,); what it leaves."""
         look = self.at_zero()
         proposal, slope = self.step(look), self.scale * (self.samples @ mobius_slope(look.f, *look.mobius))
         wanted, left = (-(r[: len(slope)] + 1j * r[len(slope) :]) / slope for r in (look.r, proposal.left))
@@ -100,13 +91,9 @@ class Looks:
         return self.spectrum.field(x.view(complex) / self.root)
 
     def at_zero(self):
-        """The look at nu = 0: no map needs to be found."""
+        """The look at nu = 0, without a solve."""
         nowhere = Proposal(np.zeros(len(self.root) + 1, complex), np.zeros(2 * len(self.root)))
         return self.seen(nowhere, self.link.disk.z, None)
-
-    def look(self, proposal, parameters):
-        """The exact map of a proposal, its Möbius map refitted from `parameters` on."""
-        return self.seen(proposal, self.link.solver.solve(self.link.coefficient(proposal.nu)), parameters)
 
     def seen(self, proposal, f, parameters):
         parameters = refit(self.samples @ f, self.target, parameters)
@@ -117,10 +104,7 @@ class Looks:
         return self.scale * np.concatenate([change.real, change.imag])
 
     def step(self, look):
-        """The Gauss-Newton step from a look, in its dual form; damped while nu would change by more than MOST.
-
-        damped: `d |x - x_0|^2` is added to what is minimised (Levenberg), share = 1 / (1 + d).
-        """
+        """The dual Gauss-Newton step, by Levenberg's `d |x - x_0|^2` damped to MOST; share = 1 / (1 + d)."""
         (rows, off), x, share = self.rows(look), look.proposal.x, 1.0
         gram, moved = off(off(rows @ rows.T).T), off(rows @ x)
         while True:
@@ -132,8 +116,7 @@ class Looks:
             share *= LOWER
 
     def rows(self, look):
-        """The derivative of r with respect to x, (2 M, 2 N - 2), up to what Möbius maps do, and `off(r)`, which takes
-        that out of residuals (2 M, ...)."""
+        """dr/dx, (2 M, 2 N - 2), up to Möbius maps, and `off(r)`, which takes these out of residuals (2 M, ...)."""
         P, Q = (part[:-2] for part in self.tangent.variation(look.proposal.nu, look.f, np.complex64))
         slope = (self.scale * (self.samples @ mobius_slope(look.f, *look.mobius))[:, None]).astype(P.dtype)
         white = (1 / self.root).astype(slope.real.dtype)
@@ -146,13 +129,7 @@ class Looks:
 
 def refit(f, q, parameters=None):
     """Parameters (a, theta) of the disk Möbius map that brings f (M,) nearest to q, by steps from `parameters`."""
-    parameters = parameters or (0j, float(np.angle((q * f.conj()).sum())))
-    for _ in range(TURNS):
-        w = mobius(f, *parameters)
-        columns, left = (np.concatenate([part.real, part.imag]) for part in (mobius_fields(w), q - w))
-        normal = columns.T @ columns
-        normal += RIDGE * (np.trace(normal) + RIDGE) * np.eye(3)
-        turn, real, imaginary = np.linalg.solve(normal, columns.T @ left)
-        a = complex(real, imaginary)
-        parameters = compose_mobius(parameters, (a / max(1.0, 2 * abs(a)), turn))  # no further than 1/2 at once
-    return parameters
+    f, q = f[None], q[None]
+    start = best_turn(f, q) if parameters is None else tuple(np.array([part]) for part in parameters)
+    (a, theta), _ = nearest_mobius(f, q, start, TURNS)
+    return complex(a[0]), float(theta[0])

@@ -33,22 +33,16 @@ def write_registration(path, arrays):
 
 
 def read_registration(path):
-    """The arrays of a registration.npz (dict), of which transfer needs disk_map (V,) and disk_control (W,) complex, in
-    the unit disk, faces_moving (F, 3) and faces_control (G, 3) int.
-
-    SurfaceError, naming the file, where it is none or damaged: an array is missing, has another shape, is not finite or
-    out of range, a mesh is folded, or the checksum, where the file has one, is another.
-    """
+    """The arrays of a registration.npz (dict), disk_map (V,), disk_control (W,), faces_moving (F, 3), faces_control
+    (G, 3) at least; SurfaceError, naming the file, where an array, a mesh or the checksum is not sound."""
     path = Path(path)
     data = read_bytes(path)
     with explain(path, "registration.npz", lead="not a"):
         arrays = npz_arrays(data, lambda name: True)
         missing = [name for name in _REQUIRED if name not in arrays]
         if missing:
-            raise SurfaceError(
-                f"not a registration.npz of this program (it lacks {', '.join(missing)}); give the one that "
-                "`qclearn register` wrote"
-            )
+            lacks = f"not a registration.npz of this program (it lacks {', '.join(missing)})"
+            raise SurfaceError(f"{lacks}; give the one that `qclearn register` wrote")
         _check_version(arrays)
         for name, like, row, kinds in _SHAPES:
             if name in arrays:
@@ -65,9 +59,8 @@ def _check_version(arrays):
     if version.shape != () or version.dtype.kind not in "iu" or version < 1:
         raise _damaged("its format_version is no number")
     if version > FORMAT_VERSION:
-        raise SurfaceError(
-            f"written by a newer version of this program (format {version}, here {FORMAT_VERSION}); update qclearn"
-        )
+        formats = f"format {version}, here {FORMAT_VERSION}"
+        raise SurfaceError(f"written by a newer version of this program ({formats}); update qclearn")
 
 
 def _check_shape(name, array, shape, kinds):
@@ -79,15 +72,12 @@ def _check_shape(name, array, shape, kinds):
 
 
 def _check_mesh(arrays, name, triangles):
-    """The faces must use all points, and lay them into the unit disk without a fold."""
+    """SurfaceError unless the faces use all points and lay them into the unit disk without a fold."""
     z, faces = arrays[name], arrays[triangles]
     outside = np.flatnonzero(abs(z) > 1 + 1e-6)
     if outside.size:
         raise _damaged(f"{name} leaves the unit disk at {outside.size} vertices, the first {outside[0]}")
-    used = np.zeros(len(z), dtype=bool)
-    if faces.size and faces.min() >= 0 and faces.max() < len(z):
-        used[faces] = True
-    if not used.all():
+    if not np.array_equal(np.unique(faces), np.arange(len(z))):
         raise _damaged(f"the faces of {name} do not use its {len(z)} vertices, each at least once")
     flipped = Disk(z, faces).certificate.flipped
     if len(flipped):
@@ -100,7 +90,6 @@ def _damaged(what):
 
 def _checksum(arrays):
     digest = hashlib.sha256()
-    for name in sorted(arrays):
-        array = arrays[name]
+    for name, array in sorted(arrays.items()):
         digest.update(f"{name} {array.dtype.str} {array.shape} ".encode() + np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()

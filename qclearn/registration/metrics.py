@@ -1,11 +1,10 @@
-"""What reports and tables say about a map: the size of its coefficient, its errors, its distortion, the paper's
-losses."""
+"""What reports and tables say about a map: its coefficient, its errors, its distortion, the paper's losses."""
 
 import numpy as np
-from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
 from ..plane.triangles import corner_angles, edge_lengths
+from .landmarks import edge_graph, weigh_edges
 
 SMALLEST_RATIO = 1e-6  # of a face's area to its share, where it is measured
 
@@ -17,26 +16,24 @@ def coefficient_statistics(mu):
 
 
 def curve_rows(names, before, after, millimetres):
-    """Per curve: its name and mean errors before (best Möbius map) and after, in the disk and in millimetres.
-
-    The errors (10 K,) are those of the landmarks, curve after curve.
-    """
+    """Per curve, dict: its name and mean errors before (best Möbius map) and after, in the disk and in mm; the errors
+    of the landmarks are (10 K,) each, curve after curve."""
     means = [errors.reshape(len(names), -1).mean(1).tolist() for errors in (before, after, millimetres)]
     keys = "name", "landmark_error_before", "landmark_error", "landmark_error_mm"
     return [dict(zip(keys, row)) for row in zip(names, *means)]
 
 
 def mean_rows(rows):
-    """Means over the curves of the errors that their rows hold, each over the curves that have it."""
+    """The mean of each error over the rows of the curves that have it."""
     keys = ["landmark_error_before", "landmark_error", "landmark_error_mm", "landmark_error_true"]
     found = {key: [row[key] for row in rows if key in row] for key in keys}
     return {key: float(np.mean(values)) for key, values in found.items() if values}
 
 
 def measured_losses(problem, weights, mu, mapped):
-    """The paper's loss of a map and its terms, whatever found the map: L_mu, L_grad_mu, L_Landmark and L_CP.
+    """The paper's loss and its terms, L_mu, L_grad_mu, L_Landmark, L_CP, of a map's measured mu (F,) and its landmarks
+    `mapped` (M,).
 
-    mu (F,) is the map's measured coefficient on the problem's disk mesh; mapped (M,) its landmarks.
     `L_mu = (1/pi) sum |T| |mu_T|^2`; for `L_grad_mu = (1/pi) int |grad mu|^2` mu is made piecewise linear by averages
     over the faces around each vertex, by area. Source: paper, eqs. muloss, musmooth, lmloss, RegLoss.
     """
@@ -51,24 +48,18 @@ def measured_losses(problem, weights, mu, mapped):
 
 
 def coefficient_measures(surface, disk, mu):
-    """|mu| over the faces of the moving mesh, over its disk's area and over the surface's own area, plain numbers.
-
-    `coefficient_statistics` and `p95_abs_mu` count each face once, as the paper's table does; `_disk` and `_area`
-    weight it by its area in the disk and in space. Infinite where a face is mapped with its orientation exactly
-    reversed.
-    """
+    """Statistics of |mu| over the faces of the moving mesh: each face counts once, as in the paper's table; by its area
+    in the disk for `_disk`, in space for `_area`. Infinite where a face's orientation is exactly reversed."""
     size, result = abs(mu), {**coefficient_statistics(mu), "p95_abs_mu": float(np.percentile(abs(mu), 95))}
     for name, areas in (("disk", disk.areas), ("area", surface.face_areas)):
         mean = np.average(size, weights=areas)
-        result |= {
-            f"mean_abs_mu_{name}": float(mean),
-            f"sd_abs_mu_{name}": float(np.sqrt(np.average((size - mean) ** 2, weights=areas))),
-        }
+        result[f"mean_abs_mu_{name}"] = float(mean)
+        result[f"sd_abs_mu_{name}"] = float(np.sqrt(np.average((size - mean) ** 2, weights=areas)))
     return result
 
 
 def coefficient_histogram(mu, bins=50):
-    """Counts (bins,) of |mu| over the faces in equal steps of [0, 1]; the last also counts all above."""
+    """Counts (bins,) of |mu| over the faces in equal steps of [0, 1], all above in the last."""
     return np.histogram(np.minimum(abs(mu), 1), bins, (0, 1))[0]
 
 
@@ -84,19 +75,14 @@ def landmark_measures(mapped, target, off_mm):
 
 
 def near_curves(surface, curves, reach):
-    """Which vertices lie within `reach` along the surface's edges of one of the curves (vertex paths), (V,) bool."""
-    first, second = surface.edges.T
-    length = np.linalg.norm(surface.vertices[first] - surface.vertices[second], axis=1)
-    graph = sparse.csr_array((length, (first, second)), shape=(len(surface.vertices),) * 2)
+    """Whether vertices (V,) lie within `reach` of one of the curves (vertex paths) along the surface's edges."""
+    graph = edge_graph(surface, weigh_edges(surface, np.ones(len(surface.vertices))))
     starts = np.unique(np.concatenate(curves))
     return dijkstra(graph, directed=False, indices=starts, limit=reach, min_only=True) <= reach
 
 
 def correspondence_measures(points, truth, near):
-    """Distance in mm of registered points (V, 3) from the true ones: mean, median, 95th percentile; the mean at `near`.
-
-    near (V,) bool: the vertices near primary sulci.
-    """
+    """Distance in mm of points (V, 3) from the true ones; the last mean is over `near` (V,), near primary sulci."""
     off = np.linalg.norm(points - truth, axis=1)
     return {
         "correspondence_mm": float(off.mean()),
@@ -109,9 +95,8 @@ def correspondence_measures(points, truth, near):
 def distortion_measures(surface, points):
     """Distortion of the registration in space, moving surface -> points (V, 3) on the control.
 
-    `angle_distortion`: mean over all corners of |angle there - angle here|, degrees; `area_distortion`: mean over
-    faces, by their area, of |log2 of the area ratio|, both total areas made equal. A face that has lost its area
-    counts with the ratio `SMALLEST_RATIO`.
+    `angle_distortion`: mean over corners of |angle there - angle here|, degrees; `area_distortion`: mean over the
+    area of |log2 of the area ratio|, total areas made equal, the ratio at least `SMALLEST_RATIO`.
     """
     here, there = (corner_angles(edge_lengths(place[surface.faces])) for place in (surface.vertices, points))
     a, b, c = (points[corner] for corner in surface.faces.T)
@@ -126,8 +111,8 @@ def distortion_measures(surface, points):
 def log2_distortions(surface, points):
     """How much the registration stretches, moving surface -> points (V, 3): [mean, 95 %] over the surface's area.
 
-    `log2_area`: |log2 J|, J the ratio of areas, both total areas made equal; `log2_shape`: log2 R, R the ratio of the
-    two principal stretches, `(1 + |mu|) / (1 - |mu|)`. A face that has lost its area counts as `SMALLEST_RATIO`.
+    `log2_area`: |log2 J|, J the ratio of areas, at least `SMALLEST_RATIO`, total areas made equal; `log2_shape`: log2
+    of the ratio of the principal stretches, `(1 + |mu|) / (1 - |mu|)`.
     """
     p, q = (_flattened(vertices[surface.faces]) for vertices in (surface.vertices, points))
     # On each face the map is w -> a w + b conj(w).
@@ -143,7 +128,7 @@ def log2_distortions(surface, points):
 
 
 def _flattened(corners):
-    """Two edges of each face (F, 3, 3), from its first corner, in a plane of its own: complex (2, F)."""
+    """Two edges of each face (F, 3, 3), from its first corner, in its plane: complex (2, F)."""
     first, second = (corners[:, k] - corners[:, 0] for k in (1, 2))
     length = np.linalg.norm(first, axis=1)
     along = first / np.maximum(length, np.finfo(float).tiny)[:, None]
@@ -157,12 +142,8 @@ def _quantile(values, weights, share):
 
 
 def paired_difference(one, other, rng, draws=10_000, level=0.95):
-    """Mean over subjects of one - other, with its bootstrap interval (percentiles of resampled means): (mean, low,
-    high).
-
-    one, other: the same subjects' figures, in the same order; pairs in which either is missing (NaN) are left out, and
-    without any pair all three are NaN.
-    """
+    """(mean, low, high) of one - other over the same subjects, low and high of its bootstrap interval; pairs with
+    a NaN are left out, and without any pair all three are NaN."""
     differences = np.asarray(one, float) - np.asarray(other, float)
     differences = differences[np.isfinite(differences)]
     if not len(differences):

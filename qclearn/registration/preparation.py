@@ -16,7 +16,7 @@ from .problem import LandmarkError, Problem, distinct, meeting
 
 @dataclass(frozen=True, eq=False)
 class Sides:
-    """Two `Side`s, the curves to fit and those held out (as `check_curves` returns them), and features or None."""
+    """Two `Side`s, the curves to fit and those held out, as `check_curves` returns them, and features or None."""
 
     moving: Side
     control: Side
@@ -32,11 +32,8 @@ class Sides:
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """The landmarks of two `Sides`, ten a curve, and the `Problem` of the distinct ones.
-
-    samples: sparse (10 K, V) of moving and control; lines: name -> (moving, control) curve in the disk; words: what
-    was not detected as asked.
-    """
+    """The landmarks of two `Sides`, ten a curve, and the `Problem` of the distinct ones; samples: sparse (10 K, V),
+    moving and control; lines: name -> (moving, control) curve; words: on failed detection."""
 
     samples: tuple
     lines: dict
@@ -45,8 +42,7 @@ class Sampled:
 
 
 def laid_upon(sides):
-    """The sides with the moving disk laid upon the control's by a Möbius map: of the curves' given points, or of
-    features alone."""
+    """The sides with the moving disk laid upon the control's by a Möbius map of given points, or of features alone."""
     if sides.entries:
         return replace(sides, moving=align(sides.moving, sides.control, sides.entries))
     laid = moved(sides.moving, mobius_by_features(sides.features, sides.moving.disk.z))
@@ -56,7 +52,7 @@ def laid_upon(sides):
 
 
 def sampled(sides, detect=None, sliding=False):
-    """Landmarks of two `Sides`, `Sampled`; curves of which ends alone are given by `detect`, or else shortest paths."""
+    """The landmarks of two `Sides`, `Sampled`; where only ends are given, by `detect` or else shortest paths."""
     moving, control, entries = sides.moving, sides.control, sides.entries
     if not entries:
         return Sampled((), {}, Problem(moving.disk, [], [], fewest=0), [])
@@ -70,8 +66,7 @@ def sampled(sides, detect=None, sliding=False):
 
 
 def align(moving, control, entries):
-    """The moving `Side` after the Möbius map that best carries the given points (ends or whole curves) to the
-    control's."""
+    """The moving `Side` after the Möbius map that best carries given points (ends or whole curves) to the control's."""
     p, q = [], []
     for entry in entries:
         whole = min(len(entry["moving"]), len(entry["control"])) > 2
@@ -81,15 +76,14 @@ def align(moving, control, entries):
     laid = moved(moving, best_mobius(np.concatenate(p), np.concatenate(q)))
     if not laid.whole:
         raise LandmarkError(
-            f"curve {farthest_curve(entries, p, q)!r} pulls the moving disk onto its rim: the Möbius map "
-            "that carries the given points to the control's leaves no room for the rest; check this "
-            "curve's ends on both sides, keep them off the rim, or give curves elsewhere as well"
+            f"curve {farthest_curve(entries, p, q)!r} pulls the moving disk onto its rim: no room is left for the "
+            "rest; check this curve's ends on both sides, keep them off the rim, or give curves elsewhere as well"
         )
     return laid
 
 
 def farthest_curve(entries, p, q):
-    """The name of the curve without which the best Möbius map of the others, points p, q a curve, moves 0 the least."""
+    """The name of the curve without which the best Möbius map of the others' points p, q moves 0 the least."""
 
     def shift(left_out):
         kept = [k for k in range(len(entries)) if k != left_out]
@@ -99,10 +93,7 @@ def farthest_curve(entries, p, q):
 
 
 def sample_side(own, entries, side, detect=None):
-    """The landmarks of a `Side`, "moving" or "control": sampling matrix (10 K, V), K curves in the disk, words.
-
-    Where only ends are given, by `detect` as in checked.py, or else the shortest paths.
-    """
+    """The landmarks of a `Side`, "moving" or "control": sampling matrix (10 K, V), K curves in the disk, words."""
     surface, z, words = own.surface, own.disk.z, []
     if detect:
         lines, words = guarded_curves(detect, own, entries, side)
@@ -117,17 +108,12 @@ def sample_side(own, entries, side, detect=None):
 
 
 def distinct_landmarks(entries, p, q):
-    """Which of the landmarks (10 K,) to fit, (k,) int: a point that curves share on both sides counts once.
-
-    LandmarkError where two of them meet on one side only.
-    """
+    """The landmarks of (10 K,) to fit, (k,) int: `distinct`, or LandmarkError where two meet on one side only."""
     meet_p, meet_q = meeting(p), meeting(q)
     torn = np.argwhere(meet_p != meet_q)
     if len(torn):
         first, second = (entries[k // POINTS_PER_CURVE]["name"] for k in torn[0])
         side = "moving" if meet_p[tuple(torn[0])] else "control"
-        raise LandmarkError(
-            f"curves {first!r} and {second!r} share a point on the {side} side only, and a bijection "
-            "can neither part nor merge points; let them meet on both sides or on neither"
-        )
+        found = f"curves {first!r} and {second!r} share a point on the {side} side only"
+        raise LandmarkError(f"{found}, and a bijection cannot part points; let them meet on both sides or on neither")
     return distinct(p, q)

@@ -1,4 +1,4 @@
-"""What a fit is given: landmarks of one disk with their targets, and three weights, each checked once."""
+"""What a fit is given, checked once: landmarks of one disk with their targets, and weights."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -31,12 +31,11 @@ class Weights:
     delta: float = 0.0
 
     def __post_init__(self):
+        rule = "alpha and gamma must be positive and finite, beta not negative"
         for name in ("alpha", "beta", "gamma"):
             value = getattr(self, name)
             if not (is_finite(value) and (value > 0 or (value == 0 and name == "beta"))):
-                raise LandmarkError(
-                    f"{name} = {value!r}: alpha and gamma must be positive and finite, beta not negative"
-                )
+                raise LandmarkError(f"{name} = {value!r}: {rule}")
         if not (is_finite(self.delta) and self.delta >= 0):
             raise LandmarkError(f"delta = {self.delta!r}: must be finite and not negative (0.1 to 1 is usual)")
 
@@ -46,7 +45,7 @@ class Weights:
 
     @property
     def factors(self):
-        """What each term of the paper's loss is multiplied by: name of the term -> weight."""
+        """Term of the paper's loss -> weight."""
         return {"L_mu": self.alpha, "L_grad_mu": self.beta, "L_Landmark": self.gamma}
 
 
@@ -56,9 +55,8 @@ class Problem:
 
     disk: the moving surface's `Disk`, its boundary on the unit circle; moving, target (M,) complex: landmarks p in that
     disk and q in the control's; curve (M,) int: which curve each belongs to, in order; sliding: inner points of a curve
-    may move along their target curve, where a method can let them; fewest: how many landmarks there must be (0:
-    features lead); sides: the two surfaces on their disks, for methods that look at folds (`Sides` in preparation.py),
-    None where landmarks alone are known.
+    may move along their target curve, where a method can let them; fewest: how many landmarks there must be; sides: the
+    `Sides` of preparation.py for methods that look at folds, or None.
     A method returns f (V,) complex: where each vertex lies in the control's disk. LandmarkError for unusable landmarks.
     """
 
@@ -82,18 +80,15 @@ class Problem:
 
     @cached_property
     def mobius(self):
-        """(a, theta) of the disk Möbius map that alone brings the landmarks nearest to their targets; the identity
-        without landmarks."""
+        """(a, theta) of the disk Möbius map that brings landmarks nearest to their targets; without any, identity."""
         return best_mobius(self.moving, self.target) if len(self.moving) else (0j, 0.0)
 
 
 def check_landmarks(moving, target, curve, sliding, fewest=1):
     """Landmarks as complex arrays and curve labels, or LandmarkError."""
     try:
-        moving, target = (
-            np.atleast_1d(complex_numbers(points, name))
-            for points, name in ((moving, "moving landmarks"), (target, "target landmarks"))
-        )
+        moving = np.atleast_1d(complex_numbers(moving, "moving landmarks"))
+        target = np.atleast_1d(complex_numbers(target, "target landmarks"))
     except BeltramiError as error:
         raise LandmarkError(str(error)) from None
     if moving.ndim != 1 or moving.shape != target.shape or len(moving) < fewest:
@@ -101,18 +96,14 @@ def check_landmarks(moving, target, curve, sliding, fewest=1):
     for name, points in (("moving", moving), ("target", target)):
         outside = np.flatnonzero(~(abs(points) <= 1 + 1e-9))
         if len(outside):
-            raise LandmarkError(
-                f"{name} landmarks {outside[:5].tolist()} are not in the closed unit disk "
-                f"({points[outside[0]]:.4g}); map them with the surface's disk map first"
-            )
+            found = f"{outside[:5].tolist()} are not in the closed unit disk ({points[outside[0]]:.4g})"
+            raise LandmarkError(f"{name} landmarks {found}; map them with the surface's disk map first")
         order = np.lexsort((points.imag, points.real))
         twice = np.flatnonzero(abs(np.diff(points[order])) < 1e-12)
         if len(twice):
             pair = sorted(order[twice[0] : twice[0] + 2].tolist())
-            raise LandmarkError(
-                f"{name} landmarks {pair[0]} and {pair[1]} coincide at {points[pair[0]]:.4g}; "
-                "drop one of them (a bijection cannot part or merge points)"
-            )
+            found = f"{name} landmarks {pair[0]} and {pair[1]} coincide at {points[pair[0]]:.4g}"
+            raise LandmarkError(f"{found}; drop one of them (a bijection cannot part or merge points)")
     if curve is None and sliding:
         raise LandmarkError("sliding landmarks need the curve each belongs to: give curve (M,) of integer labels")
     curve = np.zeros(len(moving), int) if curve is None else label_array(curve)
@@ -138,10 +129,10 @@ def is_finite(value):
 
 
 def meeting(points):
-    """Which later points (M,) are an earlier one again: (M, M) bool, true at (earlier, later)."""
+    """Whether two points (M,) are one: (M, M) bool, true at (earlier, later) alone."""
     return np.triu(abs(points[:, None] - points) < MEETING, 1)
 
 
 def distinct(p, q):
-    """Which landmarks of two sides (M,) to keep so that each point of either counts once, (k,) int."""
+    """The landmarks of two sides (M,) to keep, (k,) int, so that each point of either counts once."""
     return np.flatnonzero(~(meeting(p) | meeting(q)).any(0))

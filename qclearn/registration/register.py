@@ -28,9 +28,9 @@ STAGES = {"exact": (5, 6), "network": (9, 8)}  # how many run without and with f
 class Registration:
     """Result of `register`.
 
-    points: where each moving vertex lies on the control surface, in its length unit; disk_map: the same in the
-    control's disk; mu: measured coefficient of disk_moving -> disk_map; report: dict for JSON; disk_moving,
-    disk_control: the two disk maps; curves: name -> (moving, control) curves in their disks, (k,) complex each.
+    points: the moving vertices on the control surface, in its length unit; disk_map: the same in the control's disk;
+    mu: measured coefficient of disk_moving -> disk_map; report: dict for JSON; disk_moving, disk_control: the disk
+    maps; curves: name -> (moving, control) curves in their disks, (k,) complex each.
     """
 
     points: Float[ndarray, " V 3"]
@@ -45,13 +45,12 @@ class Registration:
 
     @property
     def surface(self) -> "Unchecked":
-        """The moving surface's faces at the registered points, for `write_surface`: an `Unchecked` surface."""
+        """The moving surface's faces at the registered points, for `write_surface`."""
         return Unchecked(self.points, self.faces_moving)
 
 
 class Unchecked(NamedTuple):
-    """A surface that no rule of `Surface` has judged: a face that lands on one edge of the control has no area
-    there."""
+    """A surface without `Surface`'s rules: a face that lands on one edge of the control has no area."""
 
     vertices: np.ndarray
     faces: np.ndarray
@@ -98,26 +97,24 @@ def register(
     delta: float = DELTA,
     hold_out: list | tuple = (),
 ) -> Registration:
-    """Register the moving surface to the control surface by landmark curves and folds: a Registration, certified
-    bijective.
+    """Register the moving surface to the control by landmark curves and folds: a Registration, certified bijective.
 
     curves: the landmarks file as read from JSON, `{"curves": [{"name", "moving", "control"}, ...]}` with vertex
     indices (two on a side are endpoints and that side's curve is detected, unless "detect" is false), or its list. A
-    file that names its "surfaces" is refused for others (`Surface.fingerprint` says by what they are known).
+    file that names its "surfaces" by `Surface.fingerprint` is refused for others.
     features: per-vertex maps that shall lie on each other between the curves: "depth" and "curvature" are computed, a
     pair of arrays (V,) and (W,) is the user's own, and (pair, weight) counts otherwise than 1; None: landmarks alone,
-    the paper's setting. With features, curves may be empty. hold_out: names of curves that take no part in the fit and
-    are measured (or `"hold_out": true` in the file).
+    the paper's setting. With features, curves may be empty. hold_out: names of curves (or `"hold_out": true` in the
+    file) that are measured and take no part in the fit.
     alpha, beta, gamma: weights of |mu|, of its gradient and of the landmark mismatch (paper, eq. RegLoss); delta: of
     the features' mismatch, sum of squared differences of standardised maps over the area, 2 (1 - r) a map.
-    method: "exact" (shortest paths, Gauss-Newton fit, exact solver) or "network" (LD-Net, CP-Net, DBS-Net, whose map is
-    replaced by the exact solver's where it folds and refined by Gauss-Newton steps where its landmark error in the
-    disk exceeds `tolerance`: 5e-3 unless given, inf to take what comes; with features, the fit starts from CP-Net's
-    answer). What was done is in `report["fallbacks"]`;
-    `report["suspect"]` lists why the result should not be trusted, empty where nothing is (see suspect.py).
+    method: "exact" (shortest paths, Gauss-Newton fit, exact solver) or "network" (LD-Net, CP-Net, DBS-Net; the exact
+    solver replaces a map that folds, and Gauss-Newton steps refine one whose landmark error in the disk exceeds
+    `tolerance`: 5e-3 unless given, inf to take what comes; with features, the fit starts from CP-Net's answer).
+    `report["fallbacks"]` lists what was done, `report["suspect"]` why not to trust the result (see suspect.py).
     Both surfaces must be outward-oriented disks of the same handedness (`mirror` one of them otherwise).
-    Errors: SurfaceError, LandmarkError, FeatureError; BijectivityError if no bijective map was found at any gamma;
-    ImportError if the networks are asked for and torch is not installed.
+    Errors: SurfaceError, LandmarkError, FeatureError; BijectivityError if no map is bijective at any gamma; ImportError
+    if the networks are asked for and torch is not installed.
     """
     tolerance = check_method(method, sliding, tolerance, features)
     weights = Weights(alpha, beta, gamma, check_delta(delta, features))
@@ -144,10 +141,9 @@ def register(
     words = gamma_words(networks["cpnet"], weights) if networks else []
     report = {**found, "fallbacks": words + found["fallbacks"], "seconds": stages.report(), "method": method}
     if networks and features is None:
-        report["tolerance"] = finite_or_none(tolerance)
-    disks = sides.moving.disk, sides.control.disk
-    lines = landmarks.lines
-    return Registration(points, fit.f, fit.mu, report, *(d.z for d in disks), lines, *(d.faces for d in disks))
+        report["tolerance"] = tolerance if np.isfinite(tolerance) else None  # JSON knows no infinity
+    here, there = sides.moving.disk, sides.control.disk
+    return Registration(points, fit.f, fit.mu, report, here.z, there.z, landmarks.lines, here.faces, there.faces)
 
 
 def given_curves(moving, control, curves, features, hold_out):
@@ -162,7 +158,7 @@ def given_curves(moving, control, curves, features, hold_out):
 
 
 def load_networks(entries, features):
-    """The networks that a registration needs, with features or without, dict; LandmarkError without landmarks."""
+    """The networks of a registration with or without features, dict; LandmarkError without landmarks."""
     if not entries:
         raise LandmarkError("method 'network' needs landmarks: CP-Net knows nothing else; give method 'exact'")
     return {name: load(name) for name in ("ldnet", "cpnet", *([] if features else ["dbsnet"]))}
@@ -195,14 +191,10 @@ def check_method(method, sliding, tolerance, features):
     if method not in STAGES:
         raise ValueError(f"unknown method {method!r}; this version has: {', '.join(STAGES)}")
     if method == "exact" and tolerance is not None:
-        raise ValueError(
-            "tolerance belongs to method 'network'; the exact fit steps until it settles: raise gamma for "
-            "a smaller landmark error"
-        )
+        raise ValueError("tolerance belongs to method 'network': raise gamma for a smaller landmark error")
     if features is not None and tolerance is not None:
         raise ValueError(
-            "tolerance belongs to the networks' map by landmarks alone; with features the fit steps until it settles: "
-            "drop one of the two"
+            "tolerance belongs to the networks' map by landmarks alone, not to features: drop one of the two"
         )
     if method == "network" and sliding:
         raise ValueError("sliding belongs to method 'exact': CP-Net takes points to points")
@@ -222,13 +214,8 @@ def check_delta(delta, features):
     return delta
 
 
-def finite_or_none(number):
-    """A number for JSON, which knows no infinity."""
-    return number if np.isfinite(number) else None
-
-
-def load(name, preset="best", gamma=None):
+def load(name):
     """A network with its shipped weights; WeightsError if there are none, ImportError where torch is not installed."""
     from ..nets import load as load_network
 
-    return load_network(name, preset, gamma)
+    return load_network(name)

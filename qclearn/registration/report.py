@@ -15,7 +15,7 @@ ERRORS = "landmark_error_before", "landmark_error", "landmark_error_mm"  # null 
 
 
 def report_of(sides, landmarks, weights, fit, points):
-    """The report of a registration, a dict for JSON, but for what the call asked for and the seconds it took."""
+    """The report of a registration, a dict for JSON, without method and seconds."""
     rows, features, moving = error_rows(sides, landmarks.samples, fit.f), sides.features, sides.moving.surface
     plain = mobius(sides.moving.disk.z, *landmarks.problem.mobius)
     return {
@@ -42,11 +42,8 @@ def report_of(sides, landmarks, weights, fit, points):
 
 
 def error_rows(sides, samples, f):
-    """Per fitted curve its errors; for a detected one also between the true curves, where the surfaces carry them.
-
-    samples: the landmarks of the moving and of the control surface, sparse (10 K, V) each; f (V,): the map.
-    `landmark_error_true` is the error of the map between points on the true curves, which took no part in finding it.
-    """
+    """`curve_rows` of the map f (V,) and the landmarks `samples` of both sides, sparse (10 K, V) each; for a detected
+    curve also `landmark_error_true`, between the true curves, where the surfaces carry them."""
     moving, control, entries = sides.moving, sides.control, sides.entries
     if not entries:
         return []
@@ -57,10 +54,9 @@ def error_rows(sides, samples, f):
     for row, entry in zip(rows, entries):
         paths = true_path(moving.surface, entry, "moving"), true_path(control.surface, entry, "control")
         if any(entry["detect"].values()) and all(path is not None for path in paths):
-            true_p, true_q = (
-                sample_curve(side.surface, path, POINTS_PER_CURVE) for side, path in zip((moving, control), paths)
-            )
-            row["landmark_error_true"] = float(abs(true_p @ f - true_q @ control.disk.z).mean())
+            true_p = sample_curve(moving.surface, paths[0], POINTS_PER_CURVE) @ f
+            true_q = sample_curve(control.surface, paths[1], POINTS_PER_CURVE) @ control.disk.z
+            row["landmark_error_true"] = float(abs(true_p - true_q).mean())
     return rows
 
 
@@ -75,8 +71,7 @@ def true_path(surface, entry, side):
 
 
 def held_out_distances(sides, *maps):
-    """How far the curves that took no part end from their own on the control: name -> mean two-way distance in the
-    control's length, for each of the maps (V,)."""
+    """Held-out curve -> `curve_distance` between its image by each of the maps (V,) and itself on the control."""
     if not sides.held:
         return {}
     lines_moving = sample_side(sides.moving, sides.held, "moving")[1]

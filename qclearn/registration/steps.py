@@ -1,9 +1,9 @@
-"""Gauss-Newton steps: linearisations of a fit, each made at a state of an `Engine`, which `propose(damping)` a change.
+"""Gauss-Newton steps: linearisations of a fit, each made at a state of an `Engine`; `propose(damping)` gives a change.
 
-Landmarks and features are one residual r of the mapped mesh, `dr = Re(conj(R) dw)`. A `DirectStep` has its whole
-derivative J by nu. The others have none: J goes through `pushforward` and its transpose through `pullback`, two rounds
-of solves a product however many residuals there are, and their exact equations are solved by conjugate gradients. The
-landmarks' rows in closed form precondition them; what one step learns of its exact products, `learnt`, helps the next.
+Landmarks and features are one residual r of the mapped mesh, `dr = Re(conj(R) dw)`. A `DirectStep` holds its whole
+derivative J by nu. The others multiply by J through `pushforward` and by its transpose through `pullback`, two rounds
+of solves a product, in conjugate gradients that the landmarks' rows in closed form precondition; what a step learns of
+its exact products, `learnt`, helps the next.
 """
 
 from typing import NamedTuple
@@ -24,10 +24,8 @@ INDEPENDENT = 1e-6  # singular values of the directions learnt from, in parts of
 
 
 class Change(NamedTuple):
-    """What a step proposes: changes of nu (N,) and of the Möbius parameters, and the model's objective there.
-
-    damping d of `propose(d)` adds `d (change^* W change)` to what is minimised, and its like for the Möbius part.
-    """
+    """What `propose(d)` says: changes of nu (N,) and of the Möbius parameters, and the model's objective there; d adds
+    `d (change^* W change)` to what is minimised, and its like for the Möbius part."""
 
     nu: np.ndarray
     da: complex
@@ -59,8 +57,7 @@ class DirectStep:
 
 
 class ProductStep:
-    """The derivative J of the residuals at a state of an engine, by changes x of nu and of the Möbius parameters, real
-    (2 N + 3,), as products alone."""
+    """Products with J, the residuals' derivative at a state, by changes x of nu and M's parameters, real (2 N + 3,)."""
 
     def __init__(self, engine, state, gamma):
         self.engine, self.state, self.gamma, solution = engine, state, gamma, state.solution
@@ -78,7 +75,7 @@ class ProductStep:
         self.rows_conj, self.rows_T = rows.conj().tocsr(), rows.T.tocsr()
 
     def activated(self, change):
-        """`bounded_pullback` of a change (F,) at the state's nu: which is linear in its real and imaginary parts."""
+        """`bounded_pullback` of a change (F,) at the state's nu."""
         P, Q = self.activation
         return P * change + Q * change.conj()
 
@@ -97,10 +94,9 @@ class ProductStep:
 
     def lift(self, g, B):
         """`diag(W, B)^-1 g` for g (2 N + 3, ...)."""
-        nodal, mobius = g[:-3], g[-3:]
-        pairs = nodal.reshape(len(self.state.nu), -1)
-        solved = self.engine.factors.solve(np.ascontiguousarray(pairs)).reshape(nodal.shape)
-        return np.concatenate([solved, np.linalg.solve(B, mobius)])
+        pairs = np.ascontiguousarray(g[:-3].reshape(len(self.state.nu), -1))
+        solved = self.engine.factors.solve(pairs).reshape(g[:-3].shape)
+        return np.concatenate([solved, np.linalg.solve(B, g[-3:])])
 
     def prior(self, x):
         """W x, and the weak prior of the Möbius parameters."""
@@ -117,8 +113,8 @@ class ProductStep:
 class DualStep(ProductStep):
     """Landmarks alone: `S y = r - J nu`, `S = 1 + J diag(W, B)^-1 J^T`, for the residual y that the step leaves.
 
-    Few unknowns, preconditioned by an S that is near enough: as good at any gamma. A preconditioner near `W + J^T J` is
-    not, because that is large where J is not quite 0. learnt: about `J W^-1 J^T` at gamma = 1, (2 M, 2 M).
+    A matrix near S preconditions well at any gamma; one near `W + J^T J` does not, because that is large where J is not
+    quite 0. learnt: about `J W^-1 J^T` at gamma = 1, (2 M, 2 M).
     """
 
     def __init__(self, engine, state, gamma):
@@ -155,8 +151,7 @@ class DualStep(ProductStep):
 
 
 def corrected(gram, products, gamma):
-    """A matrix (n, n) corrected by pairs of y (n,) and gamma times the exact matrix's product with y, as Broyden,
-    Fletcher, Goldfarb and Shanno do."""
+    """A matrix (n, n) corrected (BFGS) by pairs of y (n,) and gamma times the exact matrix's product with y."""
     one = np.eye(len(gram)) / gamma  # with it, as in S, nothing is singular
     Y, exact = (np.stack(side, axis=1) for side in zip(*products))
     sizes = np.linalg.norm(Y, axis=0)
@@ -171,9 +166,8 @@ def corrected(gram, products, gamma):
 class FeatureStep(ProductStep):
     """`(W + J^T J) x = -(W nu + J^T r)` with features, x = change of nu and of the Möbius parameters, real.
 
-    Preconditioned by `P = diag(W, B) + J_L^T J_L` with the landmarks' rows J_L and the features' part B on the Möbius
-    parameters, inverted by Woodbury's formula. Landmarks of a large gamma would else cost a step each. learnt: the
-    directions that the last equations were solved in, their products, and sizes.
+    `P = diag(W, B) + J_L^T J_L`, by Woodbury's formula, preconditions it: landmarks' rows J_L of a large gamma would
+    else cost a step each; B: the features' part on M's parameters. learnt: the last directions, products and sizes.
     """
 
     def __init__(self, engine, state, gamma):
@@ -183,8 +177,7 @@ class FeatureStep(ProductStep):
         by_mobius = (features.conj() @ self.fields).real
         self.B = MOBIUS_PRIOR * np.eye(3) + by_mobius.T @ by_mobius
         self.use(sparse.vstack([self.landmarks, features]))
-        J = np.ascontiguousarray(engine.jacobian(state, gamma)).view(float)
-        self.J = np.hstack([J, self.by_mobius])
+        self.J = np.hstack([np.ascontiguousarray(engine.jacobian(state, gamma)).view(float), self.by_mobius])
         self.B += RELIEF * self.by_mobius.T @ self.by_mobius  # else Woodbury's formula would lose all digits
         self.lifted = self.lift(self.J.T, self.B)
         self.S = np.linalg.inv(np.eye(len(self.J)) + self.J @ self.lifted)

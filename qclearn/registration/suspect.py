@@ -1,8 +1,7 @@
-"""What makes a registration suspect: mistakes that the landmarks betray, and maps that good landmarks do not lead to.
+"""What makes a registration suspect: mistakes in its landmarks, and maps that good landmarks do not lead to.
 
-A mistake is looked for before anything is registered: under the right explanation (the moving surface mirrored, a curve
-run from its other end, two curves swapped, ...) the curves' ends fit much better after their best Möbius map. Every
-reason is one text: a fixed word, what was found, at which curves, and what to do.
+Under the right explanation of a mistake (the moving surface mirrored, two curves swapped, ...) the curves' ends fit
+much better after their best Möbius map. A reason is one text: a fixed word, what was found, and what to do.
 """
 
 from dataclasses import dataclass, replace
@@ -13,8 +12,7 @@ import numpy as np
 from ..plane.mobius import mobius_misfits
 from .metrics import mean_rows
 
-# The thresholds. Beside each what tools/suspect.py measured: the range in good cases | in cases with a mistake,
-# which need not pass each of them. Every single value is in kept/suspect.json.
+# Beside each threshold, from kept/suspect.json: the range in good cases | with a mistake, which need not pass them all.
 LIMITS = {
     "error_mm": 3.0,  # mean landmark error, mm, together with the next; 0.05 to 4.1 | 3.0 to 64
     "error_share": 1 / 3,  # of the error that the best Möbius map leaves; 0.003 to 0.20 | 0.25 to 1.2
@@ -37,8 +35,8 @@ ROUNDING = 1e-9  # in the disk: a misfit of this size is none
 class Reading:
     """One way to read the landmarks: ends p (K, 2) of the moving curves in their disk and q of the control's.
 
-    order (K,): the number of the moving curve that stands in each row; backwards (K,): whether it runs from its other
-    end; reason: the words for the reading, empty where order and backwards tell.
+    order (K,): number of the moving curve in each row; backwards (K,): whether it runs from its other end; reason:
+    words for the reading, empty where order and backwards tell.
     """
 
     p: np.ndarray
@@ -49,17 +47,10 @@ class Reading:
 
 
 def reasons(sides, rows, fit):
-    """Why a registration of two `Sides` is suspect: texts, each with its fixed word first; [] where nothing is.
-
-    rows: the landmark errors of `error_rows`; fit: the `CertifiedMap`.
-    """
-    return [
-        *mistakes(sides),
-        *(large_error(mean_rows(rows)) if rows else ()),
-        *(odd_curves(rows) if rows else ()),
-        *switched_rows(fit, sides.moving.surface),
-        *strong_distortion(sides.moving.surface, fit.mu),
-    ]
+    """Texts on why a registration of two `Sides`, rows from `error_rows`, a `CertifiedMap`, is suspect."""
+    errors = [*large_error(mean_rows(rows)), *odd_curves(rows)] if rows else []
+    moving = sides.moving.surface
+    return [*mistakes(sides), *errors, *switched_rows(fit, moving), *strong_distortion(moving, fit.mu)]
 
 
 def disagreeing(features, f):
@@ -69,16 +60,14 @@ def disagreeing(features, f):
     hardly = [name for name, value in r.items() if abs(value) <= LEAST_R]
     if against:
         yield (
-            f"features: {listed(against)} of the two sides {'are' if len(against) > 1 else 'is'} of opposite sign "
-            f"(r = {min(r.values()):.2f}); negate one side (FreeSurfer's curv is the negative of ours, "
-            "its sulc is not)"
+            f"features: {listed(against)} of the two sides {'are' if len(against) > 1 else 'is'} of opposite sign (r = "
+            f"{min(r.values()):.2f}); negate one side (FreeSurfer's curv is the negative of ours, its sulc is not)"
         )
     if hardly:
         yield (
             f"features: {listed(hardly)} of the two sides hardly {'agree' if len(hardly) > 1 else 'agrees'} (r = "
             f"{min(abs(r[name]) for name in hardly):.2f} at {COARSEST:g} mm after the best Möbius map); check that "
-            "both show the same thing, that a noisy surface is smoothed first, or give a landmark curve or two, or "
-            "negate one side"
+            "both show the same thing, smooth a noisy surface first, give a landmark curve or two, or negate one side"
         )
 
 
@@ -98,20 +87,16 @@ def odd_curves(rows):
     median = np.median(errors)
     for row, error in zip(rows, errors):
         if error > LIMITS["curve_mm"] and error > LIMITS["curve_ratio"] * median:
-            yield (
-                f"curve: {row['name']!r} ends {error:.1f} mm from its target, the median curve {median:.1f} mm; check "
-                "its vertices, their order and its name, or leave it out"
-            )
+            found = f"curve: {row['name']!r} ends {error:.1f} mm from its target, the median curve {median:.1f} mm"
+            yield f"{found}; check its vertices, their order and its name, or leave it out"
 
 
 def switched_rows(fit, surface):
     """`rows:` where the `CertifiedMap` of a surface had to be repaired at many vertices."""
-    n_vertices = len(surface.vertices)
-    if fit.switched > LIMITS["rows"] * n_vertices:
-        yield (
-            f"rows: the map folded and was repaired at {fit.switched} of {n_vertices} vertices; no good landmarks ask "
-            "for that: check the order, the names and the ends of the curves"
-        )
+    count = len(surface.vertices)
+    if fit.switched > LIMITS["rows"] * count:
+        found = f"rows: the map folded and was repaired at {fit.switched} of {count} vertices"
+        yield f"{found}; no good landmarks ask for that: check the order, the names and the ends of the curves"
 
 
 def strong_share(moving, mu):
@@ -123,20 +108,17 @@ def strong_distortion(moving, mu):
     """`distortion:` where much of the surface is stretched beyond what folding explains."""
     share = strong_share(moving, mu)
     if share > LIMITS["strong_area"]:
-        yield (
-            f"distortion: |mu| is over {LIMITS['strong_mu']} on {100 * share:.1f} % of the moving surface; check the "
-            "curves, or lower gamma"
-        )
+        found = f"distortion: |mu| is over {LIMITS['strong_mu']} on {100 * share:.1f} % of the moving surface"
+        yield f"{found}; check the curves, or lower gamma"
 
 
 def mistakes(sides):
-    """The mistakes in surfaces and landmarks that explain the curves' ends much better than the landmarks as given."""
+    """Words on mistakes in surfaces and landmarks that explain the curves' ends much better than as given."""
     if len(sides.entries) < FEWEST:
         return []
-    given = given_reading(sides)
-    start, words = given, []
-    best = best_reading([given, *of_surfaces(given, sides), *of_order(given)])
-    if best.reason and accepted(given, best):
+    start, words = given_reading(sides), []
+    best = best_reading([start, *of_surfaces(start, sides), *of_order(start)])
+    if best.reason and accepted(start, best):
         start, words = best, [best.reason]
     best = in_order(start)
     if best is not start and accepted(start, best):
@@ -156,7 +138,7 @@ def ends(entries, side):
 
 
 def in_order(reading):
-    """Curves reversed and swapped, one after the other, as long as the ends altogether fit better by a STEP."""
+    """The reading after one reversal or swap after the other, as long as all ends fit better by a STEP."""
     while (best := best_reading([reading, *of_order(reading)])) is not reading:
         reading = best
     return reading
@@ -185,56 +167,44 @@ def accepted(given, other):
 
 
 def compared(given, other):
-    """Misfits of the curves that another reading reads otherwise, dict.
-
-    `given` and `plausible`: as given and in the other reading, over the curves' length in the disk; `better`: over
-    each other.
-    """
+    """Misfits of the curves that another reading reads otherwise: `given` and `plausible`, as given and in that one,
+    over the curves' length in the disk; `better`, over each other."""
     rows = ((given.p != other.p) | (given.q != other.q)).any(1)
     before, after = np.sqrt((misfits([given, other])[:, rows] ** 2).mean(1))
     length = np.sqrt((abs(np.diff(other.q[rows])) ** 2).mean())
-    return {
-        "better": float(after / (before + ROUNDING)),
-        "given": float(before / length),
-        "plausible": float(after / length),
-    }
+    found = {"better": after / (before + ROUNDING), "given": before / length, "plausible": after / length}
+    return {name: float(value) for name, value in found.items()}
 
 
 def of_surfaces(reading, sides):
     """Readings in which the surfaces are not those that the landmarks mean."""
     z_moving, z_control = sides.moving.disk.z, sides.control.disk.z
-
-    def change(p, q, reason):
-        return replace(reading, p=p, q=q, reason=reason)
-
-    yield change(
-        reading.p.conj(),
-        reading.q,
-        "mirror: the curves fit the mirrored moving surface much better; give "
-        "--mirror (library: qc.mirror), or leave it out if it was given: one side is a left, the other a right",
+    reason = (
+        "mirror: the curves fit the mirrored moving surface much better; give --mirror (library: qc.mirror), or leave "
+        "it out if it was given: one side is a left, the other a right"
     )
+    yield replace(reading, p=reading.p.conj(), reason=reason)
     pairs = {side: ends(sides.entries, side) for side in ("moving", "control")}
     if pairs["control"].max() < len(z_moving) and pairs["moving"].max() < len(z_control):
-        yield change(
-            z_moving[pairs["control"]],
-            z_control[pairs["moving"]],
-            "exchanged: the curves fit much better with "
-            'MOVING and CONTROL exchanged; exchange the two surfaces, or "moving" and "control" in the landmarks',
+        reason = (
+            "exchanged: the curves fit much better with MOVING and CONTROL exchanged; exchange the two surfaces, or "
+            '"moving" and "control" in the landmarks'
         )
+        yield replace(reading, p=z_moving[pairs["control"]], q=z_control[pairs["moving"]], reason=reason)
     cut = {side: cut_numbers(getattr(sides, side).surface, numbers) for side, numbers in pairs.items()}
     for read in (("moving",), ("control",), ("moving", "control")):
         if all(cut[side] is not None for side in read):
-            yield change(
-                z_moving[cut["moving"]] if "moving" in read else reading.p,
-                z_control[cut["control"]] if "control" in read else reading.q,
-                f"numbering: the {' and '.join(read)} vertices fit much better as those of the whole surface, "
-                "before it was cut open; give those of the cut one: the positions of your numbers in "
-                "original_vertices, which `qclearn open` keeps in the npz",
+            reason = (
+                f"numbering: the {' and '.join(read)} vertices fit much better as those of the whole surface, before "
+                "it was cut open; give the positions of your numbers in original_vertices, which `qclearn open` keeps"
             )
+            p = z_moving[cut["moving"]] if "moving" in read else reading.p
+            q = z_control[cut["control"]] if "control" in read else reading.q
+            yield replace(reading, p=p, q=q, reason=reason)
 
 
 def cut_numbers(surface, numbers):
-    """Vertices of the cut surface from those of the whole one; None without a table, or where one was cut away."""
+    """Vertices of the cut surface from those of the whole one; None without a table or where one is missing."""
     table = surface.original_vertices
     if table is None or not np.isin(numbers, table).all():
         return None
@@ -252,9 +222,8 @@ def of_order(reading):
     for pair in combinations(range(count), 2):
         rows = np.arange(count)
         rows[list(pair)] = pair[::-1]
-        yield replace(
-            reading, p=reading.p[rows], order=reading.order[rows], backwards=reading.backwards[rows], reason=""
-        )
+        p, order, backwards = reading.p[rows], reading.order[rows], reading.backwards[rows]
+        yield replace(reading, p=p, order=order, backwards=backwards, reason="")
 
 
 def order_words(reading, names):
@@ -262,20 +231,16 @@ def order_words(reading, names):
     words, left = [], dict(enumerate(reading.order.tolist()))
     turned = [names[k] for k in sorted(reading.order[reading.backwards])]
     if turned:
-        words.append(
-            f"reversed: {listed(turned)} {'fit' if len(turned) > 1 else 'fits'} much better run from the other "
-            "end; exchange first and last vertex on one side"
-        )
+        found = f"reversed: {listed(turned)} {'fit' if len(turned) > 1 else 'fits'} much better run from the other end"
+        words.append(f"{found}; exchange first and last vertex on one side")
     while left:
         row, cycle = next(iter(left)), []
         while row in left:
             cycle.append(names[row])
             row = left.pop(row)
         if len(cycle) > 1:
-            words.append(
-                f"swapped: {listed(cycle)} fit much better with each other's vertices; exchange their names or "
-                "their vertices on one side"
-            )
+            found = f"swapped: {listed(cycle)} fit much better with each other's vertices"
+            words.append(f"{found}; exchange their names or their vertices on one side")
     return words
 
 

@@ -1,4 +1,4 @@
-"""The two mismatches that a fit makes small, as residuals of the map: of landmarks, and of features at one scale."""
+"""The mismatches that a fit makes small, as residuals of the map: of landmarks, and of features at one scale."""
 
 import numpy as np
 from scipy import sparse
@@ -9,11 +9,8 @@ TANGENTIAL_WEIGHT = 0.1  # of a sliding landmark's residual along its target cur
 
 
 class LandmarkTerm:
-    """`sqrt(gamma / M) conj(t) (w - q)` of mapped landmarks w with targets q (M,), t the target curve's tangent.
-
-    Real parts, along the tangent and weighted down where a landmark slides, stand before the imaginary ones, across it;
-    t = 1 for points that do not slide.
-    """
+    """`sqrt(gamma / M) conj(t) (w - q)` of mapped landmarks w with targets q (M,), t the target curve's tangent, 1 for
+    points that do not slide. Real parts, along t and weighted down for those that do, stand before imaginary ones."""
 
     def __init__(self, target, curve, sliding):
         self.target, self.tangent = target, np.ones(len(target), complex)
@@ -41,10 +38,6 @@ class LandmarkTerm:
         scale = np.sqrt(gamma / self.count)
         return (sparse.diags_array(scale * turns) @ sparse.vstack([samples, samples])).tocsr()
 
-    def error(self, points):
-        """Mean distance of mapped points (M,) from their targets."""
-        return abs(points - self.target).mean()
-
     def jacobian(self, by_re, by_im, gamma):
         """Components (2 M, ...) from the parts Re w and Im w of changes, or from their gradients, (M, ...) each."""
         shape = (-1,) + (1,) * (by_re.ndim - 1)
@@ -56,9 +49,8 @@ class LandmarkTerm:
 class FeatureTerm:
     """`delta sum_c a_c sum_k w_k (I_c(x_k) - J_c(M f(x_k)))^2` over all moving vertices, at scale sigma.
 
-    I, J: the standardised features of both sides, a: their shares, w: the vertices' shares of the moving area, so that
-    the sum is 2 (1 - r) where the mapped features keep their variance. samples (V, N): from the mesh that is mapped to
-    the moving vertices, None where it is their own.
+    I, J: standardised features of both sides; a: their shares; w: the vertices' shares of the moving area; a sum is
+    2 (1 - r) where features keep their variance. samples (V, N): the mapped mesh to the moving vertices, if another.
     """
 
     def __init__(self, features, sigma, delta, samples=None):
@@ -77,7 +69,7 @@ class FeatureTerm:
         return sparse.vstack([block if self.samples is None else block @ self.samples for block in blocks]).tocsr()
 
     def locate(self, f):
-        """Where the moving vertices lie in the control's disk; kept for the last map that was asked for."""
+        """Where the moving vertices lie in the control's disk, kept for the last map."""
         if self.last[0] is not f:
             guess = None if self.last[1] is None else self.last[1][0]
             self.last = f, self.lookup(f if self.samples is None else self.samples @ f, guess)

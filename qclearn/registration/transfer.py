@@ -1,4 +1,4 @@
-"""What a finished map carries from one surface to the other: values at their vertices."""
+"""Values at vertices, carried from one surface to the other."""
 
 import numpy as np
 from jaxtyping import Bool, Complex, Integer, Num
@@ -22,10 +22,8 @@ def transfer(
     """
     values = np.asarray(values)
     if len(values) != len(z_from):
-        raise ValueError(
-            f"{len(values)} values for {len(z_from)} vertices: give one a vertex of the surface they "
-            "come from (the cut-open one, if it was cut)"
-        )
+        counts = f"{len(values)} values for {len(z_from)} vertices"
+        raise ValueError(f"{counts}: give one a vertex of the surface they come from (the cut-open one, if it was cut)")
     disk = Disk(z_from, faces_from)
     face, weights = disk.locate(z_to)
     return values[disk.faces[face, weights.argmax(1)]] if nearest else disk.interpolate(values, (face, weights))

@@ -1,5 +1,4 @@
-"""What makes triangles a surface: checked once, with the indices of what is wrong and the remedy in each
-SurfaceError."""
+"""Checks of a surface: each SurfaceError names the indices of what is wrong, and the remedy."""
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -20,26 +19,21 @@ def counted(items, one, many=None):
 
 
 def some(items):
-    """The first five of a list or an array, and how many more: for error messages."""
+    """The first five of a list or an array, and how many more, for error messages."""
     items = items if isinstance(items, list) else items.tolist()
-    shown = ", ".join(str(item) for item in items[:5])
-    return shown + (f" and {len(items) - 5} more" if len(items) > 5 else "")
+    return ", ".join(map(str, items[:5])) + (f" and {len(items) - 5} more" if len(items) > 5 else "")
 
 
-def original_numbers(numbers, n_vertices):
-    """original_vertices as checked integers, or None."""
+def origins(numbers, n_vertices):
+    """original_vertices as int64, or None."""
     if numbers is None:
         return None
     numbers = np.asarray(numbers)
-    if numbers.shape != (n_vertices,) or not np.issubdtype(numbers.dtype, np.integer):
+    sound = numbers.shape == (n_vertices,) and np.issubdtype(numbers.dtype, np.integer)
+    if not sound or numbers.min() < 0 or len(np.unique(numbers)) < n_vertices:
         raise SurfaceError(
-            f"original_vertices must be {n_vertices} whole numbers, one a vertex, not {numbers.dtype} of shape "
-            f"{numbers.shape}; give the second result of open_surface, or leave them out"
-        )
-    if numbers.min() < 0 or len(np.unique(numbers)) < n_vertices:
-        raise SurfaceError(
-            "original_vertices has negative numbers or one number twice, and a vertex of the whole surface is at most "
-            "one of the cut one; give the second result of open_surface, or leave them out"
+            f"original_vertices must be {n_vertices} whole numbers, none negative and not one number twice, and not "
+            f"{numbers.dtype} of shape {numbers.shape}; give the second result of open_surface, or leave them out"
         )
     return frozen(numbers.astype(np.int64))
 
@@ -68,7 +62,7 @@ def vertex_array(vertices):
             f"{counted(far, 'vertex', 'vertices')} with coordinates beyond {LARGEST:g}: {some(far)}. Areas and volumes "
             f"would overflow; give the surface in millimetres, or export it again if it is damaged"
         )
-    return vertices
+    return frozen(vertices)
 
 
 def face_array(faces):
@@ -79,7 +73,7 @@ def face_array(faces):
         raise SurfaceError(f"faces must be integers, not {faces.dtype}; convert them with faces.astype(int)")
     if not len(faces):
         raise SurfaceError("the surface has no faces; give at least one triangle")
-    return np.array(faces, dtype=np.int64, order="C")
+    return frozen(np.array(faces, dtype=np.int64, order="C"))
 
 
 def curve_path(name, path, n_vertices):
@@ -92,11 +86,11 @@ def curve_path(name, path, n_vertices):
             f"curve '{name}' names vertices that do not exist: {some(bad)}; "
             f"indices run from 0 to {n_vertices - 1}: take the curve from this very surface"
         )
-    return path.astype(np.int64)
+    return frozen(path.astype(np.int64))
 
 
 def check_faces(vertices, faces):
-    """Index range, unused vertices, degenerate faces."""
+    """SurfaceError for corners out of range, unused vertices and degenerate faces."""
     if faces.min() < 0 or faces.max() >= len(vertices):
         out = np.flatnonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))
         raise SurfaceError(
@@ -118,13 +112,12 @@ def check_faces(vertices, faces):
 
 
 def degenerate_faces(vertices, faces):
-    """Indices (k,) of the faces with a repeated vertex, or whose height over their longest side is below rounding."""
-    i, j, k = faces.T
-    a, b, c = vertices[i], vertices[j], vertices[k]
-    sides = np.stack([norms(b - a), norms(c - b), norms(a - c)])
-    double_area = norms(np.cross(b - a, c - a))
+    """Indices (k,) of faces with a repeated vertex, or with a height over the longest side below rounding."""
+    a, b, c = (vertices[corner] for corner in faces.T)
+    longest = np.maximum(np.maximum(norms(b - a), norms(c - b)), norms(a - c))
+    repeated = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
     rounding = 8 * np.finfo(float).eps * np.abs(vertices).max()
-    return np.flatnonzero((i == j) | (j == k) | (k == i) | (double_area <= rounding * sides.max(axis=0)))
+    return np.flatnonzero(repeated | (norms(np.cross(b - a, c - a)) <= rounding * longest))
 
 
 def norms(vectors):
@@ -143,8 +136,7 @@ def _check_duplicates(faces):
 
 
 def check_topology(n_vertices, faces):
-    """Edges (E, 2), their faces (E, 2) and the boundary half-edges (B, 2) of a mesh that is found manifold,
-    consistently oriented and connected."""
+    """Edges (E, 2), their faces (E, 2), boundary half-edges (B, 2) of a manifold, oriented, connected mesh."""
     tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()  # half-edge 3 f + k leaves corner k of face f
     key = np.minimum(tails, heads) * n_vertices + np.maximum(tails, heads)
     order = np.argsort(key, kind="stable")
@@ -176,7 +168,7 @@ def check_topology(n_vertices, faces):
 
 
 def _check_connected(n_vertices, edges):
-    n_components, label = _components(n_vertices, edges[:, 0], edges[:, 1])
+    n_components, label = components(n_vertices, edges)
     if n_components > 1:
         sizes = np.bincount(label)
         firsts = np.unique(label, return_index=True)[1]
@@ -188,10 +180,10 @@ def _check_connected(n_vertices, edges):
 
 
 def _check_fans(n_vertices, faces, one, two):
-    """The faces around a vertex must form one fan; one, two = the half-edges on the two sides of inner edges."""
-    corner = np.arange(3 * len(faces))
-    after = (corner // 3) * 3 + (corner + 1) % 3  # the corner at the head of half-edge `corner`
-    n_fans, label = _components(len(corner), np.r_[one, after[one]], np.r_[after[two], two])
+    """SurfaceError unless the faces around each vertex form one fan; one, two: half-edges beside the inner edges."""
+    after = np.roll(np.arange(faces.size).reshape(-1, 3), -1, axis=1).ravel()  # the corner at each half-edge's head
+    sides = np.stack([np.r_[one, after[one]], np.r_[after[two], two]], axis=1)
+    n_fans, label = components(faces.size, sides)
     if n_fans > n_vertices:
         vertex_of_fan = np.empty(n_fans, dtype=np.int64)
         vertex_of_fan[label] = faces.ravel()
@@ -202,6 +194,7 @@ def _check_fans(n_vertices, faces, one, two):
         )
 
 
-def _components(size, start, end):
-    graph = csr_array((np.ones(len(start), dtype=np.int8), (start, end)), shape=(size, size))
+def components(size, pairs):
+    """How many parts things 0 ... size - 1 have that pairs (n, 2) join, and the part of each (size,)."""
+    graph = csr_array((np.ones(len(pairs), dtype=np.int8), pairs.T), shape=(size, size))
     return connected_components(graph, directed=False)

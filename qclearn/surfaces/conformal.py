@@ -20,10 +20,9 @@ from .surface import Surface, SurfaceError, require_disk
 def disk_conformal_map(surface: Surface) -> Complex[ndarray, " V"]:
     """The conformal map of a disk-like surface onto the unit disk, boundary exactly on the circle.
 
-    Gauge: the surface's area centroid at 0, the first vertex of `surface.boundary` at 1. The flux form with the
-    surface's cotangent matrix: no iteration. Certified: no triangle is flipped; a RepairWarning says if boundary
-    steps or rows of the system had to be changed for that. SurfaceError if the surface is not a disk;
-    BijectivityError if the repair fails.
+    The area centroid goes to 0, the first vertex of `surface.boundary` to 1. The flux form with the cotangent matrix,
+    no iteration. Certified: no triangle is flipped; a RepairWarning tells of boundary steps and rows changed for that.
+    SurfaceError if the surface is not a disk; BijectivityError if the repair fails.
     """
     require_disk(surface)
     faces, loop = surface.faces, surface.boundary
@@ -52,15 +51,15 @@ def disk_conformal_map(surface: Surface) -> Complex[ndarray, " V"]:
 
 def _central_vertex(surface, problem, rim):
     """The interior vertex nearest the area centroid of the harmonic embedding with boundary by arc length."""
-    arc = np.concatenate([[0.0], np.cumsum(rim[:-1])]) / rim.sum()
-    f = problem.solve(np.exp(2j * np.pi * arc))
     if not len(problem.free):
         raise SurfaceError("the surface has no interior vertex; refine it")
+    arc = np.concatenate([[0.0], np.cumsum(rim[:-1])]) / rim.sum()
+    f = problem.solve(np.exp(2j * np.pi * arc))
     return problem.free[abs(f[problem.free] - surface.vertex_areas @ f / surface.area).argmin()]
 
 
 def _centre_and_unfold(surface, matrix, f):
-    """Bring the area centroid to 0 and switch rows until no face is flipped: (f, switched vertices)."""
+    """The map f with its area centroid at 0 and rows switched until no face is flipped: (f, switched vertices)."""
     share = surface.vertex_areas / surface.area
     f = mobius(f, centring_mobius(f, share))
     picture, switched = Disk(f, surface.faces), np.zeros(0, int)
@@ -88,8 +87,7 @@ def angle_distortion(surface: Surface, z: Complex[ndarray, " V"]) -> Float[ndarr
 class Side:
     """A surface on its disk, the `Disk` of its faces with the boundary on the unit circle.
 
-    features: its per-vertex maps at every scale (`Smoothing` in registration/features.py), None where it has none;
-    words: what was repaired when it was laid out.
+    features: its maps at every scale, a `Smoothing`, or None; words: what was repaired when it was laid out.
     """
 
     surface: Surface
@@ -122,10 +120,7 @@ def moved(side, parameters):
 
 
 def mended(surface, z):
-    """The `Disk` of a surface at z (V,) with its boundary put back onto the circle; where it folds, rows are switched.
-
-    Not certified: ask `Side.whole` or the disk.
-    """
+    """The `Disk` of a surface at z (V,), boundary put back onto the circle, folds repaired. Not certified."""
     z, loop = z.copy(), surface.boundary
     z[loop] /= abs(z[loop])
     disk = Disk(z, surface.faces)

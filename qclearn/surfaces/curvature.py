@@ -12,7 +12,7 @@ from scipy.sparse import coo_array
 
 from ..plane.disk import Disk
 from ..plane.grids import pixel_centres
-from ..plane.triangles import cotangent_stiffness
+from ..plane.triangles import cotangent_stiffness, middles
 from .checks import frozen
 from .surface import Surface, SurfaceError
 
@@ -21,7 +21,7 @@ CLOSING_CELL = 1 / 130  # side of a voxel, same unit
 
 
 def _once(function):
-    """Remember what a function finds for a surface, which cannot change, as long as the surface is there."""
+    """A function of a surface that keeps each surface's answer as long as the surface is there."""
     kept = WeakKeyDictionary()
 
     @wraps(function)
@@ -39,10 +39,8 @@ def mean_curvature(surface: Surface) -> Float[ndarray, " V"]:
 
     `H = n . (K x) / (2 A)` with the cotangent stiffness K, the mixed Voronoi area A of Meyer et al. (2003) and the
     vertex normal n of Max (1999). It is exact, 1/r, where the neighbours lie on a sphere of radius r and no triangle
-    around is obtuse; otherwise the mean error falls like h^2, but single vertices of odd valence may keep theirs
-    (Xu 2004). Slivers do little harm: a triangle adds at most half of its opposite edge to K x, and A is positive
-    for any triangle. A boundary vertex, where K x contains the pull of the rim, takes the mean of its neighbours
-    inside. SurfaceError if no vertex lies inside.
+    around is obtuse; else the mean error falls like h^2, but single vertices of odd valence may keep theirs (Xu 2004).
+    A boundary vertex takes the mean of its neighbours inside, as the rim pulls on it; SurfaceError without an inside.
     """
     vertices, faces = surface.vertices, surface.faces
     area, normal = _mixed_areas(vertices, faces), _max_normals(vertices, faces)
@@ -51,20 +49,13 @@ def mean_curvature(surface: Surface) -> Float[ndarray, " V"]:
 
 
 def _corner_vectors(vertices, faces):
-    """For each corner (F, 3): the two edges that leave it, (F, 3, 3), to the next and to the previous corner."""
+    """The edges that leave each corner to the next and to the previous one, (F, 3, 3) each."""
     corners = vertices[faces]
     return np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
 
 
-def _add_corners(faces, values, n_vertices):
-    """Sum of corner values (F, 3) or (F, 3, 3) at the vertices, (V,) or (V, 3)."""
-    if values.ndim == 3:
-        return np.stack([_add_corners(faces, values[..., k], n_vertices) for k in range(3)], axis=1)
-    return np.bincount(faces.ravel(), values.ravel(), n_vertices)
-
-
 def _mixed_areas(vertices, faces):
-    """Voronoi areas (V,); an obtuse triangle gives half of its area to its obtuse corner, a quarter to the others."""
+    """Voronoi areas (V,), but half of an obtuse triangle's area to its obtuse corner, a quarter to each other one."""
     to_next, to_last = _corner_vectors(vertices, faces)
     dot = np.einsum("fck,fck->fc", to_next, to_last)
     double_area = np.linalg.norm(np.cross(to_next[:, 0], to_last[:, 0]), axis=1)[:, None]
@@ -74,19 +65,20 @@ def _mixed_areas(vertices, faces):
         + np.einsum("fck,fck->fc", to_last, to_last) * np.roll(dot, -1, axis=1)
     ) / (8 * double_area)
     obtuse = np.where(dot < 0, double_area / 4, double_area / 8)
-    return _add_corners(faces, np.where((dot < 0).any(axis=1)[:, None], obtuse, voronoi), len(vertices))
+    return np.bincount(faces.ravel(), np.where((dot < 0).any(axis=1)[:, None], obtuse, voronoi).ravel())
 
 
 def _max_normals(vertices, faces):
     """Unit vertex normals (V, 3): sum of a x b / (|a|^2 |b|^2) over the corners, exact on any mesh of a sphere."""
     to_next, to_last = _corner_vectors(vertices, faces)
     squares = np.einsum("fck,fck->fc", to_next, to_next) * np.einsum("fck,fck->fc", to_last, to_last)
-    normal = _add_corners(faces, np.cross(to_next, to_last) / squares[..., None], len(vertices))
+    parts = np.cross(to_next, to_last) / squares[..., None]
+    normal = np.stack([np.bincount(faces.ravel(), parts[..., k].ravel()) for k in range(3)], axis=1)
     return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
 
 
 def _fill_boundary(surface, values):
-    """Replace boundary values by the mean over known neighbours, from the vertices next to the inside outward."""
+    """The values with those of the boundary replaced by means over known neighbours, from the inside outward."""
     known = np.ones(len(values), bool)
     for loop in surface.boundary_loops:
         known[loop] = False
@@ -107,10 +99,10 @@ def _fill_boundary(surface, values):
 def sulcal_depth(surface: Surface) -> Float[ndarray, " V"]:
     """Depth of each vertex below the outer envelope, >= 0 and 0 on gyral crowns, in the surface's length.
 
-    The distance to the outside of the morphological closing of the filled surface by a ball of radius 0.05 L, where
+    The distance to the outside of the filled surface after its morphological closing by a ball of radius 0.05 L,
     L = sqrt(area of the convex hull): the envelope of the local gyrification index (Schaer et al. 2008). Openings are
-    capped by fans. Computed on voxels of side L/130 and accurate to about one of them; below half a voxel it is 0.
-    The orientation does not matter. SurfaceError for a flat surface.
+    capped by fans; the orientation does not matter. On voxels of side L/130 and accurate to about one; below half a
+    voxel it is 0. SurfaceError for a flat surface.
     """
     vertices = surface.vertices
     try:
@@ -121,25 +113,15 @@ def sulcal_depth(surface: Surface) -> Float[ndarray, " V"]:
     margin = (radius + 4) * cell
     origin = vertices.min(axis=0) - margin
     shape = np.ceil((vertices.max(axis=0) + margin - origin) / cell).astype(int)
-    closed = _close(_filled(surface, origin, cell, shape), radius)
+    dilated = scipy.ndimage.binary_fill_holes(_within(radius, _filled(surface, origin, cell, shape)))
+    inward = scipy.ndimage.distance_transform_edt(~_within(radius, ~dilated))
+    depth = scipy.ndimage.map_coordinates(inward, ((vertices - origin) / cell).T, order=1)
     # half a voxel: the distance is to the nearest centre outside, the envelope lies between two centres
-    depth = scipy.ndimage.map_coordinates(
-        scipy.ndimage.distance_transform_edt(closed), ((vertices - origin) / cell).T, order=1
-    )
     return cell * np.maximum(depth - 0.5, 0)
 
 
-def _close(solid, radius):
-    """Morphological closing by a ball of `radius` voxels; cavities are filled."""
-    dilated = scipy.ndimage.binary_fill_holes(_within(radius, solid))
-    return ~_within(radius, ~dilated)
-
-
 def _within(radius, mask):
-    """Which voxels have one of the mask within `radius`: those that a convolution with a ball reaches.
-
-    It is periodic, which no voxel notices: along the grid's faces all or none are of the mask, `radius` deep.
-    """
+    """Which voxels have one of the mask within `radius`; periodic, as all or none along the grid's faces are of it."""
     size = [scipy.fft.next_fast_len(n, real=True) for n in mask.shape]
     squares = [np.minimum(k, n - k) ** 2 for n, k in zip(size, map(np.arange, size))]
     ball = squares[0][:, None, None] + squares[1][:, None] + squares[2] <= radius**2
@@ -165,7 +147,7 @@ def _filled(surface, origin, cell, shape):
 
 @dataclass(frozen=True)
 class AreaRadius:
-    """A monotone change of radius of the unit disk, linear between knots: `disk` <-> `image`, both 0 to 1."""
+    """A monotone change of radius of the unit disk, linear between the knots `disk` <-> `image`, both 0 to 1."""
 
     disk: Float[ndarray, " K"]
     image: Float[ndarray, " K"]
@@ -188,8 +170,8 @@ def _scale_radius(z, radius, new_radius):
 def area_radius(surface, z, knots=65):
     """The `AreaRadius` with `r_image^2` = share of the surface's area within |z| <= r.
 
-    A conformal map crowds most of a cortical surface into a small part of its disk (half of the area within r < 0.24
-    on one hemisphere); equal areas of this image carry equal cortical area, ring by ring.
+    A conformal map crowds most of a cortex into a small part of its disk (half of the area within r < 0.24 on one
+    hemisphere); equal areas of this image carry equal cortical area, ring by ring.
     """
     points, areas = _samples(surface, z, 4)
     order = np.argsort(abs(points))
@@ -201,11 +183,7 @@ def area_radius(surface, z, knots=65):
 
 def _samples(surface, z, m):
     """Centroids in z of the m^2 equal parts of each face, complex (m^2 F,), and their areas on the surface."""
-    i, j = np.array([(i, j) for i in range(m) for j in range(m - i)]).T
-    upward = np.stack([i + 1 / 3, j + 1 / 3, m - 2 / 3 - i - j], axis=1) / m
-    i, j = i[i + j < m - 1], j[i + j < m - 1]
-    downward = np.stack([i + 2 / 3, j + 2 / 3, m - 4 / 3 - i - j], axis=1) / m
-    points = z[surface.faces] @ np.concatenate([upward, downward]).T
+    points = z[surface.faces] @ middles(m).T
     return points.ravel(), np.repeat(surface.face_areas / m**2, m**2)
 
 
@@ -214,10 +192,9 @@ def curvature_image(
 ) -> tuple[Float[ndarray, " size size"], AreaRadius]:
     """Image of a per-vertex map on the disk, NaN outside it, and the `AreaRadius` of its coordinates.
 
-    z is a disk map of the surface, as `disk_conformal_map` gives. The pixel in row i and column j shows the point
-    `radius.from_image(x + iy)`, x = (2j + 1)/size - 1, y = (2i + 1)/size - 1, linear in the face that holds it.
-    `values` are shown in their own unit; without them, mean curvature as grey levels from 0 (sulci) to 255 (gyri),
-    see `grey_levels`. Source: paper, section 'Landmark Detection'; the radius is ours.
+    z: a disk map as `disk_conformal_map` gives. Pixel (i, j) shows `radius.from_image(x + iy)`, x = (2j + 1)/size - 1,
+    y = (2i + 1)/size - 1, linear in its face. values: in their own unit; without them mean curvature as `grey_levels`,
+    0 (sulci) to 255 (gyri). Source: paper, section 'Landmark Detection'; the radius is ours.
     """
     if values is None:
         values = grey_levels(mean_curvature(surface), surface.vertex_areas)
@@ -230,10 +207,7 @@ def curvature_image(
 
 
 def grey_levels(values, areas, tail=0.02):
-    """Values (V,) scaled linearly to [0, 255]; the lowest and highest `tail` of the area are clipped to the ends.
-
-    Slivers and sharp crowns would otherwise take up the range. A constant becomes 127.5.
-    """
+    """Values (V,) scaled to [0, 255], the lowest and highest `tail` of the area clipped; a constant to 127.5."""
     order = np.argsort(values)
     share = (np.cumsum(areas[order]) - 0.5 * areas[order]) / np.sum(areas)
     low, high = np.interp([tail, 1 - tail], share, values[order])
@@ -243,10 +217,7 @@ def grey_levels(values, areas, tail=0.02):
 
 
 def area_under_pixels(surface, z, radius, size=128):
-    """Area of the surface under each pixel of its image, (size, size), in squared length; sums to `surface.area`.
-
-    Each face is split into 64 equal parts, each counted where its centroid falls.
-    """
+    """Area of the surface under each pixel of its image, (size, size): each 64th of a face where its centroid falls."""
     points, areas = _samples(surface, z, 8)
     w = radius.to_image(points)
     column, row = (np.clip(((x + 1) * size / 2).astype(int), 0, size - 1) for x in (w.real, w.imag))

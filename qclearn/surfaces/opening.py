@@ -3,22 +3,19 @@
 import numpy as np
 from jaxtyping import Bool, Integer
 from numpy import ndarray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
+from .checks import components
 from .surface import Surface, SurfaceError, require_disk
 
 
 def open_surface(surface: Surface, mask: Bool[ndarray, " V"]) -> tuple[Surface, Integer[ndarray, " W"]]:
-    """The disk left when the vertices of mask are cut away, and their indices in the input.
+    """The disk left when the vertices of mask (True = cut) are cut away, and its vertices' indices in the input.
 
-    mask: True = cut. A face stays if none of its corners is cut; of what stays the piece of largest area
-    is kept; of the gaps in it the largest (by area; an input's own boundary counts as largest) becomes the opening and
-    the others are filled with their own vertices; where the opening touches itself in a vertex, all fans but the
-    largest go; inner edges that join two vertices of the rim are cut and the smaller side goes (ears and teeth that
-    hang by one edge). Vertices keep their places and order; the indices are also the disk's `original_vertices`. Raises
-    SurfaceError for a mask of the wrong shape, one that cuts all or nothing or of which more than half would be filled,
-    a curve that would lose vertices, and where no disk with an inner vertex is left.
+    Of the faces without a cut corner the piece of largest area stays. Its largest gap (the input's own boundary, if
+    there is one) becomes the opening; the others are filled with their own vertices. Where the opening touches itself
+    in a vertex the largest fan stays, and where an inner edge joins two vertices of the rim the larger side. Vertices
+    keep places and order; the indices are also the disk's `original_vertices`. SurfaceError for a mask of wrong shape,
+    or that cuts all, nothing or a curve, or more than half filled, and where no disk with an inner vertex is left.
     """
     mask = _checked_mask(surface, mask)
     n_masked = int(mask.sum())
@@ -26,9 +23,8 @@ def open_surface(surface: Surface, mask: Bool[ndarray, " V"]) -> tuple[Surface, 
     kept = _opened(surface, ~cut)
     if kept[cut].all():
         raise SurfaceError(
-            f"the mask only makes holes inside a surface that is open already ({surface.boundary_loops[0].size} "
-            f"boundary vertices from vertex {surface.boundary_loops[0][0]}); let the mask reach that boundary, or "
-            f"use the surface as it is"
+            f"the mask only makes holes inside a surface that is open already ({len(surface.boundary)} boundary "
+            f"vertices from vertex {surface.boundary[0]}); let it reach that boundary, or use the surface as it is"
         )
     vertices, corners = np.unique(surface.faces[kept], return_inverse=True)
     new_index = np.full(len(surface.vertices), -1)
@@ -68,7 +64,7 @@ def _checked_mask(surface, mask):
 
 
 def _opened(surface, kept):
-    """Faces (F,) bool of the disk: the steps of open_surface, repeated until none changes anything."""
+    """Faces (F,) bool of the disk: the steps of `open_surface` until none changes anything."""
     while True:
         before = kept
         kept = _largest(surface, kept, cut=np.zeros(len(surface.edges), dtype=bool))
@@ -80,29 +76,23 @@ def _opened(surface, kept):
 
 
 def _largest(surface, kept, cut):
-    """The piece of largest area among the kept faces, joined through edges that are not cut."""
+    """The piece of largest area of the kept faces, joined through edges that are not cut."""
     joined = surface.edge_faces[_sides(surface, kept).all(axis=1) & ~cut]
-    _, label = _components(len(surface.faces), joined)
+    _, label = components(len(surface.faces), joined)
     area = np.bincount(label[kept], weights=surface.face_areas[kept])
     return kept & (label == area.argmax())
 
 
 def _with_holes_filled(surface, kept):
-    """The kept faces and all gaps between them but the largest and those on the surface's own boundary.
-
-    A gap is what hangs together through vertices, so two that touch in a vertex are one.
-    """
+    """The kept faces and their gaps but the opening; gaps that touch in a vertex are one."""
     faces, cut = surface.faces, ~kept
     if not cut.any():
         return kept
     outside = surface.edges[surface.edge_faces[:, 1] < 0]
-    _, label = _components(len(surface.vertices), np.concatenate([faces[cut][:, :2], faces[cut][:, 1:], outside]))
+    _, label = components(len(surface.vertices), np.concatenate([faces[cut][:, :2], faces[cut][:, 1:], outside]))
     gap = label[faces[:, 0]]
-    if len(outside):
-        stays = np.unique(label[outside])
-    else:
-        stays = np.bincount(gap[cut], weights=surface.face_areas[cut]).argmax()
-    return kept | ~np.isin(gap, stays)
+    opening = label[outside] if len(outside) else np.bincount(gap[cut], surface.face_areas[cut]).argmax()
+    return kept | ~np.isin(gap, opening)
 
 
 def _without_touching_fans(surface, kept):
@@ -128,11 +118,6 @@ def _rim(surface, kept):
 def _sides(surface, kept):
     """Which of its two faces is kept, for every edge: (E, 2) bool."""
     return kept[surface.edge_faces] & (surface.edge_faces >= 0)
-
-
-def _components(size, pairs):
-    graph = csr_array((np.ones(len(pairs), dtype=np.int8), pairs.T), shape=(size, size))
-    return connected_components(graph, directed=False)
 
 
 def _renumbered(name, path, new_index):

@@ -11,26 +11,15 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 
 from ..plane.checks import SurfaceError
-from .checks import (
-    check_faces,
-    check_topology,
-    curve_path,
-    face_array,
-    frozen,
-    norms,
-    original_numbers,
-    some,
-    vertex_array,
-)
+from .checks import check_faces, check_topology, curve_path, face_array, frozen, norms, origins, some, vertex_array
 
 
 class Surface:
     """An oriented, connected, manifold triangle mesh in space, open or closed; raises SurfaceError if it is not one.
 
     vertices: in any length unit; faces: orientation kept as given (outward = positive `volume`); curves: name -> vertex
-    path; edges: sorted; edge_faces: the faces on the two sides of each edge, -1 beyond the boundary; original_vertices:
-    where the surface was cut out of a whole one, the vertices' numbers there, else None. Floats are float64, integers
-    int64. The arrays are read-only, so what was checked stays true.
+    path; edges: sorted; edge_faces: the faces beside each edge, -1 beyond the boundary; original_vertices: the numbers
+    in the whole surface that this was cut out of, or None. float64 and int64, read-only: what was checked stays true.
     """
 
     vertices: Float[ndarray, " V 3"]
@@ -47,14 +36,11 @@ class Surface:
         curves: Mapping[str, Integer[ndarray, " _"]] | None = None,
         original_vertices: Integer[ndarray, " V"] | None = None,
     ):
-        self.vertices = frozen(vertex_array(vertices))
-        self.faces = frozen(face_array(faces))
+        self.vertices, self.faces = vertex_array(vertices), face_array(faces)
         check_faces(self.vertices, self.faces)
         self.edges, self.edge_faces, self._boundary_halfedges = check_topology(len(self.vertices), self.faces)
-        self.curves = {
-            name: frozen(curve_path(name, path, len(self.vertices))) for name, path in (curves or {}).items()
-        }
-        self.original_vertices = original_numbers(original_vertices, len(self.vertices))
+        self.curves = {name: curve_path(name, path, len(self.vertices)) for name, path in (curves or {}).items()}
+        self.original_vertices = origins(original_vertices, len(self.vertices))
 
     def __repr__(self):
         curves = f", curves {', '.join(self.curves)}" if self.curves else ""
@@ -62,8 +48,7 @@ class Surface:
 
     @cached_property
     def boundary_loops(self) -> list[Integer[ndarray, " _"]]:
-        """The boundary as loops: each runs along its faces' own edges (the surface on its left seen from
-        outside), starts at its smallest vertex index; loops in the order of their first vertices."""
+        """The boundary's loops by their smallest vertices, where they start; the surface is left, seen from outside."""
         following = dict(self._boundary_halfedges.tolist())
         loops = []
         for start in sorted(following):
@@ -77,16 +62,26 @@ class Surface:
     @cached_property
     def boundary(self) -> Integer[ndarray, " B"]:
         """The boundary loop, from its smallest vertex index; SurfaceError unless there is exactly one."""
-        if len(self.boundary_loops) != 1:
-            raise SurfaceError(_loops_message(self))
-        return self.boundary_loops[0]
+        loops = self.boundary_loops
+        if len(loops) == 1:
+            return loops[0]
+        if not loops:
+            raise SurfaceError(
+                "the surface is closed (no boundary), where a disk is needed; cut it open along the medial wall: "
+                "open_surface(surface, mask), or `qclearn open SURFACE --label FILE --out FILE`"
+            )
+        listed = [f"{len(loop)} vertices from vertex {loop[0]}" for loop in sorted(loops, key=len, reverse=True)]
+        raise SurfaceError(
+            f"the surface has {len(loops)} boundary loops, where a disk has one: {some(listed)}. Fill the inner holes "
+            f"with faces, or cut a new opening that takes them in: open_surface(surface, mask)"
+        )
 
     @cached_property
     def fingerprint(self) -> dict:
-        """`{"vertices": V, "sha256": hex}`: what landmarks files and reports know the surface by.
+        """`{"vertices": V, "sha256": hex}`, by which landmarks files and reports know the surface.
 
-        The hash is over the vertices (V, 3) as little-endian float32, which is what most formats store, and the faces
-        (F, 3) as little-endian int64: the same in all formats that keep the order of the vertices.
+        The hash of vertices (V, 3) as little-endian float32, as most formats store them, and faces (F, 3) as
+        little-endian int64: the same in all formats that keep the order of the vertices.
         """
         with np.errstate(over="ignore"):  # beyond float32 all are infinite
             digest = hashlib.sha256((self.vertices.astype("<f4") + np.float32(0)).tobytes())  # + 0: one zero, not two
@@ -107,8 +102,7 @@ class Surface:
     @cached_property
     def vertex_areas(self) -> Float[ndarray, " V"]:
         """One third of the areas of the faces around each vertex."""
-        total = np.bincount(self.faces.ravel(), weights=np.repeat(self.face_areas, 3), minlength=len(self.vertices))
-        return frozen(total / 3)
+        return frozen(np.bincount(self.faces.ravel(), np.repeat(self.face_areas, 3)) / 3)
 
     @property
     def area(self) -> float:
@@ -129,9 +123,8 @@ class Surface:
 
 
 def require_disk(surface: Surface) -> None:
-    """Raise SurfaceError unless the surface is a topological disk: one boundary loop and Euler characteristic 1."""
-    if len(surface.boundary_loops) != 1:
-        raise SurfaceError(_loops_message(surface))
+    """SurfaceError unless the surface is a topological disk: one boundary loop and Euler characteristic 1."""
+    _ = surface.boundary  # one loop
     if surface.euler_characteristic != 1:
         handles = (1 - surface.euler_characteristic) // 2
         raise SurfaceError(
@@ -143,7 +136,7 @@ def require_disk(surface: Surface) -> None:
 
 
 def require_outward(surface: Surface) -> None:
-    """Raise SurfaceError unless the faces look outward: positive `volume`, beyond rounding."""
+    """SurfaceError unless the faces look outward: positive `volume`, beyond rounding."""
     if abs(surface.volume) <= 1e-12 * surface.area**1.5:
         raise SurfaceError(
             "the surface encloses no volume (it lies in a plane), so its orientation cannot be told; "
@@ -157,30 +150,16 @@ def require_outward(surface: Surface) -> None:
 
 
 def mirror(surface: Surface) -> Surface:
-    """The surface with x negated and every face reversed, so that outward stays outward; vertices and curves keep
-    their indices."""
+    """The surface with x negated and every face reversed: outward stays outward, indices stay."""
     vertices = surface.vertices * [-1.0, 1.0, 1.0]
     return Surface(vertices, surface.faces[:, ::-1], surface.curves, surface.original_vertices)
 
 
-def _loops_message(surface):
-    loops = surface.boundary_loops
-    if not loops:
-        return (
-            "the surface is closed (no boundary), where a disk is needed; cut it open along the medial wall: "
-            "open_surface(surface, mask), or `qclearn open SURFACE --label FILE --out FILE`"
-        )
-    listed = [f"{len(loop)} vertices from vertex {loop[0]}" for loop in sorted(loops, key=len, reverse=True)]
-    return (
-        f"the surface has {len(loops)} boundary loops, where a disk has one: {some(listed)}. Fill the inner holes "
-        f"with faces, or cut a new opening that takes them in: open_surface(surface, mask)"
-    )
-
-
 def _handle_edges(surface):
-    """Edges (2 x handles, 2): each closes a loop through a handle, one of the shortest from vertex 0 (Erickson and
-    Whittlesey 2005: a shortest-path tree, and among the other edges a spanning tree of the faces across the longest
-    loops, the outside counting as a face; the edges in neither are the ones)."""
+    """Edges (2 x handles, 2) that each close one of the shortest loops from vertex 0 through a handle.
+
+    Those in neither a shortest-path tree nor a tree of faces across the longest loops (Erickson and Whittlesey 2005).
+    """
     n_vertices, n_cells = len(surface.vertices), len(surface.faces) + 1
     one, two = surface.edges.T
     graph = csr_array((np.ones(len(one)), (one, two)), shape=(n_vertices, n_vertices))

@@ -118,7 +118,8 @@ def test_a_stopped_run_goes_on(tmp_path, folder, inside, monkeypatch):
 @pytest.fixture
 def cluster(tmp_path):
     """A real scheduler and a function that starts worker processes on loopback: (address, start_worker)."""
-    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent), "OMP_NUM_THREADS": "1"}
+    path = os.pathsep.join(filter(None, [str(Path(__file__).parent), os.environ.get("PYTHONPATH")]))
+    environment = os.environ | {"PYTHONPATH": path, "OMP_NUM_THREADS": "1"}
     processes = []
 
     def start(*words):

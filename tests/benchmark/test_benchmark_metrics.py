@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from qclearn.plane.diskmesh import polar_disk
 
+from qclearn.plane.disk import Disk
+from qclearn.plane.grids import polar_disk
 from qclearn.registration.metrics import (
     coefficient_histogram,
     coefficient_measures,
@@ -25,7 +26,7 @@ def flat(z):
 
 def test_coefficients_count_by_face_by_disk_and_by_surface():
     surface = Surface(flat(np.array([0, 2, 2 + 1j, 4j])), FACES)  # areas 1 and 4
-    found = coefficient_measures(surface, np.array([0, 2, 2 + 1j, 3j]), np.array([0.1j, -0.6]))  # areas 1 and 3
+    found = coefficient_measures(surface, Disk([0, 2, 2 + 1j, 3j], FACES), np.array([0.1j, -0.6]))  # areas 1 and 3
     assert found["mean_abs_mu"] == pytest.approx(0.35) and found["sd_abs_mu"] == pytest.approx(0.25)
     assert found["max_abs_mu"] == 0.6 and found["p95_abs_mu"] == pytest.approx(0.1 + 0.95 * 0.5)
     assert found["mean_abs_mu_disk"] == pytest.approx((0.1 + 3 * 0.6) / 4)

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from qclearn.plane.diskmesh import boundary_loop, polar_disk
 
 from qclearn.benchmark import Run
 from qclearn.benchmark.cortex import conte69_pair, heldout_pair, other_mesh, warp_pair, warped
@@ -12,6 +11,8 @@ from qclearn.benchmark.pairs import mapped, prepare, reverse
 from qclearn.benchmark.problems import problems
 from qclearn.benchmark.trial import trial
 from qclearn.methods import METHODS
+from qclearn.plane.disk import boundary_loop
+from qclearn.plane.grids import polar, polar_disk
 from qclearn.registration import Problem
 from qclearn.registration.problem import LandmarkError
 from qclearn.surfaces.surface import Surface
@@ -73,8 +74,8 @@ def test_held_out_curves_are_measured_each_by_its_name(pair):
 
 def truth_or_back(pair, problem):
     """The true map of the bowls: where the control's vertex of the same number lies in its own disk."""
-    there = problem.sides.moving is pair.moving.surface
-    return pair.control.z if there else pair.moving.z
+    there = problem.sides.moving.surface is pair.moving.surface
+    return pair.control.disk.z if there else pair.moving.disk.z
 
 
 def test_there_and_back_is_the_identity_of_a_map_and_its_inverse(pair):
@@ -84,6 +85,19 @@ def test_there_and_back_is_the_identity_of_a_map_and_its_inverse(pair):
     assert 2 < turned["there_and_back_mm"] < 15  # turned by 0.2 at radii up to 50 mm
     back = reverse(pair)
     assert back.moving is pair.control and back.curves[0]["moving"] == pair.curves[0]["control"] and not back.held
+
+
+def test_each_repetition_begins_with_nothing_known_of_the_disks(pair):
+    known = []
+
+    def note(problem):
+        for disk in (problem.disk, problem.sides.moving.disk, problem.sides.control.disk):
+            known.append(set(vars(disk)))
+            _ = disk.lookup
+        return truth_or_back(pair, problem)
+
+    row = trial(replace(pair, there_and_back=False), Run("noted", "noted"), note)
+    assert len(known) == 3 * row["repetitions"] > 3 and all(found == {"z", "faces"} for found in known)
 
 
 def test_folds_lead_where_landmarks_do_not_reach(pair):
@@ -99,16 +113,16 @@ def test_folds_lead_where_landmarks_do_not_reach(pair):
 
 
 def test_methods_of_folds_say_that_they_need_the_surfaces():
-    z, faces = polar_disk(6, 18)
-    p = z[[3, 9]]
+    disk = polar(6)
+    p = disk.z[[3, 9]]
     for name in ("hybrid", "dense", "landmark_free"):
         with pytest.raises(LandmarkError, match="looks at folds.*give it `sides`"):
-            METHODS[name](Problem(z, faces, p, p))
+            METHODS[name](Problem(disk, p, p))
 
 
 def test_a_method_without_landmarks_is_not_given_the_disk_that_they_aligned(pair):
     problem = prepare(pair).problem
-    assert problem.sides.z_moving is pair.moving.z and abs(problem.z - pair.moving.z).max() > 0.01
+    assert problem.sides.moving.disk is pair.moving.disk and abs(problem.disk.z - pair.moving.disk.z).max() > 0.01
 
 
 def test_maps_that_took_no_part_are_compared_where_they_are_known(known):
@@ -125,9 +139,9 @@ def test_another_mesh_carries_the_same_surface(sides):
     control = sides[1]
     surface = control.surface
     faces, weights, curves = other_mesh(control)
-    z, place = weights @ control.z, weights @ surface.vertices
+    z, place = weights @ control.disk.z, weights @ surface.vertices
     np.testing.assert_allclose(weights.sum(1), 1)
-    np.testing.assert_allclose(z[boundary_loop(faces)], np.roll(control.z[surface.boundary], 0), atol=1e-12)
+    np.testing.assert_allclose(z[boundary_loop(faces)], np.roll(control.disk.z[surface.boundary], 0), atol=1e-12)
     for name, path in curves.items():
         np.testing.assert_allclose(place[path], surface.vertices[surface.curves[name]], atol=1e-12)
     there = {frozenset(map(tuple, corners)) for corners in np.round(surface.vertices[surface.faces], 6)}
@@ -164,9 +178,9 @@ def test_the_sets_on_real_cortex():
 
 def test_a_way_back_that_fails_is_told(pair):
     def one_way(problem):
-        if problem.sides.moving is not pair.moving.surface:
+        if problem.sides.moving.surface is not pair.moving.surface:
             raise RuntimeError("no way back")
-        return pair.control.z
+        return pair.control.disk.z
 
     row = trial(pair, Run("one way", "one_way"), one_way)
     assert row["status"] == "failed" and "no way back" in row["message"]

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from qclearn.plane.diskmesh import polar_disk
 
 from qclearn.benchmark import Run
 from qclearn.benchmark.pairs import cohort_pair, displacement_pair, mapped, prepare, twisted
 from qclearn.benchmark.trial import trial
 from qclearn.methods import METHODS
 from qclearn.plane.bijectivity import RepairWarning
+from qclearn.plane.grids import polar, polar_disk
 from qclearn.plane.mobius import mobius
 from qclearn.surfaces.surface import Surface
 
@@ -39,12 +39,12 @@ def pair():
 
 
 def mine(problem, shift=0.0):
-    return mobius(problem.z, shift)
+    return mobius(problem.disk.z, shift)
 
 
 def test_the_true_map_of_a_pair_is_the_templates(pair):
     np.testing.assert_allclose(pair.truth, pair.control.surface.vertices, atol=1e-9)
-    np.testing.assert_allclose(pair.truth_disk, pair.control.z, atol=1e-12)
+    np.testing.assert_allclose(pair.truth_disk, pair.control.disk.z, atol=1e-12)
     assert [curve["name"] for curve in pair.curves] == ["first", "second", "third"]
 
 
@@ -79,7 +79,7 @@ def test_displaced_landmarks_lie_that_far_from_their_targets(distance):
     control = dome()
     pair = displacement_pair(control, distance, 2, seed=0)
     assert len(pair.curves) == 2
-    p = control.z[np.concatenate([curve["moving"] for curve in pair.curves])]
+    p = control.disk.z[np.concatenate([curve["moving"] for curve in pair.curves])]
     q = pair.truth_disk[np.concatenate([curve["moving"] for curve in pair.curves])]
     assert abs(p - q).mean() == pytest.approx(distance, abs=5e-3)
     prepared = prepare(pair)
@@ -115,13 +115,13 @@ def test_a_shifted_map_is_off_by_its_shift(pair):
 
 def test_a_folded_map_is_not_certified_and_one_off_the_circle_neither(pair):
     def folded(problem):
-        f = problem.z.copy()
+        f = problem.disk.z.copy()
         f[5] = 0.9
         return f
 
     row = trial(pair, Run("folded", "folded"), folded)
     assert row["flipped"] > 0 and not row["bijective"] and not row["certified"]
-    row = trial(pair, Run("small", "small"), lambda problem: 0.9 * problem.z)
+    row = trial(pair, Run("small", "small"), lambda problem: 0.9 * problem.disk.z)
     assert row["bijective"] and row["off_circle"] == pytest.approx(0.1) and not row["certified"]
 
 
@@ -129,8 +129,8 @@ def test_a_folded_map_is_not_certified_and_one_off_the_circle_neither(pair):
     "method, message",
     [
         (lambda problem: 1 / 0, "ZeroDivisionError: division by zero"),
-        (lambda problem: problem.z[:5], "returned an array of shape (5,)"),
-        (lambda problem: problem.z * np.nan, "not finite"),
+        (lambda problem: problem.disk.z[:5], "returned an array of shape (5,)"),
+        (lambda problem: problem.disk.z * np.nan, "not finite"),
     ],
 )
 def test_a_method_that_fails_gives_a_row_that_says_so(pair, method, message):
@@ -145,7 +145,7 @@ def test_times_are_medians_of_warm_repetitions_and_notes_are_kept(pair):
         calls.append(1)
         time.sleep(0.3 if len(calls) == 1 else 0.01)
         warnings.warn("one row switched", RepairWarning, stacklevel=1)
-        return problem.z
+        return problem.disk.z
 
     row = trial(pair, Run("slow", "slow"), slow_at_first)
     assert row["repetitions"] == 3 and 0.01 <= row["seconds"]["map"] < 0.25
@@ -157,7 +157,7 @@ def test_times_are_medians_of_warm_repetitions_and_notes_are_kept(pair):
 def test_memory_that_a_method_takes_is_seen(pair, pieces):
     def large(problem):
         [np.ones(20_000_000 // pieces) for _ in range(pieces)]
-        return problem.z
+        return problem.disk.z
 
     row = trial(pair, Run("large", "large"), large)
     assert row["peak_memory_mb"] is None or 140 < row["peak_memory_mb"] < 400
@@ -165,7 +165,7 @@ def test_memory_that_a_method_takes_is_seen(pair, pieces):
 
 def test_a_field_is_kept_on_the_controls_disk(pair):
     row = trial(pair, Run("kept", "mine", {"shift": 0.2}, keep_field=True), mine)
-    assert len(row["field"]) == len(polar_disk(16, 48, power=1.4)[1]) and max(row["field"]) < 0.05
+    assert len(row["field"]) == len(polar(16).faces) and max(row["field"]) < 0.05
     assert "field" not in trial(pair, Run("plain", "mine"), mine)
 
 

@@ -5,11 +5,9 @@ import time
 from qclearn.plane.mobius import mobius
 
 
-def shrunk(problem, shift=0.0, wait=0.0):
+def shrunk(problem, shift=0.0):
     """A method of one's own: the best Möbius map, moved."""
-    if wait:
-        time.sleep(wait)
-    return mobius(mobius(problem.z, *problem.mobius), shift)
+    return mobius(mobius(problem.disk.z, *problem.mobius), shift)
 
 
 def broken(problem):
@@ -18,7 +16,7 @@ def broken(problem):
 
 def pair_of(spec):
     """A pair that costs nothing: the seed of its moving side."""
-    return spec.moving
+    return spec.seeds[0]
 
 
 def trial_of(row, pair, run, method):

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from qclearn.plane.diskmesh import pixel_centres, polar_disk
 from skimage import io
 from subjects import grown
 from torch.utils.data import DataLoader
@@ -16,7 +15,7 @@ from data_synth import CortexError
 from data_synth.datasets import CurveDataset, DatasetError, DatasetWarning, cached
 from data_synth.fields import MAX_ABS, ImageFolder
 from data_synth.training import Fields
-from qclearn.plane.bijectivity import check_bijective
+from qclearn.plane.grids import pixel_centres, polar_disk
 from qclearn.registration.landmarks import sample_curve
 from qclearn.surfaces.curvature import curvature_image
 
@@ -100,9 +99,9 @@ def test_a_coefficient_item_keeps_to_its_range():
 def test_both_kinds_of_field_come_in_equal_shares(monkeypatch):
     kinds = []
 
-    def note(z, faces, rng, kind, **options):
+    def note(disk, rng, kind, **options):
         kinds.append(str(kind))
-        return np.full(len(faces), 0.1 + 0j)
+        return np.full(len(disk.faces), 0.1 + 0j)
 
     monkeypatch.setattr("data_synth.training.random_coefficient", note)
     dataset = Fields(200, 1, 3, 9)
@@ -165,9 +164,9 @@ def test_items_come_from_all_subjects_and_from_bijective_maps(subjects, monkeypa
     original = type(dataset.subjects[0][2]).solve
 
     def watch(maps, mu):
-        seen.add(len(maps.faces))
+        seen.add(len(maps.disk.faces))
         f = original(maps, mu)
-        flipped.append(len(check_bijective(maps.z, maps.faces, f).flipped))
+        flipped.append(len(maps.disk.at(f).reversed))
         return f
 
     monkeypatch.setattr(type(dataset.subjects[0][2]), "solve", watch)

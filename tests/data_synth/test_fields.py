@@ -5,7 +5,6 @@ import shutil
 
 import numpy as np
 import pytest
-from qclearn.plane.diskmesh import disk_to_square, polar_disk
 from scipy import stats
 from skimage import io
 
@@ -21,12 +20,12 @@ from data_synth.fields import (
     smooth_coefficient,
 )
 from data_synth.landmarks import DiskMaps, Perturbation
-from qclearn.plane.beltrami import beltrami_coefficient
-from qclearn.plane.bijectivity import check_bijective
-from qclearn.plane.disk import solve_beltrami_disk
+from qclearn.plane.disk import Disk
+from qclearn.plane.grids import disk_to_square, polar_disk
+from qclearn.plane.solver import DiskSolver
 from qclearn.registration.fit import fit_landmarks
 
-MESH = polar_disk(12, 36)
+DISK = Disk(*polar_disk(12, 36))
 
 
 def photograph(height, width, seed, channels=3):
@@ -113,12 +112,12 @@ def test_added_noise_has_the_stated_share():
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_largest_size_is_uniform_in_its_interval(kind):
-    largest = [abs(random_coefficient(*MESH, np.random.default_rng(s), kind=kind, size=24)).max() for s in range(150)]
+    largest = [abs(random_coefficient(DISK, np.random.default_rng(s), kind=kind, size=24)).max() for s in range(150)]
     low, high = MAX_ABS
     assert low <= min(largest) and max(largest) <= high < 1
     assert stats.kstest(largest, stats.uniform(low, high - low).cdf).pvalue > 0.01
-    fixed = random_coefficient(*MESH, np.random.default_rng(0), kind=kind, size=24, max_abs=(0.3, 0.3))
-    assert abs(fixed).max() == pytest.approx(0.3) and fixed.shape == (len(MESH[1]),)
+    fixed = random_coefficient(DISK, np.random.default_rng(0), kind=kind, size=24, max_abs=(0.3, 0.3))
+    assert abs(fixed).max() == pytest.approx(0.3) and fixed.shape == (len(DISK.faces),)
 
 
 def right_half(size, rng):
@@ -128,7 +127,7 @@ def right_half(size, rng):
 def test_no_direction_is_preferred():
     """Both parts from one picture: without the turn, mu would point along one diagonal."""
     at_zero = [
-        random_coefficient(*MESH, np.random.default_rng(s), kind="image", size=24, source=right_half)[0]
+        random_coefficient(DISK, np.random.default_rng(s), kind="image", size=24, source=right_half)[0]
         for s in range(150)
     ]
     assert stats.kstest(np.angle(at_zero), stats.uniform(-np.pi, 2 * np.pi).cdf).pvalue > 0.01
@@ -136,16 +135,15 @@ def test_no_direction_is_preferred():
 
 def test_fields_lie_on_the_disk_as_on_the_square():
     """A source that is white on the right half only: mu is there, whatever its phase."""
-    mu = random_coefficient(*MESH, np.random.default_rng(3), kind="image", size=64, source=right_half)
-    z, faces = MESH
-    x = disk_to_square(z[faces].mean(1)).real
+    mu = random_coefficient(DISK, np.random.default_rng(3), kind="image", size=64, source=right_half)
+    x = disk_to_square(DISK.centroids).real
     # mean 0, so the halves are opposite; the smoothing is at most 0.06 of the size
     turn = mu[x > 0.3].mean() / abs(mu[x > 0.3].mean())
     assert ((mu[x > 0.3] / turn).real > 0).all() and ((mu[x < -0.3] / turn).real < 0).all()
 
 
 def test_the_generator_decides_everything():
-    draws = [random_coefficient(*MESH, np.random.default_rng(s), kind="image", size=24) for s in (1, 1, 2)]
+    draws = [random_coefficient(DISK, np.random.default_rng(s), kind="image", size=24) for s in (1, 1, 2)]
     assert np.array_equal(draws[0], draws[1])
     assert abs(draws[0] - draws[2]).mean() > 0.01
 
@@ -161,7 +159,7 @@ def test_the_generator_decides_everything():
 )
 def test_impossible_fields(options, message):
     with pytest.raises(ValueError, match=message):
-        random_coefficient(*MESH, np.random.default_rng(0), **options)
+        random_coefficient(DISK, np.random.default_rng(0), **options)
 
 
 def test_a_folder_gives_square_parts_of_all_its_pictures(folder):
@@ -188,12 +186,11 @@ def test_a_part_keeps_the_proportions_and_the_orientation(tmp_path):
 
 def test_the_papers_recipe_over_a_folder(folder):
     mu = [
-        random_coefficient(*MESH, np.random.default_rng(s), kind="image", source=ImageFolder(folder)) for s in (1, 1, 2)
+        random_coefficient(DISK, np.random.default_rng(s), kind="image", source=ImageFolder(folder)) for s in (1, 1, 2)
     ]
     assert np.array_equal(mu[0], mu[1]) and abs(mu[0] - mu[2]).max() > 0.05
     assert np.isfinite(mu[0]).all() and MAX_ABS[0] <= abs(mu[0]).max() <= MAX_ABS[1]
-    f = solve_beltrami_disk(*MESH, mu[0])
-    assert check_bijective(*MESH, f).bijective
+    assert DISK.certify(DiskSolver(DISK).solve(mu[0])).bijective
 
 
 @pytest.mark.parametrize("channels", [2, 4])
@@ -217,7 +214,7 @@ def test_a_part_of_one_grey_is_not_used(tmp_path):
     sky[-2:] = 10
     io.imsave(tmp_path / "sky.png", sky, check_contrast=False)
     for seed in range(5):
-        mu = random_coefficient(*MESH, np.random.default_rng(seed), kind="image", size=32, source=ImageFolder(tmp_path))
+        mu = random_coefficient(DISK, np.random.default_rng(seed), kind="image", size=32, source=ImageFolder(tmp_path))
         assert np.isfinite(mu).all() and abs(mu).max() >= MAX_ABS[0]
 
 
@@ -266,20 +263,19 @@ def test_folders_without_pictures(tmp_path):
 
 
 def test_maps_that_keep_nothing_are_the_solvers():
-    maps = DiskMaps(*MESH)
+    maps = DiskMaps(DISK)
     for seed in (0, 1):
-        mu = random_coefficient(*MESH, np.random.default_rng(seed))
-        assert np.array_equal(maps.solve(mu), solve_beltrami_disk(*MESH, mu))
+        mu = random_coefficient(DISK, np.random.default_rng(seed))
+        assert np.array_equal(maps.solve(mu), DiskSolver(DISK).solve(mu))
     assert not hasattr(maps._solver, "free_boundary")
 
 
 def test_landmarks_are_moved_by_the_map_that_is_returned():
-    z, faces = MESH
     corners = np.array([5, 60, 200])
-    p, mu, f = Perturbation(z, faces, z[corners]).draw(np.random.default_rng(4), max_abs=(0.3, 0.3))
+    p, mu, f = Perturbation(DISK, DISK.z[corners]).draw(np.random.default_rng(4), max_abs=(0.3, 0.3))
     np.testing.assert_allclose(p, f[corners], atol=1e-12)
-    assert abs(p - z[corners]).min() > 1e-3
-    measured = beltrami_coefficient(z, faces, f)
+    assert abs(p - DISK.z[corners]).min() > 1e-3
+    measured = DISK.coefficient(f)
     assert abs(measured - mu).mean() < 0.2 * abs(mu).mean() < 0.2 * abs(measured - mu.conj()).mean()
 
 
@@ -287,6 +283,6 @@ def test_a_perturbation_can_be_undone():
     rng = np.random.default_rng(8)
     q = 0.7 * np.sqrt(rng.random(25)) * np.exp(2j * np.pi * rng.random(25))
     z, faces = polar_disk(24, 72)
-    p, _, _ = Perturbation(z, faces, q).draw(rng, max_abs=(0.4, 0.4))
+    p, _, _ = Perturbation(Disk(z, faces), q).draw(rng, max_abs=(0.4, 0.4))
     fit = fit_landmarks(z, faces, p, q)
     assert fit.bijective and fit.landmark_error < 0.05 * abs(p - q).mean()

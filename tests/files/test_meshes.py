@@ -14,7 +14,6 @@ import pyvista
 from known_surfaces import grid
 
 from qclearn.files.meshes import SlitWarning, read_surface, write_surface
-from qclearn.files.provenance import fingerprint
 from qclearn.files.values import read_mask
 from qclearn.surfaces.surface import Surface, SurfaceError
 
@@ -68,8 +67,8 @@ def test_a_surface_is_known_by_one_hash_in_every_format_that_keeps_its_numbers(t
     odd = Surface(tent.vertices / 3 * [1, 1, -1], tent.faces)  # thirds are no float32, and there are negative zeros
     write_surface(tmp_path / name, odd)
     stored = (np.float32(odd.vertices) + 0).astype("<f4").tobytes() + odd.faces.astype("<i8").tobytes()
-    assert fingerprint(read_surface(tmp_path / name)) == {"vertices": 5, "sha256": hashlib.sha256(stored).hexdigest()}
-    assert fingerprint(read_surface(tmp_path / name)) != fingerprint(tent)
+    assert read_surface(tmp_path / name).fingerprint == {"vertices": 5, "sha256": hashlib.sha256(stored).hexdigest()}
+    assert read_surface(tmp_path / name).fingerprint != tent.fingerprint
 
 
 @pytest.mark.parametrize("name", EXACT + SINGLE)

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from distributed import LocalCluster
-from qclearn.plane.diskmesh import interpolate, locate, polar_disk
+from exactmaps import twist
 
 import qclearn as qc
 from qclearn.cli import main
@@ -16,7 +16,8 @@ from qclearn.group import subject as of
 from qclearn.group.kept import Folder
 from qclearn.group.members import members_of
 from qclearn.group.subject import Fitted, Mean, Shared, mean_of, onto
-from qclearn.plane.exactmaps import twist
+from qclearn.plane.disk import Disk
+from qclearn.plane.grids import polar_disk
 from qclearn.registration import search
 from qclearn.registration.features import FeatureError
 from qclearn.registration.problem import Weights
@@ -77,8 +78,8 @@ def spread(template, disks):
     """How far apart on the common disk the subjects' points are, on average, that disk maps take to the vertices."""
     common = []
     for turn, (name, surface) in zip(TURNS, SURFACES.items()):
-        places = locate(disks[name], surface.faces, template.disk)
-        common.append(twist(turn)(interpolate(place(surface), surface.faces, *places)))
+        disk = Disk(disks[name], surface.faces)
+        common.append(twist(turn)(disk.interpolate(place(surface), disk.locate(template.disk))))
     return np.std(common, axis=0).mean()
 
 
@@ -96,7 +97,7 @@ def test_the_maps_bring_together_what_belongs_together(found):
 def test_the_average_of_the_inverse_maps_is_the_identity(found):
     """Measured here from the maps themselves; along the rim they are laid on the circle."""
     inverses = [
-        interpolate(found.disks[name], surface.faces, *locate(found.disk_maps[name], surface.faces, found.disk))
+        (disk := Disk(found.disk_maps[name], surface.faces)).interpolate(found.disks[name], disk.locate(found.disk))
         for name, surface in SURFACES.items()
     ]
     inner = abs(found.disk) < 0.95
@@ -198,7 +199,7 @@ def test_the_mean_is_the_sum_over_the_count():
     shares = [
         Shared(np.full((4, 3), k), np.full((4, 1), k), {4.0: np.full((4, 1), k)}, np.full(4, k)) for k in (1.0, 4.0)
     ]
-    flat = Mean(np.zeros((4, 3)), np.zeros((4, 1)), {}, np.ones(4), np.zeros(4, complex), np.array([[0, 1, 2]]))
+    flat = Mean(np.zeros((4, 3)), np.zeros((4, 1)), {}, np.ones(4), Disk(np.zeros(4), [[0, 1, 2]]))
     mean = mean_of(iter(shares), 2, flat)
     assert (mean.points == 2.5).all() and (mean.values == 2.5).all() and (mean.areas == 2.5).all()
     assert (mean.levels[4.0] == 2.5).all()

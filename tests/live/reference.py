@@ -9,16 +9,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from qclearn.plane.diskmesh import polar_disk, sampling_matrix
 
 from qclearn.pages.live import GIVEN, given
-from qclearn.registration.engine import GaussNewton, SurfaceGaussNewton
-from qclearn.registration.fit import FIRST_GAMMA
+from qclearn.plane.grids import POWER, polar
+from qclearn.registration.engine import Engine, Setting
+from qclearn.registration.ladder import FIRST_GAMMA, grid_link
+from qclearn.registration.link import Link
 from qclearn.registration.problem import Problem, Weights
+from qclearn.registration.steps import DirectStep
 
 ROOT = Path(__file__).resolve().parents[2]
 MODULES = ROOT / "book" / "_assets" / "live"
-COARSE, FINE = (12, 36, 1.4), (24, 72, 1.4)
+COARSE, FINE = (12, 36, POWER), (24, 72, POWER)
+COARSE_MESH, FINE_MESH = polar(12), polar(24)
 CONVERGED = 1e-6  # of the objective: what the last step promised
 
 
@@ -65,10 +68,11 @@ def request(problem, alpha, beta, gamma):
     }
 
 
-class WholeSteps(SurfaceGaussNewton):
+class WholeSteps(Engine):
     """The browser solves a step's equations to the last digit; the library stops where it is near enough."""
 
-    linearise = GaussNewton.linearise
+    def linearise(self, state, gamma):
+        return DirectStep(self, state, gamma)
 
 
 def fit_in_steps(asked, on_coarse, on_fine):
@@ -76,16 +80,15 @@ def fit_in_steps(asked, on_coarse, on_fine):
 
     So many, since at the minimum rounding decides whether one more is taken, and its promise says no more.
     """
-    mesh = polar_disk(*FINE)
     points = numbers(asked["moving"]), numbers(asked["target"])
-    problem = Problem(*mesh, *points, np.array(asked["curve"]), asked["sliding"])
+    problem = Problem(FINE_MESH, *points, np.array(asked["curve"]), asked["sliding"])
     weights = Weights(asked["alpha"], asked["beta"], asked["gamma"])
-    coarse = GaussNewton(problem, polar_disk(*COARSE), weights)
-    state, gamma = coarse.at(np.zeros(len(coarse.z), complex), problem.mobius), weights.gamma / 10
+    coarse = Engine(Setting(problem, grid_link(12)), weights)
+    state, gamma = coarse.at(np.zeros(len(COARSE_MESH.z), complex), problem.mobius), weights.gamma / 10
     levels = 10.0 ** np.arange(np.log10(min(FIRST_GAMMA, gamma)), np.log10(gamma) - 1e-9)
     state = steps(coarse, state, [*levels, *[gamma] * (on_coarse - len(levels))])
-    fine = WholeSteps(problem, mesh, weights)
-    nu = sampling_matrix(coarse.z, coarse.faces, fine.z) @ state.nu
+    fine = WholeSteps(Setting(problem, Link(FINE_MESH, FINE_MESH)), weights, closed=False)
+    nu = COARSE_MESH.sampling(FINE_MESH.z) @ state.nu
     return fine, steps(fine, fine.at(nu, state.mobius), [weights.gamma] * on_fine)
 
 

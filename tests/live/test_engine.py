@@ -7,25 +7,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from qclearn.plane.diskmesh import polar_disk
-from reference import COARSE, CONVERGED, FINE, MODULES, fit_in_steps, numbers, pairs, request, run_engine
+from reference import COARSE, CONVERGED, FINE, FINE_MESH, MODULES, fit_in_steps, numbers, pairs, request, run_engine
 
 from qclearn.methods.harmonic import harmonic
 from qclearn.pages.examples import example_problems
-from qclearn.plane.beltrami import beltrami_coefficient
-from qclearn.plane.bijectivity import RepairWarning, flipped_faces
-from qclearn.plane.disk import BeltramiDiskSolver
+from qclearn.plane.bijectivity import RepairWarning
+from qclearn.plane.disk import Disk
 from qclearn.plane.fourier import compress, from_square, to_square
+from qclearn.plane.grids import POWER, polar, polar_disk
+from qclearn.plane.solver import DiskSolver
 from qclearn.registration.fit import report_fit
 from qclearn.registration.metrics import measured_losses
 from qclearn.registration.problem import LandmarkError, Problem, Weights
 
-SIZES = [COARSE, FINE, (32, 96, 1.4), (48, 144, 1.0)]
+SIZES = [COARSE, FINE, (32, 96, POWER), (48, 144, 1.0)]
 
 
 def coefficient(size, rng):
-    z, faces = polar_disk(*size)
-    c, (a, b) = z[faces].mean(1), rng.uniform(1, 4, 2)
+    c, (a, b) = Disk(*polar_disk(*size)).centroids, rng.uniform(1, 4, 2)
     return 0.7 * np.sin(a * c.real + b) * np.exp(1j * b * c.imag)
 
 
@@ -35,7 +34,7 @@ def scattered(seed):
     count = int(rng.integers(4, 24))
     p = 0.9 * np.sqrt(rng.random(count)) * np.exp(2j * np.pi * rng.random(count))
     q = p + rng.uniform(0.03, 0.1) * (rng.normal(size=count) + 1j * rng.normal(size=count))
-    problem = Problem(*polar_disk(*FINE), p, q / np.maximum(1, 1.05 * abs(q)))
+    problem = Problem(FINE_MESH, p, q / np.maximum(1, 1.05 * abs(q)))
     return request(problem, 1.0, float(10 ** rng.uniform(-4, -2)), float(10 ** rng.uniform(3.5, 6)))
 
 
@@ -70,18 +69,17 @@ def test_maps_are_the_solvers():
     coefficients = [coefficient(size, rng) for size in SIZES]
     given = [{"size": size, "mu": pairs(mu)} for size, mu in zip(SIZES, coefficients)]
     for found, size, mu in zip(run_engine("maps", maps=given), SIZES, coefficients):
-        solver = BeltramiDiskSolver(*polar_disk(*size))
+        solver = DiskSolver(Disk(*polar_disk(*size)))
         assert abs(numbers(found["f"]) - solver.solve(mu)).max() < 1e-10
         assert found["raised"] == solver.floored
 
 
 def test_compression_is_the_librarys():
-    size, ks = (32, 96, 1.4), [0, 4, 11]
+    size, ks = (32, 96, POWER), [0, 4, 11]
     mu = coefficient(size, np.random.default_rng(6))
-    z, faces = polar_disk(*size)
     found = run_engine("compressed", size=size, mu=pairs(mu), ks=ks, side=64)
     for k, one in zip(ks, found):
-        wanted = from_square(compress(to_square(z, faces, mu, 64), k), z, faces)
+        wanted = from_square(compress(to_square(polar(32), mu, 64), k), polar(32))
         assert abs(numbers(one) - wanted).max() < 1e-9
 
 
@@ -95,7 +93,7 @@ def test_converged_fits_are_the_librarys(converged):
         assert abs(numbers(found["f"]) - state.f).max() < (1e-4 if state.switched else 1e-5)
         loss = report_fit(engine, state, ()).losses["L_CP"]
         assert abs(found["losses"]["L_CP"] / loss - 1) < (1e-4 if state.switched else 1e-6)
-        assert found["flipped"] == flipped_faces(engine.problem.faces, state.f).tolist()
+        assert found["flipped"] == FINE_MESH.at(state.f).flipped.tolist()
     assert sum(number > 0 for number in switched) >= 2
 
 
@@ -108,7 +106,7 @@ def test_the_pages_rule_ends_near_the_minimum(quick, converged):
 
 def test_harmonic_maps_and_measured_losses_are_the_librarys():
     problem = example_problems()[2].problem
-    problem = Problem(*polar_disk(*FINE), problem.moving, problem.target)
+    problem = Problem(FINE_MESH, problem.moving, problem.target)
     lambdas, weights = [0.0, 1.0, 1e3], Weights(1.0, 1e-2, 1e4)
     asked = request(problem, 1.0, 1e-2, 1e4) | {"lambdas": lambdas}
     (found,) = run_engine("harmonic", fine=FINE, requests=[asked])
@@ -117,15 +115,14 @@ def test_harmonic_maps_and_measured_losses_are_the_librarys():
             warnings.simplefilter("ignore", RepairWarning)
             f = harmonic(problem, weight, correct=False)
         assert abs(numbers(one["f"]) - f).max() < 1e-8  # a condition number of 1e8, with hard springs
-        mu = beltrami_coefficient(problem.z, problem.faces, f)
-        loss = measured_losses(problem, weights, mu, problem.samples @ f)["L_CP"]
+        loss = measured_losses(problem, weights, FINE_MESH.coefficient(f), problem.samples @ f)["L_CP"]
         assert one["L_CP"] == pytest.approx(loss, rel=1e-7)
-        assert one["flipped"] == flipped_faces(problem.faces, f).tolist()
+        assert one["flipped"] == FINE_MESH.at(f).flipped.tolist()
     assert found[2]["flipped"]  # hard springs fold this one
 
 
 def test_bad_input_is_refused_in_the_librarys_words():
-    mesh, good = polar_disk(6, 18), {"moving": [0.1, 0.5j], "target": [0.2, 0.4j]}
+    good = {"moving": [0.1, 0.5j], "target": [0.2, 0.4j]}
     bad = [
         good | {"moving": [0.1, 0.1]},
         good | {"target": [0.3 - 0.25j, 0.3 - 0.25j]},
@@ -141,7 +138,7 @@ def test_bad_input_is_refused_in_the_librarys_words():
     for one, said in zip(given, words):
         with pytest.raises(LandmarkError) as refused:
             Weights(one["alpha"], one["beta"], one["gamma"])
-            Problem(*mesh, np.array(one["moving"], complex), np.array(one["target"], complex))
+            Problem(FINE_MESH, np.array(one["moving"], complex), np.array(one["target"], complex))
         if "positive" in str(refused.value):
             assert said.split(":")[1] == str(refused.value).split(":")[1]
         else:

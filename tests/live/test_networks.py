@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from qclearn.plane.fields import bounded
 from reference import MODULES, numbers, pairs, run_engine
 
 from qclearn.nets.weights import load
 from qclearn.pages.examples import example_problems
 from qclearn.pages.livefiles import cpnet_file, dbsnet_file
-from qclearn.plane.beltrami import face_mean
+from qclearn.plane.coefficients import bounded
 from qclearn.registration.problem import Problem, Weights
 
 
@@ -54,10 +53,10 @@ def test_cpnet_is_the_librarys(found, one_thread):
     mesh, asked = network.carrier(network.config.rings)[0].mesh, problems()
     network.config = replace(network.config, close=0.0, stiff=np.inf)  # the browser has one mesh for nu, and one start
     for one, answer in zip(asked, run_engine("cpnet", file=str(file), problems=asked)):
-        problem = Problem(*mesh, numbers(one["moving"]), numbers(one["target"]))
+        problem = Problem(mesh, numbers(one["moving"]), numbers(one["target"]))
         weights = Weights(*(one[name] for name in ("alpha", "beta", "gamma")))
         *_, mu = network.stages(problem, weights, one["looks"])
-        there = bounded(face_mean(mesh[1], len(mesh[0])) @ numbers(answer))
+        there = bounded(mesh.to_faces @ numbers(answer))
         assert abs(there - mu).max() < 1e-3 * abs(mu).max()
 
 

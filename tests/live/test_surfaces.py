@@ -9,7 +9,6 @@ from qclearn.pages.explore_landmarks import Landmarks, fundus_terms
 from qclearn.pages.explore_sulci import unfolded
 from qclearn.pages.livefiles import hemisphere_file
 from qclearn.registration.landmarks import curve_distance, curves_in_space
-from qclearn.registration.transfer import lift
 
 WEIGHTS = (0.5, 2.0), (0.0, 0.0), (1.5, 0.0)
 
@@ -25,9 +24,9 @@ def states():
 @pytest.fixture(scope="module")
 def found(states, tmp_path_factory):
     pair, rng = cortices("cortex"), np.random.default_rng(4)
-    curvature, depth, deep = fundus_terms(pair.moving)
+    curvature, depth, deep = fundus_terms(pair.moving.surface)
     file = tmp_path_factory.mktemp("surfaces") / "moving.bin"
-    file.write_bytes(hemisphere_file(pair.moving, pair.z_moving, curvature=curvature, depth=depth, deep=deep))
+    file.write_bytes(hemisphere_file(pair.moving, curvature=curvature, depth=depth, deep=deep))
     points = 0.99 * np.sqrt(rng.random(300)) * np.exp(2j * np.pi * rng.random(300))
     asked = [{name: state[name] for name in ("curvature", "depth")} for state in states]
     ends = [Landmarks().ends(state) for state in states]
@@ -37,14 +36,13 @@ def found(states, tmp_path_factory):
 
 def test_points_are_lifted_to_where_the_library_lifts_them(found):
     points, answer = found
-    pair = cortices("cortex")
-    there = lift(pair.moving, pair.z_moving, points)
+    there = cortices("cortex").moving.lift(points)
     assert np.linalg.norm(np.array(answer["lifted"]) - there, axis=1).max() < 0.05  # mm: numbers in two bytes
 
 
 def test_paths_are_the_librarys(found, states):
     """They may differ where two ways cost the same: so their costs are compared, and most of their vertices."""
-    live, surface = Landmarks(), cortices("cortex").moving
+    live, surface = Landmarks(), cortices("cortex").moving.surface
     for state, answer in zip(states, found[1]["paths"]):
         path, cost = live.path(state)
         assert answer["cost"] == pytest.approx(cost, rel=1e-4)
@@ -56,15 +54,13 @@ def test_paths_are_the_librarys(found, states):
 
 
 def test_distances_of_curves_are_the_librarys(found):
-    pair = cortices("cortex")
-    curves = [pair.z_moving[answer["path"]] for answer in found[1]["paths"][:2]]
-    assert found[1]["apart"] == pytest.approx(
-        curve_distance(*curves_in_space(pair.moving, pair.z_moving, curves)), rel=2e-3
-    )
+    side = cortices("cortex").moving
+    curves = [side.disk.z[answer["path"]] for answer in found[1]["paths"][:2]]
+    assert found[1]["apart"] == pytest.approx(curve_distance(*curves_in_space(side, curves)), rel=2e-3)
 
 
 def test_an_unfolded_surface_keeps_its_area_and_loses_its_folds():
-    surface = cortices("cortex").control
+    surface = cortices("cortex").control.surface
     x = unfolded(surface)
 
     def area_and_bend(vertices):

@@ -4,8 +4,8 @@ from importlib import import_module
 
 import numpy as np
 import pytest
+from exactmaps import moebius
 from meshes import random_disk, random_mu
-from qclearn.plane.diskmesh import boundary_loop, polar_disk, sampling_matrix
 
 from qclearn.methods import METHODS, networks
 from qclearn.methods.harmonic import harmonic, smoothed
@@ -13,10 +13,11 @@ from qclearn.methods.qc_iteration import qc_iteration
 from qclearn.methods.solver import HARD, LandmarkSolver, truncated
 from qclearn.methods.teichmuller import extremal
 from qclearn.methods.thin_plate import thin_plate
-from qclearn.plane.beltrami import beltrami_coefficient, signed_areas, solve_beltrami, stiffness
-from qclearn.plane.bijectivity import RepairWarning, check_bijective, flipped_faces
-from qclearn.plane.disk import solve_beltrami_disk
-from qclearn.plane.exactmaps import moebius
+from qclearn.plane.beltrami import solve_beltrami, solve_beltrami_disk
+from qclearn.plane.bijectivity import RepairWarning
+from qclearn.plane.disk import Disk
+from qclearn.plane.grids import polar_disk
+from qclearn.plane.solver import DiskSolver
 from qclearn.registration import Problem
 from qclearn.registration.fit import fit_landmarks
 from qclearn.registration.problem import LandmarkError
@@ -38,16 +39,16 @@ def four_curves(count=8):
 
 @pytest.fixture(scope="module")
 def mesh():
-    return random_disk(3, 96)
+    return Disk(*random_disk(3, 96))
 
 
 @pytest.fixture(scope="module")
 def moved(mesh):
     """A problem whose targets come from a known map of |mu| up to 0.4, found on a finer mesh than the problem's."""
-    z, faces = polar_disk(24, 72)
-    f = solve_beltrami_disk(z, faces, random_mu(np.random.default_rng(0), z, faces, 0.4))
+    fine = Disk(*polar_disk(24, 72))
+    f = DiskSolver(fine).solve(random_mu(np.random.default_rng(0), fine.z, fine.faces, 0.4))
     p, curve = four_curves()
-    return Problem(*mesh, p, sampling_matrix(z, faces, p) @ f, curve)
+    return Problem(mesh, p, fine.sampling(p) @ f, curve)
 
 
 def error(problem, f):
@@ -64,20 +65,20 @@ pytestmark = [pytest.mark.filterwarnings(f"ignore:.*{words}:qclearn.plane.biject
 @each
 def test_turned_landmarks_turn_the_disk(name, mesh):
     p, curve = four_curves()
-    f = METHODS[name](Problem(*mesh, p, np.exp(0.7j) * p, curve))
+    f = METHODS[name](Problem(mesh, p, np.exp(0.7j) * p, curve))
     # The free boundary of the fits is exact up to discretisation even for mu = 0.
     np.testing.assert_allclose(
-        f, np.exp(0.7j) * mesh[0], atol=2e-3 if name in ("gauss_newton", "coarse_steps") else 1e-6
+        f, np.exp(0.7j) * mesh.z, atol=2e-3 if name in ("gauss_newton", "coarse_steps") else 1e-6
     )
 
 
 @pytest.mark.parametrize("name", ["mobius_only", "harmonic", "thin_plate", "gauss_newton"])
 def test_landmarks_matched_by_a_mobius_map_give_it(name, mesh):
     p, curve = four_curves()
-    f = METHODS[name](Problem(*mesh, p, MOVED(p), curve))
+    f = METHODS[name](Problem(mesh, p, MOVED(p), curve))
     # Between the vertices of a mesh of this width (0.065) the Möbius map is off its linear interpolant by up to 4e-3.
-    np.testing.assert_allclose(f, MOVED(mesh[0]), atol=8e-3)
-    assert check_bijective(*mesh, f).bijective
+    np.testing.assert_allclose(f, MOVED(mesh.z), atol=8e-3)
+    assert mesh.certify(f).bijective
 
 
 @each
@@ -90,14 +91,13 @@ def test_a_known_map_is_approached(name, moved):
 
 @each
 def test_maps_turn_with_the_targets(name, moved):
-    turned = Problem(moved.z, moved.faces, moved.moving, 1j * moved.target, moved.curve)
+    turned = Problem(moved.disk, moved.moving, 1j * moved.target, moved.curve)
     np.testing.assert_allclose(METHODS[name](turned), 1j * METHODS[name](moved), atol=1e-4)
 
 
 @pytest.mark.parametrize("name", sorted(set(CLASSICAL) - {"thin_plate"}))
 def test_the_circle_is_kept(name, moved):
-    loop = boundary_loop(moved.faces)
-    np.testing.assert_allclose(abs(METHODS[name](moved)[loop]), 1, atol=1e-12)
+    np.testing.assert_allclose(abs(METHODS[name](moved)[moved.disk.loop]), 1, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["thin_plate", "teichmuller", "qc_iteration"])
@@ -108,34 +108,33 @@ def test_methods_with_hard_landmarks_meet_them(name, moved):
 def test_landmarks_outside_the_disk_or_twice_the_same_are_refused(mesh):
     for p in ([0.1, 1.2], [0.1, 0.1]):
         with pytest.raises(LandmarkError):
-            Problem(*mesh, p, [0.1, 0.2])
+            Problem(mesh, p, [0.1, 0.2])
 
 
 # The shared solver
 
 
 def test_landmarks_at_vertices_held_by_the_penalty_are_pins(mesh):
-    z, faces = mesh
-    rng, loop = np.random.default_rng(5), boundary_loop(faces)
+    z, faces, loop, rng = mesh.z, mesh.faces, mesh.loop, np.random.default_rng(5)
     inner = rng.permutation(np.setdiff1d(np.arange(len(z)), loop))[:6]
     target = z[inner] + 0.05 * (rng.normal(size=6) + 1j * rng.normal(size=6))
     mu = random_mu(rng, z, faces, 0.3)
-    f = LandmarkSolver(z, faces, sampling_matrix(z, faces, z[inner]), target, z[loop]).solve(mu, HARD)
-    pins = solve_beltrami(z, faces, mu, np.concatenate([loop, inner]), np.concatenate([z[loop], target]))
-    np.testing.assert_allclose(f, pins, atol=1e-5)
+    solver = LandmarkSolver(Problem(mesh, z[inner], target))
+    pins = solve_beltrami(z, faces, mu, np.concatenate([loop, inner]), np.concatenate([solver.boundary, target]))
+    np.testing.assert_allclose(solver.solve(mu, HARD), pins, atol=1e-5)
 
 
 def test_the_solution_has_the_least_energy(moved):
-    solver, weight, rng = LandmarkSolver.of(moved), 0.7, np.random.default_rng(1)
-    mu = random_mu(rng, moved.z, moved.faces, 0.3)
-    K = stiffness(moved.z, moved.faces, mu)
+    solver, weight, rng = LandmarkSolver(moved), 0.7, np.random.default_rng(1)
+    mu = random_mu(rng, moved.disk.z, moved.disk.faces, 0.3)
+    K = moved.disk.stiffness(mu)
 
     def energy(f):
         return ((f.conj() @ (K @ f)).real + weight * (abs(moved.samples @ f - moved.target) ** 2).sum()) / 2
 
     f = solver.solve(mu, weight)
     step = 1e-3 * (rng.normal(size=len(f)) + 1j * rng.normal(size=len(f)))
-    step[solver.loop] = 0
+    step[moved.disk.loop] = 0
     change = step + 0 * f
     more = ((change.conj() @ (K @ change)).real + weight * (abs(moved.samples @ change) ** 2).sum()) / 2
     for sign in (1, -1):  # to first order nothing changes, to second what the quadratic form says
@@ -156,7 +155,7 @@ def crossing(mesh, shift=0.35):
     p, curve = np.concatenate([along - 0.15, along + 0.15]), np.repeat([0, 1], 6)
     turn = np.exp(2j * np.pi * shift)
     return Problem(
-        *mesh,
+        mesh,
         np.concatenate([p, np.exp(1j * np.arange(8) * np.pi / 4) * 0.9]),
         np.concatenate([turn * p, np.exp(1j * np.arange(8) * np.pi / 4) * 0.9]),
         np.append(curve, [2] * 8),
@@ -166,7 +165,7 @@ def crossing(mesh, shift=0.35):
 def test_a_heavier_weight_brings_landmarks_nearer_and_distorts_more(moved):
     maps = [harmonic(moved, weight) for weight in (0.1, 0.5, 1.0, 5.0)]
     errors = [error(moved, f) for f in maps]
-    sizes = [abs(beltrami_coefficient(moved.z, moved.faces, f)).mean() for f in maps]
+    sizes = [abs(moved.disk.coefficient(f)).mean() for f in maps]
     assert errors == sorted(errors, reverse=True) and sizes == sorted(sizes)
     np.testing.assert_allclose(harmonic(moved, 0.0), METHODS["mobius_only"](moved), atol=2e-3)
 
@@ -178,10 +177,10 @@ def test_a_map_without_folds_is_not_corrected(moved):
 def test_overlap_correction_unfolds(mesh):
     problem = crossing(mesh, 0.2)
     folded = harmonic(problem, 50.0, correct=False)
-    assert len(flipped_faces(problem.faces, folded)) > 0
+    assert len(mesh.at(folded).flipped) > 0
     with pytest.warns(RepairWarning, match="faces flipped, 0 after"):
         f = harmonic(problem, 50.0)
-    assert check_bijective(*mesh, f).bijective
+    assert mesh.certify(f).bijective
     assert error(problem, f) < 0.7 * error(problem, METHODS["mobius_only"](problem))
 
 
@@ -193,13 +192,13 @@ def test_overlap_correction_says_when_it_fails(mesh, monkeypatch):
 
 
 def test_smoothing_keeps_the_argument_and_evens_the_modulus(moved):
-    solver = LandmarkSolver.of(moved)
-    even = np.full(len(moved.faces), 0.3 * np.exp(0.4j))
+    solver = LandmarkSolver(moved)
+    even = np.full(len(moved.disk.faces), 0.3 * np.exp(0.4j))
     np.testing.assert_allclose(smoothed(solver, even, 2.0), even / 1.5, rtol=1e-9)
     rough = even * np.random.default_rng(3).uniform(0.5, 1.5, len(even))
     soft = smoothed(solver, rough, 2.0)
     np.testing.assert_allclose(np.angle(soft), 0.4, atol=1e-9)
-    assert abs(soft).std() < 0.5 * abs(solver.to_vertices @ rough)[moved.faces].mean(1).std()
+    assert abs(soft).std() < 0.5 * abs(moved.disk.to_vertices @ rough)[moved.disk.faces].mean(1).std()
 
 
 def test_a_negative_weight_is_refused(moved):
@@ -210,18 +209,17 @@ def test_a_negative_weight_is_refused(moved):
 # Quasi-conformal iteration
 
 
-def roughness(solver, f):
+def roughness(disk, f):
     """`int |grad mu|^2` of a map's coefficient, made piecewise linear."""
-    nodal = solver.to_vertices @ beltrami_coefficient(solver.z, solver.faces, f)
-    return (nodal.conj() @ (stiffness(solver.z, solver.faces, np.zeros(len(solver.faces))) @ nodal)).real
+    nodal = disk.to_vertices @ disk.coefficient(f)
+    return (nodal.conj() @ (disk.laplace @ nodal)).real
 
 
 def test_quasi_conformal_iteration_is_smoother_than_one_solve(moved):
-    z, faces = random_disk(3, 160)  # finer than the landmarks' spacing
-    problem = Problem(z, faces, moved.moving[::2], moved.target[::2])
-    solver = LandmarkSolver.of(problem)
-    once = solver.solve(np.zeros(len(faces), complex), HARD)
-    assert roughness(solver, qc_iteration(problem)) < 0.5 * roughness(solver, once)
+    disk = Disk(*random_disk(3, 160))  # finer than the landmarks' spacing
+    problem = Problem(disk, moved.moving[::2], moved.target[::2])
+    once = LandmarkSolver(problem).solve(np.zeros(len(disk.faces), complex), HARD)
+    assert roughness(disk, qc_iteration(problem)) < 0.5 * roughness(disk, once)
 
 
 def test_quasi_conformal_iteration_lets_landmarks_go_where_they_fold(mesh):
@@ -235,7 +233,7 @@ def test_quasi_conformal_iteration_lets_landmarks_go_where_they_fold(mesh):
 
 
 def displacement(rings):
-    """Teichmüller's displacement problem on an ellipse, carried to the disk: (solver, mu's modulus, mesh z, faces).
+    """Teichmüller's displacement problem on an ellipse, carried to the disk: (solver, mu's modulus).
 
     With `w = R e^it + e^-it / R` the affine map that swaps the ellipse's axes, seen through `w^2` (shifted by 2 before
     and after), is the map of the ellipse with semi-axes `R^2 + R^-2`, `R^2 - R^-2` that holds its boundary and takes
@@ -245,11 +243,11 @@ def displacement(rings):
     long, short = R**2 + R**-2, R**2 - R**-2
     z, faces = polar_disk(rings, 3 * rings)
     ellipse = np.stack([long * z.real, short * z.imag, 0 * z.real], 1)
-    disk = disk_conformal_map(Surface(ellipse, faces))
-    loop = boundary_loop(faces)
-    foci = sampling_matrix((ellipse @ [1, 1j, 0]) / long, faces, np.array([-2, 2]) / long) @ disk
-    samples = sampling_matrix(disk, faces, foci[:1])
-    return LandmarkSolver(disk, faces, samples, foci[1:], disk[loop]), 2 / long
+    disk = Disk(disk_conformal_map(Surface(ellipse, faces)), faces)
+    foci = Disk((ellipse @ [1, 1j, 0]) / long, faces).sampling(np.array([-2, 2]) / long) @ disk.z
+    solver = LandmarkSolver(Problem(disk, foci[:1], foci[1:]))
+    solver.boundary = disk.z[disk.loop]
+    return solver, 2 / long
 
 
 def test_a_teichmuller_iteration_that_does_not_settle_says_so(moved):
@@ -262,10 +260,10 @@ def test_teichmullers_displacement_is_found_with_its_constant():
     for rings in (16, 32):
         solver, k = displacement(rings)
         f = extremal(solver)
-        size, areas = abs(beltrami_coefficient(solver.z, solver.faces, f)), signed_areas(solver.z, solver.faces)
+        size, areas = abs(solver.disk.coefficient(f)), solver.disk.areas
         mean = areas @ size / areas.sum()
         assert mean == pytest.approx(k, rel=0.03)
-        assert solver.error(f) < 1e-4 and check_bijective(solver.z, solver.faces, f).bijective
+        assert solver.error(f) < 1e-4 and solver.disk.certify(f).bijective
         spreads.append(np.sqrt(areas @ (size - mean) ** 2 / areas.sum()) / mean)
     assert spreads[1] < 0.7 * spreads[0] < 0.03
 
@@ -275,8 +273,8 @@ def test_teichmullers_displacement_is_found_with_its_constant():
 
 def test_thin_plates_reproduce_affine_maps_which_leave_the_circle(mesh):
     p = np.concatenate([r * np.exp(1j * np.pi / 4 * np.arange(8)) for r in (0.3, 0.6)])  # the best Möbius map is none
-    f = thin_plate(Problem(*mesh, p, 0.6 * p + 0.2 * p.conj()))
-    np.testing.assert_allclose(f, 0.6 * mesh[0] + 0.2 * mesh[0].conj(), atol=1e-6)
+    f = thin_plate(Problem(mesh, p, 0.6 * p + 0.2 * p.conj()))
+    np.testing.assert_allclose(f, 0.6 * mesh.z + 0.2 * mesh.z.conj(), atol=1e-6)
     assert abs(f).max() < 0.81
 
 
@@ -323,7 +321,7 @@ def test_perfect_networks_give_the_fits_map(name, moved, twins):
     fit = METHODS["gauss_newton"](moved)
     f = METHODS[name](moved)
     assert abs(f - fit).max() < 0.02 and error(moved, f) < 2e-3
-    np.testing.assert_allclose(abs(f[boundary_loop(moved.faces)]), 1, atol=1e-12)
+    np.testing.assert_allclose(abs(f[moved.disk.loop]), 1, atol=1e-12)
 
 
 def test_steps_bring_a_poor_start_nearer(moved, twins):

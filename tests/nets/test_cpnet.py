@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from qclearn.plane.diskmesh import polar_disk, square_disk
 
 from data_synth.training import DATA_POINTS, ControlPairs, Pairs
 from qclearn.nets import load
@@ -15,12 +14,14 @@ from qclearn.nets.cpnet_paper import PaperCPNet, PaperCPNetConfig
 from qclearn.nets.dbsnet_paper import PaperDBSNet, PaperDBSNetConfig
 from qclearn.nets.polar import PolarSolver
 from qclearn.nets.polargrid import PolarGrid, PolarMesh
-from qclearn.nets.torchplane import bounded, fit_mobius, mobius_columns
+from qclearn.nets.torchplane import bounded, fit_mobius
 from qclearn.nets.train import TrainConfig, train
 from qclearn.plane.checks import BeltramiError
-from qclearn.plane.mobius import best_mobius, mobius, mobius_slope
-from qclearn.registration.certified import exact_map
-from qclearn.registration.fit import fit_landmarks, fit_problem
+from qclearn.plane.disk import Disk
+from qclearn.plane.grids import POWER, polar_disk, square_disk
+from qclearn.plane.mobius import best_mobius, mobius, mobius_fields, mobius_slope
+from qclearn.plane.spectrum import ring_tables
+from qclearn.registration.fit import exact_map, fit_landmarks, fit_problem
 from qclearn.registration.metrics import measured_losses
 from qclearn.registration.problem import LandmarkError, Problem, Weights
 from qclearn.surfaces.surface import SurfaceError
@@ -57,12 +58,12 @@ def landmarks():
 
 def tensors(*arrays):
     kinds = {"c": torch.complex64, "f": torch.float32}
-    return [torch.as_tensor(array).to(kinds[array.dtype.kind])[None] for array in arrays]
+    return [torch.tensor(array).to(kinds[array.dtype.kind])[None] for array in arrays]
 
 
 def test_points_are_located_in_closed_form():
     mesh, rng = PolarMesh(5, 12), np.random.default_rng(0)
-    z = mesh.mesh[0]
+    z = mesh.mesh.z
     points = np.sqrt(rng.random(200)) * np.exp(2j * np.pi * rng.random(200)) * 0.96  # within the chords
     (located,) = tensors(points)
     corners, weights = mesh.locate(located)
@@ -83,25 +84,27 @@ def test_splat_is_the_transpose_of_sample():
 
 
 def test_the_prior_is_diagonal_in_the_coefficients(grid):
-    c = torch.view_as_complex(torch.randn(2, 432, 2, generator=torch.Generator().manual_seed(0)))
-    nu = grid.field(c)
-    torch.testing.assert_close(grid.coefficients(nu), c, rtol=1e-3, atol=1e-3)
-    size, slope = grid.terms(nu)
-    torch.testing.assert_close(size, (c.abs() ** 2).sum(1), rtol=1e-3, atol=0)
-    torch.testing.assert_close(slope, (grid.values * c.abs() ** 2).sum(1), rtol=1e-3, atol=0)
+    c = np.random.default_rng(0).normal(size=(432, 2)) @ [1, 1j]
+    spectrum, (_, spokes, arcs) = grid.spectrum, ring_tables(grid.mesh, 36)
+    nu = spectrum.field(c)[1:].reshape(12, 36)
+    (on_rings,) = tensors(nu)
+    kept = torch.tensor(c[grid.kept.numpy()]).to(torch.complex64)[None]
+    torch.testing.assert_close(grid.coefficients(on_rings), kept, rtol=1e-3, atol=1e-3)
+    assert grid.mean_square(on_rings).item() == pytest.approx((abs(c) ** 2).sum(), rel=1e-3)
+    slope = spokes @ (abs(np.diff(nu, axis=0)) ** 2).sum(1) + arcs @ (abs(nu - np.roll(nu, 1, 1)) ** 2).sum(1)
+    assert slope / np.pi == pytest.approx((spectrum.values * abs(c) ** 2).sum(), rel=1e-3)
 
 
 def test_displacements_are_those_of_the_exact_map(grid, born):
-    generator = torch.Generator().manual_seed(1)
-    c = torch.zeros(1, 432, dtype=torch.complex64)
-    c[0, :40] = torch.view_as_complex(torch.randn(40, 2, generator=generator)) * 3e-4
-    nu, solver = grid.field(c), PolarSolver(12, 36, 1.4)
-    exact = solver.solve(bounded(grid.on_faces(nu)).to(torch.complex128), 1e-9) - torch.from_numpy(solver.z)
-    columns = mobius_columns(grid.z.flatten()[None].to(torch.complex128))
-    columns = torch.view_as_real(columns).mT.flatten(1, 2)
+    rng, c = np.random.default_rng(1), np.zeros(432, complex)
+    c[grid.kept[:40].numpy()] = (rng.normal(size=(40, 2)) @ [1, 1j]) * 3e-4
+    nu, solver = grid.spectrum.field(c), PolarSolver(12, 36, 1.4)
+    given = bounded(torch.tensor(grid.mesh.to_faces @ nu))[None]
+    exact = solver.solve(given, 1e-9) - torch.tensor(solver.mesh.z)
+    columns = torch.view_as_real(torch.from_numpy(mobius_fields(grid.mesh.z[1:]))[None]).mT.flatten(1, 2)
+    moved = born.moved(*tensors(nu[1:].reshape(12, 36)))
     one, two = (
-        torch.view_as_real(x.to(torch.complex128)).flatten(1)[..., None]
-        for x in (born.moved(nu).flatten(1), exact[:, 1:])
+        torch.view_as_real(x.to(torch.complex128)).flatten(1)[..., None] for x in (moved.flatten(1), exact[:, 1:])
     )
     both = torch.cat([one, two], 2)
     both = both - columns @ torch.linalg.lstsq(columns, both).solution  # f(0) = 0, f(1) = 1 is another gauge
@@ -112,15 +115,15 @@ def test_fit_mobius_is_best_mobius(landmarks):
     p, _ = landmarks
     for a, theta in ((0.3 - 0.2j, 2.0), (0.6j, -1.0)):
         q = mobius(p, a, theta) + 0.01 * p**2
-        found = fit_mobius(*tensors(p, q, np.ones(len(p))), steps=8)
+        found = fit_mobius(*tensors(p, q))
         np.testing.assert_allclose(
             mobius(p, found[0].item(), found[1].item()), mobius(p, *best_mobius(p, q)), atol=1e-4
         )
 
 
 def test_an_untrained_network_starts_at_the_born_step(net, landmarks):
-    mesh = net.carrier(12)[0].mesh
-    problem, weights = Problem(*mesh, *landmarks), Weights(1.0, 0.1, 1e3)
+    mesh = polar_disk(12, 36, POWER)
+    problem, weights = Problem(Disk(*mesh), *landmarks), Weights(1.0, 0.1, 1e3)
     answers = net.answers(problem, weights, looks=2)
     np.testing.assert_allclose(answers["CP-Net, no look"], answers["Born step"], atol=1e-6)
     np.testing.assert_allclose(answers["CP-Net, 2 looks"], answers["Born step, 2 looks"], atol=1e-5)
@@ -144,7 +147,7 @@ def test_stiff_weights_have_a_finer_grid_and_more_looks_from_the_born_step_on(ne
     for gamma, rings, looks, start in ((0.99e4, 12, 2, "CP-Net"), (1e4, 20, 7, "Born step")):
         weights = Weights(gamma=gamma)
         assert net.rings(*landmarks, weights) == rings and net.looks_at(weights) == looks
-        problem = Problem(*mesh, *landmarks)
+        problem = Problem(Disk(*mesh), *landmarks)
         answers = net.answers(problem, weights, looks)
         mu = net.predict(*mesh, *landmarks, gamma=gamma)
         np.testing.assert_array_equal(mu, answers[f"{start}, {looks} looks"])
@@ -344,8 +347,8 @@ def test_the_shipped_networks_two_looks_end_where_the_fit_does():
     net, t = load("cpnet"), np.linspace(-1, 1, 10)
     p = np.concatenate([0.4 + 0.25j * t, -0.3 - 0.1j + 0.25 * t, 0.35j + 0.2 * t])
     q = p * np.exp(0.5j * (1 - abs(p) ** 2)) + 0.05j * p**2
-    problem, weights = Problem(*polar_disk(32, 96, 1.4), p, q), Weights()
+    problem, weights = Problem(Disk(*polar_disk(32, 96, 1.4)), p, q), Weights()
     assert net.gamma_used(weights) == weights.gamma and net.config.looks == 2
-    found = [fit_problem(problem, weights), exact_map(problem, net.predict(problem.z, problem.faces, p, q))]
+    found = [fit_problem(problem, weights), exact_map(problem, net.predict(problem.disk.z, problem.disk.faces, p, q))]
     fit, answer = (measured_losses(problem, weights, one.mu, problem.samples @ one.f)["L_CP"] for one in found)
     assert answer < 1.1 * fit

@@ -1,10 +1,10 @@
 """DBS-Net: what holds by construction, the exact maps it starts from, learns from and goes on to, and bad input."""
 
+import exactmaps
 import numpy as np
 import pytest
 import torch
 from meshes import random_disk, random_mu
-from qclearn.plane.diskmesh import polar_disk, square_disk
 
 from data_synth.fields import KINDS, random_coefficient
 from qclearn.nets import load
@@ -14,12 +14,10 @@ from qclearn.nets.gauges import gauge_errors
 from qclearn.nets.layers import PolarPad
 from qclearn.nets.polar import two_steps
 from qclearn.nets.train import Process, TrainConfig, take_step
-from qclearn.plane import exactmaps
-from qclearn.plane.beltrami import wirtinger
-from qclearn.plane.bijectivity import flipped_faces
 from qclearn.plane.checks import BeltramiError
-from qclearn.plane.disk import BeltramiDiskSolver
+from qclearn.plane.disk import boundary_loop
 from qclearn.plane.fourier import fourier_coefficients
+from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.mobius import mobius
 from qclearn.surfaces.surface import SurfaceError
 
@@ -46,7 +44,7 @@ def batch(net, count=4, largest=0.5):
     if net.config.preset == "paper":
         mu = rng.uniform(-0.35, 0.35, (2, count, net.config.size, net.config.size))
         return torch.from_numpy(mu[0] + 1j * mu[1]).to(torch.complex64) * largest / 0.5
-    mu = [random_mu(rng, net.solver.z, net.solver.faces, largest) for _ in range(count)]
+    mu = [random_mu(rng, net.solver.mesh.z, net.solver.mesh.faces, largest) for _ in range(count)]
     return torch.from_numpy(np.array(mu)).to(torch.complex64)
 
 
@@ -62,8 +60,7 @@ def test_solve_keeps_the_circle_and_the_fixed_points_on_any_mesh(preset, mesh):
     net, mu = network(preset), random_mu(np.random.default_rng(1), z, faces, 0.6)
     f = net.solve(z, faces, mu)
     assert f.shape == z.shape and f.dtype == np.complex128 and np.array_equal(f, net.solve(z, faces, mu))
-    boundary = BeltramiDiskSolver(z, faces).loop
-    np.testing.assert_allclose(abs(f[boundary]), 1, atol=1e-12)
+    np.testing.assert_allclose(abs(f[boundary_loop(faces)]), 1, atol=1e-12)
     assert abs(f - z).max() > 0.02  # not the identity
     for point in (0, 1):
         np.testing.assert_allclose(f[abs(z - point) < 1e-9], point, atol=1e-6)
@@ -136,7 +133,7 @@ def test_poisson_matrix_extends_harmonically():
     )
 
 
-@pytest.mark.parametrize("changes", [{"shortcut": False}, {"carry": False}, {"loss": "rows"}, {"loss": "maps"}])
+@pytest.mark.parametrize("changes", [{"shortcut": False}, {"loss": "rows"}, {"loss": "maps"}])
 def test_paper_runs_without_its_options(changes):
     net = PaperDBSNet(PaperDBSNetConfig(size=8, frequencies=2, **changes))
     loss, _ = net.loss((batch(net),), None)
@@ -212,7 +209,8 @@ def test_solver_goes_on_from_a_map():
     warm = net.solver.iterations
     net.solver.solve(mu, 1e-6)
     assert (warm < net.solver.iterations).all()
-    np.testing.assert_allclose(net.solve(net.solver.z, net.solver.faces, mu[0].numpy(), steps=8), exact[0], atol=1e-4)
+    z, faces = net.solver.mesh.z, net.solver.mesh.faces
+    np.testing.assert_allclose(net.solve(z, faces, mu[0].numpy(), steps=8), exact[0], atol=1e-4)
 
 
 def test_derivative_error_is_one_where_a_face_may_fold():
@@ -220,29 +218,29 @@ def test_derivative_error_is_one_where_a_face_may_fold():
     mu = batch(net, 1)
     exact = net.solver.solve(mu, 1e-6)
     f = exact + 0.02 * torch.from_numpy(np.random.default_rng(0).normal(size=exact.shape))
-    z, faces = net.solver.z, net.solver.faces
-    (e_z, e_zbar), (f_z, f_zbar) = (wirtinger(z, faces, x[0].numpy()) for x in (f - exact, exact))
+    mesh = net.solver.mesh
+    (e_z, e_zbar), (f_z, f_zbar) = (mesh.wirtinger(x[0].numpy()) for x in (f - exact, exact))
     d = (abs(e_z) + abs(e_zbar)) / np.maximum(abs(f_z) - abs(f_zbar), 0.05)
-    size, excess = derivative_error(net.full(f), net.full(exact), net.full_z())
+    size, excess = derivative_error(net.mesh, f.to(exact), exact)
     assert size.item() == pytest.approx(np.sqrt(np.mean(d**2)), rel=1e-3)
     assert excess.item() == pytest.approx(np.mean(np.maximum(d - 0.5, 0) ** 2), rel=1e-2)
-    folded = flipped_faces(faces, f[0].numpy())
+    folded = mesh.at(f[0].numpy()).flipped
     assert len(folded) and (d[folded] >= 1 - 1e-5).all()
 
 
 def test_shipped_networks_on_coefficients_they_have_not_seen():
     """Preset `best` well below what it starts from; `paper` at least nearer than the identity."""
     best, paper = (load("dbsnet", preset) for preset in ("best", "paper"))
-    z, faces = best.solver.z, best.solver.faces
-    mu = [random_coefficient(z, faces, np.random.default_rng([8, k]), kind, (0.5, 0.5)) for k, kind in enumerate(KINDS)]
+    mesh = best.solver.mesh
+    mu = [random_coefficient(mesh, np.random.default_rng([8, k]), kind, (0.5, 0.5)) for k, kind in enumerate(KINDS)]
     given = torch.from_numpy(np.array(mu)).to(torch.complex64)
     exact = best.solver.solve(given, 1e-6)
     start = position_error(two_steps(best.solver, given)[0][1], exact, best.z.flatten())
     errors = {}
     for name, net in (("best", best), ("paper", paper)):
-        maps = torch.from_numpy(np.array([net.solve(z, faces, one) for one in mu]))
+        maps = torch.from_numpy(np.array([net.solve(mesh.z, mesh.faces, one) for one in mu]))
         errors[name] = position_error(maps, exact, best.z.flatten())
-    identity = position_error(torch.from_numpy(z).repeat(2, 1), exact, best.z.flatten())
+    identity = position_error(torch.tensor(mesh.z).repeat(2, 1), exact, best.z.flatten())
     assert errors["best"].max() < 0.05 and (errors["best"] < 0.5 * start).all(), (errors, start)
     assert errors["paper"].mean() < identity.mean()
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import torch
 from known_surfaces import sphere
-from qclearn.plane.diskmesh import pixel_centres
 from subjects import grown
 
 from data_synth.datasets import CurveDataset
@@ -15,9 +14,11 @@ from qclearn.nets import load
 from qclearn.nets.ldnet import PRESETS, BestLDNet, BestLDNetConfig, contrast, heat_metric, refine, smoothed, some, whole
 from qclearn.nets.ldnet_paper import PaperLDNet, PaperLDNetConfig, nearest_pixels
 from qclearn.nets.pictures import stamp, turn
+from qclearn.plane.disk import Disk
+from qclearn.plane.grids import pixel_centres
 from qclearn.registration.landmarks import curve_distance, curves_in_space, detect_curves, weigh_edges
 from qclearn.registration.problem import LandmarkError
-from qclearn.surfaces.conformal import disk_conformal_map
+from qclearn.surfaces.conformal import Side, disk_conformal_map, laid_out
 from qclearn.surfaces.curvature import area_radius, sulcal_depth
 from qclearn.surfaces.surface import SurfaceError
 
@@ -233,12 +234,13 @@ def test_the_shipped_weights_find_sulci():
     """On subjects of no training set, if coarser than those: a mean distance below 2 mm, and below the others'."""
     detectors, found = (load("ldnet").detect, load("ldnet", "paper").detect, detect_curves), []
     for cortex in (grown(4002, 2500), grown(4003, 2500)):
-        surface, z = cortex.surface, disk_conformal_map(cortex.surface)
+        side = laid_out(cortex.surface)
+        surface, z = side.surface, side.disk.z
         paths = list(cortex.curves.values())
         ends = np.array([path[[0, -1]] for path in paths])
-        truth = curves_in_space(surface, z, [z[path] for path in paths])
+        truth = curves_in_space(side, [z[path] for path in paths])
         for detect in detectors:
-            curves = curves_in_space(surface, z, detect(surface, z, ends))
+            curves = curves_in_space(side, detect(surface, z, ends))
             found.append(np.mean([curve_distance(*pair) for pair in zip(truth, curves)]))
     best, paper, twin = np.reshape(found, (2, 3)).mean(0)
     assert best < 2 and best < twin and best < paper < 6
@@ -247,7 +249,8 @@ def test_the_shipped_weights_find_sulci():
 def test_distance_between_curves(subject):
     surface, z, ends = subject
     paths = [*surface.curves.values()][:2]
-    points = curves_in_space(surface, z, [z[path] for path in paths] + [z[paths[0][::-1]]])
+    side = Side(surface, Disk(z, surface.faces))
+    points = curves_in_space(side, [z[path] for path in paths] + [z[paths[0][::-1]]])
     for path, curve in zip(paths, points):
         np.testing.assert_allclose(curve[[0, -1]], surface.vertices[path[[0, -1]]], atol=1e-6)
         step = np.linalg.norm(np.diff(curve, axis=0), axis=1)
@@ -259,5 +262,5 @@ def test_distance_between_curves(subject):
     line = np.linspace([0, 0, 0], [50.0, 0, 0], 400)
     assert curve_distance(line, line + shift) == pytest.approx(3)
     assert curve_distance(line, line[:200]) == pytest.approx(50 / 16, rel=0.02)  # half of it by 25/2 on average
-    twin = curves_in_space(surface, z, detect_curves(surface, z, ends[:1]))[0]
+    twin = curves_in_space(side, detect_curves(surface, z, ends[:1]))[0]
     assert 0 <= curve_distance(points[0], twin) < 20

@@ -41,10 +41,10 @@ def test_its_loss_is_that_of_the_map(one_thread):
     steps(taught, 3)
     problem = taught.problem
     mu = taught.answer(problem.moving)
-    f = qc.solve_beltrami_disk(problem.z, problem.faces, mu)
+    f = qc.solve_beltrami_disk(problem.disk.z, problem.disk.faces, mu)
     w = problem.samples @ f
     w = qc.mobius(w, *qc.best_mobius(w, problem.target))
-    areas = qc.signed_areas(problem.z, problem.faces)
+    areas = qc.signed_areas(problem.disk.z, problem.disk.faces)
     L_mu, L_Landmark = areas @ abs(mu) ** 2 / areas.sum(), (abs(w - problem.target) ** 2).mean()
     least = 2.0 * L_mu + 50.0 * L_Landmark
     heavy = CPLesson(Weights(2.0, 0.0, 50.0))

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 import torch
+from exactmaps import DISK_MAPS
 from meshes import random_mu
 
 from qclearn.nets.polar import PolarSolver
 from qclearn.plane.checks import BeltramiError
-from qclearn.plane.disk import BeltramiDiskSolver
-from qclearn.plane.exactmaps import DISK_MAPS
+from qclearn.plane.solver import DiskSolver
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -30,7 +30,7 @@ def solver(request):
 def coefficients(solver, *largest):
     """One random smooth coefficient for each given max|mu|, (B, F)."""
     rng = np.random.default_rng(0)
-    return np.stack([random_mu(rng, solver.z, solver.faces, k) for k in largest])
+    return np.stack([random_mu(rng, solver.mesh.z, solver.mesh.faces, k) for k in largest])
 
 
 def random_complex(rng, shape):
@@ -43,7 +43,7 @@ def assert_same_as_factored(solver, mu):
     f = solver.solve(given, tolerance=1e-13)
     floored, grad_f = solver.floored.tolist(), random_complex(np.random.default_rng(1), f.shape)
     f.backward(torch.from_numpy(grad_f))
-    factored = BeltramiDiskSolver(solver.z, solver.faces)
+    factored = DiskSolver(solver.mesh)
     for k in range(len(mu)):
         np.testing.assert_allclose(f[k].detach().numpy(), factored.solve(mu[k]), atol=1e-11)
         assert floored[k] == factored.floored
@@ -66,7 +66,7 @@ def test_raised_steps_equal_the_factored_solver():
 
 def test_small_positive_steps_are_left_alone():
     solver, rng = PolarSolver(2, 6), np.random.default_rng(2234)
-    mu = 0.9 * np.exp(2j * np.pi * rng.uniform(size=(1, len(solver.faces))))
+    mu = 0.9 * np.exp(2j * np.pi * rng.uniform(size=(1, len(solver.mesh.faces))))
     assert assert_same_as_factored(solver, mu) == [0]
     boundary = solver.solve(torch.from_numpy(mu[0]), tolerance=1e-13)[7:]
     assert 0 < (boundary.roll(-1) / boundary).angle().min() < 1e-3 * 2 * np.pi / 6
@@ -75,34 +75,13 @@ def test_small_positive_steps_are_left_alone():
 def test_hopeless_coefficient_equals_the_factored_solver():
     """|mu| up to 0.9999, jumping from face to face: 0 leaves the disk, and rounding must not outgrow the residual."""
     solver, rng = PolarSolver(2, 6), np.random.default_rng(3)
-    size = rng.choice([0.3, 0.9, 0.99, 0.9999], size=len(solver.faces))
+    size = rng.choice([0.3, 0.9, 0.99, 0.9999], size=len(solver.mesh.faces))
     mu = size * np.exp(2j * np.pi * rng.uniform(size=len(size)))
     f = solver.solve(torch.from_numpy(mu), tolerance=1e-13).numpy()
     assert abs(f[0]) > 1 and solver.iterations.max() <= 30
-    factored = BeltramiDiskSolver(solver.z, solver.faces)
+    factored = DiskSolver(solver.mesh)
     np.testing.assert_allclose(f, factored.solve(mu), atol=1e-9)
     assert solver.floored.tolist() == [factored.floored] == [3]
-
-
-def test_pushforward_equals_the_factored_solver(solver):
-    mu = coefficients(solver, 0.5, 0.0, 0.8)
-    dmu = random_complex(np.random.default_rng(2), mu.shape)
-    f, df = solver.pushforward(torch.from_numpy(mu), torch.from_numpy(dmu), tolerance=1e-13)
-    factored = BeltramiDiskSolver(solver.z, solver.faces)
-    for k in range(len(mu)):
-        np.testing.assert_allclose(f[k].numpy(), factored.solve(mu[k]), atol=1e-11)
-        expected = factored.pushforward(dmu[k])
-        np.testing.assert_allclose(df[k].numpy(), expected, atol=1e-10 * abs(expected).max())
-
-
-def test_pushforward_is_the_transpose_of_the_backward_pass():
-    solver, rng = PolarSolver(*SIZES["graded"]), np.random.default_rng(4)
-    mu = torch.from_numpy(coefficients(solver, 0.6)[0]).requires_grad_()
-    dmu, grad_f = (torch.from_numpy(random_complex(rng, size)) for size in (len(mu), len(solver.z)))
-    solver.solve(mu, tolerance=1e-14).backward(grad_f)
-    _, df = solver.pushforward(mu.detach(), dmu, tolerance=1e-14)
-    there, back = (torch.vdot(*pair).real.item() for pair in ((grad_f, df), (mu.grad, dmu)))
-    assert there == pytest.approx(back, rel=1e-11)
 
 
 MEASURED = {  # of the flux form when the method was worked out: 32 x 96 and 64 x 192
@@ -118,8 +97,8 @@ def test_error_and_rate_against_closed_forms(exact):
     errors = []
     for nr in (32, 64):
         solver = PolarSolver(nr, 3 * nr)
-        f = solver.solve(torch.from_numpy(exact.on_faces(solver.z, solver.faces)))
-        errors.append(abs(f.numpy() - exact(solver.z)).max())
+        f = solver.solve(torch.from_numpy(exact.on_faces(solver.mesh)))
+        errors.append(abs(f.numpy() - exact(solver.mesh.z)).max())
     assert (np.array(errors) <= 1.05 * np.array(MEASURED[exact.name])).all(), errors
     assert np.log2(errors[0] / errors[1]) >= 1.9, errors
 
@@ -150,7 +129,7 @@ def test_one_coefficient_without_a_batch(solver):
 
 def test_no_coefficient_needs_no_iteration(solver):
     """The preconditioner is the inverse at mu = 0: one step for U, which starts at 0, and none for f."""
-    solver.solve(torch.zeros(len(solver.faces), dtype=torch.complex128))
+    solver.solve(torch.zeros(len(solver.mesh.faces), dtype=torch.complex128))
     assert solver.iterations.tolist() == [[1, 0, 0]]
 
 
@@ -219,7 +198,7 @@ def test_sample_without_a_gradient_beside_one_with():
 @pytest.mark.parametrize("value", [1.0, -1.5j, complex("nan"), complex("inf")])
 def test_unusable_coefficient(value):
     solver = PolarSolver(4, 12)
-    mu = torch.zeros(3, len(solver.faces), dtype=torch.complex64)
+    mu = torch.zeros(3, len(solver.mesh.faces), dtype=torch.complex64)
     mu[1, 17] = value
     with pytest.raises(BeltramiError, match="first: sample 1, face 17"):
         solver.solve(mu)

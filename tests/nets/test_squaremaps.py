@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 import torch
-from qclearn.plane.diskmesh import square_disk
 
 from data_synth.training import SolvedFields
 from qclearn.nets.cpnet_paper import maps_through
 from qclearn.nets.gauges import gauge_errors
 from qclearn.nets.squaremaps import SquareMaps
+from qclearn.plane.grids import square_disk
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

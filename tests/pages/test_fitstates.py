@@ -6,24 +6,24 @@ import re
 import numpy as np
 import pytest
 from meshes import bowl
-from qclearn.plane.diskmesh import square_disk
 
 from qclearn.pages.examples import Example, cortex_problem, example_problems, spread_vertices
 from qclearn.pages.fitstates import describe, exact_fit, fit_state, network_fit, sentences, states_figure
-from qclearn.plane.bijectivity import check_bijective
-from qclearn.registration.features import FINEST, Feature, Features
+from qclearn.plane.disk import Disk
+from qclearn.plane.grids import square_disk
+from qclearn.registration.features import FINEST, Feature, featured
 from qclearn.registration.fit import fit_landmarks
 from qclearn.registration.problem import LandmarkError, Problem, Weights
+from qclearn.surfaces.conformal import Side
 from qclearn.surfaces.surface import Surface
 
 
 @pytest.fixture(scope="module")
 def example():
     """Two short curves on a small mesh, turned by a twist that leaves the circle where it is."""
-    z, faces = square_disk(16)
     moving = np.concatenate([0.4 + 0.1j * np.arange(-1, 2), -0.3 + 0.15 * np.arange(3)])
     target = moving * np.exp(0.6j * (1 - abs(moving) ** 2))
-    return Example("twist", Problem(z, faces, moving, target, np.repeat([0, 1], 3)))
+    return Example("twist", Problem(Disk(*square_disk(16)), moving, target, np.repeat([0, 1], 3)))
 
 
 @pytest.fixture(scope="module")
@@ -34,11 +34,11 @@ def state(example):
 @pytest.fixture(scope="module")
 def folded(example):
     """The same with waves on both sides, which the twist takes to each other."""
-    z, faces = example.problem.z, example.problem.faces
-    flat = Surface(np.stack([z.real, z.imag, 0 * z.real], axis=1), faces)
+    disk, z = example.problem.disk, example.problem.disk.z
+    flat = Side(Surface(np.stack([z.real, z.imag, 0 * z.real], axis=1), disk.faces), disk)
     twisted = z * np.exp(0.6j * (1 - abs(z) ** 2))
     waves = Feature("waves", *(np.cos(7 * w.real) + np.sin(6 * w.imag) for w in (twisted, z)))
-    return dataclasses.replace(example, name="folded", features=Features(flat, flat, z, [waves]))
+    return dataclasses.replace(example, name="folded", features=featured(flat, flat, [waves])[2])
 
 
 def test_gamma_buys_landmarks_with_distortion(example):
@@ -94,13 +94,13 @@ def test_state_tells_certificate_and_error_in_words(state):
 
 def test_flipped_triangles_are_reported_and_drawn(example, state):
     folded = state.fit.f.copy()
-    inner = np.flatnonzero(abs(example.problem.z) < 0.1)[0]
+    inner = np.flatnonzero(abs(example.problem.disk.z) < 0.1)[0]
     folded[inner] += 0.5
-    flipped = check_bijective(example.problem.z, example.problem.faces, folded).flipped
+    flipped = example.problem.disk.certify(folded).flipped
     assert len(flipped) > 0
     bad = dataclasses.replace(state.fit, f=folded, bijective=False, flipped=flipped)
     answer = fit_state(example, (1.0, 1e-2, 1e4), solver=lambda *_: bad)
-    assert f"not bijective: {len(flipped)} of {len(example.problem.faces)} triangles" in answer.message
+    assert f"not bijective: {len(flipped)} of {len(example.problem.disk.faces)} triangles" in answer.message
     ax = states_figure(example, {"exact fit": answer}).axes[0]
     assert sum(patch.get_hatch() is not None for patch in ax.patches) == len(flipped)
 
@@ -111,7 +111,7 @@ def test_the_figure_draws_the_map(example, state):
     there = points.get_xydata() @ [1, 1j]
     np.testing.assert_allclose(there, example.problem.target, atol=10 * state.fit.landmark_error)
     np.testing.assert_array_equal(colours.collections[0].get_array(), abs(state.fit.mu))
-    assert sum(patch.get_height() for patch in bars.patches) == len(example.problem.faces)
+    assert sum(patch.get_height() for patch in bars.patches) == len(example.problem.disk.faces)
     assert abs(np.concatenate(grid.collections[0].get_segments()) @ [1, 1j]).max() <= 1 + 1e-12
 
 
@@ -238,7 +238,7 @@ def test_cortex_problem_keeps_landmarks_of_the_full_surfaces():
         {"name": "arc", "moving": arc, "control": [vertex + 3 for vertex in arc]},
     ]
     small = cortex_problem("bowls", moving, control, curves, vertices=150, points=4)
-    assert len(small.problem.z) == 150 and small.problem.curve.tolist() == [0] * 4 + [1] * 4
+    assert len(small.problem.disk.z) == 150 and small.problem.curve.tolist() == [0] * 4 + [1] * 4
     on_arc = small.problem.target[4:]  # the control is a surface of revolution: the arc stays one, equally divided
     np.testing.assert_allclose(abs(on_arc), abs(on_arc[0]), rtol=0.01)
     np.testing.assert_allclose(np.angle(on_arc[1:] / on_arc[:-1]), np.radians(80 / 3), rtol=0.02)
@@ -246,5 +246,5 @@ def test_cortex_problem_keeps_landmarks_of_the_full_surfaces():
     assert fit.bijective and fit.landmark_error < 0.1 * abs(small.problem.moving - small.problem.target).mean()
     polar = cortex_problem("bowls", moving, control, curves, points=4)
     np.testing.assert_array_equal(polar.problem.target, small.problem.target)
-    np.testing.assert_array_equal(polar.problem.z, example_problems()[0].problem.z)
-    assert [len(side.areas) for side in polar.features.sides] == [len(polar.problem.z), len(control.vertices)]
+    assert polar.problem.disk is example_problems()[0].problem.disk
+    assert [len(side.areas) for side in polar.features.sides] == [len(polar.problem.disk.z), len(control.vertices)]

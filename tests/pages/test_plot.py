@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from meshes import bowl
-from qclearn.plane.diskmesh import square_disk
 
 from qclearn.pages.plot import (
     CURVE_STYLES,
@@ -22,6 +21,8 @@ from qclearn.pages.plot import (
     square_lines,
 )
 from qclearn.pages.scenes import registration_scene, stacked_scene, surface_picture, surface_scene
+from qclearn.plane.disk import Disk
+from qclearn.plane.grids import square_disk
 from qclearn.plane.mobius import mobius
 from qclearn.registration.register import register
 from qclearn.surfaces.surface import Surface
@@ -73,9 +74,9 @@ def test_grid_lines_are_carried_by_the_map(ax, lines):
 
 
 def test_curves_keep_their_number_and_length():
-    z, faces = square_disk(8)
+    disk = Disk(*square_disk(8))
     curves = [np.array([0.1, 0.2j, -0.3]), np.array([0.5j, 0.1])]
-    mapped = map_curves(z, faces, 2 * z, curves)
+    mapped = map_curves(disk, 2 * disk.z, curves)
     for curve, image in zip(curves, mapped, strict=True):
         np.testing.assert_allclose(image, 2 * curve, atol=1e-12)
 

@@ -5,24 +5,21 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from exactmaps import DISK_MAPS, SLIDING
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from meshes import random_disk, strip
-from qclearn.plane.diskmesh import boundary_loop, polar_disk
 
-from qclearn.plane.beltrami import signed_areas, stiffness
+from qclearn.plane.beltrami import BeltramiDiskSolver, signed_areas, stiffness
 from qclearn.plane.bijectivity import (
     check_bijective,
     check_embedding,
-    flipped_faces,
-    integers,
     mean_value_matrix,
     repair,
-    reversed_faces,
 )
 from qclearn.plane.checks import BeltramiError
-from qclearn.plane.disk import BeltramiDiskSolver
-from qclearn.plane.exactmaps import DISK_MAPS, SLIDING
+from qclearn.plane.disk import Disk, boundary_loop, integers
+from qclearn.plane.grids import polar_disk
 from qclearn.plane.triangles import edge_lengths
 
 DISK = random_disk(seed=1)
@@ -156,15 +153,15 @@ def test_rounding_never_hides_a_flip():
     a, b, c = f[faces].T
     rounded = (b - a).real * (c - a).imag - (b - a).imag * (c - a).real
     assert ((rounded > 0) & (exact <= 0)).any()  # the case is a real one
-    flipped = flipped_faces(faces, f)
+    flipped = Disk(f, faces).flipped
     assert set(np.flatnonzero(exact <= 0)) <= set(flipped.tolist())
 
 
 def test_what_rounding_leaves_in_doubt_is_decided_exactly():
     f, faces = nearly_flat_triangles()
     exact = np.array([exact_double_area(*f[face]) for face in faces])
-    assert len(flipped_faces(faces, f)) > len(reversed_faces(faces, f))
-    assert reversed_faces(faces, f).tolist() == np.flatnonzero(exact <= 0).tolist()
+    assert len(Disk(f, faces).flipped) > len(Disk(f, faces).reversed)
+    assert Disk(f, faces).reversed.tolist() == np.flatnonzero(exact <= 0).tolist()
 
 
 STAR = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
@@ -231,15 +228,15 @@ coordinates = st.floats(-1, 1, allow_subnormal=True) | st.sampled_from([0.0, 1.0
 def test_a_triangle_turns_over_when_two_corners_are_exchanged(corners):
     f = np.array([complex(*corner) for corner in corners])
     area = exact_double_area(*f)
-    assert (len(reversed_faces(np.array([[0, 1, 2]]), f)) == 0) == (area > 0)
-    assert (len(reversed_faces(np.array([[0, 2, 1]]), f)) == 0) == (area < 0)
+    assert (len(Disk(f, np.array([[0, 1, 2]])).reversed) == 0) == (area > 0)
+    assert (len(Disk(f, np.array([[0, 2, 1]])).reversed) == 0) == (area < 0)
 
 
 def test_a_whole_mesh_in_doubt_is_decided_in_a_second():
     """Every triangle of 150,000 vertices on one line: the worst that can be asked."""
     z, faces = polar_disk(300, 500)
     start = time.process_time()
-    assert len(reversed_faces(faces, (1 + 0.5j) * z.real)) > 0.9 * len(faces)
+    assert len(Disk((1 + 0.5j) * z.real, faces).reversed) > 0.9 * len(faces)
     assert time.process_time() - start < 5  # 1 s on a machine of its own
 
 
@@ -249,7 +246,7 @@ def test_a_whole_mesh_in_doubt_is_decided_in_a_second():
 def test_thin_triangles_beyond_doubt_are_not_flipped(scale, shift, height):
     """Wherever a triangle lies, as long as its coordinates resolve its height (in parts of its length)."""
     f = shift + scale * np.exp(0.4j) * np.array([0, 1, 0.4 + 1j * height, 0.4 - 1j * height])
-    assert flipped_faces(np.array([[0, 1, 2], [0, 1, 3]]), f).tolist() == [1]
+    assert Disk(f, np.array([[0, 1, 2], [0, 1, 3]])).flipped.tolist() == [1]
 
 
 # The mean-value matrix.
@@ -257,7 +254,7 @@ def test_thin_triangles_beyond_doubt_are_not_flipped(scale, shift, height):
 
 def test_mean_value_rows_are_averages():
     z, faces = DISK
-    matrix = mean_value_matrix(faces, edge_lengths(z, faces), len(z)).toarray()
+    matrix = mean_value_matrix(Disk(z, faces), edge_lengths(z[faces])).toarray()
     np.testing.assert_allclose(np.diag(matrix), 1, rtol=1e-14)
     np.testing.assert_allclose(matrix.sum(1), 0, atol=1e-13)
     off = matrix - np.diag(np.diag(matrix))
@@ -271,7 +268,7 @@ def test_mean_value_rows_reproduce_linear_functions():
     z, faces = DISK
     inner = np.setdiff1d(np.arange(len(z)), boundary_loop(faces))
     for picture in (z, z + (0.5 - 0.3j) * z.conj()):
-        matrix = mean_value_matrix(faces, edge_lengths(picture, faces), len(z))
+        matrix = mean_value_matrix(Disk(picture, faces), edge_lengths(picture[faces]))
         assert abs(matrix @ picture)[inner].max() < 1e-13
 
 
@@ -279,15 +276,15 @@ def test_mean_value_rows_reproduce_linear_functions():
 def test_mean_value_rows_of_slivers_stay_positive(height):
     z = np.array([0, 1, 0.5 + 1j * height, 0.5 + 1j, 0.5 - 1j])
     faces = np.array([[0, 1, 2], [1, 3, 2], [3, 0, 2], [0, 4, 1]])
-    matrix = mean_value_matrix(faces, edge_lengths(z, faces), len(z)).toarray()
+    matrix = mean_value_matrix(Disk(z, faces), edge_lengths(z[faces])).toarray()
     assert np.isfinite(matrix).all()
     assert (matrix[2, [0, 1, 3]] < 0).all() and matrix[2].sum() == pytest.approx(0, abs=1e-12)
 
 
 def test_edge_lengths_lie_opposite_their_corners():
     z, faces = np.array([0, 3, 4j]), np.array([[0, 1, 2], [2, 0, 1]])
-    assert edge_lengths(z, faces).tolist() == [[5, 4, 3], [3, 5, 4]]
-    assert edge_lengths(np.stack([z.real, z.imag, 0 * z.real], 1), faces).tolist() == [[5, 4, 3], [3, 5, 4]]
+    assert edge_lengths(z[faces]).tolist() == [[5, 4, 3], [3, 5, 4]]
+    assert edge_lengths(np.stack([z.real, z.imag, 0 * z.real], 1)[faces]).tolist() == [[5, 4, 3], [3, 5, 4]]
 
 
 # The repair.
@@ -309,7 +306,8 @@ def test_repair_unfolds(seed):
     before = check_bijective(z, faces, f)
     assert len(before.flipped) and before.boundary
     matrix = stiffness(z, faces, mu)
-    mended, switched, problem = repair(matrix, faces, lengths, f)
+    picture, switched, problem = repair(matrix, Disk(f, faces), lengths)
+    mended = picture.z
     assert check_bijective(z, faces, mended).bijective
     loop = boundary_loop(faces)
     assert (mended[loop] == f[loop]).all()
@@ -317,7 +315,7 @@ def test_repair_unfolds(seed):
     kept = np.setdiff1d(np.arange(len(z)), np.concatenate([loop, switched]))
     assert len(kept) > 0.2 * len(z) and len(np.intersect1d(switched, loop)) == 0
     assert abs(matrix @ mended)[kept].max() < 1e-11 * matrix.diagonal().max()
-    assert abs(mean_value_matrix(faces, lengths, len(z)) @ mended)[switched].max() < 1e-12
+    assert abs(mean_value_matrix(Disk(z, faces), lengths) @ mended)[switched].max() < 1e-12
     assert np.isin(np.setdiff1d(faces[before.flipped], loop), switched).all()
     np.testing.assert_allclose(problem.solve(f[loop]), mended, atol=1e-12)
 
@@ -326,23 +324,24 @@ def test_repair_keeps_rows_switched_before():
     _, faces, mu, f, lengths = folding_problem(0)
     matrix = stiffness(*DISK, mu)
     inner = np.setdiff1d(np.arange(len(f)), boundary_loop(faces))
-    assert set(inner[:5]) <= set(repair(matrix, faces, lengths, f, inner[:5])[1].tolist())
+    assert set(inner[:5]) <= set(repair(matrix, Disk(f, faces), lengths, inner[:5])[1].tolist())
 
 
 def test_repair_goes_one_ring_further_where_a_flip_survives_on_switched_rows():
     _, faces, mu, f, lengths = folding_problem(0)
-    first = np.setdiff1d(faces[flipped_faces(faces, f)], boundary_loop(faces))
-    mended, switched, _ = repair(stiffness(*DISK, mu), faces, lengths, f, first)
-    ring = np.setdiff1d(faces[np.isin(faces, first).any(1)], boundary_loop(faces))
+    picture = Disk(f, faces)
+    first = np.setdiff1d(faces[picture.flipped], picture.loop)
+    mended, switched, _ = repair(stiffness(*DISK, mu), picture, lengths, first)
+    ring = np.setdiff1d(faces[np.isin(faces, first).any(1)], picture.loop)
     assert set(ring) <= set(switched.tolist()) and len(ring) > len(first)
-    assert check_embedding(faces, mended).bijective
+    assert mended.certificate.bijective
 
 
 def test_nothing_to_repair():
-    z, faces = DISK
-    f = SLIDING(z)
-    mended, switched, problem = repair(stiffness(z, faces, np.zeros(len(faces))), faces, edge_lengths(z, faces), f)
-    assert mended is f and len(switched) == 0 and problem is None
+    disk = Disk(*DISK)
+    picture = disk.at(SLIDING(disk.z))
+    mended, switched, problem = repair(disk.laplace, picture, edge_lengths(disk.z[disk.faces]))
+    assert mended is picture and len(switched) == 0 and problem is None
 
 
 @pytest.mark.parametrize("chord", [False, True])
@@ -355,6 +354,7 @@ def test_repair_ends_where_it_cannot_help(chord):
         z = np.append(z, np.array([1.5, 1.1]) * np.exp(1j * np.pi / 9))
     f = z.copy()
     f[first + 5], f[1] = 0.9, 2  # a boundary vertex drawn across the disk
-    mended, switched, _ = repair(stiffness(z, faces, np.zeros(len(faces))), faces, edge_lengths(z, faces), f)
-    assert not check_embedding(faces, mended).bijective
+    disk = Disk(z, faces)
+    mended, switched, _ = repair(disk.laplace, disk.at(f), edge_lengths(z[faces]))
+    assert not mended.certificate.bijective
     assert 0 < len(switched) <= 19

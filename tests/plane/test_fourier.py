@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from qclearn.plane.diskmesh import pixel_centres, polar_disk, square_disk
 
 from qclearn.plane.checks import BeltramiError
+from qclearn.plane.disk import Disk
 from qclearn.plane.fourier import (
     coefficient_count,
     compress,
@@ -16,6 +16,7 @@ from qclearn.plane.fourier import (
     from_square,
     to_square,
 )
+from qclearn.plane.grids import pixel_centres, polar_disk, square_disk
 
 
 @pytest.fixture(params=[16, 17])
@@ -66,25 +67,22 @@ def test_error_falls_with_each_frequency(image):
     np.testing.assert_allclose(compress(compress(image, 2), 2), compress(image, 2), atol=1e-14)
 
 
-@pytest.mark.parametrize("mesh", [polar_disk(24, 72), square_disk(40)])
-def test_to_the_square_and_back(mesh):
-    z, faces = mesh
-    centroid = z[faces].mean(1)
-    mu = 0.4 * centroid.real - 0.3j * centroid.imag
-    image = to_square(z, faces, mu, 64)
+@pytest.mark.parametrize("disk", [Disk(*polar_disk(24, 72)), Disk(*square_disk(40))])
+def test_to_the_square_and_back(disk):
+    mu = 0.4 * disk.centroids.real - 0.3j * disk.centroids.imag
+    image = to_square(disk, mu, 64)
     w = pixel_centres(64)
     shrink = np.maximum(abs(w.real), abs(w.imag)) / abs(w)  # the inverse of the paper's disk-to-square formula
     np.testing.assert_allclose(image, 0.4 * (w * shrink).real - 0.3j * (w * shrink).imag, atol=0.02)
-    np.testing.assert_allclose(from_square(image, z, faces), mu, atol=0.02)
-    constant = from_square(to_square(z, faces, np.full(len(faces), 0.2 - 0.1j), 16), z, faces)
+    np.testing.assert_allclose(from_square(image, disk), mu, atol=0.02)
+    constant = from_square(to_square(disk, np.full(len(mu), 0.2 - 0.1j), 16), disk)
     np.testing.assert_allclose(constant, 0.2 - 0.1j, rtol=1e-12)
 
 
 def test_effect_on_the_map():
-    z, faces = square_disk(32)
-    centroid = z[faces].mean(1)
-    mu = 0.4 * np.exp(-4 * abs(centroid - 0.2) ** 2) * np.exp(1j * centroid.real)
-    rows = compression_effect(z, faces, mu, (0, 2, 5, 16), size=64)
+    disk = Disk(*square_disk(32))
+    mu = 0.4 * np.exp(-4 * abs(disk.centroids - 0.2) ** 2) * np.exp(1j * disk.centroids.real)
+    rows = compression_effect(disk, mu, (0, 2, 5, 16), size=64)
     assert [row["coefficients"] for row in rows] == [1, 25, 121, 1089]
     for key in ("image_error", "mu_error", "map_error"):
         assert (np.diff([row[key] for row in rows]) < 0).all(), key
@@ -96,7 +94,7 @@ def test_bad_input():
         compress(np.zeros((4, 5)), 1)
     with pytest.raises(ValueError, match="frequency"):
         compress(np.zeros((4, 4)), -1)
-    z, faces = square_disk(16)
-    jump = np.where(abs(z[faces].mean(1)) < 0.5, 0.95, 0)
+    disk = Disk(*square_disk(16))
+    jump = np.where(abs(disk.centroids) < 0.5, 0.95, 0)
     with pytest.raises(BeltramiError, match="mu"):
-        compression_effect(z, faces, jump, [6], 32)
+        compression_effect(disk, jump, [6], 32)

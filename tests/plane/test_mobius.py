@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from exactmaps import moebius
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import random_disk
 
-from qclearn.plane.exactmaps import moebius
 from qclearn.plane.mobius import best_mobius, centring_mobius, compose_mobius, mobius, mobius_inverse, mobius_misfits
 
 in_disk = st.builds(lambda r, t: r * np.exp(1j * t), st.floats(0, 0.9), st.floats(0, 2 * np.pi))

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 from meshes import random_disk
-from qclearn.plane.diskmesh import polar_disk, sampling_matrix, square_disk
-from qclearn.plane.fields import bounded, bounded_pullback, mass_matrix
 
-from qclearn.plane.beltrami import face_mean, factorise, stiffness
-from qclearn.plane.disk import BeltramiDiskSolver
+from qclearn.plane.coefficients import bounded, bounded_pullback
+from qclearn.plane.disk import Disk
+from qclearn.plane.grids import polar, polar_disk, square_disk
+from qclearn.plane.linear import factorise
+from qclearn.plane.solver import DiskSolver
 from qclearn.plane.tangent import FINER, Tangent, hats_inside
 
 POINTS = np.array([0.05, 0.3 + 0.2j, -0.62j, -0.8 + 0.1j, 0.97 * np.exp(2j)])
@@ -20,16 +21,15 @@ def field(z):
 
 def solved(mesh, grid):
     """The solver of a mesh at `field`, its map, and the matrix from nu on the polar mesh `grid` to its faces."""
-    z, faces = mesh
-    solver = BeltramiDiskSolver(z, faces)
-    to_faces = sampling_matrix(*grid, z[faces].mean(1)) if mesh is not grid else face_mean(faces, len(z))
-    return solver, solver.solve(bounded(to_faces @ field(grid[0]))), to_faces
+    solver = DiskSolver(mesh)
+    to_faces = grid.to_faces if mesh is grid else grid.sampling(mesh.centroids)
+    return solver, solver.solve(bounded(to_faces @ field(grid.z))), to_faces
 
 
 def both(mesh, grid, points):
     """Gradients of Re f and Im f at points with respect to nu, (2, P, N): in closed form, and by adjoint solves."""
     solver, f, to_faces = solved(mesh, grid)
-    samples, nu = sampling_matrix(*mesh, points), field(grid[0])
+    samples, nu = mesh.sampling(points), field(grid.z)
     grad_f = np.concatenate([samples.toarray(), 1j * samples.toarray()])
     exact = bounded_pullback(to_faces @ nu, solver.pullback(grad_f)) @ to_faces
     return Tangent(solver, grid, samples).gradients(nu, f), exact.reshape(2, len(points), -1)
@@ -40,27 +40,26 @@ def test_smooth_changes_by_their_rate(a, b):
     """dnu = a + b conj(z): the closed form is that of the exact map, which the solver's tends to."""
     errors = []
     for rings in (12, 24):
-        grid = polar_disk(rings, 3 * rings, power=1.4)
+        grid = polar(rings)
         closed, exact = both(grid, grid, POINTS)
-        dnu = a + b * grid[0].conj()
+        dnu = a + b * grid.z.conj()
         there, here = ((part.conj() @ dnu).real for part in (exact, closed))
         errors.append(abs(there - here).max() / abs(there).max())
     assert errors[1] < 0.06 and errors[1] < 0.4 * errors[0], errors
 
 
-MESHES = {"square": square_disk(24), "random": random_disk(3, 64), "own": polar_disk(12, 36, power=1.4)}
+MESHES = {"square": Disk(*square_disk(24)), "random": Disk(*random_disk(3, 64)), "own": polar(12)}
 
 
 @pytest.mark.parametrize("name", MESHES)
 def test_the_rows_are_near_the_exact_ones_in_the_priors_norm(name):
     """Where nodes are close to points, too: |J_k - J| in the norm of W^-1, W = mass + 0.01 Laplace."""
-    grid = MESHES[name] if name == "own" else polar_disk(12, 36, power=1.4)
+    grid = polar(12)
     closed, exact = both(MESHES[name], grid, POINTS)
-    W = mass_matrix(*grid) + 1e-2 * stiffness(*grid, np.zeros(len(grid[1])))
-    factors = factorise(W)
+    factors = factorise(grid.mass + 1e-2 * grid.laplace)
 
     def size(rows):
-        rows = rows.reshape(-1, len(grid[0]))
+        rows = rows.reshape(-1, len(grid.z))
         solution = factors.solve(rows.real.T.copy()) + 1j * factors.solve(rows.imag.T.copy())
         return np.sqrt(np.einsum("pn,np->p", rows.conj(), solution).real)
 
@@ -69,8 +68,7 @@ def test_the_rows_are_near_the_exact_ones_in_the_priors_norm(name):
 
 
 def test_zero_stays_and_one_turns_not():
-    mesh = polar_disk(12, 36, power=1.4)
-    closed, exact = both(mesh, mesh, np.array([1e-9, 1.0, 0.4]))
+    closed, exact = both(polar(12), polar(12), np.array([1e-9, 1.0, 0.4]))
     largest = abs(exact).max()
     assert abs(closed[:, 0]).max() < 0.02 * largest  # f(0) = 0
     assert abs(closed[1, 1]).max() < 1e-9 * largest  # arg f(1) = 0
@@ -79,7 +77,7 @@ def test_zero_stays_and_one_turns_not():
 def test_points_that_share_a_triangle_are_told_apart():
     """Their difference is that of the triangle's corners: a kernel at the points themselves knows nothing of it."""
     points = 0.31 + 0.2j + np.array([0, 0.01])
-    closed, exact = both(square_disk(32), polar_disk(12, 36, power=1.4), points)
+    closed, exact = both(Disk(*square_disk(32)), polar(12), points)
     there, here = (np.linalg.norm(part[:, 1] - part[:, 0]) for part in (exact, closed))
     off = np.linalg.norm((closed - exact)[:, 1] - (closed - exact)[:, 0])
     assert off < 0.25 * there and 0.8 < here / there < 1.2

@@ -1,18 +1,23 @@
 """Curves that a detector finds: used where they can be, replaced by the shortest path where not. (Maps:
 test_register.)"""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from qclearn.plane.diskmesh import polar_disk
 
+from qclearn.plane.disk import Disk
+from qclearn.plane.grids import polar_disk
 from qclearn.plane.mobius import mobius
-from qclearn.registration.certified import exact_map, moved_map
-from qclearn.registration.checked import fill, guarded_curves
+from qclearn.registration.checked import fill, guarded_curves, refined
+from qclearn.registration.fit import exact_map, moved_map
 from qclearn.registration.landmarks import detect_curves
-from qclearn.registration.problem import Problem
+from qclearn.registration.problem import Problem, Weights
+from qclearn.surfaces.conformal import Side
 from qclearn.surfaces.surface import Surface
 
 Z, FACES = polar_disk(14, 42)
+DISK = Disk(Z, FACES)
 BOWL = Surface(np.stack([Z.real, Z.imag, 0.6 * (1 - abs(Z) ** 2)], axis=1), FACES)
 
 
@@ -31,7 +36,7 @@ def straight(change=lambda line: line):
 
 
 def guarded(detect, entries):
-    return guarded_curves(detect, BOWL, Z, entries, "moving")
+    return guarded_curves(detect, Side(BOWL, DISK), entries, "moving")
 
 
 def test_given_curves_stay_and_good_ones_are_used():
@@ -110,8 +115,16 @@ def test_filling_keeps_the_polyline():
 def test_the_exact_map_of_no_coefficient_is_the_mobius_map():
     p = 0.6 * np.exp(2j * np.pi * np.arange(7) / 7)
     q = mobius(p, 0.2 + 0.1j, 0.7)
-    problem = Problem(Z, FACES, p, q)
+    problem = Problem(DISK, p, q)
     fit = exact_map(problem, np.zeros(len(FACES), complex))
     assert fit.mobius[0] == pytest.approx(0.2 + 0.1j, abs=2e-3) and fit.mobius[1] == pytest.approx(0.7, abs=5e-3)
     assert fit.bijective and fit.fallbacks == () and fit.landmark_error < 3e-3 and abs(fit.mu).max() < 0.05
     np.testing.assert_allclose(fit.f, moved_map(problem, Z).f, atol=1e-6)
+
+
+def test_of_two_maps_the_most_rows_that_were_switched_are_told():
+    p = 0.6 * np.exp(2j * np.pi * np.arange(7) / 7)
+    problem = Problem(DISK, p, 0.9 * p)
+    folded = replace(moved_map(problem, Z), bijective=False, switched=9)
+    fit = refined(problem, Weights(), np.zeros(len(FACES), complex), folded, 5e-3)
+    assert fit.bijective and fit.switched == 9

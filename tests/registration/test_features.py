@@ -3,20 +3,29 @@
 import numpy as np
 import pytest
 from known_surfaces import grooved_sphere
-from qclearn.plane.diskmesh import polar_disk
-from qclearn.registration.dense import Dense
 from scipy.special import j0, jn_zeros
 
-from qclearn.registration.features import HEMISPHERE, Feature, FeatureError, Features, Smoothing, check_features
+from qclearn.plane.disk import Disk
+from qclearn.plane.grids import polar_disk
+from qclearn.registration.features import HEMISPHERE, Feature, FeatureError, Smoothing, check_features, featured
+from qclearn.registration.terms import FeatureTerm
+from qclearn.surfaces.conformal import Side
 from qclearn.surfaces.curvature import mean_curvature, sulcal_depth
 from qclearn.surfaces.surface import Surface
 
 Z, FACES = polar_disk(24, 72)
+DISK = Disk(Z, FACES)
 
 
 def flat(unit=1.0):
     """The unit disk in space, in some unit of length."""
     return Surface(unit * np.stack([Z.real, Z.imag, 0 * Z.real], axis=1), FACES)
+
+
+def compared(surface, maps):
+    """The features of a surface laid on the disk, compared with its own others."""
+    side = Side(surface, DISK)
+    return featured(side, side, maps)[-1]
 
 
 def waves(w):
@@ -25,18 +34,17 @@ def waves(w):
 
 
 def features(unit=1.0, scale=1.0, weights=(1.0, 1.0)):
-    surface = flat(unit)
     maps = [Feature(f"wave {k}", scale * u + k, 3 * u, w) for k, (u, w) in enumerate(zip(waves(Z), weights))]
-    return Features(surface, surface, Z, maps)
+    return compared(flat(unit), maps)
 
 
-def test_heat_flow_damps_an_eigenfunction_of_the_disk_as_its_eigenvalue_says():
+def test_heat_flow_damps_an_eigenfunction_of_the_disk_as_its_eigenvalue_says(monkeypatch):
     """J_0(k r) with J_0'(k) = 0 does not flow over the rim; implicit steps: `(1 + k^2 t / n)^-n`."""
     k, sigma = jn_zeros(1, 2)[1], 20.0
     wave = j0(k * abs(Z))[:, None]
     time = sigma**2 / 2 * np.pi / HEMISPHERE
-    smoothing = Smoothing(flat(), wave)
-    smoothing.values = wave  # not clipped
+    smoothing = Smoothing(flat(), ["wave"], wave)
+    monkeypatch.setattr("qclearn.registration.features.clipped", lambda values, *_: values)
     expected = (1 + k**2 * time / 4) ** -4
     assert 0.6 < expected < 0.9
     np.testing.assert_allclose(smoothing.heat(sigma), expected * wave, atol=1e-2)
@@ -53,14 +61,14 @@ def test_features_are_standardised_by_area_and_know_no_units():
 @pytest.mark.parametrize("scale", [1e-200, 1e200])
 def test_any_scale_will_do(scale):
     u = waves(Z)[0]
-    pair = Features(flat(), flat(), Z, check_features([(scale * u, u)], flat(), flat()))
+    pair = compared(flat(), check_features([(scale * u, u)], flat(), flat()))
     assert pair.correlation(Z)[0] == pytest.approx(1)
 
 
 def test_outliers_are_clipped():
     values = waves(Z)[0].copy()
     values[[5, 900]] = [1e4, -1e4]
-    smoothed = Smoothing(flat(), np.stack([values, waves(Z)[0]], axis=1)).at(4.0)
+    smoothed = Smoothing(flat(), ["spiked", "wave"], np.stack([values, waves(Z)[0]], axis=1)).at(4.0)
     assert abs(smoothed).max() < 4
     areas = flat().vertex_areas / flat().area
     assert areas @ smoothed.prod(1) > 0.3  # unclipped: two spikes alone
@@ -68,16 +76,16 @@ def test_outliers_are_clipped():
 
 def test_the_mismatch_is_twice_one_less_the_correlation():
     """Where the map keeps the variance: the same vertices on both sides, and a feature that is another one there."""
-    surface, (one, two) = flat(), waves(Z)
-    pair = Features(surface, surface, Z, [Feature("mixed", one + two, one - 0.3 * two)])
+    one, two = waves(Z)
+    pair = compared(flat(), [Feature("mixed", one + two, one - 0.3 * two)])
     r = pair.correlation(Z)
     assert 0.1 < r[0] < 0.9
-    assert (Dense(pair, 4.0, 0.7).residual(Z) ** 2).sum() == pytest.approx(0.7 * 2 * (1 - r[0]), rel=1e-6)
+    assert (FeatureTerm(pair, 4.0, 0.7).residual(Z) ** 2).sum() == pytest.approx(0.7 * 2 * (1 - r[0]), rel=1e-6)
 
 
 def test_weights_are_shares():
     mismatch = [
-        (Dense(features(weights=w), 8.0, 1.0).residual(0.9 * Z) ** 2).sum() for w in ((1, 3), (1, 1), (0.2, 0.6))
+        (FeatureTerm(features(weights=w), 8.0, 1.0).residual(0.9 * Z) ** 2).sum() for w in ((1, 3), (1, 1), (0.2, 0.6))
     ]
     assert mismatch[0] == pytest.approx(mismatch[2]) != pytest.approx(mismatch[1])
 

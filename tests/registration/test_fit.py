@@ -3,25 +3,31 @@
 import pickle
 import sys
 from contextlib import contextmanager
+from dataclasses import fields
 
 import numpy as np
 import pytest
+from exactmaps import TWIST
 from meshes import bowl, random_disk, random_mu
-from qclearn.plane.diskmesh import locate, polar_disk, sampling_matrix, square_disk
-from qclearn.plane.fields import bounded
-from qclearn.registration.landmarkterm import TANGENTIAL_WEIGHT, Landmarks
 from scipy.sparse.linalg import SuperLU
 
 from qclearn import disk_conformal_map, mirror
-from qclearn.plane.beltrami import beltrami_coefficient, signed_areas
+from qclearn.plane.beltrami import beltrami_coefficient, locate, signed_areas
 from qclearn.plane.bijectivity import check_bijective
 from qclearn.plane.checks import BeltramiError
-from qclearn.plane.disk import solve_beltrami_disk
-from qclearn.plane.exactmaps import TWIST
+from qclearn.plane.coefficients import bounded
+from qclearn.plane.disk import Disk
+from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.mobius import best_mobius, compose_mobius, mobius, mobius_inverse
-from qclearn.registration.engine import MOBIUS_PRIOR, GaussNewton, SurfaceGaussNewton
-from qclearn.registration.fit import fit_landmarks, fit_problem, start_field
+from qclearn.plane.solver import solve_beltrami_disk
+from qclearn.registration import ladder
+from qclearn.registration.engine import Engine, Setting
+from qclearn.registration.fit import fit_landmarks, fit_problem
+from qclearn.registration.ladder import Climb, start_field
+from qclearn.registration.link import Link
 from qclearn.registration.problem import LandmarkError, Problem, Weights
+from qclearn.registration.steps import MOBIUS_PRIOR, corrected
+from qclearn.registration.terms import TANGENTIAL_WEIGHT, LandmarkTerm
 
 
 def complex_normal(rng, *shape):
@@ -38,10 +44,11 @@ def smooth_problem(seed, count=60):
         0.15 * rng.normal(),
     )
     p = np.sqrt(rng.uniform(0, 0.8, count)) * np.exp(2j * np.pi * rng.uniform(size=count))
-    return p, sampling_matrix(z, faces, p) @ f
+    return p, Disk(z, faces).sampling(p) @ f
 
 
 SMALL = square_disk(20)
+MESH = Disk(*SMALL)
 
 
 def lines(shift=0.0):
@@ -58,7 +65,8 @@ def test_the_prior_is_the_mean_of_mu_and_of_its_gradient():
     """For nu = a z + b conj(z): mean|nu|^2 = (|a|^2 + |b|^2)/2 over the disk, |grad nu|^2 = 2 (|a|^2 + |b|^2)."""
     z, faces = polar_disk(40, 160)
     a, b, alpha, beta = 0.3 - 0.2j, 0.1 + 0.4j, 0.7, 0.05
-    newton = GaussNewton(Problem(z, faces, z[:3], z[:3]), (z, faces), Weights(alpha, beta))
+    mesh = Disk(z, faces)
+    newton = Engine(Setting(Problem(MESH, z[:3], z[:3]), Link(mesh, mesh)), Weights(alpha, beta))
     size = abs(a) ** 2 + abs(b) ** 2
     assert newton.prior(a * z + b * z.conj()) == pytest.approx(alpha * size / 2 + beta * 2 * size, rel=2e-3)
 
@@ -66,13 +74,13 @@ def test_the_prior_is_the_mean_of_mu_and_of_its_gradient():
 def test_the_residual_is_the_papers_landmark_loss():
     rng = np.random.default_rng(2)
     target, change = complex_normal(rng, 2, 9)
-    components = Landmarks(target, np.zeros(9, int), False).components(change, 300.0)
+    components = LandmarkTerm(target, np.zeros(9, int), False).components(change, 300.0)
     assert (components**2).sum() == pytest.approx(300 * (abs(change) ** 2).mean())
 
 
 def test_only_inner_points_slide_and_only_along_the_target():
     target, labels = lines()
-    landmarks = Landmarks(target * np.exp(0.4j), labels, True)
+    landmarks = LandmarkTerm(target * np.exp(0.4j), labels, True)
     along = (landmarks.components(np.full(18, np.exp(0.4j)), 18.0) ** 2).reshape(2, 18).sum(0)
     across = (landmarks.components(np.full(18, 1j * np.exp(0.4j)), 18.0) ** 2).reshape(2, 18).sum(0)
     np.testing.assert_allclose(across, 1)
@@ -85,11 +93,12 @@ def test_only_inner_points_slide_and_only_along_the_target():
 
 def small_newton(sliding, seed=3):
     rng = np.random.default_rng(seed)
-    z, faces = polar_disk(4, 10)
+    mesh = Disk(*polar_disk(4, 10))
     labels = np.repeat([0, 1], 4)
     moving, target = (0.6 * np.exp(2j * np.pi * rng.uniform(size=8)) * rng.uniform(0.3, 1, 8) for _ in range(2))
-    problem = Problem(z, faces, moving, target, labels, sliding)
-    return GaussNewton(problem, (z, faces), Weights(1.0, 0.02)), 0.3 * complex_normal(rng, len(z)), rng
+    problem = Problem(MESH, moving, target, labels, sliding)
+    newton = Engine(Setting(problem, Link(mesh, mesh)), Weights(1.0, 0.02))
+    return newton, 0.3 * complex_normal(rng, len(mesh.z)), rng
 
 
 def residual(newton, nu, parameters, gamma):
@@ -126,7 +135,7 @@ def test_the_dual_step_is_the_gauss_newton_step(sliding):
     expected = -np.linalg.solve(J.T @ J + prior, pull)
 
     state = newton.at(nu, parameters)
-    change, da, dtheta, promised = newton.linearise(state, gamma)(state)
+    change, da, dtheta, promised = newton.linearise(state, gamma).propose()
     scale = abs(expected).max()
     np.testing.assert_allclose(change, expected[:n] + 1j * expected[n : 2 * n], atol=1e-5 * scale)
     np.testing.assert_allclose([da.real, da.imag, dtheta], expected[2 * n :], atol=1e-5 * scale)
@@ -165,18 +174,36 @@ def test_steps_without_a_jacobian_end_where_exact_ones_do_and_cost_few_solves(se
     assert sum(fit.steps) <= 8 and 0 < len(solves) <= most
 
 
+def small_engine(p, q):
+    """The fit of landmarks on their own mesh, with nu on a polar one."""
+    return Engine(Setting(Problem(MESH, p, q), Link(MESH, Disk(*polar_disk(8, 24)))), Weights())
+
+
+def beginning(engine):
+    return engine.at(np.zeros(len(engine.link.mesh.z), complex), (0j, 0.0))
+
+
 def test_what_is_learnt_of_repeated_directions_stays_positive():
     """Conjugate gradients that rounding lets go on beyond as many steps as there are unknowns."""
     p, q = smooth_problem(6, count=12)
-    engine, gamma = SurfaceGaussNewton(Problem(*SMALL, p, q), polar_disk(8, 24), Weights()), 1e5
-    engine.gram(engine.at(np.zeros(len(engine.z), complex), (0j, 0.0)), gamma)
+    engine, gamma = small_engine(p, q), 1e5
+    first = engine.linearise(beginning(engine), gamma).learnt
     rng = np.random.default_rng(0)
     root, few = rng.normal(size=(24, 24)), rng.normal(size=(24, 8))
     exact, noise = gamma * root @ root.T, 1e-9 * rng.normal(size=(2, 60, 24))
     directions = (few @ rng.normal(size=(8, 60))).T + noise[0]
-    engine.learn([(y, exact @ y + gamma * e) for y, e in zip(directions, noise[1])], gamma)
-    np.testing.assert_allclose(gamma * engine.known_gram @ few, exact @ few, atol=1e-6 * abs(exact).max())
-    assert np.linalg.eigvalsh(np.eye(24) + gamma * engine.known_gram)[0] > 0.5
+    gram = corrected(first, [(y, exact @ y + gamma * e) for y, e in zip(directions, noise[1])], gamma)
+    np.testing.assert_allclose(gamma * gram @ few, exact @ few, atol=1e-6 * abs(exact).max())
+    assert np.linalg.eigvalsh(np.eye(24) + gamma * gram)[0] > 0.5
+
+
+def test_what_a_step_has_learnt_lies_in_the_state_that_it_leads_to():
+    engine = small_engine(*smooth_problem(6, count=12))
+    begin = beginning(engine)
+    found, again = (engine.step(begin, 1e4) for _ in range(2))
+    assert begin.learnt is None and found.learnt.shape == (24, 24)
+    assert engine.at(found.nu, found.mobius).learnt is None
+    assert np.array_equal(found.nu, again.nu) and np.array_equal(found.learnt, again.learnt)
 
 
 def test_where_the_line_search_fails_a_damped_step_leads_on():
@@ -296,7 +323,7 @@ def test_sliding_frees_the_residual_along_the_curve_only():
     z, faces = SMALL
     (p, labels), (q, _) = lines(), lines(0.3)
     points, curves = (fit_landmarks(z, faces, p, q, 1.0, 1e-2, 1e3, labels, sliding) for sliding in (False, True))
-    left = sampling_matrix(z, faces, p) @ curves.f - q
+    left = Disk(z, faces).sampling(p) @ curves.f - q
     assert abs(left.imag).max() < 0.01 and abs(left.real).max() > 0.02
     assert points.landmark_error < curves.landmark_error
     assert curves.losses["L_mu"] < 0.7 * points.losses["L_mu"]
@@ -306,25 +333,25 @@ def test_sliding_frees_the_residual_along_the_curve_only():
 
 
 def test_a_start_is_carried_to_the_polar_mesh():
-    z, faces = square_disk(60)
-    grid, _ = polar_disk(6, 18)
-    start = start_field(z, faces, TWIST.on_faces(z, faces), grid)
-    np.testing.assert_allclose(bounded(start), TWIST.mu(grid), atol=0.05)
+    disk, grid = Disk(*square_disk(60)), Disk(*polar_disk(6, 18))
+    start = start_field(disk, TWIST.on_faces(disk), grid)
+    np.testing.assert_allclose(bounded(start), TWIST.mu(grid.z), atol=0.05)
 
 
-def test_a_problem_that_was_fitted_is_fitted_anew_with_other_weights(monkeypatch):
+def test_a_kept_climb_is_fitted_anew_with_other_weights(monkeypatch):
     """As a new one is, to the last bit, whatever the fits before have learnt; its mesh is not looked at again."""
-    problem = Problem(*SMALL, *smooth_problem(3))
-    fit_problem(problem, Weights(gamma=1e5))
-    new = fit_problem(Problem(*SMALL, *smooth_problem(3)), Weights(2.0, 0.1, 10.0))
-    monkeypatch.delattr(GaussNewton, "mapping")
-    monkeypatch.delattr(SurfaceGaussNewton, "mapping")
-    assert np.array_equal(fit_problem(problem, Weights(2.0, 0.1, 10.0)).f, new.f)
+    climb = Climb(Problem(MESH, *smooth_problem(3)))
+    fit_problem(climb, Weights(gamma=1e5))
+    new = fit_problem(Problem(Disk(*SMALL), *smooth_problem(3)), Weights(2.0, 0.1, 10.0))
+    monkeypatch.setattr(ladder, "Link", None)
+    monkeypatch.setattr(ladder, "Setting", None)
+    assert np.array_equal(fit_problem(climb, Weights(2.0, 0.1, 10.0)).f, new.f)
 
 
-def test_a_problem_that_was_fitted_goes_to_other_processes():
-    problem = Problem(*SMALL, *smooth_problem(3))
+def test_a_problem_that_was_fitted_holds_no_engine_and_goes_to_other_processes():
+    problem = Problem(Disk(*SMALL), *smooth_problem(3))
     fit = fit_problem(problem, Weights())
+    assert set(vars(problem)) == {field.name for field in fields(Problem)} | {"samples", "mobius"}
     sent = pickle.loads(pickle.dumps(problem))
     assert np.array_equal(fit_problem(sent, Weights()).f, fit.f)
 

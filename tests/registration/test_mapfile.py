@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from qclearn.plane.diskmesh import polar_disk
 
+from qclearn.plane.grids import polar_disk
 from qclearn.registration.mapfile import read_registration, write_registration
 from qclearn.surfaces.surface import SurfaceError
 

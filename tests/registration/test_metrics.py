@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 import torch
-from qclearn.plane.diskmesh import polar_disk
 
 from qclearn.nets import losses
-from qclearn.plane.beltrami import signed_areas
+from qclearn.plane.disk import Disk
+from qclearn.plane.grids import polar_disk
 from qclearn.registration.metrics import (
     coefficient_statistics,
     curve_rows,
@@ -18,12 +18,12 @@ from qclearn.registration.problem import Problem, Weights
 from qclearn.surfaces.surface import Surface
 
 Z, FACES = polar_disk(24, 72)
-CENTRES = Z[FACES].mean(1)
+DISK, CENTRES = Disk(Z, FACES), Z[FACES].mean(1)
 POINTS = np.array([0.1, 0.2j, -0.3])
 
 
 def measured(mu, mapped=POINTS, weights=(1.0, 1.0, 1.0)):
-    return measured_losses(Problem(Z, FACES, POINTS, POINTS), Weights(*weights), mu, mapped)
+    return measured_losses(Problem(DISK, POINTS, POINTS), Weights(*weights), mu, mapped)
 
 
 def test_a_constant_coefficient_has_no_gradient():
@@ -51,8 +51,8 @@ def test_the_losses_are_those_that_networks_are_trained_with():
     rng = np.random.default_rng(0)
     mu = 0.3 * np.exp(1j * rng.uniform(0, 6, len(FACES))) * rng.uniform(0, 1, len(FACES))
     mapped = POINTS + 0.01 * rng.normal(size=3)
-    mesh = losses.LossMesh(Z, FACES, torch.float64)
-    faces = torch.from_numpy(signed_areas(Z, FACES) / np.pi)
+    mesh = losses.LossMesh(DISK, torch.float64)
+    faces = torch.from_numpy(DISK.areas / np.pi)
     tensor = losses.L_CP(
         mesh,
         torch.from_numpy(mu)[None],

@@ -18,16 +18,16 @@ from qclearn.files.provenance import fingerprint
 from qclearn.plane.beltrami import beltrami_coefficient
 from qclearn.plane.bijectivity import BijectivityError, check_bijective
 from qclearn.plane.checks import BeltramiError
-from qclearn.plane.disk import solve_beltrami_disk
+from qclearn.plane.disk import Disk
 from qclearn.plane.mobius import best_mobius, compose_mobius, mobius
+from qclearn.plane.solver import solve_beltrami_disk
 from qclearn.registration import register as pipeline
-from qclearn.registration.certified import exact_map
-from qclearn.registration.fit import fit_landmarks, fit_problem
+from qclearn.registration.fit import exact_map, fit_landmarks, fit_problem
 from qclearn.registration.landmarks import detect_curves, sample_curve
 from qclearn.registration.problem import LandmarkError, Weights
 from qclearn.registration.register import check_curves
-from qclearn.registration.transfer import lift, transfer
-from qclearn.surfaces.conformal import disk_conformal_map
+from qclearn.registration.transfer import transfer
+from qclearn.surfaces.conformal import Side, disk_conformal_map
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror
 
 register = partial(pipeline.register, features=None)  # bowls have no folds
@@ -87,7 +87,8 @@ def test_landmarks_are_met_and_the_report_measures_what_it_says(turned):
     assert report["landmark_error_before"] == pytest.approx(before)
     assert report["landmark_error"] == pytest.approx(abs(mapped - q).mean(), rel=1e-6)
     assert report["landmark_error"] < before / 10
-    millimetres = np.linalg.norm(lift(control, result.disk_control, mapped) - space, axis=1).mean()
+    there = Side(control, Disk(result.disk_control, control.faces)).lift(mapped)
+    millimetres = np.linalg.norm(there - space, axis=1).mean()
     assert report["landmark_error_mm"] == pytest.approx(millimetres)
     assert report["landmark_error"] == pytest.approx(np.mean([row["landmark_error"] for row in report["curves"]]))
     assert [row["name"] for row in report["curves"]] == ["spoke 0", "spoke 1", "spoke 2"]
@@ -371,6 +372,8 @@ def test_where_the_exact_solver_folds_too_its_rows_are_switched(networks, pair):
     assert above == "the networks' map ended above the best Möbius map: that map is returned"
     assert result.report["landmark_error"] <= result.report["landmark_error_before"] * 1.01
     assert folded.startswith("DBS-Net's map folded") and re.fullmatch(r"\d+ rows switched", switched)
+    (reason,) = [reason for reason in result.report["suspect"] if reason.startswith("rows: ")]
+    assert f"at {switched.split()[0]} of 589 vertices" in reason
     assert check_bijective(result.disk_moving, pair[0].faces, result.disk_map).bijective
     assert result.report["tolerance"] is None
 
@@ -448,7 +451,7 @@ def test_a_coarse_curve_is_measured_along_the_surface(networks):
     across = [spoke(0)[-1], spoke(21)[-1]]
     result = register(surface, surface, [{"name": "across", "moving": across, "control": across}], method="network")
     line = result.curves["across"][0]
-    where = lift(surface, result.disk_moving, line)
+    where = Side(surface, Disk(result.disk_moving, surface.faces)).lift(line)
     assert np.linalg.norm(np.diff(where, axis=0), axis=1).sum() > 1.3 * np.linalg.norm(where[-1] - where[0])
 
 
@@ -688,6 +691,5 @@ def test_values_must_be_one_a_vertex(turned):
 
 def test_points_are_lifted_to_where_they_came_from():
     surface = bowl(0.6)
-    z = disk_conformal_map(surface)
-    centres = z[surface.faces].mean(1)
-    np.testing.assert_allclose(lift(surface, z, centres), surface.vertices[surface.faces].mean(1), atol=1e-12)
+    side = Side(surface, Disk(disk_conformal_map(surface), surface.faces))
+    np.testing.assert_allclose(side.lift(side.disk.centroids), surface.vertices[surface.faces].mean(1), atol=1e-12)

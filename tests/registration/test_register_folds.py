@@ -8,12 +8,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from qclearn.plane.diskmesh import polar_disk
-from qclearn.registration.hybrid import fit_registration
 from test_register import bowl, entries
 
 from qclearn.plane.bijectivity import BijectivityError
+from qclearn.plane.grids import polar_disk
 from qclearn.registration.features import Feature, FeatureError
+from qclearn.registration.fit import fit_registration
 from qclearn.registration.landmarkfile import held_apart
 from qclearn.registration.landmarks import detect_curves
 from qclearn.registration.problem import DELTA, LandmarkError

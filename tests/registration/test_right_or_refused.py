@@ -7,20 +7,27 @@ from functools import partial
 import numpy as np
 import pytest
 from meshes import random_disk
-from qclearn.plane.diskmesh import boundary_loop, locate, polar_disk, sampling_matrix
 from test_register import bowl, entries, spoke
 
 import qclearn as qc
-from qclearn.plane.beltrami import beltrami_coefficient
+from qclearn.plane.beltrami import beltrami_coefficient, locate
 from qclearn.plane.bijectivity import RepairWarning, check_bijective, check_embedding
 from qclearn.plane.checks import BeltramiError
+from qclearn.plane.disk import Disk, boundary_loop
+from qclearn.plane.grids import polar, polar_disk
 from qclearn.plane.mobius import best_mobius, mobius
 from qclearn.registration import register as pipeline
+from qclearn.registration.engine import Engine, Setting
+from qclearn.registration.features import Feature, featured
 from qclearn.registration.fit import fit_landmarks
 from qclearn.registration.landmarkfile import read_landmarks
+from qclearn.registration.link import Link
 from qclearn.registration.metrics import measured_losses
 from qclearn.registration.problem import LandmarkError, Problem, Weights
+from qclearn.registration.steps import DualStep, FeatureStep
+from qclearn.registration.terms import FeatureTerm
 from qclearn.registration.transfer import transfer
+from qclearn.surfaces.conformal import Side
 from qclearn.surfaces.surface import Surface, SurfaceError
 
 SMALL, COARSE = polar_disk(16, 48), random_disk(0, 16)
@@ -116,7 +123,7 @@ ASTRAY = {
 def test_a_fit_never_ends_above_the_best_mobius_map(case, mesh, gamma):
     p, q = (np.asarray(side, complex) for side in ASTRAY[case])
     fit = fit_landmarks(*mesh, p, q, gamma=gamma)
-    samples, best = sampling_matrix(*mesh, p), mobius(mesh[0], *best_mobius(p, q))
+    samples, best = Disk(*mesh).sampling(p), mobius(mesh[0], *best_mobius(p, q))
     square, floor = ((abs(samples @ f - q) ** 2).mean() for f in (fit.f, best))
     assert square <= floor * (1 + 1e-9) and fit.losses["L_CP"] <= gamma * floor * (1 + 1e-9)
     assert fit.bijective and check_bijective(*mesh, fit.f).bijective
@@ -139,7 +146,7 @@ def test_a_fit_gone_astray_is_taken_up_again_from_the_mobius_map():
     fit = fit_landmarks(*mesh, p, q, gamma=1e5)
     assert re.fullmatch(r"the fit ended above the best Möbius map: \d+ steps from there", fit.fallbacks[-1])
     best = mobius(mesh[0], *best_mobius(p, q))
-    assert fit.losses["L_CP"] < 0.9 * 1e5 * (abs(sampling_matrix(*mesh, p) @ best - q) ** 2).mean()
+    assert fit.losses["L_CP"] < 0.9 * 1e5 * (abs(Disk(*mesh).sampling(p) @ best - q) ** 2).mean()
 
 
 def test_a_damped_step_is_shorter_and_turns_to_the_steepest_descent():
@@ -148,10 +155,25 @@ def test_a_damped_step_is_shorter_and_turns_to_the_steepest_descent():
     newton, nu, _ = small_newton(False)
     state = newton.at(nu, (0.1j, 0.2))
     step = newton.linearise(state, 50.0)
-    sizes = [newton.prior(step(state, damping)[0]) for damping in (0.0, 0.1, 1, 10, 1e3)]
+    sizes = [newton.prior(step.propose(damping).nu) for damping in (0.0, 0.1, 1, 10, 1e3)]
     assert (np.diff(sizes) < 0).all()
-    far, farther = (step(state, damping)[0] for damping in (1e8, 1e9))
+    far, farther = (step.propose(damping).nu for damping in (1e8, 1e9))
     np.testing.assert_allclose(far, 10 * farther, atol=1e-4 * abs(far).max())
+
+
+@pytest.mark.parametrize("kind", [DualStep, FeatureStep])
+def test_damped_steps_without_a_jacobian_are_shorter(kind):
+    z = COARSE[0]
+    disk, folds = Disk(*COARSE), [np.cos(5 * z.real + z.imag), np.sin(4 * z.imag) - z.real]
+    side = Side(Surface(np.stack([z.real, z.imag, 0 * z.real], axis=1), disk.faces), disk)
+    maps = [Feature(str(k), u, np.roll(u, 1)) for k, u in enumerate(folds)]
+    features = FeatureTerm(featured(side, side, maps)[-1], 16.0, 0.5) if kind is FeatureStep else None
+    problem = Problem(disk, 0.5 * TURN, 0.45 * TURN * np.exp(0.2j * TURN.real))
+    engine = Engine(Setting(problem, Link(disk, polar(4))), Weights(), features)
+    step = engine.linearise(engine.at(np.full(len(engine.link.mesh.z), 0.1 + 0.2j), (0.1j, 0.2)), 50.0)
+    assert type(step) is kind
+    sizes = [engine.prior(step.propose(damping).nu) for damping in (0.0, 1, 10, 1e3)]
+    assert (np.diff(sizes) < 0).all()
 
 
 @pytest.mark.parametrize("mistake", ["swapped", "reversed"])
@@ -168,10 +190,10 @@ def test_a_registration_never_ends_above_the_best_mobius_map(mistake):
         for surface, z, side in ((bowl(0.6), result.disk_moving, "moving"), (bowl(0.9), result.disk_control, "control"))
     )
     best = mobius(result.disk_moving, *best_mobius(p, q))
-    samples = sampling_matrix(result.disk_moving, result.faces_moving, p)
+    problem = Problem(Disk(result.disk_moving, result.faces_moving), p, q)
+    samples = problem.samples
     square, floor = ((abs(samples @ f - q) ** 2).mean() for f in (result.disk_map, best))
     assert square <= floor * (1 + 1e-9)
-    problem = Problem(result.disk_moving, result.faces_moving, p, q)
     losses = measured_losses(problem, Weights(1.0, 1e-2, 1e5), result.mu, samples @ result.disk_map)
     assert losses["L_CP"] <= 1e5 * floor * (1 + 1e-3)  # as measured on the mesh, where a Möbius map has a little |mu|
     assert result.report["bijective"]

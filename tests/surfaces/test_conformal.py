@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 import pyvista
 from meshes import random_disk, strip
-from qclearn.plane.diskmesh import boundary_loop, polar_disk
 from scipy import sparse
 
 from qclearn.files.fsaverage import fsaverage5
-from qclearn.plane.beltrami import beltrami_coefficient, cotangent_stiffness
-from qclearn.plane.bijectivity import RepairWarning, check_embedding, flipped_faces
+from qclearn.plane.beltrami import beltrami_coefficient
+from qclearn.plane.bijectivity import RepairWarning
+from qclearn.plane.disk import Disk, boundary_loop
+from qclearn.plane.grids import polar_disk
+from qclearn.plane.triangles import cotangent_stiffness
 from qclearn.surfaces.conformal import angle_distortion, disk_conformal_map
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror
 
@@ -21,7 +23,8 @@ def mapped(surface):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RepairWarning)
         z = disk_conformal_map(surface)
-    assert len(flipped_faces(surface.faces, z)) == 0 and check_embedding(surface.faces, z).bijective
+    disk = Disk(z, surface.faces)
+    assert len(disk.flipped) == 0 and disk.certificate.bijective
     np.testing.assert_allclose(abs(z[surface.boundary]), 1, rtol=1e-12)
     assert (abs(np.delete(z, surface.boundary)) < 1).all()
     assert z[surface.boundary[0]] == pytest.approx(1, abs=1e-14)

@@ -5,10 +5,10 @@ import warnings
 import numpy as np
 import pytest
 from known_surfaces import icosphere, revolution, sheet
-from qclearn.plane.diskmesh import pixel_centres, polar_disk
 
 from qclearn.files.fsaverage import fsaverage5
 from qclearn.plane.bijectivity import RepairWarning
+from qclearn.plane.grids import pixel_centres, polar_disk
 from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.curvature import (
     AreaRadius,

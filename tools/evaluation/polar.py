@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from qclearn.nets.polar import PolarSolver
-from qclearn.plane.exactmaps import SLIDING, TWIST
+from qclearn.plane.exactmaps import sliding, twist
 from qclearn.plane.solver import DiskSolver
 
 SIZES = ((32, 96), (64, 192), (128, 384), (256, 768), (512, 1536))
@@ -39,9 +39,9 @@ def size_row(nr, nt, seed, repeats):
     solver = PolarSolver(nr, nt)
     z, centre = solver.mesh.z, solver.mesh.centroids
     row = {"nr": nr, "nt": nt, "vertices": len(z)}
-    for name, closed in (("twist", TWIST), ("sliding", SLIDING)):
+    for name, closed in (("twist", twist(0.6)), ("sliding", sliding(0.5))):
         mu = torch.from_numpy(closed.mu(centre))
-        points = np.where(z == 0, 1e-300, z)  # derivatives of SLIDING divide by |z|
+        points = np.where(z == 0, 1e-300, z)  # derivatives of `sliding` divide by |z|
         row[f"{name}_error"] = float(abs(solver.solve(mu, TOLERANCE).numpy() - closed(points)).max())
     mu = random_coefficient(seed, centre)
     row["polar_seconds"] = median_seconds(lambda: solver.solve(torch.from_numpy(mu), TOLERANCE), repeats)

@@ -1,11 +1,8 @@
-"""Nodal fields on a disk mesh: the activation with its inverse and pullback, and the integral of products."""
+"""The paper's activation, which makes any field a coefficient, with its inverse and its pullback."""
 
 import numpy as np
-import pytest
-from qclearn.plane.diskmesh import polar_disk
-from qclearn.plane.fields import bounded, bounded_pullback, mass_matrix, unbounded
 
-from qclearn.plane.beltrami import signed_areas
+from qclearn.plane.coefficients import bounded, bounded_pullback, unbounded
 
 
 def complex_normal(rng, *shape):
@@ -27,10 +24,3 @@ def test_the_activations_pullback_is_its_derivative_also_at_zero():
     step = 1e-6
     slope = (bounded(nu + step * change) - bounded(nu - step * change)) / (2 * step)
     np.testing.assert_allclose((bounded_pullback(nu, grad).conj() * change).real, (grad.conj() * slope).real, atol=1e-8)
-
-
-def test_the_mass_matrix_integrates_products():
-    z, faces = polar_disk(40, 160)
-    mass = mass_matrix(z, faces)
-    assert mass.sum() == pytest.approx(signed_areas(z, faces).sum())
-    assert (z.conj() @ (mass @ z)).real == pytest.approx(np.pi / 2, rel=2e-3)

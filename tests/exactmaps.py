@@ -1,0 +1,48 @@
+"""The catalogue of closed-form maps of `qclearn.plane.exactmaps`, and more of them that tests alone need."""
+
+import numpy as np
+
+from qclearn.plane.exactmaps import ExactMap, affine, radial_stretch, sliding, turn, twist
+
+__all__ = ["affine", "radial_stretch", "sliding", "twist"]
+
+
+def sliding_three(c):
+    """`z exp(i c |z|^3 sin(3 arg z))`: the boundary slides with three periods."""
+    return turn("sliding 3", lambda z: c * (z**3).imag, lambda z: 1.5 * c * z**2 / 1j, 1.5 * c / (1 - 1.5 * c))
+
+
+def moebius(a, theta):
+    """`exp(i theta) (z - a)/(1 - conj(a) z)`, mu = 0."""
+    return ExactMap(
+        "Möbius",
+        lambda z: np.exp(1j * theta) * (z - a) / (1 - np.conj(a) * z),
+        lambda z: np.exp(1j * theta) * (1 - abs(a) ** 2) / (1 - np.conj(a) * z) ** 2,
+        lambda z: 0j * z,
+        0.0,
+    )
+
+
+def after(g, f):
+    """g after f, derivatives by the chain rule; `largest` is the bound for quasi-conformal compositions."""
+
+    def f_z(z):
+        w = f(z)
+        return g.f_z(w) * f.f_z(z) + g.f_zbar(w) * np.conj(f.f_zbar(z))
+
+    def f_zbar(z):
+        w = f(z)
+        return g.f_z(w) * f.f_zbar(z) + g.f_zbar(w) * np.conj(f.f_z(z))
+
+    return ExactMap(
+        f"{g.name} after {f.name}",
+        lambda z: g(f(z)),
+        f_z,
+        f_zbar,
+        (f.largest + g.largest) / (1 + f.largest * g.largest),
+    )
+
+
+# The disk maps of the convergence table; all of them hold 0 and 1.
+RADIAL, TWIST, SLIDING, SLIDING_THREE = radial_stretch(1.5), twist(0.6), sliding(0.5), sliding_three(0.15)
+DISK_MAPS = [RADIAL, TWIST, SLIDING, SLIDING_THREE]

@@ -1,0 +1,100 @@
+"""Where points lie in a disk mesh."""
+
+import numpy as np
+import pytest
+from meshes import random_disk
+
+from qclearn.plane.beltrami import locate
+from qclearn.plane.disk import Disk, boundary_loop
+from qclearn.plane.grids import polar_disk
+from qclearn.plane.lookup import INSET
+from qclearn.plane.mobius import mobius
+
+
+def test_locate_rebuilds_the_points(mesh):
+    z, faces = mesh
+    rng = np.random.default_rng(0)
+    weights = rng.dirichlet(np.ones(3), 200)
+    expected = rng.integers(len(faces), size=200)
+    points = (weights * z[faces[expected]]).sum(1)
+    face, barycentric = locate(z, faces, points)
+    np.testing.assert_allclose((barycentric * z[faces[face]]).sum(1), points, atol=1e-14)
+    assert (barycentric >= 0).all()
+    np.testing.assert_allclose(barycentric.sum(1), 1, rtol=1e-14)
+    clear = weights.min(1) > 1e-6
+    assert (face[clear] == expected[clear]).all()
+
+
+def test_locate_vertices_and_points_on_edges(mesh):
+    """On a boundary edge rounding decides whether a point counts as beyond it and so is moved inwards by INSET."""
+    z, faces = mesh
+    ends = np.stack([faces.ravel(), np.roll(faces, -1, axis=1).ravel()], 1)
+    on_rim = np.isin(ends, boundary_loop(faces)).all(1)
+    points = np.concatenate([z, z[ends].mean(1)])
+    face, barycentric = locate(z, faces, points)
+    moved = abs((barycentric * z[faces[face]]).sum(1) - points)
+    assert moved.max() < 1.01 * INSET
+    assert moved[np.append(np.full(len(z), True), ~on_rim)].max() < 2e-15
+
+
+def test_locate_keeps_points_of_the_open_disk_off_the_boundary(mesh):
+    z, faces = mesh
+    loop = boundary_loop(faces)
+    middle = 0.5 * (z[loop] + np.roll(z[loop], -1))
+    points = middle * (1 + 0.5 * (1 / abs(middle) - 1))  # half way from the chord to the arc
+    face, barycentric = locate(z, faces, points)
+    found = (barycentric * z[faces[face]]).sum(1)
+    np.testing.assert_allclose(found, middle * (1 - INSET / 2), atol=1e-14)
+    assert (barycentric > 0).all()
+
+
+def test_locate_moves_points_beyond_a_chord_radially_onto_it(mesh):
+    z, faces = mesh
+    points = np.exp(1j * np.linspace(-np.pi, np.pi, 400)) * np.linspace(1, 1.2, 400)
+    face, barycentric = locate(z, faces, points)
+    found = (barycentric * z[faces[face]]).sum(1)
+    np.testing.assert_allclose(np.angle(found / points), 0, atol=1e-13)
+    loop = set(boundary_loop(faces).tolist())
+    on_rim = [
+        (barycentric[k] > 1e-12).sum() <= 2
+        and {int(v) for v, b in zip(faces[face[k]], barycentric[k]) if b > 1e-12} <= loop
+        for k in range(400)
+    ]
+    assert all(on_rim)
+
+
+def test_locate_in_a_moved_mesh():
+    z, faces = polar_disk(12, 36)
+    moved = mobius(z, 0.5 + 0.2j, 0.4)
+    face, barycentric = locate(moved, faces, [0j, 1.0, -1.0, 0.999j])
+    found = (barycentric * moved[faces[face]]).sum(1)
+    np.testing.assert_allclose(found, [0, found[1].real, found[2].real, 1j * found[3].imag], atol=1e-14)
+    assert (abs(found[1:]) > 0.95).all()
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.01, 0.3, 2.0])
+def test_a_lookup_finds_the_same_faces_from_a_guess(shift):
+    """Where points have moved a little, far, out of the polygon, and where nothing has moved."""
+    disk, rng = Disk(*random_disk(3, 64)), np.random.default_rng(0)
+    before = np.sqrt(rng.uniform(size=300)) * np.exp(2j * np.pi * rng.uniform(size=300))
+    points = before + shift * (rng.normal(size=300) + 1j * rng.normal(size=300))
+    points /= np.maximum(abs(points), 1)
+    guess, _ = disk.lookup(before)
+    for found, expected in zip(disk.lookup(points, guess), disk.locate(points)):
+        np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("reach", [1.0, 0.1])
+def test_a_single_question_is_answered_as_many_are(mesh, reach):
+    """Whether faces from all over the mesh come near the points, or few of them."""
+    disk, rng = Disk(*mesh), np.random.default_rng(1)
+    points = 0.1 + reach * np.sqrt(rng.uniform(size=100)) * np.exp(2j * np.pi * rng.uniform(size=100))
+    for found, expected in zip(disk.lookup.once(points), disk.lookup(points)):
+        np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_places_in_a_face_turned_over_have_weights_too():
+    z, faces = polar_disk(6, 18)
+    face, weights = locate(z, faces[:, ::-1], [0.3 + 0.1j, -0.55j])
+    np.testing.assert_allclose((z[faces[:, ::-1][face]] * weights).sum(1), [0.3 + 0.1j, -0.55j], atol=1e-15)
+    assert weights.min() >= 0

@@ -1,0 +1,453 @@
+"""The free-boundary disk solver: accuracy on exact maps, its normalisation, its adjoint, its symmetries."""
+
+import numpy as np
+import pytest
+import torch
+from exactmaps import DISK_MAPS, SLIDING, SLIDING_THREE, TWIST, after, moebius
+from meshes import random_disk, random_mu
+from scipy import sparse
+
+from qclearn.plane.beltrami import BeltramiDiskSolver, beltrami_coefficient, signed_areas, solve_beltrami_disk
+from qclearn.plane.bijectivity import RepairWarning, check_bijective
+from qclearn.plane.checks import BeltramiError
+from qclearn.plane.disk import Disk, boundary_loop
+from qclearn.plane.grids import polar_disk, square_disk
+from qclearn.plane.mobius import mobius
+from qclearn.surfaces.conformal import angle_distortion
+from qclearn.surfaces.surface import Surface, SurfaceError
+
+
+def moved_disk(nr, nt, a=0.4 - 0.3j, theta=0.7):
+    z, faces = polar_disk(nr, nt)
+    return mobius(z, a, theta), faces
+
+
+MESHES = {
+    "square": square_disk(12),
+    "polar": polar_disk(6, 18),
+    "turned": moved_disk(6, 18, 0, 1.1),
+    "moved": moved_disk(10, 30),
+    "random": random_disk(seed=4),
+    "random 2": random_disk(seed=5),
+}
+
+
+@pytest.fixture(params=MESHES, ids=str)
+def mesh(request):
+    return MESHES[request.param]
+
+
+# Accuracy: largest error over all vertices, as measured when the method was worked out.
+
+MEASURED = {  # square grid 32 and 64, polar 32 x 96 and 64 x 192
+    "radial stretch": (3.8e-4, 1.3e-4, 1.2e-4, 3.1e-5),
+    "twist": (8.6e-4, 2.2e-4, 2.5e-4, 6.3e-5),
+    "sliding": (6.3e-4, 1.8e-4, 7.7e-4, 1.9e-4),
+    "sliding 3": (7.2e-4, 1.8e-4, 1.1e-3, 2.9e-4),
+}
+
+
+@pytest.mark.parametrize("exact", DISK_MAPS, ids=lambda exact: exact.name)
+def test_error_and_rate_against_closed_forms(exact):
+    errors = []
+    for z, faces in (square_disk(32), square_disk(64), polar_disk(32, 96), polar_disk(64, 192)):
+        f = solve_beltrami_disk(z, faces, exact.on_faces(Disk(z, faces)))
+        assert check_bijective(z, faces, f).bijective
+        errors.append(abs(f - exact(z)).max())
+    assert (np.array(errors) <= 1.05 * np.array(MEASURED[exact.name])).all(), errors
+    least = 1.4 if exact.name == "radial stretch" else 1.7
+    assert min(np.log2(errors[0] / errors[1]), np.log2(errors[2] / errors[3])) >= least, errors
+
+
+@pytest.mark.parametrize("exact", [TWIST, SLIDING], ids=lambda exact: exact.name)
+def test_rate_on_meshes_without_structure(exact):
+    """The boundary density must know the lengths of the edges: halving the fluxes instead is of first order."""
+    errors = []
+    for n in (32, 256):
+        z, faces = random_disk(seed=6, n_boundary=n)
+        errors.append(abs(solve_beltrami_disk(z, faces, exact.on_faces(Disk(z, faces))) - exact(z)).max())
+    assert errors[1] < 6e-4 and np.log2(errors[0] / errors[1]) / 3 > 1.6, errors
+
+
+def square_with_ears(n):
+    """A square grid split the other way: a triangle with three boundary vertices at each corner, without any flux."""
+    z, _ = square_disk(n)
+    row, column = np.divmod(np.arange(n * n), n)
+    a = row * (n + 1) + column
+    b, c, d = a + 1, a + n + 2, a + n + 1
+    rising = ((row < n // 2) == (column >= n // 2))[:, None]
+    return z, np.concatenate(
+        [
+            np.where(rising, np.stack([a, b, c], 1), np.stack([a, b, d], 1)),
+            np.where(rising, np.stack([a, c, d], 1), np.stack([b, c, d], 1)),
+        ]
+    )
+
+
+@pytest.mark.parametrize("exact", DISK_MAPS, ids=lambda exact: exact.name)
+def test_ears_do_not_cost_the_rate(exact):
+    """Uncalibrated steps leave an error of first order here, 4e-3 to 6e-3 at 64."""
+    errors = []
+    for n in (32, 64):
+        z, faces = square_with_ears(n)
+        assert np.isin(faces, boundary_loop(faces)).all(1).sum() == 4
+        errors.append(abs(solve_beltrami_disk(z, faces, exact.on_faces(Disk(z, faces))) - exact(z)).max())
+    least = 1.4 if exact.name == "radial stretch" else 1.7
+    assert errors[1] < 6e-4 and np.log2(errors[0] / errors[1]) >= least, errors
+
+
+def test_rate_with_a_coefficient_seen_through_a_mobius_map():
+    """g = N after f after M, with N back to g(0) = 0, g(1) = 1: another pole for the same coefficient."""
+    a = 0.3 + 0.2j
+    inner = after(SLIDING_THREE, moebius(a, 0.8))
+    w = inner(np.array([0j, 1.0]))
+    exact = after(moebius(w[0], -np.angle(mobius(w[1], w[0]))), inner)
+    errors = []
+    for n in (16, 32):
+        z, faces = polar_disk(n, 3 * n)
+        errors.append(abs(solve_beltrami_disk(z, faces, exact.on_faces(Disk(z, faces))) - exact(z)).max())
+    assert errors[1] < 3.5e-3 and np.log2(errors[0] / errors[1]) >= 1.7, errors
+
+
+def test_measured_coefficient_is_the_one_that_went_in():
+    """With a free boundary, up to discretisation; the result's own coefficient, face by face."""
+    z, faces = random_disk(seed=7, n_boundary=120)
+    mu = random_mu(np.random.default_rng(0), z, faces, 0.5)
+    f = solve_beltrami_disk(z, faces, mu)
+    assert check_bijective(z, faces, f).bijective
+    assert np.average(abs(beltrami_coefficient(z, faces, f) - mu), weights=signed_areas(z, faces)) < 0.015
+
+
+# Normalisation.
+
+
+def value_at(z, faces, f, point):
+    """The piecewise linear f at a point, by a search over all faces (not by `locate`)."""
+    a, b, c = z[faces].T
+    area = ((b - a).conj() * (c - a)).imag
+    weights = (
+        np.stack(
+            [
+                ((b - point).conj() * (c - point)).imag,
+                ((c - point).conj() * (a - point)).imag,
+                ((a - point).conj() * (b - point)).imag,
+            ]
+        )
+        / area
+    )
+    face = weights.min(0).argmax()
+    return weights[:, face] @ f[faces[face]]
+
+
+def angle_at_one(z, faces, f):
+    """The angle of f at the boundary point 1, linear in the angle along the edge that holds it."""
+    loop = boundary_loop(faces)
+    order = np.argsort(np.angle(z[loop]))
+    angle, image = np.angle(z[loop[order]]), f[loop[order]]
+    near = np.argmin(abs(angle))
+    return np.interp(0.0, angle, np.angle(image[near]) + np.angle(image / image[near]))
+
+
+@pytest.mark.parametrize("largest", [0.0, 0.7])
+def test_zero_and_one_are_held_and_the_circle_is_kept(mesh, largest):
+    z, faces = mesh
+    f = solve_beltrami_disk(z, faces, random_mu(np.random.default_rng(1), z, faces, largest))
+    assert abs(value_at(z, faces, f, 0j)) < 5e-15
+    assert abs(angle_at_one(z, faces, f)) < 1e-14
+    np.testing.assert_allclose(abs(f[boundary_loop(faces)]), 1, rtol=1e-15)
+
+
+def test_zero_and_one_as_vertices():
+    for z, faces in (square_disk(12), polar_disk(6, 18)):
+        f = solve_beltrami_disk(z, faces, random_mu(np.random.default_rng(1), z, faces, 0.6))
+        assert abs(f[z == 0][0]) < 1e-15 and abs(f[z == 1][0] - 1) < 1e-15
+
+
+def test_no_coefficient_gives_the_identity(mesh):
+    z, faces = mesh
+    assert abs(solve_beltrami_disk(z, faces, np.zeros(len(faces))) - z).max() < 6e-4
+
+
+def test_identity_is_exact_on_the_boundary_of_a_polar_mesh():
+    z, faces = polar_disk(6, 18)
+    np.testing.assert_allclose(solve_beltrami_disk(z, faces, np.zeros(len(faces)))[-18:], z[-18:], atol=1e-13)
+
+
+# Symmetries.
+
+
+@pytest.mark.parametrize("phi", [0.3, 2.0, -2.9])
+def test_rotation_of_the_source(mesh, phi):
+    """f~(z) = f(exp(-i phi) z) up to the rotation that brings 1 to 1; mu turns with exp(2i phi)."""
+    z, faces = mesh
+    mu = random_mu(np.random.default_rng(2), z, faces, 0.6)
+    f = solve_beltrami_disk(z, faces, mu)
+    turned = solve_beltrami_disk(np.exp(1j * phi) * z, faces, np.exp(2j * phi) * mu)
+    back = angle_at_one(np.exp(1j * phi) * z, faces, f)
+    np.testing.assert_allclose(turned, np.exp(-1j * back) * f, atol=1e-11)
+
+
+def test_reflection(mesh):
+    z, faces = mesh
+    mu = random_mu(np.random.default_rng(3), z, faces, 0.6)
+    mirrored = solve_beltrami_disk(z.conj(), faces[:, ::-1], mu.conj())
+    np.testing.assert_allclose(mirrored, solve_beltrami_disk(z, faces, mu).conj(), atol=1e-11)
+
+
+def test_vertex_numbering_does_not_matter():
+    z, faces = MESHES["random"]
+    mu = random_mu(np.random.default_rng(3), z, faces, 0.6)
+    order = np.random.default_rng(0).permutation(len(z))
+    renumbered = solve_beltrami_disk(z[order], np.argsort(order)[faces], mu)
+    np.testing.assert_allclose(renumbered, solve_beltrami_disk(z, faces, mu)[order], atol=1e-11)
+
+
+# The route through the boundary.
+
+
+def test_fluxes_sum_to_a_turn_and_the_boundary_only_goes_forwards(mesh):
+    z, faces = mesh
+    solver = BeltramiDiskSolver(z, faces)
+    solver.solve(random_mu(np.random.default_rng(4), z, faces, 0.4))
+    free = solver.free_boundary
+    assert (free.dirichlet.coupling.T @ free.U[free.dirichlet.free]).sum() == pytest.approx(2 * np.pi, rel=1e-12)
+    assert solver.floored == 0 and (free.steps > 0).all()
+    assert free.steps.sum() == pytest.approx(2 * np.pi, rel=1e-12)
+
+
+def backward_problem():
+    """A coefficient that jumps from face to face, on a mesh with obtuse angles: some fluxes turn negative."""
+    z, faces = MESHES["random"]
+    rng = np.random.default_rng(5)
+    return z, faces, 0.9 * np.sqrt(rng.uniform(size=len(faces))) * np.exp(2j * np.pi * rng.uniform(size=len(faces)))
+
+
+def test_backward_steps_are_raised_and_reported():
+    z, faces, mu = backward_problem()
+    solver = BeltramiDiskSolver(z, faces)
+    f = solver.solve(mu)
+    loop = solver.loop
+    steps = np.angle(np.roll(f[loop], -1) / f[loop])
+    assert solver.floored == 3
+    assert (steps > 0).all() and steps.sum() == pytest.approx(2 * np.pi)
+    with pytest.warns(RepairWarning, match="3 boundary steps ran backwards or were lost"):
+        assert (solve_beltrami_disk(z, faces, mu) == f).all()
+
+
+def test_boundary_goes_forwards_even_where_0_leaves_the_disk():
+    """A hopeless coefficient: the value at 0 lies outside the circle and no Möbius map of the disk brings it to 0."""
+    z, faces = random_disk(seed=3, n_boundary=16)
+    rng = np.random.default_rng(137)
+    solver = BeltramiDiskSolver(z, faces)
+    f = solver.solve(0.99 * np.exp(2j * np.pi * rng.uniform(size=len(faces))))
+    assert abs(value_at(z, faces, f, 0j)) > 1
+    steps = np.angle(np.roll(f[solver.loop], -1) / f[solver.loop]) % (2 * np.pi)  # one is more than half a turn
+    assert steps.sum() == pytest.approx(2 * np.pi)
+    assert not check_bijective(z, faces, f).bijective
+
+
+# The adjoint.
+
+
+def directional(solver, mu, grad_f, change, step=1e-5):
+    """Central difference of Re sum conj(grad_f) f(mu) in the direction `change`, of fourth order."""
+    values = [(np.conj(grad_f) * solver.solve(mu + k * step * change)).real.sum() for k in (-2, -1, 1, 2)]
+    return (values[0] - 8 * values[1] + 8 * values[2] - values[3]) / (12 * step)
+
+
+def random_complex(rng, size):
+    return rng.normal(size=size) + 1j * rng.normal(size=size)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_pullback_equals_finite_differences(mesh, seed):
+    z, faces = mesh
+    rng = np.random.default_rng(seed)
+    solver = BeltramiDiskSolver(z, faces)
+    mu = random_mu(rng, z, faces, 0.6)
+    grad_f = random_complex(rng, len(z))
+    solver.solve(mu)
+    grad_mu = solver.pullback(grad_f)
+    alone = np.zeros(len(faces))
+    alone[abs(grad_mu).argmax()] = 1
+    for change in (random_complex(rng, len(faces)), alone, 1j * alone):
+        expected = directional(solver, mu, grad_f, change)
+        assert (np.conj(grad_mu) * change).real.sum() == pytest.approx(expected, rel=1e-6)
+
+
+def test_pullback_with_raised_steps():
+    z, faces, mu = backward_problem()
+    rng = np.random.default_rng(1)
+    solver = BeltramiDiskSolver(z, faces)
+    solver.solve(mu)
+    grad_f, change = random_complex(rng, len(z)), random_complex(rng, len(faces))
+    grad_mu = solver.pullback(grad_f)
+    expected = directional(solver, mu, grad_f, change, step=1e-6)
+    assert (np.conj(grad_mu) * change).real.sum() == pytest.approx(expected, rel=1e-6)
+
+
+def test_pullback_at_no_coefficient():
+    z, faces = MESHES["random"]
+    rng = np.random.default_rng(2)
+    solver = BeltramiDiskSolver(z, faces)
+    solver.solve(np.zeros(len(faces)))
+    grad_f, change = random_complex(rng, len(z)), random_complex(rng, len(faces))
+    grad_mu = solver.pullback(grad_f)
+    expected = directional(solver, np.zeros(len(faces)), grad_f, change)
+    assert (np.conj(grad_mu) * change).real.sum() == pytest.approx(expected, rel=1e-6)
+
+
+def test_pullback_of_many_gradients():
+    z, faces = MESHES["moved"]
+    rng = np.random.default_rng(0)
+    solver = BeltramiDiskSolver(z, faces)
+    solver.solve(random_mu(rng, z, faces, 0.5))
+    grads = random_complex(rng, (3, len(z)))
+    many = solver.pullback(grads)
+    assert many.shape == (3, len(faces)) and solver.pullback(grads[0]).shape == (len(faces),)
+    np.testing.assert_allclose(many, [solver.pullback(g) for g in grads], rtol=1e-10, atol=1e-13)
+
+
+# The tangent.
+
+
+def assert_tangent(solver, mu, change, step=1e-5):
+    """The pushforward at mu against central differences of fourth order and against the pullback."""
+    shifted = {k: solver.solve(mu + k * step * change) for k in (-2, -1, 1, 2)}
+    expected = (shifted[-2] - 8 * shifted[-1] + 8 * shifted[1] - shifted[2]) / (12 * step)
+    solver.solve(mu)
+    df = solver.pushforward(change)
+    np.testing.assert_allclose(df, expected, atol=1e-7 * abs(expected).max())
+    grad_f = random_complex(np.random.default_rng(3), len(df))
+    there, back = np.vdot(grad_f, df).real, np.vdot(solver.pullback(grad_f), change).real
+    assert there == pytest.approx(back, rel=1e-12, abs=1e-12 * np.linalg.norm(grad_f) * np.linalg.norm(df))
+
+
+@pytest.mark.parametrize("largest", [0.0, 0.6])
+def test_pushforward_equals_finite_differences_and_is_the_transpose_of_pullback(mesh, largest):
+    z, faces = mesh
+    rng = np.random.default_rng(7)
+    mu = random_mu(rng, z, faces, largest)
+    assert_tangent(BeltramiDiskSolver(z, faces), mu, random_complex(rng, len(faces)))
+
+
+def test_pushforward_with_raised_steps():
+    z, faces, mu = backward_problem()
+    assert_tangent(BeltramiDiskSolver(z, faces), mu, random_complex(np.random.default_rng(1), len(faces)), 1e-6)
+
+
+def test_pushforward_of_many_changes_keeps_zero_one_and_the_circle():
+    z, faces = MESHES["polar"]
+    rng = np.random.default_rng(0)
+    solver = BeltramiDiskSolver(z, faces)
+    f = solver.solve(random_mu(rng, z, faces, 0.5))
+    changes = random_complex(rng, (3, len(faces)))
+    many = solver.pushforward(changes)
+    np.testing.assert_allclose(many, [solver.pushforward(change) for change in changes], rtol=1e-10, atol=1e-13)
+    assert abs(many[:, z == 0]).max() < 1e-12 and abs(many[:, z == 1]).max() < 1e-12
+    assert abs((many * f.conj())[:, -18:].real).max() < 1e-12
+
+
+class DiskMap(torch.autograd.Function):
+    """mu -> f, as a network's loss sees it: torch's gradient convention must be the solver's."""
+
+    @staticmethod
+    def forward(ctx, mu, z, faces):
+        ctx.solver = BeltramiDiskSolver(z, faces)
+        return torch.from_numpy(ctx.solver.solve(mu.detach().numpy()))
+
+    @staticmethod
+    def backward(ctx, grad_f):
+        return torch.from_numpy(ctx.solver.pullback(grad_f.numpy())), None, None
+
+
+@pytest.mark.parametrize("name", ["polar", "moved"])
+def test_gradcheck(name):
+    z, faces = polar_disk(3, 7) if name == "polar" else moved_disk(3, 8, 0.2 + 0.1j)
+    mu = torch.from_numpy(random_mu(np.random.default_rng(0), z, faces, 0.5)).requires_grad_()
+    assert torch.autograd.gradcheck(lambda mu: DiskMap.apply(mu, z, faces), (mu,), eps=1e-6, atol=1e-8, rtol=1e-6)
+
+
+# Bad input.
+
+
+@pytest.mark.parametrize("value", [1.0, -1.5j, np.nan, np.inf])
+def test_unusable_coefficient(value):
+    z, faces = MESHES["random"]
+    mu = np.zeros(len(faces), complex)
+    mu[11] = value
+    with pytest.raises(BeltramiError, match=r"first: \[11\]"):
+        solve_beltrami_disk(z, faces, mu)
+
+
+def test_one_coefficient_a_face():
+    z, faces = MESHES["random"]
+    with pytest.raises(BeltramiError, match="one value a face"):
+        solve_beltrami_disk(z, faces, np.zeros(len(z)))
+
+
+def test_boundary_off_the_circle():
+    z, faces = polar_disk(4, 12)
+    z[-3] *= 0.99
+    with pytest.raises(SurfaceError, match=f"boundary vertex {len(z) - 3} is 1.0e-02 off the unit circle"):
+        BeltramiDiskSolver(z, faces)
+
+
+def test_mesh_without_interior_vertex():
+    with pytest.raises(SurfaceError, match="no interior vertex"):
+        BeltramiDiskSolver(np.exp(2j * np.pi * np.arange(3) / 3), np.array([[0, 1, 2]]))
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [lambda z, faces: (z.conj(), faces), lambda z, faces: (np.where(z == 0, np.nan, z), faces)],
+    ids=["clockwise", "NaN"],
+)
+def test_unusable_source(spoil):
+    z, faces = spoil(*polar_disk(4, 12))
+    with pytest.raises(BeltramiError, match="not counter-clockwise|z is not finite at vertices"):
+        solve_beltrami_disk(z, faces, np.zeros(len(faces)))
+
+
+def test_a_vertex_in_no_face():
+    z, faces = polar_disk(4, 12)
+    with pytest.raises(BeltramiError, match=r"vertices \[49\] are in no face"):
+        solve_beltrami_disk(np.append(z, 0.2j), faces, np.zeros(len(faces)))
+
+
+def test_mesh_that_does_not_cover_zero():
+    z, faces = np.append(np.exp([-0.6j, 0.5j, 1.8j]), 0.7 + 0.2j), np.array([[0, 1, 3], [1, 2, 3], [2, 0, 3]])
+    with pytest.raises(SurfaceError, match="does not cover 0: boundary vertex 2"):
+        solve_beltrami_disk(z, faces, np.zeros(len(faces)))
+
+
+# Angles.
+
+
+def test_angle_distortion_has_the_angle_of_its_own_corner():
+    surface = Surface([[0, 0, 0], [2, 0, 0], [0, 2, 0]], [[1, 2, 0]])
+    distortion = angle_distortion(surface, np.array([0, 1, np.exp(1j * np.pi / 3)]))
+    np.testing.assert_allclose(distortion, [[15, 15, -30]], atol=1e-12)
+
+
+def test_angle_distortion_is_accurate_on_slivers():
+    height = 1e-9
+    surface = Surface([[0, 0, 0], [1, 0, 0], [0.5, height, 0]], [[0, 1, 2]])
+    distortion = angle_distortion(surface, np.array([0, 1, 0.5 + 1j * height]))
+    np.testing.assert_allclose(distortion, 0, atol=1e-12)
+    flat = angle_distortion(surface, np.array([0, 1, np.exp(1j * np.pi / 3)]))
+    np.testing.assert_allclose(flat, [[60, 60, -120]], atol=1e-6)
+
+
+def test_adjoints_are_those_of_the_pullback_and_of_i_times_its_gradients():
+    """The two ways to the gradient: three potentials with their sparse matrices, and face by face at once."""
+    z, faces = random_disk(2)
+    rng = np.random.default_rng(0)
+    solver = BeltramiDiskSolver(z, faces)
+    solver.solve(random_mu(rng, z, faces, 0.5))
+    grads = sparse.random_array((4, len(z)), density=0.1, rng=rng, format="csr") * (1 + 0.7j)
+    grads.data *= np.exp(6j * rng.uniform(size=grads.nnz))
+    dense = grads.toarray()
+    expected = solver.pullback(np.concatenate([dense, 1j * dense]))
+    found = sum(by_mu @ lam for by_mu, lam in zip(solver.sensitivities, solver.adjoints(grads)))
+    np.testing.assert_allclose(found.T, expected, atol=1e-11 * abs(expected).max())
