@@ -17,7 +17,6 @@ from data_synth.individual import Individual
 from data_synth.pattern import COUNT, FILE
 from data_synth.tessellation import fibonacci_sphere
 from qclearn.files.meshes import write_whole
-from qclearn.plane.lookup import interpolate
 from qclearn.surfaces.curvature import sulcal_depth
 
 VERTICES = 10_000
@@ -47,8 +46,8 @@ def template_depth(n_vertices=VERTICES):
     depth, area = sulcal_depth(surface), surface.vertex_areas
     mean = np.average(depth, weights=area)
     depth = (depth - mean) / np.sqrt(np.average((depth - mean) ** 2, weights=area))
-    places = locate_on_sphere(template, surface.faces, fibonacci_sphere(COUNT))
-    return np.clip(interpolate(depth, surface.faces, *places), LEAST, MOST)
+    face, weights = locate_on_sphere(template, surface.faces, fibonacci_sphere(COUNT))
+    return np.clip(np.einsum("pk,pk->p", weights, depth[surface.faces[face]]), LEAST, MOST)
 
 
 def main():
