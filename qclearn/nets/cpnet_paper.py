@@ -109,15 +109,14 @@ class PaperCPNet(CoefficientNetwork):
         found = functional.grid_sample(image, places, align_corners=True)[:, :, 0]
         return torch.complex(found[:, 0], found[:, 1])
 
-    @property
-    def usual(self):
-        return Weights(1.0, 1.0, self.config.gamma)
+    def usual(self, alpha):
+        return Weights(alpha, 1.0, alpha * self.config.gamma)
 
     def answer(self, problem, weights):
         """mu (F,) of a `Problem`.
 
-        LandmarkError where the targets are not those of this network's control, or the weights not `usual` up to a
-        factor.
+        LandmarkError where the targets are not those of this network's control, or the weights not
+        (1, 1, gamma) up to a factor.
         """
         p, disk = self.in_order(problem.moving, problem.target), problem.disk
         ratios = weights.beta / weights.alpha, weights.gamma / weights.alpha

@@ -199,11 +199,11 @@ class DiskNetwork(nn.Module):
 class CoefficientNetwork(nn.Module):
     """A network that maps landmarks on any disk mesh to mu on its faces.
 
-    A subclass offers `answer(problem, weights, **options)`, which returns mu (F,) of a `Problem`, and `usual`, the
-    `Weights` of calls that name none.
+    A subclass offers `answer(problem, weights, **options)`, which returns mu (F,) of a `Problem`, and `usual(alpha)`,
+    the `Weights` of calls that name no others.
     """
 
-    usual = Weights()
+    usual = Weights
 
     @inference
     @threadpool_limits.wrap(limits=1)
@@ -214,8 +214,9 @@ class CoefficientNetwork(nn.Module):
         LandmarkError for landmarks or weights that the network cannot take; BeltramiError or SurfaceError where the
         mesh is no disk. options: of the network's `answer`.
         """
-        beta, gamma = (self.usual.beta if beta is None else beta), (self.usual.gamma if gamma is None else gamma)
-        return self.answer(Problem(disk_of(z, faces), moving, target, curve), Weights(alpha, beta, gamma), **options)
+        usual = self.usual(alpha)
+        weights = Weights(alpha, usual.beta if beta is None else beta, usual.gamma if gamma is None else gamma)
+        return self.answer(Problem(disk_of(z, faces), moving, target, curve), weights, **options)
 
     def gamma_used(self, weights):
         """The gamma that `predict` answers for: the given one."""

@@ -1,12 +1,13 @@
 """Möbius maps of the unit disk: the conformal freedom that a Beltrami coefficient does not see."""
 
 import numpy as np
+import scipy
 from jaxtyping import Complex, Float
 from numpy import ndarray
 
 # Of `nearest_mobius`: least, first and largest damping, relative; rounding of a sum of squares; a step too short to
 # count; rounds in which the best of several starts shows; most rounds.
-DAMPING, ROUNDING, STILL, ROUNDS, MOST_ROUNDS = (1e-9, 1e-3, 1e6), 1e-14, 1e-15, 15, 200
+DAMPING, ROUNDING, STILL = (1e-9, 1e-3, 1e6), 1e-14, 1e-15
 
 
 def mobius(
@@ -42,16 +43,35 @@ def best_mobius(
 ) -> tuple[complex, float]:
     """The disk Möbius map, as (a, theta), that minimises `mean |M(p) - q|^2` over points of the unit disk.
 
-    By `nearest_mobius` from eight rotations, so that a large turn between the point sets does not end in a local
-    minimum; the best of the eight goes on until it moves no more.
+    Least squares over `s` in the plane with `a = s / sqrt(1 + |s|^2)`, which keeps |a| < 1, from eight rotations,
+    so that a large turn between the point sets does not end in a local minimum.
     """
-    p, q = np.asarray(p, complex)[None], np.asarray(q, complex)[None]
-    scale = np.ones(p.shape) if weights is None else np.sqrt(np.asarray(weights) / np.mean(weights))[None]
-    starts = np.zeros(8, complex), np.arange(8) * np.pi / 4
-    found, off = nearest_mobius(*(np.repeat(x, 8, axis=0) for x in (p, q)), starts, ROUNDS, scale)
-    best = [((scale * off) ** 2).sum(1).argmin()]
-    (a, theta), _ = nearest_mobius(p, q, tuple(part[best] for part in found), MOST_ROUNDS, scale)
-    return complex(a[0]), float(theta[0])
+    p, q = np.asarray(p, complex), np.asarray(q, complex)
+    scale = np.ones(len(p)) if weights is None else np.sqrt(np.asarray(weights) / np.mean(weights))
+
+    def unpack(x):
+        s = x[0] + 1j * x[1]
+        return s / np.sqrt(1 + abs(s) ** 2), x[2]
+
+    def residual(x):
+        r = scale * (mobius(p, *unpack(x)) - q)
+        return np.concatenate([r.real, r.imag])
+
+    def jacobian(x):
+        (a, theta), s = unpack(x), x[0] + 1j * x[1]
+        w, g = mobius(p, a, theta), 1 / np.sqrt(1 + abs(s) ** 2)
+        by_a, by_conj_a = -np.exp(1j * theta) / (1 - np.conj(a) * p), w * p / (1 - np.conj(a) * p)
+        steps = [g * d - g**3 * (s.conjugate() * d).real * s for d in (1.0, 1j)]  # da for ds = 1 and i
+        columns = [by_a * da + by_conj_a * np.conj(da) for da in steps] + [1j * w]
+        return np.stack([np.concatenate([(scale * c).real, (scale * c).imag]) for c in columns], axis=1)
+
+    starts = [np.array([0.0, 0.0, turn]) for turn in np.arange(8) * np.pi / 4]
+    best = min(
+        (scipy.optimize.least_squares(residual, x, jacobian, xtol=1e-14, ftol=1e-14, gtol=1e-14) for x in starts),
+        key=lambda s: s.cost,
+    )
+    a, theta = unpack(best.x)
+    return complex(a), float(np.angle(np.exp(1j * theta)))
 
 
 def centring_mobius(z, weights):
@@ -83,25 +103,25 @@ def _composed(first, second):
     return a, np.angle(at_one * (1 - np.conj(a)) / (1 - a))
 
 
-def nearest_mobius(p, q, start, rounds, scale=1.0):
+def nearest_mobius(p, q, start, rounds):
     """The disk Möbius maps that bring each of B point sets p (B, M) nearest to q (B, M): ((a, theta), |M(p) - q|).
 
     Damped Gauss-Newton steps, each a Möbius map near the identity after the map so far, until no map moves any more or
-    `rounds` are over; they minimise `sum |scale (M(p) - q)|^2`. start: (a, theta), (B,) each, to begin with.
+    `rounds` are over. start: (a, theta), (B,) each, to begin with.
     """
     found, damping = start, np.full(len(p), DAMPING[1])
     off = _moved(p, found) - q
-    cost = (abs(scale * off) ** 2).sum(1)
+    cost = (abs(off) ** 2).sum(1)
     for _ in range(rounds):
-        columns = np.broadcast_to(scale, p.shape)[..., None] * mobius_fields(off + q)
+        columns = mobius_fields(off + q)
         adjoint = columns.conj().transpose(0, 2, 1)
-        normal, slope = (adjoint @ columns).real, (adjoint @ (scale * off)[..., None]).real
+        normal, slope = (adjoint @ columns).real, (adjoint @ off[..., None]).real
         normal += (damping * (np.trace(normal, axis1=1, axis2=2) + 1e-300))[:, None, None] * np.eye(3)
         turn, real, imaginary = np.linalg.solve(normal, -slope)[..., 0].T
         shift = (real + 1j * imaginary) / np.sqrt(1 + real**2 + imaginary**2)  # stays in the disk
         after = _composed(found, (shift, turn))
         moved = _moved(p, after) - q
-        moved_cost = (abs(scale * moved) ** 2).sum(1)
+        moved_cost = (abs(moved) ** 2).sum(1)
         lower = moved_cost <= cost * (1 + ROUNDING)
         damping = np.clip(np.where(lower, damping / 5, damping * 5), DAMPING[0], DAMPING[2])
         found = tuple(np.where(lower, new, old) for new, old in zip(after, found))
