@@ -30,9 +30,8 @@ DOORS = {
     "plane.wirtinger",
     "registration.fit_landmarks",
     "registration.transfer",
-    "nets.BestCPNet.predict",
+    "nets.CoefficientNetwork.predict",
     "nets.DiskNetwork.solve",
-    "nets.PaperCPNet.predict",
     "pages.disk_plot",
     "pages.grid_plot",
 }
