@@ -53,10 +53,10 @@ class Tangent:
 
     def __init__(self, solver, mesh, samples, carrier=None):
         self.carrier = carrier or Carrier(solver, mesh)
-        first, second = solver.loop[:2]
-        at_0_and_1 = [solver.weights, [1 - solver.share, solver.share, 0]]
+        (first, second), order = solver.loop[:2], np.argsort(solver.origin)
+        at_0_and_1 = [solver.weights[order], [1 - solver.share, solver.share, 0]]
         self.shares = np.concatenate([samples.data.reshape(-1, 3), at_0_and_1])  # (P + 2, 3), of the corners
-        self.corners = np.concatenate([samples.indices.reshape(-1, 3), [solver.origin, [first, second, second]]])
+        self.corners = np.concatenate([samples.indices.reshape(-1, 3), [solver.origin[order], [first, second, second]]])
         self.points = three_a_row(self.shares, self.corners, len(solver.disk.z))
         self.close = self.close_pairs(solver.disk.z)
         self.find_parts()
