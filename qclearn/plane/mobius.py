@@ -5,7 +5,7 @@ import scipy
 from jaxtyping import Complex, Float
 from numpy import ndarray
 
-# Of `nearest_mobius`: least, first and largest damping, relative; a sum of squares' rounding; a step too short to count.
+# Of `nearest_mobius`: least, first and largest damping, relative; rounding of a sum of squares; a step too short.
 DAMPING, ROUNDING, STILL = (1e-9, 1e-3, 1e6), 1e-14, 1e-15
 
 
