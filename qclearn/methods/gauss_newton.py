@@ -7,8 +7,9 @@ from threadpoolctl import threadpool_limits
 
 from ..plane.coefficients import bounded, unbounded
 from ..plane.grids import COARSE, FINE, polar
+from ..plane.mobius import best_mobius
 from ..registration.fit import exact_map, fit_problem
-from ..registration.ladder import Climb, Level, aligned, climbed, few
+from ..registration.ladder import Climb, Level, climbed, few
 from ..registration.problem import Weights
 from .solver import report
 
@@ -41,7 +42,9 @@ def few_steps(problem, mu, steps, weights):
     """
     level, mesh = few(steps, FINE[0]), polar(*FINE)
     engine = Climb(problem).engine(level, weights)
-    state, _ = climbed(engine, aligned(engine, engine.at(mesh.to_vertices @ unbounded(mu), (0j, 0.0))), level)
+    begin = engine.at(mesh.to_vertices @ unbounded(mu), (0j, 0.0))
+    best = best_mobius(engine.samples @ begin.solution.f, problem.target)
+    state, _ = climbed(engine, engine.moved(begin, best), level)
     found = exact_map(problem, bounded(mesh.sampling(problem.disk.centroids) @ state.nu))
     report(found.fallbacks)
     return found.f
