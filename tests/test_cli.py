@@ -17,9 +17,8 @@ from qclearn import read_values
 from qclearn.cli import main
 from qclearn.files.fsaverage import fsaverage5
 from qclearn.files.meshes import read_surface, write_surface
-from qclearn.files.provenance import fingerprint
+from qclearn.plane.beltrami import solve_beltrami_disk
 from qclearn.plane.grids import polar_disk
-from qclearn.plane.solver import solve_beltrami_disk
 from qclearn.registration.landmarkfile import read_landmarks
 from qclearn.registration.landmarks import detect_curves
 from qclearn.registration.problem import LandmarkError
@@ -206,7 +205,7 @@ def test_the_report_says_where_it_comes_from_and_holds_the_landmarks(folder, cap
     run(*arguments)
     report = json.loads((folder / "out" / "report.json").read_text())
     read = {side: read_surface(folder / f"{side}.npz") for side in ("moving", "control")}
-    assert report["inputs"] == {side: {"path": str(folder / f"{side}.npz")} | fingerprint(read[side]) for side in read}
+    assert report["inputs"] == {side: {"path": str(folder / f"{side}.npz")} | read[side].fingerprint for side in read}
     assert report["landmarks"]["curves"] == CURVES["curves"] and report["suspect"] == []
     assert report["command"] == ["qclearn", *map(str, arguments)]
     assert report["versions"]["numpy"] == np.__version__ and {"python", "scipy", "qclearn"} <= set(report["versions"])

@@ -42,9 +42,9 @@ def few_steps(problem, mu, steps, weights):
     """
     level, mesh = few(steps, FINE[0]), polar(*FINE)
     engine = Climb(problem).engine(level, weights)
-    state = engine.at(mesh.to_vertices @ unbounded(mu), (0j, 0.0))
-    state = engine.moved(state, best_mobius(engine.samples @ state.solution.f, problem.target))
-    state, _ = climbed(engine, state, level)
+    begin = engine.at(mesh.to_vertices @ unbounded(mu), (0j, 0.0))
+    best = best_mobius(engine.samples @ begin.solution.f, problem.target)
+    state, _ = climbed(engine, engine.moved(begin, best), level)
     found = exact_map(problem, bounded(mesh.sampling(problem.disk.centroids) @ state.nu))
     report(found.fallbacks)
     return found.f

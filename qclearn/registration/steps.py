@@ -128,7 +128,7 @@ class DualStep(ProductStep):
         """The `Change`, by conjugate gradients of four rounds of solves each."""
         share, weight, Jm = 1 / (1 + damping), MOBIUS_PRIOR + damping, self.by_mobius
         before = self.model()
-        S = np.eye(len(Jm)) + share * self.gamma * self.learnt + Jm @ Jm.T / weight
+        S = np.eye(len(Jm)) + share * (self.gamma * self.learnt) + Jm @ Jm.T / weight
         inverse, B = np.linalg.inv(S), share * weight * np.eye(3)
         wanted = rest = self.residual - share * self.forward(self.nu)
         x, y, p, size, tried = -share * self.nu, np.zeros(len(rest)), 0.0, 1.0, []

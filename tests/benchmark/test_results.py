@@ -8,8 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from qclearn.benchmark import FRONT
-from qclearn.benchmark import RUNS as RUNS_OF_THE_BENCHMARK
 from qclearn.benchmark.measured import BenchmarkError, plain, read_measured, schema
 from qclearn.benchmark.results import (
     Journal,
@@ -22,6 +20,8 @@ from qclearn.benchmark.results import (
     noted,
     summary,
 )
+from qclearn.benchmark.runs import FRONT
+from qclearn.benchmark.runs import RUNS as RUNS_OF_THE_BENCHMARK
 
 RUNS = [
     {

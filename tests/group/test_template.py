@@ -18,7 +18,7 @@ from qclearn.group.members import members_of
 from qclearn.group.subject import Fitted, Mean, Shared, mean_of, onto
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk
-from qclearn.registration import search
+from qclearn.registration import features
 from qclearn.registration.features import FeatureError
 from qclearn.registration.problem import Weights
 from qclearn.surfaces.surface import Surface, SurfaceError
@@ -55,7 +55,7 @@ def quick():
     """Where a Möbius map begins is known here: few starts will do."""
     with pytest.MonkeyPatch.context() as patch:
         for name, value in {"TURNS": 6, "RADII": (0.25,), "DIRECTIONS": 4, "BEST": 2, "ROUNDS": 8}.items():
-            patch.setattr(search, name, value)
+            patch.setattr(features, name, value)
         patch.setattr("qclearn.group.template.commit", lambda: "c0ffee")  # somebody may work on the checkout
         yield
 

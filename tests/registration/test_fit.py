@@ -12,14 +12,13 @@ from meshes import bowl, random_disk, random_mu
 from scipy.sparse.linalg import SuperLU
 
 from qclearn import disk_conformal_map, mirror
-from qclearn.plane.beltrami import beltrami_coefficient, locate, signed_areas
+from qclearn.plane.beltrami import beltrami_coefficient, locate, signed_areas, solve_beltrami_disk
 from qclearn.plane.bijectivity import check_bijective
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.coefficients import bounded
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.mobius import best_mobius, compose_mobius, mobius, mobius_inverse
-from qclearn.plane.solver import solve_beltrami_disk
 from qclearn.registration import ladder
 from qclearn.registration.engine import Engine, Setting
 from qclearn.registration.fit import fit_landmarks, fit_problem

@@ -14,13 +14,11 @@ from known_surfaces import grooved_sphere
 from reports import REPORT
 from scipy.spatial.transform import Rotation
 
-from qclearn.files.provenance import fingerprint
-from qclearn.plane.beltrami import beltrami_coefficient
+from qclearn.plane.beltrami import beltrami_coefficient, solve_beltrami_disk
 from qclearn.plane.bijectivity import BijectivityError, check_bijective
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import Disk
 from qclearn.plane.mobius import best_mobius, compose_mobius, mobius
-from qclearn.plane.solver import solve_beltrami_disk
 from qclearn.registration import register as pipeline
 from qclearn.registration.fit import exact_map, fit_landmarks, fit_problem
 from qclearn.registration.landmarks import detect_curves, sample_curve
@@ -590,7 +588,7 @@ def test_bad_landmarks_files_are_refused(curves, message):
         ),
         (
             "control",
-            fingerprint(bowl(0.6)),
+            bowl(0.6).fingerprint,
             r"another control surface .*: exchanged: they fit the moving surface; exchange MOVING",
         ),
         ("moving", {"vertices": 589, "md5": "0"}, 'surfaces, moving: give "vertices" and "sha256", and nothing else'),
@@ -599,15 +597,15 @@ def test_bad_landmarks_files_are_refused(curves, message):
     ],
 )
 def test_landmarks_made_for_other_surfaces_are_refused(side, wanted, message):
-    curves = {"curves": entries(0), "surfaces": {"moving": fingerprint(bowl(0.6)), "control": fingerprint(bowl(0.9))}}
+    curves = {"curves": entries(0), "surfaces": {"moving": bowl(0.6).fingerprint, "control": bowl(0.9).fingerprint}}
     check_curves(curves, bowl(0.6), bowl(0.9))
     with pytest.raises(LandmarkError, match=message):
         check_curves(curves | {"surfaces": curves["surfaces"] | {side: wanted}}, bowl(0.6), bowl(0.9))
 
 
 def test_a_mirrored_surface_counts_as_the_one_that_landmarks_were_made_for():
-    curves = {"curves": entries(0), "surfaces": {"moving": fingerprint(bowl(0.6))}}
-    assert fingerprint(mirror(bowl(0.6))) != fingerprint(bowl(0.6))
+    curves = {"curves": entries(0), "surfaces": {"moving": bowl(0.6).fingerprint}}
+    assert mirror(bowl(0.6)).fingerprint != bowl(0.6).fingerprint
     assert len(check_curves(curves, mirror(bowl(0.6)), bowl(0.9))) == 3
 
 
