@@ -16,19 +16,19 @@ APART = [{"alpha", "beta", "gamma"}, {"z", "faces", "p", "q"}, {"z", "faces", "m
 DOORS = {name for package in LISTED for name in importlib.import_module(package).__all__}
 # The most lines that a room may have. Who raises a number says why in the commit; a new room brings one of its own.
 BUDGET = {
-    "qclearn/plane": 1868,
-    "qclearn/surfaces": 870,
-    "qclearn/files": 1564,
-    "qclearn/registration": 3133,
-    "qclearn/group": 769,
-    "qclearn/nets": 3129,
-    "qclearn/methods": 485,
-    "qclearn/benchmark": 1314,
-    "qclearn/pages": 2626,
-    "qclearn/cli, and what stands beside the rooms": 726,
-    "data_synth": 2503,
-    "tools": 4231,
-    "browser": 7041,
+    "qclearn/plane": 1889,
+    "qclearn/surfaces": 880,
+    "qclearn/files": 1479,
+    "qclearn/registration": 2811,
+    "qclearn/group": 650,
+    "qclearn/nets": 2955,
+    "qclearn/methods": 415,
+    "qclearn/benchmark": 1177,
+    "qclearn/pages": 2077,
+    "qclearn/cli, and what stands beside the rooms": 633,
+    "data_synth": 2409,
+    "tools": 3749,
+    "browser": 6248,
 }
 
 
