@@ -214,8 +214,8 @@ def check_delta(delta, features):
     return delta
 
 
-def load(name):
+def load(name, preset="best", gamma=None):
     """A network with its shipped weights; WeightsError if there are none, ImportError where torch is not installed."""
     from ..nets import load as load_network
 
-    return load_network(name)
+    return load_network(name, preset, gamma)
