@@ -53,11 +53,10 @@ class State:
 
 
 class Setting:
-    """What no weight changes of a `Problem` on a `Link`."""
+    """What no weight changes of a `Problem` on a `Link`; own: the problem's disk is mapped, not the polar mesh."""
 
-    def __init__(self, problem, link):
-        self.problem, self.link = problem, link
-        self.own = link.disk is problem.disk  # else the polar mesh is mapped itself
+    def __init__(self, problem, link, own):
+        self.problem, self.link, self.own = problem, link, own
         self.samples = problem.samples if self.own else link.disk.sampling(problem.moving)
         self.landmarks = LandmarkTerm(problem.target, problem.curve, problem.sliding)
 

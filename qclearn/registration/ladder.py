@@ -87,7 +87,7 @@ class Climb:
         """The `Setting` of the problem on the polar mesh of so many rings."""
         if (rings, own_mesh) not in self.settings:
             link = Link(self.problem.disk, polar(rings)) if own_mesh else grid_link(rings)
-            self.settings[rings, own_mesh] = Setting(self.problem, link)
+            self.settings[rings, own_mesh] = Setting(self.problem, link, own_mesh)
         return self.settings[rings, own_mesh]
 
     def engine(self, level, weights, features=None):

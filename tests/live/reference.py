@@ -83,11 +83,11 @@ def fit_in_steps(asked, on_coarse, on_fine):
     points = numbers(asked["moving"]), numbers(asked["target"])
     problem = Problem(FINE_MESH, *points, np.array(asked["curve"]), asked["sliding"])
     weights = Weights(asked["alpha"], asked["beta"], asked["gamma"])
-    coarse = Engine(Setting(problem, grid_link(12)), weights)
+    coarse = Engine(Setting(problem, grid_link(12), own=False), weights)
     state, gamma = coarse.at(np.zeros(len(COARSE_MESH.z), complex), problem.mobius), weights.gamma / 10
     levels = 10.0 ** np.arange(np.log10(min(FIRST_GAMMA, gamma)), np.log10(gamma) - 1e-9)
     state = steps(coarse, state, [*levels, *[gamma] * (on_coarse - len(levels))])
-    fine = WholeSteps(Setting(problem, Link(FINE_MESH, FINE_MESH)), weights, closed=False)
+    fine = WholeSteps(Setting(problem, Link(FINE_MESH, FINE_MESH), own=True), weights, closed=False)
     nu = COARSE_MESH.sampling(FINE_MESH.z) @ state.nu
     return fine, steps(fine, fine.at(nu, state.mobius), [weights.gamma] * on_fine)
 

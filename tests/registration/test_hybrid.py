@@ -56,7 +56,7 @@ def equations():
     rng = np.random.default_rng(1)
     mesh = Disk(*polar_disk(5, 15))
     moving, target = 0.7 * np.exp(1j * np.arange(4)), 0.6 * np.exp(1j * np.arange(4) + 0.2j)
-    setting = Setting(Problem(MOVING, moving, target), Link(mesh, mesh))
+    setting = Setting(Problem(MOVING, moving, target), Link(mesh, mesh), own=False)
     features = FeatureTerm(features_of(TWIST), 16.0, 0.5, mesh.sampling(MOVING.z))
     engine = Engine(setting, Weights(1.0, 0.02, 1e2, 0.5), features)
     nu = 0.2 * (rng.normal(size=len(mesh.z)) + 1j * rng.normal(size=len(mesh.z)))

@@ -169,7 +169,7 @@ def test_damped_steps_without_a_jacobian_are_shorter(kind):
     maps = [Feature(str(k), u, np.roll(u, 1)) for k, u in enumerate(folds)]
     features = FeatureTerm(featured(side, side, maps)[-1], 16.0, 0.5) if kind is FeatureStep else None
     problem = Problem(disk, 0.5 * TURN, 0.45 * TURN * np.exp(0.2j * TURN.real))
-    engine = Engine(Setting(problem, Link(disk, polar(4))), Weights(), features)
+    engine = Engine(Setting(problem, Link(disk, polar(4)), own=True), Weights(), features)
     step = engine.linearise(engine.at(np.full(len(engine.link.mesh.z), 0.1 + 0.2j), (0.1j, 0.2)), 50.0)
     assert type(step) is kind
     sizes = [engine.prior(step.propose(damping).nu) for damping in (0.0, 1, 10, 1e3)]
