@@ -16,10 +16,10 @@ APART = [{"alpha", "beta", "gamma"}, {"z", "faces", "p", "q"}, {"z", "faces", "m
 DOORS = {name for package in LISTED for name in importlib.import_module(package).__all__}
 # The most lines that a room may have. Who raises a number says why in the commit; a new room brings one of its own.
 BUDGET = {
-    "qclearn/plane": 1889,
+    "qclearn/plane": 1891,
     "qclearn/surfaces": 880,
     "qclearn/files": 1479,
-    "qclearn/registration": 2811,
+    "qclearn/registration": 2821,
     "qclearn/group": 650,
     "qclearn/nets": 2955,
     "qclearn/methods": 415,

@@ -44,7 +44,7 @@ def check_faces(faces, n_vertices=np.inf):
     if faces.min() < 0 or faces.max() >= n_vertices:
         outside = np.flatnonzero(((faces < 0) | (faces >= n_vertices)).any(1))[:5].tolist()
         raise BeltramiError(
-            f"faces {outside} name vertices outside 0..{n_vertices - 1}; do mesh and vertices belong together?"
+            f"faces {outside} name vertices outside 0..{n_vertices - 1}; do the mesh and the vertices belong together?"
         )
     return faces
 
@@ -82,7 +82,9 @@ def check_used(disk):
     """BeltramiError where a vertex of a `Disk` is in no face: nothing says where it goes."""
     unused = np.flatnonzero(np.bincount(disk.faces.ravel(), minlength=len(disk.z)) == 0)
     if len(unused):
-        raise BeltramiError(f"vertices {unused[:5].tolist()} are in no face; do mesh and vertices belong together?")
+        raise BeltramiError(
+            f"vertices {unused[:5].tolist()} are in no face; do the mesh and the vertices belong together?"
+        )
 
 
 def check_pins(pinned, values, n_vertices):

@@ -3,7 +3,7 @@
 Objective: `nu^* W nu + gamma mean |M(f(p)) - q|^2 + delta sum_c a_c sum_k w_k (I_c(x_k) - J_c(M f(x_k)))^2`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from ..plane.coefficients import bounded
 from ..plane.disk import Disk
 from ..plane.mobius import best_mobius, mobius
 from ..plane.solver import DiskSolver
+from .features import Features
 from .ladder import LEVELS, Climb, climbed, landmark_levels
 from .problem import LandmarkError, Problem, Weights
 
@@ -102,10 +103,20 @@ def fit_problem(problem, weights, start=None, rings=None, watch=None, enough=0.0
 
 
 @threadpool_limits.wrap(limits=1)
-def fit_registration(problem, weights, features, start=None, watch=None, levels=LEVELS):
-    """The disk map of a `Problem` that fits landmarks and `Features` with `Weights`, delta > 0: LandmarkFit.
+def fit_registration(
+    problem: Problem,
+    weights: Weights,
+    features: Features,
+    start: Complex[ndarray, " F"] | None = None,
+    watch: Callable | None = None,
+    levels: Sequence = LEVELS,
+) -> LandmarkFit:
+    """The disk map of a `Problem` that takes landmarks and `Features` to theirs, with `Weights` (delta > 0):
+    LandmarkFit.
 
-    start, watch: as of `fit_landmarks`. Without landmarks it begins at the identity: align the disk by features first.
+    Gauss-Newton from coarse features on a coarse mesh to fine ones on the problem's own; `r` of the result has the
+    features' correlations. start: mu (F,) on the faces to begin from; watch() is called before each step and may raise
+    to stop it. A problem without landmarks begins at the identity: align its disk by features first.
     """
     if not weights.delta > 0:
         raise LandmarkError(f"delta = {weights.delta:g}: the features would take no part; give 0.1 to 1")
