@@ -19,7 +19,7 @@ BUDGET = {
     "qclearn/plane": 1891,
     "qclearn/surfaces": 880,
     "qclearn/files": 1479,
-    "qclearn/registration": 2821,
+    "qclearn/registration": 2832,
     "qclearn/group": 650,
     "qclearn/nets": 2955,
     "qclearn/methods": 415,

@@ -119,6 +119,10 @@ class Engine:
         """The objective of a state that may follow another; infinite where its map folds and that one's does not."""
         return np.inf if found.folded and not state.folded else self.objective(found, gamma)
 
+    def error(self, state):
+        """Mean distance of a state's landmarks from their targets."""
+        return abs(state.points - self.problem.target).mean()
+
     def jacobian(self, state, gamma):
         """Gradients of the landmarks' residual by nu, complex (2 M, N), in closed form or exact."""
         if not self.closed:

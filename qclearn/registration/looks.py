@@ -9,13 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from ..plane.mobius import best_turn, mobius, mobius_fields, mobius_slope, nearest_mobius
+from ..plane.mobius import compose_mobius, mobius, mobius_fields, mobius_slope
 from ..plane.tangent import Tangent
 
 MOST = 0.6  # of |change of nu| that one step may make: beyond, it is damped
 LOWER, LEAST = 0.3, 1e-7  # by how much at once, and how far at most
 RISE, BACK = 1.02, 0.4  # a look whose objective is that much higher is taken back to this share of its step
 TURNS = 6  # Gauss-Newton steps of the Möbius map at each look
+RIDGE = 1e-9  # relative, of the Möbius columns: fewer than two landmarks leave some of them free
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,8 +129,14 @@ class Looks:
 
 
 def refit(f, q, parameters=None):
-    """Parameters (a, theta) of the disk Möbius map that brings f (M,) nearest to q, by steps from `parameters`."""
-    f, q = f[None], q[None]
-    start = best_turn(f, q) if parameters is None else tuple(np.array([part]) for part in parameters)
-    (a, theta), _ = nearest_mobius(f, q, start, TURNS)
-    return complex(a[0]), float(theta[0])
+    """(a, theta) of the disk Möbius map that brings f (M,) nearest to q, by steps from `parameters`."""
+    parameters = parameters or (0j, float(np.angle((q * f.conj()).sum())))
+    for _ in range(TURNS):
+        w = mobius(f, *parameters)
+        columns, left = (np.concatenate([part.real, part.imag]) for part in (mobius_fields(w), q - w))
+        normal = columns.T @ columns
+        normal += RIDGE * (np.trace(normal) + RIDGE) * np.eye(3)
+        turn, real, imaginary = np.linalg.solve(normal, columns.T @ left)
+        a = complex(real, imaginary)
+        parameters = compose_mobius(parameters, (a / max(1.0, 2 * abs(a)), turn))  # no further than 1/2 at once
+    return parameters
