@@ -17,9 +17,9 @@ DOORS = {name for package in LISTED for name in importlib.import_module(package)
 # The most lines that a room may have. Who raises a number says why in the commit; a new room brings one of its own.
 BUDGET = {
     "qclearn/plane": 1891,
-    "qclearn/surfaces": 880,
+    "qclearn/surfaces": 888,
     "qclearn/files": 1479,
-    "qclearn/registration": 2832,
+    "qclearn/registration": 2831,
     "qclearn/group": 650,
     "qclearn/nets": 2955,
     "qclearn/methods": 415,

@@ -10,7 +10,6 @@ from scipy import sparse
 
 from ..plane.linear import factorise
 from ..plane.mobius import compose_mobius, mobius, mobius_fields
-from ..plane.triangles import cotangent_stiffness
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import SurfaceError
 from .problem import is_finite
@@ -80,7 +79,7 @@ class Smoothing:
 
     def __init__(self, surface, names, values):
         self.names, self.values = names, values
-        self.mass, self.stiffness = surface.vertex_areas, cotangent_stiffness(surface.vertices, surface.faces)
+        self.mass, self.stiffness = surface.vertex_areas, surface.stiffness
         self.areas, self.unit = self.mass / surface.area, np.sqrt(surface.area / HEMISPHERE)
         self.levels = {}
 

@@ -13,7 +13,7 @@ from ..plane.disk import Disk
 from ..plane.linear import LARGE, Dirichlet, elimination_order
 from ..plane.mobius import centring_mobius, mobius
 from ..plane.solver import FreeBoundary
-from ..plane.triangles import corner_angles, cotangent_stiffness, edge_lengths
+from ..plane.triangles import corner_angles, edge_lengths
 from .surface import Surface, SurfaceError, require_disk
 
 
@@ -25,13 +25,12 @@ def disk_conformal_map(surface: Surface) -> Complex[ndarray, " V"]:
     SurfaceError if the surface is not a disk; BijectivityError if the repair fails.
     """
     require_disk(surface)
-    faces, loop = surface.faces, surface.boundary
-    matrix = cotangent_stiffness(surface.vertices, faces)
+    faces, loop, matrix = surface.faces, surface.boundary, surface.stiffness
     order = elimination_order(matrix, surface.vertices, loop) if len(surface.vertices) > LARGE else None
     problem = Dirichlet(matrix, loop, order)
     rim = np.linalg.norm(np.roll(surface.vertices[loop], -1, axis=0) - surface.vertices[loop], axis=1)
     free = FreeBoundary(problem, rim, _central_vertex(surface, problem, rim))
-    f, switched = _centre_and_unfold(surface, matrix, free.f)
+    f, switched = _centre_and_unfold(surface, free.f)
     f = f / f[loop[0]]
     f[loop] /= abs(f[loop])
     if not Disk(f, faces).certificate.bijective:
@@ -58,14 +57,13 @@ def _central_vertex(surface, problem, rim):
     return problem.free[abs(f[problem.free] - surface.vertex_areas @ f / surface.area).argmin()]
 
 
-def _centre_and_unfold(surface, matrix, f):
+def _centre_and_unfold(surface, f):
     """The map f with its area centroid at 0 and rows switched until no face is flipped: (f, switched vertices)."""
     share = surface.vertex_areas / surface.area
     f = mobius(f, centring_mobius(f, share))
     picture, switched = Disk(f, surface.faces), np.zeros(0, int)
-    lengths = edge_lengths(surface.vertices[surface.faces])
     for _ in range(5):
-        picture, switched, problem = repair(matrix, picture, lengths, switched)
+        picture, switched, problem = repair(surface.stiffness, picture, surface.edge_lengths, switched)
         f = picture.z
         if problem is None:
             break
@@ -79,7 +77,7 @@ def _centre_and_unfold(surface, matrix, f):
 
 def angle_distortion(surface: Surface, z: Complex[ndarray, " V"]) -> Float[ndarray, " F 3"]:
     """Angles in the disk minus angles on the surface, in degrees: column k at vertex `faces[:, k]`."""
-    disk, original = (corner_angles(edge_lengths(points[surface.faces])) for points in (z, surface.vertices))
+    disk, original = (corner_angles(lengths) for lengths in (edge_lengths(z[surface.faces]), surface.edge_lengths))
     return np.degrees(disk - original)
 
 
@@ -126,5 +124,4 @@ def mended(surface, z):
     disk = Disk(z, surface.faces)
     if disk.certificate.bijective:
         return disk
-    lengths = edge_lengths(surface.vertices[surface.faces])
-    return repair(cotangent_stiffness(surface.vertices, surface.faces), disk, lengths)[0]
+    return repair(surface.stiffness, disk, surface.edge_lengths)[0]

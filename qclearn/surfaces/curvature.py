@@ -12,7 +12,7 @@ from scipy.sparse import coo_array
 
 from ..plane.disk import Disk
 from ..plane.grids import pixel_centres
-from ..plane.triangles import cotangent_stiffness, middles
+from ..plane.triangles import middles
 from .checks import frozen
 from .surface import Surface, SurfaceError
 
@@ -44,7 +44,7 @@ def mean_curvature(surface: Surface) -> Float[ndarray, " V"]:
     """
     vertices, faces = surface.vertices, surface.faces
     area, normal = _mixed_areas(vertices, faces), _max_normals(vertices, faces)
-    pull = cotangent_stiffness(vertices, faces) @ vertices
+    pull = surface.stiffness @ vertices
     return _fill_boundary(surface, np.einsum("vk,vk->v", pull, normal) / (2 * area))
 
 

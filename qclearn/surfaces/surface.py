@@ -7,10 +7,11 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Integer
 from numpy import ndarray
-from scipy.sparse import csr_array
+from scipy.sparse import csc_array, csr_array
 from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 
 from ..plane.checks import SurfaceError
+from ..plane.triangles import cotangent_stiffness, edge_lengths
 from .checks import check_faces, check_topology, curve_path, face_array, frozen, norms, origins, some, vertex_array
 
 
@@ -103,6 +104,16 @@ class Surface:
     def vertex_areas(self) -> Float[ndarray, " V"]:
         """One third of the areas of the faces around each vertex."""
         return frozen(np.bincount(self.faces.ravel(), np.repeat(self.face_areas, 3)) / 3)
+
+    @cached_property
+    def stiffness(self) -> Float[csc_array, " V V"]:
+        """`cotangent_stiffness` of the surface, positive semi-definite; made once."""
+        return cotangent_stiffness(self.vertices, self.faces)
+
+    @cached_property
+    def edge_lengths(self) -> Float[ndarray, " F 3"]:
+        """Length of the edge opposite each corner of each face."""
+        return frozen(edge_lengths(self.vertices[self.faces]))
 
     @property
     def area(self) -> float:
