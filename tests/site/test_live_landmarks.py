@@ -22,7 +22,7 @@ def live():
 def place_of(name, vertex):
     """Where a vertex is in the picture, (x, y)."""
     pair = cortices(name)
-    w = area_radius(pair.moving, pair.z_moving).to_image(pair.z_moving[vertex])
+    w = area_radius(pair.moving.surface, pair.moving.disk.z).to_image(pair.moving.disk.z[vertex])
     return float(w.real), float(w.imag)
 
 
@@ -35,11 +35,11 @@ class TestOnTheSite(OnTheSite):
         pair = cortices("first")
         paths = [pair.paths[0][pair.names.index(name)] for name in SULCI]
         ends = np.array([[path[0], path[-1]] for path in paths])
-        detected = load("ldnet").detect(pair.moving, pair.z_moving, ends)
+        detected = load("ldnet").detect(pair.moving.surface, pair.moving.disk.z, ends)
         for k in (0, 7):
             shown.choose("sulcus", str(1 - k % 2))
             shown.choose("sulcus", str(k))
-            assert np.array_equal(pair.z_moving[shown.data()["answer"]["network"]], detected[k])
+            assert np.array_equal(pair.moving.disk.z[shown.data()["answer"]["network"]], detected[k])
 
     def test_ends_are_dragged_and_moved_by_keys(self, shown, live):
         shown.reset()
@@ -68,7 +68,8 @@ class TestOnTheSite(OnTheSite):
         pair, taken = cortices("first"), json.loads(state)
         assert page == "live.html" and taken["problem"] == "first"
         first = 5 * pair.names.index(SULCI[0])
-        wanted = sample_curve(pair.moving, np.array(shown.data()["answer"]["path"]), 5) @ pair.z_moving
+        path = np.array(shown.data()["answer"]["path"])
+        wanted = sample_curve(pair.moving.surface, path, 5) @ pair.moving.disk.z
         for k in range(5):
             assert abs(complex(*taken["starts"][str(first + k)]) - wanted[k]) < 1e-3
 

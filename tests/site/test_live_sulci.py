@@ -65,10 +65,7 @@ class TestOnTheSite(OnTheSite):
 
 
 def lifted(points):
-    from qclearn.registration.transfer import lift
-
-    pair = cortices("cortex")
-    return lift(pair.control, pair.z_control, points)
+    return cortices("cortex").control.lift(points)
 
 
 class TestInJupyterLab(InJupyterLab):
