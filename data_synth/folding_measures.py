@@ -5,20 +5,15 @@ from scipy import sparse
 
 from data_synth.cortex import vertex_normals
 from qclearn.plane.linear import factorise
-from qclearn.plane.triangles import cotangent_stiffness
 
 
 def smooth(surface, values, length, steps=3):
     """Values (V,) after heat flow over the surface for the time length^2: a low pass, in implicit Euler steps."""
     mass = surface.vertex_areas
-    factors = factorise(sparse.diags_array(mass) + length**2 / steps * cotangent_stiffness(*_mesh(surface)))
+    factors = factorise(sparse.diags_array(mass) + length**2 / steps * surface.stiffness)
     for _ in range(steps):
         values = factors.solve(mass * values)
     return values
-
-
-def _mesh(surface):
-    return surface.vertices, surface.faces
 
 
 def principal_curvatures(surface, rings=4):
@@ -90,7 +85,7 @@ def facing_distance(surface, start):
     from vtkmodules.vtkCommonDataModel import vtkStaticCellLocator
 
     locator = vtkStaticCellLocator()
-    locator.SetDataSet(pyvista.PolyData.from_regular_faces(*_mesh(surface)))
+    locator.SetDataSet(pyvista.PolyData.from_regular_faces(surface.vertices, surface.faces))
     locator.BuildLocator()
     normal, reach = vertex_normals(surface.vertices, surface.faces), 2 * np.ptp(surface.vertices, axis=0).max()
     distance = np.full(len(normal), np.inf)
@@ -108,7 +103,7 @@ def fold_spectrum(surface, values):
     Band-pass filters `(4 x / (1 + x)^2)^4`, x = eigenvalue / centre, of the Laplace-Beltrami operator at 25 centres
     with wavelength 2 pi / sqrt(eigenvalue) from 0.04 to 1.2: rational, so that sparse solves replace eigenvectors.
     """
-    mass, stiffness = surface.vertex_areas, cotangent_stiffness(*_mesh(surface))
+    mass, stiffness = surface.vertex_areas, surface.stiffness
     wavelengths = np.geomspace(0.04, 1.2, 25)
     power = []
     for centre in (2 * np.pi / wavelengths) ** 2 / surface.area:

@@ -14,7 +14,6 @@ from ..methods.networks import networks_of
 from ..plane.bijectivity import RepairWarning
 from ..plane.disk import Disk
 from ..plane.grids import polar
-from ..plane.lookup import Lookup
 from ..plane.mobius import mobius
 from ..registration.metrics import (
     coefficient_histogram,
@@ -43,7 +42,7 @@ def trial(pair, run, method):
             networks_of(run.method, run.parameters)  # loaded before the clock starts
             f, costs = timed(method, prepared.problem, run.parameters)
             start = time.perf_counter()
-            lookup = Lookup(unknown(pair.control.disk))
+            lookup = unknown(pair.control.disk).lookup
             places = lookup(f)
             costs["seconds"] |= {
                 "disk_moving": pair.moving.seconds,

@@ -97,9 +97,7 @@ class Disk:
     @cached_property
     def open_halfedges(self):
         """The boundary's half-edges, (B,): 3 f + k from corner k of face f."""
-        tails, heads, n = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel(), len(self.z)
-        there, opposite = np.sort(tails * n + heads), heads * n + tails
-        return np.flatnonzero(there[np.minimum(np.searchsorted(there, opposite), len(there) - 1)] != opposite)
+        return np.flatnonzero(np.roll(self.across, 1, axis=1) < 0)
 
     @cached_property
     def across(self):

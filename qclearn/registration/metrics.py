@@ -98,7 +98,7 @@ def distortion_measures(surface, points):
     `angle_distortion`: mean over corners of |angle there - angle here|, degrees; `area_distortion`: mean over the
     area of |log2 of the area ratio|, total areas made equal, the ratio at least `SMALLEST_RATIO`.
     """
-    here, there = (corner_angles(edge_lengths(place[surface.faces])) for place in (surface.vertices, points))
+    here, there = (corner_angles(own) for own in (surface.edge_lengths, edge_lengths(points[surface.faces])))
     a, b, c = (points[corner] for corner in surface.faces.T)
     areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
     ratio = np.maximum((areas / areas.sum()) / (surface.face_areas / surface.area), SMALLEST_RATIO)

@@ -115,6 +115,9 @@ class Surface:
         """Length of the edge opposite each corner of each face."""
         return frozen(edge_lengths(self.vertices[self.faces]))
 
+    def __getstate__(self):
+        return {name: value for name, value in vars(self).items() if name not in ("stiffness", "edge_lengths")}
+
     @property
     def area(self) -> float:
         """Total area."""
