@@ -15,12 +15,13 @@ from reports import REPORT
 
 from qclearn import read_values
 from qclearn.cli import main
-from qclearn.files.fsaverage import fsaverage5
+from qclearn.files.fsaverage import fsaverage5, whole_fsaverage5
 from qclearn.files.meshes import read_surface, write_surface
 from qclearn.plane.beltrami import solve_beltrami_disk
 from qclearn.plane.grids import polar_disk
 from qclearn.registration.landmarkfile import read_landmarks
 from qclearn.registration.landmarks import detect_curves
+from qclearn.registration.mapfile import frame_of_side, read_registration
 from qclearn.registration.problem import LandmarkError
 from qclearn.registration.register import register
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror, require_disk, require_outward
@@ -127,6 +128,23 @@ def test_the_demo_writes_four_files_that_belong_together(demo):
     assert maps["disk_control"].shape == (len(fsaverage5("left").vertices),) and maps["mu"].shape == (
         len(moving.faces),
     )
+
+
+def test_the_registration_alone_knows_both_surfaces_and_their_files(demo):
+    """With a mirrored moving surface: numbers, sides and faces of the whole one are those of its file."""
+    arrays = read_registration(demo / "registration.npz")
+    for side, name in (("moving", "right"), ("control", "left")):
+        surface, whole = fsaverage5(name), whole_fsaverage5(name)
+        expected = mirror(surface) if side == "moving" else surface
+        np.testing.assert_array_equal(arrays[f"vertices_{side}"], expected.vertices.astype(np.float32))
+        np.testing.assert_array_equal(arrays[f"table_{side}"], surface.original_vertices)
+        np.testing.assert_array_equal(arrays[f"whole_faces_{side}"], whole.faces)
+        frame = frame_of_side(arrays, side)
+        assert (frame.side, frame.kind, frame.count) == (name, "Pial", 10242)
+        numbers = np.where(side == "moving", arrays[f"faces_{side}"][:, ::-1], arrays[f"faces_{side}"])
+        kept = set(map(tuple, arrays[f"table_{side}"][numbers].tolist()))
+        assert kept < set(map(tuple, whole.faces.tolist()))
+    assert arrays["mirrored"]
 
 
 def test_maps_are_carried_over_on_real_cortex(demo, tmp_path):

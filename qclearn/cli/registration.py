@@ -1,6 +1,8 @@
 """`qclearn register` and `demo`: a pair of surfaces to a folder with the map, the report and the figure."""
 
 import json
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import click
@@ -9,12 +11,12 @@ from click.core import ParameterSource
 
 import qclearn as qc
 
-from ..files.meshes import Frame, frame_of
+from ..files.hemisphere import Hemisphere, read_hemisphere
 from ..files.provenance import origin
 from ..registration.features import FOLDS, Feature, FeatureError
 from ..registration.landmarkfile import read_landmarks
 from ..registration.landmarks import curves_of_both
-from ..registration.mapfile import write_registration
+from ..registration.mapfile import side_arrays, write_registration
 from ..registration.problem import DELTA, Weights
 from ..registration.register import register as run_registration
 from .output import fail, output_folder
@@ -80,11 +82,11 @@ def register(moving, control, landmarks, out, mirror, accept_suspect, given, no_
     if no_landmarks and landmarks:
         raise qc.LandmarkError("--landmarks and --no-landmarks exclude each other; drop one")
     features = given_features(given, no_features)
-    inputs = {side: (path, qc.read_surface(path)) for side, path in (("moving", moving), ("control", control))}
-    surfaces = [surface for _, surface in inputs.values()]
-    curves = read_landmarks(landmarks) if landmarks else [] if no_landmarks else shared_curves(*surfaces)
-    surfaces[0] = qc.mirror(surfaces[0]) if mirror else surfaces[0]
-    register_into(out, *surfaces, curves, inputs, accept_suspect, features=features, **options)
+    moving, control = read_hemisphere(moving), read_hemisphere(control)
+    curves = (
+        read_landmarks(landmarks) if landmarks else [] if no_landmarks else shared_curves(moving.disk, control.disk)
+    )
+    register_into(out, Pair(moving, control, mirror), curves, accept_suspect, features=features, **options)
 
 
 @click.command()
@@ -95,10 +97,36 @@ def demo(out, accept_suspect):
 
     Five more take no part and are measured.
     """
-    right, left, landmarks = qc.fsaverage5("right"), qc.fsaverage5("left"), qc.demo_landmarks()
+    landmarks = qc.demo_landmarks()
     hold_out = [curve["name"] for curve in landmarks["curves"][1::2]]
-    inputs = {"moving": ("fsaverage5 right", right), "control": ("fsaverage5 left", left)}
-    register_into(out, qc.mirror(right), left, landmarks, inputs, accept_suspect, hold_out=hold_out)
+    moving, control = (read_hemisphere(f"fsaverage5:{side}").cut for side in ("right", "left"))
+    register_into(out, Pair(moving, control, mirrored=True), landmarks, accept_suspect, hold_out=hold_out)
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """The two `Hemisphere`s of a call, and whether the moving one is mirrored."""
+
+    moving: Hemisphere
+    control: Hemisphere
+    mirrored: bool
+
+    @cached_property
+    def disks(self):
+        """The moving and the control surface as they are registered."""
+        return qc.mirror(self.moving.disk) if self.mirrored else self.moving.disk, self.control.disk
+
+    @property
+    def inputs(self):
+        """As of `origin`."""
+        return {side: (one.path, one.given) for side, one in (("moving", self.moving), ("control", self.control))}
+
+    @property
+    def arrays(self):
+        """What registration.npz keeps of the surfaces."""
+        moving, control = self.disks
+        sides = side_arrays("moving", moving, self.moving.frame) | side_arrays("control", control, self.control.frame)
+        return sides | {"mirrored": np.array(self.mirrored)}
 
 
 def given_features(files, none):
@@ -122,19 +150,17 @@ def given_feature(moving, control):
     return Feature(Path(moving).name, qc.read_values(moving), qc.read_values(control)), weight
 
 
-def register_into(out, moving, control, curves, inputs, accept_suspect, **options):
-    """Run the pipeline, write its four files, print the report; exit code 3 if suspect. inputs: as of `origin`."""
+def register_into(out, pair, curves, accept_suspect, **options):
+    """Run the pipeline on a `Pair`, write its four files, print the report; exit code 3 if suspect."""
     from ..pages.plot import registration_figure
 
     with output_folder(out) as folder:
-        result = run_registration(moving, control, curves, progress=True, **options)
-        registration_figure(result, moving, control).savefig(folder / "figure.png", dpi=150)
-        write_registration(folder / "registration.npz", {name: getattr(result, name) for name in MAPS})
-        report = result.report | origin(inputs, curves, click.get_current_context().obj)
+        result = run_registration(*pair.disks, curves, progress=True, **options)
+        registration_figure(result, *pair.disks).savefig(folder / "figure.png", dpi=150)
+        write_registration(folder / "registration.npz", {name: getattr(result, name) for name in MAPS} | pair.arrays)
+        report = result.report | origin(pair.inputs, curves, click.get_current_context().obj)
         (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
-        path = inputs["control"][0]  # its coordinates are the registered surface's; the demo's control is no file
-        frame = frame_of(path) if Path(path).is_file() else Frame("left")
-        qc.write_surface(folder / "registered.surf.gii", result.surface, frame=frame)
+        qc.write_surface(folder / "registered.surf.gii", result.surface, frame=pair.control.frame)
     print_report(report, out)
     if report["suspect"]:
         fail("suspect: " + "; ".join(report["suspect"]), 0 if accept_suspect else 3)

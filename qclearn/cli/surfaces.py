@@ -11,6 +11,7 @@ from tqdm import tqdm
 
 import qclearn as qc
 
+from ..files.hemisphere import frame_of_whole
 from ..files.meshes import frame_of
 from ..files.values import read_labels
 from ..registration.mapfile import read_registration
@@ -36,7 +37,8 @@ def open_command(surface, mask, label, keep, reverse, hemisphere, out):
     mask = qc.read_mask(mask or label, closed, keep)
     opened, original = qc.open_surface(closed, mask)
     frame = frame_of(surface)
-    qc.write_surface(out, opened, original_vertices=original, frame=replace(frame, side=hemisphere or frame.side))
+    frame = frame_of_whole(replace(frame, side=hemisphere or frame.side), closed)
+    qc.write_surface(out, opened, original_vertices=original, frame=frame)
     say(f"{out}: {len(opened.vertices)} of {len(closed.vertices)} vertices, boundary of {len(opened.boundary)}")
     if filled := int(mask[original].sum()):
         say(f"{filled} of the mask's {int(mask.sum())} vertices stay: holes away from the opening are filled")

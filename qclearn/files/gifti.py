@@ -6,7 +6,6 @@ import gzip
 import math
 import re
 import zlib
-from pathlib import Path
 from xml.parsers import expat
 
 import nibabel
@@ -14,10 +13,15 @@ import numpy as np
 from nibabel.gifti import GiftiCoordSystem, GiftiDataArray, GiftiImage, GiftiLabel, GiftiLabelTable, GiftiMetaData
 
 from ..surfaces.surface import SurfaceError
+from .frames import ANATOMICAL, SHAPES, TKR, Frame, kind_of_name, side_of_name, sound_volume
 from .safe import FormatError, allowance
 
 STRUCTURES = {"left": "CortexLeft", "right": "CortexRight"}
-_SIDE = re.compile(r"(?:^|[._-])(?:hemi-)?(L|R|(?i:lh|rh|left|right))(?=[._-]|$)")  # l and r are also plain letters
+# FreeSurfer's volume geometry: its own words -> the endings of those that mris_convert writes into a GIFTI.
+_VOLUME = {
+    "volume": ("Width", "Height", "Depth"), "voxelsize": ("Xsize", "Ysize", "Zsize"),
+    **{f"{axis}ras": tuple(f"{axis.upper()}_{letter}" for letter in "RAS") for axis in "xyzc"},
+}  # fmt: skip
 _MOST_LABELS = 4096  # whole numbers of more values than that are no regions
 
 
@@ -84,12 +88,6 @@ def parse(data):
     return GiftiImage.from_bytes(data)
 
 
-def side_of_name(path):
-    """ "left" or "right" where a file's name says so (lh.pial, sub-01.L.midthickness.surf.gii, hemi-R), else None."""
-    sides = {found[0].lower() for found in _SIDE.findall(Path(path).name)}
-    return {"l": "left", "r": "right"}[sides.pop()] if len(sides) == 1 else None
-
-
 def side_of_image(image):
     """The hemisphere that an image's metadata name, or None."""
     named = {meta.get("AnatomicalStructurePrimary") for meta in (image.meta, *(array.meta for array in image.darrays))}
@@ -123,13 +121,51 @@ def labels_of(image):
     }
 
 
-def surface_bytes(surface, side=None, space=None):
-    """The bytes of a .surf.gii; side: "left", "right" or None, space: the coordinates' GiftiCoordSystem or None."""
-    meta = GiftiMetaData({"AnatomicalStructurePrimary": STRUCTURES[side]} if side else {})
-    points, triangles = surface.vertices.astype(np.float32), surface.faces.astype(np.int32)
-    points = GiftiDataArray(points, intent="NIFTI_INTENT_POINTSET", meta=meta, coordsys=space or GiftiCoordSystem())
-    triangles = GiftiDataArray(triangles, intent="NIFTI_INTENT_TRIANGLE", meta=GiftiMetaData())
-    return GiftiImage(meta=meta, darrays=[points, triangles]).to_bytes()
+def frame_of_image(path, image):
+    """The Frame of a surface's or a map's image: what its metadata say, else its name."""
+    points = image.get_arrays_from_intent("NIFTI_INTENT_POINTSET")
+    meta = {**image.meta, **(points[0].meta if points else {})}
+    secondary, shape = meta.get("AnatomicalStructureSecondary"), meta.get("GeometricType")
+    kind = shape if shape in SHAPES else secondary if secondary in ANATOMICAL else kind_of_name(path)
+    side = side_of_image(image) or side_of_name(path)
+    return Frame(side, points[0].coordsys, _volume_of(meta), kind) if points else Frame(side)
+
+
+def _volume_of(meta):
+    """FreeSurfer's volume geometry in a point set's metadata, or None."""
+    try:
+        found = {key: [float(meta[f"VolGeom{end}"]) for end in ends] for key, ends in _VOLUME.items()}
+    except (KeyError, ValueError):  # none, or a part, as fMRIPrep leaves it
+        return None
+    named = {"valid": "1  # volume info valid", "filename": meta.get("VolGeomFname", "")}
+    return sound_volume({"head": [2, 0, 20], **named, **found, "volume": [int(size) for size in found["volume"]]})
+
+
+def surface_bytes(surface, frame):
+    """The bytes of a .surf.gii; FreeSurfer's coordinates become the scanner's, as mris_convert --to-scanner does."""
+    meta, vertices, space = _structure(frame.side), surface.vertices, frame.space
+    if frame.space == TKR:
+        vertices, space = frame.to_scanner(vertices), GiftiCoordSystem(1, 1)  # 1: NIFTI_XFORM_SCANNER_ANAT
+    own = (
+        {"AnatomicalStructureSecondary": frame.kind, "GeometricType": "Anatomical"} if frame.kind in ANATOMICAL else {}
+    )
+    own = {"GeometricType": frame.kind} if frame.kind in SHAPES else own
+    if frame.volume:
+        values = {f"VolGeom{end}": x for key, ends in _VOLUME.items() for end, x in zip(ends, frame.volume[key])}
+        own |= {key: f"{value:.10g}" for key, value in values.items()} | {"VolGeomFname": frame.volume["filename"]}
+    points = _array(
+        vertices.astype(np.float32), "NIFTI_INTENT_POINTSET", meta | own, coordsys=space or GiftiCoordSystem()
+    )
+    triangles = _array(surface.faces.astype(np.int32), "NIFTI_INTENT_TRIANGLE", {})
+    return GiftiImage(meta=GiftiMetaData(meta), darrays=[points, triangles]).to_bytes()
+
+
+def _structure(side):
+    return {"AnatomicalStructurePrimary": STRUCTURES[side]} if side else {}
+
+
+def _array(data, intent, meta, **more):
+    return GiftiDataArray(np.ascontiguousarray(data), intent=intent, meta=GiftiMetaData(meta), **more)
 
 
 def values_bytes(values, side=None, labels=None):

@@ -11,6 +11,7 @@ from numpy import ndarray
 
 from ..surfaces.surface import Surface, SurfaceError
 from . import gifti
+from .frames import side_of_name
 from .meshes import FOREIGN_SUFFIXES, suffix_of
 from .safe import FormatError, explain, npy_array, read_bytes, require_all, write_whole
 
@@ -122,7 +123,7 @@ def write_values(path: str | Path, values: Values, side: str | None = None, labe
             f"{path}: {values.dtype} {values.shape} cannot be written; give (V,) or (V, k), real and imaginary apart"
         )
     if suffix == ".gii":
-        side = side or gifti.side_of_name(path)
+        side = side or side_of_name(path)
         data = gifti.zipped(path, gifti.values_bytes(_fitting(path, values), side, labels))
         write_whole(path, lambda place: place.write_bytes(data), len(data))
     elif suffix in (".mgh", ".mgz"):
