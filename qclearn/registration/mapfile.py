@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..files.frames import frame_of_text
+from ..files.frames import Frame, frame_of_text
+from ..files.hemisphere import Numbering
 from ..files.safe import FormatError, explain, npz_arrays, read_bytes, write_whole
 from ..plane.disk import Disk
 from ..surfaces.surface import SurfaceError
@@ -44,10 +45,16 @@ def side_arrays(side, surface, frame):
 
 
 def frame_of_side(arrays, side):
-    """The `Frame` of a side's file from the arrays of a registration.npz; SurfaceError for one of format 1."""
+    """The `Frame` of a side's file from the arrays of a registration.npz, an empty one for format 1."""
     if f"about_{side}" not in arrays:
-        raise SurfaceError("written by an older version, without the surfaces: run `qclearn register` again")
+        return Frame()
     return frame_of_text(arrays[f"about_{side}"], arrays.get(f"whole_faces_{side}"))
+
+
+def numbering_of_side(arrays, side):
+    """The `Numbering` of a side from the arrays of a registration.npz."""
+    size = len(arrays["disk_map" if side == "moving" else "disk_control"])
+    return Numbering(size, arrays.get(f"table_{side}"), frame_of_side(arrays, side).count)
 
 
 def write_registration(path, arrays):
@@ -58,9 +65,12 @@ def write_registration(path, arrays):
     write_whole(Path(path), lambda place: place.write_bytes(data.getvalue()), len(data.getvalue()))
 
 
-def read_registration(path):
+def read_registration(path, surfaces=False):
     """The arrays of a registration.npz (dict), disk_map (V,), disk_control (W,), faces_moving (F, 3), faces_control
-    (G, 3) at least; SurfaceError, naming the file, where an array, a mesh or the checksum is not sound."""
+    (G, 3) at least; SurfaceError, naming the file, where an array, a mesh or the checksum is not sound.
+
+    surfaces: also those of `side_arrays` and `mirrored`, which format 1 lacks; one of that format is then refused.
+    """
     path = Path(path)
     data = read_bytes(path)
     with explain(path, "registration.npz", lead="not a"):
@@ -76,6 +86,8 @@ def read_registration(path):
         for side, disk in (("moving", "disk_map"), ("control", "disk_control")):
             _check_mesh(arrays, disk, f"faces_{side}")
             _check_whole(arrays, side)
+        if surfaces and not {"about_moving", "about_control", "mirrored"} <= set(arrays):
+            raise SurfaceError("written by an older version, which kept no surfaces; run `qclearn register` again")
         if "checksum" in arrays and str(arrays.pop("checksum")) != _checksum(arrays):
             raise _damaged("its checksum is not that of its arrays")
     return arrays

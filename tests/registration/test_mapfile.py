@@ -8,7 +8,13 @@ from freesurfer import GEOMETRY
 
 from qclearn.files.frames import Frame
 from qclearn.plane.grids import polar_disk
-from qclearn.registration.mapfile import frame_of_side, read_registration, side_arrays, write_registration
+from qclearn.registration.mapfile import (
+    frame_of_side,
+    numbering_of_side,
+    read_registration,
+    side_arrays,
+    write_registration,
+)
 from qclearn.surfaces.surface import SurfaceError
 
 TABLE = np.r_[0:10, 12:30]
@@ -34,11 +40,13 @@ def test_it_keeps_what_the_files_said_and_one_of_format_1_is_still_read(tmp_path
     write_registration(tmp_path / "r.npz", arrays)
     kept = read_registration(tmp_path / "r.npz")
     assert frame_of_side(kept, "moving") == FRAME and kept["mirrored"]
+    assert numbering_of_side(kept, "moving").known and not numbering_of_side(kept, "control").known
     np.testing.assert_array_equal(frame_of_side(kept, "moving").whole, FRAME.whole)
     old = {name: arrays[name] for name in ("disk_map", "disk_control", "faces_moving", "faces_control")}
     np.savez(tmp_path / "r.npz", **old, format_version=1)
     with pytest.raises(SurfaceError, match="older version.*run `qclearn register` again"):
-        frame_of_side(read_registration(tmp_path / "r.npz"), "moving")
+        read_registration(tmp_path / "r.npz", surfaces=True)
+    assert frame_of_side(read_registration(tmp_path / "r.npz"), "moving") == Frame()
 
 
 def test_it_comes_back_with_or_without_a_checksum(tmp_path, arrays):
