@@ -262,9 +262,12 @@ def test_registration_without_landmarks(folder, capsys):
     z, _ = polar_disk(8, 24)
     np.save(folder / "sulc.npy", np.cos(6 * z.real + 1) + z.imag)
     surfaces = folder / "moving.npz", folder / "control.npz", "--out", folder / "out"
-    run("register", *surfaces, "--no-landmarks", "--feature", folder / "sulc.npy", folder / "sulc.npy")
-    report, output = json.loads((folder / "out" / "report.json").read_text()), capsys.readouterr().out
-    assert report["landmark_error"] is None and report["curves"] == [] and "landmark error" not in output
+    plain = folder / "moving.npz", folder / "plain.ply", "--out", folder / "out"
+    for pair in ((*surfaces, "--no-landmarks"), plain):  # named, or for want of curves
+        run("register", *pair, "--feature", folder / "sulc.npy", folder / "sulc.npy")
+        report, output = json.loads((folder / "out" / "report.json").read_text()), capsys.readouterr().out
+        assert report["landmark_error"] is None and report["curves"] == [] and "landmark error" not in output
+        assert re.search("^landmarks +none; registered by sulc.npy alone$", output, re.MULTILINE)
     assert {"figure.png", "report.json"} <= set(everything(folder / "out"))
     error = refused(capsys, folder, "register", *surfaces, "--no-landmarks", "--landmarks", folder / "landmarks.json")
     assert "exclude each other" in error
@@ -277,7 +280,7 @@ def test_registration_without_landmarks(folder, capsys):
     [
         (["--feature", "depth", "depth", "--no-features"], "--feature and --no-features exclude each other"),
         (["--delta", "0.3", "--no-features"], "--delta and --no-features exclude each other"),
-        (["--feature", "thick.npy", "thick.npy"], "thick.npy, moving side: shape"),
+        (["--feature", "thick.npy", "thick.npy"], "thick.npy: 5 values for 193 vertices"),
         (["--feature", "thick.npy", "absent.npy"], "absent.npy"),
         (["--feature", "depth", "depth", "--delta", "-1"], "delta = -1.0: must be finite"),
         (["--hold-out", "west"], "no curve is called 'west'"),
@@ -436,8 +439,9 @@ def test_bad_surfaces_are_one_line(folder, capsys):
         )
 
 
-def test_surfaces_without_shared_curves_need_landmarks(folder, capsys):
-    line = refused(capsys, folder, "register", folder / "moving.npz", folder / "plain.ply", "--out", folder / "out")
+def test_surfaces_without_shared_curves_need_landmarks_or_features(folder, capsys):
+    pair = folder / "moving.npz", folder / "plain.ply", "--out", folder / "out"
+    line = refused(capsys, folder, "register", *pair, "--no-features")
     assert "share no curve names" in line and "--landmarks" in line
 
 
@@ -621,7 +625,7 @@ def test_transfer_of_whole_numbers_wants_nearest_and_names_stay(registered, caps
     assert image.meta["AnatomicalStructurePrimary"] == "CortexRight"
 
 
-@pytest.mark.parametrize("name", ["o.csv", "o.annot", "o.dscalar.nii", "o.npz"])
+@pytest.mark.parametrize("name", ["o.csv", "lh.o.annot", "o.dscalar.nii", "o.npz"])
 def test_transfer_refuses_what_it_cannot_write(registered, capsys, name):
     folder, _ = registered
     line = refused(capsys, folder, *to_transfer(folder, "registration.npz", "map.txt", "moving", name))

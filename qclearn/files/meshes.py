@@ -15,7 +15,17 @@ from numpy import ndarray
 from ..surfaces.surface import Surface, SurfaceError
 from . import gifti, meshformats
 from .frames import TKR, Frame, frame_of_text, kind_of_name, side_of_name, sound_volume
-from .safe import FormatError, explain, is_plain_name, npz_arrays, out_of_memory, read_bytes, require_all, write_whole
+from .safe import (
+    FormatError,
+    explain,
+    is_plain_name,
+    npz_arrays,
+    npz_bytes,
+    out_of_memory,
+    read_bytes,
+    require_all,
+    write_whole,
+)
 
 _FREESURFER_TRIANGLES = b"\xff\xff\xfe"
 _FREESURFER_QUADS = (b"\xff\xff\xff", b"\xff\xff\xfd")
@@ -161,8 +171,7 @@ def _write_npz(path, surface, original_vertices, frame):
         more["about"] = np.array(frame.text)
     if frame.whole is not None:
         more["whole_faces"] = frame.whole.astype(np.int32)
-    with path.open("wb") as file:
-        np.savez_compressed(file, vertices=surface.vertices, faces=surface.faces, **more)
+    path.write_bytes(npz_bytes({"vertices": surface.vertices, "faces": surface.faces, **more}))
 
 
 def _read_freesurfer(path, data):

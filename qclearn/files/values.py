@@ -208,7 +208,7 @@ def _read_label(path, data):
     if len(rows) < 2:
         raise FormatError("the two lines of the header are incomplete")
     announced = int(rows[1])
-    records = [row.split() for row in rows[2:] if row.strip()]
+    records = [row.split(None, 1) for row in rows[2:] if row.strip()]
     require_all("vertex", len(records), announced, exactly=True)
     return np.array([int(words[0]) for words in records], dtype=np.int64)
 

@@ -11,7 +11,7 @@ from nilearn.surface import load_surf_mesh
 
 from qclearn.files.frames import Frame, kind_of_name, side_of_name
 from qclearn.files.meshes import frame_of, read_surface, write_surface
-from qclearn.files.values import read_labels, read_values, write_values
+from qclearn.files.values import read_map, read_values, write_values
 from qclearn.surfaces.surface import Surface, SurfaceError
 
 CENTRE = np.array([[1.0, 0, 0, 5], [0, 1, 0, -7], [0, 0, 1, 9], [0, 0, 0, 1]])
@@ -144,7 +144,7 @@ def test_labels_keep_their_names_and_colours(tmp_path):
     )
     found = read_values(tmp_path / "lh.aparc.annot")
     np.testing.assert_array_equal(found, labels)
-    write_values(tmp_path / "a.label.gii", found, side="left", labels=read_labels(tmp_path / "lh.aparc.annot"))
+    write_values(tmp_path / "a.label.gii", found, side="left", labels=read_map(tmp_path / "lh.aparc.annot").labels)
     image = nibabel.load(tmp_path / "a.label.gii")
     names = image.labeltable.get_labels_as_dict()
     assert names[1] == "insula" and names[2] == "cuneus"
@@ -152,9 +152,50 @@ def test_labels_keep_their_names_and_colours(tmp_path):
     np.testing.assert_allclose(colour, np.array([20, 220, 60, 255]) / 255, atol=1e-6)
     assert image.meta["AnatomicalStructurePrimary"] == "CortexLeft"
     assert image.darrays[0].intent == nibabel.nifti1.intent_codes["NIFTI_INTENT_LABEL"]
-    again = read_labels(tmp_path / "a.label.gii")
+    again = read_map(tmp_path / "a.label.gii").labels
     assert again[1][0] == "insula"
-    np.testing.assert_array_equal(read_values(tmp_path / "a.label.gii"), labels)
+    np.testing.assert_array_equal(read_values(tmp_path / "a.label.gii"), np.maximum(labels, 0))
+
+
+REGIONS = {1: ("b", (1.0, 0.0, 0.0, 1.0)), 2: ("c", (0.0, 1.0, 0.0, 1.0))}
+
+
+@pytest.mark.parametrize("zero, raised", [
+    (("unknown", (0.1, 0.1, 0.1, 1.0)), 0), (("???", (1.0, 1.0, 1.0, 0.0)), 0), (("insula", (0.1, 0.1, 0.1, 1.0)), 1),
+])  # fmt: skip
+def test_no_key_is_below_0_and_none_shows_nothing(tmp_path, zero, raised):
+    """Key -1 becomes 0; where 0 is a region, all keys are raised by one."""
+    labels = {-1: ("???", (1.0, 1.0, 1.0, 0.0)), 0: zero, **REGIONS}
+    write_values(tmp_path / "a.label.gii", np.array([-1, 0, 2, 1], dtype=np.int64), labels=labels)
+    found = read_map(tmp_path / "a.label.gii")
+    assert found.values.dtype == np.int32 and found.values.tolist() == [0, raised, 2 + raised, 1 + raised]
+    assert min(found.labels) == 0 and found.labels[0][1][3] == 0.0
+    assert [found.labels[key + raised] for key in REGIONS] == list(REGIONS.values())
+    with pytest.raises(SurfaceError, match="a.label.gii: .*keys below 0"):
+        write_values(tmp_path / "a.label.gii", np.array([-2, 0]), labels={-2: REGIONS[1]})
+
+
+def test_an_annotation_comes_back(tmp_path):
+    """With regions of one colour, a black one, and Workbench's none at key 0."""
+    red, black = (1.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0)
+    labels = {0: ("???", (1.0, 1.0, 1.0, 0.0)), 3: ("a", red), 5: ("b", red), 9: ("c", black)}
+    write_values(tmp_path / "lh.a.annot", np.array([0, 3, 5, 9, -1]), labels=labels)
+    keys, _, names = nibabel.freesurfer.read_annot(tmp_path / "lh.a.annot")
+    assert keys.tolist() == [-1, 0, 1, 2, -1] and names == [b"a", b"b", b"c"]
+    assert read_map(tmp_path / "lh.a.annot").side == "left"
+    for bad in (np.array([0.5]), np.array([-3]), np.zeros((4, 2), int)):
+        with pytest.raises(SurfaceError, match="b.annot: an annotation holds one label a vertex"):
+            write_values(tmp_path / "b.annot", bad)
+
+
+def test_maps_have_names(tmp_path):
+    for name, values, names, expected in (
+        ("lh.thickness.shape.gii", np.zeros(4), None, ["lh.thickness"]),
+        ("a.func.gii.gz", np.zeros((4, 2)), None, ["a 1", "a 2"]),
+        ("a.label.gii", np.arange(4), ["regions"], ["regions"]),
+    ):
+        write_values(tmp_path / name, values, names=names)
+        assert read_map(tmp_path / name).names == expected
 
 
 def test_whole_numbers_without_names_get_a_table(tmp_path):
