@@ -40,8 +40,7 @@ def read_mask(path: str | Path, surface: Surface, keep: bool = False) -> Bool[nd
     path = Path(path)
     n_vertices = len(surface.vertices)
     if suffix_of(path) == ".label":
-        with explain(path, "FreeSurfer label"):
-            values = _read_label(path, read_bytes(path))
+        values = read_label(path)
         bad = values[(values < 0) | (values >= n_vertices)]
         if bad.size:
             raise SurfaceError(f"{path}: names vertices that do not exist, the first {bad[0]}; {_other(n_vertices)}")
@@ -66,6 +65,13 @@ def read_mask(path: str | Path, surface: Surface, keep: bool = False) -> Bool[nd
             f"lh.cortex.label and thickness do; read it with keep=True (`qclearn open --keep`), or give the other part"
         )
     return mask
+
+
+def read_label(path):
+    """The vertex numbers (n,) that a FreeSurfer .label file lists, in its order."""
+    path = Path(path)
+    with explain(path, "FreeSurfer label"):
+        return _read_label(path, read_bytes(path))
 
 
 def read_values(path: str | Path) -> Values:
