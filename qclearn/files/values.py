@@ -42,8 +42,7 @@ def read_mask(path: str | Path, surface: Surface, keep: bool = False) -> Bool[nd
     path = Path(path)
     n_vertices = len(surface.vertices)
     if suffix_of(path) == ".label":
-        with explain(path, "FreeSurfer label"):
-            values = _read_label(path, read_bytes(path))
+        values = read_label(path)
         bad = values[(values < 0) | (values >= n_vertices)]
         if bad.size:
             raise SurfaceError(f"{path}: names vertices that do not exist, the first {bad[0]}; {_other(n_vertices)}")
@@ -78,6 +77,13 @@ class Map(NamedTuple):
     side: str | None = None
     labels: dict | None = None
     names: list | None = None
+
+
+def read_label(path):
+    """The vertex numbers (n,) that a FreeSurfer .label file lists, in its order."""
+    path = Path(path)
+    with explain(path, "FreeSurfer label"):
+        return _read_label(path, read_bytes(path))
 
 
 def read_values(path: str | Path) -> Values:

@@ -72,7 +72,7 @@ def _on_disks(entry, hemispheres):
 def check_curves(curves, moving, control, fewest=1):
     """The landmarks file's curves, `fewest` at least, as dicts with arrays and `detect` per side, or LandmarkError."""
     if isinstance(curves, dict):
-        unknown = set(curves) - {"curves", "surfaces"}
+        unknown = set(curves) - {"curves", "surfaces", "off_fundus_mm"}  # the last is for the reader's eyes
         if unknown or "curves" not in curves:
             found = sorted(map(str, curves))
             raise LandmarkError(f"landmarks need the one key 'curves'; found {found} ('surfaces' may stand beside it)")
