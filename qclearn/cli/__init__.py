@@ -8,7 +8,7 @@ from importlib.metadata import version
 
 import click
 
-from . import group, registration, studies, surfaces
+from . import group, registration, reports, studies, surfaces
 from .output import fail
 
 
@@ -39,6 +39,7 @@ for command in (
     registration.register,
     registration.demo,
     group.template,
+    reports.report,
     surfaces.open_command,
     surfaces.transfer,
     surfaces.synth,

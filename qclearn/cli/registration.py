@@ -55,6 +55,7 @@ MAPS = ("points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving
 @click.option("--hold-out", multiple=True, metavar="NAME", help="A curve that is measured and not fitted; repeatable.")
 @click.option("--sliding", is_flag=True, help="Let inner points slide along their target curves.")
 @click.option("--mirror", is_flag=True, help="Mirror the moving surface first (right onto left).")
+@click.option("--report", is_flag=True, help="Write report.html, too: one page to look at, without a network.")
 @click.option("--accept-suspect", is_flag=True, help="End with exit code 0 where the registration is suspect.")
 def register(moving, control, landmarks, out, mirror, accept_suspect, given, no_features, no_landmarks, **options):
     """Register MOVING to CONTROL along landmark curves; writes a certified point-to-point map.
@@ -89,8 +90,9 @@ def register(moving, control, landmarks, out, mirror, accept_suspect, given, no_
 
 @click.command()
 @click.option("--out", default="qclearn-demo", show_default=True, help="Folder to write to.")
+@click.option("--report", is_flag=True, help="Write report.html, too: one page to look at, without a network.")
 @click.option("--accept-suspect", is_flag=True, help="End with exit code 0 where the registration is suspect.")
-def demo(out, accept_suspect):
+def demo(out, accept_suspect, report):
     """Register real cortex: fsaverage5's right hemisphere, mirrored, onto its left one along six named sulci.
 
     Five more take no part and are measured.
@@ -98,7 +100,7 @@ def demo(out, accept_suspect):
     right, left, landmarks = qc.fsaverage5("right"), qc.fsaverage5("left"), qc.demo_landmarks()
     hold_out = [curve["name"] for curve in landmarks["curves"][1::2]]
     inputs = {"moving": ("fsaverage5 right", right), "control": ("fsaverage5 left", left)}
-    register_into(out, qc.mirror(right), left, landmarks, inputs, accept_suspect, hold_out=hold_out)
+    register_into(out, qc.mirror(right), left, landmarks, inputs, accept_suspect, hold_out=hold_out, report=report)
 
 
 def given_features(files, none):
@@ -123,21 +125,34 @@ def given_feature(moving, control):
 
 
 def register_into(out, moving, control, curves, inputs, accept_suspect, **options):
-    """Run the pipeline, write its four files, print the report; exit code 3 if suspect. inputs: as of `origin`."""
+    """Run the pipeline, write its four files and with option `report` a page, print the report; exit code 3 if
+    suspect. inputs: as of `origin`."""
     from ..pages.plot import registration_figure
 
-    with output_folder(out) as folder:
+    paged = options.pop("report")
+    with output_folder(out, instead=["report.html"]) as folder:
         result = run_registration(moving, control, curves, progress=True, **options)
         registration_figure(result, moving, control).savefig(folder / "figure.png", dpi=150)
-        write_registration(folder / "registration.npz", {name: getattr(result, name) for name in MAPS})
+        write_registration(folder / "registration.npz", arrays_of(result, moving, control))
         report = result.report | origin(inputs, curves, click.get_current_context().obj)
         (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
         path = inputs["control"][0]  # its coordinates are the registered surface's; the demo's control is no file
         frame = frame_of(path) if Path(path).is_file() else Frame("left")
         qc.write_surface(folder / "registered.surf.gii", result.surface, frame=frame)
+        if paged:
+            from ..reports import write_pair
+
+            write_pair(folder, folder / "report.html")
     print_report(report, out)
     if report["suspect"]:
         fail("suspect: " + "; ".join(report["suspect"]), 0 if accept_suspect else 3)
+
+
+def arrays_of(result, moving, control):
+    """What registration.npz holds of a `Registration`: its maps and the surfaces as registered."""
+    surfaces = {"moving": moving, "control": control}
+    vertices = {f"vertices_{side}": surface.vertices.astype("f4") for side, surface in surfaces.items()}
+    return {name: getattr(result, name) for name in MAPS} | vertices
 
 
 def print_report(report, out):

@@ -10,7 +10,7 @@ from ..files.safe import explain, npz_arrays, read_bytes, write_whole
 from ..plane.disk import Disk
 from ..surfaces.surface import SurfaceError
 
-FORMAT_VERSION = 1  # raise it when an array's meaning changes, so that old programs do not misread new files
+FORMAT_VERSION = 2  # raise it when an array's meaning changes, so that old programs do not misread new files
 _REQUIRED = ("disk_map", "faces_moving", "disk_control", "faces_control")
 # (array, the array whose length is its count, shape of one row, kinds of numbers)
 _SHAPES = (
@@ -21,6 +21,8 @@ _SHAPES = (
     ("disk_moving", "disk_map", (), "c"),
     ("points", "disk_map", (3,), "f"),
     ("mu", "faces_moving", (), "c"),
+    ("vertices_moving", "disk_map", (3,), "f"),
+    ("vertices_control", "disk_control", (3,), "f"),
 )
 
 
