@@ -24,10 +24,11 @@ ODD = 2.0  # z-score on the bad side from which a line is marked
 MOST_PICTURES = 150  # more would make the page too heavy
 RULE = (
     "First those that are suspect or have flipped triangles, then by the largest z-score on the bad side: lower "
-    "r(curvature), larger held-out distances, |log2 J| and |μ|. z = (value − mean) / standard deviation over these "
-    f"subjects. Red: suspect or flipped; amber: a z-score of {ODD:g} or more on the bad side; green: neither."
+    "r(curvature), larger held-out distances, |log2 J| and |μ|. z = (value − mean) / standard deviation over those "
+    f"that are neither suspect nor flipped, over all where these are fewer than {FEWEST}. Red: suspect or flipped; "
+    f"amber: a z-score of {ODD:g} or more on the bad side; green: neither."
 )
-SPREAD = Look("standard deviation over the subjects, after", "viridis", 0, 1.5, "SD")
+SPREAD = Look("spread over the subjects, after", "viridis", 0, 1.5, "standard deviation, in SD")
 PICTURES = {
     "before": "mean curvature of the subjects before registration",
     "after": "mean curvature of the subjects after registration",
@@ -54,8 +55,13 @@ class Line:
         )
 
     @property
+    def broken(self):
+        """Whether it is suspect or has flipped triangles."""
+        return bool(self.suspect or self.figures["flipped"])
+
+    @property
     def state(self):
-        return "bad" if self.suspect or self.figures["flipped"] else "odd" if self.worst >= ODD else "good"
+        return "bad" if self.broken else "odd" if self.worst >= ODD else "good"
 
 
 def write_group(folders, out):
@@ -84,10 +90,13 @@ def group_page(folders, out):
         small = len(folders) <= MOST_PICTURES
         picture = shown.picture(maps.after, grey("curvature"), width=200) if small else ""
         lines.append(Line(name, Path(folder), figures_of(one), one.report["suspect"], picture))
-    lines = sorted(scored(lines), key=lambda line: (line.state != "bad", -line.worst))
+    lines = sorted(scored(lines), key=lambda line: (not line.broken, -line.worst))
     pictures = {name: both_sides(shown, means.curvatures[name], words) for name, words in PICTURES.items()}
-    scene = [(grey(PICTURES[name]), means.curvatures[name]) for name in ("after", "before", "control")]
-    bad = [line for line in lines if line.state == "bad"]
+    scene = [
+        (grey(f"{'' if name == 'control' else 'mean '}curvature, {name}"), means.curvatures[name])
+        for name in ("after", "before", "control")
+    ]
+    bad = [line for line in lines if line.broken]
     return lines, page(
         "group.html",
         f"{len(lines)} registrations",
@@ -155,11 +164,14 @@ def figures_of(one):
 
 
 def scored(lines):
-    """The lines with z-scores of their MEASURES; NaN where too few have a figure, or all have the same."""
+    """The lines with z-scores of their MEASURES by the sound ones, or all if there are few; NaN where too few have a
+    figure, or all have the same."""
+    sound = [line for line in lines if not line.broken]
+    sound = sound if len(sound) >= FEWEST else lines
     for line in lines:
         z = {}
         for key in MEASURES:
-            values = np.array([other.figures[key] for other in lines], float)
+            values = np.array([other.figures[key] for other in sound], float)
             values, own = values[np.isfinite(values)], line.figures[key]
             spread = values.std(ddof=1) if len(values) >= FEWEST else 0.0
             z[key] = float((own - values.mean()) / spread) if spread > 0 else np.nan
@@ -204,7 +216,7 @@ def row_of(line, head, out):
     cells = [picture, bar(figures["r_before"], figures["r_after"]) + z_of(line, "r_after")]
     cells += [number(figures[key]) + z_of(line, key) for key in list(MEASURES)[1:]]
     cells += [str(figures["flipped"]), escape("; ".join(map(word_of, line.suspect)) or "no")]
-    body = "".join(f'<td data-label="{escape(label)}">{cell}</td>' for label, cell in zip(head[1:], cells))
+    body = "".join(f'<td data-label="{escape(label)}"><div>{cell}</div></td>' for label, cell in zip(head[1:], cells))
     return f'<tr class="{line.state}"><th scope="row">{name}</th>{body}</tr>'
 
 

@@ -16,8 +16,8 @@ def escape(text):
 
 
 def number(value, digits=2):
-    """A number as text, an en dash where there is none."""
-    return "–" if value is None or value != value else f"{value:.{digits}f}"
+    """A number as text, with a true minus, an en dash where there is none."""
+    return "–" if value is None or value != value else f"{value:.{digits}f}".replace("-", "−")
 
 
 def table(head, rows, caption):

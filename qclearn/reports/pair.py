@@ -8,12 +8,9 @@ from .finished import read_finished
 from .markup import asset, escape, flip, items, number, page, require_html, table, write_text
 from .views import Look, Shown, both_sides, grey
 
-CURVATURE = {name: grey(f"curvature of the {text}") for name, text in (
-    ("control", "control"), ("before", "moving surface, before"), ("after", "moving surface, after")
-)}  # fmt: skip
-DIFFERENCE = Look("difference of the curvatures, after − control", "RdBu_r", -3, 3, "SD")
-MU = Look("shape distortion |μ|", "viridis", 0, 0.8, "0: angles kept, 1: flat")
-AREA = Look("area distortion log2 J", "PuOr_r", -2, 2, "−1: half of its area, 1: twice")
+DIFFERENCE = Look("difference, after − control", "RdBu_r", -3, 3, "SD")
+MU = Look("shape |μ|", "viridis", 0, 0.8, "0: angles kept, 1: flat")
+AREA = Look("area log2 J", "PuOr_r", -2, 2, "−1: half of its area, 1: twice")
 PICTURES = {
     "before": "The moving surface's curvature on the inflated control before registration",
     "after": "The moving surface's curvature on the inflated control after registration",
@@ -35,7 +32,7 @@ def pair_page(one):
     maps, shown = one.maps(), Shown(one.control.surface)
     (moving, control), report = one.names(), one.report
     pictures = {name: both_sides(shown, getattr(maps, name), words) for name, words in PICTURES.items()}
-    scene = [(CURVATURE[name], getattr(maps, name)) for name in ("after", "before", "control")]
+    scene = [(grey(f"curvature, {name}"), getattr(maps, name)) for name in ("after", "before", "control")]
     scene += [(DIFFERENCE, maps.after - maps.control), (MU, maps.mu), (AREA, maps.log2_area)]
     suspect = bool(report["suspect"])
     return page(
@@ -62,11 +59,12 @@ def verdict_words(one):
     if report["suspect"]:
         return items(report["suspect"])
     told = (
-        "The surfaces' hands, the curves' names, ends and numbering, the landmarks' errors, repaired folds, strong "
-        "distortion and the agreement of the folds were checked, and none of them points to a mistake. The map is "
-        "one-to-one: "
-        f"{report['flipped']} triangles are flipped."
+        "None of the tests for mistakes fired: wrong hand, exchanged surfaces, another numbering, reversed or swapped "
+        "curves, landmarks that stay far off, many repairs, strong distortion, folds that hardly agree. The map is "
+        f"one-to-one: {report['flipped']} triangles are flipped."
     )
+    if not report["curves"]:
+        told += " No curve was fitted, so those on curves had nothing to look at."
     if after == after:
         open_ = (
             f"Curves that took no part ended {number(after)} mm from their counterparts, {number(before)} mm before."
