@@ -8,7 +8,7 @@ import pytest
 
 from qclearn.cli.output import output_folder
 
-# Runs that write three files and are killed: in the block, before the folder takes its place, among an older run's files
+# Runs that are killed: in the block, before the folder takes its place, and while files replace those of an older run
 KILLED = """
 import os, signal, sys
 from qclearn.cli import output
