@@ -21,7 +21,7 @@ BUDGET = {
     "qclearn/files": 1479,
     "qclearn/registration": 2831,
     "qclearn/group": 650,
-    "qclearn/nets": 2959,
+    "qclearn/nets": 2960,
     "qclearn/methods": 415,
     "qclearn/benchmark": 1246,
     "qclearn/pages": 2077,
