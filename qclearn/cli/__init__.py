@@ -8,7 +8,7 @@ from importlib.metadata import version
 
 import click
 
-from . import group, landmarks, registration, studies, surfaces
+from . import group, landmarks, registration, reports, studies, surfaces
 from .output import fail
 
 
@@ -40,6 +40,7 @@ for command in (
     registration.register,
     registration.demo,
     group.template,
+    reports.report,
     surfaces.open_command,
     surfaces.transfer,
     surfaces.synth,

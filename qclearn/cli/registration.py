@@ -60,6 +60,7 @@ MAPS = ("points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving
 @click.option("--hold-out", multiple=True, metavar="NAME", help="A curve that is measured and not fitted; repeatable.")
 @click.option("--sliding", is_flag=True, help="Let inner points slide along their target curves.")
 @click.option("--mirror", is_flag=True, help="Mirror the moving surface first (right onto left).")
+@click.option("--report", is_flag=True, help="Write report.html, too: one page to look at, without a network.")
 @click.option("--accept-suspect", is_flag=True, help="End with exit code 0 where the registration is suspect.")
 def register(moving, control, landmarks, out, mirror, accept_suspect, given, no_features, no_landmarks, **options):
     """Register MOVING to CONTROL by their folds and along landmark curves; writes a certified point-to-point map.
@@ -96,8 +97,9 @@ def register(moving, control, landmarks, out, mirror, accept_suspect, given, no_
 
 @click.command()
 @click.option("--out", default="qclearn-demo", show_default=True, help="Folder to write to.")
+@click.option("--report", is_flag=True, help="Write report.html, too: one page to look at, without a network.")
 @click.option("--accept-suspect", is_flag=True, help="End with exit code 0 where the registration is suspect.")
-def demo(out, accept_suspect):
+def demo(out, accept_suspect, report):
     """Register real cortex: fsaverage5's right hemisphere, mirrored, onto its left one along six named sulci.
 
     Five more take no part and are measured.
@@ -105,7 +107,8 @@ def demo(out, accept_suspect):
     landmarks = qc.demo_landmarks()
     hold_out = [curve["name"] for curve in landmarks["curves"][1::2]]
     moving, control = (read_hemisphere(f"fsaverage5:{side}").cut for side in ("right", "left"))
-    register_into(out, Pair(moving, control, mirrored=True), landmarks, accept_suspect, hold_out=hold_out)
+    pair = Pair(moving, control, mirrored=True)
+    register_into(out, pair, landmarks, accept_suspect, hold_out=hold_out, report=report)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,10 +170,12 @@ def feature_of(hemisphere, path):
 
 
 def register_into(out, pair, curves, accept_suspect, **options):
-    """Run the pipeline on a `Pair`, write its four files, print the report; exit code 3 if suspect."""
+    """Run the pipeline on a `Pair`, write its four files and with option `report` a page, print the report; exit code 3
+    if suspect."""
     from ..pages.plot import registration_figure
 
-    with output_folder(out) as folder:
+    paged = options.pop("report")
+    with output_folder(out, instead=["report.html"]) as folder:
         result = run_registration(*pair.disks, on_disks(curves, pair.given), progress=True, **options)
         registration_figure(result, *pair.disks).savefig(folder / "figure.png", dpi=150)
         write_registration(folder / "registration.npz", {name: getattr(result, name) for name in MAPS} | pair.arrays)
@@ -178,6 +183,10 @@ def register_into(out, pair, curves, accept_suspect, **options):
         report = result.report | origin(inputs, curves, click.get_current_context().obj)
         (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
         qc.write_surface(folder / "registered.surf.gii", result.surface, frame=pair.control.frame)
+        if paged:
+            from ..reports import write_pair
+
+            write_pair(folder, folder / "report.html")
     print_report(report, out)
     if report["suspect"]:
         fail("suspect: " + "; ".join(report["suspect"]), 0 if accept_suspect else 3)
