@@ -16,20 +16,20 @@ APART = [{"alpha", "beta", "gamma"}, {"z", "faces", "p", "q"}, {"z", "faces", "m
 DOORS = {name for package in LISTED for name in importlib.import_module(package).__all__}
 # The most lines that a room may have. Who raises a number says why in the commit; a new room brings one of its own.
 BUDGET = {
-    "qclearn/plane": 1889,
-    "qclearn/surfaces": 891,
-    "qclearn/files": 1479,
-    "qclearn/registration": 2833,
+    "qclearn/plane": 1891,
+    "qclearn/surfaces": 892,
+    "qclearn/files": 1904,
+    "qclearn/registration": 3115,
     "qclearn/group": 650,
-    "qclearn/nets": 2955,
+    "qclearn/nets": 2960,
     "qclearn/methods": 415,
-    "qclearn/benchmark": 1176,
-    "qclearn/pages": 2077,
-    "qclearn/reports": 1080,
-    "qclearn/cli, and what stands beside the rooms": 691,
+    "qclearn/benchmark": 1246,
+    "qclearn/pages": 2265,
+    "qclearn/cli, and what stands beside the rooms": 939,
     "data_synth": 2404,
     "tools": 3749,
-    "browser": 6248,
+    "browser": 6344,
+    "qclearn/reports": 1080,
 }
 
 

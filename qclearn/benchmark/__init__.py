@@ -10,6 +10,7 @@ TABLE = {
     "results": ["compare_fronts", "compare_runs", "median_pair", "methods_and_oracles", "noted", "summary"],
     "run": ["benchmark"],
     "runs": ["RUNS", "Run"],
+    "verdicts": ["FACTOR", "compared", "judge_all", "judge_bound", "judge_order", "judge_ratio", "judge_size", "side"],
     "yardstick": ["floors"],
 }
 

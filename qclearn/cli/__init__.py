@@ -8,7 +8,7 @@ from importlib.metadata import version
 
 import click
 
-from . import group, registration, reports, studies, surfaces
+from . import group, landmarks, registration, reports, studies, surfaces
 from .output import fail
 
 
@@ -36,6 +36,7 @@ def cli():
 
 
 for command in (
+    landmarks.landmarks,
     registration.register,
     registration.demo,
     group.template,

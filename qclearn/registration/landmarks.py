@@ -105,9 +105,13 @@ def fundus_path(
     LandmarkError where they coincide or are out of range."""
     check_path(surface, np.array([start, end]))
     graph = edge_graph(surface, fundus_metric(surface) if metric is None else metric)
-    previous = dijkstra(graph, directed=False, indices=int(start), return_predecessors=True)[1]
+    return walked(dijkstra(graph, directed=False, indices=int(start), return_predecessors=True)[1], end)
+
+
+def walked(previous, end):
+    """The vertices from the start of `dijkstra`'s tree of predecessors (V,) to `end`."""
     path = [int(end)]
-    while path[-1] != start:
+    while previous[path[-1]] >= 0:
         path.append(int(previous[path[-1]]))
     return np.array(path[::-1])
 

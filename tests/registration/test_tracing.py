@@ -1,0 +1,79 @@
+"""Curves put in order from sets of vertices: their ends, and what is no curve."""
+
+import numpy as np
+import pytest
+from known_surfaces import sheet
+
+from qclearn.files.fsaverage import fsaverage5, named_sulci
+from qclearn.registration.landmarks import fundus_metric, fundus_path
+from qclearn.registration.problem import LandmarkError
+from qclearn.registration.tracing import ordered, threaded
+
+N = 31
+
+
+@pytest.fixture(scope="module")
+def flat():
+    return sheet(N, 30.0, lambda x, y: 0.01 * x * y)[0]
+
+
+def grown(surface, vertices, times):
+    """The vertices and those at most so many edges away."""
+    near = np.isin(np.arange(len(surface.vertices)), vertices)
+    for _ in range(times):
+        near[surface.edges[near[surface.edges].any(1)].ravel()] = True
+    return np.flatnonzero(near)
+
+
+@pytest.mark.parametrize("hemisphere", ["left", "right"])
+def test_the_ends_of_fsaverage5s_shuffled_curves_are_found(hemisphere):
+    surface, rng = fsaverage5(hemisphere), np.random.default_rng(0)
+    metric = fundus_metric(surface)
+    sulci = named_sulci(hemisphere, surface.original_vertices)
+    assert len(sulci) == 11
+    for ends in sulci.values():
+        path = fundus_path(surface, *ends, metric)
+        found = ordered(surface, rng.permutation(path))
+        assert {int(found[0]), int(found[-1])} == set(ends) and np.isin(found, path).all()
+
+
+def test_a_drawn_line_may_be_thick_and_bent(flat):
+    corner = [*range(5 * N + 5, 5 * N + 26), *range(6 * N + 25, 26 * N + 25, N)]
+    path = ordered(flat, np.random.default_rng(1).permutation(grown(flat, corner, 1)))
+    ends = flat.vertices[path[[0, -1]]]
+    assert np.linalg.norm(ends - flat.vertices[[corner[0], corner[-1]]], axis=1).max() < 2 or (
+        np.linalg.norm(ends[::-1] - flat.vertices[[corner[0], corner[-1]]], axis=1).max() < 2
+    )
+    edges = {tuple(edge) for edge in flat.edges.tolist()}
+    assert all(tuple(sorted(pair)) in edges for pair in zip(path.tolist(), path[1:].tolist()))
+
+
+def row(first, last, at=15):
+    return [at * N + k for k in range(first, last)]
+
+
+RING = [k for k in range(N * N) if 9 < np.hypot(k % N - 15, k // N - 15) < 10.5]
+
+
+@pytest.mark.parametrize(
+    "vertices, message",
+    [
+        ([], "0 vertices on this surface"),
+        ([7, 7], "1 vertex on this surface"),
+        ([*row(2, 12), *row(14, 20)], r"in 2 pieces \(of 10, 6 vertices\)"),
+        ([k for k in range(N * N) if np.hypot(k % N - 15, k // N - 15) < 8], "no curve: its .* mm beside a path"),
+        ([k for at in range(10, 20) for k in row(2, 29, at)], "no curve"),  # three times as long as wide
+        ([*row(5, 26), *[at * N + 15 for at in range(16, 28)]], "no curve"),
+        (RING, "no curve"),
+    ],
+)
+def test_what_is_no_curve_is_refused(flat, vertices, message):
+    with pytest.raises(LandmarkError, match=message):
+        ordered(flat, np.array(vertices, int))
+
+
+def test_points_are_joined_in_their_order(flat):
+    stops = np.array([3, 3, 10 * N + 3, 10 * N + 20])
+    path = threaded(flat, stops)
+    assert path[0] == 3 and path[-1] == stops[-1] and stops[2] in path and (path[1:] != path[:-1]).all()
+    np.testing.assert_array_equal(threaded(flat, stops[:2]), [3, 3])

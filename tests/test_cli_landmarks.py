@@ -1,0 +1,194 @@
+"""`qclearn landmarks`: curves from labels, points and fsaverage5 become a landmarks file; bad ones a line."""
+
+import json
+import re
+
+import nibabel
+import numpy as np
+import pytest
+from test_cli import bowl, refused, run
+
+from qclearn.files.fsaverage import demo_landmarks, fsaverage5
+from qclearn.files.meshes import write_surface
+from qclearn.registration.landmarkfile import check_curves, read_landmarks
+from qclearn.registration.landmarks import fundus_metric, fundus_path
+from qclearn.surfaces.surface import Surface
+
+CRAS = np.array([5.0, -18.0, 7.0])
+HEADER = "name,side,order,x,y,z\n"
+
+
+def write_label(path, numbers):
+    rows = [f"{number} 0 0 0 0" for number in numbers]
+    path.write_text("\n".join(["#!ascii label", str(len(rows)), *rows]) + "\n")
+    return path
+
+
+def dented(surface, seed):
+    """The surface smoothly bent by up to 3 mm, its vertices renumbered, as another person's; and the new numbers."""
+    rng = np.random.default_rng(seed)
+    waves = np.sin(surface.vertices @ rng.normal(size=(3, 3)) * 0.05 + rng.uniform(0, 6, 3))
+    order = rng.permutation(len(surface.vertices))
+    number = np.argsort(order)
+    whole = surface.original_vertices[order]
+    return Surface((surface.vertices + 3 * waves)[order], number[surface.faces], original_vertices=whole), number
+
+
+@pytest.fixture(scope="module")
+def brains(tmp_path_factory):
+    """A folder with a bent and renumbered right hemisphere of fsaverage5 and its left one; the new numbers."""
+    folder = tmp_path_factory.mktemp("brains")
+    right, number = dented(fsaverage5("right"), 3)
+    write_surface(folder / "rh.npz", right)
+    write_surface(folder / "lh.npz", fsaverage5("left"))
+    return folder, number
+
+
+def true_paths():
+    """Name -> the fundus paths of fsaverage5's right and left hemisphere, which begin at the same end."""
+    surfaces = {"moving": fsaverage5("right"), "control": fsaverage5("left")}
+    metrics = {side: fundus_metric(surface) for side, surface in surfaces.items()}
+    return {
+        curve["name"]: {side: fundus_path(one, *curve[side], metrics[side]) for side, one in surfaces.items()}
+        for curve in demo_landmarks()["curves"]
+    }
+
+
+def test_labels_and_carried_curves_become_a_landmarks_file(brains, capsys):
+    """Shuffled labels in whole numbers keep their curves and pair the same ends; carried ones end near theirs."""
+    folder, number = brains
+    right, left, rng = fsaverage5("right"), fsaverage5("left"), np.random.default_rng(0)
+    words, paths = [], true_paths()
+    for k, (name, path) in enumerate(paths.items()):
+        here = write_label(folder / f"rh.{k}.label", rng.permutation(right.original_vertices[path["moving"]]))
+        there = write_label(folder / f"lh.{k}.label", rng.permutation(left.original_vertices[path["control"]]))
+        words += ["--label", f"my {name}", here, there]
+    out, surfaces = folder / "landmarks.json", (folder / "rh.npz", folder / "lh.npz")
+    run("landmarks", *surfaces, *words, "--carry", "fsaverage5", "--mirror", "--out", out)
+    contents, bent = read_landmarks(out), dented(right, 3)[0]
+    entries = {entry["name"]: entry for entry in check_curves(contents, bent, left)}
+    said, apart = capsys.readouterr().out, []
+    for name, path in paths.items():
+        mine, found = entries[f"my {name}"], entries[name]
+        ends = [int(number[path["moving"][k]]) for k in (0, -1)], [int(path["control"][k]) for k in (0, -1)]
+        pair = [mine[side][[0, -1]].tolist() for side in ("moving", "control")]
+        assert pair == [*ends] or pair == [end[::-1] for end in ends]
+        assert found["control"].tolist() == ends[1] and found["detect"] == {"moving": True, "control": True}
+        apart.append(np.linalg.norm(bent.vertices[found["moving"]] - bent.vertices[ends[0]], axis=1))
+        assert f"{name}: moving {contents['off_fundus_mm'][name]['moving']:.1f} mm from the fundus" in said
+        assert contents["off_fundus_mm"][name]["control"] is None
+    assert np.mean(apart) < 2 and np.max(apart) < 8
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder with two bowls in mm, one with a FreeSurfer header; labels and points."""
+    for name, height in (("lh.moving", 0.6), ("lh.control", 0.9)):
+        one = bowl(height)
+        frame = {
+            "head": np.array([2, 0, 20]),
+            "valid": "1",
+            "filename": "x",
+            "volume": [256] * 3,
+            "voxelsize": [1.0] * 3,
+        }
+        frame |= {"xras": [-1.0, 0, 0], "yras": [0, 0, -1.0], "zras": [0, 1.0, 0], "cras": CRAS}
+        nibabel.freesurfer.write_geometry(tmp_path / name, 30 * one.vertices, one.faces, volume_info=frame)
+    write_label(tmp_path / "east.label", [1, 49, 25, 73, 97])
+    write_label(tmp_path / "filled.label", range(100))
+    write_label(tmp_path / "pieces.label", [1, 25, 97, 121])
+    write_label(tmp_path / "far.label", [1, 999])
+    write_label(tmp_path / "rh.east.label", [1, 25, 49])
+    (tmp_path / "empty.label").write_text("#!ascii label\n0\n")
+    return tmp_path
+
+
+def rows(side, *points, shift=0):
+    """Lines of a csv file, points of a surface in 30 mm, moved by a shift."""
+    return "".join(
+        f"east,{side},{k},{','.join(map(str, point))}\n" for k, point in enumerate(np.array(points) * 30 + shift)
+    )
+
+
+def write_points(folder, shift=0.0):
+    z = {side: bowl(height).vertices[[1, 49, 97]] for side, height in (("moving", 0.6), ("control", 0.9))}
+    text = HEADER + "".join(rows(side, *points, shift=shift) for side, points in z.items())
+    (folder / "points.csv").write_text(text)
+
+
+@pytest.mark.parametrize("space, shift", [(None, 0), ("tkr", 0), ("scanner", CRAS)])
+def test_points_find_their_vertices_in_either_space(folder, space, shift, capsys):
+    write_points(folder, shift + 0.5)
+    words = ["--space", space] if space else []
+    run("landmarks", folder / "lh.moving", folder / "lh.control", "--points", folder / "points.csv", *words,
+        "--out", folder / "l.json")  # fmt: skip
+    (curve,) = json.loads((folder / "l.json").read_text())["curves"]
+    for side in ("moving", "control"):
+        assert curve[side][0] == 1 and curve[side][-1] == 97 and 49 in curve[side]
+    assert "moving: points 0.9 mm from the nearest vertices, at most 0.9" in capsys.readouterr().out
+
+
+def test_two_points_are_ends_and_begin_comes_first(folder):
+    ends = bowl(0.6).vertices[[1, 97]] * 30
+    words = {"End": ends[1], "begin": ends[0]}
+    lines = [
+        f"a;{side};{word};{';'.join(map(str, at))}" for side in ("moving", "control") for word, at in words.items()
+    ]
+    (folder / "points.csv").write_text("\ufeff" + HEADER.replace(",", ";") + "\n".join(lines))
+    run(
+        "landmarks",
+        folder / "lh.moving",
+        folder / "lh.moving",
+        "--points",
+        folder / "points.csv",
+        "--out",
+        folder / "l",
+    )
+    assert json.loads((folder / "l").read_text())["curves"] == [{"name": "a", "moving": [1, 97], "control": [1, 97]}]
+
+
+@pytest.mark.parametrize(
+    "words, message",
+    [
+        ([], "needs --label, --points or --carry"),
+        (["--space", "tkr", "--carry", "fsaverage5"], "--space belongs to --points"),
+        (["--label", "a", "filled.label", "east.label"], r"filled.label \(a\): no curve: its 100 vertices reach"),
+        (["--label", "a", "east.label", "empty.label"], r"empty.label \(a\): 0 vertices"),
+        (["--label", "a", "east.label", "pieces.label"], r"pieces.label \(a\): in 2 pieces"),
+        (["--label", "a", "far.label", "east.label"], "names vertex 999, and the surface has 193: .*npz"),
+        (["--label", "a", "rh.east.label", "east.label"], "of the right hemisphere by its name"),
+        (["--label", "a", "none.label", "east.label"], "none.label: cannot be read"),
+        (["--label", "a", "east.label", "east.label", "--mirror"], "leave out --mirror"),
+        (["--points", "lh.moving"], "not a text file"),
+        (["--points", "points.csv"], r"'east', moving side: the point .* mm from the surface; in scanner .* --space"),
+    ],
+)
+def test_bad_input_is_one_line(folder, capsys, words, message):
+    write_points(folder, CRAS)
+    words = [folder / word if word[-6:] in (".label", "ts.csv", "moving") else word for word in words]
+    line = refused(
+        capsys, folder, "landmarks", folder / "lh.moving", folder / "lh.control", *words, "--out", folder / "l.json"
+    )
+    assert re.search(message, line), line
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        ("name,side,x,y,z\n", "no column order"),
+        (HEADER + "a,left,1,0,0,0\n", "line 2: the side is 'left'; write moving or control"),
+        (HEADER + "a,moving,first,0,0,0\n", "line 2: order must be a number, begin or end"),
+        (HEADER + "a,moving,1,0,0,\n", "x, y, z numbers in mm"),
+        (HEADER + "a,moving,1,0,0,nan\n", "line 2: not a finite number"),
+        (HEADER + "a,moving,1,0,0,0\na,moving,1.0,0,0,0\n", "line 3: 'a' has this place twice on the moving side"),
+        (HEADER + "a,moving,1,0,0,0\na,moving,2,0,0,0\n", "'a' has fewer than two points on the control side"),
+        (HEADER, "holds no points"),
+    ],
+)
+def test_bad_tables_are_one_line(folder, capsys, text, message):
+    (folder / "points.csv").write_text(text)
+    line = refused(
+        capsys, folder, "landmarks", folder / "lh.moving", folder / "lh.control", "--points", folder / "points.csv",
+        "--out", folder / "l.json",
+    )  # fmt: skip
+    assert message in line
