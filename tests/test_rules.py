@@ -22,12 +22,12 @@ BUDGET = {
     "qclearn/registration": 2831,
     "qclearn/group": 650,
     "qclearn/nets": 2955,
-    "qclearn/methods": 415,
-    "qclearn/benchmark": 1176,
+    "qclearn/methods": 424,
+    "qclearn/benchmark": 1208,
     "qclearn/pages": 2077,
     "qclearn/cli, and what stands beside the rooms": 633,
     "data_synth": 2404,
-    "tools": 3749,
+    "tools": 3938,
     "browser": 6248,
 }
 

@@ -142,5 +142,28 @@ def summary(rows):
     return table
 
 
+SHARED = ("disk maps", "landmarks")  # stages that every chain begins with
+SOLVES = ("resampling", "DBS-Net", "exact solver")  # what makes a map of a coefficient
+
+
+def chain_seconds(rows):
+    """Seconds of the rows of sizes.json: "smallest", "middle" or "largest" -> chain -> stage -> seconds.
+
+    Each chain also has "whole", the sum of its stages, "map", those that it does not share with the others, and
+    "solve", those that make a map of a coefficient.
+    """
+    found = {}
+    for name, vertices in zip(("smallest", "middle", "largest"), sorted({row["vertices"] for row in rows})):
+        chains = found[name] = {}
+        for row in rows:
+            if row["vertices"] == vertices:
+                chains.setdefault(row["chain"], {})[row["stage"]] = row["seconds"]
+        for stages in chains.values():
+            solve = sum(seconds for stage, seconds in stages.items() if stage in SOLVES)
+            apart = sum(seconds for stage, seconds in stages.items() if stage not in SHARED)
+            stages |= {"whole": sum(stages.values()), "map": apart, "solve": solve}
+    return found
+
+
 def is_number(value):
     return isinstance(value, (int, float)) and not isinstance(value, bool)
