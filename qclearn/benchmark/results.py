@@ -165,5 +165,14 @@ def chain_seconds(rows):
     return found
 
 
+def saving(chains, part):
+    """What becomes of a saving of 90 % at one size of `chain_seconds`: words; part: "map" or "whole".
+
+    The networks' seconds over those of the harmonic map with nested dissection, at both weights, are at most a tenth.
+    """
+    kept = [chains["networks"][part] <= chains[f"harmonic {weight}, dissected"][part] / 10 for weight in ("0.1", "5")]
+    return "survives" if all(kept) else "survives at the larger weight alone" if kept[1] else "does not survive"
+
+
 def is_number(value):
     return isinstance(value, (int, float)) and not isinstance(value, bool)
