@@ -18,6 +18,7 @@ TABLE = {
     ],
     "run": ["benchmark"],
     "runs": ["RUNS", "Run"],
+    "verdicts": ["FACTOR", "compared", "judge_all", "judge_bound", "judge_order", "judge_ratio", "judge_size", "side"],
     "yardstick": ["floors"],
 }
 
