@@ -23,7 +23,7 @@ BUDGET = {
     "qclearn/group": 650,
     "qclearn/nets": 2955,
     "qclearn/methods": 424,
-    "qclearn/benchmark": 1217,
+    "qclearn/benchmark": 1300,
     "qclearn/pages": 2175,
     "qclearn/cli, and what stands beside the rooms": 633,
     "data_synth": 2404,

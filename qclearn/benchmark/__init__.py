@@ -14,6 +14,7 @@ TABLE = {
         "median_pair",
         "methods_and_oracles",
         "noted",
+        "saving",
         "summary",
     ],
     "run": ["benchmark"],

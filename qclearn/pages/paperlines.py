@@ -15,7 +15,7 @@ BOUNDS = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.
 VERDICTS = {
     *("right", "right, mended", "wrong as printed", "undecided", "overstated", "made", "made otherwise", "not made"),
     *("holds", "holds here", "does not hold here", "holds for one control", "a slip", "changes results"),
-    *("the saving survives", "the saving does not survive"),
+    *("the saving holds", "the saving does not hold"),
 }
 
 

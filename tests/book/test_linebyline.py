@@ -16,6 +16,7 @@ import references
 from prose import typed_results
 from references import COUNTED, OPTION, markdown_of
 
+from qclearn.benchmark import chain_seconds, saving
 from qclearn.pages import paper_lines, paper_table, paperlines
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -241,8 +242,10 @@ def by_hand(name):
         vertices = sorted({row["vertices"] for row in figures["rows"]})[
             ("smallest", "middle", "largest").index(keys[0])
         ]
-        stages = {"map": set(STAGES[keys[1]]) - {"disk maps", "landmarks"}, "whole": set(STAGES[keys[1]])}
-        stages = stages.get(keys[2], {"resampling", "DBS-Net", "exact solver"})
+        solve = {"resampling", "DBS-Net", "exact solver"}
+        comes = {"CP-Net", *solve} if keys[1] == "networks" else {"harmonic map", "correction"}
+        apart = set(STAGES[keys[1]]) - {"disk maps", "landmarks"}
+        stages = {"comes": comes, "map": apart, "whole": set(STAGES[keys[1]]), "solve": solve}[keys[2]]
         own = [row for row in figures["rows"] if (row["vertices"], row["chain"]) == (vertices, keys[1])]
         return sum(row["seconds"] for row in own if row["stage"] in stages)
     return reduce(lambda found, key: found[key], keys, figures)
@@ -271,3 +274,22 @@ def test_the_sweep_holds_every_stage_of_every_chain_at_every_size():
     found = {(row["vertices"], row["chain"], row["stage"]) for row in rows}
     assert found == {(size, chain, stage) for size in sizes for chain, own in STAGES.items() for stage in own}
     assert len(found) == len(rows)
+
+
+@pytest.mark.parametrize("file", ["README.md", "book/errata.md"])
+def test_what_is_left_of_the_saving_is_said_as_the_sweep_says_it(file):
+    rows = kept("sizes")["rows"]
+    largest, count = chain_seconds(rows)["largest"], max(row["vertices"] for row in rows)
+    comes, checked, whole = (saving(largest, part) for part in ("comes", "map", "whole"))
+    words = f"At {count:,} vertices the saving of the networks' map as it comes {comes}. "
+    words += f"Checked and corrected it {checked}, and for the whole chain it {whole}."
+    assert words in " ".join((ROOT / file).read_text(encoding="utf-8").split()), f"the sweep says so: {words}"
+
+
+@pytest.mark.parametrize(
+    "networks, words",
+    [(0.9, "holds"), (1.1, "holds at the larger weight alone"), (3.1, "does not hold")],
+)
+def test_seconds_decide_what_is_left_of_the_saving(networks, words):
+    seconds = {"networks": networks, "harmonic 0.1, dissected": 10.0, "harmonic 5, dissected": 30.0}
+    assert saving({chain: {"map": value} for chain, value in seconds.items()}, "map") == words
