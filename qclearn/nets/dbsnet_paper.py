@@ -1,4 +1,4 @@
-"""DBS-Net as printed: the square in place of the disk, a learnable Fourier layer, an inner and a boundary route."""
+"""The paper's DBS-Net, mended: the square in place of the disk, a Fourier layer, an inner and a boundary route."""
 
 from dataclasses import dataclass
 
@@ -23,7 +23,7 @@ FURTHEST = 0.95  # from 0 that f(0) is believed to be before the Möbius map tha
 
 @dataclass(frozen=True)
 class PaperDBSNetConfig:
-    """Sizes of the DBS-Net as printed, and the weights of its loss."""
+    """Sizes of the paper's DBS-Net, mended, and the weights of its loss."""
 
     preset: str = "paper"
     max_abs: tuple = (0.05, 0.6)  # of the coefficients it is trained on

@@ -40,9 +40,10 @@ RESULT = re.compile(
 # Words that say who is in front. "Agree to 1e-9", said of two computations of one thing, is no verdict.
 VERDICT = re.compile(
     r"\b(?:wins?|won|loses?|faster|fastest|slower|slowest|beats?|beaten|outperform\w*|cheaper|cheapest|dearer|ahead|"
-    r"in front|level with|(?:is|are) level|reproduces?|survives?|near enough|(?:nearly|almost) as \w+ as|at least as|"
-    r"(?:several|(?<!as )many|a few) (?:milli)?seconds|(?:a|its) (?:small )?fraction of (?:a second|its time|the time)|"
-    rf"agrees?(?! (?:\w+ ){{0,8}}to [{MASK}]))\b",
+    r"in front|level with|(?:is|are) level(?! (?:lines|sets))|reproduces?|survives?|near enough|at least as|"
+    r"(?:nearly|almost) as \w+ as|(?:several|(?<!as )many|a few) (?:milli)?seconds|"
+    r"(?:a|its) (?:small )?fraction of (?:a second|its time|the time)|"
+    rf"agrees?(?![^.;:]{{0,80}} (?:to|within|up to) (?:[{MASK}]|rounding)))\b",
     re.IGNORECASE,
 )
 COMPUTED = "\N{BLACK SQUARE}"

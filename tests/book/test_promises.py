@@ -72,7 +72,11 @@ def test_figures_are_named_after_their_own_page():
     assert {word: found for word, found in families.items() if len(found) > 1} == {}
 
 
-@pytest.mark.parametrize("claim", ["on another device", "FFT library is at hand", "one symbol, one meaning"])
+NOT_KEPT = ["on another device", "FFT library is at hand", "one symbol, one meaning"]
+NOT_PRINTED = ["network as printed", "networks as printed", "DBS-Net as printed", "printed network"]  # they are mended
+
+
+@pytest.mark.parametrize("claim", NOT_KEPT + NOT_PRINTED)
 def test_what_the_pages_do_not_keep_is_promised_nowhere(claim):
     found = [path.stem for path in pages(BOOK) if claim.lower() in prose(text_of(path)).lower()]
     assert found == []
