@@ -6,8 +6,11 @@ import tomllib
 from functools import cache, reduce
 from pathlib import Path
 
+import numpy as np
+
 from ..benchmark.measured import read_measured
-from ..benchmark.results import chain_seconds, summary
+from ..benchmark.results import chain_seconds, compare_runs, summary
+from ..benchmark.verdicts import judge_ratio
 from .cells import table
 
 KINDS = ("equation", "figure", "table", "contribution", "claim", "erratum")
@@ -16,15 +19,22 @@ VERDICTS = {
     *("right", "right, mended", "wrong as printed", "undecided", "overstated", "made", "made otherwise", "not made"),
     *("holds", "holds here", "does not hold here", "holds for one control", "a slip", "changes results"),
     *("the saving holds", "the saving does not hold"),
+    *("agrees", "agrees in direction only", "turned round", "not settled"),
 }
+
+
+@cache
+def cohort():
+    """The benchmark's rows on the cohort."""
+    return [row for row in read_measured("benchmark")["rows"] if row["set"] == "cohort"]
 
 
 @cache
 def figures_of(file):
     """The figures of a kept file, nested dicts: of "benchmark" the cohort's summary, of "sizes" seconds by chain."""
-    figures = read_measured(file)
     if file == "benchmark":
-        return summary([row for row in figures["rows"] if row["set"] == "cohort"])
+        return summary(cohort())
+    figures = read_measured(file)
     return chain_seconds(figures["rows"]) if file == "sizes" else figures
 
 
@@ -34,15 +44,27 @@ def kept_figure(name):
     return reduce(operator.getitem, keys, figures_of(file))
 
 
+def interval(one, other):
+    """(low, high) of the ratio of a figure's means of two runs over resampled subjects, as on the benchmark's page."""
+    (_, run, key), (_, base, _) = one.split("/"), other.split("/")
+    _, low, high = compare_runs(cohort(), run, base, key, np.random.default_rng(0))
+    return 1 + low / kept_figure(other), 1 + high / kept_figure(other)
+
+
 def decided(line):
-    """A line of the file with its verdict: where it names measured figures, `value` is the one, or the ratio of the
-    two, and the verdict is the first of two where the value meets `limit`."""
+    """A line of the file with its verdict. Where it names measured figures, `value` is the one, or the ratio of two.
+
+    The verdict is then the first of two where the value meets `limit`; with the limit "printed", that of `judge_ratio`.
+    """
     if "measured" not in line:
         return line
     value = reduce(operator.truediv, map(kept_figure, line["measured"]))
     sign, bound = line["limit"]
-    verdict = line["verdict"][0 if BOUNDS[sign](value, bound) else 1]
-    return line | {"value": value, "verdict": verdict, "rule": line["rule"].format(limit=f"{bound:g}")}
+    if sign == "printed":
+        verdict = judge_ratio(bound, value, *interval(*line["measured"]))
+    else:
+        verdict = line["verdict"][0 if BOUNDS[sign](value, bound) else 1]
+    return line | {"value": value, "verdict": verdict, "rule": line["rule"].format(limit=f"{bound:.3g}")}
 
 
 def paper_lines(path="paper.toml"):

@@ -142,7 +142,7 @@ def typed_number(kind, line):
     """A result that is typed where a kept file has to be named."""
     for field in ("rule", "changed", "compute"):
         text = (
-            re.sub(r"(?<=: )?(at (least|most)|below|above) [\d.]+", "", line[field])
+            re.sub(r"(at (least|most)|below|above|the printed) [\d.]+", "", line[field])
             if "measured" in line
             else line[field]
         )
