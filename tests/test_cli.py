@@ -15,12 +15,13 @@ from reports import REPORT
 
 from qclearn import read_values
 from qclearn.cli import main
-from qclearn.files.fsaverage import fsaverage5
+from qclearn.files.fsaverage import fsaverage5, whole_fsaverage5
 from qclearn.files.meshes import read_surface, write_surface
 from qclearn.plane.beltrami import solve_beltrami_disk
 from qclearn.plane.grids import polar_disk
 from qclearn.registration.landmarkfile import read_landmarks
 from qclearn.registration.landmarks import detect_curves
+from qclearn.registration.mapfile import frame_of_side, read_registration
 from qclearn.registration.problem import LandmarkError
 from qclearn.registration.register import register
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror, require_disk, require_outward
@@ -127,6 +128,23 @@ def test_the_demo_writes_four_files_that_belong_together(demo):
     assert maps["disk_control"].shape == (len(fsaverage5("left").vertices),) and maps["mu"].shape == (
         len(moving.faces),
     )
+
+
+def test_the_registration_alone_knows_both_surfaces_and_their_files(demo):
+    """With a mirrored moving surface: numbers, sides and faces of the whole one are those of its file."""
+    arrays = read_registration(demo / "registration.npz")
+    for side, name in (("moving", "right"), ("control", "left")):
+        surface, whole = fsaverage5(name), whole_fsaverage5(name)
+        expected = mirror(surface) if side == "moving" else surface
+        np.testing.assert_array_equal(arrays[f"vertices_{side}"], expected.vertices.astype(np.float32))
+        np.testing.assert_array_equal(arrays[f"table_{side}"], surface.original_vertices)
+        np.testing.assert_array_equal(arrays[f"whole_faces_{side}"], whole.faces)
+        frame = frame_of_side(arrays, side)
+        assert (frame.side, frame.kind, frame.count) == (name, "Pial", 10242)
+        numbers = np.where(side == "moving", arrays[f"faces_{side}"][:, ::-1], arrays[f"faces_{side}"])
+        kept = set(map(tuple, arrays[f"table_{side}"][numbers].tolist()))
+        assert kept < set(map(tuple, whole.faces.tolist()))
+    assert arrays["mirrored"]
 
 
 def test_maps_are_carried_over_on_real_cortex(demo, tmp_path):
@@ -244,9 +262,12 @@ def test_registration_without_landmarks(folder, capsys):
     z, _ = polar_disk(8, 24)
     np.save(folder / "sulc.npy", np.cos(6 * z.real + 1) + z.imag)
     surfaces = folder / "moving.npz", folder / "control.npz", "--out", folder / "out"
-    run("register", *surfaces, "--no-landmarks", "--feature", folder / "sulc.npy", folder / "sulc.npy")
-    report, output = json.loads((folder / "out" / "report.json").read_text()), capsys.readouterr().out
-    assert report["landmark_error"] is None and report["curves"] == [] and "landmark error" not in output
+    plain = folder / "moving.npz", folder / "plain.ply", "--out", folder / "out"
+    for pair in ((*surfaces, "--no-landmarks"), plain):  # named, or for want of curves
+        run("register", *pair, "--feature", folder / "sulc.npy", folder / "sulc.npy")
+        report, output = json.loads((folder / "out" / "report.json").read_text()), capsys.readouterr().out
+        assert report["landmark_error"] is None and report["curves"] == [] and "landmark error" not in output
+        assert re.search("^landmarks +none; registered by sulc.npy alone$", output, re.MULTILINE)
     assert {"figure.png", "report.json"} <= set(everything(folder / "out"))
     error = refused(capsys, folder, "register", *surfaces, "--no-landmarks", "--landmarks", folder / "landmarks.json")
     assert "exclude each other" in error
@@ -259,7 +280,7 @@ def test_registration_without_landmarks(folder, capsys):
     [
         (["--feature", "depth", "depth", "--no-features"], "--feature and --no-features exclude each other"),
         (["--delta", "0.3", "--no-features"], "--delta and --no-features exclude each other"),
-        (["--feature", "thick.npy", "thick.npy"], "thick.npy, moving side: shape"),
+        (["--feature", "thick.npy", "thick.npy"], "thick.npy: 5 values for 193 vertices"),
         (["--feature", "thick.npy", "absent.npy"], "absent.npy"),
         (["--feature", "depth", "depth", "--delta", "-1"], "delta = -1.0: must be finite"),
         (["--hold-out", "west"], "no curve is called 'west'"),
@@ -418,8 +439,9 @@ def test_bad_surfaces_are_one_line(folder, capsys):
         )
 
 
-def test_surfaces_without_shared_curves_need_landmarks(folder, capsys):
-    line = refused(capsys, folder, "register", folder / "moving.npz", folder / "plain.ply", "--out", folder / "out")
+def test_surfaces_without_shared_curves_need_landmarks_or_features(folder, capsys):
+    pair = folder / "moving.npz", folder / "plain.ply", "--out", folder / "out"
+    line = refused(capsys, folder, "register", *pair, "--no-features")
     assert "share no curve names" in line and "--landmarks" in line
 
 
@@ -603,7 +625,7 @@ def test_transfer_of_whole_numbers_wants_nearest_and_names_stay(registered, caps
     assert image.meta["AnatomicalStructurePrimary"] == "CortexRight"
 
 
-@pytest.mark.parametrize("name", ["o.csv", "o.annot", "o.dscalar.nii", "o.npz"])
+@pytest.mark.parametrize("name", ["o.csv", "lh.o.annot", "o.dscalar.nii", "o.npz"])
 def test_transfer_refuses_what_it_cannot_write(registered, capsys, name):
     folder, _ = registered
     line = refused(capsys, folder, *to_transfer(folder, "registration.npz", "map.txt", "moving", name))

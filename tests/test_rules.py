@@ -16,16 +16,16 @@ APART = [{"alpha", "beta", "gamma"}, {"z", "faces", "p", "q"}, {"z", "faces", "m
 DOORS = {name for package in LISTED for name in importlib.import_module(package).__all__}
 # The most lines that a room may have. Who raises a number says why in the commit; a new room brings one of its own.
 BUDGET = {
-    "qclearn/plane": 1889,
-    "qclearn/surfaces": 891,
-    "qclearn/files": 1485,
-    "qclearn/registration": 3032,
+    "qclearn/plane": 1891,
+    "qclearn/surfaces": 892,
+    "qclearn/files": 1904,
+    "qclearn/registration": 3115,
     "qclearn/group": 650,
     "qclearn/nets": 2955,
     "qclearn/methods": 415,
     "qclearn/benchmark": 1176,
     "qclearn/pages": 2265,
-    "qclearn/cli, and what stands beside the rooms": 791,
+    "qclearn/cli, and what stands beside the rooms": 891,
     "data_synth": 2404,
     "tools": 3749,
     "browser": 6344,

@@ -9,11 +9,12 @@ import numpy as np
 
 import qclearn as qc
 
+from ..files.frames import Frame
 from ..files.meshes import frame_of
 from ..files.safe import npz_arrays, read_bytes
 from ..group.members import TRAITS
 from ..registration.features import FOLDS
-from ..registration.mapfile import write_registration
+from ..registration.mapfile import side_arrays, write_registration
 from ..registration.problem import DELTA
 from .output import fail, output_folder, say
 
@@ -49,14 +50,16 @@ def template(subjects, out, mirror, folder, **options):
 
 def member_of(path, mirrored):
     """A subject with the TRAITS that its file says."""
-    surface, known = qc.read_surface(path), {"hemisphere": frame_of(path).side}
+    surface, frame = qc.read_surface(path), frame_of(path)
+    known = {"hemisphere": frame.side}
     if Path(path).suffix == ".npz":
         arrays = npz_arrays(read_bytes(Path(path)), lambda name: name in TRAITS)
         known |= {name: array.item() for name, array in arrays.items()}
     if mirrored:
         surface = qc.mirror(surface)
         known["hemisphere"] = {"left": "right", "right": "left"}.get(known["hemisphere"])
-    return SimpleNamespace(surface=surface, **{name: value for name, value in known.items() if value is not None})
+    known = {name: value for name, value in known.items() if value is not None}
+    return SimpleNamespace(surface=surface, frame=frame, mirrored=mirrored, **known)
 
 
 def write_template(folder, made, members):
@@ -68,7 +71,9 @@ def write_template(folder, made, members):
     for name, file in files.items():
         maps = {"disk_moving": made.disks[name], "disk_map": made.disk_maps[name], "disk_control": made.disk}
         faces = {"faces_moving": members[name].surface.faces, "faces_control": mean["faces"]}
-        write_registration(folder / file, maps | faces)
+        sides = side_arrays("moving", members[name].surface, members[name].frame)
+        sides |= side_arrays("control", made.surface, Frame()) | {"mirrored": np.array(members[name].mirrored)}
+        write_registration(folder / file, maps | faces | sides)
     (folder / "report.json").write_text(json.dumps(made.report | {"files": files}, indent=2) + "\n")
 
 

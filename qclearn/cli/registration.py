@@ -1,6 +1,8 @@
 """`qclearn register` and `demo`: a pair of surfaces to a folder with the map, the report and the figure."""
 
 import json
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import click
@@ -9,12 +11,13 @@ from click.core import ParameterSource
 
 import qclearn as qc
 
-from ..files.meshes import Frame, frame_of
+from ..files.hemisphere import Hemisphere, read_hemisphere, require_side
 from ..files.provenance import origin
+from ..files.values import read_map
 from ..registration.features import FOLDS, Feature, FeatureError
-from ..registration.landmarkfile import read_landmarks
+from ..registration.landmarkfile import on_disks, read_landmarks
 from ..registration.landmarks import curves_of_both
-from ..registration.mapfile import write_registration
+from ..registration.mapfile import side_arrays, write_registration
 from ..registration.problem import DELTA, Weights
 from ..registration.register import register as run_registration
 from .output import fail, output_folder
@@ -25,7 +28,9 @@ MAPS = ("points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving
 @click.command()
 @click.argument("moving")
 @click.argument("control")
-@click.option("--landmarks", help="JSON file of curves; without it, the curves that both npz surfaces carry.")
+@click.option("--cortex", metavar="FILE", help="lh.cortex.label of a whole MOVING, which is cut open by it.")
+@click.option("--control-cortex", metavar="FILE", help="The same of a whole CONTROL.")
+@click.option("--landmarks", help="JSON file of curves; without it, those that both npz surfaces carry, or none.")
 @click.option("--out", required=True, help="Folder for registration.npz, report.json, registered.surf.gii, figure.png.")
 @click.option(
     "--method",
@@ -57,7 +62,10 @@ MAPS = ("points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving
 @click.option("--mirror", is_flag=True, help="Mirror the moving surface first (right onto left).")
 @click.option("--accept-suspect", is_flag=True, help="End with exit code 0 where the registration is suspect.")
 def register(moving, control, landmarks, out, mirror, accept_suspect, given, no_features, no_landmarks, **options):
-    """Register MOVING to CONTROL along landmark curves; writes a certified point-to-point map.
+    """Register MOVING to CONTROL by their folds and along landmark curves; writes a certified point-to-point map.
+
+    Each is a surface file, or fsaverage5:left or fsaverage5:right. Landmarks and per-vertex files belong to the
+    surfaces as given: to a whole one, those of the whole one.
 
     \b
     Exit codes: 0  registered
@@ -79,12 +87,11 @@ def register(moving, control, landmarks, out, mirror, accept_suspect, given, no_
     """
     if no_landmarks and landmarks:
         raise qc.LandmarkError("--landmarks and --no-landmarks exclude each other; drop one")
-    features = given_features(given, no_features)
-    inputs = {side: (path, qc.read_surface(path)) for side, path in (("moving", moving), ("control", control))}
-    surfaces = [surface for _, surface in inputs.values()]
-    curves = read_landmarks(landmarks) if landmarks else [] if no_landmarks else shared_curves(*surfaces)
-    surfaces[0] = qc.mirror(surfaces[0]) if mirror else surfaces[0]
-    register_into(out, *surfaces, curves, inputs, accept_suspect, features=features, **options)
+    cortex = {side: options.pop(name) for side, name in (("moving", "cortex"), ("control", "control_cortex"))}
+    pair = Pair(read_hemisphere(moving, cortex["moving"]), read_hemisphere(control, cortex["control"]), mirror)
+    features = given_features(pair, given, no_features)
+    curves = read_landmarks(landmarks) if landmarks else [] if no_landmarks else shared_curves(pair, features)
+    register_into(out, pair, curves, accept_suspect, features=features, **options)
 
 
 @click.command()
@@ -95,22 +102,48 @@ def demo(out, accept_suspect):
 
     Five more take no part and are measured.
     """
-    right, left, landmarks = qc.fsaverage5("right"), qc.fsaverage5("left"), qc.demo_landmarks()
+    landmarks = qc.demo_landmarks()
     hold_out = [curve["name"] for curve in landmarks["curves"][1::2]]
-    inputs = {"moving": ("fsaverage5 right", right), "control": ("fsaverage5 left", left)}
-    register_into(out, qc.mirror(right), left, landmarks, inputs, accept_suspect, hold_out=hold_out)
+    moving, control = (read_hemisphere(f"fsaverage5:{side}").cut for side in ("right", "left"))
+    register_into(out, Pair(moving, control, mirrored=True), landmarks, accept_suspect, hold_out=hold_out)
 
 
-def given_features(files, none):
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """The two `Hemisphere`s of a call, and whether the moving one is mirrored."""
+
+    moving: Hemisphere
+    control: Hemisphere
+    mirrored: bool
+
+    @cached_property
+    def disks(self):
+        """The moving and the control surface as they are registered."""
+        return qc.mirror(self.moving.disk) if self.mirrored else self.moving.disk, self.control.disk
+
+    @property
+    def given(self):
+        """Side -> `Hemisphere`."""
+        return {"moving": self.moving, "control": self.control}
+
+    @property
+    def arrays(self):
+        """What registration.npz keeps of the surfaces."""
+        moving, control = self.disks
+        sides = side_arrays("moving", moving, self.moving.frame) | side_arrays("control", control, self.control.frame)
+        return sides | {"mirrored": np.array(self.mirrored)}
+
+
+def given_features(pair, files, none):
     """Features of the options --feature and --no-features; by default the folds."""
     delta = click.get_current_context().get_parameter_source("delta") is ParameterSource.COMMANDLINE
     for option, used in (("--feature", files), ("--delta", delta)):
         if used and none:
             raise FeatureError(f"{option} and --no-features exclude each other; drop one")
-    return None if none else [given_feature(*pair) for pair in files] or FOLDS
+    return None if none else [given_feature(pair, *names) for names in files] or FOLDS
 
 
-def given_feature(moving, control):
+def given_feature(pair, moving, control):
     """A `Feature` from two files, or a name of FOLDS given twice, with the weight behind the colon."""
     path, colon, weight = control.rpartition(":")
     try:
@@ -119,22 +152,32 @@ def given_feature(moving, control):
         weight = 1.0
     if moving == control and moving in FOLDS:
         return moving, weight
-    return Feature(Path(moving).name, qc.read_values(moving), qc.read_values(control)), weight
+    return Feature(Path(moving).name, feature_of(pair.moving, moving), feature_of(pair.control, control)), weight
 
 
-def register_into(out, moving, control, curves, inputs, accept_suspect, **options):
-    """Run the pipeline, write its four files, print the report; exit code 3 if suspect. inputs: as of `origin`."""
+def feature_of(hemisphere, path):
+    """The values of a file on the disk; FeatureError where one is not finite there."""
+    given = read_map(path)
+    require_side(path, given.side, hemisphere.frame.side, hemisphere.path)
+    values = hemisphere.numbering.on_disk(given.values, path)
+    if len(given.values) > len(values) and not np.isfinite(values).all():  # `register` would give the disk's numbers
+        bad = hemisphere.numbering.table[~np.isfinite(values.reshape(len(values), -1)).all(axis=1)]
+        raise FeatureError(f"{path}: not finite on the cortex at vertices {bad[:5].tolist()}; fill them in first")
+    return values
+
+
+def register_into(out, pair, curves, accept_suspect, **options):
+    """Run the pipeline on a `Pair`, write its four files, print the report; exit code 3 if suspect."""
     from ..pages.plot import registration_figure
 
     with output_folder(out) as folder:
-        result = run_registration(moving, control, curves, progress=True, **options)
-        registration_figure(result, moving, control).savefig(folder / "figure.png", dpi=150)
-        write_registration(folder / "registration.npz", {name: getattr(result, name) for name in MAPS})
+        result = run_registration(*pair.disks, on_disks(curves, pair.given), progress=True, **options)
+        registration_figure(result, *pair.disks).savefig(folder / "figure.png", dpi=150)
+        write_registration(folder / "registration.npz", {name: getattr(result, name) for name in MAPS} | pair.arrays)
+        inputs = {side: (one.path, one.given) for side, one in pair.given.items()}
         report = result.report | origin(inputs, curves, click.get_current_context().obj)
         (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
-        path = inputs["control"][0]  # its coordinates are the registered surface's; the demo's control is no file
-        frame = frame_of(path) if Path(path).is_file() else Frame("left")
-        qc.write_surface(folder / "registered.surf.gii", result.surface, frame=frame)
+        qc.write_surface(folder / "registered.surf.gii", result.surface, frame=pair.control.frame)
     print_report(report, out)
     if report["suspect"]:
         fail("suspect: " + "; ".join(report["suspect"]), 0 if accept_suspect else 3)
@@ -150,6 +193,8 @@ def print_report(report, out):
         before, after = report["landmark_error_before"], report["landmark_error"]
         disk = f"{after:.2e} in the disk ({before:.2e} after the best Möbius map)"
         line("landmark error", f"{disk}, {report['landmark_error_mm']:.2f} mm")
+    else:
+        line("landmarks", f"none; registered by {' and '.join(report['features'])} alone")
     if report["held_out_mm"]:
         before, after = np.mean(list(report["held_out_mm"].values()), axis=0)
         line("held out", f"{after:.2f} mm, mean of the curves ({before:.2f} after the best Möbius map)")
@@ -165,9 +210,9 @@ def print_report(report, out):
     line("written to", out)
 
 
-def shared_curves(moving, control):
-    """Landmarks from the curves that both surfaces carry under the same name."""
-    curves = curves_of_both(moving, control)
-    if not curves:
+def shared_curves(pair, features):
+    """Landmarks from the curves that both surfaces carry under the same name, or none, where there are features."""
+    curves = curves_of_both(pair.moving.disk, pair.control.disk)
+    if not curves and features is None:
         raise qc.LandmarkError("the surfaces share no curve names (curve_<name> in their npz files); give --landmarks")
     return {"curves": curves}

@@ -11,9 +11,10 @@ from tqdm import tqdm
 
 import qclearn as qc
 
+from ..files.hemisphere import frame_of_whole, require_side
 from ..files.meshes import frame_of
-from ..files.values import read_labels
-from ..registration.mapfile import read_registration
+from ..files.values import Map, read_map
+from ..registration.mapfile import frame_of_side, numbering_of_side, read_registration
 from ..registration.transfer import transfer as transfer_map
 from .output import say
 
@@ -33,13 +34,17 @@ def open_command(surface, mask, label, keep, reverse, hemisphere, out):
     closed = qc.read_surface(surface)
     closed = qc.Surface(closed.vertices, closed.faces[:, ::-1], closed.curves) if reverse else closed
     qc.require_outward(closed)
+    frame = frame_of(surface)
+    require_side(mask or label, frame_of(mask or label).side, hemisphere or frame.side, surface)
     mask = qc.read_mask(mask or label, closed, keep)
     opened, original = qc.open_surface(closed, mask)
-    frame = frame_of(surface)
-    qc.write_surface(out, opened, original_vertices=original, frame=replace(frame, side=hemisphere or frame.side))
+    frame = frame_of_whole(replace(frame, side=hemisphere or frame.side), closed)
+    qc.write_surface(out, opened, original_vertices=original, frame=frame)
     say(f"{out}: {len(opened.vertices)} of {len(closed.vertices)} vertices, boundary of {len(opened.boundary)}")
     if filled := int(mask[original].sum()):
         say(f"{filled} of the mask's {int(mask.sum())} vertices stay: holes away from the opening are filled")
+    if lost := int((~mask).sum() - (~mask)[original].sum()):
+        say(f"{lost} vertices outside the mask go: they lie apart from the largest piece, or on its rim alone")
 
 
 @click.command()
@@ -47,22 +52,63 @@ def open_command(surface, mask, label, keep, reverse, hemisphere, out):
 @click.argument("values")
 @click.option("--to", type=click.Choice(["moving", "control"]), required=True, help="Where the values are carried.")
 @click.option("--nearest", is_flag=True, help="Nearest corner's value, not interpolated; labels and .annot need it.")
-@click.option("--hemisphere", type=click.Choice(["left", "right"]), help="For GIFTI output whose name does not say it.")
-@click.option("--out", required=True, help="File to write: .npy, .txt, .gii, .mgh or a FreeSurfer morphometry name.")
-def transfer(registration, values, to, nearest, hemisphere, out):
-    """Carry a per-vertex map (VALUES) over to the other surface of a REGISTRATION (registration.npz)."""
-    maps = read_registration(registration)
-    z = {"moving": maps["disk_map"], "control": maps["disk_control"]}
+@click.option("--hemisphere", type=click.Choice(["left", "right"]), help="For GIFTI output, where nothing says it.")
+@click.option(
+    "--wall",
+    type=click.Choice(["0", "nan", "cut"]),
+    default="0",
+    show_default=True,
+    help="What stands on the medial wall of a whole surface; cut: the cut-open surface's values alone.",
+)
+@click.option(
+    "--out", required=True, help="File to write: .npy, .txt, .gii, .mgh, .annot or a FreeSurfer morphometry name."
+)
+def transfer(registration, values, to, nearest, hemisphere, wall, out):
+    """Carry a per-vertex map (VALUES) over to the other surface of a REGISTRATION (registration.npz).
+
+    VALUES may be of the whole surface or of the cut-open one. What comes out is of the whole one where the registration
+    knows it, with `cortex.shape.gii` beside it: 1 on the cortex, 0 on the medial wall.
+    """
+    arrays = read_registration(registration)
+    z = {"moving": arrays["disk_map"], "control": arrays["disk_control"]}
+    numberings = {side: numbering_of_side(arrays, side) for side in z}
+    sides = {side: frame_of_side(arrays, side).side for side in z}
     source = "control" if to == "moving" else "moving"
-    given = qc.read_values(values)
-    if given.dtype.kind in "biu" and not nearest:
+    given = read_map(values)
+    require_side(values, given.side, sides[source], f"the {source} surface")
+    if given.values.dtype.kind in "biu" and not nearest:
         raise ValueError(
             f"{values}: holds whole numbers, which interpolation would blend into others; add --nearest to carry "
             "them as labels, or save them with a decimal point (as floats) to interpolate"
         )
-    carried = transfer_map(given, z[source], maps[f"faces_{source}"], z[to], nearest)
-    qc.write_values(out, carried, side=hemisphere, labels=read_labels(values) if nearest else None)
+    here = numberings[source].on_disk(given.values, values)
+    carried = transfer_map(here, z[source], arrays[f"faces_{source}"], z[to], nearest)
+    carried = Map(carried, hemisphere or sides[to], given.labels if nearest else None, given.names)
+    write_carried(out, carried, numberings[to], wall)
     say(f"{out}: {len(z[to])} values on the {to} surface")
+
+
+def write_carried(out, carried, numbering, wall):
+    """Write a `Map` of a disk, in the whole surface's form where it is known, with the cortex beside it."""
+    beside, labels = Path(out).with_name("cortex.shape.gii"), carried.values.dtype.kind in "biu"
+    if wall == "nan" and (labels or not numbering.known):
+        reason = "labels are whole numbers" if labels else "the registration does not know the whole surface"
+        raise ValueError(f"--wall nan: {reason}; leave it out")
+    if wall == "cut" or not numbering.known:
+        return qc.write_values(out, *carried)
+    cortex = numbering.on_whole(np.ones(numbering.size, dtype=np.float32), 0)
+    require_same(out, beside, cortex)
+    fill = np.nan if wall == "nan" else -1 if -1 in (carried.labels or {}) else 0
+    qc.write_values(out, numbering.on_whole(carried.values, fill), *carried[1:])
+    qc.write_values(beside, cortex, carried.side, names=["cortex"])
+
+
+def require_same(out, beside, cortex):
+    """SurfaceError where the cortex cannot be written beside a file without replacing something else."""
+    if Path(out) == beside or (beside.exists() and not np.array_equal(qc.read_values(beside), cortex)):
+        raise qc.SurfaceError(
+            f"{beside}: would be replaced by the cortex of this surface; choose another folder or name"
+        )
 
 
 @click.command()

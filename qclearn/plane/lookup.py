@@ -80,7 +80,7 @@ class Lookup:
     @cached_property
     def _vertices(self):
         """The search tree of the vertices, and a face at each."""
-        at, face = np.unique(self.faces), np.empty(len(self.z), int)
+        at, face = np.flatnonzero(np.bincount(self.faces.ravel())), np.empty(len(self.z), int)
         face[self.faces.ravel()] = np.repeat(np.arange(len(self.faces)), 3)
         return scipy.spatial.cKDTree(pairs(self.z[at]), balanced_tree=False, compact_nodes=False), face[at]
 

@@ -44,6 +44,31 @@ def nesting(data):
     return int(opened.cumsum().max(initial=0))
 
 
+def on_disks(landmarks, hemispheres):
+    """A landmarks file's curves in the numbers of the cut-open surfaces, of those of the whole ones where such were
+    given. hemispheres: side -> `Hemisphere`. LandmarkError where a vertex lies on the medial wall."""
+    if not any(one.is_whole for one in hemispheres.values()):
+        return landmarks
+    given = (hemispheres[side].given for side in SIDES)
+    return {"curves": [_on_disks(entry, hemispheres) for entry in check_curves(landmarks, *given, fewest=0)]}
+
+
+def _on_disks(entry, hemispheres):
+    """A checked curve as an entry of a landmarks file, in the numbers of the cut-open surfaces."""
+    detect = all(entry["detect"][side] or len(entry[side]) > 2 for side in SIDES)
+    moved = {"name": entry["name"], "detect": detect, "hold_out": entry["hold_out"]}
+    for side in SIDES:
+        one, path = hemispheres[side], entry[side]
+        moved[side] = (one.numbering.places(path) if one.is_whole else path).tolist()
+        if min(moved[side]) < 0:
+            away = path[np.array(moved[side]) < 0][:5].tolist()
+            raise LandmarkError(
+                f"curve {entry['name']!r}, {side} side: vertices {away} lie on the medial wall, which is cut away; "
+                "give vertices of the cortex"
+            )
+    return moved
+
+
 def check_curves(curves, moving, control, fewest=1):
     """The landmarks file's curves, `fewest` at least, as dicts with arrays and `detect` per side, or LandmarkError."""
     if isinstance(curves, dict):

@@ -30,7 +30,7 @@ def origins(numbers, n_vertices):
         return None
     numbers = np.asarray(numbers)
     sound = numbers.shape == (n_vertices,) and np.issubdtype(numbers.dtype, np.integer)
-    if not sound or numbers.min() < 0 or len(np.unique(numbers)) < n_vertices:
+    if not sound or numbers.min() < 0 or (np.diff(np.sort(numbers)) == 0).any():
         raise SurfaceError(
             f"original_vertices must be {n_vertices} whole numbers, none negative and not one number twice, and not "
             f"{numbers.dtype} of shape {numbers.shape}; give the second result of open_surface, or leave them out"

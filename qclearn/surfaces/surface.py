@@ -69,7 +69,8 @@ class Surface:
         if not loops:
             raise SurfaceError(
                 "the surface is closed (no boundary), where a disk is needed; cut it open along the medial wall: "
-                "open_surface(surface, mask), or `qclearn open SURFACE --label FILE --out FILE`"
+                "open_surface(surface, mask), `qclearn open SURFACE --label FILE --out FILE`, or `qclearn register` "
+                "with --cortex FILE (--control-cortex FILE for the control)"
             )
         listed = [f"{len(loop)} vertices from vertex {loop[0]}" for loop in sorted(loops, key=len, reverse=True)]
         raise SurfaceError(

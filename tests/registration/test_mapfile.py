@@ -1,11 +1,24 @@
 """registration.npz comes back as it was written, and is refused where it is damaged."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from freesurfer import GEOMETRY
 
+from qclearn.files.frames import Frame
 from qclearn.plane.grids import polar_disk
-from qclearn.registration.mapfile import read_registration, write_registration
+from qclearn.registration.mapfile import (
+    frame_of_side,
+    numbering_of_side,
+    read_registration,
+    side_arrays,
+    write_registration,
+)
 from qclearn.surfaces.surface import SurfaceError
+
+TABLE = np.r_[0:10, 12:30]
+FRAME = Frame("right", "tkr", GEOMETRY, "Pial", 30, np.array([[0, 1, 29]]))
 
 
 @pytest.fixture
@@ -18,7 +31,22 @@ def arrays():
         "faces_control": faces,
         "points": np.zeros((len(z), 3)),
         "mu": np.zeros(len(faces), complex),
+        **side_arrays("moving", SimpleNamespace(vertices=np.ones((len(z), 3)), original_vertices=TABLE), FRAME),
+        "mirrored": np.array(True),
     }
+
+
+def test_it_keeps_what_the_files_said_and_one_of_format_1_is_still_read(tmp_path, arrays):
+    write_registration(tmp_path / "r.npz", arrays)
+    kept = read_registration(tmp_path / "r.npz")
+    assert frame_of_side(kept, "moving") == FRAME and kept["mirrored"]
+    assert numbering_of_side(kept, "moving").known and not numbering_of_side(kept, "control").known
+    np.testing.assert_array_equal(frame_of_side(kept, "moving").whole, FRAME.whole)
+    old = {name: arrays[name] for name in ("disk_map", "disk_control", "faces_moving", "faces_control")}
+    np.savez(tmp_path / "r.npz", **old, format_version=1)
+    with pytest.raises(SurfaceError, match="older version.*run `qclearn register` again"):
+        read_registration(tmp_path / "r.npz", surfaces=True)
+    assert frame_of_side(read_registration(tmp_path / "r.npz"), "moving") == Frame()
 
 
 def test_it_comes_back_with_or_without_a_checksum(tmp_path, arrays):
@@ -26,7 +54,7 @@ def test_it_comes_back_with_or_without_a_checksum(tmp_path, arrays):
     for write in (lambda: write_registration(path, arrays), lambda: np.savez(path, **arrays)):
         write()
         for name, array in read_registration(path).items():
-            np.testing.assert_array_equal(array, arrays.get(name, 1))  # 1: the format's version
+            np.testing.assert_array_equal(array, arrays.get(name, 2))  # 2: the format's version
 
 
 def folded(z):
@@ -48,12 +76,18 @@ def folded(z):
     ("points", lambda p: p[:-1], "points is float64 of shape"),
     ("points", lambda p: p + np.inf, "points is not finite"),
     ("mu", lambda m: m[:-2], "mu is complex128 of shape"),
-    ("format_version", lambda _: np.array(2), "newer version.*update"),
+    ("vertices_moving", lambda v: v[:-1], "vertices_moving is float32 of shape"),
+    ("table_moving", lambda t: 0 * t, "table_moving names a vertex twice"),
+    ("table_moving", lambda t: t + 2, "table_moving names vertex 31 of a surface of 30"),
+    ("whole_faces_moving", lambda f: f - 1, "whole_faces_moving are not of a surface of 30 vertices"),
+    ("about_moving", lambda _: np.array("{"), "about_moving: .* cannot be understood"),
+    ("about_moving", lambda t: np.array(str(t).replace("right", "up")), "about_moving: .* makes no sense"),
+    ("format_version", lambda _: np.array(3), "newer version.*update"),
 ])  # fmt: skip
 def test_what_is_wrong_is_named(tmp_path, arrays, name, change, message):
     """Without a checksum, as other programs may write it."""
-    if name != "points":
-        del arrays["points"]  # whose length would be found wrong first
+    for other in {"points", "vertices_moving", "table_moving"} - {name}:
+        del arrays[other]  # whose length would be found wrong first
     arrays[name] = change(arrays.get(name))
     np.savez(tmp_path / "r.npz", **arrays)
     with pytest.raises(SurfaceError, match=f"r.npz: .*{message}"):

@@ -1,0 +1,133 @@
+"""A hemisphere as commands take it: whole or cut open, a file or fsaverage5; and the numbers of both of its forms."""
+
+import re
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..surfaces.opening import open_surface
+from ..surfaces.surface import Surface, SurfaceError, require_outward
+from .frames import Frame
+from .fsaverage import fsaverage5, whole_fsaverage5
+from .meshes import frame_of, read_surface
+from .values import read_mask
+
+_NAMED = re.compile("fsaverage5:(left|right)")
+# A label of the cortex may lose so many of its vertices as other pieces, or gain as holes, for each that stays.
+LOOSE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Numbering:
+    """size: number of vertices of a disk; table (V,): their numbers in the whole surface it was cut out of; count: of
+    that surface's vertices. None where it was never cut, or nobody knows."""
+
+    size: int
+    table: np.ndarray | None = None
+    count: int | None = None
+
+    @property
+    def known(self):
+        """Whether both forms are known."""
+        return self.table is not None and self.count is not None
+
+    def on_disk(self, values, name):
+        """The disk's values (V, ...) of those of either form; SurfaceError, with the name, for another length."""
+        if len(values) == self.size:
+            return values
+        if self.known and len(values) == self.count:
+            return values[self.table]
+        whole = f", {self.count} before it was cut open" if self.known else " (the cut-open one, if it was cut)"
+        raise SurfaceError(
+            f"{name}: {len(values)} values for {self.size} vertices of the surface they come from{whole}; give the "
+            "file that belongs to this surface"
+        )
+
+    def on_whole(self, values, wall):
+        """The whole surface's values of the disk's (V, ...), with `wall` where it was cut away."""
+        whole = np.full((self.count, *values.shape[1:]), wall, dtype=values.dtype)
+        whole[self.table] = values
+        return whole
+
+    def places(self, numbers):
+        """The disk's vertices with these numbers in the whole surface, -1 where they were cut away."""
+        places = np.full(self.count, -1)
+        places[self.table] = np.arange(self.size)
+        return places[numbers]
+
+
+@dataclass(frozen=True, eq=False)
+class Hemisphere:
+    """path: as it was given; given: the surface of that name, whole or cut; disk: what is registered, with
+    `original_vertices` where they are known; frame: what its file says, with the whole surface's faces if known."""
+
+    path: str
+    given: Surface
+    disk: Surface
+    frame: Frame
+
+    @property
+    def numbering(self):
+        """The `Numbering` of the disk."""
+        return Numbering(len(self.disk.vertices), self.disk.original_vertices, self.frame.count)
+
+    @property
+    def is_whole(self):
+        """Whether it was given whole, so that what belongs to it has the whole one's numbers."""
+        return self.given is not self.disk
+
+    @property
+    def cut(self):
+        """The same given as the disk."""
+        return replace(self, given=self.disk)
+
+
+def read_hemisphere(path, cortex=None):
+    """The `Hemisphere` of a surface's file, or of the name fsaverage5:left or fsaverage5:right.
+
+    cortex: a file that names the vertices of a whole surface to keep (lh.cortex.label, thickness); SurfaceError where
+    it is in pieces or has holes, of a surface that is open, or of the other hemisphere.
+    """
+    if named := _NAMED.fullmatch(str(path)):
+        if cortex is not None:
+            raise SurfaceError(f"{cortex}: {path} is cut at its own medial wall; leave the label out")
+        whole, disk = (make(named[1], "pial") for make in (whole_fsaverage5, fsaverage5))
+        return Hemisphere(path, whole, disk, frame_of_whole(Frame(named[1], kind="Pial"), whole))
+    surface, frame = read_surface(path), frame_of(path)
+    if cortex is None:
+        return Hemisphere(path, surface, surface, frame)
+    if surface.boundary_loops:
+        raise SurfaceError(f"{cortex}: {path} is open already; leave the label out, or give the whole surface")
+    require_side(cortex, frame_of(cortex).side, frame.side, path)
+    return Hemisphere(path, surface, cut_out(surface, cortex), frame_of_whole(frame, surface))
+
+
+def cut_out(surface, cortex):
+    """The disk of a whole surface that a file says to keep; SurfaceError where it is not in one piece without holes."""
+    require_outward(surface)
+    wall = read_mask(cortex, surface, keep=True)
+    disk, table = open_surface(surface, wall)
+    lost, filled = (~wall).sum() - (~wall)[table].sum(), wall[table].sum()
+    advice = "repair the label, or cut with `qclearn open`, which"
+    if lost > LOOSE * len(table):
+        raise SurfaceError(
+            f"{cortex}: is in pieces: {lost} of its {(~wall).sum()} vertices lie apart; {advice} keeps "
+            "the largest alone"
+        )
+    if filled > LOOSE * len(table):
+        raise SurfaceError(f"{cortex}: has holes of {filled} vertices beside the medial wall; {advice} fills them")
+    return disk
+
+
+def frame_of_whole(frame, surface):
+    """The Frame of a disk that is cut out of a whole surface with this one."""
+    return replace(frame, count=len(surface.vertices), whole=surface.faces)
+
+
+def require_side(path, side, other, owner):
+    """SurfaceError where a file says that it is of one hemisphere, and the surface it is used for of the other."""
+    if side and other and side != other:
+        raise SurfaceError(
+            f"{path}: is of the {side} hemisphere, {owner} of the {other} one; give the {other} one's, or rename what "
+            "has a wrong name"
+        )
