@@ -25,7 +25,7 @@ BUDGET = {
     "qclearn/methods": 424,
     "qclearn/benchmark": 1290,
     "qclearn/pages": 2385,
-    "qclearn/cli, and what stands beside the rooms": 941,
+    "qclearn/cli, and what stands beside the rooms": 945,
     "data_synth": 2404,
     "tools": 3948,
     "browser": 6344,
