@@ -16,16 +16,16 @@ APART = [{"alpha", "beta", "gamma"}, {"z", "faces", "p", "q"}, {"z", "faces", "m
 DOORS = {name for package in LISTED for name in importlib.import_module(package).__all__}
 # The most lines that a room may have. Who raises a number says why in the commit; a new room brings one of its own.
 BUDGET = {
-    "qclearn/plane": 1889,
+    "qclearn/plane": 1895,
     "qclearn/surfaces": 891,
     "qclearn/files": 1479,
-    "qclearn/registration": 2831,
+    "qclearn/registration": 2872,
     "qclearn/group": 650,
     "qclearn/nets": 2955,
     "qclearn/methods": 415,
     "qclearn/benchmark": 1176,
-    "qclearn/pages": 2077,
-    "qclearn/cli, and what stands beside the rooms": 633,
+    "qclearn/pages": 2088,
+    "qclearn/cli, and what stands beside the rooms": 649,
     "data_synth": 2404,
     "tools": 3749,
     "browser": 6248,

@@ -1,6 +1,7 @@
 """`qclearn register` and `demo`: a pair of surfaces to a folder with the map, the report and the figure."""
 
 import json
+import time
 from pathlib import Path
 
 import click
@@ -16,6 +17,7 @@ from ..registration.landmarkfile import read_landmarks
 from ..registration.landmarks import curves_of_both
 from ..registration.mapfile import write_registration
 from ..registration.problem import DELTA, Weights
+from ..registration.register import Stages
 from ..registration.register import register as run_registration
 from .output import fail, output_folder
 
@@ -126,15 +128,21 @@ def register_into(out, moving, control, curves, inputs, accept_suspect, **option
     """Run the pipeline, write its four files, print the report; exit code 3 if suspect. inputs: as of `origin`."""
     from ..pages.plot import registration_figure
 
+    command, stages = click.get_current_context().obj, Stages(2, False)
+    read = time.perf_counter() - command.begun
     with output_folder(out) as folder:
         result = run_registration(moving, control, curves, progress=True, **options)
-        registration_figure(result, moving, control).savefig(folder / "figure.png", dpi=150)
-        write_registration(folder / "registration.npz", {name: getattr(result, name) for name in MAPS})
-        report = result.report | origin(inputs, curves, click.get_current_context().obj)
+        with stages("figure"):
+            registration_figure(result, moving, control).savefig(folder / "figure.png", dpi=150)
+        with stages("write"):
+            write_registration(folder / "registration.npz", {name: getattr(result, name) for name in MAPS})
+            path = inputs["control"][0]  # its coordinates are the registered surface's; the demo's control is no file
+            frame = frame_of(path) if Path(path).is_file() else Frame("left")
+            qc.write_surface(folder / "registered.surf.gii", result.surface, frame=frame)
+            report = result.report | origin(inputs, curves, command)
+        total = round(time.perf_counter() - command.begun, 4)
+        report["seconds"] = {"read": round(read, 4), **report["seconds"], **stages.seconds, "total": total}
         (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
-        path = inputs["control"][0]  # its coordinates are the registered surface's; the demo's control is no file
-        frame = frame_of(path) if Path(path).is_file() else Frame("left")
-        qc.write_surface(folder / "registered.surf.gii", result.surface, frame=frame)
     print_report(report, out)
     if report["suspect"]:
         fail("suspect: " + "; ".join(report["suspect"]), 0 if accept_suspect else 3)
