@@ -80,9 +80,11 @@ def landmark_levels(disk, rings):
     # At a tenth of gamma: the coarse mesh's own error moves the landmarks, and the full weight would bend nu after it.
     # On the tests' smooth problems that costs up to a step more there and ends up to 3 % higher in L_CP.
     yield Level(rings // 2, None, 5, share=0.1, rising=True)
-    if len(disk.z) > LARGE:  # where a step costs much more than on the polar mesh
-        yield Level(rings, None, 2, worth=WORTH)
-    yield Level(rings, None, 24, True, WORTH)
+    own = Level(rings, None, 24, True, WORTH)
+    if len(disk.z) > LARGE:
+        yield own._replace(own_mesh=False, stand=STAND)
+        own = own._replace(beyond=BEYOND)
+    yield own
 
 
 def few(steps, rings):
