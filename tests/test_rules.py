@@ -16,10 +16,10 @@ APART = [{"alpha", "beta", "gamma"}, {"z", "faces", "p", "q"}, {"z", "faces", "m
 DOORS = {name for package in LISTED for name in importlib.import_module(package).__all__}
 # The most lines that a room may have. Who raises a number says why in the commit; a new room brings one of its own.
 BUDGET = {
-    "qclearn/plane": 1895,
-    "qclearn/surfaces": 891,
+    "qclearn/plane": 1898,
+    "qclearn/surfaces": 903,
     "qclearn/files": 1479,
-    "qclearn/registration": 2872,
+    "qclearn/registration": 2874,
     "qclearn/group": 650,
     "qclearn/nets": 2955,
     "qclearn/methods": 415,
