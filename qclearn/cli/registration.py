@@ -1,6 +1,7 @@
 """`qclearn register` and `demo`: a pair of surfaces to a folder with the map, the report and the figure."""
 
 import json
+import time
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -19,6 +20,7 @@ from ..registration.landmarkfile import on_disks, read_landmarks
 from ..registration.landmarks import curves_of_both
 from ..registration.mapfile import side_arrays, write_registration
 from ..registration.problem import DELTA, Weights
+from ..registration.register import Stages
 from ..registration.register import register as run_registration
 from .output import fail, output_folder
 
@@ -174,15 +176,21 @@ def register_into(out, pair, curves, accept_suspect, **options):
     if suspect."""
     from ..pages.plot import registration_figure
 
-    paged = options.pop("report")
+    command, stages, paged = click.get_current_context().obj, Stages(2, False), options.pop("report")
+    read = time.perf_counter() - command.begun
     with output_folder(out, instead=["report.html"]) as folder:
         result = run_registration(*pair.disks, on_disks(curves, pair.given), progress=True, **options)
-        registration_figure(result, *pair.disks).savefig(folder / "figure.png", dpi=150)
-        write_registration(folder / "registration.npz", {name: getattr(result, name) for name in MAPS} | pair.arrays)
-        inputs = {side: (one.path, one.given) for side, one in pair.given.items()}
-        report = result.report | origin(inputs, curves, click.get_current_context().obj)
+        with stages("figure"):
+            registration_figure(result, *pair.disks).savefig(folder / "figure.png", dpi=150)
+        with stages("write"):
+            maps = {name: getattr(result, name) for name in MAPS}
+            write_registration(folder / "registration.npz", maps | pair.arrays)
+            qc.write_surface(folder / "registered.surf.gii", result.surface, frame=pair.control.frame)
+            inputs = {side: (one.path, one.given) for side, one in pair.given.items()}
+            report = result.report | origin(inputs, curves, command)
+        total = round(time.perf_counter() - command.begun, 4)
+        report["seconds"] = {"read": round(read, 4), **report["seconds"], **stages.seconds, "total": total}
         (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
-        qc.write_surface(folder / "registered.surf.gii", result.surface, frame=pair.control.frame)
         if paged:
             from ..reports import write_pair
 
