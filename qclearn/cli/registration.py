@@ -11,6 +11,7 @@ import qclearn as qc
 
 from ..files.meshes import Frame, frame_of
 from ..files.provenance import origin
+from ..files.values import read_regions
 from ..registration.features import FOLDS, Feature, FeatureError
 from ..registration.landmarkfile import read_landmarks
 from ..registration.landmarks import curves_of_both
@@ -53,10 +54,18 @@ MAPS = ("points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving
 @click.option("--no-features", is_flag=True, help="Landmarks alone, the paper's setting.")
 @click.option("--no-landmarks", is_flag=True, help="Features alone.")
 @click.option("--hold-out", multiple=True, metavar="NAME", help="A curve that is measured and not fitted; repeatable.")
+@click.option(
+    "--annot",
+    nargs=2,
+    metavar="MOVING CONTROL",
+    help="Annotations (.annot, .label.gii), compared by their regions' names; they take no part in the fit.",
+)
 @click.option("--sliding", is_flag=True, help="Let inner points slide along their target curves.")
 @click.option("--mirror", is_flag=True, help="Mirror the moving surface first (right onto left).")
 @click.option("--accept-suspect", is_flag=True, help="End with exit code 0 where the registration is suspect.")
-def register(moving, control, landmarks, out, mirror, accept_suspect, given, no_features, no_landmarks, **options):
+def register(
+    moving, control, landmarks, out, mirror, accept_suspect, given, annot, no_features, no_landmarks, **options
+):
     """Register MOVING to CONTROL along landmark curves; writes a certified point-to-point map.
 
     \b
@@ -66,8 +75,9 @@ def register(moving, control, landmarks, out, mirror, accept_suspect, given, no_
 
     \b
     A registration is suspect where
-      mirror:      the curves fit the mirrored moving surface much better: --mirror was forgotten
-      exchanged:   they fit much better with MOVING and CONTROL exchanged
+      mirror:      the curves, or with fewer than three the folds, fit the mirrored moving surface much better, or the
+                   files' names or metadata say that one is a left and the other a right: --mirror was forgotten
+      exchanged:   the curves fit much better with MOVING and CONTROL exchanged
       numbering:   they fit much better as vertex numbers of the whole surface, before `open` cut it
       reversed:    a curve fits much better run from its other end
       swapped:     curves fit much better with each other's names
@@ -76,6 +86,7 @@ def register(moving, control, landmarks, out, mirror, accept_suspect, given, no_
       rows:        the map folded, and was repaired at more than 0.5 % of the vertices
       distortion:  |mu| is over 0.9 on more than 1 % of the surface
       features:    those of the two sides hardly agree after the best Möbius map, or have opposite signs
+      worse:       a held-out curve or the annotations fit clearly worse than after the best Möbius map
     """
     if no_landmarks and landmarks:
         raise qc.LandmarkError("--landmarks and --no-landmarks exclude each other; drop one")
@@ -84,7 +95,9 @@ def register(moving, control, landmarks, out, mirror, accept_suspect, given, no_
     surfaces = [surface for _, surface in inputs.values()]
     curves = read_landmarks(landmarks) if landmarks else [] if no_landmarks else shared_curves(*surfaces)
     surfaces[0] = qc.mirror(surfaces[0]) if mirror else surfaces[0]
-    register_into(out, *surfaces, curves, inputs, accept_suspect, features=features, **options)
+    options["annotations"] = [read_regions(path) for path in annot] if annot else None
+    wrong = other_hand(moving, control, mirror)
+    register_into(out, *surfaces, curves, inputs, accept_suspect, wrong, features=features, **options)
 
 
 @click.command()
@@ -122,15 +135,28 @@ def given_feature(moving, control):
     return Feature(Path(moving).name, qc.read_values(moving), qc.read_values(control)), weight
 
 
-def register_into(out, moving, control, curves, inputs, accept_suspect, **options):
-    """Run the pipeline, write its four files, print the report; exit code 3 if suspect. inputs: as of `origin`."""
+def other_hand(moving, control, mirror):
+    """`mirror:` where the files of both sides say their hemisphere and --mirror does not go with that, list."""
+    sides = [frame_of(path).side for path in (moving, control)]
+    if None in sides or (sides[0] != sides[1]) == mirror:
+        return []
+    found = f"{moving} is a {sides[0]} and {control} a {sides[1]} hemisphere by their names or metadata"
+    return [
+        f"mirror: {found}; {'leave --mirror out' if mirror else 'give --mirror'}, or name the files for what they hold"
+    ]
+
+
+def register_into(out, moving, control, curves, inputs, accept_suspect, wrong=(), **options):
+    """Run the pipeline, write its four files, print the report; exit code 3 if suspect. inputs: as of `origin`; wrong:
+    the reason of `other_hand`, which takes the place of what the fit has to say of that."""
     from ..pages.plot import registration_figure
 
     with output_folder(out) as folder:
         result = run_registration(moving, control, curves, progress=True, **options)
         registration_figure(result, moving, control).savefig(folder / "figure.png", dpi=150)
         write_registration(folder / "registration.npz", {name: getattr(result, name) for name in MAPS})
-        report = result.report | origin(inputs, curves, click.get_current_context().obj)
+        words = [word for word in result.report["suspect"] if not (wrong and word.startswith("mirror:"))]
+        report = result.report | {"suspect": [*wrong, *words]} | origin(inputs, curves, click.get_current_context().obj)
         (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
         path = inputs["control"][0]  # its coordinates are the registered surface's; the demo's control is no file
         frame = frame_of(path) if Path(path).is_file() else Frame("left")
@@ -153,6 +179,9 @@ def print_report(report, out):
     if report["held_out_mm"]:
         before, after = np.mean(list(report["held_out_mm"].values()), axis=0)
         line("held out", f"{after:.2f} mm, mean of the curves ({before:.2f} after the best Möbius map)")
+    if report["dice"]:
+        before, after = report["dice"]["before"], report["dice"]["after"]
+        line("Dice", f"{after:.3f} of the annotations ({before:.3f} after the best Möbius map)")
     for name, (before, after) in report["r"].items():
         line(f"r({name})", f"{after:.3f} ({before:.3f} after the best Möbius map)")
     mean, deviation, most = (report[f"{word}_abs_mu"] for word in ("mean", "sd", "max"))

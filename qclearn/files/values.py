@@ -107,6 +107,16 @@ def read_labels(path):
         return {-1: ("???", (1.0, 1.0, 1.0, 0.0))} | known
 
 
+def read_regions(path):
+    """The name of each vertex's region (V,), "" for none, of a .label.gii of one map or an .annot; SurfaceError for
+    others."""
+    labels, keys = read_labels(path), read_values(path)
+    if not labels or keys.ndim != 1 or keys.dtype.kind not in "iu":
+        raise SurfaceError(f"{path}: names no regions; give a .label.gii of one map, or an .annot")
+    known, places = np.unique(keys, return_inverse=True)
+    return np.array([labels.get(key, ("",))[0] for key in known.tolist()], dtype=np.str_)[places]
+
+
 def write_values(path: str | Path, values: Values, side: str | None = None, labels: dict | None = None) -> None:
     """Write values (V,) or (V, k) in the format of the path's suffix, as `read_values` reads them; whole or not at all.
 
