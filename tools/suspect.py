@@ -74,6 +74,7 @@ VALUES = {
     "decisive": "decisive",
     "worse": "worse",
     "worse_mm": "worse_mm",
+    "worse_curve_mm": "worse_curve_mm",
     "worse_dice": "worse_dice",
 }
 
@@ -181,8 +182,8 @@ def outcome(result, moving):
         }
     if report["held_out_mm"]:
         before, after = np.transpose(list(report["held_out_mm"].values()))
-        case |= {"held_out_mm": report["held_out_mm"], "worse_mm": float((after - before).max())}
-        case["worse"] = float((after / before).max() - 1)
+        case |= {"held_out_mm": report["held_out_mm"], "worse": float(after.mean() / before.mean() - 1)}
+        case |= {"worse_mm": float((after - before).mean()), "worse_curve_mm": float((after - before).max())}
     if report["dice"]:
         overlap = [report["dice"][when] for when in ("before", "after")]
         case |= {"dice": overlap, "worse_dice": 1 - overlap[1] / overlap[0]}

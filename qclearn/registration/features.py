@@ -9,7 +9,7 @@ import numpy as np
 from scipy import sparse
 
 from ..plane.linear import factorise
-from ..plane.mobius import compose_mobius, mobius, mobius_fields
+from ..plane.mobius import centring_mobius, compose_mobius, mobius, mobius_fields
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import SurfaceError
 from .problem import is_finite
@@ -152,12 +152,17 @@ def mobius_by_features(features, z, near=False):
     return min(refined, key=match.misfit)
 
 
+def laid_by_features(features, z):
+    """The Möbius map (V,) of a moving disk z (V,) after which the features match best, wherever z was laid before."""
+    z = mobius(z, centring_mobius(z, features.areas))
+    return mobius(z, *mobius_by_features(features, z))
+
+
 def mirrored_gain(moving, control):
     """Gain of the features' mean correlation at SCALE if a moving `Side`, laid upon the control's or a group's mean by
     the Möbius map that suits them best, is mirrored and laid upon it anew: positive where it is of the other hand."""
     features, laid = Features(moving, control), moving.disk.z
-    z = laid.conj()
-    other = mobius(z, *mobius_by_features(features, z))
+    other = laid_by_features(features, laid.conj())
     return float((features.correlation(other, SCALE) - features.correlation(laid, SCALE)).mean())
 
 
@@ -179,7 +184,8 @@ class Match:
     def misfits(self, many):
         """The same (B,) after each of B maps, looked up in one go."""
         a, theta = (np.array(part)[:, None] for part in zip(*many))
-        there = self.image.at(self.lookup(mobius(self.z, a, theta).ravel())).reshape(len(a), *self.here.shape)
+        places = self.lookup(mobius(np.tile(self.z, (len(a), 1)), a, theta).ravel())
+        there = self.image.at(places).reshape(len(a), *self.here.shape)
         return ((self.shares * (self.here - there)) ** 2).sum((1, 2))
 
     def refined(self, parameters):

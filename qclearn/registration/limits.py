@@ -14,8 +14,9 @@ LIMITS = {
     "surface_given": 0.33,  # misfit as given over that length, other surfaces or numbers; 0.013 to 0.28 | 0.55 to 3.0
     "hand": 0.1,  # gain of the folds' correlation if the moving side is mirrored, fewer than three curves
     "decisive": 0.1,  # that correlation over the one after a quarter or half turn more, where folds judge curves
-    "worse": 0.1,  # rise of a held-out curve's distance over that after the best Möbius map, together with the next
-    "worse_mm": 1.0,  # the same in mm
+    "worse": 0.1,  # rise of the held-out curves' distance, of that after the best Möbius map; together with the next
+    "worse_mm": 0.5,  # the same in mm, mean of the curves
+    "worse_curve_mm": 5.0,  # the same of one curve
     "worse_dice": 0.05,  # loss of the annotations' Dice, of that after the best Möbius map
 }
 ROUNDING = 1e-9  # in the disk: a misfit of this size is none

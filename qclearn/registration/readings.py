@@ -10,8 +10,9 @@ from itertools import combinations
 
 import numpy as np
 
-from ..plane.mobius import centring_mobius, mobius, mobius_misfits
-from .features import FOLDS, SCALE, FeatureError, check_features, featured, mirrored_gain, mobius_by_features
+from ..plane.mobius import mobius_misfits
+from ..surfaces.surface import SurfaceError
+from .features import FOLDS, SCALE, check_features, featured, laid_by_features, mirrored_gain
 from .limits import LIMITS, ROUNDING
 
 FEWEST = 3  # curves: with fewer, a Möbius map takes wrong ends to wrong ends as well as right ones to right ones
@@ -52,12 +53,10 @@ def laid_by_folds(sides):
         return sides
     try:
         sides = with_folds(sides)
-    except FeatureError:  # a surface without folds
+    except SurfaceError:  # a surface without folds
         return None
-    features, disk = sides.features, sides.moving.disk
-    z = mobius(disk.z, centring_mobius(disk.z, features.areas))  # before wrong landmarks pulled it aside
-    z = mobius(z, *mobius_by_features(features, z))
-    return replace(sides, moving=replace(sides.moving, disk=disk.at(z)))
+    disk = sides.moving.disk
+    return replace(sides, moving=replace(sides.moving, disk=disk.at(laid_by_features(sides.features, disk.z))))
 
 
 def with_folds(sides):

@@ -79,18 +79,16 @@ def strong_distortion(moving, mu):
 
 
 def worse(held_out_mm, dice):
-    """`worse:` where held-out curves, or the annotations' `Dice`, fit clearly worse than after the best Möbius map."""
-    rise = 1 + LIMITS["worse"]
-    curves = [
-        f"{name!r} {after:.1f} mm ({before:.1f} after the best Möbius map)"
-        for name, (before, after) in held_out_mm.items()
-        if after > rise * before and after - before > LIMITS["worse_mm"]
-    ]
-    found = [f"held-out {', '.join(curves)}"] * bool(curves)
+    """`worse:` where held-out curves, or annotations by their `dice`, fit clearly worse than after the Möbius map."""
+    rise, found = 1 + LIMITS["worse"], []
+    before, after = np.mean(list(held_out_mm.values()), axis=0) if held_out_mm else (0.0, 0.0)
+    if after > rise * before and after - before > LIMITS["worse_mm"]:
+        found.append(f"the held-out curves end {after:.1f} mm from their targets on average ({before:.1f}")
+    for name, (before, after) in held_out_mm.items():
+        if after > rise * before and after - before > LIMITS["worse_curve_mm"]:
+            found.append(f"{name!r} ends {after:.1f} mm from its target ({before:.1f}")
     if dice and dice["after"] < (1 - LIMITS["worse_dice"]) * dice["before"]:
-        found.append(f"Dice of the annotations {dice['after']:.2f} ({dice['before']:.2f} after the best Möbius map)")
+        found.append(f"the annotations' Dice is {dice['after']:.2f} ({dice['before']:.2f}")
     if found:
-        yield (
-            f"worse: {' and '.join(found)}: the map leads away from what took no part in it; check that it is right, "
-            "lower delta, or give a landmark curve there"
-        )
+        found = ", and ".join(f"{one} after the best Möbius map)" for one in found)
+        yield f"worse: {found}; check what was fitted, lower delta or gamma, or give a landmark curve there"
