@@ -104,8 +104,8 @@ def round_bowls():
 
 def test_surfaces_of_revolution_judge_no_curve(round_bowls):
     laid = laid_by_folds(laid_upon(round_bowls))
-    assert decisive(laid) < 0.01 < LIMITS["decisive"]
-    assert abs(mirrored_gain(laid.moving, laid.control)) < 0.01 and mistakes(laid_upon(round_bowls)) == []
+    assert decisive(laid) < LIMITS["decisive"]
+    assert abs(mirrored_gain(laid.moving, laid.control)) < LIMITS["hand"] and mistakes(laid_upon(round_bowls)) == []
 
 
 def test_flat_surfaces_judge_no_curve(round_bowls):
