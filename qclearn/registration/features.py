@@ -11,7 +11,7 @@ from scipy import sparse
 
 from ..plane.grids import thinned
 from ..plane.linear import LARGE, factorise
-from ..plane.mobius import compose_mobius, mobius, mobius_fields
+from ..plane.mobius import centring_mobius, compose_mobius, mobius, mobius_fields
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import SurfaceError
 from .problem import is_finite
@@ -169,9 +169,23 @@ def mobius_by_features(features, z, near=False):
         return match.refined((0j, 0.0))
     centres = [0j, *np.multiply.outer(RADII, np.exp(2j * np.pi * np.arange(DIRECTIONS) / DIRECTIONS)).ravel()]
     starts = [(a, turn) for a in centres for turn in 2 * np.pi * np.arange(TURNS) / TURNS]
-    found = [*map(Match(features, z, some[:SCOUTS]).misfit, starts)]
+    found = Match(features, z, some[:SCOUTS]).misfits(starts)
     refined = [match.refined(starts[k]) for k in np.argsort(found, kind="stable")[:BEST]]
     return min(refined, key=match.misfit)
+
+
+def laid_by_features(features, z):
+    """The Möbius map (V,) of a moving disk z (V,) after which the features match best, wherever z was laid before."""
+    z = mobius(z, centring_mobius(z, features.areas))
+    return mobius(z, *mobius_by_features(features, z))
+
+
+def mirrored_gain(moving, control):
+    """Gain of the features' mean correlation at SCALE if a moving `Side`, laid upon the control's or a group's mean by
+    the Möbius map that suits them best, is mirrored and laid upon it anew: positive where it is of the other hand."""
+    features, laid = Features(moving, control), moving.disk.z
+    other = laid_by_features(features, laid.conj())
+    return float((features.correlation(other, SCALE) - features.correlation(laid, SCALE)).mean())
 
 
 class Match:
@@ -187,7 +201,14 @@ class Match:
 
     def misfit(self, parameters):
         """Mean square of the difference after the Möbius map (a, theta)."""
-        return (self.residual(self.lookup(mobius(self.z, *parameters))) ** 2).sum()
+        return self.misfits([parameters])[0]
+
+    def misfits(self, many):
+        """The same (B,) after each of B maps, looked up in one go."""
+        a, theta = (np.array(part)[:, None] for part in zip(*many))
+        places = self.lookup(mobius(np.tile(self.z, (len(a), 1)), a, theta).ravel())
+        there = self.image.at(places).reshape(len(a), *self.here.shape)
+        return ((self.shares * (self.here - there)) ** 2).sum((1, 2))
 
     def refined(self, parameters):
         """(a, theta) after damped Gauss-Newton steps from there, each a Möbius map after the last."""
