@@ -83,7 +83,7 @@ def paper_table(lines):
 
 def judged(line):
     """The rule, then the number, then the verdict."""
-    number = f" Here {line['value']:.3g}:" if "value" in line else ""
+    number = f" Measured {line['value']:.3g}:" if "value" in line else ""
     return f"{line['rule']}{number} **{line['verdict']}**"
 
 
