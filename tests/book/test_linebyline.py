@@ -301,3 +301,16 @@ def test_what_is_left_of_the_saving_is_said_as_the_sweep_says_it(file):
 def test_seconds_decide_what_is_left_of_the_saving(networks, words):
     seconds = {"networks": networks, "harmonic 0.1, dissected": 10.0, "harmonic 5, dissected": 30.0}
     assert saving({chain: {"map": value} for chain, value in seconds.items()}, "map") == words
+
+
+@pytest.mark.parametrize(
+    "built, label, shown",
+    [
+        ("static", "eq-lbs-hats", "[lbs](#eq-lbs-hats)"),
+        ("static", "lem-eqn5", "{prf:ref}`lbs <lem-eqn5>`"),
+        ("", "lem-eqn5", "[lbs](lbs.ipynb)"),
+    ],
+)
+def test_links_are_those_that_the_site_and_a_notebook_follow(monkeypatch, built, label, shown):
+    monkeypatch.setenv("QCLEARN_PAGES", built)
+    assert paperlines.link("lbs", "lbs", label) == shown
