@@ -173,6 +173,16 @@ def test_scanner_and_freesurfer_coordinates_go_together(made, registered, tmp_pa
     np.testing.assert_allclose(ours, theirs, atol=1e-2)  # mm; float32 coordinates are rounded elsewhere
 
 
+def test_a_cut_gifti_knows_its_whole_surface_too(made, cut, tmp_path):
+    """But for its faces: `open` writes the numbers into the metadata."""
+    words = "--label", made / "rh.cortex.label", "--keep", "--out", tmp_path / "rh.pial.open.surf.gii"
+    run("open", made / "rh.pial", *words)
+    ours, theirs = (read_hemisphere(path) for path in (words[-1], cut / "rh.open.npz"))
+    np.testing.assert_array_equal(ours.disk.original_vertices, theirs.disk.original_vertices)
+    assert ours.numbering.known and ours.frame.count == 642 and ours.frame.whole is None
+    assert ours.frame.kind == theirs.frame.kind == "Pial" and len(theirs.frame.whole) == len(BALL.faces)
+
+
 def in_pieces(folder):
     """Two caps, without the ring between them."""
     label(folder / "lh.bad.label", np.flatnonzero(abs(qc.read_surface(folder / "lh.pial").vertices[:, 0]) > 10))
