@@ -16,18 +16,18 @@ APART = [{"alpha", "beta", "gamma"}, {"z", "faces", "p", "q"}, {"z", "faces", "m
 DOORS = {name for package in LISTED for name in importlib.import_module(package).__all__}
 # The most lines that a room may have. Who raises a number says why in the commit; a new room brings one of its own.
 BUDGET = {
-    "qclearn/plane": 1891,
-    "qclearn/surfaces": 892,
-    "qclearn/files": 1929,
-    "qclearn/registration": 3115,
-    "qclearn/group": 650,
+    "qclearn/plane": 1900,
+    "qclearn/surfaces": 904,
+    "qclearn/files": 1938,
+    "qclearn/registration": 3331,
+    "qclearn/group": 642,
     "qclearn/nets": 2960,
-    "qclearn/methods": 415,
-    "qclearn/benchmark": 1246,
-    "qclearn/pages": 2265,
-    "qclearn/cli, and what stands beside the rooms": 941,
+    "qclearn/methods": 424,
+    "qclearn/benchmark": 1290,
+    "qclearn/pages": 2396,
+    "qclearn/cli, and what stands beside the rooms": 987,
     "data_synth": 2404,
-    "tools": 3761,
+    "tools": 4035,
     "browser": 6344,
     "qclearn/reports": 1080,
 }

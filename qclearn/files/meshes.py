@@ -108,10 +108,9 @@ def write_surface(
 
     Coordinates keep float64; FreeSurfer, GIFTI and STL store float32, STL no vertex numbers. Only npz keeps the curves,
     only npz and GIFTI original_vertices, `open_surface`'s second result (default: the surface's own). surface: also a
-    named tuple such as `Registration.surface`. frame: `frame_of` the coordinates' file, which npz keeps whole, GIFTI and
-    FreeSurfer as far as they can; hemisphere and kind are else by the name. FreeSurfer's coordinates become the
-    scanner's in GIFTI, and FreeSurfer's again in its own format. SurfaceError: unknown format, or a folder not
-    writable.
+    named tuple such as `Registration.surface`. frame: `frame_of` the coordinates' file, which npz keeps whole, GIFTI
+    and FreeSurfer as far as they can; hemisphere and kind are else by the name. FreeSurfer's coordinates become the
+    scanner's in GIFTI, and its own again in its own format. SurfaceError: unknown format, or a folder not writable.
     """
     path, frame = Path(path), frame or Frame()
     suffix = suffix_of(path)

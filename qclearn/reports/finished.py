@@ -102,11 +102,10 @@ class Finished:
         weights = np.repeat(moving.surface.face_areas, 3)
         mu = np.bincount(faces.ravel(), weights * np.repeat(abs(self.arrays["mu"]), 3)) / (3 * here)
         curvature = moving.features.at(FINEST)[:, 0]
-        before, (after, *others) = (
-            carried(np.stack(values, axis=1), Disk(z, faces), control.disk.z).T
-            for values, z in (([curvature], moving.disk.z), ([curvature, mu, np.log2(ratio)], f))
-        )
-        return Maps(control.features.at(FINEST)[:, 0], before[0], after, *others)
+        before = carried(curvature[:, None], moving.disk, control.disk.z)[:, 0]
+        values = np.stack([curvature, mu, np.log2(ratio)], axis=1)
+        after, *others = carried(values, moving.disk.at(f), control.disk.z).T
+        return Maps(control.features.at(FINEST)[:, 0], before, after, *others)
 
 
 def carried(values, disk, z):

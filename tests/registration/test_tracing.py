@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from known_surfaces import sheet
 
-from qclearn.files.fsaverage import fsaverage5, named_sulci
-from qclearn.registration.landmarks import fundus_metric, fundus_path
 from qclearn.registration.problem import LandmarkError
 from qclearn.registration.tracing import ordered, threaded
 
@@ -23,18 +21,6 @@ def grown(surface, vertices, times):
     for _ in range(times):
         near[surface.edges[near[surface.edges].any(1)].ravel()] = True
     return np.flatnonzero(near)
-
-
-@pytest.mark.parametrize("hemisphere", ["left", "right"])
-def test_the_ends_of_fsaverage5s_shuffled_curves_are_found(hemisphere):
-    surface, rng = fsaverage5(hemisphere), np.random.default_rng(0)
-    metric = fundus_metric(surface)
-    sulci = named_sulci(hemisphere, surface.original_vertices)
-    assert len(sulci) == 11
-    for ends in sulci.values():
-        path = fundus_path(surface, *ends, metric)
-        found = ordered(surface, rng.permutation(path))
-        assert {int(found[0]), int(found[-1])} == set(ends) and np.isin(found, path).all()
 
 
 def test_a_drawn_line_may_be_thick_and_bent(flat):

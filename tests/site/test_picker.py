@@ -49,5 +49,4 @@ def test_landmarks_are_clicked_named_undone_and_saved(notebook):
     assert curve["name"] == "a sulcus" and [*map(str, curve["moving"])] == expected
     assert len(set(curve["control"])) == 2 and set(contents["surfaces"]) == {"moving", "control"}
     assert axe_findings(page, page.locator(".jp-OutputArea .widget-subarea, .jp-OutputArea-output").last) == []
-    page.screenshot(path="/tmp/lm/lab.png")
     assert notebook.complaints == []
