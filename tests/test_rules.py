@@ -25,7 +25,7 @@ BUDGET = {
     "qclearn/methods": 424,
     "qclearn/benchmark": 1290,
     "qclearn/pages": 2396,
-    "qclearn/cli, and what stands beside the rooms": 987,
+    "qclearn/cli, and what stands beside the rooms": 994,
     "data_synth": 2404,
     "tools": 4035,
     "browser": 6344,
