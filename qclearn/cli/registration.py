@@ -13,6 +13,7 @@ from click.core import ParameterSource
 import qclearn as qc
 
 from ..files.hemisphere import Hemisphere, read_hemisphere, require_side
+from ..files.meshes import frame_of
 from ..files.provenance import origin
 from ..files.values import read_map, read_regions
 from ..registration.features import FOLDS, Feature, FeatureError
@@ -104,7 +105,7 @@ def register(
     pair = Pair(read_hemisphere(moving, cortex["moving"]), read_hemisphere(control, cortex["control"]), mirror)
     features = given_features(pair, given, no_features)
     curves = read_landmarks(landmarks) if landmarks else [] if no_landmarks else shared_curves(pair, features)
-    options["annotations"] = [read_regions(path) for path in annot] if annot else None
+    options["annotations"] = [regions_of(*one) for one in zip(pair.given.values(), annot)] if annot else None
     register_into(out, pair, curves, accept_suspect, features=features, **options)
 
 
@@ -190,6 +191,12 @@ def feature_of(hemisphere, path):
         bad = hemisphere.numbering.table[~np.isfinite(values.reshape(len(values), -1)).all(axis=1)]
         raise FeatureError(f"{path}: not finite on the cortex at vertices {bad[:5].tolist()}; fill them in first")
     return values
+
+
+def regions_of(hemisphere, path):
+    """The names of regions (V,) of an annotation on the disk."""
+    require_side(path, frame_of(path).side, hemisphere.frame.side, hemisphere.path)
+    return hemisphere.numbering.on_disk(read_regions(path), path)
 
 
 def register_into(out, pair, curves, accept_suspect, **options):

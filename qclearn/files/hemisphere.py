@@ -30,7 +30,7 @@ class Numbering:
     @property
     def known(self):
         """Whether both forms are known."""
-        return self.table is not None and self.count is not None
+        return self.table is not None and self.count is not None and self.table.max() < self.count
 
     def on_disk(self, values, name):
         """The disk's values (V, ...) of those of either form; SurfaceError, with the name, for another length."""
