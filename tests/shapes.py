@@ -46,22 +46,37 @@ def admits(hint, value):
         return False
 
 
+def kind(value):
+    """All that an annotation can say of a value: type, kind of numbers and shape; of a tuple or list, of its items."""
+    if isinstance(value, tuple | list):
+        return type(value), tuple(map(kind, value))
+    if isinstance(value, Mapping):
+        return type(value), tuple((name, kind(item)) for name, item in value.items())
+    return type(value), getattr(value, "dtype", None), getattr(value, "shape", None)
+
+
 def held(function):
-    """The function with its arguments and its result held to its annotations."""
-    signature, hints = inspect.signature(function), get_type_hints(function)
+    """The function with its arguments and its result held to its annotations; each kind of call is judged once."""
+    signature, hints, right = inspect.signature(function), get_type_hints(function), set()
     result_hint = hints.pop("return", None)
 
     @wraps(function)
     def call(*args, **kwargs):
+        result = function(*args, **kwargs)
+        asked = kind((args, kwargs, result))
+        if asked not in right:
+            judge(args, kwargs, result)
+            right.add(asked)
+        return result
+
+    def judge(args, kwargs, result):
         with jaxtyped("context"):
             given = signature.bind(*args, **kwargs).arguments
             wrong = [name for name, value in given.items() if name in hints and not admits(hints[name], value)]
-            result = function(*args, **kwargs)
             if wrong:
                 raise ShapeError(f"{function.__qualname__} takes {', '.join(wrong)} that its annotations exclude")
             if result_hint is not None and not admits(result_hint, result):
                 raise ShapeError(f"{function.__qualname__} returns {result!r}, which is not {result_hint}")
-            return result
 
     return call
 

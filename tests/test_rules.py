@@ -16,19 +16,20 @@ APART = [{"alpha", "beta", "gamma"}, {"z", "faces", "p", "q"}, {"z", "faces", "m
 DOORS = {name for package in LISTED for name in importlib.import_module(package).__all__}
 # The most lines that a room may have. Who raises a number says why in the commit; a new room brings one of its own.
 BUDGET = {
-    "qclearn/plane": 1891,
-    "qclearn/surfaces": 892,
-    "qclearn/files": 1904,
-    "qclearn/registration": 3115,
-    "qclearn/group": 650,
-    "qclearn/nets": 2955,
-    "qclearn/methods": 415,
-    "qclearn/benchmark": 1176,
-    "qclearn/pages": 2266,
-    "qclearn/cli, and what stands beside the rooms": 892,
+    "qclearn/plane": 1900,
+    "qclearn/surfaces": 904,
+    "qclearn/files": 1916,
+    "qclearn/registration": 3331,
+    "qclearn/group": 642,
+    "qclearn/nets": 2960,
+    "qclearn/methods": 424,
+    "qclearn/benchmark": 1290,
+    "qclearn/pages": 2397,
+    "qclearn/cli, and what stands beside the rooms": 988,
     "data_synth": 2404,
-    "tools": 3749,
+    "tools": 4023,
     "browser": 6344,
+    "qclearn/reports": 1080,
 }
 
 
@@ -156,7 +157,8 @@ def totals():
     """Lines by room: of the packages, the tools, and the modules that run in a browser."""
     found = {}
     live = ROOT / "book" / "_assets" / "live"
-    for path in (*PATHS, *(ROOT / "tools").rglob("*.py"), *live.glob("*.js"), *live.glob("*.ts")):
+    looks = [path for kind in ("js", "css", "html") for path in (ROOT / "qclearn").rglob(f"reports/*.{kind}")]
+    for path in (*PATHS, *(ROOT / "tools").rglob("*.py"), *live.glob("*.js"), *live.glob("*.ts"), *looks):
         found[room_in_budget(path)] = found.get(room_in_budget(path), 0) + lines_of(path)
     return found
 

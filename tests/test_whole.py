@@ -174,6 +174,7 @@ def test_scanner_and_freesurfer_coordinates_go_together(made, registered, tmp_pa
 
 
 def in_pieces(folder):
+    """Two caps, without the ring between them."""
     label(folder / "lh.bad.label", np.flatnonzero(abs(qc.read_surface(folder / "lh.pial").vertices[:, 0]) > 10))
     return "lh.bad.label"
 
@@ -265,6 +266,21 @@ def test_fsaverage5_goes_by_its_name():
     np.testing.assert_array_equal(left.disk.vertices, qc.fsaverage5("left").vertices)
     np.testing.assert_array_equal(left.frame.whole, left.given.faces)
     assert left.numbering.count == len(left.given.vertices) == 10242
+
+
+def test_vertices_on_the_rim_of_a_label_may_go(made, tmp_path):
+    """As in FreeSurfer's labels: those that hang on by an edge are no piece, and take no part."""
+    whole = qc.read_surface(made / "lh.pial")
+    cortex = ~qc.read_mask(made / "lh.cortex.label", whole, keep=True)
+    disk = read_hemisphere(made / "lh.pial", made / "lh.cortex.label").disk
+    ends = whole.edges[cortex[whole.edges].sum(axis=1) == 1]
+    hanging = ends[~cortex[ends]][:1]  # a vertex of the wall beside the cortex
+    around = whole.edges[(whole.edges == hanging).any(axis=1)]
+    drop = np.setdiff1d(around[cortex[around].any(axis=1)].ravel(), hanging)[1:]
+    cortex[hanging], cortex[drop] = True, False
+    label(tmp_path / "lh.x.label", np.flatnonzero(cortex))
+    found = read_hemisphere(made / "lh.pial", tmp_path / "lh.x.label").disk
+    assert hanging[0] not in found.original_vertices and len(found.vertices) < len(disk.vertices)
 
 
 def test_open_says_what_goes(made, tmp_path, capsys):

@@ -7,9 +7,19 @@ TABLE = {
     "measured": ["BenchmarkError", "read_measured"],
     "pairs": ["CONTROL", "cohort_pair", "displacement_pair", "fsaverage_pair", "mapped", "mapped_subject", "prepare"],
     "problems": ["DISTANCES"],
-    "results": ["compare_fronts", "compare_runs", "median_pair", "methods_and_oracles", "noted", "summary"],
+    "results": [
+        "chain_seconds",
+        "compare_fronts",
+        "compare_runs",
+        "median_pair",
+        "methods_and_oracles",
+        "noted",
+        "saving",
+        "summary",
+    ],
     "run": ["benchmark"],
     "runs": ["RUNS", "Run"],
+    "verdicts": ["FACTOR", "compared", "judge_all", "judge_bound", "judge_order", "judge_ratio", "judge_size", "side"],
     "yardstick": ["floors"],
 }
 

@@ -10,6 +10,14 @@ import click
 
 from ..files.safe import full_disk, is_full, own_prefix, printable, sweep
 
+SEAL = "report.json"  # of every folder that a command writes: the last of its files to come
+
+
+class Command(list):
+    """The words of a command line; begun: when, by `time.perf_counter`."""
+
+    begun = 0.0
+
 
 def fail(message, code=2):
     """Print one line on stderr and leave."""
@@ -23,8 +31,13 @@ def say(line):
 
 
 @contextmanager
-def output_folder(path):
-    """A temporary folder whose files move to `path` together once the block has ended without an error."""
+def output_folder(path, instead=()):
+    """A temporary folder that takes its place at `path` once the block has ended without an error.
+
+    A new folder appears in one step, whole. Into one that is there files move one by one, its report.json away first
+    and the new one in last, so that a folder with a report.json is whole; instead: names of files that an earlier run
+    may have left there, which go if this one has none.
+    """
     path = Path(path)
     there = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
     try:
@@ -34,14 +47,26 @@ def output_folder(path):
         if is_full(error):
             raise OSError(f"{path}: {full_disk(there, 0)}") from None
         raise OSError(f"{path}: not a folder that can be written to ({error.strerror}); give another --out") from None
-    with temporary as folder:
+    with temporary as parent:
+        folder = Path(parent, "new")  # with the permissions of a folder that the user makes
         try:
-            yield Path(folder)
-            path.mkdir(parents=True, exist_ok=True)
-            for file in Path(folder).iterdir():
-                os.replace(file, path / file.name)
+            folder.mkdir()
+            yield folder
+            if path.exists():
+                move_into(path, folder, instead)
+            else:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                os.rename(folder, path)
         except OSError as error:
             if not is_full(error):
                 raise
-            written = sum(file.stat().st_size for file in Path(folder).iterdir())
+            written = sum(file.stat().st_size for file in folder.iterdir())
             raise OSError(f"{path}: {full_disk(there, written)}") from None
+
+
+def move_into(path, folder, instead):
+    """Move the files of a folder into the one at `path`, which is not whole in the meantime and has no SEAL."""
+    for name in (SEAL, *instead):
+        (path / name).unlink(missing_ok=True)
+    for file in sorted(folder.iterdir(), key=lambda file: file.name == SEAL):
+        os.replace(file, path / file.name)

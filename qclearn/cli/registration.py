@@ -1,6 +1,7 @@
 """`qclearn register` and `demo`: a pair of surfaces to a folder with the map, the report and the figure."""
 
 import json
+import time
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,12 +14,13 @@ import qclearn as qc
 
 from ..files.hemisphere import Hemisphere, read_hemisphere, require_side
 from ..files.provenance import origin
-from ..files.values import read_map
+from ..files.values import read_map, read_regions
 from ..registration.features import FOLDS, Feature, FeatureError
 from ..registration.landmarkfile import on_disks, read_landmarks
 from ..registration.landmarks import curves_of_both
 from ..registration.mapfile import side_arrays, write_registration
 from ..registration.problem import DELTA, Weights
+from ..registration.register import Stages
 from ..registration.register import register as run_registration
 from .output import fail, output_folder
 
@@ -58,10 +60,19 @@ MAPS = ("points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving
 @click.option("--no-features", is_flag=True, help="Landmarks alone, the paper's setting.")
 @click.option("--no-landmarks", is_flag=True, help="Features alone.")
 @click.option("--hold-out", multiple=True, metavar="NAME", help="A curve that is measured and not fitted; repeatable.")
+@click.option(
+    "--annot",
+    nargs=2,
+    metavar="MOVING CONTROL",
+    help="Annotations (.annot, .label.gii), compared by their regions' names; they take no part in the fit.",
+)
 @click.option("--sliding", is_flag=True, help="Let inner points slide along their target curves.")
 @click.option("--mirror", is_flag=True, help="Mirror the moving surface first (right onto left).")
+@click.option("--report", is_flag=True, help="Write report.html, too: one page to look at, without a network.")
 @click.option("--accept-suspect", is_flag=True, help="End with exit code 0 where the registration is suspect.")
-def register(moving, control, landmarks, out, mirror, accept_suspect, given, no_features, no_landmarks, **options):
+def register(
+    moving, control, landmarks, out, mirror, accept_suspect, given, annot, no_features, no_landmarks, **options
+):
     """Register MOVING to CONTROL by their folds and along landmark curves; writes a certified point-to-point map.
 
     Each is a surface file, or fsaverage5:left or fsaverage5:right. Landmarks and per-vertex files belong to the
@@ -74,8 +85,9 @@ def register(moving, control, landmarks, out, mirror, accept_suspect, given, no_
 
     \b
     A registration is suspect where
-      mirror:      the curves fit the mirrored moving surface much better: --mirror was forgotten
-      exchanged:   they fit much better with MOVING and CONTROL exchanged
+      mirror:      the curves, or with fewer than three the folds, fit the mirrored moving surface much better, or the
+                   files' names or metadata say that one is a left and the other a right: --mirror was forgotten
+      exchanged:   the curves fit much better with MOVING and CONTROL exchanged
       numbering:   they fit much better as vertex numbers of the whole surface, before `open` cut it
       reversed:    a curve fits much better run from its other end
       swapped:     curves fit much better with each other's names
@@ -84,6 +96,7 @@ def register(moving, control, landmarks, out, mirror, accept_suspect, given, no_
       rows:        the map folded, and was repaired at more than 0.5 % of the vertices
       distortion:  |mu| is over 0.9 on more than 1 % of the surface
       features:    those of the two sides hardly agree after the best Möbius map, or have opposite signs
+      worse:       a held-out curve or the annotations fit clearly worse than after the best Möbius map
     """
     if no_landmarks and landmarks:
         raise qc.LandmarkError("--landmarks and --no-landmarks exclude each other; drop one")
@@ -91,13 +104,15 @@ def register(moving, control, landmarks, out, mirror, accept_suspect, given, no_
     pair = Pair(read_hemisphere(moving, cortex["moving"]), read_hemisphere(control, cortex["control"]), mirror)
     features = given_features(pair, given, no_features)
     curves = read_landmarks(landmarks) if landmarks else [] if no_landmarks else shared_curves(pair, features)
+    options["annotations"] = [read_regions(path) for path in annot] if annot else None
     register_into(out, pair, curves, accept_suspect, features=features, **options)
 
 
 @click.command()
 @click.option("--out", default="qclearn-demo", show_default=True, help="Folder to write to.")
+@click.option("--report", is_flag=True, help="Write report.html, too: one page to look at, without a network.")
 @click.option("--accept-suspect", is_flag=True, help="End with exit code 0 where the registration is suspect.")
-def demo(out, accept_suspect):
+def demo(out, accept_suspect, report):
     """Register real cortex: fsaverage5's right hemisphere, mirrored, onto its left one along six named sulci.
 
     Five more take no part and are measured.
@@ -105,7 +120,8 @@ def demo(out, accept_suspect):
     landmarks = qc.demo_landmarks()
     hold_out = [curve["name"] for curve in landmarks["curves"][1::2]]
     moving, control = (read_hemisphere(f"fsaverage5:{side}").cut for side in ("right", "left"))
-    register_into(out, Pair(moving, control, mirrored=True), landmarks, accept_suspect, hold_out=hold_out)
+    pair = Pair(moving, control, mirrored=True)
+    register_into(out, pair, landmarks, accept_suspect, hold_out=hold_out, report=report)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +141,16 @@ class Pair:
     def given(self):
         """Side -> `Hemisphere`."""
         return {"moving": self.moving, "control": self.control}
+
+    @property
+    def other_hand(self):
+        """`mirror:` where the files of both sides say their hemisphere and `mirrored` does not go with that, list."""
+        one, other = (side.frame.side for side in self.given.values())
+        if None in (one, other) or (one != other) == self.mirrored:
+            return []
+        found = f"{self.moving.path} is a {one} and {self.control.path} a {other} hemisphere by their names or metadata"
+        advice = f"{'leave --mirror out' if self.mirrored else 'give --mirror'}, or name the files for what they hold"
+        return [f"mirror: {found}; {advice}"]
 
     @property
     def arrays(self):
@@ -167,17 +193,31 @@ def feature_of(hemisphere, path):
 
 
 def register_into(out, pair, curves, accept_suspect, **options):
-    """Run the pipeline on a `Pair`, write its four files, print the report; exit code 3 if suspect."""
+    """Run the pipeline on a `Pair`, write its four files and with option `report` a page, print the report; exit code 3
+    if suspect."""
     from ..pages.plot import registration_figure
 
-    with output_folder(out) as folder:
+    command, stages, paged = click.get_current_context().obj, Stages(2, False), options.pop("report")
+    read = time.perf_counter() - command.begun
+    with output_folder(out, instead=["report.html"]) as folder:
         result = run_registration(*pair.disks, on_disks(curves, pair.given), progress=True, **options)
-        registration_figure(result, *pair.disks).savefig(folder / "figure.png", dpi=150)
-        write_registration(folder / "registration.npz", {name: getattr(result, name) for name in MAPS} | pair.arrays)
-        inputs = {side: (one.path, one.given) for side, one in pair.given.items()}
-        report = result.report | origin(inputs, curves, click.get_current_context().obj)
+        with stages("figure"):
+            registration_figure(result, *pair.disks).savefig(folder / "figure.png", dpi=150)
+        with stages("write"):
+            maps = {name: getattr(result, name) for name in MAPS}
+            write_registration(folder / "registration.npz", maps | pair.arrays)
+            qc.write_surface(folder / "registered.surf.gii", result.surface, frame=pair.control.frame)
+            inputs = {side: (one.path, one.given) for side, one in pair.given.items()}
+            wrong = pair.other_hand
+            words = [word for word in result.report["suspect"] if not (wrong and word.startswith("mirror:"))]
+            report = result.report | {"suspect": [*wrong, *words]} | origin(inputs, curves, command)
+        total = round(time.perf_counter() - command.begun, 4)
+        report["seconds"] = {"read": round(read, 4), **report["seconds"], **stages.seconds, "total": total}
         (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
-        qc.write_surface(folder / "registered.surf.gii", result.surface, frame=pair.control.frame)
+        if paged:
+            from ..reports import write_pair
+
+            write_pair(folder, folder / "report.html")
     print_report(report, out)
     if report["suspect"]:
         fail("suspect: " + "; ".join(report["suspect"]), 0 if accept_suspect else 3)
@@ -198,6 +238,9 @@ def print_report(report, out):
     if report["held_out_mm"]:
         before, after = np.mean(list(report["held_out_mm"].values()), axis=0)
         line("held out", f"{after:.2f} mm, mean of the curves ({before:.2f} after the best Möbius map)")
+    if report["dice"]:
+        before, after = report["dice"]["before"], report["dice"]["after"]
+        line("Dice", f"{after:.3f} of the annotations ({before:.3f} after the best Möbius map)")
     for name, (before, after) in report["r"].items():
         line(f"r({name})", f"{after:.3f} ({before:.3f} after the best Möbius map)")
     mean, deviation, most = (report[f"{word}_abs_mu"] for word in ("mean", "sd", "max"))

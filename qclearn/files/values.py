@@ -69,13 +69,6 @@ def read_mask(path: str | Path, surface: Surface, keep: bool = False) -> Bool[nd
     return mask
 
 
-def read_label(path):
-    """The vertex numbers (n,) that a FreeSurfer .label file lists, in its order."""
-    path = Path(path)
-    with explain(path, "FreeSurfer label"):
-        return _read_label(path, read_bytes(path))
-
-
 class Map(NamedTuple):
     """What a per-vertex file holds: values (V,) or (V, k); the hemisphere, "left", "right" or None; labels, key ->
     (name, (r, g, b, a) from 0 to 1), or None; the maps' names, or None."""
@@ -84,6 +77,13 @@ class Map(NamedTuple):
     side: str | None = None
     labels: dict | None = None
     names: list | None = None
+
+
+def read_label(path):
+    """The vertex numbers (n,) that a FreeSurfer .label file lists, in its order."""
+    path = Path(path)
+    with explain(path, "FreeSurfer label"):
+        return _read_label(path, read_bytes(path))
 
 
 def read_values(path: str | Path) -> Values:
@@ -126,6 +126,16 @@ def _read_gifti(path, data):
 def _read_annot(path, data):
     labels, table, names = annotations.parts(path, data)
     return Map(labels, side_of_name(path), annotations.labels_of(table, names))
+
+
+def read_regions(path):
+    """The name of each vertex's region (V,), "" for none, of a .label.gii of one map or an .annot; SurfaceError for
+    others."""
+    found = read_map(path)
+    if not found.labels or found.values.ndim != 1 or found.values.dtype.kind not in "iu":
+        raise SurfaceError(f"{path}: names no regions; give a .label.gii of one map, or an .annot")
+    known, places = np.unique(found.values, return_inverse=True)
+    return np.array([found.labels.get(key, ("",))[0] for key in known.tolist()], dtype=np.str_)[places]
 
 
 def write_values(

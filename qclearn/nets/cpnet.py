@@ -1,7 +1,7 @@
 """CP-Net, the coefficient prediction network: landmarks and the weights of `L_CP` to the Beltrami coefficient mu.
 
 Preset `best` corrects the first Gauss-Newton step (the Born step) by a U-Net that has learned from fits, and looks at
-the map of its answer on the caller's mesh (`registration.looks`). Preset `paper` (`cpnet_paper`) is as printed.
+the map of its answer on the caller's mesh (`registration.looks`). Preset `paper` is the paper's, mended.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""CP-Net as printed: the control's landmarks fixed, those of a subject in, one network for each
+"""The paper's CP-Net, mended: the control's landmarks fixed, those of a subject in, one network for each
 (alpha, beta, gamma)."""
 
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ SCALE = 10.0  # of the landmarks' displacements, a few hundredths of the disk
 
 @dataclass(frozen=True)
 class PaperCPNetConfig:
-    """Sizes of the CP-Net as printed."""
+    """Sizes of the paper's CP-Net, mended."""
 
     preset: str = "paper"
     gamma: float = 1e4  # alpha and beta are 1

@@ -1,7 +1,7 @@
 """DBS-Net, the disk Beltrami solver network: mu on the faces of a disk mesh to the map f, f(0) = 0 and f(1) = 1.
 
 Preset `best` corrects, in logarithmic coordinates, what two preconditioned steps know about the map; the circle is
-kept exactly. Preset `paper` (`dbsnet_paper`) is the network as printed.
+kept exactly. Preset `paper` (`dbsnet_paper`) is the paper's, mended.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""DBS-Net as printed: the square in place of the disk, a learnable Fourier layer, an inner and a boundary route."""
+"""The paper's DBS-Net, mended: the square in place of the disk, a Fourier layer, an inner and a boundary route."""
 
 from dataclasses import dataclass
 
@@ -13,17 +13,17 @@ from ..plane.fourier import fourier_matrix
 from ..plane.grids import disk_to_square, pixel_centres, square_disk, square_to_disk
 from .gauges import gauge_errors
 from .layers import DiskNetwork, perceptron, zero
-from .losses import L_DBSNet, L_Energy, L_Maps, LossMesh
+from .losses import L_LBS, L_DBSNet, L_Energy, L_LBS_printed, L_Maps, LossMesh
 from .squaremaps import SquareMaps
 
-LOSSES = ("rows", "energy", "maps")  # see `PaperDBSNet.distance`
+LOSSES = ("printed", "rows", "energy", "maps")  # see `PaperDBSNet.distance`
 TOLERANCE = 1e-3  # of the exact maps of the loss "maps": a tenth of what lies between two discretisations
 FURTHEST = 0.95  # from 0 that f(0) is believed to be before the Möbius map that takes it there
 
 
 @dataclass(frozen=True)
 class PaperDBSNetConfig:
-    """Sizes of the DBS-Net as printed, and the weights of its loss."""
+    """Sizes of the paper's DBS-Net, mended, and the weights of its loss."""
 
     preset: str = "paper"
     max_abs: tuple = (0.05, 0.6)  # of the coefficients it is trained on
@@ -31,7 +31,9 @@ class PaperDBSNetConfig:
     frequencies: int = 8  # the low ones: at most this, either way
     shortcut: bool = True
     loss: str = "energy"  # one of LOSSES
-    rho: float = 1e-8  # of "rows", for this size: the right weight falls with the fourth power of the pixels
+    rho: float = (
+        1e-8  # of "printed" and "rows", for this size: the right weight falls with the fourth power of the pixels
+    )
 
 
 class FourierLayer(nn.Module):
@@ -150,7 +152,7 @@ class PaperDBSNet(DiskNetwork):
             f = self.mesh.z * torch.polar(torch.ones_like(carried), carried)
             f = f.index_add(1, self.inner, shift)
             f = f.index_copy(1, self.loop, torch.polar(torch.ones_like(turned), turned))
-            return self.normalised(f), angles
+            return (f if self.config.loss == "printed" else self.normalised(f)), angles
 
     def normalised(self, f):
         """The Möbius map after f (B, V) to f(0) = 0 and f(1) = 1."""
@@ -199,13 +201,15 @@ class PaperDBSNet(DiskNetwork):
     def distance(self, mu, f, angles):
         """How far maps f (B, V) are from those of mu.
 
-        "rows": L_DBSNet with its rows mended, in thousandths; "energy": L_Energy; "maps": L_Maps against exact maps.
+        "printed": L_DBSNet with L_LBS_printed, in thousandths, where one boundary point is all that a map f holds;
+        "rows": the same with its rows mended, and with f(0) = 0; "energy": L_Energy; "maps": L_Maps against exact maps.
         """
         given, config = self.on_faces(mu), self.config
         if config.loss == "energy":
             return L_Energy(self.mesh, given, f).mean()
-        if config.loss == "rows":
-            return 1e3 * L_DBSNet(self.mesh, given, f, angles, rho=config.rho).mean()
+        if config.loss in ("printed", "rows"):
+            equation = L_LBS if config.loss == "rows" else L_LBS_printed
+            return 1e3 * L_DBSNet(self.mesh, given, f, angles, rho=config.rho, equation=equation).mean()
         self.exact = self.exact or SquareMaps(config.size)
         with torch.no_grad():
             exact = self.exact(mu, TOLERANCE)

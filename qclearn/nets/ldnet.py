@@ -1,6 +1,6 @@
 """LD-Net: the course of sulci between given endpoints, from the curvature image of a surface on its disk.
 
-Preset `paper` (`ldnet_paper`) predicts a set number of points on a fixed list of curves, as printed. Preset `best`
+Preset `paper` (`ldnet_paper`) predicts a set number of points on a fixed list of curves. Preset `best`
 shows where sulci run and lets the shortest path on the surface follow. Source: paper, section 'Landmark Detection'.
 """
 

@@ -1,4 +1,4 @@
-"""LD-Net as printed: a fixed list of curves, a set number of points on each."""
+"""The paper's LD-Net, mended: a fixed list of curves, a set number of points on each."""
 
 from dataclasses import dataclass
 
@@ -14,9 +14,9 @@ from .pictures import check_input, picture, turn
 
 @dataclass(frozen=True)
 class PaperLDNetConfig:
-    """Sizes of the LD-Net as printed. size: of the image, a power of two; widths: channels of the convolutions, which
-    halve the image one by one; curves, points: how many curves and points on each, ends included; hidden: width of the
-    perceptrons."""
+    """Sizes of the paper's LD-Net, mended. size: of the image, a power of two; widths: channels of the convolutions,
+    which halve the image one by one; curves, points: how many curves and points on each, ends included; hidden: width
+    of the perceptrons."""
 
     preset: str = "paper"
     size: int = 128
@@ -27,7 +27,7 @@ class PaperLDNetConfig:
 
 
 class PaperLDNet(nn.Module):
-    """As printed: the image through convolutions, starting and ending points through a perceptron each, concatenated.
+    """The image through convolutions, starting and ending points through a perceptron each, concatenated.
 
     For a fixed list of curves, in the order it was trained on; `points` on each, the inner ones predicted, the
     endpoints as given. The curves are polylines of the image and need not lie on edges of the surface.

@@ -62,7 +62,7 @@ class Lesson:
 
 
 class CPLesson(Lesson):
-    """A small CP-Net as printed: 24 landmarks on three curves in, nu on a square out; `L_CP` of the exact map.
+    """The paper's CP-Net, mended and small: 24 landmarks on three curves in, nu on a square out; `L_CP` of its map.
 
     The control's curves are fixed; subjects are the same curves bent by a random twist about a random point.
     """
@@ -124,7 +124,7 @@ class CPLesson(Lesson):
 
 
 class DBSLesson(Lesson):
-    """A small DBS-Net as printed: mu on 16 x 16 pixels of the square in, a map of its mesh out; `L_DBSNet`.
+    """The paper's DBS-Net, mended and small: mu on 16 x 16 pixels of the square in, a map of its mesh out; `L_DBSNet`.
 
     equation: a name of `EQUATIONS`; rho: the weight of the boundary's term. Coefficients are drawn at random: a few
     waves over the square, of a largest modulus between 0.1 and 0.5.

@@ -40,9 +40,10 @@ def stem(name, preset, gamma=None):
 def load(name, preset="best", gamma=None):
     """The shipped network `name` ("ldnet", "cpnet", "dbsnet") in evaluation mode, as NumPy callables.
 
-    preset: "best", or "paper" as printed; the paper's CP-Net has weights for one gamma each (1e4, 1e5, 2e5), others
-    pass over gamma. `load("dbsnet").solve(z, faces, mu)`, `load("cpnet").predict(z, faces, moving, target, alpha=,
-    beta=, gamma=)`, `load("ldnet").detect(surface, z, endpoints)`. WeightsError for an unknown name, preset or gamma.
+    preset: "best", or "paper" for the paper's, mended; that CP-Net has weights for one gamma each (1e4, 1e5, 2e5),
+    others pass over gamma. `load("dbsnet").solve(z, faces, mu)`, `load("cpnet").predict(z, faces, moving, target,
+    alpha=, beta=, gamma=)`, `load("ldnet").detect(surface, z, endpoints)`. WeightsError for an unknown name, preset
+    or gamma.
     """
     gamma = gamma if name in NETWORKS and preset in NETWORKS[name].gammas else None
     if fault := gamma_fault(name, preset, gamma):

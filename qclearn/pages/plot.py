@@ -7,6 +7,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
 from ..plane.disk import Disk
+from ..plane.grids import thinned
 from ..surfaces.curvature import area_radius, grey_levels, mean_curvature
 
 # The paper's colours, in shades that colour-blind readers tell apart; a dashed line is the second cue for a target.
@@ -16,6 +17,7 @@ CURVE_STYLES = {
     "target": {"color": "#D62728", "linestyle": (0, (2.5, 1.5)), "marker": "s"},
 }
 FLIPPED_COLOUR = "#CC79A7"
+DRAWN = 25_000  # vertices of a mesh in a picture, at most
 
 
 def disk_axes(ax):
@@ -27,7 +29,16 @@ def disk_axes(ax):
 
 
 def disk_plot(ax, z, faces, values, cmap="viridis", vmin=None, vmax=None):
-    """Colour a planar mesh z (V,) by values per vertex (V,), blended, or per face (F,), flat; returns the artist."""
+    """Colour a planar mesh z (V,) by values per vertex (V,), blended, or per face (F,), flat; returns the artist.
+
+    Of more than DRAWN vertices so many are drawn, blended: a pixel shows no more.
+    """
+    if len(z) > DRAWN:
+        if len(values) != len(z):
+            corners = faces.ravel()
+            values = np.bincount(corners, np.repeat(values, 3)) / np.bincount(corners)
+        some, small = thinned(Disk(z, faces), None, DRAWN)
+        z, faces, values = small.z, small.faces, values[some]
     shading = "gouraud" if len(values) == len(z) else "flat"
     disk_axes(ax)
     look = {"shading": shading, "cmap": cmap, "vmin": vmin, "vmax": vmax}

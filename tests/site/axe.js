@@ -8,18 +8,25 @@ async ([rules, part]) => {
     box.replaceChildren();
     box.setAttribute("style", `${style ?? ""}; display: inline-block; ${size}`);
   }
-  // Of the words of code that look alike three are enough; axe says nothing of one that is hidden or has one letter.
-  const looks = new Map(), seen = {};
-  function look(element) {
-    if (element && !looks.has(element)) {
-      const { color, backgroundColor, fontSize, fontWeight, opacity, textShadow } = getComputedStyle(element);
-      looks.set(element, [color, backgroundColor, fontSize, fontWeight, opacity, textShadow, look(element.parentElement)].join());
+  // Of the texts that look alike, in their colour and in all that lies behind them, three are enough; axe says nothing of one
+  // that is hidden or has one letter.
+  const grounds = new Map(), seen = {};
+  function ground(element) {
+    if (element && !grounds.has(element)) {
+      const { backgroundColor, backgroundImage, opacity, textShadow } = getComputedStyle(element);
+      const own = [backgroundColor, backgroundImage, opacity, textShadow].join();
+      const behind = ground(element.parentElement);
+      grounds.set(element, own === "rgba(0, 0, 0, 0),none,1,none" ? behind : own + behind);
     }
-    return looks.get(element);
+    return grounds.get(element) ?? "";
   }
-  for (const word of document.querySelectorAll("pre span")) {
-    word.toggleAttribute("data-alike", seen[look(word)] >= 3 && !word.childElementCount);
-    if (word.checkVisibility() && word.textContent.trim().length > 1) seen[look(word)] = (seen[look(word)] ?? 0) + 1;
+  for (const element of document.body.querySelectorAll("*")) {
+    const texts = [...element.childNodes].filter((part) => part.nodeType === Node.TEXT_NODE).map((part) => part.data.trim());
+    const { color, fontSize, fontWeight, position } = getComputedStyle(element);
+    const look = [color, fontSize, fontWeight, position, ground(element)].join();
+    const letters = Math.max(0, ...texts.map((text) => text.length));
+    element.toggleAttribute("data-alike", letters === 1 || (letters > 1 && seen[look] >= 3));
+    if (letters > 1 && element.checkVisibility()) seen[look] = (seen[look] ?? 0) + 1;
   }
   axe.configure({ rules: [{ id: "color-contrast", selector: "*:not([data-alike])" }] });
 

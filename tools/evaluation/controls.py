@@ -1,4 +1,4 @@
-"""The printed CP-Net trained through each solver, alike in all else, on subjects that it has not seen."""
+"""The paper's CP-Net, mended, trained through each solver, alike in all else, on subjects that it has not seen."""
 
 from evaluation.cpnet import EACH, curves_of, printed
 from platformdirs import user_cache_path

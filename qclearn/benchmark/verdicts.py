@@ -1,0 +1,69 @@
+"""Verdicts: how pages judge a printed claim. A rule tests the direction of the claim and its size.
+
+`judge_ratio` is for a quotient of two methods' figures, `judge_size` for a figure with a unit, `judge_order` for
+figures that should rise or fall, `judge_bound` for 'more than', `judge_all` for 'all'. `side` reads an interval, and
+`compared` two figures of one study.
+"""
+
+from itertools import pairwise
+
+FACTOR = 3 / 2  # two figures from different studies are of one size within it, either way
+MARGIN = 0.05  # two figures of one study are level within this share
+
+
+def of_one_size(here, printed):
+    """Whether two positive figures lie within `FACTOR` of each other."""
+    return 1 / FACTOR <= here / printed <= FACTOR
+
+
+def judge_ratio(printed, here, low=None, high=None):
+    """The verdict on a printed quotient of two methods: is ours on the same side of 1, and of the same size?
+
+    low, high: the interval of ours, where there is one; it has to lie on one side of 1 as a whole.
+    "agrees": direction and size hold. "agrees in direction only": the size is off by more than `FACTOR`.
+    "turned round": ours lies on the other side of 1. "not settled": our interval holds 1.
+    """
+    ours = side(here if low is None else low, here if high is None else high, of=1)
+    if ours == "level":
+        return "not settled"
+    if ours != side(printed, printed, of=1):
+        return "turned round"
+    return "agrees" if of_one_size(here, printed) else "agrees in direction only"
+
+
+def judge_size(printed, here):
+    """The verdict on a printed figure with a unit: "agrees" within `FACTOR`, else how many times larger or smaller."""
+    if of_one_size(here, printed):
+        return "agrees"
+    return f"{printed / here:.0f} times smaller" if here < printed else f"{here / printed:.0f} times larger"
+
+
+def judge_order(values, rising):
+    """The verdict on an order: "agrees" where each value lies above (or, not `rising`, below) the one before it."""
+    steps = [later - earlier for earlier, later in pairwise(values)]
+    return holds(all(step > 0 if rising else step < 0 for step in steps))
+
+
+def judge_bound(least, here):
+    """The verdict on a claim of 'more than': "agrees" where ours is above the printed bound, too."""
+    return holds(here > least)
+
+
+def judge_all(count, total):
+    """The verdict on a claim of 'all': "agrees" where none is missing."""
+    return holds(count == total > 0)
+
+
+def holds(fact):
+    """The words for a claim that is either so or not."""
+    return "agrees" if fact else "does not hold"
+
+
+def side(low, high, of=0.0):
+    """Where an interval lies: "below", "above", or "level" where it holds `of`."""
+    return "below" if high < of else "above" if low > of else "level"
+
+
+def compared(one, other):
+    """One figure beside another of the same study: "below", "above", or "level" within `MARGIN` of it."""
+    return side(one / other - MARGIN, one / other + MARGIN, of=1)

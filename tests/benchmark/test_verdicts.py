@@ -1,0 +1,52 @@
+"""The rules of the verdicts: a planted value turns each of them."""
+
+import pytest
+
+from qclearn.benchmark import compared, judge_all, judge_bound, judge_order, judge_ratio, judge_size, side
+
+
+@pytest.mark.parametrize(
+    "printed, here, verdict",
+    [
+        (0.91, 0.95, "agrees"),
+        (0.91, 1.29, "turned round"),  # of one size, and yet the other way
+        (1.29, 0.91, "turned round"),
+        (1.24, 1.69, "agrees"),
+        (1.24, 2.0, "agrees in direction only"),
+        (0.124, 0.5, "agrees in direction only"),
+        (0.91, 1.0, "not settled"),
+    ],
+)
+def test_a_ratio_is_judged_by_its_direction_and_its_size(printed, here, verdict):
+    assert judge_ratio(printed, here) == verdict
+
+
+def test_an_interval_that_holds_1_settles_no_direction():
+    assert judge_ratio(0.91, 0.95, 0.93, 0.98) == "agrees"
+    assert judge_ratio(0.91, 0.95, 0.90, 1.01) == "not settled"
+    assert judge_ratio(0.91, 1.29, 1.2, 1.4) == "turned round"
+
+
+def test_a_size_is_judged_by_its_factor():
+    assert judge_size(46.14, 40) == "agrees"
+    assert judge_size(46.14, 0.5) == "92 times smaller"
+    assert judge_size(1, 20) == "20 times larger"
+
+
+def test_an_order_breaks_with_one_pair():
+    assert judge_order([4, 3, 1], rising=False) == "agrees"
+    assert judge_order([4, 3, 3.5], rising=False) == "does not hold"
+    assert judge_order([4, 3, 1], rising=True) == "does not hold"
+    assert judge_order([1, 1], rising=True) == "does not hold"
+
+
+def test_a_bound_is_a_bound():
+    assert judge_bound(0.9, 0.95) == "agrees"
+    assert judge_bound(0.9, 0.66) == "does not hold"
+    assert [judge_all(12, 12), judge_all(11, 12), judge_all(0, 0)] == ["agrees", "does not hold", "does not hold"]
+
+
+def test_an_interval_and_a_pair_have_a_side():
+    assert [side(-2, -1), side(-1, 1), side(1, 2)] == ["below", "level", "above"]
+    assert side(0.8, 0.9, of=1) == "below"
+    assert [compared(0.91, 1), compared(1.03, 1), compared(1.29, 1)] == ["below", "level", "above"]

@@ -1,0 +1,161 @@
+"""Pages of `qclearn report` in a browser, from files: silent, without a request, readable, and moved by keys."""
+
+import json
+import re
+
+import pytest
+from matplotlib.figure import Figure
+from meshes import bowl
+from test_live_sulci import NO_WEBGL
+from view import NARROW, WIDE, View
+
+from qclearn.cli import main
+from qclearn.files.meshes import write_surface
+
+pytestmark = pytest.mark.xdist_group("reports")
+TURNED = [{"name": "east", "moving": list(range(1, 145, 24)), "control": list(range(2, 146, 24))}]
+LIGHT = """canvas => { const gl = canvas.getContext("webgl"), pixel = new Uint8Array(4);
+    gl.readPixels(canvas.width / 2, canvas.height / 2, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel); return pixel[0]; }"""
+SHOWN = "() => [...document.querySelectorAll('.stack > div')].map(e => getComputedStyle(e).visibility)"
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory):
+    """A folder with the page of a pair of bowls, and that of a group of three with the first's page in it."""
+    folder, patch = tmp_path_factory.mktemp("reports"), pytest.MonkeyPatch()
+    patch.setattr("qclearn.pages.plot.registration_figure", lambda *_: Figure())  # not on these pages
+    write_surface(folder / "control.npz", bowl(0.9, lean=0.4))
+    (folder / "east.json").write_text(json.dumps({"curves": TURNED}))
+    for name, height in (("one", 0.6), ("two", 0.8), ("six", 1.4)):
+        write_surface(folder / f"{name}.npz", bowl(height, lean=0.3))
+        words = ["register", folder / f"{name}.npz", folder / "control.npz", "--landmarks", folder / "east.json"]
+        run(*words, "--feature", "curvature", "curvature", "--out", folder / name)
+    run("report", folder / "one", "--out", folder / "one" / "report.html")
+    run("report", *(folder / name for name in ("one", "two", "six")), "--out", folder / "group.html")
+    patch.undo()
+    return folder
+
+
+def run(*arguments):
+    try:
+        main([str(argument) for argument in arguments])
+    except SystemExit as stop:
+        assert stop.code in (None, 0, 3)
+
+
+@pytest.fixture(params=["one/report.html", "group.html"])
+def view(request, window, pages):
+    yield from opened(window, pages, request.param)
+
+
+@pytest.fixture
+def pair(window, pages):
+    yield from opened(window, pages, "one/report.html")
+
+
+def opened(window, pages, name, **more):
+    view = View(window, pages.as_uri() + "/", name, **more)
+    yield view
+    view.page.close()
+
+
+def picture(view):
+    return view.page.locator("canvas").evaluate("canvas => canvas.toDataURL()")
+
+
+def test_everybody_can_read_it_and_nothing_complains(view):
+    for width in (WIDE, NARROW):
+        if width != WIDE:
+            view.resize(width)
+        for scheme in ("light", "dark"):
+            view.page.emulate_media(color_scheme=scheme)
+            assert view.axe_findings() == []
+        assert view.page.evaluate("() => document.documentElement.scrollWidth <= innerWidth")
+    asked = [url for url in view.requests if not url.startswith("data:")]
+    assert asked == [view.page.url] and view.complaints == []
+
+
+def test_before_and_after_take_each_others_place(view):
+    button, choices = view.page.locator(".flip"), view.page.locator(".views input")
+    assert view.page.evaluate(SHOWN) == ["hidden", "visible", "hidden"]
+    button.focus()
+    for shown in (["visible", "hidden", "hidden"], ["hidden", "visible", "hidden"]):
+        view.page.keyboard.press("Enter")
+        assert view.page.evaluate(SHOWN) == shown
+    view.page.locator(".stack").click()
+    assert view.page.evaluate(SHOWN) == ["visible", "hidden", "hidden"]
+    choices.nth(0).focus()
+    view.page.keyboard.press("ArrowLeft")  # round to the last
+    assert view.page.evaluate(SHOWN) == ["hidden", "hidden", "visible"]
+    sizes = view.all(".stack img", "[e.naturalWidth, e.alt.length > 20]")
+    assert len(sizes) == 6 and all(width > 300 and described for width, described in sizes)
+
+
+def test_the_surface_is_turned_and_its_map_changed_by_keys_and_mouse(view):
+    canvas, seen = view.page.locator("canvas"), [picture(view)]
+    canvas.focus()
+    for key in ("ArrowRight", "ArrowDown", "+"):
+        view.page.keyboard.press(key)
+        seen.append(picture(view))
+    view.page.keyboard.press("0")
+    assert picture(view) == seen[0] and len(set(seen)) == 4
+    canvas.scroll_into_view_if_needed()
+    box = canvas.bounding_box()
+    view.page.mouse.move(box["x"] + 200, box["y"] + 100)
+    view.page.mouse.wheel(0, -300)
+    view.page.wait_for_function("old => document.querySelector('canvas').toDataURL() != old", arg=seen[0])
+    view.page.mouse.down()
+    view.page.mouse.move(box["x"] + 260, box["y"] + 120, steps=3)
+    view.page.mouse.up()
+    seen.append(picture(view))
+    view.page.locator(".maps input").first.focus()
+    for _ in range(view.page.locator(".maps input").count() - 1):
+        view.page.keyboard.press("ArrowRight")
+        seen.append(picture(view))
+    assert len(set(seen)) == len(seen) and view.complaints == []
+
+
+def test_the_surface_shows_the_map_that_was_sent(window, pages):
+    """In a page whose map has the lowest tone everywhere the surface is darker than in one with the highest."""
+    page, light = (pages / "one" / "report.html").read_text(), []
+    for tone in "A/":
+        changed = re.sub(
+            r'"tones": "[^"=]*', lambda found, tone=tone: '"tones": "' + tone * (len(found[0]) - 10), page, count=1
+        )
+        (pages / "toned.html").write_text(changed)
+        for view in opened(window, pages, "toned.html"):
+            light.append(view.page.locator("canvas").evaluate(LIGHT))
+    assert light[0] < 5 and light[1] > 100
+
+
+def test_a_group_leads_to_a_subjects_own_page(window, pages):
+    for view in opened(window, pages, "group.html"):
+        view.page.get_by_role("link", name="one", exact=True).click()
+        view.page.wait_for_url("**/one/report.html")
+        assert view.page.get_by_role("heading", level=1).inner_text().endswith("control.npz")
+
+
+@pytest.mark.parametrize(
+    "planted, complaint",
+    [
+        ("<script>nowhere()</script>", "nowhere is not defined"),
+        ('<img alt="" src="https://example.org/a.png">', "Content Security Policy"),
+        ("<script>fetch('https://example.org')</script>", "Content Security Policy"),
+    ],
+)
+def test_a_planted_fault_is_found(window, pages, planted, complaint):
+    page = (pages / "one" / "report.html").read_text().replace("</main>", planted + "</main>")
+    (pages / "planted.html").write_text(page)
+    for view in opened(window, pages, "planted.html"):
+        assert any(complaint in text for text in view.complaints)
+
+
+def test_a_planted_pale_text_is_found(pair):
+    pair.page.evaluate("() => document.querySelector('.kind').style.color = '#ccc'")
+    assert any(finding.startswith("color-contrast") for finding in pair.axe_findings())
+
+
+def test_without_webgl_it_says_so_and_the_pictures_stay(window, pages):
+    for view in opened(window, pages, "one/report.html", script=NO_WEBGL):
+        assert "no WebGL" in view.page.locator(".viewer").inner_text()
+        assert view.page.locator(".stack img").count() == 6 and view.complaints == []

@@ -1,0 +1,271 @@
+"""Pages on finished registrations: what they say is the report's and the map's, and what is not whole is refused."""
+
+import csv
+import json
+import re
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from meshes import bowl
+
+from qclearn.cli import main
+from qclearn.files.meshes import write_surface
+from qclearn.plane.disk import Disk
+from qclearn.registration.mapfile import write_registration
+from qclearn.reports import write_group, write_pair
+from qclearn.reports.finished import Finished, ReportError, read_finished
+from qclearn.reports.group import FEWEST, MEASURES, Line, scored
+from qclearn.reports.markup import asset
+from qclearn.reports.views import Shown, thinned
+from qclearn.surfaces.conformal import disk_conformal_map
+from qclearn.surfaces.surface import Surface
+
+SPOKES = {name: np.arange(1 + start, 1 + start + 24 * 6, 24) for name, start in (("east", 0), ("north", 6))}
+TURNED = {name: np.append(spoke[:-1], spoke[-1] + 1) for name, spoke in SPOKES.items()}
+FOLDS = ["--feature", "curvature", "curvature"]  # depth takes most of the time of so small a surface
+
+
+def run(*arguments):
+    try:
+        main([str(argument) for argument in arguments])
+    except SystemExit as stop:
+        assert stop.code in (None, 0, 3)
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """Registrations of three bowls onto one, the first with a page; the second holds a curve out."""
+    folder, patch = tmp_path_factory.mktemp("runs"), pytest.MonkeyPatch()
+    patch.setattr("qclearn.pages.plot.registration_figure", lambda *_: Figure())  # another test's, and it takes time
+    write_surface(folder / "control.npz", bowl(0.9, lean=0.4, curves=SPOKES))
+    for name, height, lean, options in (
+        ("one", 0.6, 0.4, ["--report"]),
+        ("two", 0.8, 0.1, ["--hold-out", "north"]),
+        ("six", 1.4, 0.9, []),
+    ):
+        moving = folder / f"<{name}>.npz"
+        write_surface(moving, bowl(height, lean=lean, curves=TURNED))
+        run("register", moving, folder / "control.npz", *FOLDS, "--out", folder / name, *options)
+    patch.undo()
+    return folder
+
+
+def copied(runs, name, tmp_path, **changes):
+    """A copy of a finished folder, its arrays changed, or left out where None."""
+    arrays = dict(np.load(runs / name / "registration.npz")) | changes
+    kept = {key: array for key, array in arrays.items() if key not in ("checksum", "format_version")}
+    kept = {key: array for key, array in kept.items() if array is not None}
+    (tmp_path / name).mkdir()
+    write_registration(tmp_path / name / "registration.npz", kept)
+    (tmp_path / name / "report.json").write_text((runs / name / "report.json").read_text())
+    return tmp_path / name
+
+
+# The maps that are shown
+
+
+def finished(control, moving, z, f):
+    """A `Finished` registration made by hand, of surfaces with common faces."""
+    disk = Disk(z, control.faces)
+    arrays = {"vertices_control": control.vertices, "vertices_moving": moving.vertices, "disk_map": f}
+    arrays |= {"disk_control": z, "disk_moving": z, "faces_control": control.faces, "faces_moving": control.faces}
+    arrays |= {"points": disk.interpolate(control.vertices, disk.locate(f)), "mu": disk.coefficient(f)}
+    return Finished("by hand", arrays, {"r": {}})
+
+
+def test_a_surface_on_itself_shows_itself():
+    surface = bowl(0.9, lean=0.4)
+    z = disk_conformal_map(surface)
+    maps = finished(surface, surface, z, z).maps()
+    np.testing.assert_allclose(maps.after, maps.control, atol=1e-9)
+    np.testing.assert_allclose(maps.before, maps.control, atol=1e-9)
+    np.testing.assert_allclose([maps.mu, maps.log2_area], 0, atol=1e-9)
+    assert finished(surface, surface, z, z).r() == pytest.approx((1, 1))
+
+
+def test_the_area_map_is_positive_where_the_moving_surface_grows():
+    control, moving = bowl(0.9, lean=0.4), bowl(0.4)
+    z = disk_conformal_map(control)
+    shown = finished(control, moving, z, z).maps().log2_area
+    ratio = (control.vertex_areas / control.area) / (moving.vertex_areas / moving.area)
+    np.testing.assert_allclose(shown, np.log2(ratio), atol=1e-6)
+    assert shown.min() < -0.1 and shown.max() > 0.1
+
+
+def test_r_is_the_reports_own_and_measured_alike_where_it_has_none(runs):
+    one = read_finished(runs / "one")
+    known = one.report["r"].pop("curvature")
+    np.testing.assert_allclose(one.r(), known, atol=2e-3)
+    one.report["r"]["curvature"] = [0.25, 0.5]
+    assert one.r() == (0.25, 0.5)
+
+
+def test_a_large_surface_is_shown_by_some_of_its_vertices(monkeypatch):
+    surface = bowl(0.9, rings=20)
+    monkeypatch.setattr("qclearn.reports.views.MOST", 300)
+    kept, vertices, faces = thinned(surface.vertices, surface.faces)
+    assert 200 < len(kept) < 350 and np.array_equal(vertices, surface.vertices[kept])
+    Surface(vertices, faces).boundary  # noqa: B018 - still a disk
+    assert Shown(surface).picture(surface.vertices[:, 2], SimpleNamespace(colours="gray", tones=lambda x: x))
+
+
+# The page of a pair
+
+
+def test_a_page_says_what_the_report_says(runs):
+    page, report = (runs / "one" / name for name in ("report.html", "report.json"))
+    page, report = page.read_text(), json.loads(report.read_text())
+    for name, (before, after) in report["r"].items():
+        assert f'<th scope="row">{name}</th><td>{before:.3f}</td><td>{after:.3f}</td>' in page
+    for row in report["curves"]:
+        assert f'<th scope="row">{row["name"]}</th><td>{row["landmark_error_mm"]:.2f}</td>' in page
+    assert all(report["inputs"][side]["sha256"] in page for side in ("moving", "control"))
+    assert f"{report['mean_abs_mu']:.3f} (SD {report['sd_abs_mu']:.3f})" in page and "none held out" in page
+    assert len(page.encode()) < 2e6 and "http" not in page.replace("http-equiv", "")
+
+
+def test_a_page_is_the_same_from_the_command(runs, tmp_path):
+    run("report", runs / "one", "--out", tmp_path / "page.html")
+    assert (tmp_path / "page.html").read_text() == (runs / "one" / "report.html").read_text()
+
+
+def test_what_files_are_called_is_no_markup(runs):
+    page = (runs / "one" / "report.html").read_text()
+    assert "&lt;one&gt;.npz" in page and "<one>" not in page
+    scene = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)[1]
+    assert "<" not in scene and len(json.loads(scene)["maps"]) == 6
+
+
+def test_the_verdict_gives_all_reasons_in_full(runs, tmp_path):
+    folder = copied(runs, "two", tmp_path)
+    report = json.loads((folder / "report.json").read_text())
+    reasons = ["mirror: <b>the curves</b> fit better; give --mirror", "curve: 'east' ends far off"]
+    for suspect, words in ((reasons, "Suspect: look before you use it"), ([], "Nothing suspicious was found")):
+        (folder / "report.json").write_text(json.dumps(report | {"suspect": suspect}))
+        write_pair(folder, tmp_path / "page.html")
+        page = (tmp_path / "page.html").read_text()
+        assert f"<h2>{words}</h2>" in page and page.count("<li>") == len(suspect)
+    assert "Curves that took no part ended" in page
+    (folder / "report.json").write_text(json.dumps(report | {"suspect": reasons}))
+    write_pair(folder, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text()
+    assert "mirror: &lt;b&gt;the curves&lt;/b&gt; fit better; give --mirror" in page and "ends far off" in page
+
+
+def test_the_page_forbids_itself_the_network():
+    assert "default-src 'none'; img-src data:" in asset("page.html")
+
+
+# The page of a group
+
+
+def table(path):
+    return list(csv.DictReader(path.read_text().splitlines()))
+
+
+def test_a_group_is_sorted_worst_first_and_its_csv_has_the_reports_figures(runs, tmp_path):
+    folders = [runs / name for name in ("one", "two", "six")]
+    run("report", *folders, "--out", tmp_path / "group.html")
+    rows = table(tmp_path / "group.csv")
+    assert [sign_of(row) for row in rows] == sorted(map(sign_of, rows), reverse=True)
+    for row in rows:
+        report = json.loads((runs / row["subject"] / "report.json").read_text())
+        wanted = [*report["r"]["curvature"], report["log2_area"][1], report["flipped"]]
+        found = [float(row[key]) for key in ("r_before", "r_after", "log2_area_95", "flipped")]
+        np.testing.assert_allclose(found, wanted, rtol=1e-5)
+        held = np.mean(list(report["held_out_mm"].values()), axis=0)[1] if report["held_out_mm"] else None
+        assert row["held_out_after_mm"] == ("" if held is None else f"{held:.6g}")
+        assert row["suspect"] == "; ".join(report["suspect"])
+    r = np.array([float(row["r_after"]) for row in rows])
+    sound = r[[row["state"] != "bad" for row in rows]]
+    sound = sound if len(sound) >= FEWEST else r
+    z = (r - sound.mean()) / sound.std(ddof=1)
+    np.testing.assert_allclose([float(row["z_r_after"]) for row in rows], z, rtol=1e-4)
+    page = (tmp_path / "group.html").read_text()
+    assert [page.index(f">{row['subject']}<") for row in rows] == sorted(
+        page.index(f">{row['subject']}<") for row in rows
+    )
+    assert len(page.encode()) < 2e6 and page.count('href="') == 2 and 'href="group.csv"' in page
+    assert re.search(r'href="[./\w-]*/one/report.html"', page)  # the others have no page of their own
+
+
+def sign_of(row):
+    """What a group is sorted by, greatest first."""
+    z = [sign * float(row[f"z_{key}"]) for key, (_, sign) in MEASURES.items() if row[f"z_{key}"]]
+    return row["state"] == "bad", max(z)
+
+
+def line(name, figures):
+    return Line(name, None, figures, [])
+
+
+def test_lower_r_is_worse_and_larger_distortion_is_worse():
+    usual = {"r_after": 0.8, "held_out_after_mm": np.nan, "log2_area_95": 1.0, "mu_95": 0.3, "flipped": 0}
+    lines = [line(f"good {k}", usual | {"r_after": 0.8 + 0.001 * k}) for k in range(9)]
+    lines += [line("low", usual | {"r_after": 0.2}), line("high", usual | {"mu_95": 0.9})]
+    states = {one.name: one.state for one in scored(lines)}
+    assert {name for name, state in states.items() if state == "odd"} == {"low", "high"}
+    better = [line(f"usual {k}", usual | {"r_after": 0.5 + 0.001 * k}) for k in range(9)]
+    better += [line("above", usual | {"r_after": 0.9, "mu_95": 0.1})]
+    assert {one.name: one.state for one in scored(better)}["above"] == "good"
+    hidden = [*lines, line("folded", usual | {"mu_95": 50.0, "flipped": 9})]  # must not widen what counts as usual
+    assert {one.name for one in scored(hidden) if one.state == "odd"} == {"low", "high"}
+    flipped = scored([line("flipped", usual | {"flipped": 1})])
+    assert [one.state for one in flipped] == ["bad"]
+
+
+# What is refused
+
+
+def test_a_folder_without_files_is_refused(tmp_path, runs):
+    with pytest.raises(ReportError, match=r"has no registration.npz and no report.json; give a folder that"):
+        write_pair(tmp_path, tmp_path / "page.html")
+    folder = copied(runs, "one", tmp_path)
+    (folder / "report.json").unlink()
+    with pytest.raises(ReportError, match="has no report.json"):
+        write_pair(folder, tmp_path / "page.html")
+
+
+def test_a_file_of_an_older_version_is_refused(tmp_path, runs):
+    folder = copied(runs, "one", tmp_path, vertices_moving=None, vertices_control=None)
+    with pytest.raises(ReportError, match=r"older version.*run `qclearn register` again"):
+        write_pair(folder, tmp_path / "page.html")
+
+
+def test_a_report_of_another_run_is_refused(tmp_path, runs):
+    folder = copied(runs, "one", tmp_path)
+    (folder / "report.json").write_text((runs / "two" / "report.json").read_text())
+    with pytest.raises(ReportError, match="report.json is of another run than registration.npz"):
+        write_pair(folder, tmp_path / "page.html")
+
+
+@pytest.mark.parametrize("content, message", [("[1]", "not a report of"), ("{", "not JSON"), ("{}", "see 'inputs'")])
+def test_another_json_is_refused(tmp_path, runs, content, message):
+    folder = copied(runs, "one", tmp_path)
+    (folder / "report.json").write_text(content)
+    with pytest.raises(ReportError, match=f"report.json: .*{message}"):
+        write_pair(folder, tmp_path / "page.html")
+
+
+def test_a_group_on_two_controls_is_refused(tmp_path, runs):
+    other = np.load(runs / "two" / "registration.npz")["vertices_control"] * [1, 1, 1.01]
+    folder = copied(runs, "two", tmp_path, vertices_control=other.astype("f4"))
+    with pytest.raises(ReportError, match="two: its control is not that of .*one; give folders of one control"):
+        write_group([runs / "one", folder], tmp_path / "group.html")
+    assert not list(tmp_path.glob("group.*"))
+
+
+def test_a_bad_call_is_one_line_and_exit_code_2(tmp_path, runs, capsys):
+    for arguments, message in (
+        ([runs / "one", runs / "one", "--out", tmp_path / "a.html"], "one: given twice"),
+        ([runs / "one", "--out", tmp_path / "a.pdf"], "a.pdf: give a name that ends in .html"),
+        ([runs / "one", "--out", tmp_path / "none" / "a.html"], "a.html: cannot be written"),
+        ([tmp_path, "--out", tmp_path / "a.html"], "has no registration.npz"),
+    ):
+        with pytest.raises(SystemExit) as stop:
+            main(["report", *map(str, arguments)])
+        line = capsys.readouterr().err
+        assert stop.value.code == 2 and line.count("\n") == 1 and message in line
+    assert not list(tmp_path.iterdir())
