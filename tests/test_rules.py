@@ -19,7 +19,7 @@ BUDGET = {
     "qclearn/plane": 1900,
     "qclearn/surfaces": 904,
     "qclearn/files": 1916,
-    "qclearn/registration": 3331,
+    "qclearn/registration": 3333,
     "qclearn/group": 642,
     "qclearn/nets": 2960,
     "qclearn/methods": 424,
