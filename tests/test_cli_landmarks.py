@@ -2,6 +2,7 @@
 
 import json
 import re
+from functools import cache
 
 import nibabel
 import numpy as np
@@ -43,6 +44,7 @@ def brains(tmp_path_factory):
     return folder, number
 
 
+@cache
 def true_paths():
     """Name -> the fundus paths of fsaverage5's right and left hemisphere, which begin at the same end."""
     surfaces = {"moving": fsaverage5("right"), "control": fsaverage5("left")}
@@ -77,6 +79,17 @@ def test_labels_and_carried_curves_become_a_landmarks_file(brains, capsys):
         assert f"{name}: moving {contents['off_fundus_mm'][name]['moving']:.1f} mm from the fundus" in said
         assert contents["off_fundus_mm"][name]["control"] is None
     assert np.mean(apart) < 2 and np.max(apart) < 8
+
+
+def test_a_forgotten_mirror_is_seen_by_the_folds_where_no_name_tells(brains, capsys):
+    folder, _ = brains
+    write_surface(folder / "someone.npz", dented(fsaverage5("right"), 3)[0])
+    path = true_paths()["central sulcus"]
+    here = write_label(folder / "here.label", fsaverage5("right").original_vertices[path["moving"]])
+    there = write_label(folder / "there.label", fsaverage5("left").original_vertices[path["control"]])
+    words = ["--label", "central sulcus", here, there, "--out", folder / "l.json"]
+    line = refused(capsys, folder, "landmarks", folder / "someone.npz", "fsaverage5:left", *words)
+    assert "mirror: the folds fit the mirrored moving surface much better" in line
 
 
 @pytest.fixture

@@ -15,6 +15,7 @@ from ..files.values import read_label
 from ..registration.landmarkfile import SIDES, check_curves
 from ..registration.points import SCANNER, nearest_vertices, read_points, spaces
 from ..registration.tracing import carried, ends_apart, laid_by_folds, ordered, threaded
+from ..surfaces.checks import counted
 from .output import say
 
 DOUBT = 0.6  # of the ends' distance when reversed: 0.02 to 0.42 on known curves of two people
@@ -66,7 +67,7 @@ def landmarks(moving, control, cortex, control_cortex, labels, points, space, ca
         curve |= {side: as_given(one, curve[side]) for side, one in sides.items()}
     check_curves(contents, *(one.given for one in sides.values()))
     write_whole(Path(out), lambda place: place.write_text(json.dumps(contents, indent=2) + "\n"))
-    for line in (*told, f"{out}: {len(curves)} curves"):
+    for line in (*told, f"{out}: {counted(curves, 'curve')}"):
         say(line)
 
 

@@ -10,7 +10,6 @@ from ..files.fsaverage import fsaverage5, named_sulci
 from ..plane.disk import Disk
 from ..surfaces.checks import counted
 from ..surfaces.conformal import laid_out
-from .features import FOLDS, check_features, featured
 from .landmarks import (
     SAMPLES,
     curve_distance,
@@ -23,6 +22,7 @@ from .landmarks import (
 )
 from .preparation import Sides, laid_upon
 from .problem import LandmarkError
+from .readings import mistakes, with_folds
 from .register import register
 
 # How far members of a set may lie beside the path through it: in parts of its length or in edges, whichever is more,
@@ -64,10 +64,12 @@ def threaded(surface, vertices):
 
 
 def laid_by_folds(moving, control):
-    """The `Sides` of two surfaces of one hand, the moving disk laid upon the control's by depth and curvature alone."""
-    maps = check_features(FOLDS, moving, control)
-    moving, control, features = featured(laid_out(moving), laid_out(control), maps)
-    return laid_upon(Sides(moving, control, [], [], features))
+    """The `Sides` of two surfaces, the moving disk laid upon the control's by depth and curvature alone; LandmarkError
+    where the mirrored one fits better."""
+    sides = laid_upon(with_folds(Sides(laid_out(moving), laid_out(control), [], [])))
+    if words := mistakes(sides):
+        raise LandmarkError(words[0])
+    return sides
 
 
 def ends_apart(sides, path, target):
