@@ -17,15 +17,15 @@ DOORS = {name for package in LISTED for name in importlib.import_module(package)
 # The most lines that a room may have. Who raises a number says why in the commit; a new room brings one of its own.
 BUDGET = {
     "qclearn/plane": 1898,
-    "qclearn/surfaces": 903,
+    "qclearn/surfaces": 904,
     "qclearn/files": 1479,
     "qclearn/registration": 2874,
     "qclearn/group": 650,
     "qclearn/nets": 2955,
     "qclearn/methods": 415,
     "qclearn/benchmark": 1176,
-    "qclearn/pages": 2088,
-    "qclearn/cli, and what stands beside the rooms": 649,
+    "qclearn/pages": 2096,
+    "qclearn/cli, and what stands beside the rooms": 650,
     "data_synth": 2404,
     "tools": 3749,
     "browser": 6248,
