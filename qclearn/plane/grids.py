@@ -90,5 +90,5 @@ def joined(z: Complex[ndarray, " V"]) -> Disk:
 
 def thinned(disk, shares, count):
     """The rim and `count` vertices of a `Disk`, chosen by shares (V,) of 1 (None: equal): numbers (N,), `joined`."""
-    some = np.union1d(disk.loop, np.random.default_rng(0).choice(len(shares), count, replace=False, p=shares))
+    some = np.union1d(disk.loop, np.random.default_rng(0).choice(len(disk.z), count, replace=False, p=shares))
     return some, joined(disk.z[some])
