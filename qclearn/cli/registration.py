@@ -97,7 +97,7 @@ def register(
     surfaces[0] = qc.mirror(surfaces[0]) if mirror else surfaces[0]
     options["annotations"] = [read_regions(path) for path in annot] if annot else None
     wrong = other_hand(moving, control, mirror)
-    register_into(out, *surfaces, curves, inputs, accept_suspect, wrong, features=features, **options)
+    register_into(out, surfaces, curves, inputs, accept_suspect, wrong, features=features, **options)
 
 
 @click.command()
@@ -111,7 +111,7 @@ def demo(out, accept_suspect):
     right, left, landmarks = qc.fsaverage5("right"), qc.fsaverage5("left"), qc.demo_landmarks()
     hold_out = [curve["name"] for curve in landmarks["curves"][1::2]]
     inputs = {"moving": ("fsaverage5 right", right), "control": ("fsaverage5 left", left)}
-    register_into(out, qc.mirror(right), left, landmarks, inputs, accept_suspect, hold_out=hold_out)
+    register_into(out, (qc.mirror(right), left), landmarks, inputs, accept_suspect, hold_out=hold_out)
 
 
 def given_features(files, none):
@@ -146,14 +146,14 @@ def other_hand(moving, control, mirror):
     ]
 
 
-def register_into(out, moving, control, curves, inputs, accept_suspect, wrong=(), **options):
-    """Run the pipeline, write its four files, print the report; exit code 3 if suspect. inputs: as of `origin`; wrong:
-    the reason of `other_hand`, which takes the place of what the fit has to say of that."""
+def register_into(out, surfaces, curves, inputs, accept_suspect, wrong=(), **options):
+    """Run the pipeline, write its four files, print the report; exit code 3 if suspect. surfaces: moving and control;
+    inputs: as of `origin`; wrong: the reason of `other_hand`, in the place of what the fit says of that."""
     from ..pages.plot import registration_figure
 
     with output_folder(out) as folder:
-        result = run_registration(moving, control, curves, progress=True, **options)
-        registration_figure(result, moving, control).savefig(folder / "figure.png", dpi=150)
+        result = run_registration(*surfaces, curves, progress=True, **options)
+        registration_figure(result, *surfaces).savefig(folder / "figure.png", dpi=150)
         write_registration(folder / "registration.npz", {name: getattr(result, name) for name in MAPS})
         words = [word for word in result.report["suspect"] if not (wrong and word.startswith("mirror:"))]
         report = result.report | {"suspect": [*wrong, *words]} | origin(inputs, curves, click.get_current_context().obj)
