@@ -27,7 +27,7 @@ BUDGET = {
     "qclearn/pages": 2407,
     "qclearn/cli, and what stands beside the rooms": 996,
     "data_synth": 2404,
-    "tools": 4035,
+    "tools": 4037,
     "browser": 6344,
     "qclearn/reports": 1076,
 }

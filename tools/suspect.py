@@ -1,12 +1,13 @@
-"""Measure what suspect.py decides by: good registrations, and ones with each of six mistakes made on purpose.
+"""Measure what suspect.py decides by: good registrations, and ones with mistakes made on purpose.
 
     python tools/suspect.py [--also FILE.npz ...] [--out FILE.json]
 
 Pairs are drawn from the two hemispheres of fsaverage5 (the right one mirrored) with the surfaces of --also, which carry
 curves of the same names, and from synthetic subjects, for which whole surfaces are made up that they were cut from.
-Four to eleven curves a pair, by their ends or whole, either method. Mistakes are looked for in all of them, and all are
-registered, for what their maps show. Writes qclearn/benchmark/kept/suspect.json, every case with its values, and prints
-how often the right word was said and the range of each value. Finished cases are kept and not run again.
+Four to eleven curves a pair, by their ends or whole, either method; or one or two, or the folds alone, the other curves
+held out and the nearest curve's name an annotation. All are registered. Writes qclearn/benchmark/kept/suspect.json,
+every case with its values, and prints how often the right word was said and the range of each value. Finished cases are
+kept and not run again.
 """
 
 import re
@@ -209,6 +210,7 @@ def measure(kind, number, groups):
         "whole": len(curves[0]["moving"]) > 2,
         "method": method,
         "features": features is not None,
+        "commit": commit(),
     }
     try:
         entries = held_apart(check_curves(curves, moving, control), [])[0]

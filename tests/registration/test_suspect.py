@@ -217,11 +217,11 @@ def test_strong_distortion_is_measured_by_area_and_not_by_faces():
 def test_held_out_curves_that_end_farther_off_are_told():
     near = {"a": (10.0, 4.0), "b": (2.7, 3.1)}
     assert list(worse(near, {})) == list(worse({}, {})) == list(worse({"a": (0.1, 0.5), "b": (3.0, 3.1)}, {})) == []
-    assert list(worse({"a": (50.0, 54.0)}, {})) == []
+    assert list(worse({"a": (50.0, 54.0)}, {})) == list(worse(near | {"c": (8.0, 13.1)}, {})) == []
     (reason,) = worse({"a": (2.0, 3.1), "b": (3.0, 3.1)}, {})
     assert reason.startswith("worse: the held-out curves end 3.1 mm from their targets on average (2.5 after")
-    (reason,) = worse(near | {"c": (8.0, 13.1)}, {})
-    assert reason.startswith("worse: 'c' ends 13.1 mm from its target (8.0 after")
+    (reason,) = worse({"a": (30.0, 4.0), "c": (8.0, 18.1)}, {})
+    assert reason.startswith("worse: 'c' ends 18.1 mm from its target (8.0 after")
 
 
 def test_annotations_that_agree_less_are_told():
@@ -252,24 +252,29 @@ def measured():
 
 def test_the_limits_are_those_that_were_measured_and_no_good_case_is_suspect(measured):
     assert measured["limits"] == LIMITS
-    good = [case for case in measured["cases"] if case["kind"] == "good"]
+    good = [case for case in measured["cases"] if case["kind"].startswith("good")]
+    assert {case["kind"] for case in good} == {"good", "good, one or two", "good, folds alone"}
     assert len(good) >= 200 and all(case["mistakes"] == [] for case in good)
     registered = [case for case in good if "suspect" in case]
     assert len(registered) >= 200 and all(case["suspect"] == [] and case["bijective"] for case in registered)
 
 
 @pytest.mark.parametrize(
-    "kind, word",
+    "kind, word, least",
     [
-        ("mirrored", "mirror"),
-        ("exchanged", "exchanged"),
-        ("whole numbers", "numbering"),
-        ("all reversed", "reversed"),
-        ("one reversed", "reversed"),
-        ("two swapped", "swapped"),
+        ("mirrored", "mirror", 20),
+        ("exchanged", "exchanged", 20),
+        ("whole numbers", "numbering", 20),
+        ("all reversed", "reversed", 20),
+        ("one reversed", "reversed", 20),
+        ("two swapped", "swapped", 20),
+        ("mirrored, folds alone", "mirror", 4),
+        ("mirrored, one or two", "mirror", 4),
+        ("whole numbers, one or two", "numbering", 4),
+        ("one reversed, one or two", "reversed", 4),
     ],
 )
-def test_in_the_table_each_mistake_is_recognised(measured, kind, word):
+def test_in_the_table_each_mistake_is_recognised(measured, kind, word, least):
     cases = [case for case in measured["cases"] if case["kind"] == kind]
     named = [word in words(case.get("mistakes", [])) or f"{word}: " in case.get("refused", "") for case in cases]
-    assert len(cases) >= 20 and np.mean(named) >= 0.95
+    assert len(cases) >= least and np.mean(named) >= 0.95
