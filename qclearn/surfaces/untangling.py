@@ -1,4 +1,4 @@
-"""A triangle mesh laid on a sphere, untangled: no triangle flipped or too small in the float32 that files hold."""
+"""A triangle mesh laid on a sphere, untangled: no face flipped or too small in the float32 that files hold."""
 
 import numpy as np
 import scipy
@@ -6,15 +6,16 @@ from jaxtyping import Float, Integer
 from numpy import ndarray
 from scipy import sparse
 
+from ..plane.triangles import edge_lengths
 from .checks import norms
 
 RADIUS = 100.0  # of the spheres of FreeSurfer and of Workbench, mm
 LEAST_EDGE, LEAST_AREA = 1e-3, 1e-5  # that every edge, mm, and every face, mm^2, has in the end
-SPARE = 3.0  # what is too small is made so many times as large as it has to be
-ROUNDS, PATIENCE = 30, 5  # at most, and after how many rounds one more ring of neighbours takes part
-STEP = 0.4  # of a vertex's shortest edge or more: how far it moves in one round
-PRICE = 3.0  # of moving a vertex of the next rank
-MISSING = 1e4  # price of a height that stays too small, against that of moving a vertex of rank 0 as far
+BAD, GOOD = 1.2, 3.0  # a face below so many times its least size is mended, to so many times of it
+ROUNDS, PATIENCE, EASE = 80, 10, 4  # at most; after how many one more ring takes part, and neighbours' means are taken
+STEP = 0.4  # of the edges around it, or less at random: how far a vertex goes in a round
+PRICE, MISSING = 3.0, 1e4  # of the next rank's moving 1 mm, and of 1 mm of height that stays away
+SOFT = 4  # the least rank that stays when neighbours' means are taken
 
 
 class UntanglingError(ValueError):
@@ -26,13 +27,14 @@ def untangled(
 ) -> tuple[Float[ndarray, " V 3"], Integer[ndarray, " k"]]:
     """Points of a closed mesh on the sphere of RADIUS without a flipped or too small face, and the vertices moved.
 
-    The points are those that float32 holds, as files do; the faces look outward. Around bad faces vertices move the
-    least that gives every face its height, by linear programs: the sum of the lengths is least, so few move, and those
-    of low rank rather than others. UntanglingError, with the faces, where that does not end.
+    The points are those that float32 holds; the faces look outward. Around bad faces the vertices make in each round
+    the shortest moves that give all faces their heights (`least_moves`), those of low `rank` rather than others. Where
+    that does not end, those below rank SOFT go to the means of their neighbours every EASE rounds: long faces on a
+    jagged seam need a detour. UntanglingError, with the faces, where ROUNDS are not enough.
     """
-    p, moved = stored(points), np.zeros(len(points), bool)
-    corners = np.repeat(np.arange(len(faces)), 3)
-    stars = sparse.csr_array((np.ones(faces.size, np.int8), (faces.ravel(), corners)), shape=(len(p), len(faces)))
+    p, moved, rng = stored(points), np.zeros(len(points), bool), np.random.default_rng(0)
+    owners = np.repeat(np.arange(len(faces)), 3)
+    stars = sparse.csr_array((np.ones(faces.size, np.int8), (faces.ravel(), owners)), shape=(len(p), len(faces)))
     bad = np.flatnonzero(too_small(p, faces))
     for turn in range(ROUNDS):
         if not len(bad):
@@ -41,73 +43,79 @@ def untangled(
         for _ in range(2 + turn // PATIENCE):
             active = np.unique(faces[near])
             near = np.unique(stars[active].indices)
-        shift = least_shift(p, faces[near], active, rank)
-        far = norms(shift) > 0
-        p[active[far]], moved[active[far]] = stored(p[active[far]] + shift[far]), True
+        if turn % EASE == EASE - 1:
+            soft = active[rank[active] < SOFT]
+            p[soft], moved[soft] = stored(neighbour_sums(p, faces[near])[soft]), True
+        # what full steps have not mended goes round in circles with them
+        steps = STEP * 0.1 ** rng.random(len(active)) if turn >= EASE else np.full(len(active), STEP)
+        shift = least_moves(p, faces[near], active, rank[active], steps)
+        going = shift.any(1)
+        p[active[going]], moved[active[going]] = stored(p[active[going]] + shift[going]), True
         bad = near[too_small(p, faces[near])]
-        print(turn, len(bad), len(active), np.bincount(rank[faces[bad]].max(1), minlength=6), bad[:4])
     raise UntanglingError(f"{len(bad)} faces of the sphere stay flipped or too small, the first {bad[:5].tolist()}")
 
 
 def stored(points):
-    """Points (n, 3) on the sphere of RADIUS, as float32 holds them."""
+    """Points (n, 3) put on the sphere of RADIUS, as float32 holds them."""
     return (points * (RADIUS / norms(points)[:, None])).astype(np.float32).astype(float)
 
 
+def too_small(p, faces):
+    """Which faces are flipped, or too near to the least area or edge, (F,) bool."""
+    lengths, areas = edge_lengths(p[faces]), doubled_areas(p, faces)[0] / 2
+    return (areas < BAD * LEAST_AREA) | (lengths.min(1) < BAD * LEAST_EDGE)
+
+
 def doubled_areas(p, faces):
-    """Twice the area of each face on the sphere of RADIUS, (F,), negative where it looks inward, and its gradient by
-    each corner, (F, 3, 3): that of `det(a, b, c) / RADIUS`."""
+    """Twice the area of each face, `det(a, b, c) / RADIUS` (F,), negative where it looks inward, and its gradient by
+    each corner, (F, 3, 3)."""
     a, b, c = (p[corner] for corner in faces.T)
     gradient = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], 1) / RADIUS
     return np.einsum("fi,fi->f", a, gradient[:, 0]), gradient
 
 
-def sides(p, faces):
-    """Length of the edge opposite each corner, (F, 3)."""
-    a, b, c = (p[corner] for corner in faces.T)
-    return np.stack([norms(c - b), norms(a - c), norms(b - a)], 1)
+def neighbour_sums(p, faces):
+    """The sum of the neighbours of each vertex, (V, 3), each as often as faces join the two."""
+    total = np.zeros_like(p)
+    for k in range(3):
+        np.add.at(total, faces[:, k], p[faces[:, k - 1]] + p[faces[:, k - 2]])
+    return total
 
 
-def too_small(p, faces):
-    """Which faces are flipped or smaller than they may be, (F,) bool."""
-    return (doubled_areas(p, faces)[0] < 2.4 * LEAST_AREA) | (sides(p, faces).min(1) < 1.2 * LEAST_EDGE)
+def least_moves(p, faces, active, rank, steps):
+    """The moves (k, 3) of the `active` vertices (k,) across the sphere that give the faces (m, 3) their heights.
 
-
-def least_shift(p, faces, active, rank):
-    """The shift (k, 3) of the `active` vertices (k,) in their tangent planes that gives the faces the heights they need.
-
-    Linear program: `min sum_v price_v |x_v|_1 + MISSING sum_f s_f`, the linearised height of each face over its longest
-    side at least what its area and its shortest edge need, less s_f >= 0; each step is short.
+    A linear program: `min sum_v PRICE^rank_v |x_v|_1 + MISSING sum_f s_f`, where the height of each face over its
+    longest side, linear in x, is at least what its area and its shortest edge need, less s_f >= 0. A vertex goes at
+    most `steps` (k,) times the length of the edges around it. The sum of the lengths is least, so that few move.
     """
-    n, m = len(active), len(faces)
-    area, gradient = doubled_areas(p, faces)
-    length = sides(p, faces)
-    longest = np.maximum(length.max(1), LEAST_EDGE)
-    wanted = SPARE * np.maximum(LEAST_EDGE, 2 * LEAST_AREA / longest)
-    axes = tangents(p[active])
-    number = np.full(len(p), -1)
+    n, m, number = len(active), len(faces), np.full(len(p), -1)
     number[active] = np.arange(n)
+    lengths, (area, gradient) = edge_lengths(p[faces]), doubled_areas(p, faces)
+    longest = np.maximum(lengths.max(1), LEAST_EDGE)
+    wanted = GOOD * np.maximum(LEAST_EDGE, 2 * LEAST_AREA / longest)
+    axes = across(p[active])
     face, corner = np.nonzero(number[faces] >= 0)
     at = number[faces[face, corner]]
-    along = np.einsum("ki,kji->kj", gradient[face, corner], axes[at]) / longest[face, None]
+    slopes = np.einsum("ki,kji->kj", gradient[face, corner], axes[at]) / longest[face, None]
     places = np.repeat(face, 2), (2 * at[:, None] + [0, 1]).ravel()
-    slope = sparse.csr_array((along.ravel(), places), shape=(m, 2 * n))
+    slopes = sparse.csr_array((slopes.ravel(), places), shape=(m, 2 * n))
     reach = np.full(len(p), np.inf)
-    np.minimum.at(reach, faces.ravel(), np.repeat(np.median(length, 1), 3))
-    reach = STEP * np.maximum(reach[active], 10 * LEAST_EDGE).repeat(2)
-    price = (PRICE ** rank[active]).repeat(2)
+    np.minimum.at(reach, faces, np.median(lengths, 1)[:, None])
+    reach = np.repeat(steps * np.maximum(reach[active], 10 * LEAST_EDGE), 2)
+    price = np.repeat(PRICE**rank, 2)
     found = scipy.optimize.linprog(
-        np.concatenate([price, price, np.full(m, MISSING)]),
-        sparse.hstack([-slope, slope, -sparse.eye_array(m)]).tocsr(),
+        np.concatenate([price, price, np.full(m, MISSING)]),  # forth, back, and what is missing
+        sparse.hstack([-slopes, slopes, -sparse.eye_array(m)]).tocsr(),
         area / longest - wanted,
-        bounds=np.stack([np.zeros(4 * n + m), np.concatenate([reach, reach, np.full(m, np.inf)])], 1),
+        bounds=np.stack([np.zeros(4 * n + m), np.r_[reach, reach, np.full(m, np.inf)]], 1),
     )
     x = found.x[: 2 * n] - found.x[2 * n : 4 * n]
     return np.einsum("nj,nji->ni", np.where(abs(x) < 1e-6, 0, x).reshape(n, 2), axes)
 
 
-def tangents(p):
-    """Two directions across each point (n, 3) of a sphere around 0, (n, 2, 3), orthonormal."""
+def across(p):
+    """Two orthonormal directions across each point (n, 3) of a sphere around 0, (n, 2, 3)."""
     third = p / norms(p)[:, None]
     first = np.cross(third, np.eye(3)[abs(third).argmin(1)])
     first /= norms(first)[:, None]
