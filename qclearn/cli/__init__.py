@@ -8,7 +8,7 @@ from importlib.metadata import version
 
 import click
 
-from . import group, landmarks, registration, reports, studies, surfaces
+from . import group, landmarks, registration, reports, sphere, studies, surfaces
 from .output import fail
 
 
@@ -43,6 +43,7 @@ for command in (
     reports.report,
     surfaces.open_command,
     surfaces.transfer,
+    sphere.sphere,
     surfaces.synth,
     studies.train,
     studies.benchmark,

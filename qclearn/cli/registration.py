@@ -1,7 +1,7 @@
 """`qclearn register` and `demo`: a pair of surfaces to a folder with the map, the report and the figure."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from ..registration.mapfile import side_arrays, write_registration
 from ..registration.problem import DELTA, Weights
 from ..registration.register import register as run_registration
 from .output import fail, output_folder
+from .sphere import ControlSphere, sphere_of, write_sphere
 
 MAPS = ("points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving", "faces_control")  # that are written
 
@@ -61,6 +62,7 @@ MAPS = ("points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving
 @click.option("--sliding", is_flag=True, help="Let inner points slide along their target curves.")
 @click.option("--mirror", is_flag=True, help="Mirror the moving surface first (right onto left).")
 @click.option("--report", is_flag=True, help="Write report.html, too: one page to look at, without a network.")
+@click.option("--sphere", metavar="FILE", help="The control's sphere: also writes what `qclearn sphere` does.")
 @click.option("--accept-suspect", is_flag=True, help="End with exit code 0 where the registration is suspect.")
 def register(moving, control, landmarks, out, mirror, accept_suspect, given, no_features, no_landmarks, **options):
     """Register MOVING to CONTROL by their folds and along landmark curves; writes a certified point-to-point map.
@@ -90,6 +92,8 @@ def register(moving, control, landmarks, out, mirror, accept_suspect, given, no_
         raise qc.LandmarkError("--landmarks and --no-landmarks exclude each other; drop one")
     cortex = {side: options.pop(name) for side, name in (("moving", "cortex"), ("control", "control_cortex"))}
     pair = Pair(read_hemisphere(moving, cortex["moving"]), read_hemisphere(control, cortex["control"]), mirror)
+    sphere = options.pop("sphere")
+    pair = replace(pair, sphere=sphere and sphere_of(pair, sphere))
     features = given_features(pair, given, no_features)
     curves = read_landmarks(landmarks) if landmarks else [] if no_landmarks else shared_curves(pair, features)
     register_into(out, pair, curves, accept_suspect, features=features, **options)
@@ -113,11 +117,12 @@ def demo(out, accept_suspect, report):
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """The two `Hemisphere`s of a call, and whether the moving one is mirrored."""
+    """The two `Hemisphere`s of a call, whether the moving one is mirrored, and the control's sphere if it is wanted."""
 
     moving: Hemisphere
     control: Hemisphere
     mirrored: bool
+    sphere: ControlSphere | None = None
 
     @cached_property
     def disks(self):
@@ -178,7 +183,9 @@ def register_into(out, pair, curves, accept_suspect, **options):
     with output_folder(out, instead=["report.html"]) as folder:
         result = run_registration(*pair.disks, on_disks(curves, pair.given), progress=True, **options)
         registration_figure(result, *pair.disks).savefig(folder / "figure.png", dpi=150)
-        write_registration(folder / "registration.npz", {name: getattr(result, name) for name in MAPS} | pair.arrays)
+        arrays = {name: getattr(result, name) for name in MAPS} | pair.arrays
+        write_registration(folder / "registration.npz", arrays)
+        told = pair.sphere and write_sphere(folder, arrays, pair.sphere)
         inputs = {side: (one.path, one.given) for side, one in pair.given.items()}
         report = result.report | origin(inputs, curves, click.get_current_context().obj)
         (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
@@ -188,6 +195,8 @@ def register_into(out, pair, curves, accept_suspect, **options):
 
             write_pair(folder, folder / "report.html")
     print_report(report, out)
+    if told:
+        click.echo(f"{'sphere':15s} {told}")
     if report["suspect"]:
         fail("suspect: " + "; ".join(report["suspect"]), 0 if accept_suspect else 3)
 

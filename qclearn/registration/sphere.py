@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,10 +10,10 @@ from ..plane.disk import Disk
 from ..plane.linear import Dirichlet, assemble
 from ..surfaces.checks import norms
 from ..surfaces.surface import Surface, SurfaceError
-from ..surfaces.untangling import RADIUS, untangled
+from ..surfaces.untangling import untangled
 
-ROUND = 1e-3  # share of the radius that a sphere's vertices may stray, as Workbench has it
-RINGS = 4  # of cortex around the wall, the rim one of them, that leave moving to those farther out
+ROUND = 1.001  # the largest radius by the smallest that a sphere may have, as Workbench wants it
+RINGS = 4  # of the cortex that are told apart, its rim the first
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,28 +49,37 @@ class Whole:
         return Disk(Dirichlet(assemble(faces, blocks, len(vertices)), rim).solve(angles), faces)
 
     @cached_property
-    def rank(self):
-        """How far from the wall each vertex lies: 0 on it, 1 on its rim, up to RINGS + 1."""
-        rank = np.full(self.count, RINGS + 1)
-        rank[np.setdiff1d(self.wall[0], self.rim)] = 0
-        rank[self.rim] = 1
+    def rings(self):
+        """How far from the wall each vertex lies (V,): 0 on it, 1 on its rim, and so on up to RINGS + 1."""
+        rings = np.full(self.count, RINGS + 1)
+        rings[np.setdiff1d(self.wall[0], self.rim)] = 0
+        rings[self.rim] = 1
         for ring in range(1, RINGS):
-            touched = self.faces[(rank[self.faces] == ring).any(1)]
-            rank[touched] = np.minimum(rank[touched], ring + 1)
-        return rank
+            touched = self.faces[(rings[self.faces] == ring).any(1)]
+            rings[touched] = np.minimum(rings[touched], ring + 1)
+        return rings
 
 
-def registered_sphere(maps: dict, sphere: Surface) -> tuple[Surface, np.ndarray]:
-    """The whole moving hemisphere on the control's whole `sphere`: a closed `Surface` of radius 100, its coordinates
-    those of float32, and the vertices (k,) that untangling moved.
+class RegisteredSphere(NamedTuple):
+    """A whole hemisphere on a sphere: the `surface` (V vertices), the numbers `moved` (k,) of the vertices that
+    untangling moved, and `rings` (V,), how far each lies from the wall: 0 on it, 1 on its rim, at most RINGS + 1."""
+
+    surface: Surface
+    moved: np.ndarray
+    rings: np.ndarray
+
+
+def registered_sphere(maps: dict, sphere: Surface) -> RegisteredSphere:
+    """The whole moving hemisphere on the control's whole `sphere`, scaled to radius 100, in coordinates of float32.
 
     maps: the arrays of `read_registration`. The cortex goes by the disk map and the control's triangles. Both walls are
     laid into one disk (Tutte), each vertex of the rim at the length along the control's rim where the cortex puts it,
-    and go by the control's triangles there. Faces follow their vertices; what is flipped or too small then is
-    `untangled`. SurfaceError where the registration does not hold both surfaces whole, or `sphere` is not the control's.
+    and go by the control's triangles there. Faces follow their vertices, outward; what is then flipped or too small is
+    `untangled`. SurfaceError where the registration does not hold both surfaces whole, or the sphere is not the
+    control's; UntanglingError.
     """
     moving, control = whole_of(maps, "moving"), whole_of(maps, "control")
-    unit = unit_sphere(sphere, control)
+    unit = unit_sphere(sphere, control.faces)
     places = control.disk.locate(drawn_in(moving.disk.z, control.disk.z[control.disk.loop]))
     points = np.empty((moving.count, 3))
     points[moving.table] = control.disk.interpolate(unit[control.table], places)
@@ -79,8 +89,8 @@ def registered_sphere(maps: dict, sphere: Surface) -> tuple[Surface, np.ndarray]
     here = moving.wall_disk(control.disk.interpolate(angles, places)[moving.disk.loop])
     inner = ~np.isin(moving.wall[0], moving.rim)
     points[moving.wall[0][inner]] = there.interpolate(unit[control.wall[0]], there.locate(here.z[inner]))
-    points, moved = untangled(points, moving.faces, moving.rank)
-    return Surface(points, moving.faces), moved
+    points, moved = untangled(points, moving.faces, moving.rings)
+    return RegisteredSphere(Surface(points, moving.faces), moved, moving.rings)
 
 
 def drawn_in(z, rim):
@@ -102,29 +112,35 @@ def around(rim):
 
 def whole_of(maps, side):
     """The `Whole` of the side "moving" or "control" of a registration; SurfaceError where it does not hold one."""
-    if f"about_{side}" not in maps:
-        raise SurfaceError(
-            "written by an older version of this program, without the whole surfaces; run `qclearn register` again"
-        )
-    if f"table_{side}" not in maps or f"whole_faces_{side}" not in maps:
+    table, faces = (maps.get(f"{name}_{side}") for name in ("table", "whole_faces"))
+    require_whole(side, table, faces)
+    table, faces = table.astype(np.int64), faces.astype(np.int64)
+    disk = Disk(maps["disk_map" if side == "moving" else "disk_control"], maps[f"faces_{side}"])
+    turned = not alike(table[disk.faces[0]], faces)  # it was mirrored
+    return Whole(faces[:, ::-1] if turned else faces, disk, table)
+
+
+def require_whole(side, table, faces):
+    """SurfaceError unless the table (V,) of a registered side and its whole surface's faces (F, 3) are known, and that
+    surface is closed and without handles."""
+    if table is None or faces is None:
         option = "--cortex" if side == "moving" else "--control-cortex"
         raise SurfaceError(
-            f"the {side} surface was registered as it had been cut open, and a sphere needs the whole one: run "
-            f"`qclearn register` with the whole surface and {option}"
+            f"the whole {side} surface is not known, and a sphere needs its medial wall: run `qclearn register` with "
+            f"the whole surface and {option}, or with the npz that `qclearn open` writes"
         )
-    table, faces = (maps[f"{name}_{side}"].astype(np.int64) for name in ("table", "whole_faces"))
-    disk = Disk(maps["disk_map" if side == "moving" else "disk_control"], maps[f"faces_{side}"])
-    cortex, count = table[disk.faces], int(faces.max()) + 1
+    count = faces.max() + 1
     if len(faces) != 2 * count - 4:
         raise SurfaceError(
-            f"the whole {side} surface is no sphere ({count} vertices, {len(faces)} faces): it has a boundary or handles; "
-            "repair the topology where it was made (FreeSurfer: mris_fix_topology)"
+            f"the whole {side} surface is no sphere ({count} vertices, {len(faces)} faces): it has a boundary or "
+            "handles; repair the topology where it was made (FreeSurfer: mris_fix_topology)"
         )
-    if not np.isin(keys(cortex, count), keys(faces, count)).all():
-        raise SurfaceError(f"its {side} surface is not cut out of the whole one; run `qclearn register` again")
-    same = faces[keys(faces, count) == keys(cortex[:1], count)][0]
-    turned = not any(np.array_equal(np.roll(same, turn), cortex[0]) for turn in range(3))  # mirrored, or was inside out
-    return Whole(faces[:, ::-1] if turned else faces, disk, table)
+
+
+def alike(face, faces):
+    """Whether one face (3,) runs the same way round among `faces` (F, 3)."""
+    same = faces[(np.sort(faces, axis=1) == np.sort(face)).all(1)][0]
+    return any(np.array_equal(np.roll(same, turn), face) for turn in range(3))
 
 
 def keys(faces, count):
@@ -133,46 +149,44 @@ def keys(faces, count):
     return (low * count + middle) * count + high
 
 
-def unit_sphere(sphere, control):
-    """The vertices (W, 3) of the sphere of a `Whole`, at radius 1; SurfaceError where it cannot be that one's."""
-    if (len(sphere.vertices), len(sphere.faces)) != (control.count, len(control.faces)):
-        there, here = (
-            f"{n} vertices and {f} faces"
-            for n, f in ((len(sphere.vertices), len(sphere.faces)), (control.count, len(control.faces)))
-        )
-        raise SurfaceError(f"has {there}, and the control {here}; give the sphere of the control itself")
-    wanted, found = (np.sort(keys(faces, control.count)) for faces in (control.faces, sphere.faces))
-    if not np.array_equal(wanted, found):
+def unit_sphere(sphere, faces):
+    """The vertices (V, 3) of a sphere that shall have these `faces` (F, 3), at radius 1; SurfaceError where it has
+    others, is no sphere around 0, or looks inward."""
+    count = int(faces.max()) + 1
+    if (len(sphere.vertices), len(sphere.faces)) != (count, len(faces)):
         raise SurfaceError(
-            "has other faces than the control, so it is another subject's; give the control's own sphere"
+            f"{len(sphere.vertices)} vertices and {len(sphere.faces)} faces, where the control has {count} and "
+            f"{len(faces)}: the sphere of another subject; give the control's own"
         )
+    if not np.array_equal(*(np.sort(keys(mesh.astype(np.int64), count)) for mesh in (faces, sphere.faces))):
+        raise SurfaceError("its faces are not the control's: the sphere of another subject; give the control's own")
     radii = norms(sphere.vertices)
-    if np.ptp(radii) > ROUND * radii.max():
+    if not radii.max() < ROUND * radii.min():
         raise SurfaceError(no_sphere(sphere.vertices, radii))
     if sphere.volume < 0:
         raise SurfaceError(
-            "looks inward: its faces are reversed, or it is the mirror image of a sphere; give the control's own as it is"
+            "the sphere looks inward: its faces are reversed, or it is mirrored, as one of the other hemisphere; give "
+            "the control's own as FreeSurfer wrote it"
         )
-    unit = sphere.vertices / radii[:, None]
-    a, b, c = (unit[control.table[corner]] for corner in control.disk.faces.T)
-    if np.median(np.einsum("fi,fi->f", a, np.cross(b, c))) < 0:
+    if not alike(sphere.faces[0], faces):
         raise SurfaceError(
-            "runs the other way round than the control: it is the other hemisphere's; give the control's"
+            "its faces run the other way round than the control's: it is of the other hemisphere, or mirrored; give "
+            "the control's own"
         )
-    return unit
+    return sphere.vertices / radii[:, None]
 
 
 def no_sphere(vertices, radii):
-    """What is wrong with a sphere of these radii (V,), in words: it lies elsewhere, or it is none."""
+    """Why vertices (V, 3) at distances `radii` (V,) from 0 are no sphere around it, in words."""
     centre = np.linalg.lstsq(np.column_stack([2 * vertices, np.ones(len(vertices))]), radii**2)[0][:3]
     off = norms(vertices - centre)
-    if np.ptp(off) <= ROUND * off.max():
+    if off.max() <= ROUND * off.min():
         place = ", ".join(f"{x:.1f}" for x in centre)
         return (
-            f"is a sphere around ({place}), where Workbench and FreeSurfer need one around 0: move it back there "
-            "(mris_convert without --to-scanner leaves it where it was)"
+            f"a sphere around ({place}), where Workbench and FreeSurfer need one around 0; give it as FreeSurfer wrote "
+            "it (mris_convert --to-scanner moves it)"
         )
     return (
-        f"is no sphere: its vertices lie {radii.min():.4g} to {radii.max():.4g} from 0; give lh.sphere or "
-        "lh.sphere.reg (lh.inflated is none)"
+        f"not a sphere: its vertices lie {radii.min():.4g} to {radii.max():.4g} from 0; give lh.sphere or "
+        "lh.sphere.reg of the control (lh.inflated is none)"
     )
