@@ -21,6 +21,7 @@ from ..registration.mapfile import side_arrays, write_registration
 from ..registration.problem import DELTA, Weights
 from ..registration.register import register as run_registration
 from .output import fail, output_folder
+from .sphere import FILES as SPHERES
 from .sphere import ControlSphere, sphere_of, write_sphere
 
 MAPS = ("points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving", "faces_control")  # that are written
@@ -180,7 +181,7 @@ def register_into(out, pair, curves, accept_suspect, **options):
     from ..pages.plot import registration_figure
 
     paged = options.pop("report")
-    with output_folder(out, instead=["report.html"]) as folder:
+    with output_folder(out, instead=["report.html", *SPHERES]) as folder:
         result = run_registration(*pair.disks, on_disks(curves, pair.given), progress=True, **options)
         registration_figure(result, *pair.disks).savefig(folder / "figure.png", dpi=150)
         arrays = {name: getattr(result, name) for name in MAPS} | pair.arrays

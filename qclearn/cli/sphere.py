@@ -4,6 +4,7 @@ import re
 from typing import NamedTuple
 
 import click
+import numpy as np
 
 import qclearn as qc
 
@@ -18,6 +19,9 @@ from .output import output_folder, say
 
 _FSAVERAGE5 = re.compile("fsaverage5:(left|right)")
 OTHER = {"left": "right", "right": "left", None: None}
+
+
+FILES = ["sphere.reg", "sphere.reg.surf.gii", "ArealDistortion.shape.gii", "ShapeDistortion.shape.gii"]
 
 
 @click.command()
@@ -99,12 +103,15 @@ def write_sphere(folder, arrays, given):
     frame, own = Frame(given.side, kind="Spherical"), frame_of_side(arrays, "moving").side
     if frame.side is None:
         frame = Frame(OTHER[own] if arrays["mirrored"] else own, kind="Spherical")
-    for name in ("sphere.reg", "sphere.reg.surf.gii"):
+    for name in FILES[:2]:
         qc.write_surface(folder / name, surface, frame=frame)
-    maps = distortion_maps(arrays["vertices_moving"].astype(float), arrays["faces_moving"], arrays["points"])
-    for name, values in zip(("ArealDistortion", "ShapeDistortion"), maps):
+    here, there = (
+        arrays[name].astype(np.float32).astype(float) for name in ("vertices_moving", "points")
+    )  # as in files
+    maps = distortion_maps(here, arrays["faces_moving"], there)
+    for name, values in zip(FILES[2:], maps):
         whole = numbering_of_side(arrays, "moving").on_whole(values, 0)
-        qc.write_values(folder / f"{name}.shape.gii", whole, own, names=[name])
+        qc.write_values(folder / name, whole, own, names=[name.split(".")[0]])
     wall, cortex, far = ((rings[moved] == 0).sum(), (rings[moved] > 0).sum(), (rings[moved] > RINGS).sum())
     return (
         f"{len(surface.vertices)} vertices on the control's sphere, no face flipped; untangling moved {wall} on the "

@@ -121,23 +121,23 @@ def log2_distortions(surface, points):
     return {name: [float(weights @ value), _quantile(value, weights, 0.95)] for name, value in values.items()}
 
 
-def distortion_maps(vertices, faces, points):
-    """Areal and shape distortion at the vertices (V, 3) that go to points (V, 3), (V,) each, as Workbench has them.
+def distortion_maps(vertices, faces, images):
+    """Areal and shape distortion at the vertices (V, 3) that go to `images` (V, 3), (V,) each, as Workbench has them.
 
     Areal: log2 J, J the ratio of the areas around a vertex, at least `SMALLEST_RATIO` (`wb_command
     -surface-distortion`); shape: log2 of the mean, over the faces around a vertex, of the ratio of the principal
     stretches (its `-local-affine-method -log2`). Total areas are left as they are.
     """
-    area, shape = stretches(vertices, faces, points)
+    area, shape = stretches(vertices, faces, images)
     a, b, c = (vertices[corner] for corner in faces.T)
     before = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     sums = [np.bincount(faces.ravel(), np.repeat(value, 3)) for value in (before * area, before, shape, 0 * shape + 1)]
     return np.log2(np.maximum(sums[0] / sums[1], SMALLEST_RATIO)), np.log2(sums[2] / sums[3])
 
 
-def stretches(vertices, faces, points):
-    """Ratio of areas J, and of the principal stretches, `(1 + |mu|) / (1 - |mu|)`, of each face, (F,) each."""
-    p, q = (_flattened(corners[faces]) for corners in (vertices, points))
+def stretches(vertices, faces, images):
+    """Ratios of the areas, and of the principal stretches, `(1 + |mu|) / (1 - |mu|)`, of a map of faces, (F,) each."""
+    p, q = (_flattened(corners[faces]) for corners in (vertices, images))
     # On each face the map is w -> a w + b conj(w).
     double_area = p[0] * p[1].conj() - p[1] * p[0].conj()
     a = (q[0] * p[1].conj() - q[1] * p[0].conj()) / double_area

@@ -181,7 +181,7 @@ def no_sphere(vertices, radii):
     centre = np.linalg.lstsq(np.column_stack([2 * vertices, np.ones(len(vertices))]), radii**2)[0][:3]
     off = norms(vertices - centre)
     if off.max() <= ROUND * off.min():
-        place = ", ".join(f"{x:.1f}" for x in centre)
+        place = ", ".join(f"{x:.1f}" for x in centre.round(1) + 0.0)  # no -0.0
         return (
             f"a sphere around ({place}), where Workbench and FreeSurfer need one around 0; give it as FreeSurfer wrote "
             "it (mris_convert --to-scanner moves it)"

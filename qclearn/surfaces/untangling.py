@@ -23,16 +23,16 @@ class UntanglingError(ValueError):
 
 
 def untangled(
-    points: Float[ndarray, " V 3"], faces: Integer[ndarray, " F 3"], rank: Integer[ndarray, " V"]
+    vertices: Float[ndarray, " V 3"], faces: Integer[ndarray, " F 3"], rank: Integer[ndarray, " V"]
 ) -> tuple[Float[ndarray, " V 3"], Integer[ndarray, " k"]]:
-    """Points of a closed mesh on the sphere of RADIUS without a flipped or too small face, and the vertices moved.
+    """The vertices of a closed mesh on the sphere of RADIUS without a flipped or too small face; and which were moved.
 
-    The points are those that float32 holds; the faces look outward. Around bad faces the vertices make in each round
+    They are those that float32 holds; the faces look outward. Around bad faces the vertices make in each round
     the shortest moves that give all faces their heights (`least_moves`), those of low `rank` rather than others. Where
     that does not end, those below rank SOFT go to the means of their neighbours every EASE rounds: long faces on a
     jagged seam need a detour. UntanglingError, with the faces, where ROUNDS are not enough.
     """
-    p, moved, rng = stored(points), np.zeros(len(points), bool), np.random.default_rng(0)
+    p, moved, rng = stored(vertices), np.zeros(len(vertices), bool), np.random.default_rng(0)
     owners = np.repeat(np.arange(len(faces)), 3)
     stars = sparse.csr_array((np.ones(faces.size, np.int8), (faces.ravel(), owners)), shape=(len(p), len(faces)))
     bad = np.flatnonzero(too_small(p, faces))
