@@ -17,15 +17,15 @@ DOORS = {name for package in LISTED for name in importlib.import_module(package)
 # The most lines that a room may have. Who raises a number says why in the commit; a new room brings one of its own.
 BUDGET = {
     "qclearn/plane": 1891,
-    "qclearn/surfaces": 892,
+    "qclearn/surfaces": 1014,
     "qclearn/files": 1904,
-    "qclearn/registration": 3115,
+    "qclearn/registration": 3327,
     "qclearn/group": 650,
     "qclearn/nets": 2960,
     "qclearn/methods": 415,
     "qclearn/benchmark": 1246,
     "qclearn/pages": 2265,
-    "qclearn/cli, and what stands beside the rooms": 939,
+    "qclearn/cli, and what stands beside the rooms": 1070,
     "data_synth": 2404,
     "tools": 3749,
     "browser": 6344,

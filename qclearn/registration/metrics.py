@@ -7,6 +7,7 @@ from ..plane.triangles import corner_angles, edge_lengths
 from .landmarks import edge_graph, weigh_edges
 
 SMALLEST_RATIO = 1e-6  # of a face's area to its share, where it is measured
+SMALLEST_IN_FILES = 1e-9  # of areas that coordinates of float32 bear out
 
 
 def coefficient_statistics(mu):
@@ -124,7 +125,7 @@ def log2_distortions(surface, points):
 def distortion_maps(vertices, faces, images):
     """Areal and shape distortion at the vertices (V, 3) that go to `images` (V, 3), (V,) each, as Workbench has them.
 
-    Areal: log2 J, J the ratio of the areas around a vertex, at least `SMALLEST_RATIO` (`wb_command
+    Areal: log2 J, J the ratio of the areas around a vertex, at least `SMALLEST_IN_FILES` (`wb_command
     -surface-distortion`); shape: log2 of the mean, over the faces around a vertex, of the ratio of the principal
     stretches (its `-local-affine-method -log2`). Total areas are left as they are.
     """
@@ -132,7 +133,7 @@ def distortion_maps(vertices, faces, images):
     a, b, c = (vertices[corner] for corner in faces.T)
     before = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     sums = [np.bincount(faces.ravel(), np.repeat(value, 3)) for value in (before * area, before, shape, 0 * shape + 1)]
-    return np.log2(np.maximum(sums[0] / sums[1], SMALLEST_RATIO)), np.log2(sums[2] / sums[3])
+    return np.log2(np.maximum(sums[0] / sums[1], SMALLEST_IN_FILES)), np.log2(sums[2] / sums[3])
 
 
 def stretches(vertices, faces, images):
