@@ -17,7 +17,7 @@ DOORS = {name for package in LISTED for name in importlib.import_module(package)
 # The most lines that a room may have. Who raises a number says why in the commit; a new room brings one of its own.
 BUDGET = {
     "qclearn/plane": 1891,
-    "qclearn/surfaces": 1014,
+    "qclearn/surfaces": 1017,
     "qclearn/files": 1904,
     "qclearn/registration": 3327,
     "qclearn/group": 650,

@@ -44,8 +44,8 @@ def sphere(registration, control_sphere, out):
         --trgsurfreg sphere.reg --sval lh.thickness --tval OUT.mgh --cortex
 
     The sphere lies on the control's hemisphere, and says so: of a right surface registered with --mirror it is a left
-    one, with the faces of the mirrored surface. Workbench takes it with the right one's maps as they are (the output of
-    -metric-resample gets the structure of the new sphere: -set-structure corrects it). FreeSurfer keeps such a surface
+    one, with the faces of the mirrored surface. Workbench takes maps of the right one with it as they are, and a map
+    keeps its structure when it is resampled (-set-structure tells where it lies now). FreeSurfer keeps such a surface
     as lh in SUBJECT/xhemi/surf, where the sphere and the right one's maps are named lh, too.
 
     ArealDistortion.shape.gii is log2 of the area around each vertex on the registered surface, by that on the moving
