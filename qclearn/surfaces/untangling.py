@@ -53,8 +53,8 @@ def untangled(
         p[active[going]], moved[active[going]] = stored(p[active[going]] + shift[going]), True
         bad = near[too_small(p, faces[near])]
     raise UntanglingError(
-        f"{len(bad)} faces of the sphere stay flipped or too small, the first {bad[:5].tolist()}; look at the registration "
-        "there without a sphere, and at the cortex labels of both sides"
+        f"{len(bad)} faces of the sphere stay flipped or too small, the first {bad[:5].tolist()}; look at the "
+        "registration there, made without a sphere, and at the cortex labels of both sides"
     )
 
 
