@@ -17,15 +17,15 @@ DOORS = {name for package in LISTED for name in importlib.import_module(package)
 # The most lines that a room may have. Who raises a number says why in the commit; a new room brings one of its own.
 BUDGET = {
     "qclearn/plane": 1900,
-    "qclearn/surfaces": 905,
+    "qclearn/surfaces": 1030,
     "qclearn/files": 1938,
-    "qclearn/registration": 3333,
+    "qclearn/registration": 3545,
     "qclearn/group": 642,
     "qclearn/nets": 2960,
     "qclearn/methods": 424,
     "qclearn/benchmark": 1292,
     "qclearn/pages": 2407,
-    "qclearn/cli, and what stands beside the rooms": 996,
+    "qclearn/cli, and what stands beside the rooms": 1136,
     "data_synth": 2404,
     "tools": 4037,
     "browser": 6344,

@@ -9,7 +9,7 @@ from importlib.metadata import version
 
 import click
 
-from . import group, landmarks, registration, reports, studies, surfaces
+from . import group, landmarks, registration, reports, sphere, studies, surfaces
 from .output import Command, fail
 
 
@@ -45,6 +45,7 @@ for command in (
     reports.report,
     surfaces.open_command,
     surfaces.transfer,
+    sphere.sphere,
     surfaces.synth,
     studies.train,
     studies.benchmark,

@@ -65,8 +65,9 @@ def output_folder(path, instead=()):
 
 
 def move_into(path, folder, instead):
-    """Move the files of a folder into the one at `path`, which is not whole in the meantime and has no SEAL."""
-    for name in (SEAL, *instead):
+    """Move the files of a folder into the one at `path`; where they replace its SEAL, it is not whole in the meantime
+    and has none."""
+    for name in (*[SEAL] * (folder / SEAL).exists(), *instead):
         (path / name).unlink(missing_ok=True)
     for file in sorted(folder.iterdir(), key=lambda file: file.name == SEAL):
         os.replace(file, path / file.name)

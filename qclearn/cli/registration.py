@@ -2,7 +2,7 @@
 
 import json
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -24,6 +24,8 @@ from ..registration.problem import DELTA, Weights
 from ..registration.register import Stages
 from ..registration.register import register as run_registration
 from .output import fail, output_folder
+from .sphere import FILES as SPHERES
+from .sphere import ControlSphere, sphere_of, write_sphere
 
 MAPS = ("points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving", "faces_control")  # that are written
 
@@ -70,6 +72,7 @@ MAPS = ("points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving
 @click.option("--sliding", is_flag=True, help="Let inner points slide along their target curves.")
 @click.option("--mirror", is_flag=True, help="Mirror the moving surface first (right onto left).")
 @click.option("--report", is_flag=True, help="Write report.html, too: one page to look at, without a network.")
+@click.option("--sphere", metavar="FILE", help="The control's sphere: also writes what `qclearn sphere` does.")
 @click.option("--accept-suspect", is_flag=True, help="End with exit code 0 where the registration is suspect.")
 def register(
     moving, control, landmarks, out, mirror, accept_suspect, given, annot, no_features, no_landmarks, **options
@@ -103,6 +106,8 @@ def register(
         raise qc.LandmarkError("--landmarks and --no-landmarks exclude each other; drop one")
     cortex = {side: options.pop(name) for side, name in (("moving", "cortex"), ("control", "control_cortex"))}
     pair = Pair(read_hemisphere(moving, cortex["moving"]), read_hemisphere(control, cortex["control"]), mirror)
+    sphere = options.pop("sphere")
+    pair = replace(pair, sphere=sphere and sphere_of(pair, sphere))
     features = given_features(pair, given, no_features)
     curves = read_landmarks(landmarks) if landmarks else [] if no_landmarks else shared_curves(pair, features)
     options["annotations"] = [regions_of(*one) for one in zip(pair.given.values(), annot)] if annot else None
@@ -127,11 +132,12 @@ def demo(out, accept_suspect, report):
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """The two `Hemisphere`s of a call, and whether the moving one is mirrored."""
+    """The two `Hemisphere`s of a call, whether the moving one is mirrored, and the control's sphere if it is wanted."""
 
     moving: Hemisphere
     control: Hemisphere
     mirrored: bool
+    sphere: ControlSphere | None = None
 
     @cached_property
     def disks(self):
@@ -200,24 +206,19 @@ def regions_of(hemisphere, path):
 
 
 def register_into(out, pair, curves, accept_suspect, **options):
-    """Run the pipeline on a `Pair`, write its four files and with option `report` a page, print the report; exit code 3
+    """Run the pipeline on a `Pair`, write its files, with option `report` a page too, and print the report; exit code 3
     if suspect."""
     from ..pages.plot import registration_figure
 
     command, stages, paged = click.get_current_context().obj, Stages(2, False), options.pop("report")
     read = time.perf_counter() - command.begun
-    with output_folder(out, instead=["report.html"]) as folder:
+    with output_folder(out, instead=["report.html", *SPHERES]) as folder:
         result = run_registration(*pair.disks, on_disks(curves, pair.given), progress=True, **options)
         with stages("figure"):
             registration_figure(result, *pair.disks).savefig(folder / "figure.png", dpi=150)
         with stages("write"):
-            maps = {name: getattr(result, name) for name in MAPS}
-            write_registration(folder / "registration.npz", maps | pair.arrays)
-            qc.write_surface(folder / "registered.surf.gii", result.surface, frame=pair.control.frame)
-            inputs = {side: (one.path, one.given) for side, one in pair.given.items()}
-            wrong = pair.other_hand
-            words = [word for word in result.report["suspect"] if not (wrong and word.startswith("mirror:"))]
-            report = result.report | {"suspect": [*wrong, *words]} | origin(inputs, curves, command)
+            told = write_maps(folder, result, pair)
+            report = told_by(result, pair, curves, command)
         spent = {"read": round(read, 4), **report["seconds"], **stages.seconds}
         del spent["total"]  # of the call alone
         report["seconds"] = {**spent, "total": round(time.perf_counter() - command.begun, 4)}
@@ -227,8 +228,26 @@ def register_into(out, pair, curves, accept_suspect, **options):
 
             write_pair(folder, folder / "report.html")
     print_report(report, out)
+    if told:
+        click.echo(f"{'sphere':15s} {told}")
     if report["suspect"]:
         fail("suspect: " + "; ".join(report["suspect"]), 0 if accept_suspect else 3)
+
+
+def write_maps(folder, result, pair):
+    """Write the maps of a `Registration`, and its sphere if the `Pair` has the control's; a line on that, or None."""
+    arrays = {name: getattr(result, name) for name in MAPS} | pair.arrays
+    write_registration(folder / "registration.npz", arrays)
+    qc.write_surface(folder / "registered.surf.gii", result.surface, frame=pair.control.frame)
+    return pair.sphere and write_sphere(folder, arrays, pair.sphere)
+
+
+def told_by(result, pair, curves, command):
+    """The report of a `Registration` with its origin; what files say of their hands counts before what folds say."""
+    wrong = pair.other_hand
+    words = [word for word in result.report["suspect"] if not (wrong and word.startswith("mirror:"))]
+    inputs = {side: (one.path, one.given) for side, one in pair.given.items()}
+    return result.report | {"suspect": [*wrong, *words]} | origin(inputs, curves, command)
 
 
 def print_report(report, out):

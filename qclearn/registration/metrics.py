@@ -7,6 +7,7 @@ from ..plane.triangles import corner_angles, edge_lengths
 from .landmarks import edge_graph, weigh_edges
 
 SMALLEST_RATIO = 1e-6  # of a face's area to its share, where it is measured
+SMALLEST_IN_FILES = 1e-9  # of areas that coordinates of float32 bear out
 
 
 def coefficient_statistics(mu):
@@ -114,17 +115,36 @@ def log2_distortions(surface, points):
     `log2_area`: |log2 J|, J the ratio of areas, at least `SMALLEST_RATIO`, total areas made equal; `log2_shape`: log2
     of the ratio of the principal stretches, `(1 + |mu|) / (1 - |mu|)`.
     """
-    p, q = (_flattened(vertices[surface.faces]) for vertices in (surface.vertices, points))
+    area, shape = stretches(surface.vertices, surface.faces, points)
+    weights = surface.face_areas / surface.area
+    area = np.maximum(area / (weights @ area), SMALLEST_RATIO)
+    values = {"log2_area": abs(np.log2(area)), "log2_shape": np.log2(shape)}
+    return {name: [float(weights @ value), _quantile(value, weights, 0.95)] for name, value in values.items()}
+
+
+def distortion_maps(vertices, faces, images):
+    """Areal and shape distortion at the vertices (V, 3) that go to `images` (V, 3), (V,) each, as Workbench has them.
+
+    Areal: log2 J, J the ratio of the areas around a vertex, at least `SMALLEST_IN_FILES` (`wb_command
+    -surface-distortion`); shape: log2 of the mean, over the faces around a vertex, of the ratio of the principal
+    stretches (its `-local-affine-method -log2`). Total areas are left as they are.
+    """
+    area, shape = stretches(vertices, faces, images)
+    a, b, c = (vertices[corner] for corner in faces.T)
+    before = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    sums = [np.bincount(faces.ravel(), np.repeat(value, 3)) for value in (before * area, before, shape, 0 * shape + 1)]
+    return np.log2(np.maximum(sums[0] / sums[1], SMALLEST_IN_FILES)), np.log2(sums[2] / sums[3])
+
+
+def stretches(vertices, faces, images):
+    """Ratios of the areas, and of the principal stretches, `(1 + |mu|) / (1 - |mu|)`, of a map of faces, (F,) each."""
+    p, q = (_flattened(corners[faces]) for corners in (vertices, images))
     # On each face the map is w -> a w + b conj(w).
     double_area = p[0] * p[1].conj() - p[1] * p[0].conj()
     a = (q[0] * p[1].conj() - q[1] * p[0].conj()) / double_area
     b = (q[1] * p[0] - q[0] * p[1]) / double_area
-    area = abs(a) ** 2 - abs(b) ** 2
-    weights = surface.face_areas / surface.area
-    area = np.maximum(area / (weights @ area), SMALLEST_RATIO)
     mu = np.minimum(abs(b) / np.maximum(abs(a), np.finfo(float).tiny), 1 - SMALLEST_RATIO)
-    values = {"log2_area": abs(np.log2(area)), "log2_shape": np.log2((1 + mu) / (1 - mu))}
-    return {name: [float(weights @ value), _quantile(value, weights, 0.95)] for name, value in values.items()}
+    return abs(a) ** 2 - abs(b) ** 2, (1 + mu) / (1 - mu)
 
 
 def _flattened(corners):

@@ -1,0 +1,119 @@
+"""`qclearn sphere`: the registered hemisphere, whole, on the control's sphere, for Workbench and FreeSurfer."""
+
+import re
+from typing import NamedTuple
+
+import click
+import numpy as np
+
+import qclearn as qc
+
+from ..files.frames import Frame
+from ..files.fsaverage import whole_fsaverage5
+from ..files.hemisphere import require_side
+from ..files.meshes import frame_of
+from ..registration.mapfile import frame_of_side, numbering_of_side, read_registration
+from ..registration.metrics import distortion_maps
+from ..registration.sphere import RINGS, registered_sphere, require_whole, unit_sphere
+from .output import output_folder, say
+
+_FSAVERAGE5 = re.compile("fsaverage5:(left|right)")
+OTHER = {"left": "right", "right": "left", None: None}
+
+
+FILES = ["sphere.reg", "sphere.reg.surf.gii", "ArealDistortion.shape.gii", "ShapeDistortion.shape.gii"]
+
+
+@click.command()
+@click.argument("registration")
+@click.argument("control_sphere")
+@click.option("--out", required=True, help="Folder for sphere.reg, sphere.reg.surf.gii and two maps of distortion.")
+def sphere(registration, control_sphere, out):
+    """Lay the moving hemisphere of a REGISTRATION (registration.npz), whole, on the CONTROL_SPHERE.
+
+    CONTROL_SPHERE is lh.sphere or lh.sphere.reg of the control, or fsaverage5:left, fsaverage5:right; any radius is
+    scaled to 100. If the control is a person, take its sphere.reg, which leads on to fsaverage.
+
+    \b
+    Workbench, values from the moving surface to the control and back:
+      wb_command -metric-resample IN.func.gii DIR/sphere.reg.surf.gii CONTROL_SPHERE.surf.gii BARYCENTRIC OUT.func.gii
+      wb_command -metric-resample IN.func.gii CONTROL_SPHERE.surf.gii DIR/sphere.reg.surf.gii BARYCENTRIC OUT.func.gii
+    FreeSurfer, under a name that is not the subject's own sphere.reg:
+      cp DIR/sphere.reg $SUBJECTS_DIR/SUBJECT/surf/lh.qclearn.sphere.reg
+      mri_surf2surf --srcsubject SUBJECT --trgsubject fsaverage5 --hemi lh --srcsurfreg qclearn.sphere.reg
+        --trgsurfreg sphere.reg --sval lh.thickness --tval OUT.mgh --cortex
+
+    The sphere lies on the control's hemisphere, and says so: of a right surface registered with --mirror it is a left
+    one, with the faces of the mirrored surface. Workbench takes maps of the right one with it as they are, and a map
+    keeps its structure when it is resampled (-set-structure tells where it lies now). FreeSurfer keeps such a surface
+    as lh in SUBJECT/xhemi/surf, where the sphere and the right one's maps are named lh, too.
+
+    ArealDistortion.shape.gii is log2 of the area around each vertex on the registered surface, by that on the moving
+    one, as wb_command -surface-distortion has it, and ShapeDistortion.shape.gii log2 of the ratio of the principal
+    stretches; both are of the moving hemisphere, 0 on its wall.
+    """
+    arrays = read_registration(registration, surfaces=True)
+    for side in ("moving", "control"):
+        require_whole_of(registration, side, arrays.get(f"table_{side}"), arrays.get(f"whole_faces_{side}"))
+    given = read_sphere(control_sphere, arrays["whole_faces_control"], frame_of_side(arrays, "control").side)
+    with output_folder(out) as folder:
+        line = write_sphere(folder, arrays, given)
+    say(f"{out}: {line}")
+
+
+def require_whole_of(path, side, table, faces):
+    """`require_whole`, with the path."""
+    try:
+        require_whole(side, table, faces)
+    except qc.SurfaceError as error:
+        raise qc.SurfaceError(f"{path}: {error}") from None
+
+
+class ControlSphere(NamedTuple):
+    """The control's sphere, and the hemisphere that its file says."""
+
+    surface: qc.Surface
+    side: str | None
+
+
+def read_sphere(path, faces, side):
+    """The `ControlSphere` of a file or of a name such as fsaverage5:left; SurfaceError, with the path, where it cannot
+    be that of a control with these whole `faces` (F, 3) of the hemisphere `side`."""
+    named = _FSAVERAGE5.fullmatch(str(path))
+    own = named[1] if named else frame_of(path).side
+    surface = whole_fsaverage5(own) if named else qc.read_surface(path)
+    require_side(path, own, side, "the control")
+    try:
+        unit_sphere(surface, faces)
+    except qc.SurfaceError as error:
+        raise qc.SurfaceError(f"{path}: {error}") from None
+    return ControlSphere(surface, own or side)
+
+
+def sphere_of(pair, path):
+    """The `ControlSphere` for a pair of hemispheres that will be registered."""
+    for side, one in pair.given.items():
+        require_whole_of(one.path, side, one.disk.original_vertices, one.frame.whole)
+    return read_sphere(path, pair.control.frame.whole, pair.control.frame.side)
+
+
+def write_sphere(folder, arrays, given):
+    """Write a registration's sphere on a `ControlSphere`, and its distortion; a line on it."""
+    surface, moved, rings = registered_sphere(arrays, given.surface)
+    frame, own = Frame(given.side, kind="Spherical"), frame_of_side(arrays, "moving").side
+    if frame.side is None:
+        frame = Frame(OTHER[own] if arrays["mirrored"] else own, kind="Spherical")
+    for name in FILES[:2]:
+        qc.write_surface(folder / name, surface, frame=frame)
+    here, there = (
+        arrays[name].astype(np.float32).astype(float) for name in ("vertices_moving", "points")
+    )  # as in files
+    maps = distortion_maps(here, arrays["faces_moving"], there)
+    for name, values in zip(FILES[2:], maps):
+        whole = numbering_of_side(arrays, "moving").on_whole(values, 0)
+        qc.write_values(folder / name, whole, own, names=[name.split(".")[0]])
+    wall, cortex, far = ((rings[moved] == 0).sum(), (rings[moved] > 0).sum(), (rings[moved] > RINGS).sum())
+    return (
+        f"{len(surface.vertices)} vertices on the control's sphere, no face flipped; untangling moved {wall} on the "
+        f"wall and {cortex} on the cortex, {far} of them more than {RINGS - 1} rings from its rim"
+    )
