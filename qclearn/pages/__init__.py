@@ -11,7 +11,7 @@ TABLE = {
     "fitstates": ["RINGS", "describe", "exact_fit", "fit_state", "network_fit", "states_figure"],
     "gaps": ["gap_bands", "gap_grid"],
     "live": ["explorable"],
-    "paperlines": ["kept_figure", "paper_lines", "paper_table"],
+    "paperlines": ["paper_lines", "paper_table"],
     "plot": [
         "CURVE_STYLES",
         "FLIPPED_COLOUR",

@@ -14,6 +14,7 @@ from ..benchmark.verdicts import judge_ratio
 from .cells import table
 
 KINDS = ("equation", "figure", "table", "contribution", "claim", "erratum")
+PROVED = ("def-", "lem-", "prop-", "thm-", "rem-")  # how labels of theorems and their kin begin
 BOUNDS = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
 VERDICTS = {
     *("right", "right, mended", "wrong as printed", "undecided", "overstated", "made", "made otherwise", "not made"),
@@ -83,7 +84,7 @@ def paper_table(lines):
 
 def judged(line):
     """The rule, then the number, then the verdict."""
-    number = f" Here {line['value']:.3g}:" if "value" in line else ""
+    number = f" Measured {line['value']:.3g}:" if "value" in line else ""
     return f"{line['rule']}{number} **{line['verdict']}**"
 
 
@@ -115,5 +116,6 @@ def spent(line):
 
 def link(words, page, label):
     """A link to a label: for the build, which puts addresses in, or as JupyterLab follows it."""
-    built = os.environ.get("QCLEARN_PAGES") == "static"
-    return f"[{words}](#{label})" if built else f"[{words}]({page}.ipynb)"
+    if os.environ.get("QCLEARN_PAGES") != "static":
+        return f"[{words}]({page}.ipynb)"
+    return f"{{prf:ref}}`{words} <{label}>`" if label.startswith(PROVED) else f"[{words}](#{label})"

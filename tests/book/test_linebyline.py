@@ -245,7 +245,13 @@ def by_hand(name):
         solve = {"resampling", "DBS-Net", "exact solver"}
         comes = {"CP-Net", *solve} if keys[1] == "networks" else {"harmonic map", "correction"}
         apart = set(STAGES[keys[1]]) - {"disk maps", "landmarks"}
-        stages = {"comes": comes, "map": apart, "whole": set(STAGES[keys[1]]), "solve": solve}[keys[2]]
+        stages = {
+            "comes": comes,
+            "passes": comes - {"resampling"},
+            "map": apart,
+            "whole": set(STAGES[keys[1]]),
+            "solve": solve,
+        }[keys[2]]
         own = [row for row in figures["rows"] if (row["vertices"], row["chain"]) == (vertices, keys[1])]
         return sum(row["seconds"] for row in own if row["stage"] in stages)
     return reduce(lambda found, key: found[key], keys, figures)
@@ -256,7 +262,7 @@ def test_a_number_is_that_of_its_kept_file(kind, line):
     first, *other = map(by_hand, line["measured"])
     assert line["value"] == pytest.approx(first / other[0] if other else first, rel=1e-9)
     shown = paper_table([line]).data
-    assert f"Here {line['value']:.3g}: **{line['verdict']}**" in shown
+    assert f"Measured {line['value']:.3g}: **{line['verdict']}**" in shown
 
 
 def test_a_ratio_that_turns_turns_the_verdict(monkeypatch):
@@ -280,9 +286,11 @@ def test_the_sweep_holds_every_stage_of_every_chain_at_every_size():
 def test_what_is_left_of_the_saving_is_said_as_the_sweep_says_it(file):
     rows = kept("sizes")["rows"]
     largest, count = chain_seconds(rows)["largest"], max(row["vertices"] for row in rows)
-    comes, checked, whole = (saving(largest, part) for part in ("comes", "map", "whole"))
-    words = f"At {count:,} vertices the saving of the networks' map as it comes {comes}. "
-    words += f"Checked and corrected it {checked}, and for the whole chain it {whole}."
+    passes, comes, checked, whole = (saving(largest, part) for part in ("passes", "comes", "map", "whole"))
+    words = (
+        f"At {count:,} vertices the saving of the networks' passes alone {passes}, and that of their map as it comes, "
+    )
+    words += f"resampled to the mesh, {comes}. Checked and corrected it {checked}, and for the whole chain it {whole}."
     assert words in " ".join((ROOT / file).read_text(encoding="utf-8").split()), f"the sweep says so: {words}"
 
 
@@ -293,3 +301,16 @@ def test_what_is_left_of_the_saving_is_said_as_the_sweep_says_it(file):
 def test_seconds_decide_what_is_left_of_the_saving(networks, words):
     seconds = {"networks": networks, "harmonic 0.1, dissected": 10.0, "harmonic 5, dissected": 30.0}
     assert saving({chain: {"map": value} for chain, value in seconds.items()}, "map") == words
+
+
+@pytest.mark.parametrize(
+    "built, label, shown",
+    [
+        ("static", "eq-lbs-hats", "[lbs](#eq-lbs-hats)"),
+        ("static", "lem-eqn5", "{prf:ref}`lbs <lem-eqn5>`"),
+        ("", "lem-eqn5", "[lbs](lbs.ipynb)"),
+    ],
+)
+def test_links_are_those_that_the_site_and_a_notebook_follow(monkeypatch, built, label, shown):
+    monkeypatch.setenv("QCLEARN_PAGES", built)
+    assert paperlines.link("lbs", "lbs", label) == shown
