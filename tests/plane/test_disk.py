@@ -51,7 +51,7 @@ def test_a_picture_shares_what_depends_on_the_faces_alone():
     f = SLIDING(disk.z)
     before = disk.at(f)
     assert set(vars(before)) == {"z", "faces"} and before.faces is disk.faces
-    _ = disk.gradients, disk.certificate, disk.lookup(np.array([0.1j]))
+    _ = disk.gradients, disk.certificate, disk.order, disk.lookup(np.array([0.1j]))
     picture = disk.at(f)
     assert set(vars(picture)) == {"z", "faces", *OF_FACES}
     assert all(getattr(picture, name) is getattr(disk, name) for name in OF_FACES)
