@@ -20,6 +20,7 @@ REPORT = {
     "features",
     "r",
     "held_out_mm",
+    "dice",
     "log2_area",
     "log2_shape",
     "mobius",

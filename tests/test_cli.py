@@ -17,6 +17,7 @@ from qclearn import read_values
 from qclearn.cli import main
 from qclearn.files.fsaverage import fsaverage5, whole_fsaverage5
 from qclearn.files.meshes import read_surface, write_surface
+from qclearn.files.values import write_values
 from qclearn.plane.beltrami import solve_beltrami_disk
 from qclearn.plane.grids import polar_disk
 from qclearn.registration.landmarkfile import read_landmarks
@@ -111,6 +112,9 @@ def test_the_demo_registers_real_cortex(demo):
     assert report["landmark_error_before"] > 0.01 and report["max_abs_mu"] < 0.8
     assert len(report["curves"]) == 6 and set(report) >= REPORT | ADDED and report["suspect"] == []
     assert len(report["held_out_mm"]) == 5 and min(min(row) for row in report["held_out_mm"].values()) > 0
+    first, *_, figure, write, total = seconds = report["seconds"]
+    assert (first, figure, write, total) == ("read", "figure", "write", "total") and min(seconds.values()) >= 0
+    assert 0.95 * seconds["total"] < sum(seconds.values()) - seconds["total"] <= 1.001 * seconds["total"]
 
 
 def test_the_demo_writes_four_files_that_belong_together(demo):
@@ -151,12 +155,13 @@ def test_maps_are_carried_over_on_real_cortex(demo, tmp_path):
     """The control's coordinates arrive at the moving vertices as `points`; and a map goes there and back."""
     control, maps = fsaverage5("left"), np.load(demo / "registration.npz")
     np.save(tmp_path / "height.npy", control.vertices[:, 2])
-    run(*to_transfer(tmp_path, demo / "registration.npz", "height.npy", "moving", "there.npy"))
+    run(*to_transfer(tmp_path, demo / "registration.npz", "height.npy", "moving", "there.npy", "--wall", "cut"))
     there = np.load(tmp_path / "there.npy")
     np.testing.assert_allclose(there, maps["points"][:, 2], atol=1e-9)
     run(*to_transfer(tmp_path, demo / "registration.npz", "there.npy", "control", "back.npy"))
-    off = abs(np.load(tmp_path / "back.npy") - control.vertices[:, 2])
-    assert np.median(off) < 0.3 and off.max() < 15  # mm; edges are 4 mm long
+    whole = np.load(tmp_path / "back.npy")
+    off = abs(whole[control.original_vertices] - control.vertices[:, 2])
+    assert len(whole) == 10242 and np.median(off) < 0.3 and off.max() < 15  # mm; edges are 4 mm long
 
 
 def test_a_closed_hemisphere_gets_in(tmp_path, capsys):
@@ -218,6 +223,37 @@ def test_a_suspect_registration_is_written_and_says_so(folder, capsys, options, 
     assert re.search(r"suspect +reversed", output.out)
 
 
+@pytest.mark.parametrize("names, options", [(("rh.a.npz", "lh.b.npz"), []), (("lh.a.npz", "lh.b.npz"), ["--mirror"])])
+def test_hemispheres_that_the_files_name_go_with_mirror(folder, capsys, names, options):
+    for side, name in zip(("moving", "control"), names):
+        (folder / f"{side}.npz").rename(folder / name)
+    surfaces = [folder / name for name in names]
+    arguments = ["register", "--no-features", *surfaces, "--landmarks", folder / "landmarks.json", "--gamma", 1e2]
+    run(*arguments, "--out", folder / "good", *([] if options else ["--mirror"]))
+    with pytest.raises(SystemExit) as stop:
+        run(*arguments, "--out", folder / "out", *options)
+    line = capsys.readouterr().err.splitlines()[-1]
+    assert stop.value.code == 3 and line.count("mirror: ") == 1 and str(surfaces[0]) in line
+    assert json.loads((folder / "good" / "report.json").read_text())["suspect"] == []
+    (reason,) = json.loads((folder / "out" / "report.json").read_text())["suspect"]
+    assert reason.startswith("mirror: ") and "by their names or metadata" in reason
+
+
+def test_annotations_are_compared_by_their_names(folder, capsys):
+    regions, table = np.arange(193) // 97, np.array([[k * 40, 20, 30, 0, 0] for k in range(2)])
+    nibabel.freesurfer.write_annot(folder / "lh.a.annot", regions, table, ["inner", "outer"], fill_ctab=True)
+    names = {7: ("outer", (1, 0, 0, 1)), 4: ("inner", (0, 1, 0, 1))}
+    write_values(folder / "b.label.gii", np.where(regions, 7, 4), labels=names)
+    files = folder / "lh.a.annot", folder / "b.label.gii"
+    run(*to_register(folder), "--gamma", 1e2, "--annot", *files)
+    overlap = json.loads((folder / "out" / "report.json").read_text())["dice"]
+    assert set(overlap["regions"]) == {"inner", "outer"} and 0.9 < overlap["after"] <= 1
+    assert re.search(r"^Dice +\d\.\d{3} of the annotations", capsys.readouterr().out, re.MULTILINE)
+    np.save(folder / "c.npy", regions)
+    line = refused(capsys, folder, *to_register(folder, out="other"), "--annot", files[0], folder / "c.npy")
+    assert "c.npy: names no regions; give a .label.gii of one map, or an .annot" in line
+
+
 def test_the_report_says_where_it_comes_from_and_holds_the_landmarks(folder, capsys):
     arguments = to_register(folder, "--landmarks", folder / "landmarks.json", "--mirror", "--gamma", 1e2)
     run(*arguments)
@@ -238,7 +274,18 @@ def test_the_report_says_where_it_comes_from_and_holds_the_landmarks(folder, cap
 def test_every_reason_and_exit_code_is_explained_in_the_help(capsys):
     run("register", "--help")
     explained = capsys.readouterr().out
-    for word in ("mirror", "exchanged", "numbering", "reversed", "swapped", "error", "curve", "rows", "distortion"):
+    for word in (
+        "mirror",
+        "exchanged",
+        "numbering",
+        "reversed",
+        "swapped",
+        "error",
+        "curve",
+        "rows",
+        "distortion",
+        "worse",
+    ):
         assert re.search(rf"^ +{word}: +\S", explained, re.MULTILINE), word
     assert re.search(r"0 +registered\n +2 +refused: .*\n +3 +written, but suspect", explained)
 
@@ -281,7 +328,7 @@ def test_registration_without_landmarks(folder, capsys):
         (["--feature", "depth", "depth", "--no-features"], "--feature and --no-features exclude each other"),
         (["--delta", "0.3", "--no-features"], "--delta and --no-features exclude each other"),
         (["--feature", "thick.npy", "thick.npy"], "thick.npy: 5 values for 193 vertices"),
-        (["--feature", "thick.npy", "absent.npy"], "absent.npy"),
+        (["--feature", "absent.npy", "thick.npy"], "absent.npy"),
         (["--feature", "depth", "depth", "--delta", "-1"], "delta = -1.0: must be finite"),
         (["--hold-out", "west"], "no curve is called 'west'"),
     ],

@@ -2,13 +2,14 @@
 
 import json
 import re
+from functools import cache
 
 import nibabel
 import numpy as np
 import pytest
 from test_cli import bowl, refused, run
 
-from qclearn.files.fsaverage import demo_landmarks, fsaverage5
+from qclearn.files.fsaverage import demo_landmarks, fsaverage5, whole_fsaverage5
 from qclearn.files.meshes import write_surface
 from qclearn.registration.landmarkfile import check_curves, read_landmarks
 from qclearn.registration.landmarks import fundus_metric, fundus_path
@@ -36,14 +37,14 @@ def dented(surface, seed):
 
 @pytest.fixture(scope="module")
 def brains(tmp_path_factory):
-    """A folder with a bent and renumbered right hemisphere of fsaverage5 and its left one; the new numbers."""
+    """A folder with a bent and renumbered right hemisphere of fsaverage5; the new numbers."""
     folder = tmp_path_factory.mktemp("brains")
     right, number = dented(fsaverage5("right"), 3)
     write_surface(folder / "rh.npz", right)
-    write_surface(folder / "lh.npz", fsaverage5("left"))
     return folder, number
 
 
+@cache
 def true_paths():
     """Name -> the fundus paths of fsaverage5's right and left hemisphere, which begin at the same end."""
     surfaces = {"moving": fsaverage5("right"), "control": fsaverage5("left")}
@@ -63,14 +64,14 @@ def test_labels_and_carried_curves_become_a_landmarks_file(brains, capsys):
         here = write_label(folder / f"rh.{k}.label", rng.permutation(right.original_vertices[path["moving"]]))
         there = write_label(folder / f"lh.{k}.label", rng.permutation(left.original_vertices[path["control"]]))
         words += ["--label", f"my {name}", here, there]
-    out, surfaces = folder / "landmarks.json", (folder / "rh.npz", folder / "lh.npz")
-    run("landmarks", *surfaces, *words, "--carry", "fsaverage5", "--mirror", "--out", out)
+    out, carry = folder / "landmarks.json", ["--carry", "fsaverage5", "--mirror"]
+    run("landmarks", folder / "rh.npz", "fsaverage5:left", *words, *carry, "--out", out)
     contents, bent = read_landmarks(out), dented(right, 3)[0]
-    entries = {entry["name"]: entry for entry in check_curves(contents, bent, left)}
+    entries = {entry["name"]: entry for entry in check_curves(contents, bent, whole_fsaverage5("left", "pial"))}
     said, apart = capsys.readouterr().out, []
     for name, path in paths.items():
         mine, found = entries[f"my {name}"], entries[name]
-        ends = [int(number[path["moving"][k]]) for k in (0, -1)], [int(path["control"][k]) for k in (0, -1)]
+        ends = number[path["moving"][[0, -1]]].tolist(), left.original_vertices[path["control"][[0, -1]]].tolist()
         pair = [mine[side][[0, -1]].tolist() for side in ("moving", "control")]
         assert pair == [*ends] or pair == [end[::-1] for end in ends]
         assert found["control"].tolist() == ends[1] and found["detect"] == {"moving": True, "control": True}
@@ -78,6 +79,17 @@ def test_labels_and_carried_curves_become_a_landmarks_file(brains, capsys):
         assert f"{name}: moving {contents['off_fundus_mm'][name]['moving']:.1f} mm from the fundus" in said
         assert contents["off_fundus_mm"][name]["control"] is None
     assert np.mean(apart) < 2 and np.max(apart) < 8
+
+
+def test_a_forgotten_mirror_is_seen_by_the_folds_where_no_name_tells(brains, capsys):
+    folder, _ = brains
+    write_surface(folder / "someone.npz", dented(fsaverage5("right"), 3)[0])
+    path = true_paths()["central sulcus"]
+    here = write_label(folder / "here.label", fsaverage5("right").original_vertices[path["moving"]])
+    there = write_label(folder / "there.label", fsaverage5("left").original_vertices[path["control"]])
+    words = ["--label", "central sulcus", here, there, "--out", folder / "l.json"]
+    line = refused(capsys, folder, "landmarks", folder / "someone.npz", "fsaverage5:left", *words)
+    assert "mirror: the folds fit the mirrored moving surface much better" in line
 
 
 @pytest.fixture
@@ -156,7 +168,10 @@ def test_two_points_are_ends_and_begin_comes_first(folder):
         (["--label", "a", "east.label", "empty.label"], r"empty.label \(a\): 0 vertices"),
         (["--label", "a", "east.label", "pieces.label"], r"pieces.label \(a\): in 2 pieces"),
         (["--label", "a", "far.label", "east.label"], "names vertex 999, and the surface has 193: .*npz"),
-        (["--label", "a", "rh.east.label", "east.label"], "of the right hemisphere by its name"),
+        (
+            ["--label", "a", "rh.east.label", "east.label"],
+            "rh.east.label: is of the right hemisphere, .* of the left one",
+        ),
         (["--label", "a", "none.label", "east.label"], "none.label: cannot be read"),
         (["--label", "a", "east.label", "east.label", "--mirror"], "leave out --mirror"),
         (["--points", "lh.moving"], "not a text file"),

@@ -20,7 +20,7 @@ from qclearn.reports.group import FEWEST, MEASURES, Line, scored
 from qclearn.reports.markup import asset
 from qclearn.reports.views import Shown, thinned
 from qclearn.surfaces.conformal import disk_conformal_map
-from qclearn.surfaces.surface import Surface
+from qclearn.surfaces.surface import Surface, SurfaceError
 
 SPOKES = {name: np.arange(1 + start, 1 + start + 24 * 6, 24) for name, start in (("east", 0), ("north", 6))}
 TURNED = {name: np.append(spoke[:-1], spoke[-1] + 1) for name, spoke in SPOKES.items()}
@@ -229,8 +229,8 @@ def test_a_folder_without_files_is_refused(tmp_path, runs):
 
 
 def test_a_file_of_an_older_version_is_refused(tmp_path, runs):
-    folder = copied(runs, "one", tmp_path, vertices_moving=None, vertices_control=None)
-    with pytest.raises(ReportError, match=r"older version.*run `qclearn register` again"):
+    folder = copied(runs, "one", tmp_path, vertices_moving=None, about_moving=None, mirrored=None)
+    with pytest.raises(SurfaceError, match=r"older version.*run `qclearn register` again"):
         write_pair(folder, tmp_path / "page.html")
 
 

@@ -16,20 +16,20 @@ APART = [{"alpha", "beta", "gamma"}, {"z", "faces", "p", "q"}, {"z", "faces", "m
 DOORS = {name for package in LISTED for name in importlib.import_module(package).__all__}
 # The most lines that a room may have. Who raises a number says why in the commit; a new room brings one of its own.
 BUDGET = {
-    "qclearn/plane": 1891,
-    "qclearn/surfaces": 1017,
-    "qclearn/files": 1904,
-    "qclearn/registration": 3327,
-    "qclearn/group": 650,
+    "qclearn/plane": 1900,
+    "qclearn/surfaces": 1030,
+    "qclearn/files": 1938,
+    "qclearn/registration": 3545,
+    "qclearn/group": 642,
     "qclearn/nets": 2960,
-    "qclearn/methods": 415,
-    "qclearn/benchmark": 1246,
-    "qclearn/pages": 2265,
-    "qclearn/cli, and what stands beside the rooms": 1070,
+    "qclearn/methods": 424,
+    "qclearn/benchmark": 1292,
+    "qclearn/pages": 2407,
+    "qclearn/cli, and what stands beside the rooms": 1126,
     "data_synth": 2404,
-    "tools": 3749,
+    "tools": 4037,
     "browser": 6344,
-    "qclearn/reports": 1080,
+    "qclearn/reports": 1076,
 }
 
 

@@ -173,7 +173,18 @@ def test_scanner_and_freesurfer_coordinates_go_together(made, registered, tmp_pa
     np.testing.assert_allclose(ours, theirs, atol=1e-2)  # mm; float32 coordinates are rounded elsewhere
 
 
+def test_a_cut_gifti_knows_its_whole_surface_too(made, cut, tmp_path):
+    """But for its faces: `open` writes the numbers into the metadata."""
+    words = "--label", made / "rh.cortex.label", "--keep", "--out", tmp_path / "rh.pial.open.surf.gii"
+    run("open", made / "rh.pial", *words)
+    ours, theirs = (read_hemisphere(path) for path in (words[-1], cut / "rh.open.npz"))
+    np.testing.assert_array_equal(ours.disk.original_vertices, theirs.disk.original_vertices)
+    assert ours.numbering.known and ours.frame.count == 642 and ours.frame.whole is None
+    assert ours.frame.kind == theirs.frame.kind == "Pial" and len(theirs.frame.whole) == len(BALL.faces)
+
+
 def in_pieces(folder):
+    """Two caps, without the ring between them."""
     label(folder / "lh.bad.label", np.flatnonzero(abs(qc.read_surface(folder / "lh.pial").vertices[:, 0]) > 10))
     return "lh.bad.label"
 
@@ -225,6 +236,19 @@ def test_a_map_that_is_not_finite_on_the_cortex_is_named_in_whole_numbers(made, 
     assert f"rh.bad.npy: not finite on the cortex at vertices [{vertex}]" in line
 
 
+def test_annotations_of_another_surface_or_side_are_one_line(made, tmp_path, capsys):
+    """fsaverage's, which has 16 times fsaverage5's vertices, and the other hemisphere's."""
+    table = np.array([[25, 5, 25, 0, 0], [100, 20, 30, 0, 0]])
+    large = tmp_path / "rh.aparc.annot"
+    nibabel.freesurfer.write_annot(large, np.arange(16 * 642) % 2, table, ["unknown", "cuneus"], fill_ctab=True)
+    for annotation, message in (
+        (large, r"rh.aparc.annot: 10272 values for \d+ vertices .*, 642 before it was cut open"),
+        (made / "lh.aparc.annot", "lh.aparc.annot: is of the left hemisphere"),
+    ):
+        words = "--annot", annotation, made / "lh.aparc.annot", "--out", tmp_path / "out"
+        assert re.search(message, refused(capsys, tmp_path, *to_register(made, *words)))
+
+
 def test_landmarks_on_the_wall_are_one_line(made, tmp_path, capsys):
     landmarks = json.loads((made / "landmarks.json").read_text())
     vertex = int(qc.read_surface(made / "rh.pial").vertices[:, 2].argmin())
@@ -265,6 +289,21 @@ def test_fsaverage5_goes_by_its_name():
     np.testing.assert_array_equal(left.disk.vertices, qc.fsaverage5("left").vertices)
     np.testing.assert_array_equal(left.frame.whole, left.given.faces)
     assert left.numbering.count == len(left.given.vertices) == 10242
+
+
+def test_vertices_on_the_rim_of_a_label_may_go(made, tmp_path):
+    """As in FreeSurfer's labels: those that hang on by an edge are no piece, and take no part."""
+    whole = qc.read_surface(made / "lh.pial")
+    cortex = ~qc.read_mask(made / "lh.cortex.label", whole, keep=True)
+    disk = read_hemisphere(made / "lh.pial", made / "lh.cortex.label").disk
+    ends = whole.edges[cortex[whole.edges].sum(axis=1) == 1]
+    hanging = ends[~cortex[ends]][:1]  # a vertex of the wall beside the cortex
+    around = whole.edges[(whole.edges == hanging).any(axis=1)]
+    drop = np.setdiff1d(around[cortex[around].any(axis=1)].ravel(), hanging)[1:]
+    cortex[hanging], cortex[drop] = True, False
+    label(tmp_path / "lh.x.label", np.flatnonzero(cortex))
+    found = read_hemisphere(made / "lh.pial", tmp_path / "lh.x.label").disk
+    assert hanging[0] not in found.original_vertices and len(found.vertices) < len(disk.vertices)
 
 
 def test_open_says_what_goes(made, tmp_path, capsys):

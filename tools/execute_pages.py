@@ -113,8 +113,8 @@ def execute(paths, jobs):
 
 
 def library_digest():
-    """Of all that a page computes with: the code, the weights, and the measured files of the packages."""
-    found = hashlib.sha256()
+    """Of all that a page computes with: the code, the weights, the measured files, and the lines of the paper."""
+    found = hashlib.sha256((ROOT / "book" / "paper.toml").read_bytes())
     for package in ("qclearn", "data_synth"):
         for file in sorted((ROOT / package).rglob("*")):
             if file.suffix in (".py", ".json", ".safetensors"):

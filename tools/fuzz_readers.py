@@ -27,9 +27,10 @@ import numpy as np
 from forked import forked, read_options, tally  # beside this file
 
 import qclearn as qc
-from qclearn.files.meshes import SlitWarning
+from qclearn.files.frames import Frame
+from qclearn.files.meshes import SlitWarning, frame_of
 from qclearn.registration.landmarkfile import read_landmarks
-from qclearn.registration.mapfile import read_registration, write_registration
+from qclearn.registration.mapfile import numbering_of_side, read_registration, side_arrays, write_registration
 from qclearn.registration.register import check_curves
 
 SECONDS, ADDRESSES, RESIDENT = 10, 2 << 30, 600 << 20
@@ -45,12 +46,19 @@ def bowl():
     return qc.Surface(points, faces, {"a": [0, 1, 13], "b": [5, 17]})
 
 
+def framed(surface):
+    """What a file of FreeSurfer's says of a surface, as if it had been cut out of itself."""
+    axes = {"xras": [-1.0, 0, 0], "yras": [0.0, 0, -1], "zras": [0.0, 1, 0], "cras": [3.5, 12.25, -7.0]}
+    volume = {"head": [2, 0, 20], "valid": "1", "filename": "orig.mgz", "volume": [256] * 3, "voxelsize": [1.0] * 3}
+    return Frame("left", "tkr", volume | axes, "Pial", len(surface.vertices), surface.faces)
+
+
 def bases(folder):
     """name -> bytes: sound files in every format that is read."""
     surface, folder = bowl(), Path(folder)
     heights, labels = surface.vertices[:, 2], np.arange(len(surface.vertices)) % 5
     for name in ("s.npz", "s.gii", "s.gii.gz", "s.ply", "s.obj", "s.off", "s.stl", "s.vtk", "s.vtp", "lh.pial"):
-        qc.write_surface(folder / name, surface)
+        qc.write_surface(folder / name, surface, frame=framed(surface))
     for name in ("v.npy", "v.txt", "v.shape.gii", "v.func.gii.gz", "v.mgh", "v.mgz", "lh.thickness"):
         qc.write_values(folder / name, heights)
     qc.write_values(folder / "v.label.gii", labels)
@@ -192,9 +200,11 @@ def crafted(sound, blocks=96):
 def sound_registration(path):
     """A registration.npz of the bowl onto itself, by a turn."""
     z, faces = qc.polar_disk(4, 12)
-    write_registration(
-        path, {"disk_map": z * np.exp(0.3j), "disk_control": z, "faces_moving": faces, "faces_control": faces}
-    )
+    disks = {"disk_map": z * np.exp(0.3j), "disk_control": z, "faces_moving": faces, "faces_control": faces}
+    surface = qc.Surface(np.stack([z.real, z.imag, 1 - abs(z) ** 2], axis=1), faces, {}, np.arange(len(z)) + 2)
+    frame = Frame("left", kind="Pial", count=len(z) + 2, whole=np.arange(len(z) + 2).reshape(-1, 3))
+    sides = side_arrays("moving", surface, frame) | side_arrays("control", surface, frame)
+    write_registration(path, disks | sides | {"mirrored": np.array(False)})
 
 
 def damaged_registration(path, dice, checksum):
@@ -242,6 +252,7 @@ def consume(path):
     elif path.name == "registration.npz":
         arrays = read_registration(path)
         assert all(np.isfinite(arrays[name]).all() for name in ("disk_map", "disk_control"))
+        assert all(numbering_of_side(arrays, side).size for side in ("moving", "control"))
         assert all(
             arrays[f"faces_{side}"].max() < len(arrays[disk])
             for side, disk in (("moving", "disk_map"), ("control", "disk_control"))
@@ -251,6 +262,7 @@ def consume(path):
         assert values.ndim in (1, 2) and values.dtype.kind in "biuf"
     else:
         read = qc.read_surface(path)
+        frame_of(path)
         assert np.isfinite(read.vertices).all() and read.faces.min() >= 0 and read.faces.max() < len(read.vertices)
 
 

@@ -68,6 +68,7 @@ def write_copies(folder, stamps, make):
         record[page] = {"made_from": stamp, "written": cells_digest(path)}
         written.append(page)
         file.write_text(json.dumps(record, indent=1), encoding="utf-8")
+    shutil.copy(references.BOOK / "paper.toml", folder)
     shutil.copytree(
         references.BOOK / "_assets",
         folder / "_assets",

@@ -4,7 +4,7 @@ put in. The site offers them for download, and `make notebooks` writes the same 
 import re
 from collections import Counter, deque
 
-from readable import fold_hidden, outside_code, stored_values
+from readable import fold_hidden, outside_code, rewrite_tables, stored_values
 from references import shown
 
 OPENING = re.compile(r"^(:{3,}|`{3,})\{([\w:-]+)\}[ \t]*(.*)$")
@@ -92,6 +92,7 @@ def for_plain_viewers(notebook, readable, chapter):
     its PNG alone, for not every viewer shows pictures within HTML."""
     flattened = Flattened(chapter, readable.targets)
     fold_hidden(notebook)
+    rewrite_tables(notebook, readable)
     for cell in notebook.cells:
         for output in cell.get("outputs", []):
             if "image/png" in output.get("data", {}):

@@ -96,6 +96,13 @@ def as_notebook(text):
     )
 
 
+def rewrite_tables(notebook, readable):
+    """Rewrite the references in tables that cells made, as those of the text."""
+    for output in (output for cell in notebook.cells for output in cell.get("outputs", [])):
+        if "text/markdown" in output.get("data", {}):
+            output.data["text/markdown"] = readable.text(output.data["text/markdown"])
+
+
 def numbering(text, chapter):
     """The front matter that makes JupyterLab count as the book does: Figure 6.1, (6.1), Theorem 6.1."""
     kinds = {"figure", "table", "equation", "exercise"} | {
@@ -124,6 +131,7 @@ def for_jupyterlab(notebook, readable, chapter):
     prose = [cell for cell in notebook.cells if cell.cell_type == "markdown"]
     for cell in prose:
         cell.source = outside_code(told, readable.text(cell.source))
+    rewrite_tables(notebook, readable)
     fold_hidden(notebook)
     prose[0].source = numbering("\n".join(cell.source for cell in prose), chapter) + prose[0].source
     return notebook

@@ -15,13 +15,14 @@ WRITERS = {  # of the files that come with the package
     "benchmark": "qclearn benchmark",
     "networks": "tools/evaluate_networks.py",
     "scaling": "tools/scaling.py",
+    "sizes": "tools/sizes.py",
     "suspect": "tools/suspect.py",
     "template": "tools/template.py",
     "training": "tools/training.py",
     "weights": "tools/choose_weights.py",
 }
 DENSE = ("template", "training")  # an entry a line
-LISTED = {"benchmark": "rows", "suspect": "cases"}  # the list that has an entry a line
+LISTED = {"benchmark": "rows", "sizes": "rows", "suspect": "cases"}  # the list that has an entry a line
 
 
 class BenchmarkError(ValueError):

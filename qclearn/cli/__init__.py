@@ -4,18 +4,20 @@ One line on stderr and exit code 2 for bad input; exit code 3 for a registration
 """
 
 import sys
+import time
 from importlib.metadata import version
 
 import click
 
 from . import group, landmarks, registration, reports, sphere, studies, surfaces
-from .output import fail
+from .output import Command, fail
 
 
 def main(arguments=None):
     """Run a command; bad input becomes one line on stderr and exit code 2."""
     try:
-        command = ["qclearn", *(sys.argv[1:] if arguments is None else arguments)]
+        command = Command(["qclearn", *(sys.argv[1:] if arguments is None else arguments)])
+        command.begun = time.perf_counter() - (time.process_time() if arguments is None else 0)  # Python's own start
         cli.main(arguments, prog_name="qclearn", standalone_mode=False, obj=command)
     except click.exceptions.Exit as stop:
         sys.exit(stop.exit_code)

@@ -13,6 +13,12 @@ from ..files.safe import full_disk, is_full, own_prefix, printable, sweep
 SEAL = "report.json"  # of every folder that a command writes: the last of its files to come
 
 
+class Command(list):
+    """The words of a command line; begun: when, by `time.perf_counter`."""
+
+    begun = 0.0
+
+
 def fail(message, code=2):
     """Print one line on stderr and leave."""
     print("qclearn: " + printable(message), file=sys.stderr)

@@ -1,6 +1,7 @@
 """`qclearn register` and `demo`: a pair of surfaces to a folder with the map, the report and the figure."""
 
 import json
+import time
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,13 +13,15 @@ from click.core import ParameterSource
 import qclearn as qc
 
 from ..files.hemisphere import Hemisphere, read_hemisphere, require_side
+from ..files.meshes import frame_of
 from ..files.provenance import origin
-from ..files.values import read_map
+from ..files.values import read_map, read_regions
 from ..registration.features import FOLDS, Feature, FeatureError
 from ..registration.landmarkfile import on_disks, read_landmarks
 from ..registration.landmarks import curves_of_both
 from ..registration.mapfile import side_arrays, write_registration
 from ..registration.problem import DELTA, Weights
+from ..registration.register import Stages
 from ..registration.register import register as run_registration
 from .output import fail, output_folder
 from .sphere import FILES as SPHERES
@@ -60,12 +63,20 @@ MAPS = ("points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving
 @click.option("--no-features", is_flag=True, help="Landmarks alone, the paper's setting.")
 @click.option("--no-landmarks", is_flag=True, help="Features alone.")
 @click.option("--hold-out", multiple=True, metavar="NAME", help="A curve that is measured and not fitted; repeatable.")
+@click.option(
+    "--annot",
+    nargs=2,
+    metavar="MOVING CONTROL",
+    help="Annotations (.annot, .label.gii), compared by their regions' names; they take no part in the fit.",
+)
 @click.option("--sliding", is_flag=True, help="Let inner points slide along their target curves.")
 @click.option("--mirror", is_flag=True, help="Mirror the moving surface first (right onto left).")
 @click.option("--report", is_flag=True, help="Write report.html, too: one page to look at, without a network.")
 @click.option("--sphere", metavar="FILE", help="The control's sphere: also writes what `qclearn sphere` does.")
 @click.option("--accept-suspect", is_flag=True, help="End with exit code 0 where the registration is suspect.")
-def register(moving, control, landmarks, out, mirror, accept_suspect, given, no_features, no_landmarks, **options):
+def register(
+    moving, control, landmarks, out, mirror, accept_suspect, given, annot, no_features, no_landmarks, **options
+):
     """Register MOVING to CONTROL by their folds and along landmark curves; writes a certified point-to-point map.
 
     Each is a surface file, or fsaverage5:left or fsaverage5:right. Landmarks and per-vertex files belong to the
@@ -78,8 +89,9 @@ def register(moving, control, landmarks, out, mirror, accept_suspect, given, no_
 
     \b
     A registration is suspect where
-      mirror:      the curves fit the mirrored moving surface much better: --mirror was forgotten
-      exchanged:   they fit much better with MOVING and CONTROL exchanged
+      mirror:      the curves, or with fewer than three the folds, fit the mirrored moving surface much better, or the
+                   files' names or metadata say that one is a left and the other a right: --mirror was forgotten
+      exchanged:   the curves fit much better with MOVING and CONTROL exchanged
       numbering:   they fit much better as vertex numbers of the whole surface, before `open` cut it
       reversed:    a curve fits much better run from its other end
       swapped:     curves fit much better with each other's names
@@ -88,6 +100,7 @@ def register(moving, control, landmarks, out, mirror, accept_suspect, given, no_
       rows:        the map folded, and was repaired at more than 0.5 % of the vertices
       distortion:  |mu| is over 0.9 on more than 1 % of the surface
       features:    those of the two sides hardly agree after the best Möbius map, or have opposite signs
+      worse:       a held-out curve or the annotations fit clearly worse than after the best Möbius map
     """
     if no_landmarks and landmarks:
         raise qc.LandmarkError("--landmarks and --no-landmarks exclude each other; drop one")
@@ -97,6 +110,7 @@ def register(moving, control, landmarks, out, mirror, accept_suspect, given, no_
     pair = replace(pair, sphere=sphere and sphere_of(pair, sphere))
     features = given_features(pair, given, no_features)
     curves = read_landmarks(landmarks) if landmarks else [] if no_landmarks else shared_curves(pair, features)
+    options["annotations"] = [regions_of(*one) for one in zip(pair.given.values(), annot)] if annot else None
     register_into(out, pair, curves, accept_suspect, features=features, **options)
 
 
@@ -134,6 +148,16 @@ class Pair:
     def given(self):
         """Side -> `Hemisphere`."""
         return {"moving": self.moving, "control": self.control}
+
+    @property
+    def other_hand(self):
+        """`mirror:` where the files of both sides say their hemisphere and `mirrored` does not go with that, list."""
+        one, other = (side.frame.side for side in self.given.values())
+        if None in (one, other) or (one != other) == self.mirrored:
+            return []
+        found = f"{self.moving.path} is a {one} and {self.control.path} a {other} hemisphere by their names or metadata"
+        advice = f"{'leave --mirror out' if self.mirrored else 'give --mirror'}, or name the files for what they hold"
+        return [f"mirror: {found}; {advice}"]
 
     @property
     def arrays(self):
@@ -175,22 +199,36 @@ def feature_of(hemisphere, path):
     return values
 
 
+def regions_of(hemisphere, path):
+    """The names of regions (V,) of an annotation on the disk."""
+    require_side(path, frame_of(path).side, hemisphere.frame.side, hemisphere.path)
+    return hemisphere.numbering.on_disk(read_regions(path), path)
+
+
 def register_into(out, pair, curves, accept_suspect, **options):
     """Run the pipeline on a `Pair`, write its four files and with option `report` a page, print the report; exit code 3
     if suspect."""
     from ..pages.plot import registration_figure
 
-    paged = options.pop("report")
+    command, stages, paged = click.get_current_context().obj, Stages(2, False), options.pop("report")
+    read = time.perf_counter() - command.begun
     with output_folder(out, instead=["report.html", *SPHERES]) as folder:
         result = run_registration(*pair.disks, on_disks(curves, pair.given), progress=True, **options)
-        registration_figure(result, *pair.disks).savefig(folder / "figure.png", dpi=150)
-        arrays = {name: getattr(result, name) for name in MAPS} | pair.arrays
-        write_registration(folder / "registration.npz", arrays)
-        told = pair.sphere and write_sphere(folder, arrays, pair.sphere)
-        inputs = {side: (one.path, one.given) for side, one in pair.given.items()}
-        report = result.report | origin(inputs, curves, click.get_current_context().obj)
+        with stages("figure"):
+            registration_figure(result, *pair.disks).savefig(folder / "figure.png", dpi=150)
+        with stages("write"):
+            arrays = {name: getattr(result, name) for name in MAPS} | pair.arrays
+            write_registration(folder / "registration.npz", arrays)
+            told = pair.sphere and write_sphere(folder, arrays, pair.sphere)
+            qc.write_surface(folder / "registered.surf.gii", result.surface, frame=pair.control.frame)
+            inputs = {side: (one.path, one.given) for side, one in pair.given.items()}
+            wrong = pair.other_hand
+            words = [word for word in result.report["suspect"] if not (wrong and word.startswith("mirror:"))]
+            report = result.report | {"suspect": [*wrong, *words]} | origin(inputs, curves, command)
+        spent = {"read": round(read, 4), **report["seconds"], **stages.seconds}
+        del spent["total"]  # of the call alone
+        report["seconds"] = {**spent, "total": round(time.perf_counter() - command.begun, 4)}
         (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
-        qc.write_surface(folder / "registered.surf.gii", result.surface, frame=pair.control.frame)
         if paged:
             from ..reports import write_pair
 
@@ -217,6 +255,9 @@ def print_report(report, out):
     if report["held_out_mm"]:
         before, after = np.mean(list(report["held_out_mm"].values()), axis=0)
         line("held out", f"{after:.2f} mm, mean of the curves ({before:.2f} after the best Möbius map)")
+    if report["dice"]:
+        before, after = report["dice"]["before"], report["dice"]["after"]
+        line("Dice", f"{after:.3f} of the annotations ({before:.3f} after the best Möbius map)")
     for name, (before, after) in report["r"].items():
         line(f"r({name})", f"{after:.3f} ({before:.3f} after the best Möbius map)")
     mean, deviation, most = (report[f"{word}_abs_mu"] for word in ("mean", "sd", "max"))

@@ -84,23 +84,25 @@ def transfer(registration, values, to, nearest, hemisphere, wall, out):
     here = numberings[source].on_disk(given.values, values)
     carried = transfer_map(here, z[source], arrays[f"faces_{source}"], z[to], nearest)
     carried = Map(carried, hemisphere or sides[to], given.labels if nearest else None, given.names)
-    write_carried(out, carried, numberings[to], wall)
-    say(f"{out}: {len(z[to])} values on the {to} surface")
+    count = write_carried(out, carried, numberings[to], wall)
+    say(f"{out}: {count} values on the {to} surface" + f", {len(z[to])} on its cortex" * (count > len(z[to])))
 
 
 def write_carried(out, carried, numbering, wall):
-    """Write a `Map` of a disk, in the whole surface's form where it is known, with the cortex beside it."""
+    """Write a `Map` of a disk, in the whole surface's form where it is known, with the cortex beside it: how many."""
     beside, labels = Path(out).with_name("cortex.shape.gii"), carried.values.dtype.kind in "biu"
     if wall == "nan" and (labels or not numbering.known):
         reason = "labels are whole numbers" if labels else "the registration does not know the whole surface"
         raise ValueError(f"--wall nan: {reason}; leave it out")
     if wall == "cut" or not numbering.known:
-        return qc.write_values(out, *carried)
+        qc.write_values(out, *carried)
+        return numbering.size
     cortex = numbering.on_whole(np.ones(numbering.size, dtype=np.float32), 0)
     require_same(out, beside, cortex)
     fill = np.nan if wall == "nan" else -1 if -1 in (carried.labels or {}) else 0
     qc.write_values(out, numbering.on_whole(carried.values, fill), *carried[1:])
     qc.write_values(beside, cortex, carried.side, names=["cortex"])
+    return numbering.count
 
 
 def require_same(out, beside, cortex):

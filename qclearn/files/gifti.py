@@ -24,6 +24,7 @@ _VOLUME = {
     **{f"{axis}ras": tuple(f"{axis.upper()}_{letter}" for letter in "RAS") for axis in "xyzc"},
 }  # fmt: skip
 _NOTHING = r"(?i)|\?\?\?|none|unknown|unassigned|background|medial[ _]?wall"  # names of what is no region
+_TABLE, _COUNT = "QclearnOriginalVertices", "QclearnWholeVertices"  # of a disk, what an npz keeps as arrays
 _MOST_LABELS = 4096  # whole numbers of more values than that are no regions
 
 
@@ -103,7 +104,22 @@ def surface_arrays(image):
     triangles = image.get_arrays_from_intent("NIFTI_INTENT_TRIANGLE")
     if len(points) != 1 or len(triangles) != 1:
         raise SurfaceError("is GIFTI, but not one surface; give a .surf.gii with one point set and its triangles")
-    return points[0].data, triangles[0].data
+    return points[0].data, triangles[0].data, {}, _table_of(points[0].meta, len(points[0].data))
+
+
+def _table_text(table):
+    """The numbers of a disk's vertices (V,) in the whole surface as text: runs of ones, packed."""
+    return base64.b64encode(zlib.compress(np.diff(table, prepend=0).astype("<i4").tobytes())).decode()
+
+
+def _table_of(meta, size):
+    """The numbers (V,) that `_table_text` wrote, or None where there are none."""
+    if _TABLE not in meta:
+        return None
+    packed = zlib.decompressobj().decompress(base64.b64decode(meta[_TABLE]), 4 * size + 1)
+    if len(packed) != 4 * size:
+        raise FormatError(f"{_TABLE} does not hold the numbers of {size} vertices")
+    return np.frombuffer(packed, "<i4").astype(np.int64).cumsum()
 
 
 def values_of(image):
@@ -131,7 +147,10 @@ def frame_of_image(path, image):
     shape = "Spherical" if shape == "Sphere" else shape  # FreeSurfer's word
     kind = shape if shape in SHAPES else secondary if secondary in ANATOMICAL else kind_of_name(path)
     side = side_of_image(image) or side_of_name(path)
-    return Frame(side, points[0].coordsys, _volume_of(meta), kind) if points else Frame(side)
+    if not points:
+        return Frame(side)
+    count = int(meta[_COUNT]) if re.fullmatch("[1-9][0-9]{0,9}", meta.get(_COUNT, "")) else None
+    return Frame(side, points[0].coordsys, _volume_of(meta), kind, count)
 
 
 def _volume_of(meta):
@@ -144,9 +163,9 @@ def _volume_of(meta):
     return sound_volume({"head": [2, 0, 20], **named, **found, "volume": [int(size) for size in found["volume"]]})
 
 
-def surface_bytes(surface, frame):
+def surface_bytes(surface, frame, table=None):
     """The bytes of a .surf.gii; FreeSurfer's coordinates become the scanner's, as mris_convert --to-scanner does, but
-    for spheres and the like, which lie nowhere and stay around their centre."""
+    for spheres and the like, which lie nowhere and stay around their centre. table (V,): the original numbers."""
     meta, vertices, space = _structure(frame.side), surface.vertices, frame.space
     if frame.space == TKR:
         anatomical = frame.kind not in SHAPES
@@ -156,6 +175,8 @@ def surface_bytes(surface, frame):
     if frame.volume:
         values = {f"VolGeom{end}": x for key, ends in _VOLUME.items() for end, x in zip(ends, frame.volume[key])}
         own |= {key: f"{value:.10g}" for key, value in values.items()} | {"VolGeomFname": frame.volume["filename"]}
+    own |= {_TABLE: _table_text(table)} if table is not None else {}
+    own |= {_COUNT: str(frame.count)} if frame.count else {}
     points = _array(vertices.astype(np.float32), "NIFTI_INTENT_POINTSET", own, coordsys=space or GiftiCoordSystem())
     triangles = _array(surface.faces.astype(np.int32), "NIFTI_INTENT_TRIANGLE", {})
     return GiftiImage(meta=GiftiMetaData(meta), darrays=[points, triangles]).to_bytes()

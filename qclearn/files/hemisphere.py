@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..surfaces.checks import components
 from ..surfaces.opening import open_surface
 from ..surfaces.surface import Surface, SurfaceError, require_outward
 from .frames import Frame
@@ -13,7 +14,7 @@ from .meshes import frame_of, read_surface
 from .values import read_mask
 
 _NAMED = re.compile("fsaverage5:(left|right)")
-# A label of the cortex may lose so many of its vertices as other pieces, or gain as holes, for each that stays.
+# So many vertices of a label of the cortex may lie in other pieces, or in holes that are filled, for each that stays.
 LOOSE = 1e-3
 
 
@@ -29,7 +30,7 @@ class Numbering:
     @property
     def known(self):
         """Whether both forms are known."""
-        return self.table is not None and self.count is not None
+        return self.table is not None and self.count is not None and self.table.max() < self.count
 
     def on_disk(self, values, name):
         """The disk's values (V, ...) of those of either form; SurfaceError, with the name, for another length."""
@@ -107,12 +108,13 @@ def cut_out(surface, cortex):
     require_outward(surface)
     wall = read_mask(cortex, surface, keep=True)
     disk, table = open_surface(surface, wall)
-    lost, filled = (~wall).sum() - (~wall)[table].sum(), wall[table].sum()
+    _, piece = components(len(wall), surface.edges[~wall[surface.edges].any(axis=1)])
+    size = (~wall).sum()
+    apart, filled = size - np.bincount(piece[~wall]).max(), wall[table].sum()
     advice = "repair the label, or cut with `qclearn open`, which"
-    if lost > LOOSE * len(table):
+    if apart > LOOSE * len(table):
         raise SurfaceError(
-            f"{cortex}: is in pieces: {lost} of its {(~wall).sum()} vertices lie apart; {advice} keeps "
-            "the largest alone"
+            f"{cortex}: is in pieces: {apart} of its {size} vertices lie apart; {advice} keeps the largest alone"
         )
     if filled > LOOSE * len(table):
         raise SurfaceError(f"{cortex}: has holes of {filled} vertices beside the medial wall; {advice} fills them")

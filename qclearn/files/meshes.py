@@ -106,22 +106,24 @@ def write_surface(
     """Write a surface, whole or not at all, in the format of the path's suffix (as read_surface; a FreeSurfer name such
     as lh.pial, or no suffix: FreeSurfer's binary).
 
-    Coordinates keep float64; FreeSurfer, GIFTI and STL store float32, STL no vertex numbers. Only npz keeps the curves
-    and original_vertices, `open_surface`'s second result (default: the surface's own). surface: also a named tuple such
-    as `Registration.surface`. frame: `frame_of` the coordinates' file, which npz keeps whole, GIFTI and FreeSurfer as
-    far as they can; hemisphere and kind are else by the name. FreeSurfer's coordinates become the scanner's in GIFTI,
-    and FreeSurfer's again in its own format. SurfaceError: unknown format, or a folder not writable.
+    Coordinates keep float64; FreeSurfer, GIFTI and STL store float32, STL no vertex numbers. Only npz keeps the curves,
+    only npz and GIFTI original_vertices, `open_surface`'s second result (default: the surface's own). surface: also a
+    named tuple such as `Registration.surface`. frame: `frame_of` the coordinates' file, which npz keeps whole, GIFTI
+    and FreeSurfer as far as they can; hemisphere and kind are else by the name. FreeSurfer's coordinates become the
+    scanner's in GIFTI, and its own again in its own format. SurfaceError: unknown format, or a folder not writable.
     """
     path, frame = Path(path), frame or Frame()
     suffix = suffix_of(path)
     freesurfer = path.name.startswith(("lh.", "rh.")) and path.suffix.lower() not in FOREIGN_SUFFIXES
 
+    numbers = surface.original_vertices if original_vertices is None else np.asarray(original_vertices)
+
     def write(place):
         if suffix == ".npz":
-            _write_npz(place, surface, original_vertices, frame)
+            _write_npz(place, surface, numbers, frame)
         elif suffix == ".gii":
             said = replace(frame, side=frame.side or side_of_name(path), kind=frame.kind or kind_of_name(path))
-            place.write_bytes(gifti.zipped(path, gifti.surface_bytes(surface, said)))
+            place.write_bytes(gifti.zipped(path, gifti.surface_bytes(surface, said, numbers)))
         elif suffix in _WRITERS:
             place.write_bytes(_WRITERS[suffix](surface))
         else:
@@ -164,7 +166,6 @@ def _read_npz(_, data):
 
 def _write_npz(path, surface, original_vertices, frame):
     more = {f"curve_{name}": curve for name, curve in surface.curves.items()}
-    original_vertices = surface.original_vertices if original_vertices is None else original_vertices
     if original_vertices is not None:
         more["original_vertices"] = np.asarray(original_vertices)
     if frame != Frame():

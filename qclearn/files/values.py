@@ -128,6 +128,16 @@ def _read_annot(path, data):
     return Map(labels, side_of_name(path), annotations.labels_of(table, names))
 
 
+def read_regions(path):
+    """The name of each vertex's region (V,), "" for none, of a .label.gii of one map or an .annot; SurfaceError for
+    others."""
+    found = read_map(path)
+    if not found.labels or found.values.ndim != 1 or found.values.dtype.kind not in "iu":
+        raise SurfaceError(f"{path}: names no regions; give a .label.gii of one map, or an .annot")
+    known, places = np.unique(found.values, return_inverse=True)
+    return np.array([found.labels.get(key, ("",))[0] for key in known.tolist()], dtype=np.str_)[places]
+
+
 def write_values(
     path: str | Path,
     values: Values,

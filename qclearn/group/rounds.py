@@ -4,7 +4,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from ..registration.features import HEMISPHERE
+from ..registration.features import HEMISPHERE, mirrored_gain
 from . import subject as of
 from .kept import TemplateError
 from .subject import Fitted, alone, mean_of
@@ -77,7 +77,7 @@ class Group:
 
     def check_sides(self, mean):
         """TemplateError where subjects fit the mean much better if they are mirrored."""
-        tasks = [self.submit(of.mirrored_gain, subject, mean) for subject in self.subjects]
+        tasks = [self.submit(mirrored_gain, subject, mean) for subject in self.subjects]
         other = [self.result(task, member) > OTHER_SIDE for task, member in zip(tasks, self.members)]
         most = 2 * sum(other) > len(other)  # True: the subject that the others were laid upon is the odd one
         names = ", ".join(sorted(member.name for member, odd in zip(self.members, other) if odd != most))

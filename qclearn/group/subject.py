@@ -7,7 +7,6 @@ import numpy as np
 
 from ..plane.bijectivity import BijectivityError
 from ..plane.disk import Disk
-from ..plane.mobius import mobius
 from ..registration.checked import bijective_fit
 from ..registration.features import FOLDS, SCALE, FeatureError, Features, Smoothing, mobius_by_features, standardised
 from ..registration.ladder import LEVELS
@@ -94,13 +93,6 @@ def laid(subject, mean, near=False):
     if not found.whole:
         raise FeatureError("the features pull its disk onto the rim; check that they are those of the others")
     return found
-
-
-def mirrored_gain(subject, mean):
-    """Gain of the features' correlation with the mean's, at SCALE, if the laid subject is mirrored first."""
-    features, z = Features(subject, mean), subject.disk.z.conj()
-    other = mobius(z, *mobius_by_features(features, z))
-    return float((features.correlation(other, SCALE) - features.correlation(subject.disk.z, SCALE)).mean())
 
 
 def at_disk(subject, z):

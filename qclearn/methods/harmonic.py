@@ -3,7 +3,7 @@
 import numpy as np
 from scipy import sparse
 
-from ..plane.linear import factorise
+from ..plane.linear import Dirichlet
 from .solver import HARD, LandmarkSolver, report, truncated
 
 MOST_ROUNDS = 40
@@ -47,6 +47,8 @@ def smoothed(solver, mu, weight):
     disk = solver.disk
     nodal = disk.to_vertices @ mu
     matrix = (1 + 1 / weight) * sparse.eye_array(len(nodal)) + (2 / weight) * disk.laplace
-    size = factorise(matrix).solve(abs(nodal))
+    problem = Dirichlet(matrix, [], None if solver.order is None else np.append(solver.order, disk.loop))
+    size = np.empty(len(nodal))
+    size[problem.free] = problem.solve_free(abs(nodal[problem.free]))
     turned = np.divide(size, abs(nodal), out=np.zeros_like(size), where=nodal != 0) * nodal
     return turned[disk.faces].mean(1)

@@ -17,6 +17,7 @@ from ..files.safe import write_whole
 from ..plane.linear import factorise
 from ..registration.landmarkfile import SIDES, check_curves
 from ..registration.landmarks import fundus_metric, fundus_path
+from ..surfaces.checks import counted
 from ..surfaces.curvature import mean_curvature
 from ..surfaces.surface import Surface
 from .live import MODULES
@@ -179,7 +180,7 @@ class LandmarkPicker(anywidget.AnyWidget):
         try:
             check_curves(contents, *self.surfaces.values())
             write_whole(self.path, lambda place: place.write_text(json.dumps(contents, indent=2) + "\n"))
-            self.said = f"{len(contents['curves'])} curves written to {self.path}."
+            self.said = f"{counted(contents['curves'], 'curve')} written to {self.path}."
         except ValueError as error:
             self.said = f"Not saved: {error}"
 

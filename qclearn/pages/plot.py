@@ -5,8 +5,10 @@ from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
+from scipy import sparse
 
 from ..plane.disk import Disk
+from ..plane.grids import thinned
 from ..surfaces.curvature import area_radius, grey_levels, mean_curvature
 
 # The paper's colours, in shades that colour-blind readers tell apart; a dashed line is the second cue for a target.
@@ -16,6 +18,7 @@ CURVE_STYLES = {
     "target": {"color": "#D62728", "linestyle": (0, (2.5, 1.5)), "marker": "s"},
 }
 FLIPPED_COLOUR = "#CC79A7"
+DRAWN = 25_000  # vertices of a surface in the figure, at most: a pixel shows no more
 
 
 def disk_axes(ax):
@@ -119,28 +122,44 @@ def registration_figure(registration, moving, control):
     picture have equal moving area (a conformal disk crowds the cortex around its centre), histogram by area.
     """
     r, radius = registration, area_radius(moving, registration.disk_moving)
+    disk = Disk(r.disk_moving, moving.faces)
     figure = Figure(figsize=(16, 6.8), dpi=110)
     margins = {"left": 0.02, "right": 0.955, "bottom": 0.11, "top": 0.88, "wspace": 0.08, "hspace": 0.1}
     rows = figure.subplots(2, 5, width_ratios=(1, 1, 1, 1, 0.8), gridspec_kw=margins)
     curves = [list(side) for side in zip(*r.curves.values())] or [[], []]
-    first, start = (moving, r.disk_moving) if r.curves else (control, r.disk_control)
-    grey, last = (grey_levels(mean_curvature(surface), surface.vertex_areas) for surface in (first, moving))
+    some, faces, means = drawn_part(disk, moving)
+    mu = abs(r.mu) if len(some) == len(disk.z) else means @ (disk.to_vertices @ abs(r.mu))
+    grey = means @ grey_levels(mean_curvature(moving), moving.vertex_areas)
+    start, first = r.disk_moving[some], (faces, grey)
+    if not r.curves:
+        shown, sides, means = drawn_part(Disk(r.disk_control, control.faces), control)
+        first = sides, means @ grey_levels(mean_curvature(control), control.vertex_areas)
+        start = r.disk_control[shown]
     for axes, scale, unscale in zip(rows, (np.asarray, radius.to_image), (np.asarray, radius.from_image)):
         lines = [unscale(line) for line in polar_lines()]
-        mapped = map_curves(Disk(r.disk_moving, moving.faces), scale(r.disk_map), curves[0] + lines)
+        mapped = map_curves(disk, scale(r.disk_map), curves[0] + lines)
         targets = [scale(curve) for curve in curves[1]]
-        before = (scale(start), first.faces, grey), [scale(curve) for curve in curves[0]], "detected"
-        after = (scale(r.disk_map), moving.faces, last), mapped[: len(targets)], "registered"
-        for ax, (disk, drawn, style) in zip(axes, (before, after)):
-            disk_plot(ax, *disk, cmap="gray", vmin=-80, vmax=335)
+        before = (scale(start), *first), [scale(curve) for curve in curves[0]], "detected"
+        after = (scale(r.disk_map[some]), faces, grey), mapped[: len(targets)], "registered"
+        for ax, (picture, drawn, style) in zip(axes, (before, after)):
+            disk_plot(ax, *picture, cmap="gray", vmin=-80, vmax=335)
             curves_plot(ax, drawn, style)
             curves_plot(ax, targets, "target")
         lines_plot(disk_axes(axes[2]), mapped[len(targets) :], "#1F4E79")
-        colours = disk_plot(axes[3], scale(r.disk_moving), moving.faces, abs(r.mu), vmin=0, vmax=1)
+        colours = disk_plot(axes[3], scale(r.disk_moving[some]), faces, mu, vmin=0, vmax=1)
     mu_histogram(rows[0, 4], r.mu)
     mu_histogram(rows[1, 4], r.mu, moving.face_areas)
     _label_registration(figure, rows, colours, r.report)
     return figure
+
+
+def drawn_part(disk, surface):
+    """What is drawn of a surface on its `Disk`: vertices (N,), all or DRAWN, triangles, sparse (N, V): means there."""
+    if len(disk.z) <= DRAWN:
+        return np.arange(len(disk.z)), disk.faces, sparse.eye_array(len(disk.z))
+    some, small = thinned(disk, None, DRAWN)
+    means = small.sampling(disk.z).T @ sparse.diags_array(surface.vertex_areas)
+    return some, small.faces, sparse.diags_array(1 / np.maximum(means.sum(1), 1e-300)) @ means
 
 
 def _label_registration(figure, rows, colours, report):

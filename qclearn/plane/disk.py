@@ -11,12 +11,12 @@ from scipy import sparse
 
 from .checks import BeltramiError, check_coefficient, check_faces, check_map, check_mesh, planar_points
 from .coefficients import diffuse
-from .linear import assemble
+from .linear import LARGE, assemble, elimination_order
 from .lookup import Lookup, pairs
 
 PerVertex, PerFace, Faces = Complex[ndarray, " V"], Complex[ndarray, " F"], Integer[ndarray, " F 3"]
 TINY = 1e-300
-OF_FACES = ("loop", "open_halfedges", "across")  # what depends on the faces alone, and pictures share
+OF_FACES = ("loop", "open_halfedges", "across", "order")  # what depends on the faces alone, and pictures share
 
 
 @dataclass(frozen=True)
@@ -110,6 +110,11 @@ class Disk:
         across = np.full(len(order), -1)
         across[one[twins]], across[two[twins]] = two[twins] // 3, one[twins] // 3
         return np.roll(across.reshape(-1, 3), -1, axis=1)  # the edge from corner k lies across from corner k + 2
+
+    @cached_property
+    def order(self):
+        """The inner vertices in an `elimination_order`, of a large mesh, or None; made once."""
+        return elimination_order(self.laplace, self.z, self.loop) if len(self.z) > LARGE else None
 
     @cached_property
     def lookup(self) -> Lookup:

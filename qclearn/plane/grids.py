@@ -86,3 +86,9 @@ def joined(z: Complex[ndarray, " V"]) -> Disk:
     """The `Disk` of points z (V,) in Delaunay's triangles."""
     faces = scipy.spatial.Delaunay(np.stack([z.real, z.imag], axis=1)).simplices.astype(np.int64)
     return Disk(z, np.where((Disk(z, faces).areas < 0)[:, None], faces[:, ::-1], faces))
+
+
+def thinned(disk, shares, count):
+    """The rim and `count` vertices of a `Disk`, chosen by shares (V,) of 1 (None: equal): numbers (N,), `joined`."""
+    some = np.union1d(disk.loop, np.random.default_rng(0).choice(len(disk.z), count, replace=False, p=shares))
+    return some, joined(disk.z[some])

@@ -13,7 +13,7 @@ from scipy import sparse
 
 from .checks import SurfaceError, check_coefficient, check_used
 from .disk import Disk, PerFace, PerVertex
-from .linear import LARGE, Dirichlet, elimination_order, three_a_row
+from .linear import Dirichlet, three_a_row
 from .mobius import mobius, mobius_inverse
 
 SMALLEST_STEP = 1e-3  # of the mean boundary step, where a negative weight makes the boundary run backwards
@@ -94,7 +94,7 @@ class DiskSolver:
     """
 
     def __init__(self, disk: Disk):
-        self.disk, self.order = disk, None
+        self.disk = disk
         check_used(disk)
         _ = disk.gradients  # which refuses folded triangles
         z, loop = disk.z, disk.loop
@@ -122,7 +122,7 @@ class DiskSolver:
         interior = np.setdiff1d(np.arange(len(z)), loop)
         if not len(interior):
             raise SurfaceError("the disk mesh has no interior vertex; refine it")
-        self.pole = interior[abs(z[interior]).argmin()]
+        self.pole, self.order = interior[abs(z[interior]).argmin()], disk.order
 
     @cached_property
     def calibration(self) -> Float[sparse.csr_array, " B B"] | None:
@@ -149,8 +149,6 @@ class DiskSolver:
 
     def _problem(self, mu):
         matrix = self.disk.stiffness(mu)
-        if self.order is None and len(self.disk.z) > LARGE:
-            self.order = elimination_order(matrix, self.disk.z, self.loop)
         problem = Dirichlet(matrix, self.loop, self.order)
         if self.order is None and problem.factors:
             self.order = problem.free[np.argsort(problem.factors.perm_c)]  # sought once a mesh

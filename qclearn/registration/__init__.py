@@ -13,9 +13,9 @@ TABLE = {
     "metrics": ["measured_losses"],
     "preparation": ["Sides", "laid_upon", "sampled"],
     "problem": ["DELTA", "Problem", "Weights"],
+    "readings": ["mistakes"],
     "report": ["held_out_distances"],
     "steps": ["FeatureStep"],
-    "suspect": ["mistakes"],
     "terms": ["LandmarkTerm"],
 }
 

@@ -4,12 +4,14 @@ Each side is standardised by area, so that units cancel and the mismatch is 2 (1
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import sparse
 
-from ..plane.linear import factorise
-from ..plane.mobius import compose_mobius, mobius, mobius_fields
+from ..plane.grids import thinned
+from ..plane.linear import LARGE, factorise
+from ..plane.mobius import centring_mobius, compose_mobius, mobius, mobius_fields
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import SurfaceError
 from .problem import is_finite
@@ -19,6 +21,7 @@ OUTLIERS, SMOOTH_OUTLIERS = 2.5, 3.0  # standard deviations to which a map is cl
 TAIL = 0.01  # of the vertices at either end, which do not count in these
 HEAT_STEPS = 4  # implicit steps of the heat flow to one scale
 FINEST = 4.0  # the scale at which features are compared in reports
+COARSE = 12_000  # vertices of a large surface on which coarser scales are smoothed
 HEMISPHERE = 9e4  # mm^2: of a surface on which a scale is in mm; on others in proportion, whatever their unit
 # Where a Möbius map by features alone is sought.
 SCALE = 16.0  # mm, of the features that are compared
@@ -68,20 +71,23 @@ def featured(moving, control, maps):
     """Two `Side`s with `Feature`s of `check_features`, and the `Features` that compare them."""
     names = [feature.name for feature in maps]
     here, there = (np.stack([getattr(one, side) for one in maps], axis=1) for side in ("moving", "control"))
-    moving = replace(moving, features=Smoothing(moving.surface, names, here))
-    control = replace(control, features=Smoothing(control.surface, names, there))
+    moving = replace(moving, features=Smoothing(moving.surface, names, here, moving.disk))
+    control = replace(control, features=Smoothing(control.surface, names, there, control.disk))
     return moving, control, Features(moving, control, [feature.weight for feature in maps])
 
 
 class Smoothing:
     """Named per-vertex values (V, C) of one surface at any scale sigma: the standard deviation of the smoothing kernel,
-    in mm on a surface with the area of a HEMISPHERE."""
+    in mm on a surface with the area of a HEMISPHERE.
 
-    def __init__(self, surface, names, values):
+    disk: of a large surface, if known; scales above FINEST are then smoothed on a coarse mesh of it.
+    """
+
+    def __init__(self, surface, names, values, disk=None):
         self.names, self.values = names, values
-        self.mass, self.stiffness = surface.vertex_areas, surface.stiffness
-        self.areas, self.unit = self.mass / surface.area, np.sqrt(surface.area / HEMISPHERE)
-        self.levels = {}
+        self.mass, self.stiffness = sparse.diags_array(surface.vertex_areas), surface.stiffness
+        self.areas, self.unit = surface.vertex_areas / surface.area, np.sqrt(surface.area / HEMISPHERE)
+        self.levels, self.disk = {}, disk if len(values) > LARGE else None
 
     def at(self, sigma):
         """The smoothed values, outliers clipped, standardised; kept in `levels`."""
@@ -92,11 +98,27 @@ class Smoothing:
     def heat(self, sigma):
         """The values after the heat flow `A u' = -K u` for the time sigma^2 / 2."""
         time = (self.unit * sigma) ** 2 / (2 * HEAT_STEPS)
-        values = clipped(scaled(self.values), self.areas, OUTLIERS)
-        factors = factorise(sparse.diags_array(self.mass) + time * self.stiffness)
-        for _ in range(HEAT_STEPS):
-            values = factors.solve(self.mass[:, None] * values)
-        return values
+        load = self.mass @ clipped(scaled(self.values), self.areas, OUTLIERS)
+        if self.disk is None or sigma <= FINEST:
+            return flow(self.mass, time * self.stiffness, load)
+        spread, mass, stiffness = self.coarse
+        return spread @ flow(mass, time * stiffness, spread.T @ load)
+
+    @cached_property
+    def coarse(self):
+        """Functions linear on the triangles of few vertices: (V, N) to values at all, mass and stiffness."""
+        spread = thinned(self.disk, self.areas, COARSE)[1].sampling(self.disk.z)
+        spread = spread[:, spread.sum(0) > 0]  # a point on the rim may be in no triangle
+        return spread, spread.T @ self.mass @ spread, spread.T @ self.stiffness @ spread
+
+
+def flow(mass, stiffness, load):
+    """HEAT_STEPS implicit steps `(A + K) u = A u_before`, K the stiffness times a step; load: A u at the beginning."""
+    factors = factorise(mass + stiffness)
+    for _ in range(HEAT_STEPS):
+        values = factors.solve(load)
+        load = mass @ values
+    return values
 
 
 def standardised(values, areas):
@@ -147,9 +169,23 @@ def mobius_by_features(features, z, near=False):
         return match.refined((0j, 0.0))
     centres = [0j, *np.multiply.outer(RADII, np.exp(2j * np.pi * np.arange(DIRECTIONS) / DIRECTIONS)).ravel()]
     starts = [(a, turn) for a in centres for turn in 2 * np.pi * np.arange(TURNS) / TURNS]
-    found = [*map(Match(features, z, some[:SCOUTS]).misfit, starts)]
+    found = Match(features, z, some[:SCOUTS]).misfits(starts)
     refined = [match.refined(starts[k]) for k in np.argsort(found, kind="stable")[:BEST]]
     return min(refined, key=match.misfit)
+
+
+def laid_by_features(features, z):
+    """The Möbius map (V,) of a moving disk z (V,) after which the features match best, wherever z was laid before."""
+    z = mobius(z, centring_mobius(z, features.areas))
+    return mobius(z, *mobius_by_features(features, z))
+
+
+def mirrored_gain(moving, control):
+    """Gain of the features' mean correlation at SCALE if a moving `Side`, laid upon the control's or a group's mean by
+    the Möbius map that suits them best, is mirrored and laid upon it anew: positive where it is of the other hand."""
+    features, laid = Features(moving, control), moving.disk.z
+    other = laid_by_features(features, laid.conj())
+    return float((features.correlation(other, SCALE) - features.correlation(laid, SCALE)).mean())
 
 
 class Match:
@@ -165,7 +201,14 @@ class Match:
 
     def misfit(self, parameters):
         """Mean square of the difference after the Möbius map (a, theta)."""
-        return (self.residual(self.lookup(mobius(self.z, *parameters))) ** 2).sum()
+        return self.misfits([parameters])[0]
+
+    def misfits(self, many):
+        """The same (B,) after each of B maps, looked up in one go."""
+        a, theta = (np.array(part)[:, None] for part in zip(*many))
+        places = self.lookup(mobius(np.tile(self.z, (len(a), 1)), a, theta).ravel())
+        there = self.image.at(places).reshape(len(a), *self.here.shape)
+        return ((self.shares * (self.here - there)) ** 2).sum((1, 2))
 
     def refined(self, parameters):
         """(a, theta) after damped Gauss-Newton steps from there, each a Möbius map after the last."""

@@ -17,7 +17,7 @@ from ..plane.disk import Disk
 from ..plane.mobius import best_mobius, mobius
 from ..plane.solver import DiskSolver
 from .features import Features
-from .ladder import LEVELS, Climb, climbed, landmark_levels
+from .ladder import Climb, climbed, feature_levels, landmark_levels
 from .problem import LandmarkError, Problem, Weights
 
 FEWEST_RINGS = 4  # of the polar mesh; half of them on the coarse one
@@ -109,7 +109,7 @@ def fit_registration(
     features: Features,
     start: Complex[ndarray, " F"] | None = None,
     watch: Callable | None = None,
-    levels: Sequence = LEVELS,
+    levels: Sequence | None = None,
 ) -> LandmarkFit:
     """The disk map of a `Problem` that takes landmarks and `Features` to theirs, with `Weights` (delta > 0):
     LandmarkFit.
@@ -120,6 +120,7 @@ def fit_registration(
     """
     if not weights.delta > 0:
         raise LandmarkError(f"delta = {weights.delta:g}: the features would take no part; give 0.1 to 1")
+    levels = feature_levels(problem.disk) if levels is None else levels
     most, led = rings_for(problem.disk), start is not None or not len(problem.moving)
     levels = [level._replace(rings=min(level.rings, most)) for level in levels if level.sigma or not led]
     engine, state, steps = Climb(problem).run(levels, weights, start, features, watch)

@@ -1,5 +1,6 @@
 """The way from a coarse mesh to the caller's own: one driver goes through a list of `Level`s."""
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -21,6 +22,7 @@ SETTLED, SETTLED_ON_GRID = 0.98, 0.95  # share of its objective that a step leav
 FIRST_GAMMA = 1e2  # a rising level takes one step at each power of ten from here to its gamma
 GUIDING_GAMMA = 1e2  # until the last level: a large one tears the map to the landmarks before features can lead it
 GUIDING_DELTA, COARSE = 0.3, 16.0  # at most, from this scale up: a large one tears it to the nearest folds
+STAND, BEYOND = 64, 1.05  # rings of the polar mesh that stands for a large one, and what that may add to its objective
 
 
 class Level(NamedTuple):
@@ -28,7 +30,9 @@ class Level(NamedTuple):
 
     rings: of the mesh of nu; sigma: the features' scale (None: landmarks alone); steps: at most; own_mesh: map the
     surface's own mesh; worth: share of the objective that a step has to promise; settled: share that it may leave if
-    another follows, 0 for any; share, most: of gamma; rising: raise gamma to that from FIRST_GAMMA, where nu is 0.
+    another follows, 0 for any; share, most: of gamma; rising: raise gamma to that from FIRST_GAMMA, where nu is 0;
+    stand: rings of a polar mesh that is mapped in the own one's place, with its weights; beyond: take no step where the
+    objective is at most so many times that of the level before.
     """
 
     rings: int
@@ -40,11 +44,13 @@ class Level(NamedTuple):
     share: float = 1.0
     most: float = np.inf
     rising: bool = False
+    stand: int = 0
+    beyond: float = 0.0
 
     def weights(self, weights):
         """The `Weights` at this level."""
         delta = weights.delta if self.sigma is None or self.sigma < COARSE else min(weights.delta, GUIDING_DELTA)
-        return weights if self.own_mesh else weights.at(min(self.share * weights.gamma, self.most), delta)
+        return weights if self.own_mesh or self.stand else weights.at(min(self.share * weights.gamma, self.most), delta)
 
 
 def guided(rings, sigma, steps):
@@ -60,6 +66,13 @@ LEVELS = (
     guided(32, FINEST, 2),
     Level(32, FINEST, 4, True, WORTH, SETTLED),
 )
+# The same above LARGE vertices, where a step on the own mesh costs ten times as much and gains little more.
+LARGE_LEVELS = (*LEVELS[:-1], LEVELS[-1]._replace(own_mesh=False, stand=STAND), LEVELS[-1]._replace(beyond=BEYOND))
+
+
+def feature_levels(disk):
+    """The levels with features for a `Disk`."""
+    return LARGE_LEVELS if len(disk.z) > LARGE else LEVELS
 
 
 def landmark_levels(disk, rings):
@@ -67,9 +80,11 @@ def landmark_levels(disk, rings):
     # At a tenth of gamma: the coarse mesh's own error moves the landmarks, and the full weight would bend nu after it.
     # On the tests' smooth problems that costs up to a step more there and ends up to 3 % higher in L_CP.
     yield Level(rings // 2, None, 5, share=0.1, rising=True)
-    if len(disk.z) > LARGE:  # where a step costs much more than on the polar mesh
-        yield Level(rings, None, 2, worth=WORTH)
-    yield Level(rings, None, 24, True, WORTH)
+    own = Level(rings, None, 24, True, WORTH)
+    if len(disk.z) > LARGE:
+        yield own._replace(own_mesh=False, stand=STAND)
+        own = own._replace(beyond=BEYOND)
+    yield own
 
 
 def few(steps, rings):
@@ -83,26 +98,29 @@ class Climb:
     def __init__(self, problem):
         self.problem, self.settings = problem, {}
 
-    def setting(self, rings, own_mesh):
-        """The `Setting` of the problem on the polar mesh of so many rings."""
-        if (rings, own_mesh) not in self.settings:
-            link = Link(self.problem.disk, polar(rings)) if own_mesh else grid_link(rings)
-            self.settings[rings, own_mesh] = Setting(self.problem, link, own_mesh)
-        return self.settings[rings, own_mesh]
+    def setting(self, level):
+        """The `Setting` of a level: the problem on its own mesh, on one that stands for it, or on that of nu."""
+        key = level.rings, level.own_mesh, level.stand
+        if key not in self.settings:
+            problem = replace(self.problem, disk=polar(level.stand)) if level.stand else self.problem
+            whole = level.own_mesh or level.stand > 0
+            link = Link(problem.disk, polar(level.rings)) if whole else grid_link(level.rings)
+            self.settings[key] = Setting(problem, link, whole)
+        return self.settings[key]
 
     def engine(self, level, weights, features=None):
         """The `Engine` of one level."""
-        setting, weights = self.setting(level.rings, level.own_mesh), level.weights(weights)
+        setting, weights = self.setting(level), level.weights(weights)
         if features is None or level.sigma is None:
             return Engine(setting, weights)
-        samples = None if level.own_mesh else setting.link.mesh.sampling(self.problem.disk.z)
+        samples = None if level.own_mesh else setting.link.disk.sampling(self.problem.disk.z)
         return Engine(setting, weights, FeatureTerm(features, level.sigma, weights.delta, samples))
 
     def run(self, levels, weights, start=None, features=None, watch=None, enough=0.0):
         """Steps of each level, from mu `start` (F,) or None: the last engine, its last state, the steps a level."""
         engine, state, steps = None, None, []
         for level in levels:
-            before, engine = engine, self.engine(level, weights, features)
+            before, last, engine = engine, state, self.engine(level, weights, features)
             if before is None:
                 state = engine.at(start_field(self.problem.disk, start, engine.link.mesh), self.problem.mobius)
                 if features is not None and start is not None and len(self.problem.moving):
@@ -111,7 +129,9 @@ class Climb:
             else:
                 nu = self.carried(before, state, engine, start if features is None else None)
                 state = engine.at(nu, state.mobius)
-            state, taken = climbed(engine, state, level, watch, enough)
+            most = level.beyond * before.objective(last, weights.gamma) if before and level.beyond else -np.inf
+            done = most > 0 and engine.objective(state, weights.gamma) <= most
+            state, taken = (state, 0) if done else climbed(engine, state, level, watch, enough)
             steps.append(taken)
         return engine, state, tuple(steps)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
+from ..files.frames import TKR
 from ..files.safe import read_bytes
 from .landmarkfile import SIDES
 from .problem import LandmarkError
@@ -14,8 +15,7 @@ from .problem import LandmarkError
 COLUMNS = ("name", "side", "order", "x", "y", "z")
 PLACES = {"begin": -np.inf, "end": np.inf}  # words for the order
 NEAR = 4.0  # mm: how far a point may lie from the nearest vertex
-SPACES = ("tkr", "scanner")
-SCANNER = 1  # GIFTI's number for scanner coordinates
+SCANNER = "scanner"
 
 
 def read_points(path):
@@ -62,25 +62,24 @@ def _point(row, where):
     return row["name"].strip(), side, place, point
 
 
-def shifts(frame):
-    """What brings points into the coordinates of a surface's file with this `Frame`: dict of SPACES -> (3,) in mm,
-    the file's own first; without the other where the file does not say its volume's centre, and empty where it says
-    nothing. Scanner coordinates are tkr's plus `cras`."""
-    scanner = getattr(frame.space, "dataspace", None) == SCANNER or (frame.space is not None and not frame.volume)
-    if not frame.volume:
-        return {"scanner": np.zeros(3)} if scanner else {}
-    cras = np.asarray(frame.volume["cras"], float)
-    return {"scanner": np.zeros(3), "tkr": cras} if scanner else {"tkr": np.zeros(3), "scanner": -cras}
+def spaces(frame):
+    """What brings points (n, 3) into the coordinates of a surface's file with this `Frame`: dict space -> function, the
+    file's own first; without the other one where no volume is known, and empty where the file says nothing."""
+    if frame.space is None:
+        return {}
+    if frame.in_scanner or not frame.volume:
+        return {SCANNER: np.asarray} | ({TKR: frame.to_scanner} if frame.volume else {})
+    return {TKR: np.asarray, SCANNER: frame.to_tkr}
 
 
-def nearest_vertices(surface, points, shift, others):
-    """Vertices (n,) nearest points (n, 3) plus shift (3,), and their distances in mm; LandmarkError where one is over
-    NEAR. others: dict space -> shift, named where the points lie near the surface with it."""
+def nearest_vertices(surface, points, space, known):
+    """Vertices (n,) nearest points (n, 3), and their distances in mm; LandmarkError where one is over NEAR, which names
+    the space of `known`, a result of `spaces`, in which all are near. space: one of them, or None: the file's own."""
     tree = cKDTree(surface.vertices)
-    distance, vertices = tree.query(points + shift)
+    distance, vertices = tree.query(known[space](points) if space else points)
     worst = distance.argmax()
     if distance[worst] > NEAR:
-        near = [space for space, other in others.items() if tree.query(points + other)[0].max() <= NEAR]
+        near = [one for one, place in known.items() if tree.query(place(points))[0].max() <= NEAR]
         hint = f"in {near[0]} coordinates all are near it: --space {near[0]}" if near else "check the coordinates"
         place = ", ".join(f"{number:g}" for number in points[worst])
         raise LandmarkError(f"the point ({place}) is {distance[worst]:.1f} mm from the surface; {hint}")

@@ -14,6 +14,7 @@ from tqdm import tqdm
 
 from ..surfaces.conformal import laid_out
 from ..surfaces.surface import Surface, require_disk, require_outward
+from .annotations import check_annotations
 from .checked import TOLERANCE, bijective_fit, gamma_words, guarded_map, predicted
 from .features import FOLDS, check_features, featured
 from .landmarkfile import check_curves, held_apart
@@ -96,6 +97,7 @@ def register(
     features: list | tuple | None = FOLDS,
     delta: float = DELTA,
     hold_out: list | tuple = (),
+    annotations: tuple | list | None = None,
 ) -> Registration:
     """Register the moving surface to the control by landmark curves and folds: a Registration, certified bijective.
 
@@ -105,7 +107,8 @@ def register(
     features: per-vertex maps that shall lie on each other between the curves: "depth" and "curvature" are computed, a
     pair of arrays (V,) and (W,) is the user's own, and (pair, weight) counts otherwise than 1; None: landmarks alone,
     the paper's setting. With features, curves may be empty. hold_out: names of curves (or `"hold_out": true` in the
-    file) that are measured and take no part in the fit.
+    file) that are measured and take no part in the fit. annotations: both sides' names of each vertex's region, a pair
+    (V,) and (W,) of text, also of the whole surfaces that these were cut from; their Dice is measured.
     alpha, beta, gamma: weights of |mu|, of its gradient and of the landmark mismatch (paper, eq. RegLoss); delta: of
     the features' mismatch, sum of squared differences of standardised maps over the area, 2 (1 - r) a map.
     method: "exact" (shortest paths, Gauss-Newton fit, exact solver) or "network" (LD-Net, CP-Net, DBS-Net; the exact
@@ -119,6 +122,7 @@ def register(
     tolerance = check_method(method, sliding, tolerance, features)
     weights = Weights(alpha, beta, gamma, check_delta(delta, features))
     entries, held = given_curves(moving, control, curves, features, hold_out)
+    regions = check_annotations(annotations, moving, control)
     stages, networks, maps = Stages(STAGES[method][features is not None], progress), {}, []
     if features is not None:
         with stages("features"):
@@ -137,7 +141,7 @@ def register(
             fit = bijective_fit(landmarks.problem, weights, None, 0.0, sides.features)
     with stages("pull_back"):
         points = sides.control.lift(fit.f)
-        found = report_of(sides, landmarks, weights, fit, points)
+        found = report_of(sides, landmarks, weights, fit, points, regions)
     words = gamma_words(networks["cpnet"], weights) if networks else []
     report = {**found, "fallbacks": words + found["fallbacks"], "seconds": stages.report(), "method": method}
     if networks and features is None:

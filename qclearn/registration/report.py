@@ -6,18 +6,21 @@ import numpy as np
 
 from ..plane.mobius import best_mobius, mobius
 from ..surfaces.checks import degenerate_faces
+from .annotations import dice
 from .landmarks import POINTS_PER_CURVE, curve_distance, curves_in_space, sample_curve
 from .metrics import coefficient_statistics, curve_rows, log2_distortions, mean_rows
 from .preparation import sample_side
-from .suspect import disagreeing, reasons
+from .suspect import disagreeing, reasons, worse
 
 ERRORS = "landmark_error_before", "landmark_error", "landmark_error_mm"  # null where no landmark was given
 
 
-def report_of(sides, landmarks, weights, fit, points):
-    """The report of a registration, a dict for JSON, without method and seconds."""
+def report_of(sides, landmarks, weights, fit, points, regions=None):
+    """The report of a registration, a dict for JSON, without method and seconds; regions: of `check_annotations`."""
     rows, features, moving = error_rows(sides, landmarks.samples, fit.f), sides.features, sides.moving.surface
     plain = mobius(sides.moving.disk.z, *landmarks.problem.mobius)
+    held_out, overlap = held_out_distances(sides, plain, fit.f), dice(sides, regions, plain, fit.f)
+    against = disagreeing(features, plain) if features else []
     return {
         **dict.fromkeys(ERRORS),
         **mean_rows(rows),
@@ -35,8 +38,9 @@ def report_of(sides, landmarks, weights, fit, points):
         "r": fit.r if features else {},
         "mobius": {"a": [fit.mobius[0].real, fit.mobius[0].imag], "theta": fit.mobius[1]},
         "curves": rows,
-        "held_out_mm": held_out_distances(sides, plain, fit.f),
-        "suspect": [*reasons(sides, rows, fit), *(disagreeing(features, plain) if features else [])],
+        "held_out_mm": held_out,
+        "dice": overlap,
+        "suspect": [*reasons(sides, rows, fit), *against, *worse(held_out, overlap)],
         "version": version("qclearn"),
     }
 

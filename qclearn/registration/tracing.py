@@ -10,7 +10,6 @@ from ..files.fsaverage import fsaverage5, named_sulci
 from ..plane.disk import Disk
 from ..surfaces.checks import counted
 from ..surfaces.conformal import laid_out
-from .features import FOLDS, check_features, featured
 from .landmarks import (
     SAMPLES,
     curve_distance,
@@ -23,6 +22,7 @@ from .landmarks import (
 )
 from .preparation import Sides, laid_upon
 from .problem import LandmarkError
+from .readings import mistakes, with_folds
 from .register import register
 
 # How far members of a set may lie beside the path through it: in parts of its length or in edges, whichever is more,
@@ -64,10 +64,12 @@ def threaded(surface, vertices):
 
 
 def laid_by_folds(moving, control):
-    """The `Sides` of two surfaces of one hand, the moving disk laid upon the control's by depth and curvature alone."""
-    maps = check_features(FOLDS, moving, control)
-    moving, control, features = featured(laid_out(moving), laid_out(control), maps)
-    return laid_upon(Sides(moving, control, [], [], features))
+    """The `Sides` of two surfaces, the moving disk laid upon the control's by depth and curvature alone; LandmarkError
+    where the mirrored one fits better."""
+    sides = laid_upon(with_folds(Sides(laid_out(moving), laid_out(control), [], [])))
+    if words := mistakes(sides):
+        raise LandmarkError(words[0])
+    return sides
 
 
 def ends_apart(sides, path, target):
@@ -90,21 +92,22 @@ class Carried(NamedTuple):
 def carried(surface, hemisphere=None):
     """fsaverage5's named curves on a surface, `Carried`, by registering fsaverage5's hemisphere to it by folds alone;
     where it is not given, the one whose depth agrees better. LandmarkError where the registration is suspect."""
-    own = [name for name in HEMISPHERES if np.array_equal(fsaverage5(name).faces, surface.faces)]
+    templates = {name: fsaverage5(name) for name in HEMISPHERES}
+    own = [name for name, template in templates.items() if np.array_equal(template.faces, surface.faces)]
     if own:
-        ends = named_sulci(own[0], fsaverage5(own[0]).original_vertices)
+        ends = named_sulci(own[0], templates[own[0]].original_vertices)
         return Carried(ends, dict.fromkeys(ends), own[0])
-    runs = {name: register(fsaverage5(name), surface, []) for name in ([hemisphere] if hemisphere else HEMISPHERES)}
+    runs = {name: register(templates[name], surface, []) for name in ([hemisphere] if hemisphere else HEMISPHERES)}
     hemisphere = max(runs, key=lambda name: runs[name].report["r"]["depth"][1])
-    run, template = runs[hemisphere], fsaverage5(hemisphere)
+    run, template = runs[hemisphere], templates[hemisphere]
     if run.report["suspect"]:
         raise LandmarkError(f"fsaverage5's {hemisphere} hemisphere does not fit: {'; '.join(run.report['suspect'])}")
     face, weights = Disk(run.disk_control, run.faces_control).locate(run.disk_map)
-    nearest, metric = run.faces_control[face, weights.argmax(1)], fundus_metric(surface)
+    nearest, metrics = run.faces_control[face, weights.argmax(1)], [fundus_metric(one) for one in (template, surface)]
     ends, off = {}, {}
     for name, pair in named_sulci(hemisphere, template.original_vertices).items():
         ends[name] = tuple(nearest[list(pair)].tolist())
-        line = sample_curve(template, fundus_path(template, *pair), SAMPLES) @ run.points
-        fundus = sample_curve(surface, fundus_path(surface, *ends[name], metric), SAMPLES) @ surface.vertices
+        line = sample_curve(template, fundus_path(template, *pair, metrics[0]), SAMPLES) @ run.points
+        fundus = sample_curve(surface, fundus_path(surface, *ends[name], metrics[1]), SAMPLES) @ surface.vertices
         off[name] = float(curve_distance(line, fundus))
     return Carried(ends, off, hemisphere)

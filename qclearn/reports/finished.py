@@ -17,7 +17,6 @@ from ..surfaces.curvature import mean_curvature
 from ..surfaces.surface import Surface, SurfaceError
 
 FILES = ("registration.npz", "report.json")
-SURFACES = ("vertices_moving", "vertices_control", "disk_moving", "mu", "points")  # of format 2
 # What a page says of report.json, key by key, with its type.
 SAID = {
     "inputs": dict, "command": list, "suspect": list, "fallbacks": list, "curves": list, "seconds": dict, "r": dict,
@@ -102,11 +101,10 @@ class Finished:
         weights = np.repeat(moving.surface.face_areas, 3)
         mu = np.bincount(faces.ravel(), weights * np.repeat(abs(self.arrays["mu"]), 3)) / (3 * here)
         curvature = moving.features.at(FINEST)[:, 0]
-        before, (after, *others) = (
-            carried(np.stack(values, axis=1), Disk(z, faces), control.disk.z).T
-            for values, z in (([curvature], moving.disk.z), ([curvature, mu, np.log2(ratio)], f))
-        )
-        return Maps(control.features.at(FINEST)[:, 0], before[0], after, *others)
+        before = carried(curvature[:, None], moving.disk, control.disk.z)[:, 0]
+        values = np.stack([curvature, mu, np.log2(ratio)], axis=1)
+        after, *others = carried(values, moving.disk.at(f), control.disk.z).T
+        return Maps(control.features.at(FINEST)[:, 0], before, after, *others)
 
 
 def carried(values, disk, z):
@@ -115,16 +113,13 @@ def carried(values, disk, z):
 
 
 def read_finished(folder):
-    """The `Finished` registration of a folder; ReportError where files are missing, of an older version, or of two
-    runs."""
+    """The `Finished` registration of a folder; ReportError where files are missing or of two runs, SurfaceError where
+    registration.npz is not sound or of an older version."""
     folder = Path(folder)
     missing = [name for name in FILES if not (folder / name).is_file()]
     if missing:
         raise ReportError(f"{folder}: has no {' and no '.join(missing)}; give a folder that `qclearn register` wrote")
-    arrays = read_registration(folder / FILES[0])
-    if any(name not in arrays for name in SURFACES):
-        older = "written by an older version, without the surfaces"
-        raise ReportError(f"{folder / FILES[0]}: {older}; run `qclearn register` again")
+    arrays = read_registration(folder / FILES[0], surfaces=True)
     report = read_report(folder / FILES[1])
     size = abs(arrays["mu"])
     if not np.allclose([size.mean(), size.max()], [report["mean_abs_mu"], report["max_abs_mu"]], rtol=1e-9, atol=0):

@@ -186,7 +186,7 @@ def summary(lines):
         if line.state == "bad"
     ]
     odd = [line.name for line in lines if line.state == "odd"]
-    words = f"Unlike the others of the group, by a z-score of {ODD:g} or more: {', '.join(odd) or 'nobody'}."
+    words = f"Sound, but unlike the rest by a z-score of {ODD:g} or more: {', '.join(odd) or 'nobody'}."
     return (items(bad) if bad else "") + f"<p>{escape(words)}</p>"
 
 

@@ -17,7 +17,7 @@ def escape(text):
 
 def number(value, digits=2):
     """A number as text, with a true minus, an en dash where there is none."""
-    return "–" if value is None or value != value else f"{value:.{digits}f}".replace("-", "−")
+    return "–" if value is None or value != value else f"{value:z.{digits}f}".replace("-", "−")
 
 
 def table(head, rows, caption):

@@ -43,7 +43,7 @@ def grey(label):
 
 
 class Shown:
-    """An inflated surface with at most MOST of its vertices, `kept` (K,) their numbers; away: whether it lies left."""
+    """An inflated surface with about MOST of its vertices at most, `kept` (K,) their numbers, and the view of it."""
 
     def __init__(self, surface):
         self.kept, self.vertices, self.faces = thinned(inflated(surface), surface.faces)
@@ -120,7 +120,8 @@ def inflated(surface):
 
 
 def thinned(vertices, faces):
-    """(kept (K,), vertices (K, 3), faces) of a mesh decimated to MOST vertices, which stay where they are."""
+    """(kept (K,), vertices (K, 3), faces) of a mesh decimated to about MOST vertices, which stay where they are; good
+    enough to be looked at, as some faces may lie on each other."""
     if len(vertices) <= MOST:
         return np.arange(len(vertices)), vertices, faces
     import pyvista  # half a second: only where it is used

@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from ..plane.bijectivity import BijectivityError, RepairWarning, repair
 from ..plane.disk import Disk
-from ..plane.linear import LARGE, Dirichlet, elimination_order
+from ..plane.linear import Dirichlet
 from ..plane.mobius import centring_mobius, mobius
 from ..plane.solver import FreeBoundary
 from ..plane.triangles import corner_angles, edge_lengths
@@ -26,8 +26,7 @@ def disk_conformal_map(surface: Surface) -> Complex[ndarray, " V"]:
     """
     require_disk(surface)
     faces, loop, matrix = surface.faces, surface.boundary, surface.stiffness
-    order = elimination_order(matrix, surface.vertices, loop) if len(surface.vertices) > LARGE else None
-    problem = Dirichlet(matrix, loop, order)
+    problem = Dirichlet(matrix, loop, surface.order)
     rim = np.linalg.norm(np.roll(surface.vertices[loop], -1, axis=0) - surface.vertices[loop], axis=1)
     free = FreeBoundary(problem, rim, _central_vertex(surface, problem, rim))
     f, switched = _centre_and_unfold(surface, free.f)
@@ -109,7 +108,14 @@ def laid_out(surface):
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RepairWarning)
         z = disk_conformal_map(surface)
-    return Side(surface, Disk(z, surface.faces), words=tuple(str(warning.message) for warning in caught))
+    return Side(surface, on_disk(surface, z), words=tuple(str(warning.message) for warning in caught))
+
+
+def on_disk(surface, z):
+    """The `Disk` of a surface at z (V,), with its order of elimination."""
+    disk = Disk(z, surface.faces)
+    vars(disk)["order"] = surface.order
+    return disk
 
 
 def moved(side, parameters):
@@ -121,7 +127,7 @@ def mended(surface, z):
     """The `Disk` of a surface at z (V,), boundary put back onto the circle, folds repaired. Not certified."""
     z, loop = z.copy(), surface.boundary
     z[loop] /= abs(z[loop])
-    disk = Disk(z, surface.faces)
+    disk = on_disk(surface, z)
     if disk.certificate.bijective:
         return disk
     return repair(surface.stiffness, disk, surface.edge_lengths)[0]

@@ -11,6 +11,7 @@ from scipy.sparse import csc_array, csr_array
 from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 
 from ..plane.checks import SurfaceError
+from ..plane.linear import LARGE, elimination_order
 from ..plane.triangles import cotangent_stiffness, edge_lengths
 from .checks import check_faces, check_topology, curve_path, face_array, frozen, norms, origins, some, vertex_array
 
@@ -112,12 +113,17 @@ class Surface:
         return cotangent_stiffness(self.vertices, self.faces)
 
     @cached_property
+    def order(self) -> Integer[ndarray, " I"] | None:
+        """The inner vertices in an `elimination_order`, of a large surface with one boundary; made once."""
+        return elimination_order(self.stiffness, self.vertices, self.boundary) if len(self.vertices) > LARGE else None
+
+    @cached_property
     def edge_lengths(self) -> Float[ndarray, " F 3"]:
         """Length of the edge opposite each corner of each face."""
         return frozen(edge_lengths(self.vertices[self.faces]))
 
     def __getstate__(self):
-        return {name: value for name, value in vars(self).items() if name not in ("stiffness", "edge_lengths")}
+        return {name: value for name, value in vars(self).items() if name not in ("stiffness", "order", "edge_lengths")}
 
     @property
     def area(self) -> float:

@@ -96,6 +96,14 @@ def test_the_lab_copy_counts_as_the_book_and_folds_what_is_hidden(literature):
     assert notebook.cells[0].metadata.user_expressions
 
 
+@pytest.mark.parametrize("make", [for_jupyterlab, for_plain_viewers])
+def test_references_in_tables_that_cells_made_become_links_to_pages(literature, make):
+    output = new_output("execute_result", data={"text/markdown": "| [E3](#erratum-3) |"}, execution_count=1)
+    notebook = new_notebook(cells=[new_markdown_cell("# Here"), new_code_cell("table()", outputs=[output])])
+    made = make(notebook, Readable("here", TARGETS, literature, plain=make is for_plain_viewers), None)
+    assert made.cells[1].outputs[0].data["text/markdown"] == "| [E3](errata.ipynb) |"
+
+
 def test_the_plain_copy_has_neither_role_nor_directive(literature):
     notebook = for_plain_viewers(executed(), Readable("here", TARGETS, literature, plain=True), 2)
     first, code, caption = (cell.source for cell in notebook.cells)

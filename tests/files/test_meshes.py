@@ -47,19 +47,22 @@ def test_npz_keeps_curves_and_ignores_other_arrays(tmp_path, tent):
     assert {name: curve.tolist() for name, curve in curves.items()} == {"rim": [1, 2, 3], "a b": [4]}
 
 
-def test_npz_keeps_the_original_vertex_numbers(tmp_path, tent):
-    for name in ("a.npz", "a.gii"):
+def test_npz_and_gifti_keep_the_original_vertex_numbers(tmp_path, tent):
+    for name in ("a.npz", "a.gii", "a.ply"):
         write_surface(tmp_path / name, tent, original_vertices=[9, 8, 7, 5, 2])
-        assert read_surface(tmp_path / name).faces.tolist() == tent.faces.tolist()
+        again = read_surface(tmp_path / name)
+        assert again.faces.tolist() == tent.faces.tolist()
+        if name != "a.ply":
+            assert again.original_vertices.tolist() == [9, 8, 7, 5, 2]
+            write_surface(tmp_path / f"b{name}", again)
+            assert read_surface(tmp_path / f"b{name}").original_vertices.tolist() == [9, 8, 7, 5, 2]
+    assert again.original_vertices is None
     with np.load(tmp_path / "a.npz") as file:
         assert file["original_vertices"].tolist() == [9, 8, 7, 5, 2]
-    again = read_surface(tmp_path / "a.npz")
-    assert (
-        again.original_vertices.tolist() == [9, 8, 7, 5, 2]
-        and read_surface(tmp_path / "a.gii").original_vertices is None
-    )
-    write_surface(tmp_path / "b.npz", again)
-    assert read_surface(tmp_path / "b.npz").original_vertices.tolist() == [9, 8, 7, 5, 2]
+    image = nibabel.load(tmp_path / "a.gii")
+    image.darrays[0].meta["QclearnOriginalVertices"] = "eJxjYAACAAAFAAE="  # five bytes
+    (tmp_path / "c.gii").write_bytes(image.to_bytes())
+    refused(tmp_path / "c.gii", "does not hold the numbers of 5 vertices")
 
 
 @pytest.mark.parametrize("name", ["a.npz", "a.gii", "a.ply", "a.obj", "a.off", "lh.pial"])

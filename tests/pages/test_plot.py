@@ -12,6 +12,7 @@ from qclearn.pages.plot import (
     CURVE_STYLES,
     curves_plot,
     disk_plot,
+    drawn_part,
     ellipse_field,
     grid_plot,
     map_curves,
@@ -22,7 +23,7 @@ from qclearn.pages.plot import (
 )
 from qclearn.pages.scenes import registration_scene, stacked_scene, surface_picture, surface_scene
 from qclearn.plane.disk import Disk
-from qclearn.plane.grids import square_disk
+from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.mobius import mobius
 from qclearn.registration.register import register
 from qclearn.surfaces.surface import Surface
@@ -138,6 +139,14 @@ def test_registration_figure_draws_before_and_after(registered, tmp_path):
     targets = drawn(second, "target")
     np.testing.assert_array_equal(targets[1], registration.curves["ring"][1])
     assert abs(spoke_after - targets[0]).mean() < 0.5 * abs(mobius(spoke) - targets[0]).mean()
+
+
+def test_of_a_large_surface_means_over_fewer_vertices_are_drawn():
+    z, faces = polar_disk(130, 200)
+    some, triangles, means = drawn_part(Disk(z, faces), Surface(np.stack([z.real, z.imag, 0 * z.real], 1), faces))
+    assert 25_000 <= len(some) < len(z) == 26_001 and not len(Disk(z[some], triangles).flipped)
+    np.testing.assert_allclose(means.sum(1), 1)
+    np.testing.assert_allclose(means @ z, z[some], atol=0.03)
 
 
 def test_registration_figure_without_curves_shows_the_control_beside(registered):

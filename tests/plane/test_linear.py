@@ -5,12 +5,12 @@ import pytest
 from known_surfaces import grooved_sphere
 from meshes import random_disk, random_mu
 
-from qclearn.plane import linear, solver
+from qclearn.plane import disk, linear
 from qclearn.plane.beltrami import BeltramiDiskSolver, stiffness
 from qclearn.plane.disk import boundary_loop
 from qclearn.plane.grids import polar_disk
 from qclearn.plane.linear import Dirichlet, assemble, elimination_order
-from qclearn.surfaces import conformal
+from qclearn.surfaces import surface as surfaces
 from qclearn.surfaces.conformal import disk_conformal_map
 
 
@@ -67,13 +67,15 @@ def test_large_meshes_are_solved_and_differentiated_as_small_ones_are(monkeypatc
     surface, _ = grooved_sphere()
     small, flat = BeltramiDiskSolver(z, faces), disk_conformal_map(surface)
     usual = small.solve(mu), small.pullback(grad)
-    monkeypatch.setattr(solver, "LARGE", 0)
-    monkeypatch.setattr(conformal, "LARGE", 0)
+    for module in (disk, surfaces):
+        monkeypatch.setattr(module, "LARGE", 0)
     large = BeltramiDiskSolver(z, faces)
     np.testing.assert_allclose(large.solve(mu), usual[0], atol=1e-12)
     np.testing.assert_allclose(large.pullback(grad), usual[1], atol=1e-10 * abs(usual[1]).max())
     assert sorted(large.order) == sorted(small.order) and list(large.order) != list(small.order)
-    np.testing.assert_allclose(disk_conformal_map(surface), flat, atol=1e-9)
+    again = surfaces.Surface(surface.vertices, surface.faces)  # which has sought no order yet
+    np.testing.assert_allclose(disk_conformal_map(again), flat, atol=1e-9)
+    assert len(again.order) == len(surface.vertices) - len(surface.boundary) and surface.order is None
 
 
 @pytest.mark.parametrize("mesh", [random_disk(5, 300), polar_disk(20, 60)], ids=["random", "polar"])

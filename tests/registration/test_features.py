@@ -111,6 +111,20 @@ def test_maps_of_the_users_own_with_and_without_weights():
     np.testing.assert_array_equal(found[1].moving, two)
 
 
+def test_coarse_scales_of_a_large_surface_are_smoothed_on_few_vertices():
+    """With the finest one as it was, bit for bit, and without a disk, or on a small surface, all of them."""
+    large = Disk(*polar_disk(100, 210))
+    for disk, same in ((large, [True, False, False]), (DISK, [True, True, True])):
+        surface = Surface(np.stack([disk.z.real, disk.z.imag, 0 * disk.z.real], axis=1), disk.faces)
+        values = np.stack(waves(disk.z), axis=1)
+        whole, few = (Smoothing(surface, "ab", values, known) for known in (None, disk))
+        for sigma, exact in zip((4.0, 8.0, 32.0), same):
+            one, other = whole.at(sigma), few.at(sigma)
+            assert np.array_equal(one, other) == exact
+            assert np.sqrt(whole.areas @ (one - other) ** 2).max() < 0.01
+    assert len(few.areas) == len(DISK.z) and few.disk is None
+
+
 ONE = waves(Z)[0]
 HOLE = np.where(np.arange(len(Z)) == 7, np.nan, ONE)
 SPIKE = 0.3 + 1.0 * (np.arange(len(Z)) == 900)

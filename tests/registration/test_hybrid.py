@@ -14,7 +14,7 @@ from qclearn.registration import steps
 from qclearn.registration.engine import Engine, Setting
 from qclearn.registration.features import Feature, featured, mobius_by_features
 from qclearn.registration.fit import fit_problem, fit_registration, instead
-from qclearn.registration.ladder import LEVELS, Climb, Level, climbed
+from qclearn.registration.ladder import LARGE_LEVELS, LEVELS, Climb, Level, climbed, feature_levels, landmark_levels
 from qclearn.registration.link import Link
 from qclearn.registration.problem import LandmarkError, Problem, Weights
 from qclearn.registration.terms import FeatureTerm
@@ -178,6 +178,59 @@ def test_a_level_ends_with_a_step_that_gained_little(own_mesh, left, steps):
 
     state, taken = climbed(Falling(), 1.0, LEVELS[-1] if own_mesh else LEVELS[0])
     assert taken == steps and state == pytest.approx(left**steps)
+
+
+# A polar mesh in a large surface's place
+
+LARGE_DISK = Disk(*polar_disk(100, 201))  # 20,101 vertices
+P = np.array([0.5, 0.4j, -0.3 - 0.4j, 0.2 - 0.5j, -0.6 + 0.1j])
+
+
+def standing(rings, levels=LARGE_LEVELS):
+    """The levels of a large surface with a polar mesh of so many rings in its place."""
+    return [level._replace(stand=rings if level.stand else 0) for level in levels]
+
+
+def fitted(levels):
+    return fit_registration(Problem(MOVING, P, TWIST(P)), Weights(delta=1.0), features_of(TWIST), levels=levels)
+
+
+def objective(fit):
+    return fit.losses["L_CP"] + fit.losses["L_features"]
+
+
+@pytest.fixture(scope="module")
+def usual():
+    return fitted(LEVELS)
+
+
+def test_a_polar_mesh_stands_for_a_surface_that_is_then_solved_on_once(usual):
+    found = fitted(standing(24))
+    assert found.steps[-2] > 0 and found.steps[-1] == 0 and found.bijective and found.fallbacks == ()
+    assert abs(found.f - usual.f).mean() < 2e-3 and found.f.shape == MOVING.z.shape
+    assert objective(found) < 1.05 * objective(usual)
+
+
+def test_steps_on_the_surface_follow_where_what_stands_for_it_misleads(usual):
+    found = fitted(standing(4))
+    blind = fitted([level._replace(beyond=np.inf if level.beyond else 0.0) for level in standing(4)])
+    assert found.steps[-1] > 0 and found.bijective and objective(found) < 1.05 * objective(usual)
+    assert blind.steps[-1] == 0 and objective(blind) > 1.1 * objective(usual)
+
+
+def test_landmarks_alone_are_fitted_on_what_stands_for_a_large_surface():
+    problem, weights = Problem(MOVING, P, TWIST(P)), Weights(gamma=1e2)
+    engine, state, steps = Climb(problem).run(standing(32, landmark_levels(LARGE_DISK, 16)), weights)
+    assert steps[-2] > 0 and steps[-1] == 0 and engine.problem is problem
+    assert engine.objective(state, 1e2) == pytest.approx(fit_problem(problem, weights).losses["L_CP"], rel=0.05)
+
+
+def test_only_a_large_surface_has_a_polar_mesh_stand_for_it():
+    assert feature_levels(MOVING) is LEVELS and not any(
+        level.stand for level in (*LEVELS, *landmark_levels(MOVING, 16))
+    )
+    for levels in (feature_levels(LARGE_DISK), list(landmark_levels(LARGE_DISK, 16))):
+        assert levels[-2].stand == 64 and levels[-1].own_mesh and levels[-1].beyond == 1.05
 
 
 def test_without_weight_features_change_nothing():

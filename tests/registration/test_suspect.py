@@ -14,18 +14,19 @@ from qclearn.files.fsaverage import demo_landmarks, fsaverage5
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk
 from qclearn.plane.mobius import mobius
-from qclearn.registration import suspect
+from qclearn.registration import readings
 from qclearn.registration.landmarkfile import check_curves
+from qclearn.registration.limits import LIMITS
 from qclearn.registration.preparation import Sides
 from qclearn.registration.problem import LandmarkError
+from qclearn.registration.readings import mistakes
 from qclearn.registration.suspect import (
-    LIMITS,
     large_error,
-    mistakes,
     odd_curves,
     reasons,
     strong_distortion,
     switched_rows,
+    worse,
 )
 from qclearn.surfaces.conformal import Side, laid_out
 from qclearn.surfaces.surface import Surface, mirror
@@ -145,11 +146,6 @@ def test_what_is_found_does_not_hang_on_the_disk_maps_gauge(sides):
     assert said(replace(sides, moving=moving), curves) == said(sides, curves) != []
 
 
-def test_two_curves_decide_nothing(sides):
-    """Their four ends fit a Möbius map about as well when they are wrong."""
-    assert said(sides, [entry | {"moving": entry["moving"][::-1]} for entry in SULCI[:2]]) == []
-
-
 def test_a_surface_onto_itself_is_not_suspect(sides):
     assert said(replace(sides, moving=sides.control), [entry | {"moving": entry["control"]} for entry in SULCI]) == []
 
@@ -171,9 +167,9 @@ def test_surfaces_that_share_one_numbering_are_not_called_exchanged(sides):
         for k, (one, other) in enumerate(zip(paths, there))
     ]
     both = with_curves(Sides(control, replace(control, disk=control.disk.at(moved)), [], []), curves)
-    given = suspect.given_reading(both)
-    others = suspect.of_surfaces(given, both)
-    found = suspect.compared(given, next(other for other in others if "exchanged" in other.reason))
+    given = readings.given_reading(both)
+    others = readings.of_surfaces(given, both)
+    found = readings.compared(given, next(other for other in others if "exchanged" in other.reason))
     assert found["better"] < 0.1 < found["given"] < LIMITS["surface_given"]
     assert mistakes(both) == []
 
@@ -218,6 +214,22 @@ def test_strong_distortion_is_measured_by_area_and_not_by_faces():
     assert reason.startswith("distortion: ") and "|mu| is over 0.9 on" in reason
 
 
+def test_held_out_curves_that_end_farther_off_are_told():
+    near = {"a": (10.0, 4.0), "b": (2.7, 3.1)}
+    assert list(worse(near, {})) == list(worse({}, {})) == list(worse({"a": (0.1, 0.5), "b": (3.0, 3.1)}, {})) == []
+    assert list(worse({"a": (50.0, 54.0)}, {})) == list(worse(near | {"c": (8.0, 13.1)}, {})) == []
+    (reason,) = worse({"a": (2.0, 3.1), "b": (3.0, 3.1)}, {})
+    assert reason.startswith("worse: the held-out curves end 3.1 mm from their targets on average (2.5 after")
+    (reason,) = worse({"a": (30.0, 4.0), "c": (8.0, 18.1)}, {})
+    assert reason.startswith("worse: 'c' ends 18.1 mm from its target (8.0 after")
+
+
+def test_annotations_that_agree_less_are_told():
+    assert list(worse({}, {"before": 0.8, "after": 0.77})) == []
+    (reason,) = worse({"a": (4.0, 9.5)}, {"before": 0.8, "after": 0.75})
+    assert "9.5 mm" in reason and "the annotations' Dice is 0.75 (0.80 after the best Möbius map)" in reason
+
+
 def test_all_reasons_come_in_one_list(sides):
     both = with_curves(sides, [entry | {"moving": entry["moving"][::-1]} for entry in SULCI])
     errors = {"landmark_error_before": 0.1, "landmark_error": 0.2}
@@ -240,24 +252,29 @@ def measured():
 
 def test_the_limits_are_those_that_were_measured_and_no_good_case_is_suspect(measured):
     assert measured["limits"] == LIMITS
-    good = [case for case in measured["cases"] if case["kind"] == "good"]
+    good = [case for case in measured["cases"] if case["kind"].startswith("good")]
+    assert {case["kind"] for case in good} == {"good", "good, one or two", "good, folds alone"}
     assert len(good) >= 200 and all(case["mistakes"] == [] for case in good)
     registered = [case for case in good if "suspect" in case]
     assert len(registered) >= 200 and all(case["suspect"] == [] and case["bijective"] for case in registered)
 
 
 @pytest.mark.parametrize(
-    "kind, word",
+    "kind, word, least",
     [
-        ("mirrored", "mirror"),
-        ("exchanged", "exchanged"),
-        ("whole numbers", "numbering"),
-        ("all reversed", "reversed"),
-        ("one reversed", "reversed"),
-        ("two swapped", "swapped"),
+        ("mirrored", "mirror", 20),
+        ("exchanged", "exchanged", 20),
+        ("whole numbers", "numbering", 20),
+        ("all reversed", "reversed", 20),
+        ("one reversed", "reversed", 20),
+        ("two swapped", "swapped", 20),
+        ("mirrored, folds alone", "mirror", 4),
+        ("mirrored, one or two", "mirror", 4),
+        ("whole numbers, one or two", "numbering", 4),
+        ("one reversed, one or two", "reversed", 4),
     ],
 )
-def test_in_the_table_each_mistake_is_recognised(measured, kind, word):
+def test_in_the_table_each_mistake_is_recognised(measured, kind, word, least):
     cases = [case for case in measured["cases"] if case["kind"] == kind]
     named = [word in words(case.get("mistakes", [])) or f"{word}: " in case.get("refused", "") for case in cases]
-    assert len(cases) >= 20 and np.mean(named) >= 0.95
+    assert len(cases) >= least and np.mean(named) >= 0.95

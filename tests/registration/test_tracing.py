@@ -1,11 +1,13 @@
-"""Curves put in order from sets of vertices: their ends, and what is no curve."""
+"""Curves put in order from sets of vertices, and fsaverage5's: their ends, and what is refused."""
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from known_surfaces import sheet
 
-from qclearn.files.fsaverage import fsaverage5, named_sulci
-from qclearn.registration.landmarks import fundus_metric, fundus_path
+from qclearn.files.fsaverage import demo_landmarks, fsaverage5
+from qclearn.registration import tracing
 from qclearn.registration.problem import LandmarkError
 from qclearn.registration.tracing import ordered, threaded
 
@@ -23,18 +25,6 @@ def grown(surface, vertices, times):
     for _ in range(times):
         near[surface.edges[near[surface.edges].any(1)].ravel()] = True
     return np.flatnonzero(near)
-
-
-@pytest.mark.parametrize("hemisphere", ["left", "right"])
-def test_the_ends_of_fsaverage5s_shuffled_curves_are_found(hemisphere):
-    surface, rng = fsaverage5(hemisphere), np.random.default_rng(0)
-    metric = fundus_metric(surface)
-    sulci = named_sulci(hemisphere, surface.original_vertices)
-    assert len(sulci) == 11
-    for ends in sulci.values():
-        path = fundus_path(surface, *ends, metric)
-        found = ordered(surface, rng.permutation(path))
-        assert {int(found[0]), int(found[-1])} == set(ends) and np.isin(found, path).all()
 
 
 def test_a_drawn_line_may_be_thick_and_bent(flat):
@@ -77,3 +67,22 @@ def test_points_are_joined_in_their_order(flat):
     path = threaded(flat, stops)
     assert path[0] == 3 and path[-1] == stops[-1] and stops[2] in path and (path[1:] != path[:-1]).all()
     np.testing.assert_array_equal(threaded(flat, stops[:2]), [3, 3])
+
+
+def test_the_hemisphere_that_agrees_better_is_carried_and_refused_where_it_is_suspect(flat, monkeypatch):
+    def run(moving, *_):
+        r = 0.8 if np.array_equal(moving.vertices, fsaverage5("right").vertices) else 0.5
+        return SimpleNamespace(report={"r": {"depth": [0.3, r]}, "suspect": [f"features: {r}"]})
+
+    monkeypatch.setattr(tracing, "register", run)
+    for given, told in ((None, "right hemisphere does not fit: features: 0.8"), ("left", "left .* features: 0.5")):
+        with pytest.raises(LandmarkError, match=told):
+            tracing.carried(flat, given)
+
+
+def test_fsaverage5s_own_curves_are_those_of_the_demo():
+    ends, off, hemisphere = tracing.carried(fsaverage5("right"))
+    assert {name: list(pair) for name, pair in ends.items()} == {
+        curve["name"]: curve["moving"] for curve in demo_landmarks()["curves"]
+    }
+    assert hemisphere == "right" and set(off.values()) == {None}

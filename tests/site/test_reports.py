@@ -29,7 +29,7 @@ def pages(tmp_path_factory):
     for name, height in (("one", 0.6), ("two", 0.8), ("six", 1.4)):
         write_surface(folder / f"{name}.npz", bowl(height, lean=0.3))
         words = ["register", folder / f"{name}.npz", folder / "control.npz", "--landmarks", folder / "east.json"]
-        run(*words, "--feature", "curvature", "curvature", "--out", folder / name)
+        run(*words, "--no-features", "--out", folder / name)
     run("report", folder / "one", "--out", folder / "one" / "report.html")
     run("report", *(folder / name for name in ("one", "two", "six")), "--out", folder / "group.html")
     patch.undo()
