@@ -206,7 +206,7 @@ def regions_of(hemisphere, path):
 
 
 def register_into(out, pair, curves, accept_suspect, **options):
-    """Run the pipeline on a `Pair`, write its four files and with option `report` a page, print the report; exit code 3
+    """Run the pipeline on a `Pair`, write its files, with option `report` a page too, and print the report; exit code 3
     if suspect."""
     from ..pages.plot import registration_figure
 
@@ -217,14 +217,8 @@ def register_into(out, pair, curves, accept_suspect, **options):
         with stages("figure"):
             registration_figure(result, *pair.disks).savefig(folder / "figure.png", dpi=150)
         with stages("write"):
-            arrays = {name: getattr(result, name) for name in MAPS} | pair.arrays
-            write_registration(folder / "registration.npz", arrays)
-            told = pair.sphere and write_sphere(folder, arrays, pair.sphere)
-            qc.write_surface(folder / "registered.surf.gii", result.surface, frame=pair.control.frame)
-            inputs = {side: (one.path, one.given) for side, one in pair.given.items()}
-            wrong = pair.other_hand
-            words = [word for word in result.report["suspect"] if not (wrong and word.startswith("mirror:"))]
-            report = result.report | {"suspect": [*wrong, *words]} | origin(inputs, curves, command)
+            told = write_maps(folder, result, pair)
+            report = told_by(result, pair, curves, command)
         spent = {"read": round(read, 4), **report["seconds"], **stages.seconds}
         del spent["total"]  # of the call alone
         report["seconds"] = {**spent, "total": round(time.perf_counter() - command.begun, 4)}
@@ -238,6 +232,22 @@ def register_into(out, pair, curves, accept_suspect, **options):
         click.echo(f"{'sphere':15s} {told}")
     if report["suspect"]:
         fail("suspect: " + "; ".join(report["suspect"]), 0 if accept_suspect else 3)
+
+
+def write_maps(folder, result, pair):
+    """Write the maps of a `Registration`, and its sphere if the `Pair` has the control's; a line on that, or None."""
+    arrays = {name: getattr(result, name) for name in MAPS} | pair.arrays
+    write_registration(folder / "registration.npz", arrays)
+    qc.write_surface(folder / "registered.surf.gii", result.surface, frame=pair.control.frame)
+    return pair.sphere and write_sphere(folder, arrays, pair.sphere)
+
+
+def told_by(result, pair, curves, command):
+    """The report of a `Registration` with its origin; what files say of their hands counts before what folds say."""
+    wrong = pair.other_hand
+    words = [word for word in result.report["suspect"] if not (wrong and word.startswith("mirror:"))]
+    inputs = {side: (one.path, one.given) for side, one in pair.given.items()}
+    return result.report | {"suspect": [*wrong, *words]} | origin(inputs, curves, command)
 
 
 def print_report(report, out):
