@@ -184,7 +184,7 @@ def test_workbench_takes_the_sphere_there_and_back_and_knows_the_files(judged):
 def test_workbench_finds_the_same_distortion(maps, judged):
     frame = Frame("right", kind="Pial")
     for name, vertices in (("here", maps["vertices_moving"]), ("there", maps["points"])):
-        surface = namedtuple("Mesh", "vertices faces")(vertices, maps["faces_moving"])
+        surface = namedtuple("Mesh", "vertices faces original_vertices")(vertices, maps["faces_moving"], None)
         qc.write_surface(judged / f"{name}.surf.gii", surface, frame=frame)
     ends = judged / "here.surf.gii", judged / "there.surf.gii"
     workbench("-surface-distortion", *ends, judged / "area.func.gii")
