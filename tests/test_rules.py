@@ -24,7 +24,7 @@ BUDGET = {
     "qclearn/nets": 2960,
     "qclearn/methods": 424,
     "qclearn/benchmark": 1292,
-    "qclearn/pages": 2407,
+    "qclearn/pages": 2408,
     "qclearn/cli, and what stands beside the rooms": 1136,
     "data_synth": 2404,
     "tools": 4037,
