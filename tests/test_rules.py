@@ -20,7 +20,7 @@ BUDGET = {
     "qclearn/surfaces": 1030,
     "qclearn/files": 1938,
     "qclearn/registration": 3545,
-    "qclearn/group": 642,
+    "qclearn/group": 644,
     "qclearn/nets": 2960,
     "qclearn/methods": 424,
     "qclearn/benchmark": 1292,

@@ -1,5 +1,6 @@
 """Where tasks run: in this process, in processes of this machine, or on the workers of a dask scheduler."""
 
+import gc
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 
@@ -48,6 +49,7 @@ def connect(scheduler, workers):
     import dask
     from distributed import Client, LocalCluster
 
+    gc.collect()  # a client that failed, thrown away while the next one is made, would wait for its lock for ever
     if scheduler is None:
         # dask has its workers hand memory back at once, and methods then wait for pages: up to a third of their time.
         with (
