@@ -142,7 +142,7 @@ def test_paper_runs_without_its_options(changes):
 
 
 def test_an_unknown_loss_is_refused():
-    with pytest.raises(ValueError, match="unknown loss 'area'; there are rows, energy, maps"):
+    with pytest.raises(ValueError, match="unknown loss 'area'; there are printed, rows, energy, maps"):
         PaperDBSNet(PaperDBSNetConfig(size=8, frequencies=2, loss="area"))
 
 
