@@ -60,8 +60,8 @@ def verdict_words(one):
         return items(report["suspect"])
     told = (
         "None of the tests for mistakes fired: wrong hand, exchanged surfaces, another numbering, reversed or swapped "
-        "curves, landmarks that stay far off, many repairs, strong distortion, folds that hardly agree. The map is "
-        f"one-to-one: {report['flipped']} triangles are flipped."
+        "curves, landmarks that stay far off, many repairs, strong distortion, folds that hardly agree, curves "
+        f"that end farther off than before. The map is one-to-one: {report['flipped']} triangles are flipped."
     )
     if not report["curves"]:
         told += " No curve was fitted, so those on curves had nothing to look at."
