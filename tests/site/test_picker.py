@@ -1,13 +1,14 @@
 """Landmarks clicked in JupyterLab, by mouse and by keys, named, taken back and saved."""
 
 import json
+import re
 
 import pytest
 from view import axe_findings
 
 pytestmark = pytest.mark.xdist_group("JupyterLab")
 MAKE = (
-    "from qclearn import fsaverage5\nfrom qclearn.pages.picker import LandmarkPicker\n"
+    "from qclearn import fsaverage5\nfrom qclearn.pages import LandmarkPicker\n"
     "picker = LandmarkPicker(fsaverage5('right'), fsaverage5('left'), 'clicked.json')\npicker"
 )
 
@@ -15,7 +16,9 @@ MAKE = (
 def test_landmarks_are_clicked_named_undone_and_saved(notebook):
     page = notebook.page
     notebook.add(MAKE)
-    moving, control = (page.get_by_role("application", name=f"{side} surface") for side in ("moving", "control"))
+    moving, control = (
+        page.get_by_role("application", name=re.compile(f"^{side} surface:")) for side in ("moving", "control")
+    )
     said = page.locator(".jp-OutputArea [role=status]")
     moving.locator("img").wait_for(timeout=120_000)
     notebook.until("'picker' in globals()", 60)
