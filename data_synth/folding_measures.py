@@ -4,16 +4,13 @@ import numpy as np
 from scipy import sparse
 
 from data_synth.cortex import vertex_normals
-from qclearn.plane.linear import factorise
+from qclearn.plane.linear import factorise, heat_flow
 
 
 def smooth(surface, values, length, steps=3):
     """Values (V,) after heat flow over the surface for the time length^2: a low pass, in implicit Euler steps."""
-    mass = surface.vertex_areas
-    factors = factorise(sparse.diags_array(mass) + length**2 / steps * surface.stiffness)
-    for _ in range(steps):
-        values = factors.solve(mass * values)
-    return values
+    mass = sparse.diags_array(surface.vertex_areas)
+    return heat_flow(mass, length**2 / steps * surface.stiffness, mass @ values, steps)
 
 
 def principal_curvatures(surface, rings=4):

@@ -16,20 +16,20 @@ APART = [{"alpha", "beta", "gamma"}, {"z", "faces", "p", "q"}, {"z", "faces", "m
 DOORS = {name for package in LISTED for name in importlib.import_module(package).__all__}
 # The most lines that a room may have. Who raises a number says why in the commit; a new room brings one of its own.
 BUDGET = {
-    "qclearn/plane": 1900,
+    "qclearn/plane": 1910,
     "qclearn/surfaces": 1030,
     "qclearn/files": 1938,
-    "qclearn/registration": 3545,
+    "qclearn/registration": 3536,
     "qclearn/group": 644,
     "qclearn/nets": 2960,
     "qclearn/methods": 424,
     "qclearn/benchmark": 1292,
-    "qclearn/pages": 2408,
+    "qclearn/pages": 2407,
     "qclearn/cli, and what stands beside the rooms": 1136,
-    "data_synth": 2404,
+    "data_synth": 2401,
     "tools": 4037,
     "browser": 6344,
-    "qclearn/reports": 1076,
+    "qclearn/reports": 1074,
 }
 
 

@@ -14,7 +14,7 @@ from scipy import sparse
 from vtkmodules.vtkRenderingCore import vtkCellPicker
 
 from ..files.safe import write_whole
-from ..plane.linear import factorise
+from ..plane.linear import heat_flow
 from ..registration.landmarkfile import SIDES, check_curves
 from ..registration.landmarks import fundus_metric, fundus_path
 from ..surfaces.checks import counted
@@ -92,9 +92,8 @@ class View:
 
 def inflated(surface):
     """The surface after a heat flow of its vertices, `(A + t K) x' = A x`, so that one sees into its sulci."""
-    mass = surface.vertex_areas
-    factors = factorise(sparse.diags_array(mass) + INFLATION * surface.area * surface.stiffness)
-    return Surface(factors.solve(mass[:, None] * surface.vertices), surface.faces)
+    mass, step = sparse.diags_array(surface.vertex_areas), INFLATION * surface.area
+    return Surface(heat_flow(mass, step * surface.stiffness, mass @ surface.vertices, 1), surface.faces)
 
 
 class LandmarkPicker(anywidget.AnyWidget):

@@ -37,6 +37,16 @@ def factorise(matrix, ordering="MMD_AT_PLUS_A"):
         ) from None
 
 
+def heat_flow(mass, stiffness, load, steps):
+    """Values u (V, ...) after implicit steps `(A + K) u = A u_before` of the heat flow, A the mass, K the stiffness
+    times the length of a step; load: A u at the beginning."""
+    factors = factorise(mass + stiffness)
+    for _ in range(steps):
+        values = factors.solve(load)
+        load = mass @ values
+    return values
+
+
 class Dirichlet:
     """A stiffness matrix with values prescribed at some vertices, factored once; order: of eliminating the others."""
 

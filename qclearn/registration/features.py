@@ -10,7 +10,7 @@ import numpy as np
 from scipy import sparse
 
 from ..plane.grids import thinned
-from ..plane.linear import LARGE, factorise
+from ..plane.linear import LARGE, heat_flow
 from ..plane.mobius import centring_mobius, compose_mobius, mobius, mobius_fields
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import SurfaceError
@@ -100,9 +100,9 @@ class Smoothing:
         time = (self.unit * sigma) ** 2 / (2 * HEAT_STEPS)
         load = self.mass @ clipped(scaled(self.values), self.areas, OUTLIERS)
         if self.disk is None or sigma <= FINEST:
-            return flow(self.mass, time * self.stiffness, load)
+            return heat_flow(self.mass, time * self.stiffness, load, HEAT_STEPS)
         spread, mass, stiffness = self.coarse
-        return spread @ flow(mass, time * stiffness, spread.T @ load)
+        return spread @ heat_flow(mass, time * stiffness, spread.T @ load, HEAT_STEPS)
 
     @cached_property
     def coarse(self):
@@ -110,15 +110,6 @@ class Smoothing:
         spread = thinned(self.disk, self.areas, COARSE)[1].sampling(self.disk.z)
         spread = spread[:, spread.sum(0) > 0]  # a point on the rim may be in no triangle
         return spread, spread.T @ self.mass @ spread, spread.T @ self.stiffness @ spread
-
-
-def flow(mass, stiffness, load):
-    """HEAT_STEPS implicit steps `(A + K) u = A u_before`, K the stiffness times a step; load: A u at the beginning."""
-    factors = factorise(mass + stiffness)
-    for _ in range(HEAT_STEPS):
-        values = factors.solve(load)
-        load = mass @ values
-    return values
 
 
 def standardised(values, areas):

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 from scipy import sparse
 
-from ..plane.linear import factorise
+from ..plane.linear import heat_flow
 from ..registration.features import HEAT_STEPS, HEMISPHERE
 
 SMOOTHING = 24.0  # mm on a surface with the area of a HEMISPHERE: folds are gone, the lobes are there
@@ -111,10 +111,8 @@ def inflated(surface):
     """The vertices (V, 3) after a heat flow of the coordinates on the surface, which keeps what is far apart along the
     cortex apart; in a ball of radius 1 about their middle."""
     time = SMOOTHING**2 * surface.area / HEMISPHERE / (2 * HEAT_STEPS)
-    mass, places = surface.vertex_areas, surface.vertices
-    factors = factorise(sparse.diags_array(mass) + time * surface.stiffness)
-    for _ in range(HEAT_STEPS):
-        places = factors.solve(mass[:, None] * places)
+    mass = sparse.diags_array(surface.vertex_areas)
+    places = heat_flow(mass, time * surface.stiffness, mass @ surface.vertices, HEAT_STEPS)
     places = places - (places.min(0) + places.max(0)) / 2
     return places / np.linalg.norm(places, axis=1).max()
 
