@@ -19,7 +19,7 @@ BUDGET = {
     "qclearn/plane": 1910,
     "qclearn/surfaces": 1030,
     "qclearn/files": 1938,
-    "qclearn/registration": 3536,
+    "qclearn/registration": 3546,
     "qclearn/group": 644,
     "qclearn/nets": 2960,
     "qclearn/methods": 424,

@@ -10,6 +10,7 @@ from .annotations import dice
 from .landmarks import POINTS_PER_CURVE, curve_distance, curves_in_space, sample_curve
 from .metrics import coefficient_statistics, curve_rows, log2_distortions, mean_rows
 from .preparation import sample_side
+from .readings import FEWEST, laid_by_folds
 from .suspect import disagreeing, reasons, worse
 
 ERRORS = "landmark_error_before", "landmark_error", "landmark_error_mm"  # null where no landmark was given
@@ -20,7 +21,7 @@ def report_of(sides, landmarks, weights, fit, points, regions=None):
     rows, features, moving = error_rows(sides, landmarks.samples, fit.f), sides.features, sides.moving.surface
     plain = mobius(sides.moving.disk.z, *landmarks.problem.mobius)
     held_out, overlap = held_out_distances(sides, plain, fit.f), dice(sides, regions, plain, fit.f)
-    against = disagreeing(features, plain) if features else []
+    against = unlike(sides, plain) if features else []
     return {
         **dict.fromkeys(ERRORS),
         **mean_rows(rows),
@@ -43,6 +44,15 @@ def report_of(sides, landmarks, weights, fit, points, regions=None):
         "suspect": [*reasons(sides, rows, fit), *against, *worse(held_out, overlap)],
         "version": version("qclearn"),
     }
+
+
+def unlike(sides, plain):
+    """`features:`, if anything, after a Möbius map `plain` (V,) of the landmarks; so few that they do not determine it
+    make way for the features' own."""
+    found = [*disagreeing(sides.features, plain)]
+    if found and 0 < len(sides.entries) < FEWEST:
+        found = [*disagreeing(sides.features, laid_by_folds(sides).moving.disk.z)]
+    return found
 
 
 def error_rows(sides, samples, f):

@@ -258,8 +258,9 @@ def test_the_limits_are_those_that_were_measured_and_no_good_case_is_suspect(mea
     registered = [case for case in good if "suspect" in case]
     assert len(registered) >= 200 and all(case["bijective"] for case in registered)
     told = [case for case in registered if case["suspect"]]
-    # A map by one curve alone may lead away from the others, and `worse:` is then true of a pair without a mistake.
-    assert len(told) <= 1 and all(case["kind"] == "good, one or two" and not case["features"] for case in told)
+    # A map by one or two curves alone may lead away from the others: `worse:` is then true of a pair without a mistake.
+    assert all(case["kind"] == "good, one or two" and not case["features"] for case in told)
+    assert len(told) <= 0.25 * sum(case["kind"] == "good, one or two" and not case["features"] for case in good)
     assert [words(case["suspect"]) for case in told] == [["worse"]] * len(told)
 
 
@@ -272,10 +273,10 @@ def test_the_limits_are_those_that_were_measured_and_no_good_case_is_suspect(mea
         ("all reversed", "reversed", 20),
         ("one reversed", "reversed", 20),
         ("two swapped", "swapped", 20),
-        ("mirrored, folds alone", "mirror", 4),
-        ("mirrored, one or two", "mirror", 4),
-        ("whole numbers, one or two", "numbering", 4),
-        ("one reversed, one or two", "reversed", 4),
+        ("mirrored, folds alone", "mirror", 20),
+        ("mirrored, one or two", "mirror", 20),
+        ("whole numbers, one or two", "numbering", 20),
+        ("one reversed, one or two", "reversed", 20),
     ],
 )
 def test_in_the_table_each_mistake_is_recognised(measured, kind, word, least):
