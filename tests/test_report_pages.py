@@ -18,7 +18,7 @@ from qclearn.reports import write_group, write_pair
 from qclearn.reports.finished import Finished, ReportError, read_finished
 from qclearn.reports.group import FEWEST, MEASURES, Line, scored
 from qclearn.reports.markup import asset
-from qclearn.reports.views import Shown, thinned
+from qclearn.reports.views import Shown, decimated
 from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.surface import Surface, SurfaceError
 
@@ -105,7 +105,7 @@ def test_r_is_the_reports_own_and_measured_alike_where_it_has_none(runs):
 def test_a_large_surface_is_shown_by_some_of_its_vertices(monkeypatch):
     surface = bowl(0.9, rings=20)
     monkeypatch.setattr("qclearn.reports.views.MOST", 300)
-    kept, vertices, faces = thinned(surface.vertices, surface.faces)
+    kept, vertices, faces = decimated(surface.vertices, surface.faces)
     assert 200 < len(kept) < 350 and np.array_equal(vertices, surface.vertices[kept])
     Surface(vertices, faces).boundary  # noqa: B018 - still a disk
     assert Shown(surface).picture(surface.vertices[:, 2], SimpleNamespace(colours="gray", tones=lambda x: x))

@@ -25,7 +25,7 @@ BUDGET = {
     "qclearn/methods": 424,
     "qclearn/benchmark": 1292,
     "qclearn/pages": 2407,
-    "qclearn/cli, and what stands beside the rooms": 1136,
+    "qclearn/cli, and what stands beside the rooms": 1134,
     "data_synth": 2401,
     "tools": 4037,
     "browser": 6344,

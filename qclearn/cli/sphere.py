@@ -1,6 +1,5 @@
 """`qclearn sphere`: the registered hemisphere, whole, on the control's sphere, for Workbench and FreeSurfer."""
 
-import re
 from typing import NamedTuple
 
 import click
@@ -10,14 +9,13 @@ import qclearn as qc
 
 from ..files.frames import Frame
 from ..files.fsaverage import whole_fsaverage5
-from ..files.hemisphere import require_side
+from ..files.hemisphere import NAMED, require_side
 from ..files.meshes import frame_of
 from ..registration.mapfile import frame_of_side, numbering_of_side, read_registration
 from ..registration.metrics import distortion_maps
 from ..registration.sphere import RINGS, registered_sphere, require_whole, unit_sphere
 from .output import output_folder, say
 
-_FSAVERAGE5 = re.compile("fsaverage5:(left|right)")
 OTHER = {"left": "right", "right": "left", None: None}
 
 
@@ -79,7 +77,7 @@ class ControlSphere(NamedTuple):
 def read_sphere(path, faces, side):
     """The `ControlSphere` of a file or of a name such as fsaverage5:left; SurfaceError, with the path, where it cannot
     be that of a control with these whole `faces` (F, 3) of the hemisphere `side`."""
-    named = _FSAVERAGE5.fullmatch(str(path))
+    named = NAMED.fullmatch(str(path))
     own = named[1] if named else frame_of(path).side
     surface = whole_fsaverage5(own) if named else qc.read_surface(path)
     require_side(path, own, side, "the control")

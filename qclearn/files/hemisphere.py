@@ -13,7 +13,7 @@ from .fsaverage import fsaverage5, whole_fsaverage5
 from .meshes import frame_of, read_surface
 from .values import read_mask
 
-_NAMED = re.compile("fsaverage5:(left|right)")
+NAMED = re.compile("fsaverage5:(left|right)")
 # So many vertices of a label of the cortex may lie in other pieces, or in holes that are filled, for each that stays.
 LOOSE = 1e-3
 
@@ -89,7 +89,7 @@ def read_hemisphere(path, cortex=None):
     cortex: a file that names the vertices of a whole surface to keep (lh.cortex.label, thickness); SurfaceError where
     it is in pieces or has holes, of a surface that is open, or of the other hemisphere.
     """
-    if named := _NAMED.fullmatch(str(path)):
+    if named := NAMED.fullmatch(str(path)):
         if cortex is not None:
             raise SurfaceError(f"{cortex}: {path} is cut at its own medial wall; leave the label out")
         whole, disk = (make(named[1], "pial") for make in (whole_fsaverage5, fsaverage5))

@@ -46,7 +46,7 @@ class Shown:
     """An inflated surface with about MOST of its vertices at most, `kept` (K,) their numbers, and the view of it."""
 
     def __init__(self, surface):
-        self.kept, self.vertices, self.faces = thinned(inflated(surface), surface.faces)
+        self.kept, self.vertices, self.faces = decimated(inflated(surface), surface.faces)
         off = surface.vertices.mean(0) - surface.vertices[surface.boundary].mean(0)
         axis = int(abs(off).argmax())
         eye, up = np.eye(3)[axis] * np.sign(off[axis]), np.eye(3)[1 if axis == 2 else 2]
@@ -117,7 +117,7 @@ def inflated(surface):
     return places / np.linalg.norm(places, axis=1).max()
 
 
-def thinned(vertices, faces):
+def decimated(vertices, faces):
     """(kept (K,), vertices (K, 3), faces) of a mesh decimated to about MOST vertices, which stay where they are; good
     enough to be looked at, as some faces may lie on each other."""
     if len(vertices) <= MOST:
