@@ -6,7 +6,7 @@ from qclearn.lazy import offer
 TABLE = {
     "cohort": ["CohortWarning", "cohort", "hemispheres"],
     "correspondence": ["correspondence", "depth_correlation", "locate_on_sphere"],
-    "cortex": ["CortexError", "Mechanics", "growth_frames", "make_cortex"],
+    "cortex": ["CortexError", "Mechanics", "growth_frames", "make_cortex", "unfolded"],
     "datasets": ["CurveDataset", "cached"],
     "fields": ["MAX_ABS", "ImageFolder", "dead_leaves", "random_coefficient", "smooth_coefficient"],
     "folding_measures": ["smooth"],

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from data_synth.fundus import trace, trim
-from data_synth.generations import GENERATION
+from data_synth.generations import GENERATION, GENERATIONS
 from data_synth.growth import GROWN, Sheet, depth_below, grow, hull_distance, neighbour_table
 from data_synth.individual import Individual, smooth_field
 from data_synth.pattern import pattern
@@ -70,8 +70,9 @@ class Cortex:
 
 def require_generation(generation):
     """CortexError unless this version makes the generation."""
-    if generation != GENERATION:
-        raise CortexError(f"the generation is {generation!r}; this version makes {GENERATION}.")
+    if generation not in GENERATIONS:
+        known = " and ".join(map(str, GENERATIONS))
+        raise CortexError(f"the generation is {generation!r}; this version makes {known}.")
 
 
 def require_one_generation(subjects):
@@ -120,10 +121,17 @@ def make_cortex(seed, n_vertices=10_000, hemisphere="left", mechanics=Mechanics(
     """
     _check(seed, n_vertices, hemisphere)
     require_generation(generation)
-    person = Individual(seed, hemisphere)
+    person = Individual(seed, hemisphere, GENERATIONS[generation])
     surface, template = grown(person, n_vertices, mechanics, clock)
     traits = tuple(person.interrupted), tuple(person.branched)
     return Cortex(surface, template, seed, hemisphere, generation, *traits)
+
+
+def unfolded(cortex, template):
+    """The smooth surface (k, 3) that a subject grew from, at template points (k, 3); unit: half a hemisphere."""
+    require_generation(cortex.generation)
+    person = Individual(cortex.seed, cortex.hemisphere, GENERATIONS[cortex.generation])
+    return person.position(person.deform(template))
 
 
 def growth_frames(seed, n_vertices=3_000, frames=20):

@@ -1,4 +1,4 @@
-"""The generation of synthetic subjects: the constants that tie their folds to the template, under a number.
+"""The generations of synthetic subjects: the constants that tie their folds to the template, under a number each.
 
 A subject's seed, size and side make the same surface for ever within a generation; another set of constants is another
 generation. Files and results carry the number, and subjects of two generations are not mixed.
@@ -6,7 +6,7 @@ generation. Files and results carry the number, and subjects of two generations 
 
 from dataclasses import dataclass
 
-GENERATION = 3  # of the constants below
+GENERATION = 3  # of all subjects that are made without asking for another
 
 
 @dataclass(frozen=True)
@@ -16,6 +16,7 @@ class Guidance:
 
     variability: float = 0.11  # root mean square displacement of the template, radians ...
     smoothness: float = 0.6  # ... by a field that is smooth over so much
+    keeps_area: bool = False  # whether that keeps areas on the hull
     pull: float = 0.010  # inward force on furrows, released after mid-growth ...
     width: float = 0.03  # ... and its standard deviation across them
     anisotropy: float = 1.0  # share of the growth that is missing along furrows
@@ -28,4 +29,4 @@ class Guidance:
     presence: tuple[float, float, float] = (0.7, 0.5, 1.2)  # of these in a subject: mean, deviation, most
 
 
-GUIDANCE = Guidance()
+GENERATIONS = {3: Guidance(), 4: Guidance(keeps_area=True)}

@@ -5,13 +5,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from data_synth.generations import GUIDANCE
+from data_synth.generations import GENERATION, GENERATIONS
 from data_synth.pattern import pattern
 from data_synth.template import (
     CENTRE,
     COMPANIONS,
     LOBES,
     SULCI,
+    AreaKeeping,
     Diffeomorphism,
     hull_radius,
     sulcus_course,
@@ -48,19 +49,24 @@ class Furrows(NamedTuple):
 class Individual:
     """The random traits of one hemisphere; the two sides of a seed share two thirds of the deformation's variance."""
 
-    def __init__(self, seed, hemisphere, guidance=GUIDANCE):
+    def __init__(self, seed, hemisphere, guidance=GENERATIONS[GENERATION]):
         self.hemisphere, self.guidance = hemisphere, guidance
         shared = np.random.default_rng([seed, 0])
         self.rng = np.random.default_rng([seed, 1 + ("left", "right").index(hemisphere)])
-        self._shared = Diffeomorphism(shared, guidance.variability * np.sqrt(2 / 3), guidance.smoothness)
-        self._own = Diffeomorphism(self.rng, guidance.variability * np.sqrt(1 / 3), guidance.smoothness)
+        kind = AreaKeeping if guidance.keeps_area else Diffeomorphism
+        self._shared = kind(shared, guidance.variability * np.sqrt(2 / 3), guidance.smoothness)
+        self._own = kind(self.rng, guidance.variability * np.sqrt(1 / 3), guidance.smoothness)
         self._lobe_scale = 1 + 0.02 * np.clip(shared.normal(size=len(LOBES)), -2, 2)
         self.area = AREA * np.exp(AREA_SPREAD * np.clip(shared.normal(), -2, 2))
         self.courses = {name: self.deform(sulcus_course(points)) for name, points in SULCI.items()}
         self.interrupted, self.branched = [], []  # names of the sulci for which `furrows` drew a gap or side branches
-        fossa = self.courses["sylvian fissure"]
-        self._fossa = cKDTree(CENTRE + fossa * self.hull(fossa)[:, None])
+        fossa = self._on_hull(self.courses["sylvian fissure"])
+        self._fossa = cKDTree(fossa)
         self._fossa_width = FOSSA_WIDTH * np.interp(np.linspace(0, 1, len(fossa)), [0, 0.15, 0.5, 1], [0.7, 1, 1, 0.4])
+        if guidance.keeps_area:  # a strip that keeps its area is as much narrower as it is longer
+            drawn = self._on_hull(sulcus_course(SULCI["sylvian fissure"]))
+            longer = [np.linalg.norm(np.gradient(path, axis=0), axis=1) for path in (fossa, drawn)]
+            self._fossa_width *= longer[1] / longer[0]
 
     def deform(self, template):
         """Directions (k, 3) on this individual's hull of template points (k, 3)."""
@@ -73,6 +79,9 @@ class Individual:
     def hull(self, directions):
         """Hull radius (k,) in the directions (k, 3)."""
         return hull_radius(directions, self._lobe_scale)
+
+    def _on_hull(self, directions):
+        return CENTRE + directions * self.hull(directions)[:, None]
 
     def position(self, directions):
         """The surface before folding (k, 3): the hull with the open Sylvian fossa, whose floor becomes the insula."""

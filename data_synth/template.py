@@ -19,6 +19,8 @@ LOBES = (
 UNION_POWER = 10.0
 MEDIAL_POWER = 9.0
 
+STEP = 1e-4  # radians, of differences on the sphere
+
 WALL_CENTRE = np.array([0.11, -0.08])
 WALL_AXES = np.array([0.44, 0.23])
 
@@ -79,13 +81,18 @@ def _ellipsoid_exit(directions, centre, axes, tilt):
     return (-b + np.sqrt(b * b - a * c)) / a
 
 
-def area_vectors(position, directions, step=1e-4):
-    """Outward normals (k, 3) of a star-shaped surface position(u), as long as its area per solid angle."""
+def differences(function, directions):
+    """Two tangents (k, 3) at unit directions, and along each the difference (k, ...) of a function over twice STEP."""
     helper = np.where(np.abs(directions[:, :1]) < 0.7, [[1.0, 0, 0]], [[0, 1.0, 0]])
     first = unit(np.cross(directions, helper))
-    second = np.cross(directions, first)
-    tangents = [position(unit(directions + step * e)) - position(unit(directions - step * e)) for e in (first, second)]
-    return np.cross(*tangents) / (2 * step) ** 2
+    tangents = first, np.cross(directions, first)
+    return tangents, [function(unit(directions + STEP * e)) - function(unit(directions - STEP * e)) for e in tangents]
+
+
+def area_vectors(position, directions):
+    """Outward normals (k, 3) of a star-shaped surface position(u), as long as its area per solid angle."""
+    _, along = differences(position, directions)
+    return np.cross(*along) / (2 * STEP) ** 2
 
 
 def hull_radius(directions, lobe_scale=None):
@@ -141,9 +148,12 @@ class Diffeomorphism:
         field = np.exp((u @ self.centres.T - 1) / self.width**2) @ self.weights
         return field - (field * u).sum(1, keepdims=True) * u
 
-    def _velocity(self, u):
+    def _ramp(self, u):
         ramp = np.clip((wall_level(u) - 1.05) / 0.8, 0, 1)
-        return self._raw(u) * (ramp * ramp * (3 - 2 * ramp))[:, None]
+        return ramp * ramp * (3 - 2 * ramp)
+
+    def _velocity(self, u):
+        return self._raw(u) * self._ramp(u)[:, None]
 
     def __call__(self, directions, inverse=False, steps=12):
         """Images (k, 3) of unit directions; `inverse=True` follows the field backwards."""
@@ -155,3 +165,30 @@ class Diffeomorphism:
             k4 = self._velocity(unit(u + h * k3))
             u = unit(u + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4))
         return u
+
+
+class AreaKeeping(Diffeomorphism):
+    """A random diffeomorphism that keeps areas on the hull.
+
+    The flow of v = (u x grad psi) / rho: psi is a smooth random function, 0 at the medial wall, and rho the hull's
+    area per solid angle. Then div (rho v) = 0.
+    """
+
+    def _waves(self, u):
+        return np.exp((u @ self.centres.T - 1) / self.width**2) * self.weights[:, 0]
+
+    def _ramp(self, u):
+        ramp = 1 - 1.05 / np.maximum(wall_level(u), 1.05)  # wide: a steep one shears
+        return ramp * ramp * (3 - 2 * ramp)
+
+    def _raw(self, u):
+        waves = self._waves(u)
+        # Without the mean at the wall all would turn around it.
+        above = waves.sum(1) - self._waves(wall_curve(60)).sum(1).mean()
+        tangents, slopes = differences(self._ramp, u)
+        up = sum(slope[:, None] * tangent for slope, tangent in zip(slopes, tangents)) / (2 * STEP)
+        gradient = self._ramp(u)[:, None] * (waves @ self.centres) / self.width**2 + above[:, None] * up
+        density = np.linalg.norm(area_vectors(lambda w: hull_radius(w)[:, None] * w, u), axis=1)
+        return np.cross(u, gradient) / density[:, None]
+
+    _velocity = _raw
