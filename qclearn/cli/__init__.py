@@ -9,7 +9,7 @@ from importlib.metadata import version
 
 import click
 
-from . import group, landmarks, registration, reports, sphere, studies, surfaces
+from . import grading, group, landmarks, registration, reports, sphere, studies, surfaces
 from .output import Command, fail
 
 
@@ -49,5 +49,6 @@ for command in (
     surfaces.synth,
     studies.train,
     studies.benchmark,
+    grading.grade,
 ):
     cli.add_command(command)

@@ -15,7 +15,7 @@ from ..files.safe import npz_arrays, read_bytes
 from ..group.members import TRAITS
 from ..registration.features import FOLDS
 from ..registration.mapfile import side_arrays, write_registration
-from ..registration.problem import DELTA
+from ..registration.problem import BY_DISKS
 from .output import fail, output_folder, say
 
 
@@ -25,7 +25,7 @@ from .output import fail, output_folder, say
 @click.option("--mirror", multiple=True, metavar="SUBJECT", help="One of them to mirror first (right onto left).")
 @click.option("--feature", "features", multiple=True, type=click.Choice(FOLDS), default=FOLDS, show_default=True)
 @click.option("--rounds", type=int, default=4, show_default=True, help="At most so many; 0: Möbius maps alone.")
-@click.option("--delta", type=float, default=DELTA, show_default=True, help="Weight of the features' mismatch.")
+@click.option("--delta", type=float, default=BY_DISKS, show_default=True, help="Weight of the features' mismatch.")
 @click.option("--folder", help="Where finished registrations are kept, to go on with  [default: rounds in --out].")
 @click.option("--scheduler", help="Address of a dask scheduler, tcp://HOST:8786 (default: processes of this machine).")
 @click.option("--workers", type=int, default=2, show_default=True, help="Processes, without --scheduler.")

@@ -4,25 +4,21 @@ import json
 import time
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 
 import click
 import numpy as np
-from click.core import ParameterSource
 
 import qclearn as qc
 
-from ..files.hemisphere import Hemisphere, read_hemisphere, require_side
-from ..files.meshes import frame_of
+from ..files.hemisphere import Hemisphere, read_hemisphere
 from ..files.provenance import origin
-from ..files.values import read_map, read_regions
-from ..registration.features import FOLDS, Feature, FeatureError
 from ..registration.landmarkfile import on_disks, read_landmarks
 from ..registration.landmarks import curves_of_both
 from ..registration.mapfile import side_arrays, write_registration
-from ..registration.problem import DELTA, Weights
+from ..registration.problem import BY_DISKS, DELTA, ETA, INDIVIDUAL, Weights
 from ..registration.register import Stages
 from ..registration.register import register as run_registration
+from .given import given_features, given_weights, regions_of
 from .output import fail, output_folder
 from .sphere import FILES as SPHERES
 from .sphere import ControlSphere, sphere_of, write_sphere
@@ -50,7 +46,18 @@ MAPS = ("points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving
 @click.option("--alpha", type=float, default=Weights.alpha, show_default=True, help="Weight of |mu|^2.")
 @click.option("--beta", type=float, default=Weights.beta, show_default=True, help="Weight of |grad mu|^2.")
 @click.option("--gamma", type=float, default=Weights.gamma, show_default=True, help="Weight of the landmark mismatch.")
-@click.option("--delta", type=float, default=DELTA, show_default=True, help="Weight of the features' mismatch.")
+@click.option(
+    "--delta",
+    type=float,
+    help=f"Weight of the features' mismatch  [default: {DELTA:g}, or {BY_DISKS:g} with --eta 0]",
+)
+@click.option("--eta", type=float, help=f"Weight of areas, mean (log J)^2  [default: {ETA:g} with features, else 0]")
+@click.option(
+    "--individual",
+    is_flag=True,
+    help="Weights for one person's brain onto a template: --"
+    + " --".join(f"{name} {value:g}" for name, value in INDIVIDUAL.items()),
+)
 @click.option(
     "--feature",
     "given",
@@ -75,7 +82,18 @@ MAPS = ("points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving
 @click.option("--sphere", metavar="FILE", help="The control's sphere: also writes what `qclearn sphere` does.")
 @click.option("--accept-suspect", is_flag=True, help="End with exit code 0 where the registration is suspect.")
 def register(
-    moving, control, landmarks, out, mirror, accept_suspect, given, annot, no_features, no_landmarks, **options
+    moving,
+    control,
+    landmarks,
+    out,
+    mirror,
+    accept_suspect,
+    given,
+    annot,
+    no_features,
+    no_landmarks,
+    individual,
+    **options,
 ):
     """Register MOVING to CONTROL by their folds and along landmark curves; writes a certified point-to-point map.
 
@@ -108,9 +126,10 @@ def register(
     pair = Pair(read_hemisphere(moving, cortex["moving"]), read_hemisphere(control, cortex["control"]), mirror)
     sphere = options.pop("sphere")
     pair = replace(pair, sphere=sphere and sphere_of(pair, sphere))
-    features = given_features(pair, given, no_features)
+    features = given_features(pair, given, no_features, options["delta"])
     curves = read_landmarks(landmarks) if landmarks else [] if no_landmarks else shared_curves(pair, features)
     options["annotations"] = [regions_of(*one) for one in zip(pair.given.values(), annot)] if annot else None
+    options |= given_weights(no_features) if individual else {}
     register_into(out, pair, curves, accept_suspect, features=features, **options)
 
 
@@ -165,44 +184,6 @@ class Pair:
         moving, control = self.disks
         sides = side_arrays("moving", moving, self.moving.frame) | side_arrays("control", control, self.control.frame)
         return sides | {"mirrored": np.array(self.mirrored)}
-
-
-def given_features(pair, files, none):
-    """Features of the options --feature and --no-features; by default the folds."""
-    delta = click.get_current_context().get_parameter_source("delta") is ParameterSource.COMMANDLINE
-    for option, used in (("--feature", files), ("--delta", delta)):
-        if used and none:
-            raise FeatureError(f"{option} and --no-features exclude each other; drop one")
-    return None if none else [given_feature(pair, *names) for names in files] or FOLDS
-
-
-def given_feature(pair, moving, control):
-    """A `Feature` from two files, or a name of FOLDS given twice, with the weight behind the colon."""
-    path, colon, weight = control.rpartition(":")
-    try:
-        control, weight = (path, float(weight)) if colon else (control, 1.0)
-    except ValueError:  # a colon in the path
-        weight = 1.0
-    if moving == control and moving in FOLDS:
-        return moving, weight
-    return Feature(Path(moving).name, feature_of(pair.moving, moving), feature_of(pair.control, control)), weight
-
-
-def feature_of(hemisphere, path):
-    """The values of a file on the disk; FeatureError where one is not finite there."""
-    given = read_map(path)
-    require_side(path, given.side, hemisphere.frame.side, hemisphere.path)
-    values = hemisphere.numbering.on_disk(given.values, path)
-    if len(given.values) > len(values) and not np.isfinite(values).all():  # `register` would give the disk's numbers
-        bad = hemisphere.numbering.table[~np.isfinite(values.reshape(len(values), -1)).all(axis=1)]
-        raise FeatureError(f"{path}: not finite on the cortex at vertices {bad[:5].tolist()}; fill them in first")
-    return values
-
-
-def regions_of(hemisphere, path):
-    """The names of regions (V,) of an annotation on the disk."""
-    require_side(path, frame_of(path).side, hemisphere.frame.side, hemisphere.path)
-    return hemisphere.numbering.on_disk(read_regions(path), path)
 
 
 def register_into(out, pair, curves, accept_suspect, **options):

@@ -9,6 +9,7 @@ EXTRAS = {
     "nets": ("torch", "safetensors"),
     "benchmark": ("distributed", "jsonschema"),
     "conte69": ("brainspace",),
+    "peers": ("cat_surf",),
 }
 
 

@@ -4,7 +4,8 @@ from operator import attrgetter
 
 import numpy as np
 
-from ..registration.features import HEMISPHERE, mirrored_gain
+from ..registration.features import mirrored_gain
+from ..registration.smoothing import HEMISPHERE
 from . import subject as of
 from .kept import TemplateError
 from .subject import Fitted, alone, mean_of

@@ -8,9 +8,10 @@ import numpy as np
 from ..plane.bijectivity import BijectivityError
 from ..plane.disk import Disk
 from ..registration.checked import bijective_fit
-from ..registration.features import FOLDS, SCALE, FeatureError, Features, Smoothing, mobius_by_features, standardised
+from ..registration.features import FOLDS, SCALE, FeatureError, Features, mobius_by_features
 from ..registration.ladder import LEVELS
 from ..registration.problem import Problem
+from ..registration.smoothing import Smoothing, standardised
 from ..registration.suspect import disagreeing, strong_distortion, switched_rows
 from ..surfaces.conformal import laid_out, mended, moved
 from ..surfaces.curvature import mean_curvature, sulcal_depth

@@ -15,7 +15,7 @@ from tqdm import tqdm
 
 from ..files.provenance import commit
 from ..registration.features import FOLDS
-from ..registration.problem import DELTA, Weights
+from ..registration.problem import BY_DISKS, Weights
 from ..registration.register import check_delta
 from ..surfaces.surface import Surface
 from .kept import Folder, TemplateError
@@ -48,7 +48,7 @@ def template(
     subjects: list | tuple | dict,
     features: list | tuple = FOLDS,
     rounds: int = 4,
-    delta: float = DELTA,
+    delta: float = BY_DISKS,
     folder: str | Path | None = None,
     scheduler: str | None = None,
     workers: int = 2,

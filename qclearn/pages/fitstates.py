@@ -8,12 +8,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..registration.checked import gamma_words, predicted
-from ..registration.features import FINEST
 from ..registration.fit import CertifiedMap, exact_map, fit_problem, fit_registration
 from ..registration.ladder import SETTLED, WORTH, Level, guided
 from ..registration.metrics import measured_losses
 from ..registration.problem import LandmarkError, Weights
 from ..registration.register import load
+from ..registration.smoothing import FINEST
 from ..registration.terms import FeatureTerm
 from .plot import CURVE_STYLES, FLIPPED_COLOUR, disk_axes, disk_plot, lines_plot, map_curves, square_lines
 

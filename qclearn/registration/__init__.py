@@ -10,12 +10,12 @@ TABLE = {
     "landmarkfile": ["check_curves"],
     "landmarks": ["curve_distance", "curves_in_space"],
     "link": ["Link"],
-    "metrics": ["measured_losses"],
+    "metrics": ["log2_distortions", "measured_losses"],
     "preparation": ["Sides", "laid_upon", "sampled"],
-    "problem": ["DELTA", "Problem", "Weights"],
+    "problem": ["BY_DISKS", "DELTA", "ETA", "INDIVIDUAL", "Problem", "Weights"],
     "readings": ["mistakes"],
     "report": ["held_out_distances"],
-    "steps": ["FeatureStep"],
+    "steps": ["PrimalStep"],
     "terms": ["LandmarkTerm"],
 }
 

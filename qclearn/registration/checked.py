@@ -93,7 +93,7 @@ def rungs(weights, problem, features):
 
 def predicted(predict, problem, weights):
     """The mu (F,) that a network's `predict` answers for a problem."""
-    known = {name: value for name, value in asdict(weights).items() if name != "delta"}  # of the features: ours alone
+    known = {name: value for name, value in asdict(weights).items() if name in ("alpha", "beta", "gamma")}
     disk = problem.disk
     return predict(disk.z, disk.faces, problem.moving, problem.target, curve=problem.curve, **known)
 

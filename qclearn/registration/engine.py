@@ -2,7 +2,8 @@
 
 Unknowns: a complex field nu at the vertices of a polar mesh, `mu = T(nu) = tanh(|nu|) nu / |nu|` on faces, and a disk
 Möbius map M after the solver's f. Objective, to second order the paper's `L_CP`:
-    `nu^* W nu + gamma mean |M(f(p)) - q|^2 + delta (the features' mismatch)`,   `W = (alpha mass + beta Laplace) / pi`.
+    `nu^* W nu + gamma mean |M(f(p)) - q|^2 + delta (the features' mismatch) + eta mean (log J)^2`,
+    `W = alpha A + beta Laplace / pi`, A the mass over pi or, with eta > 0, by shares of the moving surface's area.
 """
 
 from copy import copy
@@ -20,7 +21,7 @@ from ..plane.linear import factorise
 from ..plane.mobius import compose_mobius, mobius, mobius_slope
 from ..plane.solver import DiskSolver
 from ..plane.tangent import Tangent
-from .steps import DirectStep, DualStep, FeatureStep
+from .steps import DirectStep, DualStep, PrimalStep
 from .terms import LandmarkTerm
 
 SHARES = (1.0, 0.5, 0.25, 0.125)  # of a step, tried in turn by the line search
@@ -61,25 +62,48 @@ class Setting:
         self.landmarks = LandmarkTerm(problem.target, problem.curve, problem.sliding)
 
     @cached_property
+    def mass_by_area(self):
+        """`S^T diag(w) S`, S from nu's mesh to the moving vertices, w their shares of the moving surface's area."""
+        moving = self.problem.sides.moving
+        S = self.link.mesh.sampling(moving.disk.z)
+        return (S.T @ sparse.diags_array(moving.surface.vertex_areas / moving.surface.area) @ S).tocsc()
+
+    @cached_property
+    def shares(self):
+        """Sparse (F, G): the G moving faces' shares of their area, in the F faces of the mapped mesh that hold them."""
+        moving = self.problem.sides.moving
+        shares, count = moving.surface.face_areas / moving.surface.area, len(self.link.disk.faces)
+        inside = np.arange(count) if self.link.disk is moving.disk else self.link.disk.locate(moving.disk.centroids)[0]
+        return sparse.csr_array((shares, (inside, np.arange(len(shares)))), shape=(count, len(shares)))
+
+    def by_area(self, values):
+        """The moving area's shares (F,) in the mapped faces, and means (F,) there of values (V,) of its vertices."""
+        shares = self.shares.sum(1)
+        sums = self.shares @ values[self.problem.sides.moving.disk.faces].mean(1)
+        return shares, np.divide(sums, shares, out=np.zeros(len(sums)), where=shares > 0)
+
+    @cached_property
     def tangent(self):
         """The derivative at the landmarks in closed form."""
         return Tangent(self.link.solver, self.link.mesh, self.samples, self.link.carrier)
 
 
 class Engine:
-    """The fit of a `Setting` with `Weights` and maybe a `FeatureTerm`: `at(nu, mobius)` and `step(state, gamma)`.
+    """The fit of a `Setting` with `Weights`, maybe a `FeatureTerm` and an `AreaTerm`: `at(nu, mobius)`, `step(state)`.
 
     closed: take the derivative by nu in closed form, a few percent off and without a solve, to precondition exact
     products; else from adjoint solves, which cost little on a polar mesh. Rows are switched where a face of the
     problem's own mesh is flipped.
     """
 
-    def __init__(self, setting, weights, features=None, closed=None):
-        self.setting, self.weights, self.features = setting, weights, features
+    def __init__(self, setting, weights, features=None, areas=None, closed=None):
+        self.setting, self.weights, self.features, self.areas = setting, weights, features, areas
+        self.terms = [term for term in (features, areas) if term is not None]
         self.closed = setting.own if closed is None else closed
         self.problem, self.link, self.samples = setting.problem, setting.link, setting.samples
         self.landmarks = setting.landmarks
-        self.W = weights.alpha * self.link.mass + weights.beta * self.link.laplace
+        self.mass = self.link.mass if areas is None else setting.mass_by_area
+        self.W = weights.alpha * self.mass + weights.beta * self.link.laplace
         self.factors = factorise(self.W)
 
     def at(self, nu, parameters):
@@ -108,9 +132,9 @@ class Engine:
         return (nu.conj() @ (self.W @ nu)).real
 
     def residual(self, state, gamma):
-        """All residuals of a state: of the landmarks, and of the features if there are any."""
+        """All residuals of a state: of the landmarks, and of the terms over the whole surface."""
         landmarks = self.landmarks.residual(state.points, gamma)
-        return landmarks if self.features is None else np.concatenate([landmarks, self.features.residual(state.f)])
+        return np.concatenate([landmarks, *(term.residual(state.f) for term in self.terms)])
 
     def objective(self, state, gamma):
         return self.prior(state.nu) + (self.residual(state, gamma) ** 2).sum()
@@ -154,7 +178,7 @@ class Engine:
     def linearise(self, state, gamma):
         """The linearisation of steps.py at a state."""
         kind = DualStep if self.setting.own else DirectStep
-        return (kind if self.features is None else FeatureStep)(self, state, gamma)
+        return (PrimalStep if self.terms else kind)(self, state, gamma)
 
     def step(self, state, gamma, worth=0.0):
         """The state after one step; None where none lowers the objective or the model promises less than `worth` of it.
@@ -172,7 +196,7 @@ class Engine:
             tried.append((self.merit(found, state, gamma), found))
             if before - tried[-1][0] > SUFFICIENT_DECREASE * (2 * share - share**2) * (before - promised):
                 return replace(found, learnt=linearised.learnt)
-        if self.features is None:  # with features, each would mean to solve large equations anew
+        if not self.terms:  # with terms over the surface, each would mean to solve large equations anew
             damped = (self.after(state, *change) for change in damped_changes(linearised))
             tried += [(self.merit(found, state, gamma), found) for found in damped]
         least, best = min(tried, key=itemgetter(0))

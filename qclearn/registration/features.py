@@ -4,30 +4,23 @@ Each side is standardised by area, so that units cancel and the mismatch is 2 (1
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
-from scipy import sparse
 
-from ..plane.grids import thinned
-from ..plane.linear import LARGE, heat_flow
 from ..plane.mobius import centring_mobius, compose_mobius, mobius, mobius_fields
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import SurfaceError
 from .problem import is_finite
+from .smoothing import FINEST, OUTLIERS, Smoothing, clipped, scaled, standardised
 
 FOLDS = ("depth", "curvature")  # the features that a surface has by itself
-OUTLIERS, SMOOTH_OUTLIERS = 2.5, 3.0  # standard deviations to which a map is clipped, before and after it is smoothed
-TAIL = 0.01  # of the vertices at either end, which do not count in these
-HEAT_STEPS = 4  # implicit steps of the heat flow to one scale
-FINEST = 4.0  # the scale at which features are compared in reports
-COARSE = 12_000  # vertices of a large surface on which coarser scales are smoothed
-HEMISPHERE = 9e4  # mm^2: of a surface on which a scale is in mm; on others in proportion, whatever their unit
 # Where a Möbius map by features alone is sought.
 SCALE = 16.0  # mm, of the features that are compared
-TURNS, RADII, DIRECTIONS = 24, (0.25, 0.5), 8  # of the maps to begin with: angles, and which points they send to 0
+# The maps to begin with: how many angles, and which points they send to 0, by radii and directions; how many of them
+# are refined. Places in space are smooth and lead from afar.
+FOLDED, PLACED = (24, (0.25, 0.5), 8, 6), (12, (0.35,), 6, 2)
 SCOUTS, POINTS = 300, 1500  # vertices that judge these maps, and those that the best are refined by
-BEST, ROUNDS = 6, 15  # how many are refined, in how many steps
+ROUNDS = 15  # of refinement, at most
 DAMPING = 1e-2  # of the first step, in parts of the normal matrix
 
 
@@ -67,6 +60,21 @@ class Features:
         return np.clip(self.areas @ (here * there), -1, 1)
 
 
+class Placed(Features):
+    """Features and, as three more of weight 1, the vertices' places in space, which are smooth enough as they are."""
+
+    def __init__(self, features, moving, control):
+        self.features, self.disk, self.areas = features, features.disk, features.areas
+        surfaces = moving.surface, control.surface
+        self.places = [standardised(one.vertices, one.vertex_areas / one.area) for one in surfaces]
+        self.names, weights = [*features.names, *"xyz"], [*(len(features.names) * features.shares), 1, 1, 1]
+        self.shares = weights / np.sum(weights)
+
+    def at(self, sigma):
+        """Both sides' features at scale sigma and places, standardised: (V, C + 3) and (W, C + 3)."""
+        return tuple(np.hstack(parts) for parts in zip(self.features.at(sigma), self.places))
+
+
 def featured(moving, control, maps):
     """Two `Side`s with `Feature`s of `check_features`, and the `Features` that compare them."""
     names = [feature.name for feature in maps]
@@ -74,62 +82,6 @@ def featured(moving, control, maps):
     moving = replace(moving, features=Smoothing(moving.surface, names, here, moving.disk))
     control = replace(control, features=Smoothing(control.surface, names, there, control.disk))
     return moving, control, Features(moving, control, [feature.weight for feature in maps])
-
-
-class Smoothing:
-    """Named per-vertex values (V, C) of one surface at any scale sigma: the standard deviation of the smoothing kernel,
-    in mm on a surface with the area of a HEMISPHERE.
-
-    disk: of a large surface, if known; scales above FINEST are then smoothed on a coarse mesh of it.
-    """
-
-    def __init__(self, surface, names, values, disk=None):
-        self.names, self.values = names, values
-        self.mass, self.stiffness = sparse.diags_array(surface.vertex_areas), surface.stiffness
-        self.areas, self.unit = surface.vertex_areas / surface.area, np.sqrt(surface.area / HEMISPHERE)
-        self.levels, self.disk = {}, disk if len(values) > LARGE else None
-
-    def at(self, sigma):
-        """The smoothed values, outliers clipped, standardised; kept in `levels`."""
-        if sigma not in self.levels:
-            self.levels[sigma] = standardised(clipped(self.heat(sigma), self.areas, SMOOTH_OUTLIERS), self.areas)
-        return self.levels[sigma]
-
-    def heat(self, sigma):
-        """The values after the heat flow `A u' = -K u` for the time sigma^2 / 2."""
-        time = (self.unit * sigma) ** 2 / (2 * HEAT_STEPS)
-        load = self.mass @ clipped(scaled(self.values), self.areas, OUTLIERS)
-        if self.disk is None or sigma <= FINEST:
-            return heat_flow(self.mass, time * self.stiffness, load, HEAT_STEPS)
-        spread, mass, stiffness = self.coarse
-        return spread @ heat_flow(mass, time * stiffness, spread.T @ load, HEAT_STEPS)
-
-    @cached_property
-    def coarse(self):
-        """Functions linear on the triangles of few vertices: (V, N) to values at all, mass and stiffness."""
-        spread = thinned(self.disk, self.areas, COARSE)[1].sampling(self.disk.z)
-        spread = spread[:, spread.sum(0) > 0]  # a point on the rim may be in no triangle
-        return spread, spread.T @ self.mass @ spread, spread.T @ self.stiffness @ spread
-
-
-def standardised(values, areas):
-    """Values (V, C) with mean 0 and variance 1 over shares of the area (V,); 0 where they are constant."""
-    values = values - areas @ values
-    deviation = np.sqrt(areas @ values**2)
-    return np.divide(values, deviation, out=np.zeros_like(values), where=deviation > 0)
-
-
-def scaled(values):
-    """Values (V, C), not all 0, with 1 as each map's largest size, so that squares neither vanish nor overflow."""
-    return values / abs(values).max(0)
-
-
-def clipped(values, areas, limit):
-    """Values (V, C) cut to `limit` standard deviations from the mean, both over the area of all but the TAIL."""
-    core = np.clip(values, *np.quantile(values, [TAIL, 1 - TAIL], axis=0))
-    mean = areas @ core
-    reach = limit * np.sqrt(areas @ (core - mean) ** 2)
-    return np.clip(values, mean - reach, mean + reach)
 
 
 class Image:
@@ -149,26 +101,32 @@ class Image:
         return self.disk.interpolate(self.by_vertex, places)
 
 
-def mobius_by_features(features, z, near=False):
+def mobius_by_features(features, z, near=False, search=FOLDED):
     """(a, theta) of the disk Möbius map after which the features of a moving disk z (V,) match best, at SCALE; the best
     of many maps on a few vertices are refined on more, or with `near` the identity alone."""
+    turns, radii, directions, best = search
     inner = np.flatnonzero(abs(z) < 0.999)  # the others leave the control's polygon
     share = features.areas[inner] / features.areas[inner].sum()
     some = np.random.default_rng(0).choice(inner, POINTS, p=share)
     match = Match(features, z, some)
     if near:
         return match.refined((0j, 0.0))
-    centres = [0j, *np.multiply.outer(RADII, np.exp(2j * np.pi * np.arange(DIRECTIONS) / DIRECTIONS)).ravel()]
-    starts = [(a, turn) for a in centres for turn in 2 * np.pi * np.arange(TURNS) / TURNS]
+    centres = [0j, *np.multiply.outer(radii, np.exp(2j * np.pi * np.arange(directions) / directions)).ravel()]
+    starts = [(a, turn) for a in centres for turn in 2 * np.pi * np.arange(turns) / turns]
     found = Match(features, z, some[:SCOUTS]).misfits(starts)
-    refined = [match.refined(starts[k]) for k in np.argsort(found, kind="stable")[:BEST]]
+    refined = [match.refined(starts[k]) for k in np.argsort(found, kind="stable")[:best]]
     return min(refined, key=match.misfit)
 
 
+def best_by_features(features, z, search=FOLDED):
+    """(a, theta) of the disk Möbius map after which the features of z (V,) match best, wherever z was laid before."""
+    centring = centring_mobius(z, features.areas)
+    return compose_mobius((centring, 0.0), mobius_by_features(features, mobius(z, centring), search=search))
+
+
 def laid_by_features(features, z):
-    """The Möbius map (V,) of a moving disk z (V,) after which the features match best, wherever z was laid before."""
-    z = mobius(z, centring_mobius(z, features.areas))
-    return mobius(z, *mobius_by_features(features, z))
+    """The picture (V,) of a moving disk z (V,) under that map."""
+    return mobius(z, *best_by_features(features, z))
 
 
 def mirrored_gain(moving, control):

@@ -16,12 +16,13 @@ from ..plane.coefficients import bounded
 from ..plane.disk import Disk
 from ..plane.mobius import best_mobius, mobius
 from ..plane.solver import DiskSolver
-from .features import Features
-from .ladder import Climb, climbed, feature_levels, landmark_levels
+from .features import PLACED, Features, Placed, best_by_features
+from .ladder import COARSE, Climb, climbed, feature_levels, landmark_levels
 from .problem import LandmarkError, Problem, Weights
 
 FEWEST_RINGS = 4  # of the polar mesh; half of them on the coarse one
 ROUNDING = 1e-9  # by which an objective may exceed another and count as equal
+APART = 0.15  # mean distance in the disk of two starts that are tried both
 OVERFITS = 10.0  # delta above which a word is said
 ABOVE = "the fit ended above the best Möbius map"
 
@@ -55,6 +56,7 @@ class LandmarkFit(CertifiedMap):
 
     steps: tuple
     losses: dict
+    start: str = ""
     r: dict = field(default_factory=dict)
 
 
@@ -123,14 +125,45 @@ def fit_registration(
     levels = feature_levels(problem.disk) if levels is None else levels
     most, led = rings_for(problem.disk), start is not None or not len(problem.moving)
     levels = [level._replace(rings=min(level.rings, most)) for level in levels if level.sigma or not led]
-    engine, state, steps = Climb(problem).run(levels, weights, start, features, watch)
-    fit = report_fit(engine, state, steps)
+    engine, state, steps, begun = found_from(Climb(problem), levels, weights, features, start, watch)
+    fit = replace(report_fit(engine, state, steps), start=begun)
     plain = engine.mobius_alone(problem.mobius)
     if not engine.objective(state, weights.gamma) <= (1 + ROUNDING) * engine.objective(plain, weights.gamma):
         fit = instead(fit, report_fit(engine, plain, steps))
     words = [f"delta = {weights.delta:g} overfits: choose it by held-out curves"] * (weights.delta > OVERFITS)
     r = np.transpose([features.correlation(plain.f), features.correlation(fit.f)]).tolist()
     return replace(fit, fallbacks=(*fit.fallbacks, *words), r=dict(zip(features.names, r)))
+
+
+def found_from(climb, levels, weights, features, start, watch):
+    """Engine, state and steps of the last level, and words on where the fit began.
+
+    Without landmarks the folds alone may lead a map into a valley that is not theirs. Where the Möbius map of features
+    and of the vertices' places in space lies APART from where the disk was laid, a second way begins there, and places
+    lead on its coarsest levels, too. The way whose objective, one and the same, ends lower on the finest polar mesh
+    goes on.
+    """
+    few = [level for level in levels if not (level.own_mesh or level.stand)]
+    guiding = [level for level in few if (level.sigma or 0) >= COARSE]
+    if not (weights.eta and guiding) or start is not None or len(climb.problem.moving):
+        return *climb.run(levels, weights, start, features, watch), ""
+    sides, z = climb.problem.sides, climb.problem.disk.z
+    placed = Placed(features, sides.moving, sides.control)
+    parameters = best_by_features(placed, z, PLACED)
+    apart = features.areas @ abs(mobius(z, *parameters) - z)
+    if apart < APART:
+        found = climb.run(levels, weights, None, features, watch)
+        return *found, f"by features; with places in space the start lies {apart:.2g} from there in the disk"
+    first = climb.engine(guiding[0], weights, placed)
+    laid = first, first.at(np.zeros(len(first.link.mesh.z), complex), parameters)
+    begun = climb.run(guiding, weights, None, placed, watch, begun=laid)
+    other = climb.run(few[len(guiding) :], weights, None, features, watch, begun=begun)
+    ways = [climb.run(few, weights, None, features, watch), (*other[:2], begun[2] + other[2])]
+    ends = [engine.objective(state, engine.weights.gamma) for engine, state, _ in ways]
+    best = int(ends[1] < ends[0])
+    words = [f"{name} (objective {end:.4g})" for name, end in zip(("features", "features and places"), ends)]
+    engine, state, last = climb.run(levels[len(few) :], weights, None, features, watch, begun=ways[best])
+    return engine, state, ways[best][2] + last, f"by {words[best]}, not by {words[1 - best]}"
 
 
 def rings_for(disk):
@@ -144,6 +177,8 @@ def exceeds(engine, state, best):
     squares = [(abs(points - target) ** 2).mean() for points in (state.points, best)]
     fitted = engine.objective(state, gamma)
     plain = (engine.landmarks.residual(best, gamma) ** 2).sum()
+    if engine.areas is not None:
+        plain += (engine.areas.residual(mobius(engine.problem.disk.z, *engine.problem.mobius)) ** 2).sum()
     return not (fitted <= most * plain and squares[0] <= most * squares[1])
 
 
@@ -171,13 +206,15 @@ def report_fit(engine, state, steps):
     mu, weights, link = bounded(state.nu), engine.weights, engine.link
     off = state.points - engine.problem.target
     terms = {
-        "L_mu": float((mu.conj() @ (link.mass @ mu)).real),
+        "L_mu": float((mu.conj() @ (engine.mass @ mu)).real),
         "L_grad_mu": float((mu.conj() @ (link.laplace @ mu)).real),
         "L_Landmark": float((abs(off) ** 2).mean()) if len(off) else 0.0,
     }
     terms["L_CP"] = float(sum(factor * terms[name] for name, factor in weights.factors.items()))
     if engine.features is not None:
         terms["L_features"] = float((engine.features.residual(state.f) ** 2).sum() / weights.delta)
+    if engine.areas is not None:
+        terms["L_area"] = float((engine.areas.residual(state.f) ** 2).sum() / weights.eta)
     words = solver_words(state.solution, state.switched)
     found = certified(engine.problem, state.f, state.mobius, words, state.switched)
     return LandmarkFit(**vars(found), steps=steps, losses=terms)

@@ -12,16 +12,18 @@ from ..plane.grids import polar
 from ..plane.linear import LARGE
 from ..plane.mobius import best_mobius
 from .engine import Engine, Setting
-from .features import FINEST
 from .link import Link
+from .problem import LandmarkError
+from .smoothing import FINEST, Smoothing
 from .steps import WORTH
-from .terms import FeatureTerm
+from .terms import AreaTerm, FeatureTerm, Places
 
 WORTH_ON_GRID = 1e-2  # on a polar mesh, as `WORTH` on the caller's: what a step has to promise
 SETTLED, SETTLED_ON_GRID = 0.98, 0.95  # share of its objective that a step leaves where the next is not worth its cost
 FIRST_GAMMA = 1e2  # a rising level takes one step at each power of ten from here to its gamma
 GUIDING_GAMMA = 1e2  # until the last level: a large one tears the map to the landmarks before features can lead it
 GUIDING_DELTA, COARSE = 0.3, 16.0  # at most, from this scale up: a large one tears it to the nearest folds
+AREAS_DELTA, AREAS_ETA = 1.0, 0.1  # at most, with areas above the finest scale: larger ones lead to the wrong valleys
 STAND, BEYOND = 64, 1.05  # rings of the polar mesh that stands for a large one, and what that may add to its objective
 
 
@@ -31,8 +33,8 @@ class Level(NamedTuple):
     rings: of the mesh of nu; sigma: the features' scale (None: landmarks alone); steps: at most; own_mesh: map the
     surface's own mesh; worth: share of the objective that a step has to promise; settled: share that it may leave if
     another follows, 0 for any; share, most: of gamma; rising: raise gamma to that from FIRST_GAMMA, where nu is 0;
-    stand: rings of a polar mesh that is mapped in the own one's place, with its weights; beyond: take no step where the
-    objective is at most so many times that of the level before.
+    stand: rings of a polar mesh that is mapped in the own one's place, with its weights;
+    beyond: take no step where the objective is at most so many times that of the level before.
     """
 
     rings: int
@@ -49,8 +51,14 @@ class Level(NamedTuple):
 
     def weights(self, weights):
         """The `Weights` at this level."""
-        delta = weights.delta if self.sigma is None or self.sigma < COARSE else min(weights.delta, GUIDING_DELTA)
-        return weights if self.own_mesh or self.stand else weights.at(min(self.share * weights.gamma, self.most), delta)
+        if self.own_mesh or self.stand:
+            return weights
+        delta, eta, scale = weights.delta, weights.eta, self.sigma or 0.0
+        if scale >= COARSE:
+            delta = min(delta, GUIDING_DELTA)
+        if eta and scale > FINEST:
+            delta, eta = min(delta, AREAS_DELTA), min(eta, AREAS_ETA)
+        return replace(weights, gamma=min(self.share * weights.gamma, self.most), delta=delta, eta=eta)
 
 
 def guided(rings, sigma, steps):
@@ -96,7 +104,7 @@ class Climb:
     """The way of one `Problem` through levels with any weights; keeps what no weight changes, for a slider say."""
 
     def __init__(self, problem):
-        self.problem, self.settings = problem, {}
+        self.problem, self.settings, self.densities = problem, {}, {}
 
     def setting(self, level):
         """The `Setting` of a level: the problem on its own mesh, on one that stands for it, or on that of nu."""
@@ -110,15 +118,40 @@ class Climb:
 
     def engine(self, level, weights, features=None):
         """The `Engine` of one level."""
+        if weights.eta and self.problem.sides is None:
+            raise LandmarkError(
+                f"eta = {weights.eta:g}: areas belong to surfaces; give the problem its sides, or eta = 0"
+            )
         setting, weights = self.setting(level), level.weights(weights)
-        if features is None or level.sigma is None:
+        with_features = features is not None and level.sigma is not None
+        if not (with_features or weights.eta):
             return Engine(setting, weights)
         samples = None if level.own_mesh else setting.link.disk.sampling(self.problem.disk.z)
-        return Engine(setting, weights, FeatureTerm(features, level.sigma, weights.delta, samples))
+        places = Places(features.disk if features is not None else self.problem.sides.control.disk, samples)
+        term = FeatureTerm(features, level.sigma, weights.delta, places) if with_features else None
+        return Engine(setting, weights, term, self.areas(level, setting, weights.eta, places) if weights.eta else None)
 
-    def run(self, levels, weights, start=None, features=None, watch=None, enough=0.0):
-        """Steps of each level, from mu `start` (F,) or None: the last engine, its last state, the steps a level."""
-        engine, state, steps = None, None, []
+    def areas(self, level, setting, eta, places):
+        """The `AreaTerm` of one level; places: of the moving vertices."""
+        sides, sigma = self.problem.sides, FINEST if setting.own else level.sigma or LEVELS[0].sigma
+        shares, moving = setting.by_area(self.density("moving", sigma))
+        places = places if level.own_mesh else Places(sides.control.disk)
+        return AreaTerm(setting.link.disk, shares, moving, self.density("control", sigma), eta, places)
+
+    def density(self, name, sigma):
+        """A side's density at a scale, as `Smoothing.density`, kept."""
+        if (name, sigma) not in self.densities:
+            side = getattr(self.problem.sides, name)
+            smoothing = side.features or Smoothing(side.surface, (), side.surface.vertices[:, :0], side.disk)
+            self.densities[name, sigma] = smoothing.density(sigma, side.disk)
+        return self.densities[name, sigma]
+
+    def run(self, levels, weights, start=None, features=None, watch=None, enough=0.0, begun=(None, None)):
+        """Steps of each level, from mu `start` (F,) or None: the last engine, its last state, the steps a level.
+
+        begun: engine and state to go on from instead.
+        """
+        (engine, state), steps = begun[:2], []
         for level in levels:
             before, last, engine = engine, state, self.engine(level, weights, features)
             if before is None:

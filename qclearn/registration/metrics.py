@@ -113,13 +113,15 @@ def log2_distortions(surface, points):
     """How much the registration stretches, moving surface -> points (V, 3): [mean, 95 %] over the surface's area.
 
     `log2_area`: |log2 J|, J the ratio of areas, at least `SMALLEST_RATIO`, total areas made equal; `log2_shape`: log2
-    of the ratio of the principal stretches, `(1 + |mu|) / (1 - |mu|)`.
+    of the ratio of the principal stretches, `(1 + |mu|) / (1 - |mu|)`; `distortion`: of each, its values at 50, 95 and
+    100 % of the area.
     """
     area, shape = stretches(surface.vertices, surface.faces, points)
     weights = surface.face_areas / surface.area
     area = np.maximum(area / (weights @ area), SMALLEST_RATIO)
     values = {"log2_area": abs(np.log2(area)), "log2_shape": np.log2(shape)}
-    return {name: [float(weights @ value), _quantile(value, weights, 0.95)] for name, value in values.items()}
+    at = {name: {f"{q:g}": _quantile(value, weights, q / 100) for q in (50, 95, 100)} for name, value in values.items()}
+    return {**{name: [float(weights @ value), at[name]["95"]] for name, value in values.items()}, "distortion": at}
 
 
 def distortion_maps(vertices, faces, images):
@@ -158,7 +160,8 @@ def _flattened(corners):
 
 def _quantile(values, weights, share):
     order = np.argsort(values)
-    return float(values[order][np.searchsorted(np.cumsum(weights[order]), share)])
+    reached = np.searchsorted(np.cumsum(weights[order]), share)
+    return float(values[order][min(reached, len(order) - 1)])
 
 
 def paired_difference(one, other, rng, draws=10_000, level=0.95):

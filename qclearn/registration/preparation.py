@@ -55,12 +55,12 @@ def sampled(sides, detect=None, sliding=False):
     """The landmarks of two `Sides`, `Sampled`; where only ends are given, by `detect` or else shortest paths."""
     moving, control, entries = sides.moving, sides.control, sides.entries
     if not entries:
-        return Sampled((), {}, Problem(moving.disk, [], [], fewest=0), [])
+        return Sampled((), {}, Problem(moving.disk, [], [], fewest=0, sides=sides), [])
     samples_moving, lines_moving, words = sample_side(moving, entries, "moving", detect)
     samples_control, lines_control, more = sample_side(control, entries, "control", detect)
     p, q = samples_moving @ moving.disk.z, samples_control @ control.disk.z
     once = distinct_landmarks(entries, p, q)
-    problem = Problem(moving.disk, p[once], q[once], once // POINTS_PER_CURVE, sliding)
+    problem = Problem(moving.disk, p[once], q[once], once // POINTS_PER_CURVE, sliding, sides=sides)
     lines = {entry["name"]: pair for entry, pair in zip(entries, zip(lines_moving, lines_control))}
     return Sampled((samples_moving, samples_control), lines, problem, words + more)
 

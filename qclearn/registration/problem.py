@@ -9,7 +9,9 @@ from ..plane.checks import BeltramiError, complex_numbers
 from ..plane.disk import Disk
 from ..plane.mobius import best_mobius
 
-DELTA = 1.0  # weight of features where there are any, unless a call says otherwise
+DELTA, ETA = 2.0, 1.0  # weights of features and, beside them, of areas, unless a call says otherwise
+BY_DISKS = 1.0  # weight of features without areas; in a group, whose mean is no surface
+INDIVIDUAL = {"beta": 3e-3, "delta": 3.0, "eta": 3.5}  # for one person's brain onto a template: areas change less
 MEETING = 1e-9  # in the unit disk: landmarks closer than this are one point
 
 
@@ -19,16 +21,18 @@ class LandmarkError(ValueError):
 
 @dataclass(frozen=True)
 class Weights:
-    """alpha of |mu|^2, beta of its gradient, gamma of the landmarks' mismatch (paper, eq. RegLoss), delta of features'.
+    """alpha of |mu|^2, beta of its gradient, gamma of the landmarks' mismatch (paper, eq. RegLoss), delta of features',
+    eta of the areal term; with eta > 0 alpha's mean, too, is over the moving surface's area, else over its disk's.
 
-    The defaults, and DELTA, were chosen on problems whose truth is known: tools/choose_weights.py, kept/weights.json.
-    LandmarkError unless alpha > 0, beta >= 0, gamma > 0 and delta >= 0 are finite.
+    The defaults, DELTA and ETA were chosen on real pairs and known truths: tools/choose_weights.py, kept/weights.json.
+    LandmarkError unless alpha > 0, beta >= 0, gamma > 0, delta >= 0 and eta >= 0 are finite.
     """
 
     alpha: float = 1.0
     beta: float = 1e-2
     gamma: float = 1e3
     delta: float = 0.0
+    eta: float = 0.0
 
     def __post_init__(self):
         rule = "alpha and gamma must be positive and finite, beta not negative"
@@ -38,6 +42,8 @@ class Weights:
                 raise LandmarkError(f"{name} = {value!r}: {rule}")
         if not (is_finite(self.delta) and self.delta >= 0):
             raise LandmarkError(f"delta = {self.delta!r}: must be finite and not negative (0.1 to 1 is usual)")
+        if not (is_finite(self.eta) and self.eta >= 0):
+            raise LandmarkError(f"eta = {self.eta!r}: must be finite and not negative (0: areas are left out)")
 
     def at(self, gamma, delta=None):
         """The same with another gamma, and delta if given."""
@@ -56,7 +62,7 @@ class Problem:
     disk: the moving surface's `Disk`, its boundary on the unit circle; moving, target (M,) complex: landmarks p in that
     disk and q in the control's; curve (M,) int: which curve each belongs to, in order; sliding: inner points of a curve
     may move along their target curve, where a method can let them; fewest: how many landmarks there must be; sides: the
-    `Sides` of preparation.py for methods that look at folds, or None.
+    `Sides` of preparation.py for methods that look at folds or areas, or None; its moving surface is the disk's.
     A method returns f (V,) complex: where each vertex lies in the control's disk. LandmarkError for unusable landmarks.
     """
 

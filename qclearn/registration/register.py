@@ -19,7 +19,7 @@ from .checked import TOLERANCE, bijective_fit, gamma_words, guarded_map, predict
 from .features import FOLDS, check_features, featured
 from .landmarkfile import check_curves, held_apart
 from .preparation import Sides, laid_upon, sampled
-from .problem import DELTA, LandmarkError, Weights
+from .problem import BY_DISKS, DELTA, ETA, LandmarkError, Weights
 from .report import report_of
 
 STAGES = {"exact": (5, 6), "network": (9, 8)}  # how many run without and with features
@@ -95,9 +95,10 @@ def register(
     progress: bool = False,
     tolerance: float | None = None,
     features: list | tuple | None = FOLDS,
-    delta: float = DELTA,
+    delta: float | None = None,
     hold_out: list | tuple = (),
     annotations: tuple | list | None = None,
+    eta: float | None = None,
 ) -> Registration:
     """Register the moving surface to the control by landmark curves and folds: a Registration, certified bijective.
 
@@ -110,7 +111,10 @@ def register(
     file) that are measured and take no part in the fit. annotations: both sides' names of each vertex's region, a pair
     (V,) and (W,) of text, also of the whole surfaces that these were cut from; their Dice is measured.
     alpha, beta, gamma: weights of |mu|, of its gradient and of the landmark mismatch (paper, eq. RegLoss); delta: of
-    the features' mismatch, sum of squared differences of standardised maps over the area, 2 (1 - r) a map.
+    the features' mismatch, sum of squared differences of standardised maps over the area, 2 (1 - r) a map; eta: of
+    the areal term mean (log J)^2, J the map's areal scale from surface to surface; 0: only areas in the disks are seen,
+    as in the paper. None: DELTA and ETA with features, BY_DISKS where eta is 0; without features 0. For one person's
+    brain onto a template `**qclearn.registration.INDIVIDUAL` has weights under which areas change less.
     method: "exact" (shortest paths, Gauss-Newton fit, exact solver) or "network" (LD-Net, CP-Net, DBS-Net; the exact
     solver replaces a map that folds, and Gauss-Newton steps refine one whose landmark error in the disk exceeds
     `tolerance`: 5e-3 unless given, inf to take what comes; with features, the fit starts from CP-Net's answer).
@@ -120,7 +124,8 @@ def register(
     if the networks are asked for and torch is not installed.
     """
     tolerance = check_method(method, sliding, tolerance, features)
-    weights = Weights(alpha, beta, gamma, check_delta(delta, features))
+    eta = check_eta(eta, method, features)
+    weights = Weights(alpha, beta, gamma, check_delta(delta, features, DELTA if eta else BY_DISKS), eta)
     entries, held = given_curves(moving, control, curves, features, hold_out)
     regions = check_annotations(annotations, moving, control)
     stages, networks, maps = Stages(STAGES[method][features is not None], progress), {}, []
@@ -208,14 +213,25 @@ def check_method(method, sliding, tolerance, features):
     return tolerance
 
 
-def check_delta(delta, features):
-    """The weight of the features: delta, or 0 without any; LandmarkError where it would give them none."""
+def check_delta(delta, features, usual=BY_DISKS):
+    """The weight of the features: delta, the usual one if it is None, or 0 without any; LandmarkError where it would
+    give them none."""
+    delta = usual if delta is None else delta
     Weights(delta=delta)
     if features is None:
         return 0.0
     if delta == 0:
         raise LandmarkError("delta = 0: the features would take no part; give 0.1 to 1, or features=None")
     return delta
+
+
+def check_eta(eta, method, features):
+    """The weight of areas: eta, or ETA with features and 0 without if it is None."""
+    if eta is None:
+        return ETA if features is not None else 0.0
+    if eta and method == "network" and features is None:
+        raise LandmarkError(f"eta = {eta:g} and the networks alone: they know no areas; give features, or eta=0")
+    return eta
 
 
 def load(name, preset="best", gamma=None):

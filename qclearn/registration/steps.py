@@ -16,10 +16,11 @@ from ..plane.mobius import mobius_fields, mobius_slope
 
 MOBIUS_PRIOR = 1e-6  # weak, keeps the step of the three Möbius parameters bounded
 RELIEF = 1e-3  # share of the landmarks' part on the Möbius parameters that P counts twice
-STEPS, DUAL_STEPS = 40, 200  # of conjugate gradients, at most; the dual's are few, unless gamma is extreme
+STEPS, DUAL_STEPS = 80, 200  # of conjugate gradients, at most; the dual's are few, unless gamma is extreme
 WORTH = 1e-3  # the share of the objective that a step has to promise
 FORCING = 0.1  # share of its gain by which a step of landmarks alone may miss the model's least objective
 ACCURACY = 0.1  # the residual that they leave, in the preconditioner's norm, up to gamma = 1e3; beyond, less by decades
+WITH_AREAS = 0.01  # the same with areas: steps that are less exact promise too little, and the fit ends early
 INDEPENDENT = 1e-6  # singular values of the directions learnt from, in parts of the largest
 
 
@@ -163,20 +164,22 @@ def corrected(gram, products, gamma):
     return gram - old + new
 
 
-class FeatureStep(ProductStep):
-    """`(W + J^T J) x = -(W nu + J^T r)` with features, x = change of nu and of the Möbius parameters, real.
+class PrimalStep(ProductStep):
+    """`(W + J^T J) x = -(W nu + J^T r)` with features or areas, x = change of nu and of the Möbius parameters, real.
 
     `P = diag(W, B) + J_L^T J_L`, by Woodbury's formula, preconditions it: landmarks' rows J_L of a large gamma would
-    else cost a step each; B: the features' part on M's parameters. learnt: the last directions, products and sizes.
+    else cost a step each; B: the other terms' part on M's parameters. learnt: the last directions, products and sizes.
     """
 
     def __init__(self, engine, state, gamma):
         super().__init__(engine, state, gamma)
-        self.accuracy = ACCURACY / max(1.0, np.log10(gamma) - 2) if len(state.points) else ACCURACY
-        features = engine.features.rows(state.f)
-        by_mobius = (features.conj() @ self.fields).real
+        self.accuracy = ACCURACY if engine.areas is None else WITH_AREAS
+        if len(state.points):
+            self.accuracy /= max(1.0, np.log10(gamma) - 2)
+        surface = sparse.vstack([term.rows(state.f) for term in engine.terms]).tocsr()
+        by_mobius = (surface.conj() @ self.fields).real
         self.B = MOBIUS_PRIOR * np.eye(3) + by_mobius.T @ by_mobius
-        self.use(sparse.vstack([self.landmarks, features]))
+        self.use(sparse.vstack([self.landmarks, surface]))
         self.J = np.hstack([np.ascontiguousarray(engine.jacobian(state, gamma)).view(float), self.by_mobius])
         self.B += RELIEF * self.by_mobius.T @ self.by_mobius  # else Woodbury's formula would lose all digits
         self.lifted = self.lift(self.J.T, self.B)

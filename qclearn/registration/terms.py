@@ -1,8 +1,9 @@
-"""The mismatches that a fit makes small, as residuals of the map: of landmarks, and of features at one scale."""
+"""What a fit makes small, as residuals of the map: mismatches of landmarks and of features, and changes of area."""
 
 import numpy as np
 from scipy import sparse
 
+from ..plane.linear import three_a_row
 from .features import Image
 
 TANGENTIAL_WEIGHT = 0.1  # of a sliding landmark's residual along its target curve
@@ -46,31 +47,81 @@ class LandmarkTerm:
         return np.sqrt(gamma / self.count) * np.concatenate(rows)
 
 
+class Places:
+    """Where points of the mapped mesh lie in the control's `Disk`, kept for the last map.
+
+    samples (P, N): from the mesh's vertices to the points; None: the vertices themselves.
+    """
+
+    def __init__(self, disk, samples=None):
+        self.disk, self.samples, self.map, self.found = disk, samples, None, None
+
+    def at(self, f):
+        """(face, weights) of the points after a map f (N,)."""
+        if self.map is not f:
+            guess = None if self.found is None else self.found[0]
+            self.found = self.disk.lookup(f if self.samples is None else self.samples @ f, guess)
+            self.map = f
+        return self.found
+
+
 class FeatureTerm:
     """`delta sum_c a_c sum_k w_k (I_c(x_k) - J_c(M f(x_k)))^2` over all moving vertices, at scale sigma.
 
     I, J: standardised features of both sides; a: their shares; w: the vertices' shares of the moving area; a sum is
-    2 (1 - r) where features keep their variance. samples (V, N): the mapped mesh to the moving vertices, if another.
+    2 (1 - r) where features keep their variance. places: of the moving vertices, if they are not the mapped mesh's.
     """
 
-    def __init__(self, features, sigma, delta, samples=None):
-        self.lookup, self.samples, self.last = features.disk.lookup, samples, (None, None)
+    def __init__(self, features, sigma, delta, places=None):
+        self.places = places or Places(features.disk)
         self.here, there = features.at(sigma)
         self.image = Image(features.disk, there)
         self.scale = np.sqrt(delta * features.areas[:, None] * features.shares)
 
     def residual(self, f):
         """`sqrt(delta a_c w_k) (I_c - J_c)`, (C V,), feature after feature, for a map f (N,)."""
-        return (self.scale * (self.here - self.image.at(self.locate(f)))).T.ravel()
+        return (self.scale * (self.here - self.image.at(self.places.at(f)))).T.ravel()
 
     def rows(self, f):
         """Sparse complex R (C V, N): the residual changes by `Re(conj(R) df)`."""
-        blocks = [sparse.diags_array(column) for column in (-self.scale * self.image.slopes(self.locate(f))).T]
-        return sparse.vstack([block if self.samples is None else block @ self.samples for block in blocks]).tocsr()
+        samples = self.places.samples
+        blocks = [sparse.diags_array(column) for column in (-self.scale * self.image.slopes(self.places.at(f))).T]
+        return sparse.vstack([block if samples is None else block @ samples for block in blocks]).tocsr()
 
-    def locate(self, f):
-        """Where the moving vertices lie in the control's disk, kept for the last map."""
-        if self.last[0] is not f:
-            guess = None if self.last[1] is None else self.last[1][0]
-            self.last = f, self.lookup(f if self.samples is None else self.samples @ f, guess)
-        return self.last[1]
+
+class AreaTerm:
+    """`eta sum_T w_T (log J_T)^2`, J the areal scale of the map from surface to surface, total areas made equal.
+
+    `log J_T = log(|f(T)| / |T|) + mean l_C(f(x)) - l_M(T)` over the corners x of a face T of the mapped mesh: l_C, l_M,
+    log of the shares of the surfaces' area over those of their disks', are the control's and the moving one's
+    densities; w_T: the share of the moving area in T. With `alpha |nu|^2` by the same area and eta = alpha / 4 the sum
+    is alpha / 2 times that of the squared logs of both principal stretches (Hencky 1928).
+    A face smaller than FLOOR of itself counts as that small: the term is a barrier before a fold, and finite.
+    """
+
+    FLOOR = 1e-3
+
+    def __init__(self, disk, shares, moving, control, eta, places):
+        """disk: the mapped mesh; shares, moving (F,): w and l_M; control (W,): l_C; places: the mapped vertices'."""
+        self.disk, self.control, self.places, there = disk, control, places, places.disk
+        self.slopes = np.einsum("fk,fk->f", there.gradients, control[there.faces])
+        self.scale, self.floor = np.sqrt(eta * shares), self.FLOOR * disk.areas
+        self.here = moving + np.log(disk.areas)
+
+    def log_areal(self, f):
+        """log J (F,)."""
+        there = self.places.disk.interpolate(self.control, self.places.at(f))
+        return np.log(np.maximum(self.disk.at(f).areas, self.floor)) + there[self.disk.faces].mean(1) - self.here
+
+    def residual(self, f):
+        """`sqrt(eta w_T) log J_T` (F,) for a map f (N,)."""
+        return self.scale * self.log_areal(f)
+
+    def rows(self, f):
+        """Sparse complex R (F, N): the residual changes by `Re(conj(R) df)`."""
+        corners, areas = f[self.disk.faces], self.disk.at(f).areas
+        opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
+        live = (areas > self.floor)[:, None]
+        growth = np.where(live, 0.5j * opposite / np.maximum(areas, self.floor)[:, None], 0)
+        slopes = self.slopes[self.places.at(f)[0]][self.disk.faces] / 3
+        return three_a_row(self.scale[:, None] * (growth + slopes), self.disk.faces, len(f))

@@ -9,9 +9,10 @@ import numpy as np
 
 from ..files.safe import read_bytes
 from ..plane.disk import Disk
-from ..registration.features import FINEST, Features, Smoothing
+from ..registration.features import Features
 from ..registration.mapfile import read_registration
 from ..registration.metrics import SMALLEST_RATIO
+from ..registration.smoothing import FINEST, Smoothing
 from ..surfaces.conformal import Side
 from ..surfaces.curvature import mean_curvature
 from ..surfaces.surface import Surface, SurfaceError

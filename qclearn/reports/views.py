@@ -13,7 +13,7 @@ from matplotlib.tri import Triangulation
 from scipy import sparse
 
 from ..plane.linear import heat_flow
-from ..registration.features import HEAT_STEPS, HEMISPHERE
+from ..registration.smoothing import HEAT_STEPS, HEMISPHERE
 
 SMOOTHING = 24.0  # mm on a surface with the area of a HEMISPHERE: folds are gone, the lobes are there
 MOST = 16_000  # vertices that are drawn: a page of 2 MB holds them and six maps

@@ -84,13 +84,15 @@ def angle_distortion(surface: Surface, z: Complex[ndarray, " V"]) -> Float[ndarr
 class Side:
     """A surface on its disk, the `Disk` of its faces with the boundary on the unit circle.
 
-    features: its maps at every scale, a `Smoothing`, or None; words: what was repaired when it was laid out.
+    features: its maps at every scale, a `Smoothing`, or None; words: what was repaired when it was laid out; sphere:
+    what methods on spheres need, a `Sphere`, or None.
     """
 
     surface: Surface
     disk: Disk
     features: object = None
     words: tuple = ()
+    sphere: object = None
 
     @cached_property
     def whole(self) -> bool:

@@ -17,7 +17,7 @@ from qclearn.registration.fit import fit_problem, fit_registration, instead
 from qclearn.registration.ladder import LARGE_LEVELS, LEVELS, Climb, Level, climbed, feature_levels, landmark_levels
 from qclearn.registration.link import Link
 from qclearn.registration.problem import LandmarkError, Problem, Weights
-from qclearn.registration.terms import FeatureTerm
+from qclearn.registration.terms import FeatureTerm, Places
 from qclearn.surfaces.conformal import Side
 from qclearn.surfaces.surface import Surface
 
@@ -57,7 +57,7 @@ def equations():
     mesh = Disk(*polar_disk(5, 15))
     moving, target = 0.7 * np.exp(1j * np.arange(4)), 0.6 * np.exp(1j * np.arange(4) + 0.2j)
     setting = Setting(Problem(MOVING, moving, target), Link(mesh, mesh), own=False)
-    features = FeatureTerm(features_of(TWIST), 16.0, 0.5, mesh.sampling(MOVING.z))
+    features = FeatureTerm(features_of(TWIST), 16.0, 0.5, Places(CONTROL, mesh.sampling(MOVING.z)))
     engine = Engine(setting, Weights(1.0, 0.02, 1e2, 0.5), features)
     nu = 0.2 * (rng.normal(size=len(mesh.z)) + 1j * rng.normal(size=len(mesh.z)))
     state = engine.at(nu, (0.1 - 0.05j, 0.2))

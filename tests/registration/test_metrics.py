@@ -95,7 +95,9 @@ def test_a_stretch_is_told_apart_into_area_and_shape():
     """One half of a flat disk stretched by 2 along x; then all of it by 3: only ratios to the whole count."""
     flat = Surface(np.stack([Z.real, Z.imag, 0 * Z.real], axis=1), FACES)
     found = log2_distortions(flat, 3 * flat.vertices[:, [2, 0, 1]])
+    quantiles = found.pop("distortion")
     assert found == {key: [pytest.approx(0, abs=1e-12)] * 2 for key in ("log2_area", "log2_shape")}
+    assert quantiles == {key: dict.fromkeys(("50", "95", "100"), pytest.approx(0, abs=1e-12)) for key in found}
     stretched = log2_distortions(flat, flat.vertices * [2.0, 0.5, 1.0])
     assert stretched["log2_area"] == [pytest.approx(0, abs=1e-12)] * 2
     assert stretched["log2_shape"] == [pytest.approx(2)] * 2

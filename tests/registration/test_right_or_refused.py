@@ -24,7 +24,7 @@ from qclearn.registration.landmarkfile import read_landmarks
 from qclearn.registration.link import Link
 from qclearn.registration.metrics import measured_losses
 from qclearn.registration.problem import LandmarkError, Problem, Weights
-from qclearn.registration.steps import DualStep, FeatureStep
+from qclearn.registration.steps import DualStep, PrimalStep
 from qclearn.registration.terms import FeatureTerm
 from qclearn.registration.transfer import transfer
 from qclearn.surfaces.conformal import Side
@@ -161,13 +161,13 @@ def test_a_damped_step_is_shorter_and_turns_to_the_steepest_descent():
     np.testing.assert_allclose(far, 10 * farther, atol=1e-4 * abs(far).max())
 
 
-@pytest.mark.parametrize("kind", [DualStep, FeatureStep])
+@pytest.mark.parametrize("kind", [DualStep, PrimalStep])
 def test_damped_steps_without_a_jacobian_are_shorter(kind):
     z = COARSE[0]
     disk, folds = Disk(*COARSE), [np.cos(5 * z.real + z.imag), np.sin(4 * z.imag) - z.real]
     side = Side(Surface(np.stack([z.real, z.imag, 0 * z.real], axis=1), disk.faces), disk)
     maps = [Feature(str(k), u, np.roll(u, 1)) for k, u in enumerate(folds)]
-    features = FeatureTerm(featured(side, side, maps)[-1], 16.0, 0.5) if kind is FeatureStep else None
+    features = FeatureTerm(featured(side, side, maps)[-1], 16.0, 0.5) if kind is PrimalStep else None
     problem = Problem(disk, 0.5 * TURN, 0.45 * TURN * np.exp(0.2j * TURN.real))
     engine = Engine(Setting(problem, Link(disk, polar(4)), own=True), Weights(), features)
     step = engine.linearise(engine.at(np.full(len(engine.link.mesh.z), 0.1 + 0.2j), (0.1j, 0.2)), 50.0)

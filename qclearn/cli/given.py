@@ -1,0 +1,59 @@
+"""What options of `qclearn register` give: weights, and features and regions from files, of whole surfaces too."""
+
+from pathlib import Path
+
+import click
+import numpy as np
+from click.core import ParameterSource
+
+from ..files.hemisphere import require_side
+from ..files.meshes import frame_of
+from ..files.values import read_map, read_regions
+from ..registration.features import FOLDS, Feature, FeatureError
+from ..registration.problem import INDIVIDUAL
+
+
+def given_weights(none):
+    """The weights of --individual; an error beside --no-features or a weight that it sets."""
+    known = click.get_current_context().get_parameter_source
+    clash = [name for name in INDIVIDUAL if known(name) is ParameterSource.COMMANDLINE]
+    for name in [*(["no-features"] if none else []), *clash]:
+        raise FeatureError(f"--individual and --{name} exclude each other; drop one")
+    return INDIVIDUAL
+
+
+def given_features(pair, files, none, delta):
+    """Features of the options --feature and --no-features; by default the folds."""
+    for option, used in (("--feature", files), ("--delta", delta is not None)):
+        if used and none:
+            raise FeatureError(f"{option} and --no-features exclude each other; drop one")
+    return None if none else [given_feature(pair, *names) for names in files] or FOLDS
+
+
+def given_feature(pair, moving, control):
+    """A `Feature` from two files, or a name of FOLDS given twice, with the weight behind the colon."""
+    path, colon, weight = control.rpartition(":")
+    try:
+        control, weight = (path, float(weight)) if colon else (control, 1.0)
+    except ValueError:  # a colon in the path
+        weight = 1.0
+    if moving == control and moving in FOLDS:
+        return moving, weight
+    return Feature(Path(moving).name, feature_of(pair.moving, moving), feature_of(pair.control, control)), weight
+
+
+def feature_of(hemisphere, path):
+    """The values of a file on the disk; FeatureError where one is not finite there."""
+    given = read_map(path)
+    require_side(path, given.side, hemisphere.frame.side, hemisphere.path)
+    values = hemisphere.numbering.on_disk(given.values, path)
+    if len(given.values) > len(values) and not np.isfinite(values).all():  # `register` would give the disk's numbers
+        bad = hemisphere.numbering.table[~np.isfinite(values.reshape(len(values), -1)).all(axis=1)]
+        raise FeatureError(f"{path}: not finite on the cortex at vertices {bad[:5].tolist()}; fill them in first")
+    return values
+
+
+def regions_of(hemisphere, path):
+    """The names of regions (V,) of an annotation on the disk."""
+    require_side(path, frame_of(path).side, hemisphere.frame.side, hemisphere.path)
+    return hemisphere.numbering.on_disk(read_regions(path), path)
