@@ -24,7 +24,7 @@ from data_synth.generations import GENERATION
 from qclearn.benchmark.measured import read_measured, write_measured
 from qclearn.files.provenance import provenance
 
-PARTS = ("polar", "ldnet", "cpnet", "dbsnet", "controls")  # the last needs networks that are not shipped
+PARTS = ("polar", "ldnet", "cpnet", "dbsnet", "losses", "controls")  # the last needs networks that are not shipped
 
 
 def main():

@@ -15,6 +15,7 @@ TABLE = {
         "L_Energy",
         "L_LBS_printed",
         "L_grad_mu",
+        "L_lost",
         "LossMesh",
         "area",
         "energy",

@@ -13,13 +13,14 @@ from ..plane.grids import square_disk
 from ..plane.mobius import mobius, mobius_slope
 from ..registration.problem import LandmarkError, Weights
 from .layers import CoefficientNetwork, perceptron
-from .losses import L_CP, LossMesh
+from .losses import L_CP, L_lost, LossMesh
 from .squaremaps import SquareMaps
 from .torchplane import bounded, fit_mobius, square_places
 from .torchplane import mobius as mobius_of
 
 NEAR = 1e-4  # in the unit disk: targets closer than this to the control's are the control's
 STOPPING = 1e-3, 100  # of the exact solver in training: tolerance and steps
+LOSSES = ("mended", "whole", "printed")  # see `PaperCPNet.distance`
 SCALE = 10.0  # of the landmarks' displacements, a few hundredths of the disk
 
 
@@ -30,6 +31,7 @@ class PaperCPNetConfig:
     preset: str = "paper"
     gamma: float = 1e4  # alpha and beta are 1
     through: str = "paper"  # what makes its mu a map in training: a preset of DBS-Net, or "exact"
+    loss: str = "mended"  # one of LOSSES
     curves: int = 8
     points: int = 10  # of each curve
     size: int = 64  # of the square, in pixels: that of its DBS-Net
@@ -45,6 +47,8 @@ class PaperCPNet(CoefficientNetwork):
 
     def __init__(self, config):
         super().__init__()
+        if config.loss not in LOSSES:
+            raise ValueError(f"unknown loss {config.loss!r}; there are {', '.join(LOSSES)}")
         self.config, groups, first = config, config.curves, config.widths[0]
         self.side = config.size // 2 ** (len(config.widths) - 1)
         self.split = first // groups
@@ -74,7 +78,7 @@ class PaperCPNet(CoefficientNetwork):
         return bounded(torch.complex(nu[:, 0], nu[:, 1]))
 
     def loss(self, batch, generator):
-        """L_CP through the configured DBS-Net, whose map is followed by the best Möbius map, as in `register`.
+        """The `distance` of the maps that the configured solver makes.
 
         With a generator, of combinations of two of the batch's displacements, no smaller than they are.
         """
@@ -88,11 +92,22 @@ class PaperCPNet(CoefficientNetwork):
         mu = self(p)
         with torch.autocast(p.device.type, enabled=False):
             w = p + self.sample(maps(mu) - mesh.z, p)
-            w = mobius_of(w, *fit_mobius(w, targets))
-            shares, weights = mesh.areas / mesh.areas.sum(), Weights(1.0, 1.0, self.config.gamma)
-            loss = L_CP(mesh, mu.flatten(1).repeat(1, 2), w, targets, weights, shares=shares)
+            if self.config.loss != "printed":
+                w = mobius_of(w, *fit_mobius(w, targets))
+            loss = self.distance(mesh, mu.flatten(1).repeat(1, 2), w, targets)
             error = (w - targets).abs().mean()
         return loss.mean(), {"error": error.item(), "mu": mu.abs().mean().item()}
+
+    def distance(self, mesh, mu, w, targets):
+        """The loss (B,) of coefficients mu (B, F) whose maps take the landmarks to w (B, M), by `config.loss`.
+
+        "mended": `L_CP` with means over the area, of landmarks after the best Möbius map, as in `register`; "whole":
+        what its averages lose is counted, too; "printed": means over faces, of landmarks where the map leaves them.
+        """
+        shares = None if self.config.loss == "printed" else mesh.areas / mesh.areas.sum()
+        weights = Weights(1.0, 1.0, self.config.gamma)
+        loss = L_CP(mesh, mu, w, targets, weights, shares=shares)
+        return loss + weights.beta * L_lost(mesh, mu, shares) if self.config.loss == "whole" else loss
 
     def twin(self, device):
         """The square's mesh, and what gives maps (B, V) on it of images mu: fixed, no part of this network's own."""

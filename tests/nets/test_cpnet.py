@@ -10,8 +10,9 @@ from data_synth.training import DATA_POINTS, ControlPairs, Pairs
 from qclearn.nets import load
 from qclearn.nets.born import Born
 from qclearn.nets.cpnet import BestCPNet, BestCPNetConfig
-from qclearn.nets.cpnet_paper import PaperCPNet, PaperCPNetConfig
+from qclearn.nets.cpnet_paper import LOSSES, PaperCPNet, PaperCPNetConfig
 from qclearn.nets.dbsnet_paper import PaperDBSNet, PaperDBSNetConfig
+from qclearn.nets.losses import L_grad_mu, L_Landmark, L_lost, L_mu
 from qclearn.nets.polar import PolarSolver
 from qclearn.nets.polargrid import PolarGrid, PolarMesh
 from qclearn.nets.torchplane import bounded, fit_mobius
@@ -304,6 +305,25 @@ def test_the_papers_loss_reaches_every_layer_through_dbsnet(paper):
     assert all(parameter.grad.abs().max() > 0 for parameter in paper.parameters())
     assert 0 < figures["error"] < 0.2 and not any("solver" in name for name in paper.state_dict())
     paper.zero_grad()
+
+
+def test_the_papers_losses_differ_in_means_gauge_and_what_is_lost(paper):
+    p, q = moved(paper)
+    p, q, off = tensors(p, q, mobius(p, 0.1))
+    mesh, mu = paper.solver[0], paper(p).flatten(1).repeat(1, 2).detach()
+    shares, losses, errors = mesh.areas / mesh.areas.sum(), {}, {}
+    for name in LOSSES:
+        model = PaperCPNet(replace(PAPER, loss=name))
+        model.load_state_dict(paper.state_dict())
+        model.solver = paper.solver
+        losses[name], errors[name] = model.distance(mesh, mu, p, q).item(), model.loss((off, q), None)[1]["error"]
+    points = PAPER.gamma * L_Landmark(p, q)
+    torch.testing.assert_close(losses["printed"], (L_mu(mu) + L_grad_mu(mesh, mu) + points).item())
+    torch.testing.assert_close(losses["mended"], (L_mu(mu, shares) + L_grad_mu(mesh, mu, shares) + points).item())
+    torch.testing.assert_close(losses["whole"], losses["mended"] + L_lost(mesh, mu, shares).item())
+    assert errors["mended"] == errors["whole"] < 0.1 * errors["printed"]
+    with pytest.raises(ValueError, match="unknown loss 'half'; there are mended, whole, printed"):
+        PaperCPNet(replace(PAPER, loss="half"))
 
 
 def test_the_papers_network_knows_its_control_alone(paper):

@@ -16,6 +16,7 @@ from qclearn.nets.losses import (
     L_grad_mu,
     L_Landmark,
     L_LBS_printed,
+    L_lost,
     L_Maps,
     L_mu,
     LossMesh,
@@ -159,6 +160,17 @@ def test_gradient_of_a_linear_coefficient_is_exact():
     mesh, mu = LossMesh(disk, torch.float64), torch.from_numpy((1 + 2j) * centre.real + 1j * centre.imag)[None]
     inside = (abs(centre) > 0.2) & (abs(centre) < 0.8)
     assert L_grad_mu(mesh, mu, torch.from_numpy(inside / inside.sum())).item() == pytest.approx(6, rel=0.02)
+
+
+@pytest.mark.parametrize("checks", [False, True])
+def test_what_averages_lose_is_nearly_all_of_stripes_and_little_of_a_linear_field(checks):
+    disk = Disk(*square_disk(16))
+    mesh, (row, column) = LossMesh(disk, torch.float64), np.indices((16, 16))
+    stripes, linear = (-1.0) ** (row + checks * column), (column + 1j * row) / 8
+    both = (torch.from_numpy(image.ravel().astype(complex)).repeat(2)[None] for image in (stripes, linear))
+    (seen, lost), (kept, left) = ((L_grad_mu(mesh, mu).item(), L_lost(mesh, mu).item()) for mu in both)
+    assert lost == pytest.approx((4 / disk.areas).mean(), rel=0.2) and lost > 8 * seen
+    assert 0 < left < 0.5 * kept and L_lost(mesh, torch.full((1, 512), 0.3 + 0.1j)).item() < 1e-20
 
 
 def test_cp_loss_weighs_its_parts(problem):

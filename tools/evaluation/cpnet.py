@@ -9,14 +9,16 @@ import time
 from itertools import islice, pairwise
 
 import numpy as np
+import torch
 
 from data_synth.cohort import hemispheres
 from data_synth.fields import KINDS, random_coefficient
 from qclearn.benchmark.pairs import fsaverage_pair, prepare
-from qclearn.nets import WeightsError, load
+from qclearn.nets import L_grad_mu, L_lost, LossMesh, WeightsError, load
 from qclearn.nets.networks import PAPER_GAMMAS
 from qclearn.plane.coefficients import bounded
-from qclearn.plane.grids import COARSE, FINE, polar
+from qclearn.plane.disk import Disk
+from qclearn.plane.grids import COARSE, FINE, polar, square_disk
 from qclearn.plane.mobius import best_mobius, mobius
 from qclearn.plane.solver import DiskSolver
 from qclearn.registration.checked import predicted
@@ -228,9 +230,10 @@ def printed(net, subjects, quick):
     """Means over subjects (M,) of one of the paper's CP-Nets, mended.
 
     "dbsnet_...": by the map of the paper's DBS-Net, which the paper's own table is about; "error", "loss_ratio" and
-    |mu|: by the exact map of the same coefficient.
+    |mu|: by the exact map of the same coefficient. "whole_ratio": of L_CP with beta `L_lost`. "seen", "lost":
+    `L_grad_mu` and `L_lost` of the network's image.
     """
-    rows, weights = [], Weights(1.0, 1.0, net.config.gamma)
+    rows, weights, pixels = [], Weights(1.0, 1.0, net.config.gamma), Disk(*square_disk(net.config.size))
     for moving in subjects[: 1 if quick else 12]:
         p, q = aligned(moving, net.targets.numpy().astype(complex))
         problem = Problem(MESH, p, q)
@@ -241,6 +244,9 @@ def printed(net, subjects, quick):
         answer = exact_map(problem, mu)
         through = moved_map(problem, load("dbsnet", "paper").solve(MESH.z, MESH.faces, mu))
         losses = {name: measured(problem, weights, one)["L_CP"] for name, one in (("fit", fit), ("net", answer))}
+        whole = {name: losses[name] + smoothness(MESH, one.mu)[1] for name, one in (("fit", fit), ("net", answer))}
+        image = net(torch.from_numpy(net.in_order(p, q))[None].to(net.targets))[0].numpy()
+        seen, lost = smoothness(pixels, np.tile(image.ravel(), 2))  # a pixel's two faces
         rows.append(
             {
                 "before": abs(p - q).mean(),
@@ -251,6 +257,9 @@ def printed(net, subjects, quick):
                 "folded": len(answer.flipped) > 0,
                 "seconds": passed,
                 "loss_ratio": losses["net"] / losses["fit"],
+                "whole_ratio": whole["net"] / whole["fit"],
+                "seen": seen,
+                "lost": lost,
                 "dbsnet_error": through.landmark_error,
                 "dbsnet_folded": len(through.flipped) > 0,
                 "dbsnet_mean_abs_mu": abs(through.mu).mean(),
@@ -259,6 +268,12 @@ def printed(net, subjects, quick):
     means = {key: float(np.mean([row[key] for row in rows])) for key in rows[0]}
     ratios = {f"{name}_ratio": means[name] / means["fit_error"] for name in ("error", "dbsnet_error")}
     return means | ratios | {"problems": len(rows)}
+
+
+def smoothness(disk, mu):
+    """`L_grad_mu` and `L_lost` of mu (F,), means over the area."""
+    mesh, given = LossMesh(disk, torch.float64), torch.from_numpy(mu)[None].to(torch.complex128)
+    return [term(mesh, given, mesh.areas / mesh.areas.sum()).item() for term in (L_grad_mu, L_lost)]
 
 
 def latency(net, problems, repeats=10):
