@@ -4,6 +4,7 @@ from ..lazy import offer
 
 TABLE = {
     "cortex": ["AMPLITUDES"],
+    "images": ["carried"],
     "measured": ["BenchmarkError", "read_measured"],
     "pairs": ["CONTROL", "cohort_pair", "displacement_pair", "fsaverage_pair", "mapped", "mapped_subject", "prepare"],
     "problems": ["DISTANCES"],
@@ -11,6 +12,7 @@ TABLE = {
         "chain_seconds",
         "compare_fronts",
         "compare_runs",
+        "failures",
         "median_pair",
         "methods_and_oracles",
         "noted",
@@ -19,8 +21,18 @@ TABLE = {
     ],
     "run": ["benchmark"],
     "runs": ["RUNS", "Run"],
-    "verdicts": ["FACTOR", "compared", "judge_all", "judge_bound", "judge_order", "judge_ratio", "judge_size", "side"],
-    "yardstick": ["floors"],
+    "verdicts": [
+        "FACTOR",
+        "compared",
+        "judge_all",
+        "judge_bound",
+        "judge_order",
+        "judge_ratio",
+        "judge_size",
+        "judge_start",
+        "side",
+    ],
+    "yardstick": ["area_and_shape", "floors"],
 }
 
 __getattr__, __dir__, __all__ = offer(__name__, TABLE)

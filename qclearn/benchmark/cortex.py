@@ -14,7 +14,7 @@ from ..files.fsaverage import fsaverage5, named_sulci
 from ..plane.grids import joined
 from ..registration.landmarks import curves_of_both, fundus_metric, fundus_path
 from ..surfaces.surface import Surface, mirror
-from .pairs import Pair, mapped
+from .pairs import Pair, fsaverage_sphere, fsaverage_surface, mapped
 
 PARTS = {"first half": slice(0, None, 2), "second half": slice(1, None, 2), "all": slice(None)}  # of the curves: fitted
 HALVES = tuple(PARTS)[:2]
@@ -25,9 +25,9 @@ STRETCH = (1.06, 0.95, 1.0)  # along the axes, after the warp
 
 def fsaverage_side(hemisphere):
     """One side of fsaverage5, the right one mirrored, with its named sulci as curves, `Mapped`."""
-    surface = fsaverage5(hemisphere)
+    surface = fsaverage_surface(hemisphere)
     ends = named_sulci(hemisphere, surface.original_vertices)
-    return mapped(with_curves(surface if hemisphere == "left" else mirror(surface), ends))
+    return mapped(with_curves(surface, ends), fsaverage_sphere(hemisphere))
 
 
 def with_curves(surface, ends):

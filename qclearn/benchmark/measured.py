@@ -11,9 +11,11 @@ from ..surfaces.surface import SurfaceError
 
 SCHEMA_VERSION = 2  # of the benchmark: raise it when a field's meaning changes, so that old files are not read as new
 KEPT = Path(__file__).with_name("kept")
+RESULTS = "benchmark", "peers"  # files that the benchmark itself writes
 WRITERS = {  # of the files that come with the package
     "benchmark": "qclearn benchmark",
     "networks": "tools/evaluate_networks.py",
+    "peers": "qclearn benchmark --peers only",
     "scaling": "tools/scaling.py",
     "sizes": "tools/sizes.py",
     "suspect": "tools/suspect.py",
@@ -22,7 +24,12 @@ WRITERS = {  # of the files that come with the package
     "weights": "tools/choose_weights.py",
 }
 DENSE = ("template", "training")  # an entry a line
-LISTED = {"benchmark": "rows", "sizes": "rows", "suspect": "cases"}  # the list that has an entry a line
+LISTED = {
+    "benchmark": "rows",
+    "peers": "rows",
+    "sizes": "rows",
+    "suspect": "cases",
+}  # the list that has an entry a line
 
 
 class BenchmarkError(ValueError):
@@ -69,7 +76,7 @@ def read_measured(name, path=None):
     """
     path = KEPT / f"{name}.json" if path is None else path
     figures = read_json(path, name)
-    if name == "benchmark":
+    if name in RESULTS:
         check_version(path, figures)
     check_schema(path, figures, name)
     return figures
@@ -95,7 +102,7 @@ def check_version(path, results):
 def schema(name="benchmark"):
     """The JSON schema of a file of measured figures; its descriptions name units."""
     folder = Path(__file__).parent
-    own = folder / f"{name}.schema.json"
+    own = folder / f"{'benchmark' if name in RESULTS else name}.schema.json"
     if own.is_file():
         return json.loads(own.read_text(encoding="utf-8"))
     others = json.loads((folder / "measured.schema.json").read_text(encoding="utf-8"))

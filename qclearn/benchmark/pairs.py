@@ -13,14 +13,16 @@ from scipy.optimize import brentq
 from data_synth.cohort import GENERATION, hemispheres
 from data_synth.correspondence import locate_on_sphere
 
-from ..files.fsaverage import demo_landmarks, fsaverage5
+from ..files.fsaverage import demo_landmarks, fsaverage5, whole_fsaverage5
+from ..methods.spheres import Sphere
 from ..plane.mobius import mobius, mobius_inverse
-from ..registration.features import FINEST, FOLDS, Smoothing
+from ..registration.features import FOLDS
 from ..registration.landmarkfile import check_curves
 from ..registration.landmarks import POINTS_PER_CURVE, curves_of_both
 from ..registration.preparation import Sides, align, distinct_landmarks, sample_side
 from ..registration.problem import Problem
 from ..registration.register import load
+from ..registration.smoothing import FINEST, Smoothing
 from ..surfaces.conformal import Side, laid_out
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import Surface, mirror
@@ -88,15 +90,16 @@ def mapped_subject(seed, n_vertices, folder=None, generation=GENERATION):
     return replace(mapped(subject.surface), template=subject.template)
 
 
-def mapped(surface):
-    """A surface with its disk conformal map, timed on the second, warm run: `Mapped`."""
+def mapped(surface, whole=None):
+    """A surface with its disk conformal map, timed on the second, warm run: `Mapped`. whole: of its `Sphere`."""
     side, fresh = laid_out(surface), Surface(surface.vertices, surface.faces)  # which keeps no stiffness yet
     start = time.perf_counter()
     laid_out(fresh)
     seconds = time.perf_counter() - start
     values = np.stack([sulcal_depth(surface), mean_curvature(surface)], axis=1)
     folds = dict(zip(FOLDS, Smoothing(surface, FOLDS, values).at(FINEST).T))
-    return Mapped(surface, side.disk, words=side.words, seconds=seconds, folds=folds)
+    sphere = Sphere(surface, whole)
+    return Mapped(surface, side.disk, words=side.words, sphere=sphere, seconds=seconds, folds=folds)
 
 
 def cohort_pair(moving, control):
@@ -137,8 +140,23 @@ def twisted(z, centres, turns):
 
 def fsaverage_pair():
     """fsaverage5's mirrored right side against its left, sulci given by their ends; the true map is unknown."""
-    surfaces = mirror(fsaverage5("right")), fsaverage5("left")
-    return Pair(*(mapped(surface) for surface in surfaces), tuple(demo_landmarks()["curves"]), there_and_back=True)
+    sides = [mapped(fsaverage_surface(side), fsaverage_sphere(side)) for side in ("right", "left")]
+    return Pair(*sides, tuple(demo_landmarks()["curves"]), there_and_back=True)
+
+
+def fsaverage_surface(hemisphere):
+    """One open side of fsaverage5, the right one mirrored."""
+    return fsaverage5(hemisphere) if hemisphere == "left" else mirror(fsaverage5(hemisphere))
+
+
+def fsaverage_sphere(hemisphere):
+    """That side whole, the open one's vertices first, and its own sphere's points (V', 3), as a `Sphere` takes them."""
+    kept = fsaverage5(hemisphere).original_vertices
+    surface, ball = (whole_fsaverage5(hemisphere, kind) for kind in ("pial", "sphere"))
+    order = np.append(kept, np.setdiff1d(np.arange(len(surface.vertices)), kept))
+    whole = Surface(surface.vertices[order], np.argsort(order)[surface.faces])
+    turn = [1, 1, 1] if hemisphere == "left" else [-1, 1, 1]
+    return (whole if hemisphere == "left" else mirror(whole)), ball.vertices[order] * turn
 
 
 def reverse(pair):

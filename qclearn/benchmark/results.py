@@ -11,6 +11,7 @@ import numpy as np
 from ..files.begun import Begun
 from ..registration.metrics import paired_difference
 from .measured import SCHEMA_VERSION, BenchmarkError, plain, write_measured
+from .verdicts import judge_start
 
 
 class Journal:
@@ -116,6 +117,12 @@ def median_pair(rows, run):
 def noted(rows, run, words):
     """How many of a run's maps carry a note that holds `words`."""
     return sum(any(words in note for note in row.get("notes", ())) for row in rows if row["run"] == run)
+
+
+def failures(rows, run, start="rotation"):
+    """The pairs on which a run's map is "failed here" beside the run `start` (`judge_start`), list; [] without it."""
+    own, begun = ({row["pair"]: row for row in rows if row["run"] == name} for name in (run, start))
+    return [pair for pair in own if pair in begun and judge_start(own[pair], begun[pair])]
 
 
 MAIN = ("landmark_error", "mean_abs_mu", "correspondence_sulci_mm")

@@ -10,6 +10,8 @@ import time
 from contextlib import nullcontext
 from dataclasses import asdict
 from datetime import date
+from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 
 from tqdm import tqdm
@@ -25,7 +27,7 @@ from .measured import BenchmarkError
 from .pairs import CONTROL
 from .problems import problems, submit_pair
 from .results import Journal
-from .runs import FRONT, RUNS, check_runs, lacking
+from .runs import check_runs, lacking, table_of
 from .trial import trial
 
 
@@ -41,25 +43,29 @@ def benchmark(
     folder=None,
     progress=True,
     fronts=False,
+    peers=True,
+    programs=(),
 ):
     """Run all `runs` on all problems of `sets`, write the results file `out` and return its contents.
 
-    subjects: number, of the cohort's 24; runs: by default RUNS, with FRONT if `fronts`, without those whose networks
-    have no weights here; scheduler: address of a dask scheduler (one thread a worker), None for `workers` processes
-    here; folder: for synthetic subjects (on each worker's machine). Called again, a stopped run goes on from the
-    finished tasks. Errors: BenchmarkError, WorkersError; ImportError without the extra.
+    subjects: number, of the cohort's 24; runs: by default the table of `table_of(peers, fronts)`, without those whose
+    networks have no weights here or whose extra is missing; programs: more runs, beside either; scheduler: address of a
+    dask scheduler (one thread a worker), None for `workers` processes here; folder: for synthetic subjects (on each
+    worker's machine). Called again, a stopped run goes on from the finished tasks. Errors: BenchmarkError,
+    WorkersError; ImportError without the extra.
     """
     require("benchmark", "benchmarks")
     out, left_out = Path(out), {}
     if runs is None:
-        table = RUNS + FRONT * fronts
+        table = table_of(peers, fronts)
         left_out = {run.name: reason for run in table if (reason := lacking(run))}
         runs = [run for run in table if run.name not in left_out]
-    runs, specs = check_runs(runs, methods), problems(subjects, sets)
+    runs, specs = check_runs((*runs, *programs), methods), problems(subjects, sets)
     if not FEWEST <= vertices <= MOST or workers < 1:
         wanted = f"{FEWEST:,} to {MOST:,} vertices and at least one worker"
         raise BenchmarkError(f"{vertices} vertices, {workers} workers: give {wanted}")
-    origin = {"commit": commit(), "date": date.today().isoformat(), "versions": versions(), "threads_per_task": 1}
+    known = versions() | ({"cat-surf": version("cat-surf")} if find_spec("cat_surf") else {})
+    origin = {"commit": commit(), "date": date.today().isoformat(), "versions": known, "threads_per_task": 1}
     seeds = {seed for spec in specs for seed in spec.seeds}
     settings = {
         "sets": list(sets),

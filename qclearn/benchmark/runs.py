@@ -2,9 +2,11 @@
 
 import inspect
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
+from ..files.extras import require
 from ..methods.networks import network, networks_of
+from ..methods.programs import words_of
 from ..registration.problem import DELTA, Weights
 from .measured import BenchmarkError
 from .pairs import DETECTORS, SOURCES
@@ -16,7 +18,8 @@ SETS = ("cohort", "displacement", "fsaverage5", "heldout", "warp", "conte69")
 class Run:
     """One row's recipe: its name in the tables, the method and its parameters, the landmarks' source (`SOURCES`).
 
-    sets: the sets of problems it is run on; keep_field: keep |mu| on the control's disk, for pictures over subjects.
+    sets: the sets of problems it is run on; keep_field: keep |mu| on the control's disk, for pictures over subjects;
+    alone: run it once more in a process of its own, for the CPU seconds and the memory of the whole process.
     """
 
     name: str
@@ -25,6 +28,7 @@ class Run:
     landmarks: str = "given"
     sets: tuple = SETS
     keep_field: bool = False
+    alone: bool = False
 
 
 KNOWN = ("cohort",)  # the set with true curves and a true map
@@ -81,11 +85,40 @@ def along_front(beta, gamma, **more):
     return Run(f"Gauss-Newton (1, {beta}, {gamma:g})", "gauss_newton", parameters, sets=KNOWN)
 
 
+# Competitors, which are no maps of the disk.
+PEERS = (
+    Run("rotation", "rotation", sets=FOLDED, alone=True),
+    Run("Spherical Demons", "spherical_demons", sets=FOLDED),
+)
+BESIDE = "Möbius", "Gauss-Newton", "hybrid", "landmark-free"  # of ours, whose whole processes stand beside theirs
+
+
 # For comparisons at the harmonic maps' distortion, some on a mesh like the subject's: a third of all runs' time.
 FRONT = (
     *(along_front("1e-4", gamma) for gamma in (0.5, 2.0, 8.0)),
     *(along_front("1e-5", gamma, rings=64) for gamma in (0.25, 1.0, 4.0, 16.0, 64.0)),
 )
+
+
+def table_of(peers, fronts):
+    """The runs of the table: ours, with FRONT if `fronts`, and with `peers` PEERS beside them; "only": those and what
+    stands BESIDE them."""
+    own = RUNS + FRONT * fronts
+    if peers:
+        own = tuple(replace(run, alone=run.name in BESIDE) for run in own if peers != "only" or run.name in BESIDE)
+    return own + PEERS * bool(peers)
+
+
+def program_of(text, limit):
+    """The Run of a command line's "NAME=COMMAND", a method that is a program; BenchmarkError."""
+    name, _, command = text.partition("=")
+    try:
+        words_of(command)
+    except ValueError as error:
+        raise BenchmarkError(f"--program {text!r}: {error}") from None
+    if not name.strip() or not limit > 0:
+        raise BenchmarkError(f"--program {text!r}, --limit {limit}: write NAME=COMMAND, and seconds above 0")
+    return Run(name.strip(), "program", {"command": command, "limit": limit}, sets=FOLDED)
 
 
 def run_of(text):
@@ -128,8 +161,10 @@ def check_runs(runs, methods):
 
 
 def lacking(run):
-    """Why a run's networks cannot be loaded, in words, or None."""
+    """Why a run's networks cannot be loaded, or its extra is missing, in words, or None."""
     try:
+        if run.method == "spherical_demons":
+            require("peers", "Spherical Demons")
         networks_of(run.method, run.parameters)
         if run.landmarks in DETECTORS:
             network("ldnet", DETECTORS[run.landmarks])

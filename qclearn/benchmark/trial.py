@@ -10,7 +10,10 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from ..methods.alone import costs_alone
 from ..methods.networks import networks_of
+from ..methods.programs import Answer
+from ..methods.spheres import inward
 from ..plane.bijectivity import RepairWarning
 from ..plane.disk import Disk
 from ..plane.grids import polar
@@ -23,8 +26,9 @@ from ..registration.metrics import (
     landmark_measures,
     near_curves,
 )
+from .images import OnDisk, image_of, reversed_on_sphere
 from .pairs import prepare, reverse
-from .yardstick import TRUE_MAP, curve_errors, folds_agree, held_out, log2_means, maps_agree, true_map
+from .yardstick import TRUE_MAP, curve_errors, folds_agree, held_out, log2_means, maps_agree, tails, true_map
 
 LONG, REPETITIONS = 2.0, 3  # a map is computed again for its time, at most so often, within so many seconds
 NEAR = 10.0  # largest distance from a sulcus along the surface, mm
@@ -41,9 +45,11 @@ def trial(pair, run, method):
             prepared = prepare(pair, run.landmarks)
             networks_of(run.method, run.parameters)  # loaded before the clock starts
             f, costs = timed(method, prepared.problem, run.parameters)
+            if run.alone:
+                costs |= of_process(costs_alone(run, pair))
             start = time.perf_counter()
             lookup = unknown(pair.control.disk).lookup
-            places = lookup(f)
+            places = image_of(pair.control, f, lookup).locate(f[: len(prepared.problem.disk.z)])
             costs["seconds"] |= {
                 "disk_moving": pair.moving.seconds,
                 "disk_control": pair.control.seconds,
@@ -64,7 +70,7 @@ def timed(method, problem, parameters):
 
     Each knows nothing of the problem. The first is measured for memory; its time counts only from LONG on.
     """
-    seconds = []
+    seconds, whole = [], {}
     while not seconds or (sum(seconds) < LONG and len(seconds) < REPETITIONS):
         fresh = forgotten(problem)
         if "torch" in sys.modules:  # it keeps its own count of threads
@@ -79,12 +85,21 @@ def timed(method, problem, parameters):
         if len(seconds) == 1:
             peak = memory("VmHWM")
         notes = [str(warning.message) for warning in caught if issubclass(warning.category, RepairWarning)]
+        if isinstance(f, Answer):  # whose own process took the time
+            f, whole, seconds = f.points, of_process(f.costs), [f.costs.seconds]
+            break
     return checked(f, problem), {
         "seconds": {"map": float(np.median(seconds[1:] or seconds))},
         "repetitions": len(seconds),
         "notes": notes,
         "peak_memory_mb": None if peak is None or before is None else max(0.0, peak - before),
+        **whole,
     }
+
+
+def of_process(costs):
+    """What a row keeps of the `Costs` of a whole process."""
+    return {"cpu_seconds": costs.cpu_seconds, "memory_mb": costs.memory_mb}
 
 
 def forgotten(problem):
@@ -100,11 +115,14 @@ def unknown(disk):
 
 
 def checked(f, problem):
-    """A method's answer as points of the disk (V,), or ValueError."""
-    f = np.asarray(f, complex)
-    if f.shape != problem.disk.z.shape or not np.isfinite(f).all():
+    """A method's answer as points of the disk (V,) complex or of the control's sphere (V', 3), or ValueError."""
+    f = np.asarray(f)
+    f = f.astype(float if f.ndim == 2 and not np.iscomplexobj(f) else complex)
+    sphere = problem.sides.moving.sphere if f.ndim == 2 else None
+    shape = problem.disk.z.shape if sphere is None else sphere.points.shape
+    if f.shape != shape or not np.isfinite(f).all():
         found = f"an array of shape {f.shape} with {(~np.isfinite(f)).sum()} values that are not finite"
-        wanted = f"{problem.disk.z.shape}, one point of the disk a vertex"
+        wanted = f"{shape}, one point of the {'disk' if sphere is None else 'sphere'} a vertex"
         raise ValueError(f"the method returned {found}; expected {wanted}")
     return f
 
@@ -116,8 +134,10 @@ def way_back(pair, run, method, places):
     problem = prepare(reverse(pair), run.landmarks).problem
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RepairWarning)
-        g = checked(method(problem, **run.parameters), problem)
-    home = pair.moving.lift(problem.disk.interpolate(g, places))
+        g = method(problem, **run.parameters)
+    g = checked(g.points if isinstance(g, Answer) else g, problem)
+    here, there = image_of(pair.moving, g, pair.moving.disk.lookup), image_of(pair.control, g, None)
+    home = here.lift(here.locate(there.at(g, places)))
     return float(np.linalg.norm(home - pair.moving.surface.vertices, axis=1).mean())
 
 
@@ -134,39 +154,44 @@ def memory(name, reset_peak=False):
 
 
 def map_figures(pair, prepared, f, lookup, keep_field):
-    """All figures of a map f (V,); lookup: in the control's disk."""
-    moving, control, problem = pair.moving.surface, pair.control.surface, prepared.problem
-    places, plain = lookup(f), lookup(mobius(problem.disk.z, *problem.mobius))
-    points = pair.control.disk.interpolate(control.vertices, places)
-    mapped = prepared.samples @ f
-    there = pair.control.disk.interpolate(control.vertices, lookup(mapped))
-    off, mu = np.linalg.norm(there - prepared.target_mm, axis=1), problem.disk.coefficient(f)
+    """All figures of a map f (V,) complex or, onto the control's sphere, (V', 3); lookup: in the control's disk."""
+    moving, problem = pair.moving.surface, prepared.problem
+    whole, f, image = f, f[: len(moving.vertices)], image_of(pair.control, f, lookup)
+    disk, before = OnDisk(pair.control, lookup), mobius(problem.disk.z, *problem.mobius)
+    places = image.locate(f)
+    points, mapped = image.lift(places), prepared.samples @ f
+    off = np.linalg.norm(image.lift(image.locate(mapped)) - prepared.target_mm, axis=1)
     figures = {
-        **coefficient_measures(moving, problem.disk, mu),
-        **landmark_measures(mapped, prepared.target, off),
-        **true_errors(pair, f),
-        **held_out(pair, problem.sides, f),
+        **(in_disk(moving, problem, f) if f.ndim == 1 else on_sphere(pair, whole)),
+        **landmark_measures(mapped if f.ndim == 1 else np.nan, prepared.target, off),
+        **true_errors(pair, f, image),
+        **held_out(pair, problem.sides, f, image),
         **distortion_measures(moving, points),
         **log2_means(moving, points),
-        **folds_agree(pair, places),
-        **{f"{name}_before": r for name, r in folds_agree(pair, plain).items()},
-        "r_maps": maps_agree(pair, places),
+        **tails(moving, points),
+        **folds_agree(pair, image, places),
+        **{f"{name}_before": r for name, r in folds_agree(pair, disk, lookup(before)).items()},
+        "r_maps": maps_agree(pair, image, places),
         **WITHOUT_TRUTH,
-        **certificate(problem, moving, f),
-        "histogram": coefficient_histogram(mu),
+        "reversed_on_sphere": reversed_on_sphere(pair, places, f),
     }
     if pair.truth is not None:
         near = near_curves(moving, [curve["moving"] for curve in (*pair.curves, *pair.held)], NEAR)
         figures |= correspondence_measures(points, pair.truth, near) | true_map(pair, lookup)
-    if keep_field and figures["certified"]:
+    if keep_field and f.ndim == 1 and figures["certified"]:
+        mu = problem.disk.coefficient(f)
         figures["field"] = np.round(abs(mu)[problem.disk.at(f).locate(polar(16).centroids)[0]], 4)
     return figures
 
 
-def certificate(problem, moving, f):
-    """Whether a map f (V,) is a bijection of the disks, and what it folds."""
-    found, off_circle = problem.disk.certify(f), float(abs(abs(f[moving.boundary]) - 1).max())
+def in_disk(moving, problem, f):
+    """What is said of maps f (V,) of the disks alone: their coefficient, and whether they are bijections, and what they
+    fold."""
+    mu, found = problem.disk.coefficient(f), problem.disk.certify(f)
+    off_circle = float(abs(abs(f[moving.boundary]) - 1).max())
     return {
+        **coefficient_measures(moving, problem.disk, mu),
+        "histogram": coefficient_histogram(mu),
         "flipped": len(found.flipped),
         "bijective": found.bijective,
         "off_circle": off_circle,
@@ -174,10 +199,20 @@ def certificate(problem, moving, f):
     }
 
 
-def true_errors(pair, f):
+def on_sphere(pair, f):
+    """The same of a map of the spheres f (V', 3), which has no coefficient in the disk: its flipped faces, anywhere."""
+    flipped = inward(f[pair.moving.sphere.whole.faces])
+    sizes = ("mean_abs_mu", "sd_abs_mu", "p95_abs_mu", "max_abs_mu")
+    weighed = (f"{kind}_abs_mu_{areas}" for kind in ("mean", "sd") for areas in ("disk", "area"))
+    none = dict.fromkeys((*sizes, *weighed, "histogram", "off_circle"))
+    return none | {"flipped": flipped, "bijective": not flipped, "certified": not flipped}
+
+
+def true_errors(pair, f, image):
     """A map's errors on the true curves, whatever its landmarks were; None where a side has ends only."""
     whole = [curve for curve in pair.curves if min(len(curve["moving"]), len(curve["control"])) > 2]
     if not whole or pair.given == "exact":
         return {"landmark_error_true": None, "landmark_error_true_mm": None}
-    in_disk, in_space = curve_errors(pair, whole, f)
-    return {"landmark_error_true": float(in_disk.mean()), "landmark_error_true_mm": float(in_space.mean())}
+    plane, in_space = curve_errors(pair, whole, f, image)
+    error = None if plane is None else float(plane.mean())
+    return {"landmark_error_true": error, "landmark_error_true_mm": float(in_space.mean())}

@@ -1,7 +1,8 @@
 """Verdicts: how pages judge a printed claim. A rule tests the direction of the claim and its size.
 
 `judge_ratio` is for a quotient of two methods' figures, `judge_size` for a figure with a unit, `judge_order` for
-figures that should rise or fall, `judge_bound` for 'more than', `judge_all` for 'all'. `side` reads an interval, and
+figures that should rise or fall, `judge_bound` for 'more than', `judge_all` for 'all', `judge_start` for a map that is
+worse than what it began from. `side` reads an interval, and
 `compared` two figures of one study.
 """
 
@@ -52,6 +53,15 @@ def judge_bound(least, here):
 def judge_all(count, total):
     """The verdict on a claim of 'all': "agrees" where none is missing."""
     return holds(count == total > 0)
+
+
+def judge_start(row, start):
+    """The verdict on a map by the row of the one that it, or its like, begins from: "failed here" where it ends farther
+    from the truth or, where none is known, from the curves that took no part; else "". Such a row is nobody's win.
+    """
+    key = "held_out_mm" if row.get("correspondence_mm") is None else "correspondence_mm"
+    known = row.get(key) is not None and start.get(key) is not None
+    return "failed here" if known and row[key] > start[key] else ""
 
 
 def holds(fact):

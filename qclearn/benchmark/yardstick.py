@@ -1,55 +1,91 @@
 """Measures without a true map: held-out curves, and folds and maps that took no part; with one, its own figures."""
 
 import numpy as np
+import scipy
 
-from ..registration.features import standardised
-from ..registration.landmarks import POINTS_PER_CURVE, SAMPLES, curve_distance, sample_curve
-from ..registration.metrics import log2_distortions
-from ..registration.report import held_out_distances
+from ..registration.landmarks import POINTS_PER_CURVE, SAMPLES, curve_distance, curves_in_space, sample_curve
+from ..registration.metrics import distortion_maps, log2_distortions
+from ..registration.preparation import sample_side
+from ..registration.smoothing import standardised
+from .images import OnDisk
 
-HELD_OUT = ("held_out", "held_out_mm", "worst_held_out_mm", "held_out_points_mm")
+HELD_OUT = ("held_out", "held_out_mm", "worst_held_out_mm", "held_out_points_mm", "held_out_middle_mm")
 OWN = ("r_depth", "r_curvature", "r_maps", "log2_area", "log2_shape")  # figures of the true map itself
 TRUE_MAP = ("floor_mm", "floor_curve_mm", *(f"true_{name}" for name in OWN))
 
 
-def curve_errors(pair, curves, f):
-    """Distances of curves' mapped points from the control's of equal arc length, disk and mm: each (10 K,)."""
+def curve_errors(pair, curves, f, image):
+    """Distances of curves' mapped points from the control's of equal arc length, disk (None elsewhere) and mm: each
+    (10 K,)."""
     moving, control = pair.moving.surface, pair.control.surface
     mapped = np.concatenate([sample_curve(moving, curve["moving"], POINTS_PER_CURVE) @ f for curve in curves])
     there = [sample_curve(control, curve["control"], POINTS_PER_CURVE) for curve in curves]
     target, target_mm = (
         np.concatenate([samples @ data for samples in there]) for data in (pair.control.disk.z, control.vertices)
     )
-    return abs(mapped - target), np.linalg.norm(pair.control.lift(mapped) - target_mm, axis=1)
+    in_disk = abs(mapped - target) if f.ndim == 1 else None
+    return in_disk, np.linalg.norm(image.lift(image.locate(mapped)) - target_mm, axis=1)
 
 
-def held_out(pair, sides, f):
+class Carried:
+    """A moving `Side` whose points are lifted to where a map f (V, ...) takes them on the control."""
+
+    def __init__(self, side, f, image):
+        self.disk, self.f, self.image = side.disk, f, image
+
+    def lift(self, points):
+        return self.image.lift(self.image.locate(self.disk.sampling(points) @ self.f))
+
+
+def held_out(pair, sides, f, image):
     """The held-out curves' distances from the control's, mm, by the names of HELD_OUT: each curve's, mean over both
-    ways, their mean and worst; and point to point by arc length. None without any."""
+    ways, their mean and worst; point to point by arc length; and the mean of `middle_distance`. None without any."""
     if not pair.held:
         return dict.fromkeys(HELD_OUT)
-    each = {name: distance for name, (distance,) in held_out_distances(sides, f).items()}
-    points = curve_errors(pair, pair.held, f)[1]
-    return dict(zip(HELD_OUT, (each, float(np.mean(list(each.values()))), max(each.values()), float(points.mean()))))
+    names = [entry["name"] for entry in sides.held]
+    images = curves_in_space(Carried(sides.moving, f, image), sample_side(sides.moving, sides.held, "moving")[1])
+    wanted = curves_in_space(sides.control, sample_side(sides.control, sides.held, "control")[1])
+    each = {name: float(curve_distance(*both)) for name, both in zip(names, zip(images, wanted))}
+    middle = np.mean([middle_distance(*both) for both in zip(images, wanted)])
+    figures = (
+        np.mean(list(each.values())),
+        max(each.values()),
+        curve_errors(pair, pair.held, f, image)[1].mean(),
+        middle,
+    )
+    return dict(zip(HELD_OUT, (each, *map(float, figures))))
 
 
-def folds_agree(pair, places):
+def middle_distance(one, other):
+    """Mean distance from the middle three fifths of either curve (n, 3), (m, 3) to the nearest point of the other.
+
+    Where a curve ends is drawn or found less surely than where it runs.
+    """
+    trees = scipy.spatial.cKDTree(one), scipy.spatial.cKDTree(other)
+    far = trees[1].query(one)[0], trees[0].query(other)[0]
+    return sum(d[len(d) // 5 : len(d) - len(d) // 5].mean() for d in far) / 2
+
+
+def folds_agree(pair, image, places):
     """`correlations` of depth and curvature: "r_depth", "r_curvature"."""
-    found = correlations(pair, places, pair.moving.folds, pair.control.folds)
+    found = correlations(pair, (image, places), pair.moving.folds, pair.control.folds)
     return {f"r_{name}": r for name, r in found.items()}
 
 
-def maps_agree(pair, places):
+def maps_agree(pair, image, places):
     """`correlations` of maps that took no part, name -> r; None without any."""
     moving = {name: sides[0] for name, sides in pair.maps.items()}
-    return correlations(pair, places, moving, {name: sides[1] for name, sides in pair.maps.items()}) or None
+    return correlations(pair, (image, places), moving, {name: sides[1] for name, sides in pair.maps.items()}) or None
 
 
-def correlations(pair, places, here, there):
-    """r by moving area of each map here (V,) with the one there (W,) at `places`, where both are known: name -> r."""
-    found, areas = {}, pair.moving.surface.vertex_areas
+def correlations(pair, target, here, there):
+    """r by moving area of each map here (V,) with the one there (W,) where both are known: name -> r.
+
+    target: the image of a map and its places there.
+    """
+    found, areas, (image, places) = {}, pair.moving.surface.vertex_areas, target
     for name, values in here.items():
-        both = np.stack([values, pair.control.disk.interpolate(there[name], places)], axis=1)
+        both = np.stack([values, image.values(there[name], places)], axis=1)
         known = np.isfinite(both).all(1)
         shares = areas[known] / areas[known].sum()
         one, other = standardised(both[known], shares).T
@@ -60,14 +96,37 @@ def correlations(pair, places, here, there):
 def log2_means(surface, points):
     """`log2_distortions` as plain figures: means and, as "p95_...", 95th percentiles."""
     found = log2_distortions(surface, points)
+    del found["distortion"]
     return {name: mean for name, (mean, _) in found.items()} | {f"p95_{name}": p95 for name, (_, p95) in found.items()}
+
+
+def area_and_shape(surface, points):
+    """log2 J and log2 R at the vertices, (V,) each, of surface -> points (V, 3), both total areas made equal: those of
+    `wb_command -surface-distortion -local-affine-method -log2`."""
+    a, b, c = (points[corner] for corner in surface.faces.T)
+    share = np.sqrt(2 * surface.area / np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    return distortion_maps(surface.vertices, surface.faces, share * points)
+
+
+def tails(surface, points):
+    """ "areal_95" and "shape_95": 95th percentiles of |log2 J| and of log2 R of `area_and_shape`, by area."""
+    areas = surface.vertex_areas / surface.area
+    found = area_and_shape(surface, points)
+    return {name: quantile(abs(values), areas) for name, values in zip(("areal_95", "shape_95"), found)}
+
+
+def quantile(values, shares, share=0.95):
+    """The value below which `share` of the area lies, of values (V,) with shares of the area (V,)."""
+    order = np.argsort(values)
+    return float(values[order][min(np.searchsorted(np.cumsum(shares[order]), share), len(order) - 1)])
 
 
 def true_map(pair, lookup):
     """The true map's own figures, by the names of TRUE_MAP."""
+    image = OnDisk(pair.control, lookup)
     places = lookup(pair.truth_disk)
-    found = log2_means(pair.moving.surface, pair.truth) | folds_agree(pair, places)
-    found["r_maps"] = maps_agree(pair, places)
+    found = log2_means(pair.moving.surface, pair.truth) | folds_agree(pair, image, places)
+    found["r_maps"] = maps_agree(pair, image, places)
     return floors(pair) | {f"true_{name}": found[name] for name in OWN}
 
 

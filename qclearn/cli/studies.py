@@ -8,10 +8,17 @@ FIGURES = {  # of the benchmark's table: key of a run's summary -> head of the c
     "landmark_error": "landmark error",
     "mean_abs_mu": "mean |mu|",
     "correspondence_sulci_mm": "near sulci, mm",
+    "correspondence_mm": "from truth, mm",
     "held_out_mm": "held out, mm",
+    "held_out_middle_mm": "middle, mm",
     "there_and_back_mm": "and back, mm",
     "r_depth": "r depth",
+    "areal_95": "log2 J 95 %",
+    "shape_95": "log2 R 95 %",
+    "reversed_on_sphere": "reversed",
     "seconds": "seconds",
+    "cpu_seconds": "CPU s",
+    "memory_mb": "MB",
 }
 
 
@@ -55,22 +62,48 @@ def train(network, preset, gamma, out, data, steps, seed, quick, threads):
 @click.option(
     "--method", "methods", multiple=True, help="Instead of all: harmonic, harmonic:weight=2,landmarks=path; repeatable."
 )
+@click.option(
+    "--program",
+    "programs",
+    multiple=True,
+    help="A method that is a program, NAME='COMMAND' with {moving}, {moving_sphere}, {control}, {control_sphere} and "
+    "{out}: GIFTI surfaces and spheres in, the moving sphere on the control's out; repeatable.",
+)
+@click.option("--limit", type=float, default=3600, show_default=True, help="Seconds that a --program may take.")
+@click.option(
+    "--peers",
+    type=click.Choice(["with", "without", "only"]),
+    default="with",
+    show_default=True,
+    help="Competitors: beside ours, not at all, or with those of ours alone that the page 'Peers' shows.",
+)
 @click.option("--fronts", is_flag=True, help="Also fits along a front of weights, to compare at equal distortion.")
 @click.option("--scheduler", help="Address of a dask scheduler, tcp://HOST:8786 (default: processes of this machine).")
 @click.option("--workers", type=int, default=2, show_default=True, help="Processes, without --scheduler.")
 @click.option("--data", help="Folder where synthetic subjects are kept (default: the user's cache).")
-def benchmark(out, subjects, vertices, sets, methods, fronts, scheduler, workers, data):
+def benchmark(out, subjects, vertices, sets, methods, programs, limit, peers, fronts, scheduler, workers, data):
     """Run registration methods on the same problems and write all figures to one file.
 
     heldout and warp measure on real cortex, by curves that take no part and by the same folds in another shape; conte69
-    does so where the package brainspace is installed: pip install 'qclearn[conte69]'.
+    does so where the package brainspace is installed: pip install 'qclearn[conte69]'. Competitors on spheres need
+    cat-surf: pip install 'qclearn[peers]'.
     """
     from ..benchmark.run import benchmark as run_benchmark
-    from ..benchmark.runs import run_of
+    from ..benchmark.runs import program_of, run_of
 
     runs = [run_of(text) for text in methods] or None
     results = run_benchmark(
-        out, subjects, vertices, sets, runs, scheduler=scheduler, workers=workers, folder=data, fronts=fronts
+        out,
+        subjects,
+        vertices,
+        sets,
+        runs,
+        scheduler=scheduler,
+        workers=workers,
+        folder=data,
+        fronts=fronts,
+        peers={"with": True, "without": False}.get(peers, peers),
+        programs=[program_of(text, limit) for text in programs],
     )
     click.echo(f"{'run':38} done  certified  " + "  ".join(FIGURES.values()))
     for name in sets:
@@ -83,14 +116,22 @@ def benchmark(out, subjects, vertices, sets, methods, fronts, scheduler, workers
 
 def lines_of(rows):
     """Lines of one set's rows: each run's means, and the true map's own figures where it is known."""
-    from ..benchmark.results import summary
+    from ..benchmark.results import failures, summary
 
     table = summary(rows)
     for run, line in table.items():
+        failed = failures(rows, run)
+        words = f"  failed here on {len(failed)}: ends farther off than the rotation" if failed else ""
         figures = [(len(head), line.get(key)) for key, head in FIGURES.items()]
         cells = [" " * width if value is None else f"{value:{width}.2g}" for width, value in figures]
         counts = f"{line['pairs'] - line['failed']:2}/{line['pairs']:<2}  {line['certified']:9}"
-        yield f"{run:38} {counts}  " + "  ".join(cells)
+        yield f"{run:38} {counts}  " + "  ".join(cells) + words
+    failed = {}
+    for row in rows:
+        if row["status"] == "failed":
+            failed.setdefault((row["run"], row["message"]), []).append(row["pair"])
+    for (run, message), (first, *others) in failed.items():
+        yield f"{run}, {first}{f' and {len(others)} more' if others else ''}: {message}"
     line = next((line for line in table.values() if "floor_mm" in line), None)
     if line:
         yield (

@@ -1,8 +1,9 @@
 """Registration methods behind one call: `METHODS[name](problem, **parameters) -> f (V,)`, one short file each.
 
 A method takes a `Problem` and keyword parameters with defaults, returns where each vertex of the moving disk mesh lies
-in the control's disk, and warns with a RepairWarning of what it did beyond its plain formula. Any such function can
-join the benchmark.
+in the control's disk, and warns with a RepairWarning of what it did beyond its plain formula. A method ON_SPHERES
+returns where each vertex of the whole moving surface lies on the control's sphere, (V', 3). Any such function can join
+the benchmark.
 """
 
 from .folds import dense, hybrid, landmark_free
@@ -10,7 +11,9 @@ from .gauss_newton import coarse_steps, gauss_newton
 from .harmonic import harmonic
 from .mobius_only import mobius_only
 from .networks import cpnet_dbsnet, cpnet_exact, cpnet_steps, guarded
+from .programs import program, spherical_demons
 from .qc_iteration import qc_iteration
+from .rotation import rotation
 from .solver import LandmarkSolver
 from .teichmuller import teichmuller
 from .thin_plate import thin_plate
@@ -30,6 +33,10 @@ METHODS = {
     "cpnet_exact": cpnet_exact,
     "cpnet_steps": cpnet_steps,
     "guarded": guarded,
+    "rotation": rotation,
+    "spherical_demons": spherical_demons,
+    "program": program,
 }
+ON_SPHERES = "rotation", "spherical_demons", "program"
 
 __all__ = ["METHODS", "LandmarkSolver", *METHODS]

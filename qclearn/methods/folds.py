@@ -6,35 +6,38 @@ from ..plane.mobius import mobius
 from ..registration.checked import bijective_fit
 from ..registration.features import FOLDS, check_features, featured
 from ..registration.preparation import laid_upon, sampled
-from ..registration.problem import DELTA, LandmarkError, Problem, Weights
+from ..registration.problem import DELTA, ETA, LandmarkError, Problem, Weights
 from ..surfaces.conformal import mended
 from .solver import report
 
 
-def hybrid(problem, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma, delta=DELTA):
+def hybrid(problem, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma, delta=DELTA, eta=ETA):
     """Landmarks and folds in one fit, the default of `register`: f (V,).
 
     The least `alpha mean|nu|^2 + beta mean|grad nu|^2 + gamma mean|M(f(p)) - q|^2 + delta` times the mismatch of depth
     and curvature, from coarse features to fine ones. A RepairWarning says if rows were switched or weights lowered.
     """
-    return by_folds(problem, Weights(alpha, beta, gamma, delta))
+    return by_folds(problem, Weights(alpha, beta, gamma, delta, eta))
 
 
-def dense(problem, alpha=Weights.alpha, beta=Weights.beta, delta=DELTA):
+def dense(problem, alpha=Weights.alpha, beta=Weights.beta, delta=DELTA, eta=ETA):
     """`hybrid` with gamma = 0: folds alone, from the landmarks' best Möbius map on, f (V,)."""
     sides = sides_of(problem)
     disk = mended(sides.moving.surface, mobius(problem.disk.z, *problem.mobius))
-    return by_folds(Problem(disk, [], [], fewest=0, sides=sides), Weights(alpha, beta, delta=delta))
+    return by_folds(Problem(disk, [], [], fewest=0, sides=sides), Weights(alpha, beta, delta=delta, eta=eta))
 
 
-def landmark_free(problem, alpha=Weights.alpha, beta=Weights.beta, delta=DELTA):
+def landmark_free(problem, alpha=Weights.alpha, beta=Weights.beta, delta=DELTA, eta=ETA):
     """Folds alone, from the Möbius map that fits them best: landmarks take no part, f (V,)."""
     sides = laid_upon(replace(with_folds(problem), entries=[], held=[]))
-    return by_folds(sampled(sides).problem, Weights(alpha, beta, delta=delta), sides.features)
+    return by_folds(sampled(sides).problem, Weights(alpha, beta, delta=delta, eta=eta), sides)
 
 
-def by_folds(problem, weights, features=None):
-    fit = bijective_fit(problem, weights, features=features or with_folds(problem).features)
+def by_folds(problem, weights, sides=None):
+    """The fit of a problem whose disk may be another than its sides' moving one."""
+    sides = sides or with_folds(problem)
+    sides = replace(sides, moving=replace(sides.moving, disk=problem.disk))
+    fit = bijective_fit(replace(problem, sides=sides), weights, features=sides.features)
     report(fit.fallbacks)
     return fit.f
 

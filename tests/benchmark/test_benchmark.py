@@ -22,7 +22,7 @@ from qclearn.benchmark import run as module
 from qclearn.benchmark import runs as table
 from qclearn.benchmark.measured import BenchmarkError, read_measured
 from qclearn.benchmark.run import benchmark, problems
-from qclearn.benchmark.runs import FRONT, RUNS, Run, check_runs, lacking, run_of
+from qclearn.benchmark.runs import FRONT, PEERS, RUNS, Run, check_runs, lacking, run_of
 from qclearn.cli import main
 from qclearn.group import workers as connection
 from qclearn.group.workers import WorkersError
@@ -256,8 +256,8 @@ def test_the_sets_problems():
 
 
 def test_every_run_of_the_table_is_known_and_every_method_has_one():
-    check_runs(RUNS + FRONT, METHODS)
-    assert {run.method for run in RUNS} == set(METHODS)
+    check_runs(RUNS + FRONT + PEERS, METHODS)
+    assert {run.method for run in RUNS + PEERS} == set(METHODS) - {"program"}  # whose command line a reader gives
 
 
 def test_runs_whose_networks_are_missing_say_why(monkeypatch):
@@ -337,10 +337,13 @@ def test_the_command_writes_the_file_and_prints_a_table(tmp_path, folder, capsys
             "mobius_only",
             "--method",
             "harmonic:weight=5",
+            "--program",
+            "broken=false {out}",
         ]
     )
     printed = capsys.readouterr().out
     assert "harmonic:weight=5" in printed and "1/1" in printed
+    assert "broken, 1001 to 2001: " in printed and "0/1" in printed
     rows = {row["run"]: row for row in read_measured("benchmark", out)["rows"]}
     assert rows["harmonic:weight=5"]["landmark_error"] < rows["mobius_only"]["landmark_error"]
     assert rows["mobius_only"]["correspondence_sulci_mm"] > 0 and rows["mobius_only"]["floor_mm"] > 0

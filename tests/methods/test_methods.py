@@ -7,7 +7,7 @@ import pytest
 from exactmaps import moebius
 from meshes import random_disk, random_mu
 
-from qclearn.methods import METHODS, networks
+from qclearn.methods import METHODS, ON_SPHERES, networks
 from qclearn.methods.harmonic import harmonic, smoothed
 from qclearn.methods.qc_iteration import qc_iteration
 from qclearn.methods.solver import HARD, LandmarkSolver, truncated
@@ -26,7 +26,8 @@ from qclearn.surfaces.surface import Surface
 
 MOVED = moebius(0.2 - 0.1j, 0.7)
 # By landmarks alone, and without networks; those that look at folds are in benchmark/test_real_cortex.py.
-CLASSICAL = sorted(name for name, m in METHODS.items() if m.__module__.split(".")[-1] not in ("networks", "folds"))
+OTHERS = {"networks", "folds"}  # what learns, and what looks at folds
+CLASSICAL = sorted({name for name, m in METHODS.items() if m.__module__.split(".")[-1] not in OTHERS} - {*ON_SPHERES})
 each = pytest.mark.parametrize("name", CLASSICAL)
 
 

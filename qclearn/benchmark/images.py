@@ -1,0 +1,81 @@
+"""Where maps take points: into the control's disk, or onto its sphere; one way to ask both."""
+
+from functools import cached_property
+
+import numpy as np
+
+from data_synth.correspondence import locate_on_sphere
+
+from ..methods.spheres import inward
+from ..surfaces.checks import norms
+from ..surfaces.surface import SurfaceError
+
+
+class OnDisk:
+    """The control `Side` as the aim of maps into its disk. lookup: of its `Disk`.
+
+    `locate(f)`: places (face, weights) of points (P,) complex; `at(v, places)`: values (W, ...) of the aim's vertices
+    there; `values(v, places)`: the same of the open surface's; `lift(places)`: points (P, 3) of the surface.
+    """
+
+    def __init__(self, control, lookup):
+        self.control, self.locate = control, lookup
+
+    def at(self, values, places):
+        return self.control.disk.interpolate(values, places)
+
+    values = at
+
+    def lift(self, places):
+        return self.at(self.control.surface.vertices, places)
+
+
+class OnSphere:
+    """The same for maps onto its sphere, points (P, 3); places are on the whole control, whose wall has no values."""
+
+    def __init__(self, control):
+        self.sphere = control.sphere
+
+    @cached_property
+    def faces(self):
+        return self.sphere.whole.faces
+
+    def locate(self, points):
+        return locate_on_sphere(self.sphere.points, self.faces, points / norms(points)[:, None])
+
+    def values(self, values, places):
+        wall = len(self.sphere.points) - len(values)
+        return self.at(np.pad(values, ((0, wall), *((0, 0),) * (np.ndim(values) - 1)), constant_values=np.nan), places)
+
+    def lift(self, places):
+        return self.at(self.sphere.whole.vertices, places)
+
+    def at(self, values, places):
+        face, weights = places
+        return np.einsum("pk,pk...->p...", weights, values[self.faces[face]])
+
+
+def image_of(control, f, lookup):
+    """What a map goes into: the disk for f (V,) complex, the sphere for f (V', 3)."""
+    return OnDisk(control, lookup) if f.ndim == 1 else OnSphere(control)
+
+
+def carried(pair, f):
+    """Where a map f (V,) into the control's disk, or (V', 3) onto its sphere, takes the moving vertices: (V, 3), mm."""
+    image = image_of(pair.control, f, pair.control.disk.lookup)
+    return image.lift(image.locate(f[: len(pair.moving.surface.vertices)]))
+
+
+def reversed_on_sphere(pair, places, f):
+    """Faces of the moving cortex that look inward once a map (V,) or (V, 3) has carried them onto the control's sphere.
+
+    None where the control has no sphere and none can be made here.
+    """
+    faces = pair.moving.surface.faces
+    try:
+        sphere = pair.control.sphere
+        if f.ndim == 1:
+            f = pair.control.disk.interpolate(sphere.points[: len(pair.control.disk.z)], places)
+    except (ImportError, SurfaceError, AttributeError):
+        return None
+    return inward(f[faces])
