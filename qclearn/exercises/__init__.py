@@ -1,0 +1,10 @@
+"""Graded exercises: what students are asked, how an answer is checked, and how a folder of notebooks is graded."""
+
+from ..lazy import offer
+
+TABLE = {
+    "exercise": ["EXERCISES", "check"],
+    "grading": ["GradingError", "Limits", "UNANSWERED", "feedback", "grade", "is_isolated", "table", "to_read"],
+}
+
+__getattr__, __dir__, __all__ = offer(__name__, TABLE)

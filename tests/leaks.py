@@ -1,0 +1,73 @@
+"""What may not happen to files that students get: lines of solutions in them, and questions that differ from page to
+notebook."""
+
+import html
+import json
+import re
+
+import nbformat
+from graded import EXERCISES, call
+from references import BOOK
+from solutions import solutions_in, without
+
+LONG = 20  # characters: a shorter line may stand anywhere
+PRE = re.compile(r"<pre.*?</pre>", re.DOTALL)
+
+
+def lines_of(text):
+    return {line.strip() for line in text.splitlines() if len(line.strip()) > LONG}
+
+
+def graded_lines():
+    """exercise -> the lines of its solution that the question does not have."""
+    return {
+        name: {line for line in lines_of(exercise.solved) if line not in exercise.blank + exercise.words}
+        for name, exercise in EXERCISES.items()
+    }
+
+
+def page_lines():
+    """page -> the lines of code in the solutions of its exercises that it does not have elsewhere."""
+    found = {}
+    for path in sorted(BOOK.glob("*.ipynb")):
+        cells = nbformat.read(path, as_version=4).cells
+        code = "\n".join(code for cell in cells for _, code, _ in solutions_in(cell.source))
+        shown = "\n".join(without(cell.source) for cell in cells)
+        found[path.stem] = {line for line in lines_of(code) if line not in shown}
+    return found
+
+
+def text_of(path):
+    """What can be read in a file: the cells of a notebook with their metadata, the code of an HTML page, else all."""
+    text = path.read_text(encoding="utf-8")
+    if path.suffix == ".ipynb":
+        return "\n".join(cell.source + json.dumps(cell.metadata) for cell in nbformat.reads(text, as_version=4).cells)
+    if path.suffix == ".html":
+        return html.unescape(re.sub(r"<[^>]+>", "", "\n".join(PRE.findall(text))))
+    return text
+
+
+def leaks(paths, lines):
+    """file -> the lines of solutions in it, of the files that have any; lines: name -> lines."""
+    every = sorted(set().union(*lines.values()))
+    found = {path: [line for line in every if line in text] for path in paths if (text := text_of(path))}
+    return {str(path): there for path, there in found.items() if there}
+
+
+def of(notebook, part):
+    return [cell for cell in notebook.cells if part in cell.metadata.get("tags", [])]
+
+
+def squeezed(text):
+    """Words alone: neither links nor emphasis, as they differ between a page and a notebook."""
+    return " ".join(re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text).replace("*", "").split())
+
+
+def drift(page, student):
+    """The exercises of a student's notebook whose words or blank a plain copy of their page does not have."""
+    text = squeezed("\n".join(cell.source for cell in page.cells if cell.cell_type == "markdown"))
+    for question, answer in zip(of(student, "question"), of(student, "answer")):
+        name, words = question.metadata["exercise"], question.source.split("\n\n", 2)[2]
+        asked_here = call(EXERCISES[name]) in text
+        if asked_here and not (squeezed(words) in text and squeezed(answer.source) in text):
+            yield name

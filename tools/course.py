@@ -1,0 +1,148 @@
+"""The notebooks of a course: build/course/student with blanks and checks, build/course/teacher with solutions.
+
+`make course` takes all graded exercises in the order of the book; named ones make a sheet of their own:
+
+    python tools/course.py --name week3 alpha-signs accept-fold
+"""
+
+import argparse
+import re
+import sys
+from functools import cache
+
+import nbformat
+import references
+from execute_pages import ROOT
+from graded import EXERCISES, IMPORTS, call, words
+from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
+from readable import Readable
+
+from qclearn.exercises import UNANSWERED
+
+COURSE = ROOT / "build" / "course"
+KERNEL = {"kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}}
+LINK = re.compile(r"\[([^\]]*)\]\(\w+\.ipynb\)")
+INTRODUCTION = """# Exercises
+
+Fill in the blanks. `check` says whether an answer is right, as often as you like. Answers are graded with other
+numbers than those of `check`. Keep the names of the functions, and hand in this notebook under your own name."""
+FOR_TEACHERS = """# Exercises, with solutions
+
+Not for students. `qclearn grade FOLDER --out grades.csv` grades the notebooks that were handed in."""
+
+
+def in_order():
+    """The names of all exercises, by their page in the contents."""
+    pages = list(references.chapters())
+    return sorted(EXERCISES, key=lambda name: (pages.index(EXERCISES[name].page), name))
+
+
+@cache
+def heading(page):
+    return re.search(r"^# (.+)$", references.markdown_of(page), re.MULTILINE)[1]
+
+
+class Sheets:
+    """Makes the notebooks; what the text refers to in the book is said in words."""
+
+    def __init__(self):
+        self.readable = Readable("", references.labels(), references.Literature(), plain=True)
+
+    def text(self, source):
+        return LINK.sub(r"*\1*", self.readable.text(source))
+
+    def question(self, exercise):
+        told = f"{exercise.points} points, about {exercise.minutes} minutes; page *{heading(exercise.page)}*."
+        return markdown(exercise, "question", f"## {exercise.title}\n\n{told}\n\n{self.text(words(exercise))}")
+
+    def student(self, names):
+        cells = [new_markdown_cell(INTRODUCTION, id="introduction"), new_code_cell(IMPORTS, id="imports")]
+        for exercise in map(EXERCISES.get, names):
+            cells += [
+                self.question(exercise),
+                code(exercise, "answer", exercise.blank, solution=True),
+                code(exercise, "check", call(exercise), grade=True, locked=True, points=exercise.points),
+            ]
+            if exercise.read:
+                kind = {"grade": True, "solution": True, "points": 0, "cell_type": "markdown"}
+                cells.append(markdown(exercise, "sentence", UNANSWERED, **kind))
+        return new_notebook(cells=cells, metadata=KERNEL)
+
+    def teacher(self, names):
+        cells = [new_markdown_cell(FOR_TEACHERS, id="introduction"), new_markdown_cell(overview(names), id="overview")]
+        cells.append(new_code_cell(IMPORTS, id="imports"))
+        for exercise in map(EXERCISES.get, names):
+            cells += [
+                self.question(exercise),
+                code(exercise, "answer", exercise.solved),
+                code(exercise, "check", call(exercise)),
+                markdown(exercise, "mistakes", self.text(mistakes(exercise))),
+            ]
+        return new_notebook(cells=cells, metadata=KERNEL)
+
+
+def row(*cells):
+    return "| " + " | ".join(str(cell).replace("|", r"\|") for cell in cells) + " |\n"
+
+
+def overview(names):
+    """A table of the exercises with their points, in all at its end."""
+    chosen = [EXERCISES[name] for name in names]
+    text = row("exercise", "page", "minutes", "points", "to read") + row(*["---"] * 5)
+    text += "".join(row(e.name, e.page, e.minutes, e.points, "a sentence" if e.read else "") for e in chosen)
+    return text + row("in all", "", *(sum(getattr(e, what) for e in chosen) for what in ("minutes", "points")), "")
+
+
+def mistakes(exercise):
+    """A table of the known mistakes and of what a student is told."""
+    return (
+        row("mistake", "what a student is told")
+        + row("---", "---")
+        + "".join(row(name, sentence) for name, sentence in exercise.sentences.items())
+    )
+
+
+def metadata(exercise, part, nbgrader):
+    """What a cell is, for `qclearn grade` and, where something is graded or filled in, for nbgrader (schema 3)."""
+    found = {"tags": [part], "exercise": exercise.name}
+    if nbgrader:
+        usual = {"grade": False, "solution": False, "locked": False, "task": False, "cell_type": "code"}
+        found["nbgrader"] = usual | {"schema_version": 3, "grade_id": f"{exercise.name}-{part}"} | nbgrader
+    return found
+
+
+def code(exercise, part, source, **nbgrader):
+    meta = metadata(exercise, part, nbgrader)
+    return new_code_cell(source.rstrip(), id=f"{exercise.name}-{part}", metadata=meta)
+
+
+def markdown(exercise, part, source, **nbgrader):
+    meta = metadata(exercise, part, nbgrader)
+    return new_markdown_cell(source.rstrip(), id=f"{exercise.name}-{part}", metadata=meta)
+
+
+def write(names, name, folder=COURSE):
+    """Write both notebooks of a sheet below a folder; returns their paths."""
+    sheets, paths = Sheets(), []
+    for reader, make in (("student", sheets.student), ("teacher", sheets.teacher)):
+        notebook = make(names)
+        nbformat.validate(notebook)
+        (folder / reader).mkdir(parents=True, exist_ok=True)
+        paths.append(folder / reader / f"{name}.ipynb")
+        nbformat.write(notebook, paths[-1])
+    return paths
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("exercises", nargs="*", help="names, in order; all where none is given")
+    parser.add_argument("--name", default="exercises", help="of the notebooks")
+    arguments = parser.parse_args()
+    if unknown := [name for name in arguments.exercises if name not in EXERCISES]:
+        sys.exit(f"course: no such exercise: {', '.join(unknown)}; there are {', '.join(in_order())}")
+    for path in write(arguments.exercises or in_order(), arguments.name):
+        print(f"course: {path.relative_to(ROOT)}")
+
+
+if __name__ == "__main__":
+    main()
