@@ -2,6 +2,8 @@
 #   make lab        to read in JupyterLab: opens executed copies of the pages (`make lab-copies` builds them and opens nothing)
 #   make edit       to write: opens the sources in book/; `make clear` takes out what a run left in them
 #   make notebooks  for any other viewer, what the site offers for download: build/notebooks/
+#   make course     graded exercises: build/course/student/ with blanks, build/course/teacher/ with solutions
+# With SOLUTIONS=1, `make book` shows the solutions of graded exercises, too, and copies and downloads hold solutions.
 #
 # The size of torch: on Linux its default wheel brings about 5 GB of CUDA libraries. Without an NVIDIA card, take the CPU
 # wheel (under 1 GB) instead:   make book TORCH_INDEX=https://download.pytorch.org/whl/cpu
@@ -9,6 +11,7 @@
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 TORCH_INDEX ?=
 JOBS ?= 2
+export SOLUTIONS ?=
 
 BIN := .venv/bin
 INSTALLED := .venv/installed
@@ -28,7 +31,7 @@ export PYDEVD_DISABLE_FILE_VALIDATION ?= 1
 # forbidden to. Torch, Matplotlib and pyvista take 8 seconds from their sources, 3 compiled.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: book test lab lab-copies edit notebooks clear picture tag clean
+.PHONY: book test lab lab-copies edit notebooks course clear picture tag clean
 .DELETE_ON_ERROR:
 
 book: $(INSTALLED)
@@ -57,6 +60,9 @@ clear: $(INSTALLED)
 
 notebooks: $(INSTALLED)
 	$(BIN)/python tools/lab_copies.py --plain --jobs $(JOBS)
+
+course: $(INSTALLED)
+	$(BIN)/python tools/course.py
 
 # The picture of the README.
 picture: $(INSTALLED)

@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("qclearn", "data_synth")
 # The rooms of qclearn, floor by floor: each may import from its own and from those below.
 FLOORS = ["plane", "surfaces", "files", "registration", "group", "nets", "methods", "benchmark", "pages", "reports"]
-FLOORS += ["cli", "__main__"]
+FLOORS += ["exercises", "cli", "__main__"]
 # Modules that call networks from below, and load them only then.
 CALLERS = {"qclearn.registration.register"}
 # Who brings the synthetic surfaces, which know qclearn up to the registration, together with the rest.
@@ -147,7 +147,9 @@ def test_importing_the_library_loads_nothing_and_its_doors_no_network_and_no_pic
 
 
 # A distribution -> what it is imported as, where the two differ.
-IMPORTED_AS = {"scikit-image": "skimage"}
+IMPORTED_AS = {"scikit-image": "skimage", "cat-surf": "cat_surf"}
+# A program that runs in a process of its own, because of the licence of what it imports.
+PROGRAM = "qclearn.methods.catsurf"
 # Come with another package: with pyvista, and with distributed.
 BROUGHT = {"vtkmodules", "dask"}
 # Needed without an import there: fsaverage5's files.
@@ -172,12 +174,21 @@ def test_the_core_and_each_extra_require_what_they_import():
     core = distributions(project["dependencies"])
     rooms = {room: sorted((ROOT / "qclearn" / room).rglob("*.py")) for room in FLOORS}
     base = [path for room in FLOORS if room not in ("group", "nets", "benchmark", "pages") for path in rooms[room]]
+    (program,) = (path for path in base if module_of(path) == PROGRAM)
+    base.remove(program)
+    assert libraries([program]) == required["peers"]
     assert libraries([*base, *(ROOT / "qclearn").glob("*.py")]) == core - UNIMPORTED
     guest = [path for path in (ROOT / "data_synth").glob("*.py") if module_of(path) not in DATASETS]
     assert libraries(guest) - core == required["synth"]
     assert libraries(rooms["nets"]) - core == required["nets"]
     assert libraries(rooms["benchmark"]) - core == required["benchmark"]
     assert libraries(rooms["group"]) - core < required["benchmark"]  # the scheduler of several workers
+
+
+def test_nothing_imports_the_program_under_another_licence():
+    takers = {module_of(path): {name for name, _ in imports_of(path)} for path in PATHS}
+    assert {module for module, names in takers.items() if "cat_surf" in names} == {PROGRAM}
+    assert not any(name == PROGRAM or name.endswith(".catsurf") for names in takers.values() for name in names)
 
 
 def circles(imports):

@@ -17,19 +17,20 @@ DOORS = {name for package in LISTED for name in importlib.import_module(package)
 # The most lines that a room may have. Who raises a number says why in the commit; a new room brings one of its own.
 BUDGET = {
     "qclearn/plane": 1910,
-    "qclearn/surfaces": 1030,
-    "qclearn/files": 1938,
-    "qclearn/registration": 3546,
-    "qclearn/group": 644,
-    "qclearn/nets": 2960,
-    "qclearn/methods": 424,
-    "qclearn/benchmark": 1292,
-    "qclearn/pages": 2407,
-    "qclearn/cli, and what stands beside the rooms": 1134,
-    "data_synth": 2401,
-    "tools": 4037,
+    "qclearn/surfaces": 1032,
+    "qclearn/files": 1939,
+    "qclearn/registration": 3775,
+    "qclearn/group": 646,
+    "qclearn/nets": 2986,
+    "qclearn/methods": 885,
+    "qclearn/benchmark": 1562,
+    "qclearn/pages": 2412,
+    "qclearn/cli, and what stands beside the rooms": 1281,
+    "data_synth": 2456,
+    "tools": 4635,
+    "qclearn/exercises": 3292,
     "browser": 6344,
-    "qclearn/reports": 1074,
+    "qclearn/reports": 1075,
 }
 
 

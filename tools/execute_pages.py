@@ -12,7 +12,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-import expressions  # beside this file, as are guards, packages and solutions
+import expressions  # beside this file, as are graded, guards, packages and solutions
+import graded
 import guards
 import nbformat
 import solutions
@@ -54,7 +55,16 @@ def stop_at(found):
         sys.exit("build_book: the pages are wrong\n" + "\n".join(found))
 
 
+def prose(notebook):
+    return [cell for cell in notebook.cells if cell.cell_type == "markdown"]
+
+
 def prepare(notebook):
+    try:
+        for cell in prose(notebook):
+            cell.source = graded.put(cell.source, with_solutions=True)
+    except KeyError as error:
+        return [error.args[0]]
     wrong = guards.check(notebook)
     expressions.ask(notebook)
     solutions.append(notebook)
@@ -63,6 +73,9 @@ def prepare(notebook):
 
 def finish(notebook):
     wrong = solutions.remove(notebook) + expressions.store(notebook)
+    if not solutions.SHOWN:
+        for cell in prose(notebook):
+            cell.source = solutions.without(cell.source, graded.labels())
     return wrong + errors_in(notebook) + list(guards.pictures_without_a_name(notebook))
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from data_synth.correspondence import locate_on_sphere
 from data_synth.cortex import grown
-from data_synth.generations import GUIDANCE, Guidance
+from data_synth.generations import Guidance
 from data_synth.individual import Individual
 from data_synth.pattern import COUNT, FILE
 from data_synth.tessellation import fibonacci_sphere
@@ -52,7 +52,7 @@ def template_depth(n_vertices=VERTICES):
 
 def main():
     percent = np.round(100 * template_depth()).astype(int).tolist()
-    kept = {"of": "depth of the folded template, percent of its standard deviation", "guidance": asdict(GUIDANCE)}
+    kept = {"of": "depth of the folded template, percent of its standard deviation", "guidance": asdict(Guidance())}
     text = json.dumps(kept | {"vertices": VERTICES, "percent": percent})
     write_whole(FILE, lambda place: place.write_text(text + "\n", encoding="utf-8"))
 

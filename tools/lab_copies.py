@@ -1,7 +1,8 @@
 """Copies of the executed pages for reading: build/lab for JupyterLab, build/notebooks for any other viewer.
 
 A copy is made anew when its page, the library behind it, the contents or the literature changed, and only then; the
-pages are executed for it where build/book has no run of them that is as new. A copy that a reader changed is never
+pages are executed for it where build/book has no run of them that is as new. With SOLUTIONS=1 in the environment the
+copies hold the solutions of exercises. A copy that a reader changed is never
 overwritten: it is kept beside the new one, and a line says so.
 """
 
@@ -13,8 +14,10 @@ import sys
 from pathlib import Path
 
 import execute_pages
+import expressions
 import nbformat
 import references
+import solutions
 from nbformat.sign import NotebookNotary
 from plain import for_plain_viewers
 from readable import Readable, as_notebook, for_jupyterlab
@@ -37,7 +40,7 @@ def book_digest():
     """Of everything that a copy depends on besides its own page: references to other pages, and these programs."""
     book = references.BOOK
     labels = "".join(f"{label}{target}" for label, target in sorted(references.labels().items()))
-    found = hashlib.sha256(labels.encode())
+    found = hashlib.sha256(f"{labels}{solutions.SHOWN}".encode())
     for file in (book / "_toc.yml", book / "references.bib", *sorted(Path(__file__).parent.glob("*.py"))):
         found.update(file.read_bytes())
     return found.hexdigest()
@@ -78,6 +81,19 @@ def write_copies(folder, stamps, make):
     return written
 
 
+def without_solutions(notebook):
+    """Change a page in place: no solution, no cell that held nothing else, no value that only a solution quotes."""
+    for cell in execute_pages.prose(notebook):
+        if (source := solutions.without(cell.source)) != cell.source:
+            asked = cell.metadata.get("user_expressions", [])
+            cell.source = source
+            cell.metadata["user_expressions"] = [
+                entry for entry in asked if entry["expression"] in expressions.expressions_in(source)
+            ]
+    notebook.cells = [cell for cell in notebook.cells if cell.source or cell.cell_type != "markdown"]
+    return notebook
+
+
 class Copies:
     """Makes copies of pages, by `for_jupyterlab` or `for_plain_viewers`."""
 
@@ -88,7 +104,8 @@ class Copies:
     def executed(self, page):
         path = execute_pages.SOURCE / f"{page}.ipynb"
         if path.exists():
-            return nbformat.read(path, as_version=4)
+            notebook = nbformat.read(path, as_version=4)
+            return notebook if solutions.SHOWN else without_solutions(notebook)
         return as_notebook(references.markdown_of(page))
 
     def make(self, page, change):

@@ -2,8 +2,13 @@
 
 A ```python fence inside a {solution} runs in the page's namespace, after the page's cells and the solutions before it.
 The ```text fence that follows it says what it prints; without one it has to print nothing.
+
+The site's pages show solutions folded, but for those of graded exercises; copies and downloads have none. With
+SOLUTIONS=1 in the environment, executed pages keep those of graded exercises (`make book SOLUTIONS=1`), and copies keep
+all that their pages have (`make lab SOLUTIONS=1`).
 """
 
+import os
 import re
 from itertools import pairwise
 
@@ -15,6 +20,7 @@ FENCE = re.compile(r"^(`{3,})(\w+)[ \t]*\n(.*?)^\1[ \t]*$", re.DOTALL | re.MULTI
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 TOLERANCE = 0.02  # relative
 ROUNDING = 1e-9  # two numbers below this are both rounding errors, whatever their digits
+SHOWN = os.environ.get("SOLUTIONS", "") not in ("", "0")
 
 
 def solutions_in(source):
@@ -24,6 +30,16 @@ def solutions_in(source):
         for (language, text), (follows, printed) in pairwise([*fences, ("", "")]):
             if language == "python":
                 yield exercise, text, printed if follows == "text" else ""
+
+
+def without(text, labels=None):
+    """A text without the solutions of the exercises that are labelled so, without any where no labels are given."""
+
+    def kept(match):
+        return "" if labels is None or match[2] in labels else match[0]
+
+    found = SOLUTION.sub(kept, text)
+    return text if found == text else re.sub(r"\n{3,}", "\n\n", found).strip()
 
 
 def append(notebook):

@@ -34,7 +34,7 @@ from qclearn.plane.disk import Disk
 from qclearn.registration.features import FOLDS
 from qclearn.registration.landmarks import curve_distance, curves_in_space
 from qclearn.registration.metrics import correspondence_measures, near_curves
-from qclearn.registration.problem import DELTA, Weights
+from qclearn.registration.problem import BY_DISKS, Weights
 from qclearn.surfaces.conformal import Side
 from qclearn.surfaces.curvature import curvature_image
 
@@ -113,7 +113,7 @@ def one_control(subjects, folder, workers):
         group.lay_upon_mean()
         group.kept, control = Folder(None, {}), group.median()
         first = alone(group.result(group.subjects[control], members[control]))
-        used = group.used(group.register_all(first, 1, Weights(delta=DELTA)))
+        used = group.used(group.register_all(first, 1, Weights(delta=BY_DISKS)))
         mean = group.average(first, used, first.disk.z)
     return members[control].name, mean, {members[k].name: f for k, f in used.items()}
 

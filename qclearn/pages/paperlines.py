@@ -32,9 +32,12 @@ def cohort():
 
 @cache
 def figures_of(file):
-    """The figures of a kept file, nested dicts: of "benchmark" the cohort's summary, of "sizes" seconds by chain."""
+    """The figures of a kept file, nested dicts: of "sizes" seconds by chain, of "benchmark" the cohort's summary, with
+    the maps of all runs of the paper's networks counted as "paper's networks"."""
     if file == "benchmark":
-        return summary(cohort())
+        found = summary(cohort())
+        own = [line for run, line in found.items() if run.startswith("paper's networks")]
+        return found | {"paper's networks": {key: sum(line[key] for line in own) for key in ("certified", "pairs")}}
     figures = read_measured(file)
     return chain_seconds(figures["rows"]) if file == "sizes" else figures
 
@@ -61,11 +64,10 @@ def decided(line):
         return line
     value = reduce(operator.truediv, map(kept_figure, line["measured"]))
     sign, bound = line["limit"]
-    if sign == "printed":
-        verdict = judge_ratio(bound, value, *interval(*line["measured"]))
-    else:
-        verdict = line["verdict"][0 if BOUNDS[sign](value, bound) else 1]
-    return line | {"value": value, "verdict": verdict, "rule": line["rule"].format(limit=f"{bound:.3g}")}
+    ends = interval(*line["measured"]) if sign == "printed" else ()
+    verdict = judge_ratio(bound, value, *ends) if ends else line["verdict"][0 if BOUNDS[sign](value, bound) else 1]
+    rule = line["rule"].format(limit=f"{bound:.3g}")
+    return line | {"value": value, "interval": ends, "verdict": verdict, "rule": rule}
 
 
 def paper_lines(path="paper.toml"):
@@ -83,9 +85,12 @@ def paper_table(lines):
 
 
 def judged(line):
-    """The rule, then the number, then the verdict."""
-    number = f" Measured {line['value']:.3g}:" if "value" in line else ""
-    return f"{line['rule']}{number} **{line['verdict']}**"
+    """The rule, the number, the verdict, and what the number was read from, with its interval where the rule asks."""
+    if "value" not in line:
+        return f"{line['rule']} **{line['verdict']}**"
+    ends = "interval {:.3g} to {:.3g}; ".format(*line["interval"]) if line["interval"] else ""
+    names = " over ".join(f"`{name}`" for name in line["measured"])
+    return f"{line['rule']} Measured {line['value']:.3g}: **{line['verdict']}** ({ends}{names})"
 
 
 def placed(line):

@@ -39,7 +39,7 @@ def read_or_quoted():
 def test_the_preface_names_the_pages_that_read_their_numbers():
     (promise,) = re.findall(r"\*\*What is computed where\.\*\*(.*?)The part \*Networks\*", INDEX, re.DOTALL)
     assert page_links(promise) == read_or_quoted()
-    assert "Four pages" in promise and len(read_or_quoted()) == 4
+    assert "Five pages" in promise and len(read_or_quoted()) == 5
 
 
 def test_the_readme_counts_the_surfaces_of_the_kept_benchmark():

@@ -11,21 +11,32 @@ import pytest
 from known_surfaces import sphere
 from subjects import grown
 
-from data_synth import CortexError, correspondence, load_cortex, make_cortex, save_cortex
+from data_synth import CortexError, correspondence, load_cortex, make_cortex, save_cortex, unfolded
 from data_synth.compiled import compiled
 from data_synth.correspondence import depth_correlation, locate_on_sphere
 from data_synth.fundus import trim
-from data_synth.generations import GENERATION, GUIDANCE
+from data_synth.generations import GENERATION, GENERATIONS
 from data_synth.growth import depth_below, grow, hull_distance, neighbour_table
 from data_synth.individual import Individual
 from data_synth.intersections import self_intersections
 from data_synth.pattern import FILE, kept, pattern
-from data_synth.template import CENTRE, SULCI, Diffeomorphism, hull_radius, sulcus_course, unit, wall_level
+from data_synth.template import (
+    CENTRE,
+    SULCI,
+    AreaKeeping,
+    Diffeomorphism,
+    area_vectors,
+    hull_radius,
+    sulcus_course,
+    unit,
+    wall_level,
+)
 from data_synth.tessellation import fibonacci_sphere, interior_edges
 from data_synth.untangle import untangle
 from qclearn import mean_curvature, read_surface, sulcal_depth
 from qclearn.registration.landmarks import curve_distance
-from qclearn.surfaces.surface import SurfaceError, require_disk, require_outward
+from qclearn.registration.metrics import log2_distortions
+from qclearn.surfaces.surface import Surface, SurfaceError, require_disk, require_outward
 
 SIZE = 2500
 
@@ -136,6 +147,14 @@ def test_folds_correspond():
     assert np.mean(apart) < 3.5
 
 
+def test_areas_correspond_before_growth_where_the_deformation_keeps_them():
+    template, faces, vary = subject().template, subject().surface.faces, {}
+    for number in GENERATIONS:
+        here, there = (unfolded(replace(subject(), seed=seed, generation=number), template) for seed in (1, 2))
+        vary[number] = log2_distortions(Surface(here, faces), there)["log2_area"][1]
+    assert vary[4] < 0.6 * vary[3]
+
+
 def test_depths_of_a_subject_and_itself_agree():
     assert depth_correlation(subject(), subject()) == pytest.approx(1)
 
@@ -158,8 +177,15 @@ def test_the_template_leans_to_itself():
     assert depth.min() < 0 < depth.max()
 
 
-def test_the_pattern_was_grown_with_the_constants_of_its_generation():
-    assert json.loads(FILE.read_text())["guidance"] == json.loads(json.dumps(asdict(GUIDANCE)))
+@pytest.mark.parametrize("generation", GENERATIONS)
+def test_the_pattern_was_grown_with_the_constants_of_each_generation(generation):
+    """All but those of the deformation, which the template itself has not."""
+    deformation = {"variability", "smoothness", "keeps_area"}
+    here = json.loads(json.dumps(asdict(GENERATIONS[generation])))
+    there = json.loads(FILE.read_text())["guidance"]
+    assert {key: here[key] for key in here.keys() - deformation} == {
+        key: there[key] for key in there.keys() - deformation
+    }
 
 
 def test_gaps_and_branches_are_recorded_where_they_were_drawn():
@@ -261,16 +287,29 @@ def test_unreadable_files(tmp_path):
         save_cortex(tmp_path / "file" / "subject.npz", subject())
 
 
-def test_the_deformation_is_a_diffeomorphism_that_leaves_the_wall():
-    deform = Diffeomorphism(np.random.default_rng(5), 0.15)
+@pytest.mark.parametrize("kind", [Diffeomorphism, AreaKeeping])
+def test_the_deformation_is_a_diffeomorphism_that_leaves_the_wall(kind):
+    deform = kind(np.random.default_rng(5), 0.15, 0.6)
     points = fibonacci_sphere(3000)
     moved = deform(points)
     assert np.abs(deform(moved, inverse=True) - points).max() < 1e-4
     inside = wall_level(points) < 1.05
     assert inside.any() and np.allclose(moved[inside], points[inside], rtol=0, atol=1e-12)
     assert 0.05 < np.sqrt(((moved - points) ** 2).sum(axis=1).mean()) < 0.2
+
     mesh = sphere()
     assert (np.linalg.det(deform(unit(mesh.vertices))[mesh.faces]) > 0).all()
+
+
+@pytest.mark.parametrize("kind, keeps", [(Diffeomorphism, False), (AreaKeeping, True)])
+def test_one_kind_of_deformation_keeps_areas_on_the_hull(kind, keeps):
+    deform, points = kind(np.random.default_rng(5), 0.11, 0.6), fibonacci_sphere(1000)
+    points = points[wall_level(points) > 1]
+
+    def area(map_):
+        return np.linalg.norm(area_vectors(lambda u: hull_radius(map_(u))[:, None] * map_(u), points), axis=1)
+
+    assert (np.quantile(abs(np.log2(area(deform) / area(unit))), 0.95) < 1e-3) == keeps
 
 
 def test_the_hull_is_flat_on_the_medial_side():
@@ -345,8 +384,7 @@ def test_untangling_draws_a_piercing_vertex_back():
 
 def test_the_mesh_is_even_and_nearly_delaunay():
     cortex = subject()
-    person = Individual(1, "left")
-    rest = person.position(person.deform(cortex.template))
+    rest = unfolded(cortex, cortex.template)
     faces = cortex.surface.faces
     length = np.linalg.norm(rest[cortex.surface.edges[:, 0]] - rest[cortex.surface.edges[:, 1]], axis=1)
     assert length.std() < 0.3 * length.mean()

@@ -29,6 +29,8 @@ def last_line(package, program):
         ("torch", "import data_synth.training", "nets"),
         ("distributed", "from qclearn.benchmark import benchmark; benchmark('out.json')", "benchmark"),
         ("brainspace", "from qclearn.files.conte69 import conte69; conte69()", "conte69"),
+        ("cat_surf", "from qclearn.methods.spheres import inflated; inflated(None)", "peers"),
+        ("cat_surf", "from qclearn.methods import spherical_demons; spherical_demons(None)", "peers"),
         (
             "jsonschema",
             "from qclearn.benchmark.measured import check_schema; check_schema('out.json', {}, 'networks')",
@@ -66,6 +68,6 @@ def test_the_core_does_without_them():
 
 
 def test_what_is_there_is_not_missed():
-    for extra in EXTRAS.keys() - {"conte69"}:  # 61 MB that no test needs
+    for extra in EXTRAS.keys() - {"conte69", "peers"}:  # which no test needs
         with require(extra, "tests"):
             pass

@@ -54,7 +54,7 @@ FEATURES = [(name, [maps[k] for maps in MAPS]) for k, name in enumerate(("sulc",
 def quick():
     """Where a Möbius map begins is known here: few starts will do."""
     with pytest.MonkeyPatch.context() as patch:
-        for name, value in {"TURNS": 6, "RADII": (0.25,), "DIRECTIONS": 4, "BEST": 2, "ROUNDS": 8}.items():
+        for name, value in {"ROUNDS": 8}.items():
             patch.setattr(features, name, value)
         patch.setattr("qclearn.group.template.commit", lambda: "c0ffee")  # somebody may work on the checkout
         yield

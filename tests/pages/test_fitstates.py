@@ -11,9 +11,10 @@ from qclearn.pages.examples import Example, cortex_problem, example_problems, sp
 from qclearn.pages.fitstates import describe, exact_fit, fit_state, network_fit, sentences, states_figure
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import square_disk
-from qclearn.registration.features import FINEST, Feature, featured
+from qclearn.registration.features import Feature, featured
 from qclearn.registration.fit import fit_landmarks
 from qclearn.registration.problem import LandmarkError, Problem, Weights
+from qclearn.registration.smoothing import FINEST
 from qclearn.surfaces.conformal import Side
 from qclearn.surfaces.surface import Surface
 

@@ -40,7 +40,22 @@ ROLE = re.compile(r"\{([\w:-]+)\}`([^`]+)`")
 CLASS = re.compile(r'<(\w+)[^>]* class="([\w -]+)"')
 FIGURE = re.compile(r'<img[^>]*class="page-figure"[^>]*>')
 SOURCE = re.compile(r'src="data:image/png;base64,([^"]*)"')
+DIV = re.compile(r"<div\b[^>]*>|</div>")
+SOLUTION_BOX = re.compile(r'<div class="[^"]*\bsolution\b[^"]*"')
 SCENE = re.compile(r'<iframe class="scene"[^>]*>')
+
+
+def without_solutions(article):
+    """The HTML of a page without the boxes of its solutions, which copies do not have."""
+    kept, begin, depth = [], 0, 0
+    for tag in DIV.finditer(article):
+        if not depth and SOLUTION_BOX.match(tag[0]):
+            kept.append(article[begin : tag.start()])
+            depth = 1
+        elif depth:
+            depth += -1 if tag[0] == "</div>" else 1
+            begin = tag.end()
+    return "".join([*kept, article[begin:]])
 
 
 def squeezed(text):
@@ -50,6 +65,7 @@ def squeezed(text):
 def in_the_book(page):
     """(numbers of the captions, numbers of the text, number of 3-D scenes) of a page of the site."""
     article = (SITE / f"{page}.html").read_text(encoding="utf-8").split("<article", 1)[1].split("</article>", 1)[0]
+    article = without_solutions(article)
     numbers = [squeezed(html.unescape(number)) for number in NUMBER.findall(article)]
     return CAPTION.findall(article), numbers, article.count('<iframe class="scene"')
 

@@ -4,7 +4,7 @@ JupyterLab makes of each kind of element, `test_lab_pages.py` asks on a few page
 import nbformat
 import pytest
 import references
-from copies import FAULTS, all_kinds, copy_of, faults_of_file, fewest, in_the_book, kinds, planted
+from copies import FAULTS, all_kinds, copy_of, faults_of_file, fewest, in_the_book, kinds, planted, without_solutions
 
 
 def test_each_copy_reads_as_the_book_does():
@@ -42,3 +42,8 @@ def test_a_planted_fault_is_noticed(name):
     before, after, _, told = FAULTS[name]
     found = found_in(planted(before, after))
     assert any(told in fault for fault in found), found
+
+
+def test_numbers_in_the_boxes_of_solutions_do_not_count():
+    box = '<div class="solution dropdown admonition"><p>0.1</p><div><div>0.2</div></div></div>'
+    assert without_solutions(f"a <div>b</div> {box} c {box}") == "a <div>b</div>  c "
