@@ -4,7 +4,7 @@ import numpy as np
 import scipy
 
 from ..registration.landmarks import POINTS_PER_CURVE, SAMPLES, curve_distance, curves_in_space, sample_curve
-from ..registration.metrics import distortion_maps, log2_distortions
+from ..registration.metrics import distortion_maps, log2_distortions, quantile
 from ..registration.preparation import sample_side
 from ..registration.smoothing import standardised
 from .images import OnDisk
@@ -96,7 +96,6 @@ def correlations(pair, target, here, there):
 def log2_means(surface, points):
     """`log2_distortions` as plain figures: means and, as "p95_...", 95th percentiles."""
     found = log2_distortions(surface, points)
-    del found["distortion"]
     return {name: mean for name, (mean, _) in found.items()} | {f"p95_{name}": p95 for name, (_, p95) in found.items()}
 
 
@@ -113,12 +112,6 @@ def tails(surface, points):
     areas = surface.vertex_areas / surface.area
     found = area_and_shape(surface, points)
     return {name: quantile(abs(values), areas) for name, values in zip(("areal_95", "shape_95"), found)}
-
-
-def quantile(values, shares, share=0.95):
-    """The value below which `share` of the area lies, of values (V,) with shares of the area (V,)."""
-    order = np.argsort(values)
-    return float(values[order][min(np.searchsorted(np.cumsum(shares[order]), share), len(order) - 1)])
 
 
 def true_map(pair, lookup):

@@ -113,15 +113,28 @@ def log2_distortions(surface, points):
     """How much the registration stretches, moving surface -> points (V, 3): [mean, 95 %] over the surface's area.
 
     `log2_area`: |log2 J|, J the ratio of areas, at least `SMALLEST_RATIO`, total areas made equal; `log2_shape`: log2
-    of the ratio of the principal stretches, `(1 + |mu|) / (1 - |mu|)`; `distortion`: of each, its values at 50, 95 and
-    100 % of the area.
+    of the ratio of the principal stretches, `(1 + |mu|) / (1 - |mu|)`.
     """
-    area, shape = stretches(surface.vertices, surface.faces, points)
     weights = surface.face_areas / surface.area
-    area = np.maximum(area / (weights @ area), SMALLEST_RATIO)
-    values = {"log2_area": abs(np.log2(area)), "log2_shape": np.log2(shape)}
-    at = {name: {f"{q:g}": _quantile(value, weights, q / 100) for q in (50, 95, 100)} for name, value in values.items()}
-    return {**{name: [float(weights @ value), at[name]["95"]] for name, value in values.items()}, "distortion": at}
+    return {
+        name: [float(weights @ values), quantile(values, weights)]
+        for name, values in _log2_stretches(surface, points).items()
+    }
+
+
+def distortion_quantiles(surface, points):
+    """The same, its values at 50, 95 and 100 % of the area: name -> {"50", "95", "100"}."""
+    weights = surface.face_areas / surface.area
+    return {
+        name: {str(share): quantile(values, weights, share / 100) for share in (50, 95, 100)}
+        for name, values in _log2_stretches(surface, points).items()
+    }
+
+
+def _log2_stretches(surface, points):
+    area, shape = stretches(surface.vertices, surface.faces, points)
+    area = np.maximum(area / (surface.face_areas @ area / surface.area), SMALLEST_RATIO)
+    return {"log2_area": abs(np.log2(area)), "log2_shape": np.log2(shape)}
 
 
 def distortion_maps(vertices, faces, images):
@@ -158,10 +171,10 @@ def _flattened(corners):
     return np.stack([length + 0j, x + 1j * np.linalg.norm(second - x[:, None] * along, axis=1)])
 
 
-def _quantile(values, weights, share):
+def quantile(values, shares, share=0.95):
+    """The value below which `share` of the area lies, of values (F,) with shares of the area (F,)."""
     order = np.argsort(values)
-    reached = np.searchsorted(np.cumsum(weights[order]), share)
-    return float(values[order][min(reached, len(order) - 1)])
+    return float(values[order][min(np.searchsorted(np.cumsum(shares[order]), share), len(order) - 1)])
 
 
 def paired_difference(one, other, rng, draws=10_000, level=0.95):

@@ -8,7 +8,7 @@ from ..plane.mobius import best_mobius, mobius
 from ..surfaces.checks import degenerate_faces
 from .annotations import dice
 from .landmarks import POINTS_PER_CURVE, curve_distance, curves_in_space, sample_curve
-from .metrics import coefficient_statistics, curve_rows, log2_distortions, mean_rows
+from .metrics import coefficient_statistics, curve_rows, distortion_quantiles, log2_distortions, mean_rows
 from .preparation import sample_side
 from .readings import FEWEST, laid_by_folds
 from .suspect import disagreeing, reasons, worse
@@ -27,6 +27,7 @@ def report_of(sides, landmarks, weights, fit, points, regions=None):
         **mean_rows(rows),
         **coefficient_statistics(fit.mu),
         **log2_distortions(moving, points),
+        "distortion": distortion_quantiles(moving, points),
         "flipped": len(fit.flipped),
         "bijective": fit.bijective,
         "degenerate": len(degenerate_faces(points, moving.faces)),
