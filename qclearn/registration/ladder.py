@@ -163,6 +163,7 @@ class Climb:
                 nu = self.carried(before, state, engine, start if features is None else None)
                 state = engine.at(nu, state.mobius)
             most = level.beyond * before.objective(last, weights.gamma) if before and level.beyond else -np.inf
+            before = last = None  # with its factors, which make room for those of this level
             done = most > 0 and engine.objective(state, weights.gamma) <= most
             state, taken = (state, 0) if done else climbed(engine, state, level, watch, enough)
             steps.append(taken)
