@@ -19,7 +19,7 @@ BUDGET = {
     "qclearn/plane": 1910,
     "qclearn/surfaces": 1032,
     "qclearn/files": 1939,
-    "qclearn/registration": 3789,
+    "qclearn/registration": 3793,
     "qclearn/group": 646,
     "qclearn/nets": 2986,
     "qclearn/methods": 885,

@@ -25,6 +25,7 @@ GUIDING_GAMMA = 1e2  # until the last level: a large one tears the map to the la
 GUIDING_DELTA, COARSE = 0.3, 16.0  # at most, from this scale up: a large one tears it to the nearest folds
 AREAS_DELTA, AREAS_ETA = 1.0, 0.1  # at most, with areas above the finest scale: larger ones lead to the wrong valleys
 STAND, BEYOND = 64, 1.05  # rings of the polar mesh that stands for a large one, and what that may add to its objective
+RIM = 1 - 1 / STAND  # radius from where areas do not count on either: the two cut the rim into faces of other kinds
 
 
 class Level(NamedTuple):
@@ -135,6 +136,8 @@ class Climb:
         """The `AreaTerm` of one level; places: of the moving vertices."""
         sides, sigma = self.problem.sides, FINEST if setting.own else level.sigma or LEVELS[0].sigma
         shares, moving = setting.by_area(self.density("moving", sigma))
+        if level.stand or level.beyond:
+            shares = np.where(abs(setting.link.disk.centroids) < RIM, shares, 0.0)
         places = places if level.own_mesh else Places(sides.control.disk)
         return AreaTerm(setting.link.disk, shares, moving, self.density("control", sigma), eta, places)
 
