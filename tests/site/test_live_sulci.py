@@ -20,7 +20,7 @@ HTMLCanvasElement.prototype.getContext = function(kind, ...more) {
 
 
 class TestOnTheSite(OnTheSite):
-    page, name, slider, silent = "registration.html", "sulci", "gamma", VIEWS
+    page, name, slider, silent = "weights.html", "sulci", "gamma", VIEWS
 
     def test_millimetres_are_the_librarys(self, shown):
         shown.reset()

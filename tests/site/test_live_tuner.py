@@ -63,7 +63,7 @@ class TestOnTheSite(OnTheSite):
         shown.press(shown.slider("beta"), "ArrowRight")
         link = shown.root.get_by_role("link", name="See it on the surface")
         page, state = unquote(link.get_attribute("href")).split("#live-sulci=")
-        assert page == "registration.html" and json.loads(state)["beta"] == shown.state()["beta"]
+        assert page == "weights.html" and json.loads(state)["beta"] == shown.state()["beta"]
         shown.choose("problem", "twist")
         assert not link.is_visible()
 

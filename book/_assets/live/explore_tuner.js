@@ -182,7 +182,7 @@ export default {
     why: "Where the landmarks are nearly met, each factor of ten takes the error down by about as much, and |μ| hardly moves.",
   },
   onward: {
-    page: "registration",
+    page: "weights",
     name: "sulci",
     text: "See it on the surface",
     state({ problem, landmarks, alpha, beta, gamma, starts, targets }) {

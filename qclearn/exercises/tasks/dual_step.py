@@ -3,7 +3,7 @@ import numpy as np
 import qclearn as qc
 
 TITLE = "A step counted in landmarks"
-PAGE, MINUTES, POINTS = "registration", 30, 4
+PAGE, MINUTES, POINTS = "fit", 30, 4
 TASK = r"""
 {prf:ref}`The theorem on the dual step <thm-reg-dual>` solves a system with one row a residual where the field
 $\nu$ has thousands of unknowns. Take the step, without the Möbius part. Given are the Jacobian `J`, complex

@@ -3,7 +3,7 @@ import numpy as np
 import qclearn as qc
 
 TITLE = "The gradient of the landmark term"
-PAGE, MINUTES, POINTS = "registration", 30, 4
+PAGE, MINUTES, POINTS = "fit", 30, 4
 TASK = r"""
 Let $\mathcal L = \frac\gamma M \sum_k |(Qf)_k - q_k|^2$ with the sparse matrix $Q$, `(M, V)`, that samples a map
 at the landmarks, and let $f$ be the map that the disk solver found last, `solver.f`. Return the gradient of
