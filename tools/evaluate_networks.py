@@ -24,7 +24,8 @@ from data_synth.generations import GENERATION
 from qclearn.benchmark.measured import read_measured, write_measured
 from qclearn.files.provenance import provenance
 
-PARTS = ("polar", "ldnet", "cpnet", "dbsnet", "losses", "controls")  # the last needs networks that are not shipped
+# The last two need networks that are not shipped.
+PARTS = ("polar", "ldnet", "cpnet", "dbsnet", "losses", "whole", "controls")
 
 
 def main():

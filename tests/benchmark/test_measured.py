@@ -15,7 +15,7 @@ def figures():
 
 
 def test_the_kept_figures_fit_their_schema_and_come_back(figures, tmp_path):
-    assert set(figures) == {"polar", "ldnet", "cpnet", "controls", "dbsnet", "losses"}
+    assert set(figures) == {"polar", "ldnet", "cpnet", "controls", "dbsnet", "losses", "whole"}
     write_measured("networks", tmp_path / "networks.json", figures)
     assert read_measured("networks", tmp_path / "networks.json") == figures
     assert (tmp_path / "networks.json").read_text() == (KEPT / "networks.json").read_text()
