@@ -67,7 +67,7 @@ def figure_families():
 
 
 # Chapters of several pages, whose figures have one word.
-SHARED = {"reg": {"registration", "fit", "baseline"}}
+SHARED = {"reg": {"registration", "fit", "baseline"}, "cp": {"cpnet", "cpnetlearned"}}
 
 
 def test_figures_are_named_after_their_own_page():
