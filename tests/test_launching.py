@@ -1,5 +1,5 @@
-"""The files that launch the book elsewhere say what pyproject.toml, constraints.txt and .ci/run say: conda's environment,
-the container for development, the workflow that tests and publishes."""
+"""The files that launch the book elsewhere say what pyproject.toml, constraints.txt and .ci/run say: an environment of
+conda, a container for development, the workflow that tests and publishes."""
 
 import json
 import os

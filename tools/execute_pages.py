@@ -12,7 +12,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-import expressions  # beside this file, as are graded, guards, packages and solutions
+import costs  # beside this file, as are expressions, graded, guards, packages and solutions
+import expressions
 import graded
 import guards
 import nbformat
@@ -67,11 +68,13 @@ def prepare(notebook):
         return [error.args[0]]
     wrong = guards.check(notebook)
     expressions.ask(notebook)
+    costs.ask(notebook)
     solutions.append(notebook)
     return wrong
 
 
 def finish(notebook):
+    costs.take(notebook)
     wrong = solutions.remove(notebook) + expressions.store(notebook)
     if not solutions.SHOWN:
         for cell in prose(notebook):
