@@ -25,9 +25,9 @@ def ask(notebook):
 
 def take(notebook):
     """After execution: the answer becomes the page's metadata, the cell goes."""
-    (cell,) = (cell for cell in notebook.cells if TAG in cell.metadata.get("tags", []))
-    notebook.cells.remove(cell)
-    notebook.metadata["cost"] = json.loads(cell.outputs[0].text)
+    for cell in [cell for cell in notebook.cells if TAG in cell.metadata.get("tags", [])]:
+        notebook.cells.remove(cell)
+        notebook.metadata["cost"] = json.loads(cell.outputs[0].text)
 
 
 def measured(folder):

@@ -12,12 +12,13 @@ import subprocess
 import sys
 from pathlib import Path
 
-import costs  # beside this file, as are expressions, graded, guards, packages and solutions
+import costs  # beside this file, as are the others, up to teaching
 import expressions
 import graded
 import guards
 import nbformat
 import solutions
+import teaching
 from packages import installed_copy
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -151,6 +152,8 @@ def run(pages, jobs):
     stop_at(each_page(paths, prepare))
     execute(paths, jobs)
     stop_at(each_page(paths, finish))
+    for path in SOURCE.glob("*.md"):
+        path.write_text(teaching.put(path.read_text(encoding="utf-8")), encoding="utf-8")
     stamps = json.loads(STAMPS.read_text()) if STAMPS.exists() else {}
     STAMPS.write_text(json.dumps(stamps | {path.stem: stamp(path.stem) for path in paths}, indent=1))
 
