@@ -28,7 +28,7 @@ BUDGET = {
     "qclearn/cli, and what stands beside the rooms": 1281,
     "data_synth": 2456,
     "tools": 5117,
-    "qclearn/exercises": 3292,
+    "qclearn/exercises": 3317,
     "browser": 6344,
     "qclearn/reports": 1075,
 }
