@@ -3,6 +3,7 @@
 #   make edit       to write: opens the sources in book/; `make clear` takes out what a run left in them
 #   make notebooks  for any other viewer, what the site offers for download: build/notebooks/
 #   make course     graded exercises: build/course/student/ with blanks, build/course/teacher/ with solutions
+#   make decks      three lectures as slides: build/decks/
 # With SOLUTIONS=1, `make book` shows the solutions of graded exercises, too, and copies and downloads hold solutions.
 #
 # The size of torch: on Linux its default wheel brings about 5 GB of CUDA libraries. Without an NVIDIA card, take the CPU
@@ -31,7 +32,7 @@ export PYDEVD_DISABLE_FILE_VALIDATION ?= 1
 # forbidden to. Torch, Matplotlib and pyvista take 8 seconds from their sources, 3 compiled.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: book test lab lab-copies edit notebooks course clear picture tag clean
+.PHONY: book test lab lab-copies edit notebooks course decks clear picture tag clean
 .DELETE_ON_ERROR:
 
 book: $(INSTALLED)
@@ -63,6 +64,10 @@ notebooks: $(INSTALLED)
 
 course: $(INSTALLED)
 	$(BIN)/python tools/course.py
+
+decks: $(INSTALLED)
+	$(BIN)/python tools/decks.py --jobs $(JOBS)
+	@echo "Slides: $(BIN)/python -m http.server --directory build/decks, then http://localhost:8000/opening.html"
 
 # The picture of the README.
 picture: $(INSTALLED)

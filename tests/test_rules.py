@@ -27,8 +27,8 @@ BUDGET = {
     "qclearn/pages": 2412,
     "qclearn/cli, and what stands beside the rooms": 1281,
     "data_synth": 2456,
-    "tools": 4663,
-    "qclearn/exercises": 3292,
+    "tools": 5117,
+    "qclearn/exercises": 3317,
     "browser": 6344,
     "qclearn/reports": 1075,
 }

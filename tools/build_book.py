@@ -10,7 +10,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-import export_live  # beside this file, as is lab_copies
+import decks  # beside this file, as are export_live and lab_copies
+import export_live
 import lab_copies
 import nbformat
 from execute_pages import ROOT, SOURCE, run
@@ -66,6 +67,7 @@ def main():
     if not arguments.no_site:
         export_live.export()
         offer(build_site(meanwhile=downloads))
+        decks.write(SITE / "html" / "decks", "../_static")
 
 
 if __name__ == "__main__":

@@ -12,11 +12,13 @@ import subprocess
 import sys
 from pathlib import Path
 
-import expressions  # beside this file, as are graded, guards, packages and solutions
+import costs  # beside this file, as are the others, up to teaching
+import expressions
 import graded
 import guards
 import nbformat
 import solutions
+import teaching
 from packages import installed_copy
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -67,11 +69,13 @@ def prepare(notebook):
         return [error.args[0]]
     wrong = guards.check(notebook)
     expressions.ask(notebook)
+    costs.ask(notebook)
     solutions.append(notebook)
     return wrong
 
 
 def finish(notebook):
+    costs.take(notebook)
     wrong = solutions.remove(notebook) + expressions.store(notebook)
     if not solutions.SHOWN:
         for cell in prose(notebook):
@@ -148,6 +152,8 @@ def run(pages, jobs):
     stop_at(each_page(paths, prepare))
     execute(paths, jobs)
     stop_at(each_page(paths, finish))
+    for path in SOURCE.glob("*.md"):
+        path.write_text(teaching.put(path.read_text(encoding="utf-8")), encoding="utf-8")
     stamps = json.loads(STAMPS.read_text()) if STAMPS.exists() else {}
     STAMPS.write_text(json.dumps(stamps | {path.stem: stamp(path.stem) for path in paths}, indent=1))
 

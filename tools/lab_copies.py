@@ -18,6 +18,7 @@ import expressions
 import nbformat
 import references
 import solutions
+import teaching
 from nbformat.sign import NotebookNotary
 from plain import for_plain_viewers
 from readable import Readable, as_notebook, for_jupyterlab
@@ -106,7 +107,7 @@ class Copies:
         if path.exists():
             notebook = nbformat.read(path, as_version=4)
             return notebook if solutions.SHOWN else without_solutions(notebook)
-        return as_notebook(references.markdown_of(page))
+        return as_notebook(teaching.put(references.markdown_of(page)))
 
     def make(self, page, change):
         readable = Readable(page, self.targets, self.literature, plain=change is for_plain_viewers)

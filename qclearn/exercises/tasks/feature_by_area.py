@@ -61,6 +61,11 @@ MISTAKES = {
         "Every vertex counts alike: where the mesh is fine, the surface counts more. Weigh the vertices by area, in"
         " the mean and in the variance",
     ),
+    "areas in mm²": (
+        ("share = share / share.sum()", "share = 1 * share"),
+        "The weights are areas in mm² and do not add up to 1. A mean over the surface divides by the whole area, and"
+        " the variance does, too",
+    ),
     "every triangle alike": (
         ("np.repeat(area / 3, 3)", "np.repeat(area**0, 3)"),
         "The weight of a vertex is its number of triangles, large or small. Each triangle has to bring a third of its"

@@ -43,13 +43,13 @@ RUNS = (
 
 
 def cases(rng):
-    for curves in (8, 11):
+    for split, curves in enumerate((8, 11)):
         runs = [RUNS[k] for k in rng.permutation(len(RUNS))]
         near, far, r, certified = (np.array(part) for part in zip(*runs))
         fitted = rng.permutation(np.arange(curves) % 2 == 0)
         fitted = np.array([fitted, ~fitted])
         spread = 1 + 0.2 * rng.uniform(-1, 1, (len(runs), 2, curves))
-        spread[:, 0, rng.permutation(curves)[0]] *= 1.4
+        spread[:, split, rng.permutation(np.flatnonzero(~fitted[split]))[0]] *= 1.6  # the farthest, once in either
         yield np.where(fitted, near[:, None, None], far[:, None, None]) * spread, fitted, certified, r
 
 
@@ -67,8 +67,10 @@ def verdict(answer, case):
         return f"run {run} is reported, and another certified one leaves curves that took no part nearer"
     if not abs(mm - means[run]) <= 1e-9:
         return f"the held-out curves of run {run} are {means[run]:.3f} mm off, and not {mm:.3f} mm"
+    if curve not in own[run]:
+        return f"there are {len(own[run])} curves, numbered from 0 in both splits alike, and {curve} is none of them"
     if curve != max(own[run], key=own[run].get):
-        return f"curve {curve} of run {run} is {own[run].get(curve, np.nan):.2f} mm off, and another one farther"
+        return f"curve {curve} of run {run} is {own[run][curve]:.2f} mm off, and another one farther"
 
 
 def evidence(answer, case):
@@ -100,6 +102,16 @@ MISTAKES = {
         ("certified.all(1)", "certified.any(1)"),
         "A run that is certified in one split only is let through: both of its maps stand behind the mean, so ask "
         "for both certificates",
+    ),
+    "zeros in the mean": (
+        ("np.where(fitted, np.nan, apart)", "np.where(fitted, 0.0, apart)"),
+        "What took part counts as a distance of 0 here, so that the mean is half of what it should be. Divide by the "
+        "number of curves that are counted",
+    ),
+    "a place in both splits": (
+        ("np.nanmax(held[run], axis=0).argmax()", "np.nanargmax(held[run])"),
+        "Run and mean are right; the worst curve is counted through both splits in a row. Find the place of the "
+        "largest distance, and of that place the curve alone",
     ),
     "the worst when fitted": (
         ("np.nanmax(held[run], axis=0)", "np.nanmax(np.where(fitted, apart[run], np.nan), axis=0)"),

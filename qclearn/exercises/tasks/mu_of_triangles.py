@@ -52,10 +52,13 @@ def verdict(answer, case):
     said = np.asarray(answer(*given))
     if said.shape != right.shape:
         return f"an array of shape {right.shape} is asked for, and it returns {said.shape or 'no array'}"
+    if bad := int((~np.isfinite(said)).sum()):
+        return f"on {bad} of {len(said)} triangles the answer is no number: is something divided by 0 there?"
     off = abs(said - right)
     if not off.max() < 1e-8:
         worst = off.argmax()
-        return f"on a triangle with |mu| = {abs(right[worst]):.2f} the answer is off by {off[worst]:.2f}"
+        where = f"on a triangle with |mu| = {abs(right[worst]):.2f}"
+        return f"{where} the answer is off by {off[worst]:.2f}; do the two equations hold?"
 
 
 def evidence(answer, case):
@@ -67,6 +70,11 @@ MISTAKES = {
         ("return f_zbar / f_z", "return f_z / f_zbar"),
         "The quotient stands upside down: a map without folds gets |mu| above 1. Look at the Beltrami equation, and"
         " at which of the two derivatives is 0 for a conformal map",
+    ),
+    "minus": (
+        ("f_zbar = (Q * p - P * q)", "f_zbar = (P * q - Q * p)"),
+        "This is minus mu: every ellipse is turned by a right angle. Put your two derivatives back into the first of"
+        " the two equations, and see which one has the wrong sign",
     ),
     "source and image exchanged": (
         ("source, image = z[faces], f[faces]", "source, image = f[faces], z[faces]"),
