@@ -5,11 +5,11 @@ import qclearn as qc
 TITLE = "What flows through an edge"
 PAGE, MINUTES, POINTS = "lbs", 25, 3
 TASK = r"""
-Let $f = u + iv$ have the coefficient $\mu$ on every triangle. [The equation](#eq-lbs-conjugate)
-$\nabla v = i A(\mu) \nabla u$ says that what $A\nabla u$ carries through an edge is what $v$ gains along it. The
-solver for the free boundary lives on this. Write `fluxes`: given are `z`, complex `(V,)`, counter-clockwise `faces`,
-integer `(F, 3)`, `mu`, complex `(F,)`, and `u`, real `(V,)`; return a real array `(F, 3)`. Its column $k$ holds the
-flux
+Let $f = u + iv$ have the coefficient $\mu$ on every triangle. [The equation](#eq-lbs-conjugate) $\nabla v = i A(\mu)
+\nabla u$ says that what $A\nabla u$ carries through an edge is what $v$ gains along it. The solver for the [free
+boundary](#term-free-boundary) lives on this. Write `fluxes`: given are `z`, complex `(V,)`, counter-clockwise
+`faces`, integer `(F, 3)`, `mu`, complex `(F,)`, and `u`, real `(V,)`; return a real array `(F, 3)`. Its column $k$
+holds the flux
 
 $$
 \int A(\mu) \nabla u \cdot n \, ds
