@@ -3,6 +3,7 @@
 import copy
 import json
 import re
+from functools import cache
 from types import SimpleNamespace
 
 import course
@@ -118,15 +119,20 @@ def test_no_page_shows_a_line_of_a_solution_by_chance():
     assert leaks([path for path in references.BOOK.iterdir() if path.suffix in (".ipynb", ".md")], graded_lines()) == {}
 
 
-def test_an_exercise_stands_on_its_own_page_once():
-    placed = [
+@cache
+def placed():
+    """(exercise, page) of all places where a page names one."""
+    return [
         (name, path.stem)
         for path in sorted(references.BOOK.glob("*.ipynb"))
         for cell in nbformat.read(path, as_version=4).cells
         for name in graded.PLACE.findall(cell.source)
     ]
-    assert placed and [(name, page) for name, page in placed if EXERCISES[name].page != page] == []
-    assert len(dict(placed)) == len(placed)
+
+
+@pytest.mark.parametrize("name", EXERCISES)
+def test_an_exercise_stands_on_its_own_page_once(name):
+    assert [page for found, page in placed() if found == name] == [EXERCISES[name].page]
 
 
 def test_copies_have_no_solution_of_any_page():
