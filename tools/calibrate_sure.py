@@ -2,14 +2,16 @@
 
     python tools/calibrate_sure.py [--folder DIR] [--out FILE.json]
 
-Subjects that calibrate and subjects that judge are disjoint. Pairs of either have all, half, two or none of their curves
-fitted, and 6,000 to 20,000 vertices; landmarks alone have factors of their own. Warped real cortex and the held-out
-curves of fsaverage5 are told apart: nothing was chosen by them. Finished cases are kept in DIR and not run again.
+Subjects that calibrate and subjects that judge are disjoint. Pairs of either have all, half, two or none of their
+curves fitted, and 6,000 to 20,000 vertices; landmarks alone have factors of their own. Warped real cortex and the
+held-out curves of fsaverage5 are told apart: nothing was chosen by them. Finished cases are kept in DIR and not run
+again.
 """
 
 import json
 import time
 import warnings
+from functools import partial
 from pathlib import Path
 
 import click
@@ -19,7 +21,7 @@ from scipy.stats import spearmanr
 
 import qclearn as qc
 from qclearn.benchmark.cortex import fsaverage_side, warp_pair
-from qclearn.benchmark.pairs import cohort_pair, mapped_subject
+from qclearn.benchmark.pairs import Pair, cohort_pair, mapped_subject
 from qclearn.files.provenance import commit
 from qclearn.files.safe import write_whole
 from qclearn.registration.landmarks import curve_distance, curves_of_both
@@ -64,6 +66,15 @@ def run(pair, kind, setting):
     areas = pair.moving.surface.vertex_areas
     return {"radius": radius, "error": error, "areas": areas / areas.sum(), "points": found.points,
             "seconds": np.array(seconds)}  # fmt: skip
+
+
+def synthetic(seeds, sizes, kind, setting):
+    sides = [mapped_subject(seed, size, generation=GENERATION) for seed, size in zip(seeds, sizes)]
+    return run(cohort_pair(*sides), kind, setting)
+
+
+def warped(left, amplitude, setting):
+    return run(warp_pair(left, amplitude), "folds", setting)
 
 
 def kept(path, make):
@@ -122,12 +133,9 @@ def main(folder, out):
         seeds = [FIRST[part] + number for number in (first, second)]
         sizes = [SIZES[part][number] for number in (first, second)]
 
-        def make():
-            sides = [mapped_subject(seed, size, generation=GENERATION) for seed, size in zip(seeds, sizes)]
-            return run(cohort_pair(*sides), kind, setting)
-
         name = f"{part}-{kind}-{seeds[0]}-{seeds[1]}-{setting}"
-        found.setdefault((kind, part), []).append(kept(folder / f"{name}.npz", make))
+        one = kept(folder / f"{name}.npz", partial(synthetic, seeds, sizes, kind, setting))
+        found.setdefault((kind, part), []).append(one)
         words.setdefault((kind, part), []).append({"seeds": seeds, "vertices": sizes, "curves": setting})
         print(name, flush=True)
     usual = {"folds": Weights(delta=DELTA, eta=ETA), "landmarks": Weights()}
@@ -153,15 +161,9 @@ def main(folder, out):
 
 def on_warps(folder, factors):
     """`judged` of real cortex warped by so many mm, whose truth is known."""
-    left, rows = None, []
+    left, rows = fsaverage_side("left"), []
     for amplitude, setting in WARPS.items():
-
-        def make():
-            nonlocal left
-            left = left or fsaverage_side("left")
-            return run(warp_pair(left, amplitude), "folds", setting)
-
-        one = kept(folder / f"warp-{amplitude:g}-{setting}.npz", make)
+        one = kept(folder / f"warp-{amplitude:g}-{setting}.npz", partial(warped, left, amplitude, setting))
         rows.append({"amplitude_mm": amplitude, "curves": setting} | judged(one, factors))
     return rows
 
@@ -173,22 +175,13 @@ def on_curves(folder, factors):
     rows = []
     for half in (0, 1):
         fitted, held = curves[half::2], curves[1 - half :: 2]
-        one = kept(folder / f"curves-{half}.npz", lambda: run(_Bare(right, left, fitted), "folds", "all"))
+        one = kept(folder / f"curves-{half}.npz", partial(run, Pair(right, left, tuple(fitted)), "folds", "all"))
         for curve in held:
             path = curve["moving"]
             off = curve_distance(one["points"][path], left.surface.vertices[curve["control"]])
             there = float(factors["90"] * one["radius"][path].mean())
             rows.append({"name": curve["name"], "distance_mm": float(off), "radius_mm": there})
     return rows
-
-
-class _Bare:
-    """Two sides and their curves, truth unknown."""
-
-    truth = None
-
-    def __init__(self, moving, control, curves):
-        self.moving, self.control, self.curves = moving, control, curves
 
 
 if __name__ == "__main__":

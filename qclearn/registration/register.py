@@ -159,13 +159,12 @@ def register(
     report = {**found, "fallbacks": words + found["fallbacks"], "seconds": stages.report(), "method": method}
     if networks and features is None:
         report["tolerance"] = tolerance if np.isfinite(tolerance) else None  # JSON knows no infinity
-    radius = None
-    if sure:
-        radius, report["sure"] = sure_report(sure_of(sides, landmarks.problem, weights, fit), sides)
     here, there = sides.moving.disk, sides.control.disk
-    return Registration(
-        points, fit.f, fit.mu, report, here.z, there.z, landmarks.lines, here.faces, there.faces, radius
-    )
+    found = Registration(points, fit.f, fit.mu, report, here.z, there.z, landmarks.lines, here.faces, there.faces)
+    if not sure:
+        return found
+    radius, report["sure"] = sure_report(sure_of(sides, landmarks.problem, weights, fit), sides)
+    return replace(found, sure=radius)
 
 
 def given_curves(moving, control, curves, features, hold_out):

@@ -1,5 +1,5 @@
-"""How far a registration may be off, a radius in mm at every vertex: what a fit's own second derivative leaves free, how
-far a stiffer fit goes elsewhere, and how unlike the folds lie on each other, times a factor that known truths gave.
+"""How far a registration may be off, a radius in mm at each vertex: what a fit's second derivative leaves free, how far
+a stiffer fit goes elsewhere, and how unlike the folds lie on each other, times a factor that known truths gave.
 
 Laplace's approximation alone is far too sure and hardly ranks: errors are mostly folds that agree and do not
 correspond. tools/calibrate_sure.py measures the factors and judges them on pairs that took no part: sure.json.
@@ -18,7 +18,7 @@ from .features import FOLDS
 from .ladder import LEVELS, Climb, Level, start_field
 from .problem import LandmarkError
 from .readings import with_folds
-from .smoothing import FINEST, Smoothing
+from .smoothing import FINEST
 from .steps import MOBIUS_PRIOR, ProductStep
 
 RINGS, BATCH = 16, 256  # of the polar mesh of the posterior; unknowns whose columns are solved for at once
@@ -35,7 +35,7 @@ BLIND = (
 
 
 class Sure(NamedTuple):
-    """radius (V,) at factor 1, mm; vertex: where one more landmark would lower the mean radius most, and to which share."""
+    """radius (V,) at factor 1, mm; vertex: where one more landmark lowers the mean radius most; share: to how much."""
 
     radius: np.ndarray
     vertex: int
@@ -149,16 +149,12 @@ def calibrated():
 
 
 def check_sure(features, method, sliding, weights):
-    """LandmarkError where the factors were not measured: other features than the folds, sliding, networks, far weights."""
-    names = None if features is None else [getattr(one, "name", one) for one in features]
+    """LandmarkError where the factors were not measured: features of one's own, sliding, networks, far weights."""
     usual = calibrated()["weights"]["landmarks" if features is None else "folds"]
     for clash, what in (
         (method != "exact", f"method {method!r}"),
         (sliding, "sliding landmarks"),
-        (
-            names is not None and (len(names) != len(FOLDS) or any(n not in FOLDS for n in names)),
-            "features of your own",
-        ),
+        (features is not None and list(features) != list(FOLDS), f"other features than {' and '.join(FOLDS)}"),
     ):
         if clash:
             raise LandmarkError(f"sure: the radius is not calibrated for {what}; leave one of the two out")
