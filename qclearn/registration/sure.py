@@ -113,10 +113,10 @@ def sure_of(sides, problem, weights, fit):
     local, mean = np.maximum(blurred(moving.features, off), 1e-6), areas @ off
     free = np.sqrt(between(laplace.covariance[0] + laplace.covariance[2], samples)) * scale * np.sqrt(mean)
     by_posterior, by_fit, by_local = BY_LANDMARKS if features is None else BY_FOLDS
-    radius = free**by_posterior * (local / mean) ** by_local
+    logs = by_posterior * np.log(free)
     if by_fit:
-        apart = abs(stiffer(problem, weights, features) - fit.f) * scale
-        radius = radius * np.exp(by_fit * blurred(moving.features, np.log(apart + NEAR_MM)))
+        logs += by_fit * np.log(abs(stiffer(problem, weights, features) - fit.f) * scale + NEAR_MM)
+    radius = np.exp(blurred(moving.features, logs)) * (local / mean) ** by_local
     share = samples.T @ areas
     by_node = samples.T @ (areas * radius) / np.where(share > 0, share, 1)
     means = (share * by_node) @ np.maximum(laplace.shrunk(), 0) ** (by_posterior / 2) / (share @ by_node)
