@@ -25,7 +25,8 @@ RINGS, BATCH = 16, 256  # of the polar mesh of the posterior; unknowns whose col
 STIFFER = 0.1  # beta of the second fit
 BLUR = 8.0  # mm over which what is local is averaged
 NEAR_MM = 0.05  # added to the distance of both fits, whose log is averaged
-BY_FOLDS, BY_LANDMARKS = (2 / 3, 1 / 3, 1 / 8), (1.0, 0.0, 1 / 2)  # powers of posterior, stiffer fit, local mismatch
+# Powers of the posterior's spread, of the distance of the stiffer fit, both in mm, and of the local mismatch.
+BY_FOLDS, BY_LANDMARKS = (2 / 3, 1 / 3, 1 / 8), (0.6, 0.0, 0.3)
 MOST = {"alpha": 4.0, "beta": 4.0, "gamma": 10.0, "delta": 4.0, "eta": 4.0}  # times a weight may be off the calibrated
 VERTICES = 20_000  # of a side, up to which the factors are calibrated
 BLIND = (
@@ -51,7 +52,8 @@ class Laplace:
     """
 
     def __init__(self, problem, weights, mu, mobius, features=None, rings=RINGS):
-        engine = Climb(problem).engine(Level(rings, None if features is None else FINEST, 0), weights, features)
+        level = Level(rings, None if features is None else FINEST, 0)
+        self.engine = engine = Climb(problem).engine(level, weights, features)
         self.mesh, self.state = engine.link.mesh, engine.at(start_field(problem.disk, mu, engine.link.mesh), mobius)
         step = ProductStep(engine, self.state, weights.gamma)
         rows = sparse.vstack([step.landmarks, *(term.rows(self.state.f) for term in engine.terms)]).tocsr()
