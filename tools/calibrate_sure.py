@@ -50,8 +50,8 @@ def cases():
 
 
 def run(pair, kind, setting, timed=False):
-    """A registration's radius at factor 1, true error and shares of the area, as arrays; timed: also CPU seconds, without
-    and with the radius."""
+    """A registration's radius at factor 1, true error and shares of the area, as arrays; timed: also CPU seconds,
+    without and with the radius."""
     fitted = list(pair.curves)[CURVES[setting]]
     given = {"features": None} if kind == "landmarks" else {}
     seconds = []
