@@ -24,7 +24,7 @@ BUDGET = {
     "qclearn/nets": 2986,
     "qclearn/methods": 885,
     "qclearn/benchmark": 1555,
-    "qclearn/pages": 2479,
+    "qclearn/pages": 2485,
     "qclearn/cli, and what stands beside the rooms": 1281,
     "data_synth": 2456,
     "tools": 4641,
