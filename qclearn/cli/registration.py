@@ -24,6 +24,7 @@ from .sphere import FILES as SPHERES
 from .sphere import ControlSphere, sphere_of, write_sphere
 
 MAPS = ("points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving", "faces_control")  # that are written
+SURE = "sure.shape.gii"
 
 
 @click.command()
@@ -76,6 +77,7 @@ MAPS = ("points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving
     metavar="MOVING CONTROL",
     help="Annotations (.annot, .label.gii), compared by their regions' names; they take no part in the fit.",
 )
+@click.option("--sure", is_flag=True, help="Also how far the map may be off at each vertex: sure.shape.gii, in mm.")
 @click.option("--sliding", is_flag=True, help="Let inner points slide along their target curves.")
 @click.option("--mirror", is_flag=True, help="Mirror the moving surface first (right onto left).")
 @click.option("--report", is_flag=True, help="Write report.html, too: one page to look at, without a network.")
@@ -193,7 +195,7 @@ def register_into(out, pair, curves, accept_suspect, **options):
 
     command, stages, paged = click.get_current_context().obj, Stages(2, False), options.pop("report")
     read = time.perf_counter() - command.begun
-    with output_folder(out, instead=["report.html", *SPHERES]) as folder:
+    with output_folder(out, instead=["report.html", SURE, *SPHERES]) as folder:
         result = run_registration(*pair.disks, on_disks(curves, pair.given), progress=True, **options)
         with stages("figure"):
             registration_figure(result, *pair.disks).savefig(folder / "figure.png", dpi=150)
@@ -220,6 +222,11 @@ def write_maps(folder, result, pair):
     arrays = {name: getattr(result, name) for name in MAPS} | pair.arrays
     write_registration(folder / "registration.npz", arrays)
     qc.write_surface(folder / "registered.surf.gii", result.surface, frame=pair.control.frame)
+    if result.sure is not None:
+        numbering = pair.moving.numbering
+        radius = result.sure.astype(np.float32)
+        whole = numbering.on_whole(radius, np.nan) if numbering.known else radius
+        qc.write_values(folder / SURE, whole, pair.moving.frame.side, names=["radius of 90 %, mm"])
     return pair.sphere and write_sphere(folder, arrays, pair.sphere)
 
 
@@ -255,6 +262,12 @@ def print_report(report, out):
     line("|mu|", f"mean {mean:.3f}, SD {deviation:.3f}, maximum {most:.3f}")
     faces = f"{report['flipped']} faces flipped, {report['degenerate']} without area on the control"
     line("bijective", f"{'yes' if report['bijective'] else 'no'}, {faces}")
+    if "sure" in report:
+        least, _, most = report["sure"]["quantiles_mm"].values()
+        line(
+            "sure",
+            f"within {report['sure']['mean_mm']:.1f} mm on average, 9 in 10 vertices ({least:.1f} to {most:.1f})",
+        )
     line("fallbacks", "; ".join(report["fallbacks"]) or "none")
     line("suspect", "; ".join(word.split(":")[0] for word in report["suspect"]) or "no")
     line("seconds", f"{report['seconds']['total']:.1f}")

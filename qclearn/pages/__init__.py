@@ -2,7 +2,7 @@
 
 from ..lazy import offer
 
-EXPLORABLES = ("Mobius", "Mu", "Tuner", "Sulci", "Landmarks", "LBS", "Boundary", "Growth")
+EXPLORABLES = ("Mobius", "Mu", "Tuner", "Sulci", "Landmarks", "LBS", "Boundary", "Growth", "HowSure")
 TABLE = {
     "cells": ["keep", "num", "show_figure", "table"],
     "diagrams": ["block_diagram"],

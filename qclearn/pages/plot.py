@@ -119,21 +119,23 @@ def registration_figure(registration, moving, control):
 
     The moving disk's curvature with detected and target curves, without curves the control's; the mapped disk with its
     curves; the deformed grid; |mu| on the disk; its histogram. First row: unit disk. Second row: equal parts of the
-    picture have equal moving area (a conformal disk crowds the cortex around its centre), histogram by area.
+    picture have equal moving area (a conformal disk crowds the cortex around its centre), histogram by area. With a
+    radius, its map is a sixth column.
     """
     r, radius = registration, area_radius(moving, registration.disk_moving)
     disk = Disk(r.disk_moving, moving.faces)
     figure = Figure(figsize=(16, 6.8), dpi=110)
     margins = {"left": 0.02, "right": 0.955, "bottom": 0.11, "top": 0.88, "wspace": 0.08, "hspace": 0.1}
-    rows = figure.subplots(2, 5, width_ratios=(1, 1, 1, 1, 0.8), gridspec_kw=margins)
+    widths = (1, 1, 1, 1, 0.8) if r.sure is None else (1, 1, 1, 1, 0.8, 1.6)
+    rows = figure.subplots(2, len(widths), width_ratios=widths, gridspec_kw=margins)
     curves = [list(side) for side in zip(*r.curves.values())] or [[], []]
     some, faces, means = drawn_part(disk, moving)
     mu = abs(r.mu) if len(some) == len(disk.z) else means @ (disk.to_vertices @ abs(r.mu))
     grey = means @ grey_levels(mean_curvature(moving), moving.vertex_areas)
     start, first = r.disk_moving[some], (faces, grey)
     if not r.curves:
-        shown, sides, means = drawn_part(Disk(r.disk_control, control.faces), control)
-        first = sides, means @ grey_levels(mean_curvature(control), control.vertex_areas)
+        shown, sides, around = drawn_part(Disk(r.disk_control, control.faces), control)
+        first = sides, around @ grey_levels(mean_curvature(control), control.vertex_areas)
         start = r.disk_control[shown]
     for axes, scale, unscale in zip(rows, (np.asarray, radius.to_image), (np.asarray, radius.from_image)):
         lines = [unscale(line) for line in polar_lines()]
@@ -147,6 +149,9 @@ def registration_figure(registration, moving, control):
             curves_plot(ax, targets, "target")
         lines_plot(disk_axes(axes[2]), mapped[len(targets) :], "#1F4E79")
         colours = disk_plot(axes[3], scale(r.disk_moving[some]), faces, mu, vmin=0, vmax=1)
+        if r.sure is not None:
+            sure = disk_plot(axes[5], scale(r.disk_moving[some]), faces, means @ r.sure, cmap="magma_r", vmin=0)
+            figure.colorbar(sure, ax=axes[5], shrink=0.6)
     mu_histogram(rows[0, 4], r.mu)
     mu_histogram(rows[1, 4], r.mu, moving.face_areas)
     _label_registration(figure, rows, colours, r.report)
@@ -169,6 +174,7 @@ def _label_registration(figure, rows, colours, report):
         "polar grid after the map",
         r"$|\mu|$ on the moving disk",
         r"histogram of $|\mu|$",
+        "90 % radius, mm",
     )
     for ax, title in zip(rows[0], titles):
         ax.set_title(title, fontsize=11)

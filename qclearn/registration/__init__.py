@@ -16,6 +16,7 @@ TABLE = {
     "readings": ["mistakes"],
     "report": ["held_out_distances"],
     "steps": ["PrimalStep"],
+    "sure": ["Laplace", "calibrated"],
     "terms": ["LandmarkTerm"],
 }
 

@@ -21,6 +21,7 @@ from .landmarkfile import check_curves, held_apart
 from .preparation import Sides, laid_upon, sampled
 from .problem import BY_DISKS, DELTA, ETA, LandmarkError, Weights
 from .report import report_of
+from .sure import check_sure, sure_of, sure_report
 
 STAGES = {"exact": (5, 6), "network": (9, 8)}  # how many run without and with features
 
@@ -31,7 +32,8 @@ class Registration:
 
     points: the moving vertices on the control surface, in its length unit; disk_map: the same in the control's disk;
     mu: measured coefficient of disk_moving -> disk_map; report: dict for JSON; disk_moving, disk_control: the disk
-    maps; curves: name -> (moving, control) curves in their disks, (k,) complex each.
+    maps; curves: name -> (moving, control) curves in their disks, (k,) complex each; sure: the radius, mm, within which
+    nine in ten vertices' true points lie, if it was asked for.
     """
 
     points: Float[ndarray, " V 3"]
@@ -43,6 +45,7 @@ class Registration:
     curves: dict
     faces_moving: Integer[ndarray, " F 3"]
     faces_control: Integer[ndarray, " G 3"]
+    sure: Float[ndarray, " V"] | None = None
 
     @property
     def surface(self) -> "Unchecked":
@@ -99,6 +102,7 @@ def register(
     hold_out: list | tuple = (),
     annotations: tuple | list | None = None,
     eta: float | None = None,
+    sure: bool = False,
 ) -> Registration:
     """Register the moving surface to the control by landmark curves and folds: a Registration, certified bijective.
 
@@ -115,6 +119,8 @@ def register(
     the areal term mean (log J)^2, J the map's areal scale from surface to surface; 0: only areas in the disks are seen,
     as in the paper. None: DELTA and ETA with features, BY_DISKS where eta is 0; without features 0. For one person's
     brain onto a template `**qclearn.registration.INDIVIDUAL` has weights under which areas change less.
+    sure: also a radius in mm at each moving vertex, calibrated where the truth is known (sure.py): `result.sure` and
+    `report["sure"]`; LandmarkError for settings in which it was not measured.
     method: "exact" (shortest paths, Gauss-Newton fit, exact solver) or "network" (LD-Net, CP-Net, DBS-Net; the exact
     solver replaces a map that folds, and Gauss-Newton steps refine one whose landmark error in the disk exceeds
     `tolerance`: 5e-3 unless given, inf to take what comes; with features, the fit starts from CP-Net's answer).
@@ -126,6 +132,8 @@ def register(
     tolerance = check_method(method, sliding, tolerance, features)
     eta = check_eta(eta, method, features)
     weights = Weights(alpha, beta, gamma, check_delta(delta, features, DELTA if eta else BY_DISKS), eta)
+    if sure:
+        check_sure(features, method, sliding, weights)
     entries, held = given_curves(moving, control, curves, features, hold_out)
     regions = check_annotations(annotations, moving, control)
     stages, networks, maps = Stages(STAGES[method][features is not None], progress), {}, []
@@ -152,7 +160,11 @@ def register(
     if networks and features is None:
         report["tolerance"] = tolerance if np.isfinite(tolerance) else None  # JSON knows no infinity
     here, there = sides.moving.disk, sides.control.disk
-    return Registration(points, fit.f, fit.mu, report, here.z, there.z, landmarks.lines, here.faces, there.faces)
+    found = Registration(points, fit.f, fit.mu, report, here.z, there.z, landmarks.lines, here.faces, there.faces)
+    if not sure:
+        return found
+    radius, report["sure"] = sure_report(sure_of(sides, landmarks.problem, weights, fit), sides)
+    return replace(found, sure=radius)
 
 
 def given_curves(moving, control, curves, features, hold_out):

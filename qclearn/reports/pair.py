@@ -106,10 +106,29 @@ def result_tables(one):
         ("repairs and fallbacks", "; ".join(report["fallbacks"]) or "none"),
     ]
     return (
-        table(("feature", "before (best Möbius map)", "after"), rows, "Correlation of the folds, at 4 mm")
+        sure_table(report.get("sure"))
+        + table(("feature", "before (best Möbius map)", "after"), rows, "Correlation of the folds, at 4 mm")
         + table(("distortion", "mean", "95 % below", "greatest"), stretched, "How much the moving surface is stretched")
         + table(("certificate", ""), sound, "Whether the map is sound")
     )
+
+
+def sure_table(sure):
+    """Within how many mm nine in ten vertices lie, where it was asked for, and what that does not see."""
+    if not sure:
+        return ""
+    least, middle, most = (number(value, 1) for value in sure["quantiles_mm"].values())
+    rows = [
+        ("mean over the area", f"{number(sure['mean_mm'], 1)} mm"),
+        ("10, 50 and 90 % of the area below", f"{least}, {middle}, {most} mm"),
+        ("calibrated on", sure["calibrated_on"]),
+        ("does not see", sure["blind_to"]),
+        (
+            "one more landmark helps most at",
+            f"vertex {sure['next']['vertex']}: mean {number(sure['next']['mean_mm'], 1)} mm",
+        ),
+    ]
+    return table(("radius", ""), rows, "How sure the map is: within this radius lie nine in ten vertices")
 
 
 def curve_tables(report):

@@ -7,7 +7,7 @@ import pytest
 from reference import run_engine
 from scipy.optimize import minimize
 
-from qclearn.pages import LBS, Boundary, Growth
+from qclearn.pages import LBS, Boundary, Growth, HowSure
 
 
 def answers(live, changes):
@@ -91,3 +91,23 @@ def test_a_frame_beyond_the_last_is_the_last():
     corners, faces = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]), np.array([[0, 2, 1], [0, 1, 3]])
     live = Growth(np.array([corners, 2 * corners, 3 * corners]), faces, np.array([1, 2, 3]), [0, 0, 0])
     assert [live.answer({"frame": frame})["area"] for frame in (0, 1, 2, 19)] == pytest.approx([1, 4, 9, 9])
+
+
+def test_the_ellipses_between_landmarks_are_the_librarys():
+    """The browser works in the dual, with the prior's covariance between points; the library with a dense Hessian. What
+    the page says of one landmark more is what the library finds with it."""
+    live = HowSure()
+    state = json.loads(json.dumps(dict(live.initial))) | {"count": 5, "gamma": 30.0, "beta": 0.1}
+    (found,) = run_engine("answers", page=live.page, states=[state])
+    best = int(np.argmin(found["left"]))
+    there = [live.seen[best].real, live.seen[best].imag]
+    more = state | {"places": [*state["places"][:5], there], "count": 6, "gamma": 36.0}  # each counts as much as before
+    roots = []
+    for asked, covariances in (state, found["covariances"]), (more, None):
+        wanted = live.posterior(asked).ellipses(live.seen)
+        sizes = np.trace(wanted, axis1=1, axis2=2)
+        roots.append(np.sqrt(sizes).mean())
+        if covariances:
+            off = abs(np.array(covariances) - wanted[:, [0, 0, 1], [0, 1, 1]]) / sizes[:, None]
+            assert off.max() < 1e-6
+    assert found["left"][best] == pytest.approx(roots[1] / roots[0], rel=1e-6)

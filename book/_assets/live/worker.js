@@ -1,12 +1,13 @@
 // All that takes more than a moment: a module worker, so that sliders never wait. The newest request of a page wins.
 import boundary from "./explore_boundary.js";
+import howsure from "./explore_howsure.js";
 import lbs from "./explore_lbs.js";
 import mu from "./explore_mu.js";
 import { wasmKernels } from "./kernels.js";
 import { meshes } from "./mesh.js";
 import { solve } from "./solvers.js";
 
-const TASKS = { tuner: solve, mu: mu.work, lbs: lbs.work, boundary: boundary.work };
+const TASKS = { tuner: solve, mu: mu.work, lbs: lbs.work, boundary: boundary.work, howsure: howsure.work };
 const newest = new Map(); // what is asked, page and part -> the newest request for it
 const files = {}; // of the page, ArrayBuffers by name
 let busy = false,

@@ -1,0 +1,186 @@
+"""How far a registration may be off, a radius in mm at each vertex: what a fit's second derivative leaves free, how far
+a stiffer fit goes elsewhere, and how unlike the folds lie on each other, times a factor that known truths gave.
+
+Laplace's approximation alone is far too sure and hardly ranks: errors are mostly folds that agree and do not
+correspond. tools/calibrate_sure.py measures the factors and judges them on pairs that took no part: sure.json.
+"""
+
+import json
+from dataclasses import replace
+from functools import cached_property
+from importlib.resources import files
+from typing import NamedTuple
+
+import numpy as np
+from scipy import linalg, sparse
+
+from .features import FOLDS
+from .ladder import LEVELS, Climb, Level, start_field
+from .problem import LandmarkError
+from .readings import with_folds
+from .smoothing import FINEST
+from .steps import MOBIUS_PRIOR, ProductStep
+
+RINGS, BATCH = 16, 256  # of the polar mesh of the posterior; unknowns whose columns are solved for at once
+STIFFER = 0.1  # beta of the second fit
+BLUR = 8.0  # mm over which what is local is averaged
+NEAR_MM = 0.05  # added to the distance of both fits, whose log is averaged
+# Powers of the posterior's spread, of the distance of the stiffer fit, both in mm, and of the local mismatch.
+BY_FOLDS, BY_LANDMARKS = (2 / 3, 1 / 3, 1 / 8), (0.6, 0.0, 0.3)
+MOST = {"alpha": 4.0, "beta": 4.0, "gamma": 10.0, "delta": 4.0, "eta": 4.0}  # times a weight may be off the calibrated
+VERTICES = 20_000  # of a side, up to which the factors are calibrated
+BLIND = (
+    "wrong valleys: a gyrus laid on its neighbour fits well, and errors beyond 10 mm mostly lie outside the radius; "
+    "misses come in patches, so neighbouring vertices are right or wrong together"
+)
+
+
+class Sure(NamedTuple):
+    """radius (V,) at factor 1, mm; vertex: where one more landmark lowers the mean radius most; share: to how much."""
+
+    radius: np.ndarray
+    vertex: int
+    share: float
+
+
+class Laplace:
+    """The posterior of a fit near its answer, dense on a polar mesh of few rings: covariance `G H^-1 G^T` of the map.
+
+    H = W + J^T J, W the prior and J the derivative of all residuals of the fit's own objective by nu and by the Möbius
+    parameters, (K, K) with K = 2 N + 3; G (N, K) complex: the derivative of M f at the N nodes. mu (F,), mobius: the
+    fit's.
+    """
+
+    def __init__(self, problem, weights, mu, mobius, features=None, rings=RINGS):
+        level = Level(rings, None if features is None else FINEST, 0)
+        self.engine = engine = Climb(problem).engine(level, weights, features)
+        self.mesh, self.state = engine.link.mesh, engine.at(start_field(problem.disk, mu, engine.link.mesh), mobius)
+        step = ProductStep(engine, self.state, weights.gamma)
+        rows = sparse.vstack([step.landmarks, *(term.rows(self.state.f) for term in engine.terms)]).tocsr()
+        self.G, self.noise = self.derivative(step), max(len(problem.moving) + 1, 1) / weights.gamma
+        self.H = self.hessian(engine.W.toarray(), rows)
+
+    def derivative(self, step):
+        """G, by the pushforward of every unit change."""
+        count, (P, Q), to_faces = 2 * len(self.mesh.z), step.activation, step.to_faces.tocsc()
+        G = np.empty((len(self.mesh.z), count + 3), complex)
+        for first in range(0, count, BATCH):
+            k = np.arange(first, min(first + BATCH, count))
+            unit = to_faces[:, k // 2].toarray() * np.where(k % 2, 1j, 1.0)
+            change = P[:, None] * unit + Q[:, None] * unit.conj()
+            G[:, k] = step.slope[:, None] * self.state.solution.pushforward(change.T).T
+        G[:, count:] = step.fields
+        return G
+
+    def hessian(self, W, rows):
+        H = np.zeros((self.G.shape[1],) * 2)
+        H[:-3:2, :-3:2] = H[1:-3:2, 1:-3:2] = W
+        H[-3:, -3:] = MOBIUS_PRIOR * np.eye(3)
+        a, b, re, im = rows.real.tocsr(), rows.imag.tocsr(), self.G.real.copy(), self.G.imag.copy()
+        cross = a.T @ b
+        return H + re.T @ ((a.T @ a) @ re + cross @ im) + im.T @ (cross.T @ re + (b.T @ b) @ im)
+
+    @cached_property
+    def covariance(self):
+        """(N, N) each: covariances of Re with Re, of Re with Im, and of Im with Im of M f between the nodes."""
+        factor = linalg.cholesky(self.H, lower=True)
+        re, im = (linalg.solve_triangular(factor, part.T, lower=True) for part in (self.G.real, self.G.imag))
+        return re.T @ re, re.T @ im, im.T @ im
+
+    def ellipses(self, points):
+        """Covariances (P, 2, 2) of (Re M f, Im M f) at points (P,) of the moving disk."""
+        rr, ri, ii = (between(part, self.mesh.sampling(points)) for part in self.covariance)
+        return np.moveaxis(np.array([[rr, ri], [ri, ii]]), -1, 0)
+
+    def shrunk(self):
+        """Share (N, N) of the mean square at node i that a landmark at node j, as precise as the others, leaves."""
+        rr, ri, ii = self.covariance
+        a, b, d = rr.diagonal() + self.noise, ri.diagonal(), ii.diagonal() + self.noise
+        det = a * d - b**2
+        less = (d * (rr**2 + ri.T**2) + a * (ri**2 + ii**2) - 2 * b * (rr * ri + ri.T * ii)) / det
+        return 1 - less / (rr + ii).diagonal()[:, None]
+
+
+def sure_of(sides, problem, weights, fit):
+    """The `Sure` of a fit of laid `Sides`; where no features took part, the folds judge alone."""
+    judged, features = with_folds(sides), sides.features
+    moving, control, areas = judged.moving, judged.control, judged.features.areas
+    laplace = Laplace(problem, weights, fit.mu, fit.mobius, features)
+    samples = laplace.mesh.sampling(moving.disk.z)
+    places = control.disk.lookup(fit.f)
+    scale = np.exp(control.disk.interpolate(control.features.density(FINEST, control.disk), places) / 2)
+    scale *= np.sqrt(control.surface.area / control.disk.areas.sum())  # mm on the control by one unit of its disk
+    here, there = judged.features.at(FINEST)
+    off = (here - control.disk.interpolate(there, places)) ** 2 @ judged.features.shares
+    local, mean = np.maximum(blurred(moving.features, off), 1e-6), areas @ off
+    free = np.sqrt(between(laplace.covariance[0] + laplace.covariance[2], samples)) * scale * np.sqrt(mean)
+    by_posterior, by_fit, by_local = BY_LANDMARKS if features is None else BY_FOLDS
+    logs = by_posterior * np.log(free)
+    if by_fit:
+        logs += by_fit * np.log(abs(stiffer(problem, weights, features) - fit.f) * scale + NEAR_MM)
+    radius = np.exp(blurred(moving.features, logs)) * (local / mean) ** by_local
+    share = samples.T @ areas
+    by_node = samples.T @ (areas * radius) / np.where(share > 0, share, 1)
+    means = (share * by_node) @ np.maximum(laplace.shrunk(), 0) ** (by_posterior / 2) / (share @ by_node)
+    best = int(np.argmin(means))
+    vertex = int(abs(moving.disk.z - laplace.mesh.z[best]).argmin())
+    return Sure(radius, vertex, float(means[best]))
+
+
+def between(covariance, samples):
+    """Variances (P,) at points between the nodes, sampled by sparse (P, N) with three nodes a row, from (N, N)."""
+    node, share = samples.indices.reshape(-1, 3), samples.data.reshape(-1, 3)
+    return np.einsum("pi,pij,pj->p", share, covariance[node[:, :, None], node[:, None, :]], share)
+
+
+def blurred(smoothing, values):
+    """Values (V,) averaged over BLUR."""
+    return smoothing.flow(BLUR, (smoothing.mass @ values)[:, None])[:, 0]
+
+
+def stiffer(problem, weights, features):
+    """Where a stiffer fit on the polar levels alone takes the vertices, (V,) complex."""
+    levels = [level for level in LEVELS if not level.own_mesh]
+    engine, state, _ = Climb(problem).run(levels, replace(weights, beta=STIFFER), None, features)
+    return engine.link.disk.sampling(problem.disk.z) @ state.f
+
+
+def calibrated():
+    """What tools/calibrate_sure.py measured: sure.json."""
+    return json.loads(files(__package__).joinpath("sure.json").read_text())
+
+
+def check_sure(features, method, sliding, weights):
+    """LandmarkError where the factors were not measured: features of one's own, sliding, networks, far weights."""
+    usual = calibrated()["weights"]["landmarks" if features is None else "folds"]
+    for clash, what in (
+        (method != "exact", f"method {method!r}"),
+        (sliding, "sliding landmarks"),
+        (features is not None and list(features) != list(FOLDS), f"other features than {' and '.join(FOLDS)}"),
+    ):
+        if clash:
+            raise LandmarkError(f"sure: the radius is not calibrated for {what}; leave one of the two out")
+    for name, most in MOST.items():
+        given = getattr(weights, name)
+        if not usual[name] / most <= given <= usual[name] * most:
+            found = f"{name} = {given:g} is far from the {usual[name]:g} that the radius is calibrated for"
+            raise LandmarkError(f"sure: {found}; give {usual[name] / most:g} to {usual[name] * most:g}, or no radius")
+
+
+def sure_report(sure, sides):
+    """The 90 % radius (V,), mm, and report["sure"] of a `Sure` of laid `Sides`."""
+    moving, of = sides.moving.surface, calibrated()["folds" if sides.features else "landmarks"]
+    areas, count = moving.vertex_areas / moving.area, max(len(moving.vertices), len(sides.control.surface.vertices))
+    radius = of["factors"]["90"] * sure.radius
+    order = np.argsort(radius)
+    at = np.searchsorted(np.cumsum(areas[order]), (0.1, 0.5, 0.9))
+    report = {
+        "mean_mm": float(areas @ radius),
+        "quantiles_mm": dict(zip(("10", "50", "90"), radius[order[at]].tolist())),
+        "factors": of["factors"],
+        "guaranteed": of["guaranteed"],
+        "calibrated_on": of["calibrated_on"] if count <= VERTICES else f"uncalibrated beyond {VERTICES} vertices",
+        "blind_to": BLIND,
+        "next": {"vertex": sure.vertex, "mean_mm": float(areas @ radius) * sure.share},
+    }
+    return radius, report

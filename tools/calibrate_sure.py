@@ -1,0 +1,191 @@
+"""Measure the factors of `register(sure=True)` where true maps are known, and judge them where they took no part.
+
+    python tools/calibrate_sure.py [--folder DIR] [--out FILE.json]
+
+Subjects that calibrate and subjects that judge are disjoint. Pairs of either have all, half, two or none of their
+curves fitted, and 6,000 to 20,000 vertices; landmarks alone have factors of their own. Warped real cortex and the
+held-out curves of fsaverage5 are told apart: nothing was chosen by them. Finished cases are kept in DIR and not run
+again.
+"""
+
+import json
+import time
+import warnings
+from functools import cache, partial
+from pathlib import Path
+
+import click
+import numpy as np
+from platformdirs import user_cache_path
+from scipy.stats import spearmanr
+
+import qclearn as qc
+from qclearn.benchmark.cortex import fsaverage_side, warp_pair
+from qclearn.benchmark.pairs import Pair, cohort_pair, mapped_subject
+from qclearn.files.provenance import commit
+from qclearn.files.safe import write_whole
+from qclearn.registration.landmarks import curve_distance, curves_of_both
+from qclearn.registration.problem import DELTA, ETA, Weights
+from qclearn.registration.sure import calibrated
+
+SIZES = {
+    "calibrate": 10 * [6_000] + 6 * [8_000] + 3 * [10_000] + [20_000],
+    "judge": 4 * [8_000] + 4 * [10_000] + [6_000, 20_000],
+}
+FIRST, GENERATION, STEPS = {"calibrate": 3001, "judge": 4001}, 4, (1, 3)  # seeds; a subject's partners are so far on
+CURVES = {"all": slice(None), "half": slice(0, None, 2), "two": slice(0, None, 5), "none": slice(0)}
+LEVELS = 0.5, 0.9, 0.95
+SHARE = 0.9  # of the pairs in which the guaranteed factor covers as asked
+WARPS = {9.0: "half", 12.0: "all"}  # mm -> curves
+KEPT = Path(qc.__file__).parent / "registration" / "sure.json"
+
+
+def cases():
+    """Each synthetic case: part, kind of fit, numbers of both subjects, curves."""
+    for part, sizes in SIZES.items():
+        for k, (step, first) in enumerate((step, k) for step in STEPS for k in range(len(sizes))):
+            second = (first + step) % len(sizes)
+            for kind, settings in (("folds", list(CURVES)), ("landmarks", list(CURVES)[:3])):
+                yield part, kind, first, second, settings[k % len(settings)]
+
+
+def run(pair, kind, setting, timed=False):
+    """A registration's radius at factor 1, true error and shares of the area, as arrays; timed: also CPU seconds,
+    without and with the radius."""
+    fitted = list(pair.curves)[CURVES[setting]]
+    given = {"features": None} if kind == "landmarks" else {}
+    seconds = []
+    for sure in (False, True)[not timed :]:
+        start = time.process_time()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            found = qc.register(pair.moving.surface, pair.control.surface, fitted, sure=sure, **given)
+        seconds.append(time.process_time() - start)
+    radius = found.sure / calibrated()[kind]["factors"]["90"]
+    error = np.zeros(0) if pair.truth is None else np.linalg.norm(found.points - pair.truth, axis=1)
+    areas = pair.moving.surface.vertex_areas
+    arrays = {"radius": radius, "error": error, "areas": areas / areas.sum(), "points": found.points}
+    return arrays | ({"seconds": np.array(seconds)} if timed else {})
+
+
+@cache
+def side(seed, size):
+    return mapped_subject(seed, size, generation=GENERATION)
+
+
+def synthetic(seeds, sizes, kind, setting, timed):
+    return run(cohort_pair(*map(side, seeds, sizes)), kind, setting, timed)
+
+
+def warped(left, amplitude, setting):
+    return run(warp_pair(left, amplitude), "folds", setting)
+
+
+def kept(path, make):
+    """The arrays of a case, from its file or made and written there."""
+    if not path.exists():
+        np.savez(path, **make())
+    with np.load(path) as arrays:
+        return dict(arrays)
+
+
+def factors_of(found, share=SHARE):
+    """The factors within which shares LEVELS of the area lie, all pairs counting alike; and those that do in a `share`
+    of the pairs, by split-conformal prediction: pairs are exchangeable, vertices are not."""
+    ratios = [one["error"] / one["radius"] for one in found]
+    together, shares = np.concatenate(ratios), np.concatenate([one["areas"] for one in found])
+    rank = int(np.ceil((len(found) + 1) * share))
+    names = [f"{100 * level:g}" for level in LEVELS]
+    whole = [quantile(together, shares, level) for level in LEVELS]
+    own = [sorted(quantile(r, one["areas"], level) for r, one in zip(ratios, found))[rank - 1] for level in LEVELS]
+    return dict(zip(names, whole)), dict(zip(names, own))
+
+
+def quantile(values, shares, level):
+    order = np.argsort(values)
+    reached = np.cumsum(shares[order]) / shares.sum()
+    return float(values[order][min(np.searchsorted(reached, level), len(order) - 1)])
+
+
+def judged(one, factors):
+    """Coverage at each level and in fifths of the radius, rank, and errors in the surest and least sure fifth."""
+    radius, error, areas = one["radius"], one["error"], one["areas"]
+    inside = error <= factors["90"] * radius
+    fifths = np.array_split(np.argsort(radius), 5)
+    return {
+        "coverage": {name: float(areas @ (error <= k * radius)) for name, k in factors.items()},
+        "fifths": [float(np.average(inside[some], weights=areas[some])) for some in fifths],
+        "rank": float(spearmanr(radius, error)[0]),
+        "error_mm": float(areas @ error),
+        "surest_mm": float(error[fifths[0]].mean()),
+        "least_sure_mm": float(error[fifths[-1]].mean()),
+        "mean_mm": float(factors["90"] * (areas @ radius)),
+        "median_mm": float(factors["90"] * np.median(radius)),
+        "far": float(areas @ (error > 10)),
+        "far_covered": float(areas @ (inside & (error > 10))),
+    } | ({"seconds": one["seconds"].tolist()} if "seconds" in one else {})
+
+
+@click.command(help=__doc__)
+@click.option("--folder", type=Path, default=user_cache_path("qclearn") / "sure", help="Where finished cases are kept.")
+@click.option("--out", type=Path, default=KEPT)
+def main(folder, out):
+    folder.mkdir(parents=True, exist_ok=True)
+    found, words = {}, {}
+    for part, kind, first, second, setting in cases():
+        seeds = [FIRST[part] + number for number in (first, second)]
+        sizes = [SIZES[part][number] for number in (first, second)]
+
+        name = f"{part}-{kind}-{seeds[0]}-{seeds[1]}-{setting}"
+        one = kept(folder / f"{name}.npz", partial(synthetic, seeds, sizes, kind, setting, part == "judge"))
+        found.setdefault((kind, part), []).append(one)
+        words.setdefault((kind, part), []).append({"seeds": seeds, "vertices": sizes, "curves": setting})
+        print(name, flush=True)
+    usual = {"folds": Weights(delta=DELTA, eta=ETA), "landmarks": Weights()}
+    result = {"commit": commit(), "generation": GENERATION, "weights": {k: vars(w) for k, w in usual.items()}}
+    for kind in usual:
+        factors, guaranteed = factors_of(found[kind, "calibrate"])
+        pairs = {
+            part: [said | judged(one, factors) for said, one in zip(words[kind, part], found[kind, part])]
+            for part in SIZES
+        }
+        same = [one | {"radius": np.ones(len(one["error"]))} for one in found[kind, "calibrate"]]
+        result[kind] = {
+            "factors": factors,
+            "guaranteed": guaranteed,
+            "constant_mm": factors_of(same)[0],
+            "calibrated_on": f"{len(pairs['calibrate'])} pairs of synthetic cortex, generation {GENERATION}",
+            **pairs,
+        }
+    factors = result["folds"]["factors"]
+    result |= {"warps": on_warps(folder, factors), "curves": on_curves(folder, factors)}
+    write_whole(out, lambda place: place.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8"))
+
+
+def on_warps(folder, factors):
+    """`judged` of real cortex warped by so many mm, whose truth is known."""
+    left, rows = fsaverage_side("left"), []
+    for amplitude, setting in WARPS.items():
+        one = kept(folder / f"warp-{amplitude:g}-{setting}.npz", partial(warped, left, amplitude, setting))
+        rows.append({"amplitude_mm": amplitude, "curves": setting} | judged(one, factors))
+    return rows
+
+
+def on_curves(folder, factors):
+    """Of fsaverage5's curves that took no part, right onto left: distance and mean radius there, mm."""
+    right, left = (fsaverage_side(side) for side in ("right", "left"))
+    curves = curves_of_both(right.surface, left.surface)
+    rows = []
+    for half in (0, 1):
+        fitted, held = curves[half::2], curves[1 - half :: 2]
+        one = kept(folder / f"curves-{half}.npz", partial(run, Pair(right, left, tuple(fitted)), "folds", "all"))
+        for curve in held:
+            path = curve["moving"]
+            off = curve_distance(one["points"][path], left.surface.vertices[curve["control"]])
+            there = float(factors["90"] * one["radius"][path].mean())
+            rows.append({"name": curve["name"], "distance_mm": float(off), "radius_mm": there})
+    return rows
+
+
+if __name__ == "__main__":
+    main()
