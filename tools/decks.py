@@ -37,7 +37,7 @@ HEADING = re.compile(r"^#+[ \t]+(.+)$", re.MULTILINE)
 LINK = re.compile(r"\[([^\]]*)\]\([\w./#-]+\)")
 # What no slide shows: proofs, what is folded, and what a chapter promises.
 LEFT_OUT = re.compile(
-    r"^(:{3,}|`{3,})\{(?:prf:proof\}|admonition\} (?:After this|Think!|Answers|Box:)|solution\}|exercise\}).*?^\1[ \t]*$",
+    r"^(:{3,}|`{3,})\{(?:prf:proof\}|admonition\} (?:After|Think|Answers|Box)|solution\}|exercise\}).*?^\1[ \t]*$",
     re.DOTALL | re.MULTILINE,
 )
 STATEMENT = re.compile(r"^(:{3,}|`{3,})\{(?:prf:\w+|admonition)\}.*?^\1[ \t]*$", re.DOTALL | re.MULTILINE)
