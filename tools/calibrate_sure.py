@@ -25,6 +25,7 @@ from qclearn.benchmark.pairs import Pair, cohort_pair, mapped_subject
 from qclearn.files.provenance import commit
 from qclearn.files.safe import write_whole
 from qclearn.registration.landmarks import curve_distance, curves_of_both
+from qclearn.registration.metrics import quantile
 from qclearn.registration.problem import DELTA, ETA, Weights
 from qclearn.registration.sure import calibrated
 
@@ -96,15 +97,9 @@ def factors_of(found, share=SHARE):
     together, shares = np.concatenate(ratios), np.concatenate([one["areas"] for one in found])
     rank = int(np.ceil((len(found) + 1) * share))
     names = [f"{100 * level:g}" for level in LEVELS]
-    whole = [quantile(together, shares, level) for level in LEVELS]
+    whole = [quantile(together, shares / len(found), level) for level in LEVELS]
     own = [sorted(quantile(r, one["areas"], level) for r, one in zip(ratios, found))[rank - 1] for level in LEVELS]
     return dict(zip(names, whole)), dict(zip(names, own))
-
-
-def quantile(values, shares, level):
-    order = np.argsort(values)
-    reached = np.cumsum(shares[order]) / shares.sum()
-    return float(values[order][min(np.searchsorted(reached, level), len(order) - 1)])
 
 
 def judged(one, factors):
@@ -135,7 +130,6 @@ def main(folder, out):
     for part, kind, first, second, setting in cases():
         seeds = [FIRST[part] + number for number in (first, second)]
         sizes = [SIZES[part][number] for number in (first, second)]
-
         name = f"{part}-{kind}-{seeds[0]}-{seeds[1]}-{setting}"
         one = kept(folder / f"{name}.npz", partial(synthetic, seeds, sizes, kind, setting, part == "judge"))
         found.setdefault((kind, part), []).append(one)

@@ -5,7 +5,13 @@ import re
 
 from qclearn.exercises import EXERCISES
 
-PLACE = re.compile(r"^:::\{admonition\} Graded exercise ([\w-]+)[ \t]*\n[^\n]*\n:::[ \t]*$", re.MULTILINE)
+
+def places(head):
+    """The pattern of what stands in a page's source where the build puts something by name: its head, and a line."""
+    return re.compile(rf"^:::\{{admonition\}} {head} ([\w-]+)[ \t]*\n[^\n]*\n:::[ \t]*$", re.MULTILINE)
+
+
+PLACE = places("Graded exercise")
 IMPORTS = "import numpy as np\n\nimport qclearn as qc\nfrom qclearn.exercises import check"
 
 

@@ -9,11 +9,11 @@ from functools import cache
 
 import costs  # beside this file, as are graded, reading and references
 import yaml
-from graded import EXERCISES
+from graded import EXERCISES, places
 from reading import minutes
 from references import BOOK, chapters, markdown_of
 
-PLACE = re.compile(r"^:::\{admonition\} Table of ([\w-]+)[ \t]*\n[^\n]*\n:::[ \t]*$", re.MULTILINE)
+PLACE = places("Table of")
 STUDENTS, CORES = 30, 16  # of the machine on the sheet for the hub
 
 

@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 from ..plane.mobius import mobius
+from ..registration import readings
 from ..registration.checked import bijective_fit
-from ..registration.features import FOLDS, check_features, featured
 from ..registration.preparation import laid_upon, sampled
 from ..registration.problem import DELTA, ETA, LandmarkError, Problem, Weights
 from ..surfaces.conformal import mended
@@ -44,10 +44,7 @@ def by_folds(problem, weights, sides=None):
 
 def with_folds(problem):
     """A problem's sides with depth and curvature, computed anew: such a fit's time includes them."""
-    sides = sides_of(problem)
-    maps = check_features(FOLDS, sides.moving.surface, sides.control.surface)
-    moving, control, features = featured(sides.moving, sides.control, maps)
-    return replace(sides, moving=moving, control=control, features=features)
+    return readings.with_folds(replace(sides_of(problem), features=None))
 
 
 def sides_of(problem):

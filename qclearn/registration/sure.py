@@ -16,6 +16,7 @@ from scipy import linalg, sparse
 
 from .features import FOLDS
 from .ladder import LEVELS, Climb, Level, start_field
+from .metrics import quantile
 from .problem import LandmarkError
 from .readings import with_folds
 from .smoothing import FINEST
@@ -172,11 +173,9 @@ def sure_report(sure, sides):
     moving, of = sides.moving.surface, calibrated()["folds" if sides.features else "landmarks"]
     areas, count = moving.vertex_areas / moving.area, max(len(moving.vertices), len(sides.control.surface.vertices))
     radius = of["factors"]["90"] * sure.radius
-    order = np.argsort(radius)
-    at = np.searchsorted(np.cumsum(areas[order]), (0.1, 0.5, 0.9))
     report = {
         "mean_mm": float(areas @ radius),
-        "quantiles_mm": dict(zip(("10", "50", "90"), radius[order[at]].tolist())),
+        "quantiles_mm": {str(share): quantile(radius, areas, share / 100) for share in (10, 50, 90)},
         "factors": of["factors"],
         "guaranteed": of["guaranteed"],
         "calibrated_on": of["calibrated_on"] if count <= VERTICES else f"uncalibrated beyond {VERTICES} vertices",
