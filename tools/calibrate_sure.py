@@ -1,6 +1,6 @@
 """Measure the factors of `register(sure=True)` where true maps are known, and judge them where they took no part.
 
-    python tools/calibrate_sure.py [--folder DIR] [--out FILE.json]
+    python tools/calibrate_sure.py [--folder DIR] [--out FILE.json] [--only next]
 
 Subjects that calibrate and subjects that judge are disjoint. Pairs of either have all, half, two or none of their
 curves fitted, and 6,000 to 20,000 vertices; landmarks alone have factors of their own. Warped real cortex and the
@@ -38,6 +38,7 @@ CURVES = {"all": slice(None), "half": slice(0, None, 2), "two": slice(0, None, 5
 LEVELS = 0.5, 0.9, 0.95
 SHARE = 0.9  # of the pairs in which the guaranteed factor covers as asked
 WARPS = {9.0: "half", 12.0: "all"}  # mm -> curves
+FURTHER, MORE = 8, (1, 2, 3)  # subjects of pairs with two curves to which a third is added; partners are so far on
 KEPT = Path(qc.__file__).parent / "registration" / "sure.json"
 
 
@@ -124,8 +125,11 @@ def judged(one, factors):
 @click.command(help=__doc__)
 @click.option("--folder", type=Path, default=user_cache_path("qclearn") / "sure", help="Where finished cases are kept.")
 @click.option("--out", type=Path, default=KEPT)
-def main(folder, out):
+@click.option("--only", type=click.Choice(["next"]), help="Measure this alone, and keep the rest of FILE.json.")
+def main(folder, out, only):
     folder.mkdir(parents=True, exist_ok=True)
+    if only:
+        return write(out, calibrated() | {"next": on_next(folder)})
     found, words = {}, {}
     for part, kind, first, second, setting in cases():
         seeds = [FIRST[part] + number for number in (first, second)]
@@ -152,7 +156,11 @@ def main(folder, out):
             **pairs,
         }
     factors = result["folds"]["factors"]
-    result |= {"warps": on_warps(folder, factors), "curves": on_curves(folder, factors)}
+    result |= {"warps": on_warps(folder, factors), "curves": on_curves(folder, factors), "next": on_next(folder)}
+    write(out, result)
+
+
+def write(out, result):
     write_whole(out, lambda place: place.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8"))
 
 
@@ -179,6 +187,49 @@ def on_curves(folder, factors):
             there = float(factors["90"] * one["radius"][path].mean())
             rows.append({"name": curve["name"], "distance_mm": float(off), "radius_mm": there})
     return rows
+
+
+def on_next(folder):
+    """What a third curve is worth: the one nearest to where `next` wants a landmark, against a random one."""
+    rng, rows = np.random.default_rng(0), []
+    for first, step in ((first, step) for first in range(FURTHER) for step in MORE):
+        numbers = first, (first + step) % FURTHER
+        seeds, sizes = [FIRST["judge"] + n for n in numbers], [SIZES["judge"][n] for n in numbers]
+        draw = rng.random()  # before a case is kept, so that the others' draws stay
+        one = kept(folder / f"next-{seeds[0]}-{seeds[1]}.npz", partial(with_third, seeds, sizes, draw))
+        said = {name: one[name].tolist() for name in ("before_mm", "told_mm", "random_mm", "mean_mm")}
+        rows.append({"seeds": seeds, "told": str(one["told"]), "random": str(one["random"])} | said)
+    return {"commit": commit(), "pairs": rows}
+
+
+def with_third(seeds, sizes, draw):
+    """True mean errors with two curves, with the third that is told, and with a random other one, mm."""
+    pair = cohort_pair(*map(side, seeds, sizes))
+    curves, fitted = list(pair.curves), list(pair.curves)[CURVES["two"]]
+    rest = [curve for curve in curves if all(curve is not one for one in fitted)]
+    moving, control = pair.moving.surface, pair.control.surface
+
+    def fit(extra, sure=False):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            found = qc.register(moving, control, fitted + extra, sure=sure)
+        error = np.linalg.norm(found.points - pair.truth, axis=1)
+        return found, float(moving.vertex_areas @ error / moving.area)
+
+    found, before = fit([], sure=True)
+    there = moving.vertices[found.report["sure"]["next"]["vertex"]]
+    far = [np.linalg.norm(moving.vertices[curve["moving"]] - there, axis=1).min() for curve in rest]
+    told = rest[int(np.argmin(far))]
+    others = [curve for curve in rest if curve is not told]
+    chance = others[int(draw * len(others))]
+    return {
+        "told": np.array(told["name"]),
+        "random": np.array(chance["name"]),
+        "before_mm": np.array(before),
+        "told_mm": np.array(fit([told])[1]),
+        "random_mm": np.array(fit([chance])[1]),
+        "mean_mm": np.array(found.report["sure"]["mean_mm"]),
+    }
 
 
 if __name__ == "__main__":

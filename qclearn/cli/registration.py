@@ -231,11 +231,17 @@ def write_maps(folder, result, pair):
 
 
 def told_by(result, pair, curves, command):
-    """The report of a `Registration` with its origin; what files say of their hands counts before what folds say."""
+    """The report of a `Registration` with its origin; what files say of their hands counts before what folds say, and
+    vertices are told by their numbers in the surface as given."""
     wrong = pair.other_hand
     words = [word for word in result.report["suspect"] if not (wrong and word.startswith("mirror:"))]
     inputs = {side: (one.path, one.given) for side, one in pair.given.items()}
-    return result.report | {"suspect": [*wrong, *words]} | origin(inputs, curves, command)
+    report = result.report | {"suspect": [*wrong, *words]} | origin(inputs, curves, command)
+    if result.sure is not None and pair.moving.given is not pair.moving.disk:
+        further = report["sure"]["next"]
+        told = further | {"vertex": int(pair.moving.numbering.table[further["vertex"]])}
+        report["sure"] = report["sure"] | {"next": told}
+    return report
 
 
 def print_report(report, out):

@@ -15,6 +15,7 @@ import numpy as np
 from scipy import linalg, sparse
 
 from .features import FOLDS
+from .fit import rings_for
 from .ladder import LEVELS, Climb, Level, start_field
 from .metrics import quantile
 from .problem import LandmarkError
@@ -29,7 +30,7 @@ NEAR_MM = 0.05  # added to the distance of both fits, whose log is averaged
 # Powers of the posterior's spread, of the distance of the stiffer fit, both in mm, and of the local mismatch.
 BY_FOLDS, BY_LANDMARKS = (2 / 3, 1 / 3, 1 / 8), (0.6, 0.0, 0.3)
 MOST = {"alpha": 4.0, "beta": 4.0, "gamma": 10.0, "delta": 4.0, "eta": 4.0}  # times a weight may be off the calibrated
-VERTICES = 20_000  # of a side, up to which the factors are calibrated
+VERTICES = 6_000, 20_000  # of a side, between which the factors are calibrated, to a thousand
 BLIND = (
     "wrong valleys: a gyrus laid on its neighbour fits well, and errors beyond 10 mm mostly lie outside the radius; "
     "misses come in patches, so neighbouring vertices are right or wrong together"
@@ -141,7 +142,8 @@ def blurred(smoothing, values):
 
 def stiffer(problem, weights, features):
     """Where a stiffer fit on the polar levels alone takes the vertices, (V,) complex."""
-    levels = [level for level in LEVELS if not level.own_mesh]
+    most = rings_for(problem.disk)
+    levels = [level._replace(rings=min(level.rings, most)) for level in LEVELS if not level.own_mesh]
     engine, state, _ = Climb(problem).run(levels, replace(weights, beta=STIFFER), None, features)
     return engine.link.disk.sampling(problem.disk.z) @ state.f
 
@@ -171,14 +173,16 @@ def check_sure(features, method, sliding, weights):
 def sure_report(sure, sides):
     """The 90 % radius (V,), mm, and report["sure"] of a `Sure` of laid `Sides`."""
     moving, of = sides.moving.surface, calibrated()["folds" if sides.features else "landmarks"]
-    areas, count = moving.vertex_areas / moving.area, max(len(moving.vertices), len(sides.control.surface.vertices))
+    areas, counts = moving.vertex_areas / moving.area, [len(s.vertices) for s in (moving, sides.control.surface)]
+    (least, most), beyond = VERTICES, "uncalibrated below {} and beyond {} vertices".format(*VERTICES)
+    known = all(least <= round(count, -3) <= most for count in counts)
     radius = of["factors"]["90"] * sure.radius
     report = {
         "mean_mm": float(areas @ radius),
         "quantiles_mm": {str(share): quantile(radius, areas, share / 100) for share in (10, 50, 90)},
         "factors": of["factors"],
         "guaranteed": of["guaranteed"],
-        "calibrated_on": of["calibrated_on"] if count <= VERTICES else f"uncalibrated beyond {VERTICES} vertices",
+        "calibrated_on": of["calibrated_on"] if known else beyond,
         "blind_to": BLIND,
         "next": {"vertex": sure.vertex, "mean_mm": float(areas @ radius) * sure.share},
     }
