@@ -2,6 +2,7 @@
 
 import json
 
+import reading  # beside this file
 from nbformat.v4 import new_code_cell
 
 TAG = "cost-of-the-page"
@@ -28,6 +29,17 @@ def take(notebook):
     for cell in [cell for cell in notebook.cells if TAG in cell.metadata.get("tags", [])]:
         notebook.cells.remove(cell)
         notebook.metadata["cost"] = json.loads(cell.outputs[0].text)
+
+
+def tell(notebook):
+    """Below the page's title: minutes to read it, and what its run took, of a page that was run."""
+    if not (cost := notebook.metadata.get("cost")):
+        return
+    first = notebook.cells[0]
+    minutes = round(reading.minutes_of_cells(notebook.cells))
+    told = f"*{minutes} minutes to read; {cost['seconds']:.0f} seconds and {cost['gb']:.1f} GB to run.*"
+    title, line, text = first.source.partition("\n")
+    first.source = f"{title}\n\n{told}\n{line}{text}"
 
 
 def measured(folder):

@@ -80,6 +80,7 @@ def finish(notebook):
     if not solutions.SHOWN:
         for cell in prose(notebook):
             cell.source = solutions.without(cell.source, graded.labels())
+    costs.tell(notebook)
     return wrong + errors_in(notebook) + list(guards.pictures_without_a_name(notebook))
 
 

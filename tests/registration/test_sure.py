@@ -3,6 +3,7 @@ radius does not pass the same checks."""
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import calibrate_sure
 import numpy as np
@@ -12,7 +13,8 @@ from test_register import bowl, entries
 
 import qclearn as qc
 from qclearn.benchmark.pairs import cohort_pair, mapped
-from qclearn.cli import main
+from qclearn.cli import main, registration
+from qclearn.files.hemisphere import read_hemisphere
 from qclearn.plane.disk import Disk
 from qclearn.registration.problem import LandmarkError, Problem, Weights
 from qclearn.registration.sure import Laplace, calibrated
@@ -165,5 +167,33 @@ def test_the_command_writes_the_radius_and_tells_it(tmp_path, capsys):
     assert np.isfinite(radius).all() and len(radius) == len(qc.read_surface(tmp_path / "moving.npz").vertices)
     assert report["sure"]["factors"] == KEPT["folds"]["factors"] and report["sure"]["next"]["vertex"] < len(radius)
     assert report["sure"]["next"]["mean_mm"] < report["sure"]["mean_mm"]
+    assert not report["sure"]["calibrated_on"].startswith("uncalibrated")
     assert "nine in ten vertices" in (tmp_path / "sure" / "report.html").read_text(encoding="utf-8")
     assert np.median(radius) == pytest.approx(report["sure"]["quantiles_mm"]["50"], rel=0.1)
+
+
+def test_the_advice_on_one_more_curve_was_tried_where_the_truth_is_known():
+    pairs = KEPT["next"]["pairs"]
+    assert len(pairs) == 24 and all(one["told"] != one["random"] for one in pairs)
+    before, told, lot = (np.array([one[f"{name}_mm"] for one in pairs]) for name in ("before", "told", "random"))
+    assert (told / before).mean() < min((lot / before).mean(), 1)
+
+
+def test_a_small_mesh_is_told_to_be_uncalibrated():
+    surface = bowl(0.4)
+    found = qc.register(surface, surface, entries(0), features=None, sure=True)
+    assert found.report["sure"]["calibrated_on"] == "uncalibrated below 6000 and beyond 20000 vertices"
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_the_advised_vertex_is_told_in_the_numbers_of_the_surface_as_given(whole, monkeypatch):
+    monkeypatch.setattr(registration, "origin", lambda *given: {})
+    side = read_hemisphere("fsaverage5:left")
+    pair = registration.Pair(side if whole else side.cut, side.cut, mirrored=False)
+    result = SimpleNamespace(
+        sure=np.ones(1), report={"suspect": [], "sure": {"next": {"vertex": 5_000, "mean_mm": 1.0}}}
+    )
+    told = registration.told_by(result, pair, {"curves": []}, "")["sure"]["next"]["vertex"]
+    surface = side.given if whole else side.disk
+    np.testing.assert_allclose(surface.vertices[told], side.disk.vertices[5_000])
+    assert result.report["sure"]["next"]["vertex"] == 5_000
