@@ -23,13 +23,13 @@ BUDGET = {
     "qclearn/group": 646,
     "qclearn/nets": 2986,
     "qclearn/methods": 885,
-    "qclearn/benchmark": 1555,
-    "qclearn/pages": 2485,
+    "qclearn/benchmark": 1575,
+    "qclearn/pages": 2504,
     "qclearn/cli, and what stands beside the rooms": 1300,
     "data_synth": 2456,
     "tools": 5376,
     "qclearn/exercises": 3317,
-    "browser": 6526,
+    "browser": 6564,
     "qclearn/reports": 1094,
 }
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import spearmanr
 from threadpoolctl import threadpool_limits
 
 from ..methods.alone import costs_alone
@@ -26,6 +27,7 @@ from ..registration.metrics import (
     landmark_measures,
     near_curves,
 )
+from ..registration.register import register
 from .images import OnDisk, image_of, reversed_on_sphere
 from .pairs import prepare, reverse
 from .yardstick import TRUE_MAP, curve_errors, folds_agree, held_out, log2_means, maps_agree, tails, true_map
@@ -33,6 +35,7 @@ from .yardstick import TRUE_MAP, curve_errors, folds_agree, held_out, log2_means
 LONG, REPETITIONS = 2.0, 3  # a map is computed again for its time, at most so often, within so many seconds
 NEAR = 10.0  # largest distance from a sulcus along the surface, mm
 ON_CIRCLE = 1e-6
+SURE = "coverage", "rank"  # of a radius
 WITHOUT_TRUTH = dict.fromkeys(
     ("correspondence_mm", "median_correspondence_mm", "p95_correspondence_mm", "correspondence_sulci_mm", *TRUE_MAP)
 )
@@ -59,7 +62,7 @@ def trial(pair, run, method):
             sides = {"moving": pair.moving.words, "control": pair.control.words}
             of_disks = [f"{side}: {note}" for side, notes in sides.items() for note in notes]
             costs["notes"] = [*of_disks, *prepared.notes, *costs["notes"]]
-            figures = map_figures(pair, prepared, f, lookup, run.keep_field)
+            figures = map_figures(pair, prepared, f, lookup, run.keep_field) | how_sure(pair, run)
             return {"status": "done", **figures, "there_and_back_mm": way_back(pair, run, method, places), **costs}
     except Exception as error:
         return {"status": "failed", "message": f"{type(error).__name__}: {error}"}
@@ -139,6 +142,21 @@ def way_back(pair, run, method, places):
     here, there = image_of(pair.moving, g, pair.moving.disk.lookup), image_of(pair.control, g, None)
     home = here.lift(here.locate(there.at(g, places)))
     return float(np.linalg.norm(home - pair.moving.surface.vertices, axis=1).mean())
+
+
+def how_sure(pair, run):
+    """Of the 90 % radius that `register` gives with a run's settings: the share of the moving area whose true places
+    lie within it of `register`'s, and Spearman's correlation of radius and error; None where nothing is to judge."""
+    if not run.sure or pair.truth is None or (run.landmarks, pair.given) != ("given", "given"):
+        return dict.fromkeys(SURE)
+    moving, curves = pair.moving.surface, () if run.method == "landmark_free" else pair.curves
+    folds = {"features": None} if run.method == "gauss_newton" else {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RepairWarning)
+        found = register(moving, pair.control.surface, list(curves), sure=True, **folds, **run.parameters)
+    off = np.linalg.norm(found.points - pair.truth, axis=1)
+    inside = np.average(off <= found.sure, weights=moving.vertex_areas)
+    return dict(zip(SURE, map(float, (inside, spearmanr(found.sure, off)[0]))))
 
 
 def memory(name, reset_peak=False):

@@ -1,15 +1,18 @@
 """The explorable of the registered sulci in 3-D: what Python knows of it."""
 
 import json
+from functools import cache
 from types import MappingProxyType
 
 import numpy as np
 from matplotlib.figure import Figure
 from scipy import sparse
 
+from ..plane.disk import Disk
 from ..plane.grids import COARSE
 from ..registration.fit import fit_problem
 from ..registration.metrics import measured_losses
+from ..registration.register import register
 from ..surfaces.conformal import Side
 from ..surfaces.curvature import grey_levels, mean_curvature
 from ..surfaces.surface import Surface
@@ -47,11 +50,24 @@ def courses_of(pair):
     return {"names": pair.names, **dict(zip(("moving", "target"), lines))}
 
 
+@cache
+def radius_on_control(name):
+    """The 90 % radius of `register`'s map by the curves of `cortices(name)` alone, in tenths of mm at the control's
+    vertices (V',) int: that of the moving vertices which the map brings there."""
+    pair = cortices(name)
+    curves = [{"name": sulcus, "moving": p, "control": q} for sulcus, p, q in zip(pair.names, *pair.paths)]
+    found = register(pair.moving.surface, pair.control.surface, curves, features=None, sure=True)
+    there = Disk(found.disk_map, found.faces_moving)
+    return np.round(10 * there.interpolate(found.sure, there.lookup(found.disk_control))).astype(int)
+
+
 class Sulci(Live):
     """The tuner's map carried to the control surface, of the chapter on registration."""
 
     page = "sulci"
-    initial = MappingProxyType(START | {"turn": 0.0, "tilt": 10.0, "zoom": 1.0, "unfold": 0.6, "before": False})
+    initial = MappingProxyType(
+        START | {"turn": 0.0, "tilt": 10.0, "zoom": 1.0, "unfold": 0.6, "before": False, "sure": False}
+    )
     mesh = COARSE
 
     def files(self):
@@ -60,7 +76,10 @@ class Sulci(Live):
         # The synthetic subjects have one control.
         surfaces = {name: f"control-{'cortex' if name == 'cortex' else 'subject'}.bin" for name in CORTICES}
         controls = {file: pairs[name] for name, file in surfaces.items()}
-        courses = {name: {"control": surfaces[name], **courses_of(pair)} for name, pair in pairs.items()}
+        courses = {
+            name: {"control": surfaces[name], "radius": radius_on_control(name).tolist(), **courses_of(pair)}
+            for name, pair in pairs.items()
+        }
         files = {"problems.json": problems_file(), "sulci.json": json.dumps(courses).encode()}
         for file, pair in controls.items():
             files[file] = hemisphere_file(pair.control, unfolded=unfolded(pair.control.surface))

@@ -3,13 +3,14 @@
 import time
 import warnings
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from qclearn.benchmark import Run
 from qclearn.benchmark.pairs import cohort_pair, displacement_pair, mapped, prepare, twisted
-from qclearn.benchmark.trial import trial
+from qclearn.benchmark.trial import how_sure, trial
 from qclearn.methods import METHODS
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.grids import polar, polar_disk
@@ -104,6 +105,22 @@ def test_the_true_map_is_measured_as_one(pair):
     assert (
         0 < row["floor_curve_mm"] < row["floor_mm"] < 5
     )  # curves correspond as sets, up to their shape between vertices
+
+
+def test_a_radius_is_judged_where_it_is_asked_for_and_the_truth_is_known(pair, monkeypatch):
+    def far(moving, control, curves, **settings):
+        assert settings == {"sure": True, "features": None, "gamma": 1e4} and curves == list(pair.curves)
+        radius = np.arange(1.0, len(pair.truth) + 1)
+        off = np.where(np.arange(len(radius)) % 4, 0.5, 2.0) * radius
+        return SimpleNamespace(points=pair.truth + off[:, None] * [1, 0, 0], sure=radius)
+
+    monkeypatch.setattr("qclearn.benchmark.trial.register", far)
+    run = Run("fit", "gauss_newton", {"gamma": 1e4}, sure=True)
+    inside = np.average(np.arange(len(pair.truth)) % 4 > 0, weights=pair.moving.surface.vertex_areas)
+    found = how_sure(pair, run)
+    assert found["coverage"] == pytest.approx(inside) and 0.5 < found["rank"] < 0.9
+    for other, problem in ((replace(run, sure=False), pair), (run, replace(pair, truth=None))):
+        assert how_sure(problem, other) == {"coverage": None, "rank": None}
 
 
 def test_a_shifted_map_is_off_by_its_shift(pair):

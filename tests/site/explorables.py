@@ -45,6 +45,7 @@ class Explorable:
         self.tab, self.page, self.name = tab, tab.page, name
         self.root = self.page.locator(f".qc-live[data-page={name}]")
         self.page.wait_for_selector(f".qc-live[data-page={name}][data-ready]", timeout=60_000)
+        self.root.locator("details").evaluate_all("all => all.forEach(one => { one.open = true; })")
 
     @property
     def said(self):
@@ -204,6 +205,13 @@ class OnTheSite:
         assert axe_findings(shown.page, shown.root) == []
         assert shown.page.evaluate("() => document.documentElement.scrollWidth <= innerWidth")
         shown.tab.resize(WIDE)
+
+    def test_its_main_picture_comes_first_and_large_and_in_focus(self, shown):
+        canvas, control = shown.root.locator("canvas").first, shown.root.locator("input, select").first
+        main = canvas.bounding_box()
+        assert main["width"] >= 360 and main["y"] < control.bounding_box()["y"]
+        assert canvas.evaluate("e => e.width / e.clientWidth") >= 1
+        assert all(box["width"] >= 150 for box in map(type(canvas).bounding_box, shown.root.locator("canvas").all()))
 
     def test_pictures_are_described_and_the_guess_is_answered(self, shown):
         labels = shown.root.locator("canvas").evaluate_all("all => all.map(canvas => canvas.ariaLabel)")

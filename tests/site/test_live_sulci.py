@@ -9,6 +9,7 @@ from explorables import InJupyterLab, OnTheSite
 
 from qclearn.pages import Sulci
 from qclearn.pages.examples import cortices
+from qclearn.pages.explore_sulci import radius_on_control
 from qclearn.pages.liveproblems import as_moved, example
 from qclearn.plane.mobius import best_mobius, mobius
 
@@ -46,6 +47,19 @@ class TestOnTheSite(OnTheSite):
         assert shown.words == words and shown.pictures()[0] != picture
         shown.press(canvas, "ArrowLeft")
         assert shown.state()["turn"] == pytest.approx(state["turn"] + 5)
+
+    def test_the_surface_is_coloured_by_the_radius_that_register_gives(self, shown):
+        shown.reset()
+        grey = shown.pictures()[0]
+        switch = shown.root.get_by_role("checkbox", name="coloured by how far")
+        shown.after(switch.click)
+        assert shown.pictures()[0] != grey
+        radius = radius_on_control("cortex") / 10
+        np.testing.assert_allclose(np.array(shown.data()["answer"]["radius"]) / 10, radius)
+        low, high = np.sort(radius)[[int(share * len(radius)) for share in (0.1, 0.9)]]
+        assert f"{low:.1f} mm (lightest) to {high:.1f} mm (darkest)" in shown.words
+        shown.after(switch.click)
+        assert shown.pictures()[0] == grey
 
     def test_the_tuner_takes_the_state(self, shown):
         shown.reset()

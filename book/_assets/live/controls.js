@@ -1,4 +1,5 @@
-// Controls from a list: {kind: "log" | "linear" | "choice" | "switch", name, label, ...} for the state's `name`.
+// Controls from a list: {kind: "log" | "linear" | "choice" | "switch", name, label, ...} for the state's `name`; those
+// that are `rare` are folded.
 // The options of a choice are a list, or a function of the state where they come with the answer.
 // Labels are names for everybody: what a screen reader says is what is to be read.
 
@@ -12,9 +13,12 @@ export const freshId = () => `qc-live-${Math.random().toString(36).slice(2)}`;
 
 // {element, show(state)}; act(part of a state, whether the movement has ended)
 export function buildControls(list, act) {
-  const rows = list.map((one) => kinds[one.kind](one, act));
+  const rows = list.map((one) => kinds[one.kind](one, act)),
+    some = (rare) => rows.filter((_, k) => Boolean(list[k].rare) === rare),
+    grid = (rare) => make("div", { className: "qc-live-controls" }, ...some(rare).map((row) => row.element));
+  const folded = make("details", {}, make("summary", { textContent: "More controls" }), grid(true));
   return {
-    element: make("div", { className: "qc-live-controls" }, ...rows.map((row) => row.element)),
+    elements: [grid(false), ...(list.some(({ rare }) => rare) ? [folded] : [])],
     show: (state) => rows.forEach((row) => row.show(state)),
   };
 }

@@ -30,7 +30,7 @@ export class Explorable {
     }
     root.setAttribute("role", "group");
     root.setAttribute("aria-label", spec.label);
-    const parts = [this.controls.element, this.gallery(), this.status, this.table, this.buttons(), this.guess()];
+    const parts = [this.gallery(), ...this.controls.elements, this.status, this.table, this.buttons(), this.guess()];
     this.frame = make("div", { className: "qc-live-frame" }, ...parts);
   }
 

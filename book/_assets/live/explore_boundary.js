@@ -160,7 +160,7 @@ export default {
     { kind: "linear", name: "strength", label: "strength of μ (0: the disk as it is)", min: 0, max: 0.9, step: 0.05 },
     { kind: "choice", name: "loss", label: "loss that descends", options: Object.entries(NAMES) },
     { kind: "linear", name: "step", label: "steps of the descent", min: 0, max: STEPS, step: 1 },
-    { kind: "switch", name: "centred", label: "show the map with f(0) = 0 restored" },
+    { kind: "switch", name: "centred", rare: true, label: "show the map with f(0) = 0 restored" },
   ],
   views: [
     {

@@ -104,8 +104,8 @@ export default {
   initial: INITIAL.growth,
   controls: [
     { kind: "linear", name: "frame", label: "frame (0: before growth)", min: 0, max: FRAMES - 1, step: 1 },
-    { kind: "linear", name: "turn", label: "turn in degrees (0: from outside)", min: -180, max: 180, step: 5 },
-    { kind: "linear", name: "tilt", label: "tilt in degrees (90: from above)", min: -90, max: 90, step: 5 },
+    { kind: "linear", name: "turn", rare: true, label: "turn in degrees (0: from outside)", min: -180, max: 180, step: 5 },
+    { kind: "linear", name: "tilt", rare: true, label: "tilt in degrees (90: from above)", min: -90, max: 90, step: 5 },
     {
       kind: "choice",
       name: "colour",

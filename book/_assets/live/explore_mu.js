@@ -172,7 +172,7 @@ export default {
     },
     { kind: "linear", name: "size", label: "|μ| (size of mu)", min: 0, max: 0.95, step: 0.01 },
     { kind: "linear", name: "direction", label: "arg μ (argument of mu) in degrees", min: -180, max: 180, step: 5 },
-    { kind: "linear", name: "radius", label: "radius of the brush", min: 0.03, max: 0.5, step: 0.01 },
+    { kind: "linear", name: "radius", rare: true, label: "radius of the brush", min: 0.03, max: 0.5, step: 0.01 },
     {
       kind: "linear",
       name: "frequencies",

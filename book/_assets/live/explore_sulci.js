@@ -13,7 +13,8 @@ import { gap, short } from "./words.js";
 
 const COLOUR = { registered: [0.94, 0.89, 0.26], target: [0.84, 0.15, 0.16], before: [0, 0.62, 0.45] };
 const RADIUS = 0.9; // of a tube, mm
-const surfaces = new Map(); // problem -> {control, curves: names and courses of its sulci}
+const [SURE, UNSURE] = [[1, 0.97, 0.8], [0.55, 0.05, 0.45]]; // where the map is surest and least sure
+const surfaces = new Map(); // problem -> {control, names and courses of its sulci, radius: tenths of mm, V}
 let last = { key: "" }; // the last map, which a turn of the surface does not change
 
 async function load(host, problem) {
@@ -21,10 +22,10 @@ async function load(host, problem) {
   const decode = (buffer) => JSON.parse(new TextDecoder().decode(buffer)),
     curves = decode(await host.file("sulci.json"))[problem];
   const control = new Hemisphere(await host.file(curves.control));
-  surfaces.set(problem, { ...curves, control });
+  surfaces.set(problem, { ...curves, file: curves.control, control });
 }
 
-const SEEN = ["turn", "tilt", "zoom", "unfold", "before"]; // what changes the view, not the map
+const SEEN = ["turn", "tilt", "zoom", "unfold", "before", "sure"]; // what changes the view, not the map
 
 async function answer(state, host) {
   await loadProblems(host);
@@ -86,12 +87,31 @@ function tubesOf(solid, control, lines, { unfold, before }) {
   );
 }
 
+// the radius' range in mm, a tenth of the vertices beyond either end
+function rangeOf(radius) {
+  const sorted = Float64Array.from(radius).sort();
+  return [0.1, 0.9].map((share) => sorted[Math.floor(share * sorted.length)] / 10);
+}
+
+// red, green, blue of each vertex: its fold in grey, or its radius within its fold's shade
+function coloursOf({ control, radius }, sure) {
+  const grey = (v) => control.shade[v] / 255;
+  if (!sure) return Float32Array.from(control.vertices, (_, i) => 0.45 + 0.5 * grey(Math.floor(i / 3)));
+  const [low, high] = rangeOf(radius),
+    share = (v) => Math.min(1, Math.max(0, (radius[v] / 10 - low) / (high - low)));
+  return Float32Array.from(control.vertices, (_, i) => {
+    const v = Math.floor(i / 3);
+    return (0.75 + 0.25 * grey(v)) * (SURE[i % 3] + share(v) * (UNSURE[i % 3] - SURE[i % 3]));
+  });
+}
+
 function draw([solid, disk], state, found) {
-  const { control } = surfaces.get(state.problem);
-  if (solid.shown !== control) {
-    const colour = Float32Array.from(control.vertices, (_, i) => 0.45 + (0.5 * control.shade[Math.floor(i / 3)]) / 255);
-    solid.surface({ ...control, colour });
-    solid.shown = control;
+  const shown = surfaces.get(state.problem),
+    { control } = shown,
+    key = `${shown.file} ${state.sure && state.problem}`;
+  if (solid.shown !== key) {
+    solid.surface({ ...control, colour: coloursOf(shown, state.sure) });
+    solid.shown = key;
   }
   solid.tubes(tubesOf(solid, control, found.lines, state));
   solid.draw({ ...state, share: state.unfold });
@@ -102,6 +122,14 @@ function draw([solid, disk], state, found) {
   disk.lines(found.lines.target.map(line), COLOURS.target, 1.5, [4, 3]);
 }
 
+const radiusWords = ({ radius }) => {
+  const [low, high] = rangeOf(radius).map((mm) => mm.toFixed(1));
+  return (
+    `Colour: the 90 % radius of register's own map, from these curves at the default weights: ${low} mm (lightest) ` +
+    `to ${high} mm (darkest). It does not follow the sliders.`
+  );
+};
+
 export default {
   name: "sulci",
   label: "Registered sulci in 3-D",
@@ -110,11 +138,12 @@ export default {
     { kind: "choice", name: "problem", label: "control surface", also: moves, options: CORTICES },
     kindOfLandmarks,
     ...weights,
-    { kind: "linear", name: "turn", label: "turn of the surface in degrees", min: -180, max: 180, step: 5 },
-    { kind: "linear", name: "tilt", label: "tilt of the surface in degrees", min: -90, max: 90, step: 5 },
-    { kind: "linear", name: "zoom", label: "zoom", min: 0.5, max: 4, step: 0.1 },
+    { kind: "linear", name: "turn", rare: true, label: "turn of the surface in degrees", min: -180, max: 180, step: 5 },
+    { kind: "linear", name: "tilt", rare: true, label: "tilt of the surface in degrees", min: -90, max: 90, step: 5 },
+    { kind: "linear", name: "zoom", rare: true, label: "zoom", min: 0.5, max: 4, step: 0.1 },
     { kind: "linear", name: "unfold", label: "unfolded, 0 to 1", min: 0, max: 1, step: 0.05 },
     { kind: "switch", name: "before", label: "where the best Möbius map alone takes the sulci (green)" },
+    { kind: "switch", name: "sure", label: "coloured by how far register's map may be off: sure light, unsure dark" },
   ],
   views: [
     {
@@ -134,12 +163,14 @@ export default {
       `Registered landmarks are ${round(mm)} mm from their targets on the control surface, on average, straight through space; ` +
       `after the best Möbius map alone ${round(mmBefore)} mm. Worst is the ${worst.name} with ${round(worst.mm)} mm. ` +
       `Mean |μ| ${short(exact.mean)}, largest ${short(exact.largest)}, L_CP ${short(exact.L_CP)}; ${certificate}. ` +
-      `Exact fit on this mesh of ${asked.mesh.join(" x ")}, ${exact.ms.toFixed(0)} ms.`
+      `Exact fit on this mesh of ${asked.mesh.join(" x ")}, ${exact.ms.toFixed(0)} ms.` +
+      (state.sure ? ` ${radiusWords(surfaces.get(state.problem))}` : "")
     );
   },
   data(state, { exact, mm, mmBefore, bySulcus }) {
-    const { L_CP, landmarkError, steps } = exact;
-    return { map: interleaved(exact.w), mm, mmBefore, bySulcus, L_CP, landmarkError, steps };
+    const { L_CP, landmarkError, steps } = exact,
+      { radius } = surfaces.get(state.problem);
+    return { ...(state.sure && { radius }), map: interleaved(exact.w), mm, mmBefore, bySulcus, L_CP, landmarkError, steps };
   },
   compare: (found, kernel) => {
     const off = gap(apart(found.exact.w, fromPairs(kernel.map)));

@@ -130,17 +130,19 @@ export default {
     },
     kindOfLandmarks,
     ...weights,
-    { kind: "log", name: "lambda", label: "λ (lambda), springs of the harmonic map", min: -1, max: 5, step: 0.1 },
+    { kind: "log", name: "lambda", rare: true, label: "λ (lambda), springs of the harmonic map", min: -1, max: 5, step: 0.1 },
     { kind: "choice", name: "solver", label: "map shown", options: Object.entries(SOLVERS) },
     {
       kind: "choice",
       name: "looks",
+      rare: true,
       label: "looks of CP-Net at the exact map",
       options: ["0", "1", "2"].map((count) => [count, count]),
     },
     {
       kind: "choice",
       name: "mesh",
+      rare: true,
       label: "mesh",
       options: [
         ["coarser", "24 x 72"],

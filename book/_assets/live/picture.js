@@ -10,6 +10,7 @@ export const COLOURS = {
   ink: "#222222",
 };
 const SIZE = 320,
+  LARGEST = 1.4, // times its size is a picture shown at most
   MARGIN = 10,
   REACH = 24; // pixels of the picture, its rim, and how far from a point a finger may be
 const STEP = 0.01; // of the disk's radius, by which an arrow key moves a point; ten times with shift
@@ -31,8 +32,8 @@ export class Picture {
 
   makeCanvas(...size) {
     const { view } = this;
-    this.sharpness = Math.min(2, Math.max(1, globalThis.devicePixelRatio || 1));
-    const [width, height] = size.map((pixels) => pixels * this.sharpness);
+    this.sharpness = LARGEST * Math.min(2, Math.max(1, globalThis.devicePixelRatio || 1));
+    const [width, height] = size.map((pixels) => Math.round(pixels * this.sharpness));
     this.canvas = make("canvas", { width, height });
     this.canvas.setAttribute("role", view.drag ? "application" : "img");
     this.element = make("figure", {}, this.canvas, make("figcaption", { textContent: view.label }));

@@ -34,6 +34,7 @@ export const weights = [
 export const kindOfLandmarks = {
   kind: "choice",
   name: "landmarks",
+  rare: true,
   label: "landmarks",
   options: [
     ["points", "points"],

@@ -26,7 +26,6 @@ export class Solid extends Picture {
     super(view, title);
     this.buffers = {};
     this.canvas.className = "qc-live-solid";
-    this.element.className = "qc-live-wide";
   }
 
   get size() {
