@@ -11,6 +11,7 @@ TABLE = {
     "fitstates": ["RINGS", "describe", "exact_fit", "fit_state", "network_fit", "states_figure"],
     "gaps": ["gap_bands", "gap_grid"],
     "live": ["explorable"],
+    "needs": ["needs_figure"],
     "picker": ["LandmarkPicker"],
     "paperlines": ["paper_lines", "paper_table"],
     "plot": [

@@ -17,7 +17,18 @@ VERDICTS = tomllib.loads((HERE / "verdicts.toml").read_text(encoding="utf-8"))
 PAGES = pages(ROOT / "book")
 TEXTS = [*PAGES, *(ROOT / name for name in ("README.md", "CHANGELOG.md", "CONTRIBUTING.md"))]
 # Pages about the networks and the benchmark, on which every verdict is computed or asserted.
-JUDGING = {"ldnet", "cpnet", "dbsnet", "dbsnetbest", "whennetwork", "modelcards", "benchmark", "fronts", "reference"}
+JUDGING = {
+    "ldnet",
+    "cpnet",
+    "dbsnet",
+    "dbsnetlosses",
+    "dbsnetbest",
+    "whennetwork",
+    "modelcards",
+    "benchmark",
+    "fronts",
+    "reference",
+}
 JUDGING |= {"addmethod", "addnetwork", "peers", "cpnetlooks", "cpnetlearned"}
 MOST_EXCEPTIONS = 25
 NOTEBOOKS = [path for path in PAGES if path.suffix == ".ipynb"]

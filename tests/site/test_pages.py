@@ -18,6 +18,7 @@ DARKEN = """async () => {
     await Promise.allSettled(fades.map((fade) => fade.finished));
     await new Promise(requestAnimationFrame);
 }"""
+SCREENS = 20  # of 1280 x 900, with what is folded closed
 SCENE = "iframe.scene:not([hidden])"
 # Rules whose outcome can differ in a narrow window and in the dark.
 NARROW_AND_DARK = ["color-contrast", "scrollable-region-focusable", "button-name", "link-name"]
@@ -41,6 +42,11 @@ def test_formulas_are_typeset(view):
     formulas = view.page.locator("article .math").count()
     assert view.page.locator("article mjx-container").count() >= formulas
     assert view.page.locator("mjx-merror").count() == 0
+
+
+def test_a_page_is_at_most_twenty_screens_long(view):
+    length = view.page.evaluate("() => document.querySelector('article').scrollHeight / innerHeight")
+    assert length <= SCREENS
 
 
 def test_every_figure_has_a_description(view):
