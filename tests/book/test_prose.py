@@ -29,7 +29,7 @@ JUDGING = {
     "fronts",
     "reference",
 }
-JUDGING |= {"addmethod", "addnetwork", "peers", "cpnetlooks", "cpnetlearned"}
+JUDGING |= {"addmethod", "addnetwork", "realcortex", "claims", "peers", "cpnetlooks", "cpnetlearned"}
 MOST_EXCEPTIONS = 25
 NOTEBOOKS = [path for path in PAGES if path.suffix == ".ipynb"]
 

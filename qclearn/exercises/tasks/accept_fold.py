@@ -4,11 +4,11 @@ import qclearn as qc
 from qclearn.plane import Disk
 
 TITLE = "A certificate of your own"
-PAGE, MINUTES, POINTS = "conformal", 25, 3
+PAGE, MINUTES, POINTS = "certificate", 25, 3
 TASK = r"""
 Write `accepts`: it returns `True` exactly where the piecewise linear picture `f`, complex `(V,)`, of a triangulated
 disk is one to one. `faces`, integer `(F, 3)`, are counter-clockwise in the source, and `loop`, integer `(B,)`, is its
-counter-clockwise boundary. {prf:ref}`The proposition on the certificate <prop-dc-certificate>` says what has to be
+counter-clockwise boundary. {prf:ref}`The proposition on the certificate <prop-ce-certificate>` says what has to be
 looked at, and the text below its proof why neither part may be left out. Ignore rounding: an area is positive, or it
 is not. Two helpers are given.
 """

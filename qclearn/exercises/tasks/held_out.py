@@ -1,7 +1,7 @@
 import numpy as np
 
 TITLE = "Judged by what took no part"
-PAGE, MINUTES, POINTS = "benchmark", 20, 3
+PAGE, MINUTES, POINTS = "realcortex", 20, 3
 TASK = r"""
 In the section *Real cortex, and what a small landmark error hides* the curves are split in two halves; one is
 fitted, and the others are measured; then the halves change places. So every curve is held out once. Write the line
