@@ -94,14 +94,18 @@ def test_the_kept_radius_covers_what_it_says():
     judges = KEPT["folds"]["judge"]
     assert faults(judges, 0.33) == []
     constant = KEPT["folds"]["constant_mm"]["90"]
-    assert np.mean([pair["mean_mm"] for pair in judges]) < constant
+    assert np.mean([pair["mean_mm"] for pair in judges]) <= 0.95 * constant
     seeds = [{seed for pair in KEPT["folds"][part] for seed in pair["seeds"]} for part in ("calibrate", "judge")]
     assert not seeds[0] & seeds[1] and len(KEPT["folds"]["calibrate"]) >= 40 and len(judges) >= 12
 
 
 def test_landmarks_alone_and_real_cortex_are_judged_apart():
-    assert np.mean([pair["rank"] for pair in KEPT["landmarks"]["judge"]]) >= 0.5
-    assert all(row["coverage"]["90"] >= 0.85 and row["median_mm"] <= 6 for row in KEPT["warps"])
+    alone = KEPT["landmarks"]["judge"]
+    assert np.mean([pair["rank"] for pair in alone]) >= 0.5
+    assert abs(np.mean([pair["coverage"]["90"] for pair in alone]) - 0.9) <= 0.03
+    fifths = np.mean([pair["fifths"] for pair in alone], axis=0)
+    assert fifths.min() >= 0.84 and fifths.max() <= 0.96
+    assert all(0.85 <= row["coverage"]["90"] <= 0.98 and row["median_mm"] <= 4.5 for row in KEPT["warps"])
     assert len(KEPT["curves"]) == 11 and all(row["distance_mm"] < row["radius_mm"] for row in KEPT["curves"])
 
 
