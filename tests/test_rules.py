@@ -27,7 +27,7 @@ BUDGET = {
     "qclearn/pages": 2550,
     "qclearn/cli, and what stands beside the rooms": 1300,
     "data_synth": 2456,
-    "tools": 5376,
+    "tools": 5300,
     "qclearn/exercises": 3317,
     "browser": 6564,
     "qclearn/reports": 1094,

@@ -4,8 +4,8 @@
 
 Subjects that calibrate and subjects that judge are disjoint. Pairs of either have all, half, two or none of their
 curves fitted, and 6,000 to 20,000 vertices; landmarks alone have factors of their own. Warped real cortex and the
-held-out curves of fsaverage5 are told apart: nothing was chosen by them. Finished cases are kept in DIR and not run
-again.
+held-out curves of fsaverage5 are told apart: nothing was chosen by them; so are pairs at the ends of the weights for
+which there is a radius, and at those of an individual. Finished cases are kept in DIR and not run again.
 """
 
 import json
@@ -26,8 +26,8 @@ from qclearn.files.provenance import commit
 from qclearn.files.safe import write_whole
 from qclearn.registration.landmarks import curve_distance, curves_of_both
 from qclearn.registration.metrics import quantile
-from qclearn.registration.problem import DELTA, ETA, Weights
-from qclearn.registration.sure import calibrated
+from qclearn.registration.problem import DELTA, ETA, INDIVIDUAL, Weights
+from qclearn.registration.sure import MOST, calibrated
 
 SIZES = {
     "calibrate": 10 * [6_000] + 6 * [8_000] + 3 * [10_000] + [20_000],
@@ -38,6 +38,8 @@ CURVES = {"all": slice(None), "half": slice(0, None, 2), "two": slice(0, None, 5
 LEVELS = 0.5, 0.9, 0.95
 SHARE = 0.9  # of the pairs in which the guaranteed factor covers as asked
 WARPS = {9.0: "half", 12.0: "all"}  # mm -> curves
+USUAL = {"folds": Weights(delta=DELTA, eta=ETA), "landmarks": Weights()}
+ENDS = [{name: getattr(USUAL["folds"], name) * most**end} for name, most in MOST.items() for end in (-1, 1)]
 FURTHER, MORE = 8, (1, 2, 3)  # subjects of pairs with two curves to which a third is added; partners are so far on
 KEPT = Path(qc.__file__).parent / "registration" / "sure.json"
 
@@ -51,11 +53,11 @@ def cases():
                 yield part, kind, first, second, settings[k % len(settings)]
 
 
-def run(pair, kind, setting, timed=False):
+def run(pair, kind, setting, timed=False, **weights):
     """A registration's radius at factor 1, true error and shares of the area, as arrays; timed: also CPU seconds,
     without and with the radius."""
     fitted = list(pair.curves)[CURVES[setting]]
-    given = {"features": None} if kind == "landmarks" else {}
+    given = weights | ({"features": None} if kind == "landmarks" else {})
     seconds = []
     for sure in (False, True)[not timed :]:
         start = time.process_time()
@@ -75,8 +77,8 @@ def side(seed, size):
     return mapped_subject(seed, size, generation=GENERATION)
 
 
-def synthetic(seeds, sizes, kind, setting, timed):
-    return run(cohort_pair(*map(side, seeds, sizes)), kind, setting, timed)
+def synthetic(seeds, sizes, kind, setting, timed, **weights):
+    return run(cohort_pair(*map(side, seeds, sizes)), kind, setting, timed, **weights)
 
 
 def warped(left, amplitude, setting):
@@ -139,9 +141,8 @@ def main(folder, out, only):
         found.setdefault((kind, part), []).append(one)
         words.setdefault((kind, part), []).append({"seeds": seeds, "vertices": sizes, "curves": setting})
         print(name, flush=True)
-    usual = {"folds": Weights(delta=DELTA, eta=ETA), "landmarks": Weights()}
-    result = {"commit": commit(), "generation": GENERATION, "weights": {k: vars(w) for k, w in usual.items()}}
-    for kind in usual:
+    result = {"commit": commit(), "generation": GENERATION, "weights": {k: vars(w) for k, w in USUAL.items()}}
+    for kind in USUAL:
         factors, guaranteed = factors_of(found[kind, "calibrate"])
         pairs = {
             part: [said | judged(one, factors) for said, one in zip(words[kind, part], found[kind, part])]
@@ -156,8 +157,8 @@ def main(folder, out, only):
             **pairs,
         }
     factors = result["folds"]["factors"]
-    result |= {"warps": on_warps(folder, factors), "curves": on_curves(folder, factors), "next": on_next(folder)}
-    write(out, result)
+    result |= {"warps": on_warps(folder, factors), "curves": on_curves(folder, factors)}
+    write(out, result | {"ends": at_ends(folder, factors), "next": on_next(folder)})
 
 
 def write(out, result):
@@ -170,6 +171,19 @@ def on_warps(folder, factors):
     for amplitude, setting in WARPS.items():
         one = kept(folder / f"warp-{amplitude:g}-{setting}.npz", partial(warped, left, amplitude, setting))
         rows.append({"amplitude_mm": amplitude, "curves": setting} | judged(one, factors))
+    return rows
+
+
+def at_ends(folder, factors):
+    """`judged` of two pairs that judge, at the ends of what each weight may be."""
+    rows = []
+    for weights in [*ENDS, INDIVIDUAL]:
+        name = "-".join(f"{key}-{value:g}" for key, value in weights.items())
+        for first, setting in enumerate(("all", "half")):
+            seeds, sizes = [FIRST["judge"] + n for n in (first, first + 1)], SIZES["judge"][first : first + 2]
+            make = partial(synthetic, seeds, sizes, "folds", setting, False, **weights)
+            one = kept(folder / f"ends-{name}-{setting}.npz", make)
+            rows.append({"weights": weights, "seeds": seeds, "curves": setting} | judged(one, factors))
     return rows
 
 

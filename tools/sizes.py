@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 import torch
 from threadpoolctl import threadpool_limits
-from time_registration import cut
 
 from qclearn.benchmark.measured import write_measured
 from qclearn.files.fsaverage import fsaverage5, named_sulci
@@ -32,7 +31,7 @@ from qclearn.registration.fit import exact_map, moved_map
 from qclearn.registration.landmarks import fundus_metric, fundus_path
 from qclearn.registration.problem import Problem, Weights
 from qclearn.surfaces.conformal import laid_out
-from qclearn.surfaces.surface import mirror
+from qclearn.surfaces.surface import Surface, mirror
 
 REPETITIONS = {0: 5, 1: 3, 2: 2}  # by the number of splits
 GAMMA, WEIGHTS = 2e5, (0.1, 5.0)  # of the paper's CP-Net, and lambda of the harmonic maps
@@ -81,6 +80,20 @@ def landmarks(surface, hemisphere):
     ends, metric = named_sulci(hemisphere, surface.original_vertices), fundus_metric(surface)
     paths = [fundus_path(surface, *ends[name], metric) for name in SULCI]
     return np.array([path[np.linspace(0, len(path) - 1, POINTS).round().astype(int)] for path in paths])
+
+
+def cut(surface, times):
+    """A surface with each face cut into four, so many times; its vertices keep their numbers."""
+    for _ in range(times):
+        n, edges = len(surface.vertices), surface.edges
+        keys = edges[:, 0] * n + edges[:, 1]
+        ends = np.sort(np.stack([surface.faces, np.roll(surface.faces, -1, axis=1)], axis=-1), axis=-1)
+        middle = n + np.searchsorted(keys, ends[..., 0] * n + ends[..., 1])
+        a, b, c = surface.faces.T
+        ab, bc, ca = middle.T
+        faces = np.concatenate([np.stack(f, axis=1) for f in ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))])
+        surface = Surface(np.concatenate([surface.vertices, surface.vertices[edges].mean(1)]), faces)
+    return surface
 
 
 class Clock:

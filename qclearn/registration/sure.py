@@ -24,7 +24,7 @@ from .smoothing import FINEST
 from .steps import MOBIUS_PRIOR, ProductStep
 
 RINGS, BATCH = 16, 256  # of the polar mesh of the posterior; unknowns whose columns are solved for at once
-STIFFER = 0.1  # beta of the second fit
+STIFFER = 10.0  # times beta: the second fit
 BLUR, NEAR_MM = 8.0, 0.05  # mm over which what is local is averaged; added to the distance of both fits before its log
 # Powers of the posterior's spread, of the distance of the stiffer fit, both in mm, and of the local mismatch. A row
 # times one number keeps the order of the radii: that number makes coverage on the pairs that calibrate even.
@@ -115,7 +115,8 @@ def sure_of(sides, problem, weights, fit):
     here, there = judged.features.at(FINEST)
     off = (here - control.disk.interpolate(there, places)) ** 2 @ judged.features.shares
     local, mean = np.maximum(blurred(moving.features, off), 1e-6), areas @ off
-    free = np.sqrt(between(laplace.covariance[0] + laplace.covariance[2], samples)) * scale * np.sqrt(mean)
+    noise = mean if features is None else weights.delta * mean  # the objective's own residual, where it has one
+    free = np.sqrt(noise * between(laplace.covariance[0] + laplace.covariance[2], samples)) * scale
     by_posterior, by_fit, by_local = BY_LANDMARKS if features is None else BY_FOLDS
     logs = by_posterior * np.log(free)
     if by_fit:
@@ -124,9 +125,8 @@ def sure_of(sides, problem, weights, fit):
     share = samples.T @ areas
     by_node = samples.T @ (areas * radius) / np.where(share > 0, share, 1)
     means = (share * by_node) @ np.maximum(laplace.shrunk(), 0) ** (by_posterior / 2) / (share @ by_node)
-    best = int(np.argmin(means))
-    vertex = int(abs(moving.disk.z - laplace.mesh.z[best]).argmin())
-    return Sure(radius, vertex, float(means[best]))
+    vertex = int(abs(moving.disk.z - laplace.mesh.z[means.argmin()]).argmin())
+    return Sure(radius, vertex, float(means.min()))
 
 
 def between(covariance, samples):
@@ -144,7 +144,7 @@ def stiffer(problem, weights, features):
     """Where a stiffer fit on the polar levels alone takes the vertices, (V,) complex."""
     most = rings_for(problem.disk)
     levels = [level._replace(rings=min(level.rings, most)) for level in LEVELS if not level.own_mesh]
-    engine, state, _ = Climb(problem).run(levels, replace(weights, beta=STIFFER), None, features)
+    engine, state, _ = Climb(problem).run(levels, replace(weights, beta=STIFFER * weights.beta), None, features)
     return engine.link.disk.sampling(problem.disk.z) @ state.f
 
 

@@ -16,7 +16,7 @@ from qclearn.benchmark.pairs import cohort_pair, mapped
 from qclearn.cli import main, registration
 from qclearn.files.hemisphere import read_hemisphere
 from qclearn.plane.disk import Disk
-from qclearn.registration.problem import LandmarkError, Problem, Weights
+from qclearn.registration.problem import INDIVIDUAL, LandmarkError, Problem, Weights
 from qclearn.registration.sure import Laplace, calibrated
 
 KEPT = calibrated()
@@ -107,6 +107,13 @@ def test_landmarks_alone_and_real_cortex_are_judged_apart():
     assert fifths.min() >= 0.84 and fifths.max() <= 0.96
     assert all(0.85 <= row["coverage"]["90"] <= 0.98 and row["median_mm"] <= 4.5 for row in KEPT["warps"])
     assert len(KEPT["curves"]) == 11 and all(row["distance_mm"] < row["radius_mm"] for row in KEPT["curves"])
+
+
+def test_it_covers_at_the_ends_of_the_weights_for_which_it_is_given():
+    rows = KEPT["ends"]
+    ends = [row["weights"] for row in rows[:-2:2]]
+    assert ends == calibrate_sure.ENDS and rows[-1]["weights"] == INDIVIDUAL
+    assert all(0.8 <= row["coverage"]["90"] <= 0.98 and row["rank"] > 0.05 for row in rows)
 
 
 @pytest.fixture(scope="module")
