@@ -167,7 +167,7 @@ def test_where_it_was_not_calibrated_it_is_refused(options, words):
 
 
 def test_the_command_writes_the_radius_and_tells_it(tmp_path, capsys):
-    """On a whole folder: the file, the line, the report, the page; the rest is as without."""
+    """The file, the line, the report and the page; the radius is that of the call, to three digits."""
     for name, seed in (("moving", 3001), ("control", 3002)):
         qc.write_surface(tmp_path / f"{name}.npz", grown(seed, 6_000, generation=KEPT["generation"]).surface)
     call = ["register", str(tmp_path / "moving.npz"), str(tmp_path / "control.npz"), "--no-landmarks", "--out"]
@@ -175,7 +175,9 @@ def test_the_command_writes_the_radius_and_tells_it(tmp_path, capsys):
     assert "within" in capsys.readouterr().out
     report = json.loads((tmp_path / "sure" / "report.json").read_text(encoding="utf-8"))
     radius = qc.read_values(tmp_path / "sure" / "sure.shape.gii")
-    assert np.isfinite(radius).all() and len(radius) == len(qc.read_surface(tmp_path / "moving.npz").vertices)
+    found = qc.register(*(qc.read_surface(tmp_path / f"{name}.npz") for name in ("moving", "control")), [], sure=True)
+    np.testing.assert_allclose(radius, found.sure, rtol=1e-3)
+    assert report["sure"]["mean_mm"] == pytest.approx(found.report["sure"]["mean_mm"], rel=1e-3)
     assert report["sure"]["factors"] == KEPT["folds"]["factors"] and report["sure"]["next"]["vertex"] < len(radius)
     assert report["sure"]["next"]["mean_mm"] < report["sure"]["mean_mm"]
     assert not report["sure"]["calibrated_on"].startswith("uncalibrated")
