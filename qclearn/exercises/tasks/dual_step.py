@@ -5,12 +5,11 @@ import qclearn as qc
 TITLE = "A step counted in landmarks"
 PAGE, MINUTES, POINTS = "fit", 30, 4
 TASK = r"""
-{prf:ref}`The theorem on the dual step <thm-reg-dual>` solves a system with one row a residual where the field
-$\nu$ has thousands of unknowns. Take the step, without the Möbius part. Given are the Jacobian
-$\mathcal J$ as `J`, complex `(2M, N)`, where $\mathcal J\delta\nu$ stands for
-$\operatorname{Re}(\overline{\mathcal J}\,\delta\nu)$; the residual `r`, real `(2M,)`, at the present
-field `nu`, complex `(N,)`; and a function `solve`: `solve(B)` is $W^{-1}B$ for one column `(N,)` or several $(N, k)$,
-real or complex.
+{prf:ref}`The theorem on the dual step <thm-reg-dual>` solves a system with one row a residual where the field $\nu$
+has thousands of unknowns. Take the step, without the Möbius part. Given are the Jacobian $\mathcal J$, `J`, complex
+`(2M, N)`, where $\mathcal J\delta\nu$ is $\operatorname{Re}(\overline{\mathcal J}\,\delta\nu)$; the residual `r`, real
+`(2M,)`, at the field `nu`, complex `(N,)`; and a function `solve`: `solve(B)` is $W^{-1}B$ for one column `(N,)` or
+several, real or complex.
 
 Return two things: the new field $\nu + \delta\nu$, complex `(N,)`, and the minimum that the step promises, a
 number. Ask `solve` for $2M$ columns, and invert nothing that has $N$ rows.
