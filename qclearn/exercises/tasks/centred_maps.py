@@ -5,10 +5,10 @@ import qclearn as qc
 TITLE = "The middle of a group"
 PAGE, MINUTES, POINTS = "template", 25, 3
 TASK = r"""
-Take step 2 of a round of the template, in the section *A round*. Given are the maps $f_k$ of $K$ subjects to the
-mean, `maps`, complex `(K, V)`; for simplicity all are known at the vertices `z` of one mesh of the disk with
-triangles `faces`, and all are the identity on the circle. Return the maps $g_k = c \circ f_k$, complex `(K, V)`,
-where $c$ is the average of the inverse maps.
+Take step 2 of a round of the template, in the section *A round*. Given are the maps $f_k$ of $n$ subjects to the
+mean, `maps`, complex `(n, V)`; for simplicity all are known at the vertices `z` of one mesh of the disk with
+triangles `faces`, and all are the identity on the circle. Return the maps $g_k = h \circ f_k$, complex `(n, V)`,
+where $h$ is the average of the inverse maps.
 {prf:ref}`Then the average of the inverses of the new maps <prop-tm-identity>` is the identity.
 
 `qc.transfer(values, places, faces, points)` evaluates what has the `values` where the vertices lie at `places`, at
@@ -18,11 +18,11 @@ any `points` of the disk, linearly in each triangle. That is all you need, for i
 
 # %% answer
 def centred(maps, z, faces):
-    """The maps (K, V), each followed by the average of all inverses."""
+    """The maps (n, V), each followed by the average of all inverses."""
     ### BEGIN SOLUTION
     inverses = [qc.transfer(z, f, faces, z) for f in maps]
-    c = np.mean(inverses, axis=0)
-    return np.array([qc.transfer(c, z, faces, f) for f in maps])
+    h = np.mean(inverses, axis=0)
+    return np.array([qc.transfer(h, z, faces, f) for f in maps])
     ### END SOLUTION
 
 
@@ -52,8 +52,8 @@ def verdict(answer, case):
     before, after = off_centre(maps, z, faces), off_centre(found, z, faces)
     if not after <= 0.05 * before:
         return f"the average of the inverses is off the identity by {after:.3f}, and was by {before:.3f}"
-    c = np.mean([qc.transfer(z, f, faces, z) for f in maps], axis=0)
-    if not max(abs(g - qc.transfer(c, z, faces, f)).mean() for f, g in zip(maps, found)) <= 0.05 * before:
+    h = np.mean([qc.transfer(z, f, faces, z) for f in maps], axis=0)
+    if not max(abs(g - qc.transfer(h, z, faces, f)).mean() for f, g in zip(maps, found)) <= 0.05 * before:
         return "the inverses average to the identity, but the new maps are not each old one followed by one common map"
 
 
@@ -70,24 +70,24 @@ MISTAKES = {
     ),
     "inverse of the average": (
         (
-            "c = np.mean(inverses, axis=0)\n    return np.array([qc.transfer(c, z, faces, f) for f in maps])",
+            "h = np.mean(inverses, axis=0)\n    return np.array([qc.transfer(h, z, faces, f) for f in maps])",
             "a = np.mean(maps, axis=0)\n    return np.array([qc.transfer(z, a, faces, f) for f in maps])",
         ),
         "This takes off the average of the maps by its inverse, as in the page's exercise 'Why not the average of "
         "the maps?'. It centres nothing exactly",
     ),
     "taken off the other way": (
-        ("qc.transfer(c, z, faces, f)", "qc.transfer(z, c, faces, f)"),
-        "The inverse of c follows the maps here, which doubles what should be taken off: the maps have to be "
-        "followed by c itself",
+        ("qc.transfer(h, z, faces, f)", "qc.transfer(z, h, faces, f)"),
+        "The inverse of h follows the maps here, which doubles what should be taken off: the maps have to be "
+        "followed by h itself",
     ),
     "the wrong order": (
-        ("qc.transfer(c, z, faces, f)", "qc.transfer(f, z, faces, c)"),
-        "The order: c comes first here, on the subject's disk. It lives on the disk of the mean and has to come "
+        ("qc.transfer(h, z, faces, f)", "qc.transfer(f, z, faces, h)"),
+        "The order: h comes first here, on the subject's disk. It lives on the disk of the mean and has to come "
         "after each map",
     ),
     "displacements added": (
-        ("qc.transfer(c, z, faces, f)", "f + c - z"),
-        "The displacement of c is added where the vertex was. It is needed where the map has taken the vertex: compose",
+        ("qc.transfer(h, z, faces, f)", "f + h - z"),
+        "The displacement of h is added where the vertex was. It is needed where the map has taken the vertex: compose",
     ),
 }

@@ -5,11 +5,11 @@ import qclearn as qc
 TITLE = "A step counted in landmarks"
 PAGE, MINUTES, POINTS = "fit", 30, 4
 TASK = r"""
-{prf:ref}`The theorem on the dual step <thm-reg-dual>` solves a system with one row a residual where the field
-$\nu$ has thousands of unknowns. Take the step, without the Möbius part. Given are the Jacobian `J`, complex
-`(2M, N)`, where $J\delta\nu$ stands for $\operatorname{Re}(\bar J\,\delta\nu)$; the residual `r`, real `(2M,)`, at
-the present field `nu`, complex `(N,)`; and a function `solve`: `solve(B)` is $W^{-1}B$ for one column `(N,)` or
-several $(N, k)$, real or complex.
+{prf:ref}`The theorem on the dual step <thm-reg-dual>` solves a system with one row a residual where the field $\nu$
+has thousands of unknowns. Take the step, without the Möbius part. Given are the Jacobian $\mathcal J$, `J`, complex
+`(2M, N)`, where $\mathcal J\delta\nu$ is $\operatorname{Re}(\overline{\mathcal J}\,\delta\nu)$; the residual `r`, real
+`(2M,)`, at the field `nu`, complex `(N,)`; and a function `solve`: `solve(B)` is $W^{-1}B$ for one column `(N,)` or
+several, real or complex.
 
 Return two things: the new field $\nu + \delta\nu$, complex `(N,)`, and the minimum that the step promises, a
 number. Ask `solve` for $2M$ columns, and invert nothing that has $N$ rows.
@@ -96,8 +96,8 @@ MISTAKES = {
     ),
     "not conjugated": (
         ("(J.conj() @ lifted).real", "(J @ lifted).real"),
-        "The fields are complex: a row of J acts on a field by the real part of its conjugate times the field, in "
-        "S, too",
+        "The fields are complex: a row of the Jacobian acts on a field by the real part of its conjugate times the "
+        "field, in S, too",
     ),
     "r in the promise": (
         ("constant @ y", "r @ y"),

@@ -9,7 +9,7 @@ Before two feature maps are compared, each is standardised: mean 0 and variance 
 as the section *What is compared* says. A mean over vertices would change with the mesh, though the surface stays the
 same. Write `standardised`: given are `values`, one real number at each vertex, `(V,)`, the points `vertices` in mm,
 real `(V, 3)`, and `faces`, integer `(F, 3)`; return the standardised values, real `(V,)`. The weight of a vertex is a
-third of the area of all triangles around it, and the triangle $abc$ has the area $\tfrac12 |(b - a) \times (c - a)|$.
+third of the area of all triangles around it, that of $x_1 x_2 x_3$ being $\tfrac12 |(x_2 - x_1) \times (x_3 - x_1)|$.
 With these weights the mismatch of two features is {prf:ref}`a correlation <prop-folds-correlation>`.
 """
 

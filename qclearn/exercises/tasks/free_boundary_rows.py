@@ -4,11 +4,11 @@ import qclearn as qc
 from qclearn.plane import Disk
 
 TITLE = "What must vanish at a free boundary"
-PAGE, MINUTES, POINTS = "freeboundary", 20, 3
+PAGE, MINUTES, POINTS = "collapse", 20, 3
 TASK = r"""
 The printed loss asks that all rows $(Kf)_i$ vanish, and it is smallest for a collapsed map, [E6](#erratum-6). What
 vanishes at the right map is the gradient of energy minus area: [the residual](#eq-fb-residual) $R$ of the section
-*Why the printed loss collapses*. Write `residual`, which returns it at every vertex, complex `(V,)`. Given are `z`,
+*The loss, printed and right*. Write `residual`, which returns it at every vertex, complex `(V,)`. Given are `z`,
 complex `(V,)`, counter-clockwise `faces`, integer `(F, 3)`, `mu`, complex `(F,)`, any map `f`, complex `(V,)`, and
 `loop`, integer `(B,)`, the boundary vertices in counter-clockwise order. `qc.stiffness(z, faces, mu)` is the matrix
 $K$. The check asks about maps that solve nothing, too: your answer has to be the gradient, not only vanish where the
