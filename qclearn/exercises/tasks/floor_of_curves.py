@@ -6,12 +6,12 @@ TASK = r"""
 The section *Folds that correspond* names two floors that stand before anything is registered. Compute them for one
 curve, and what follows for a method. All points are in space, in mm. Given are
 
-- `images` `(K, 3)`: the *true* images of $K$ points of the moving curve, equally spaced by arc length;
-- `points` `(K, 3)`: the control's points at the same arc lengths, to which a method is told to take them;
+- `images` `(n, 3)`: the *true* images of $n$ points of the moving curve, equally spaced by arc length;
+- `points` `(n, 3)`: the control's points at the same arc lengths, to which a method is told to take them;
 - `curve` `(N, 3)`: the control's whole curve, many points of it;
-- `missed` `(K,)`: how far from `points` a method has left its points, its landmark errors.
+- `missed` `(n,)`: how far from `points` a method has left its points, its landmark errors.
 
-Return three means over the $K$ points, in mm: the floor by arc length, the distance of a true image from the point
+Return three means over the $n$ points, in mm: the floor by arc length, the distance of a true image from the point
 it is paired with; the floor by curves, its distance from the nearest point of the whole curve; and the least that
 the method's *true* errors can be on average, given its landmark errors. (What does the triangle inequality say of
 one point, whichever way it was missed?)
