@@ -29,7 +29,6 @@ TABLE = {
         "judge_order",
         "judge_ratio",
         "judge_size",
-        "judge_start",
         "side",
     ],
     "yardstick": ["area_and_shape", "floors"],

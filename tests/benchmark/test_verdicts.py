@@ -10,9 +10,9 @@ from qclearn.benchmark import (
     judge_order,
     judge_ratio,
     judge_size,
-    judge_start,
     side,
 )
+from qclearn.benchmark.verdicts import judge_start
 
 
 @pytest.mark.parametrize(

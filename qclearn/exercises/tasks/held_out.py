@@ -3,8 +3,8 @@ import numpy as np
 TITLE = "Judged by what took no part"
 PAGE, MINUTES, POINTS = "realcortex", 20, 3
 TASK = r"""
-In the section *Real cortex, and what a small landmark error hides* the curves are split in two halves; one is
-fitted, and the others are measured; then the halves change places. So every curve is held out once. Write the line
+In the section *Curves that take no part* the curves are split in two halves; one is fitted, and the others are
+measured; then the halves change places. So every curve is held out once. Write the line
 that a report needs. Given are
 
 - `apart` `(R, 2, C)`: the distance in mm of $C$ curves from their own after $R$ runs, in both splits;
