@@ -150,3 +150,38 @@ def test_the_page_on_notation_has_every_symbol_of_three_pages():
     explained = symbols(" ".join(line.split("|")[1] for line in TEXTS["notation"].splitlines() if line.startswith("|")))
     missing = {symbol: sorted(where) for symbol, where in pages.items() if len(where) >= 3 and symbol not in explained}
     assert missing == {}, "put them into the first column of a table there"
+
+
+QUOTING = {"lbs", "dbsnet", "errata", "linebyline", "notation"}  # pages with formulas of the paper, in its letters
+FORMULA = re.compile(r"\$\$.*?\$\$|(?<!\\)\$[^$\n]+\$", re.DOTALL)
+NAMES = re.compile(r"\\(?:operatorname|mathrm|text|math\w+|begin|end)\s*(?:\{[^}]*\}|\w)|\\[a-zA-Z]+")
+INDEX = re.compile(r"_\s*(?:\{[^}]*\}|\w)")
+STRAY = re.compile(r"(?<![a-zA-Z])(?:[bc]|d(?!\}\{d|\|))(?![a-zA-Z])")
+
+
+def strays(text):
+    """Formulas in which b is no index, d no differential, c at all, or M, the number of landmarks, has an index."""
+    for formula in FORMULA.findall(text):
+        named = NAMES.sub(lambda match: "x" * len(match[0]), formula)
+        alone = STRAY.search(INDEX.sub("", named)) and formula != "$b$"  # which says what the index means
+        if alone or re.search(r"(?<![a-zA-Z])M_", named):
+            yield formula
+
+
+def test_b_is_the_boundary_c_the_papers_d_a_differential_and_m_counts_landmarks():
+    assert {page: found for page in READ if page not in QUOTING and (found := list(strays(TEXTS[page])))} == {}
+
+
+@pytest.mark.parametrize(
+    "formula, stray",
+    [("b = \\beta/\\alpha", True), ("c_l", True), ("[d/m]", True), ("M_{a,\\theta}", True), ("\\alpha b", True)]
+    + [
+        ("\\theta_b", False),
+        ("K_{ib}", False),
+        ("\\frac{d\\theta}{ds}", False),
+        ("\\mathcal M_a", False),
+        ("2M", False),
+    ],
+)
+def test_a_letter_with_a_second_meaning_is_found(formula, stray):
+    assert list(strays(f"A text with ${formula}$.")) == ([f"${formula}$"] if stray else [])
