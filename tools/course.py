@@ -56,7 +56,10 @@ class Sheets:
         return markdown(exercise, "question", f"## {exercise.title}\n\n{told}\n\n{self.text(words(exercise))}")
 
     def student(self, names):
-        cells = [new_markdown_cell(INTRODUCTION, id="introduction"), new_code_cell(IMPORTS, id="imports")]
+        cells = [
+            new_markdown_cell(INTRODUCTION, id="introduction", metadata={"tags": ["introduction"]}),
+            new_code_cell(IMPORTS, id="imports"),
+        ]
         for exercise in map(EXERCISES.get, names):
             cells += [
                 self.question(exercise),
