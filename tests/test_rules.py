@@ -27,7 +27,7 @@ BUDGET = {
     "qclearn/pages": 2550,
     "qclearn/cli, and what stands beside the rooms": 1321,
     "data_synth": 2456,
-    "tools": 5340,
+    "tools": 5341,
     "qclearn/exercises": 3472,
     "browser": 6564,
     "qclearn/reports": 1094,

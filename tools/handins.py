@@ -113,7 +113,7 @@ class HandIns:
     """Makes the notebooks: name -> (notebook, exercise -> a part of what the student is told; right where none is)."""
 
     def __init__(self):
-        self.sheet = Sheets().student(NAMES)
+        self.sheet = Sheets().notebook(NAMES)
         self.right = {name: EXERCISES[name].solved for name in NAMES}
 
     def notebook(self, **answers):

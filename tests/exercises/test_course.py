@@ -26,7 +26,7 @@ PAGE = f"# Here\n\n{graded.place(NAME)}\n\nMore."
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
-    """(student's, teacher's) notebook of all exercises, as files."""
+    """(student's, teacher's) notebook of all exercises, and the teacher's page, as files."""
     return course.write(course.in_order(), "exercises", tmp_path_factory.mktemp("course"))
 
 
@@ -48,17 +48,31 @@ def test_the_students_notebook_carries_what_nbgrader_keeps(written):
     assert sum(each.get("points", 0) for each in kept) == sum(e.points for e in EXERCISES.values())
 
 
-def test_the_teachers_notebook_has_solutions_mistakes_and_points(written):
-    teacher = nbformat.read(written[1], as_version=4)
-    text = "\n".join(cell.source for cell in teacher.cells)
-    assert [cell.source + "\n" for cell in of(teacher, "answer")] == [EXERCISES[n].solved for n in course.in_order()]
+def test_the_teachers_notebook_is_the_source_of_nbgrader(written):
+    """The same cells, but solutions between marks, and hidden tests on other numbers, which raise."""
+    student, teacher = (nbformat.read(path, as_version=4) for path in written[:2])
+    same = [cell for cell in student.cells if cell.metadata.get("tags") not in (["answer"], ["check"])]
+    assert [cell for cell in teacher.cells if cell in same] == same and len(teacher.cells) == len(student.cells)
+    assert [cell.metadata for cell in teacher.cells] == [cell.metadata for cell in student.cells]
+    assert [cell.source + "\n" for cell in of(teacher, "answer")] == [EXERCISES[n].source for n in course.in_order()]
+    for check in of(teacher, "check"):
+        exercise = EXERCISES[check.metadata.exercise]
+        shown, tests = check.source.split("\n### BEGIN HIDDEN TESTS\n")
+        assert shown == graded.call(exercise) and "seed=1)" in tests and tests.endswith("\n### END HIDDEN TESTS")
+        exec(tests, {exercise.asks_for: exercise.solution})
+        with pytest.raises(AssertionError):
+            exec(tests, {exercise.asks_for: next(iter(exercise.wrong.values()))})
+
+
+def test_the_teachers_page_has_mistakes_and_points(written):
+    text = written[2].read_text(encoding="utf-8")
     assert all(f"| {name.replace('|', chr(92) + '|')} |" in text for e in EXERCISES.values() for name in e.wrong)
     assert f"| {sum(e.points for e in EXERCISES.values())} |" in text
 
 
 def test_no_solution_leaks_into_the_students_notebook(written):
     assert all(graded_lines().values()) and leaks(written[:1], graded_lines()) == {}
-    assert list(leaks(written[1:], graded_lines())) == [str(written[1])]
+    assert list(leaks(written[1:2], graded_lines())) == [str(written[1])]
 
 
 def test_a_leak_of_one_line_is_found(written, tmp_path):
@@ -162,9 +176,18 @@ def test_solutions_are_part_of_a_copys_stamp(monkeypatch):
 
 
 def test_a_sheet_of_chosen_exercises(tmp_path):
-    path, _ = course.write(["accept-fold"], "week1", tmp_path)
+    path, *_ = course.write(["accept-fold"], "week1", tmp_path)
     named = {cell["metadata"].get("exercise") for cell in json.loads(path.read_text())["cells"]}
     assert path.name == "week1.ipynb" and named == {None, "accept-fold"}
+
+
+def test_every_week_has_a_sheet(monkeypatch):
+    written = {}
+    monkeypatch.setattr(course, "write", lambda names, name, **_: written.update({name: names}) or [])
+    monkeypatch.setattr("sys.argv", ["course"])
+    course.main()
+    assert list(written) == ["exercises", *(f"week{number}" for number in range(1, 7))]
+    assert "alpha-signs" in written["week2"] and set(written["exercises"]) == set(EXERCISES)
 
 
 def test_lines_are_those_that_only_a_solution_has():
