@@ -1,6 +1,7 @@
 """Three products of one source: the page, the student's notebook, the teacher's."""
 
 import copy
+import html
 import json
 import re
 from functools import cache
@@ -16,7 +17,7 @@ import references
 import solutions
 from graded import EXERCISES, put
 from leaks import drift, graded_lines, leaks, lines_of, of, page_lines
-from nbformat.v4 import new_markdown_cell, new_notebook
+from nbformat.v4 import new_markdown_cell, new_notebook, new_output
 from plain import for_plain_viewers
 from readable import Readable
 
@@ -75,12 +76,32 @@ def test_no_solution_leaks_into_the_students_notebook(written):
     assert list(leaks(written[1:2], graded_lines())) == [str(written[1])]
 
 
-def test_a_leak_of_one_line_is_found(written, tmp_path):
+QUOTED = 'return "ahead" if high < 1 else "behind"'  # as a line of code that markup escapes
+HIDDEN = {
+    "question": {"source": f"Hint: {QUOTED}"},
+    "output": {"outputs": [new_output("stream", text=f"{QUOTED}\n")]},
+    "output in HTML": {"outputs": [new_output("display_data", {"text/html": f"<b>ret</b>{html.escape(QUOTED[3:])}"})]},
+    "attachment": {"attachments": {"a.txt": {"text/plain": QUOTED}}},
+    "metadata": {"metadata": {"hint": QUOTED}},
+}
+FILES = {
+    "a.html": f"<p>{html.escape(QUOTED)}</p>",
+    "b.html": f"<pre><span>{QUOTED[:5]}</span>{html.escape(QUOTED[5:])}</pre>",
+    "c.html": f"<script>hint = {json.dumps(QUOTED)}</script>",
+    "d.js": f"search({json.dumps([QUOTED])})",
+    "e.json": json.dumps({"hint": QUOTED}),
+}
+
+
+@pytest.mark.parametrize("where", [*HIDDEN, *FILES, "notebook's metadata"])
+def test_a_leak_of_one_line_is_found_wherever_it_is(written, tmp_path, where):
     student = nbformat.read(written[0], as_version=4)
-    line = sorted(graded_lines()[NAME])[0]
-    of(student, "question")[0].source += f"\nHint: {line}"
-    nbformat.write(student, tmp_path / "leaking.ipynb")
-    assert list(leaks([tmp_path / "leaking.ipynb"], graded_lines()).values()) == [[line]]
+    of(student, "check")[0].update(HIDDEN.get(where, {}))
+    student.metadata.update({"hint": QUOTED} if where == "notebook's metadata" else {})
+    path = tmp_path / (where if where in FILES else "leaking.ipynb")
+    path.write_text(FILES.get(where) or json.dumps(student), encoding="utf-8")
+    assert list(leaks([path], {NAME: {QUOTED}}).values()) == [[QUOTED]]
+    assert leaks(written[:1], {NAME: {QUOTED}}) == {}
 
 
 @pytest.fixture(scope="module")
