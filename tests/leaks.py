@@ -11,7 +11,7 @@ from references import BOOK
 from solutions import solutions_in, without
 
 LONG = 20  # characters: a shorter line may stand anywhere
-PRE = re.compile(r"<pre.*?</pre>", re.DOTALL)
+TAG = re.compile(r"<[^>]+>")
 
 
 def lines_of(text):
@@ -37,14 +37,21 @@ def page_lines():
     return found
 
 
+def strings(value):
+    """Every text in what a JSON file holds."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, (list, dict)):
+        for each in (*value, *value.values()) if isinstance(value, dict) else value:
+            yield from strings(each)
+
+
 def text_of(path):
-    """What can be read in a file: the cells of a notebook with their metadata, the code of an HTML page, else all."""
+    """What can be read in a file: all of it, and once more without tags, which stand in lines of highlighted code."""
     text = path.read_text(encoding="utf-8")
-    if path.suffix == ".ipynb":
-        return "\n".join(cell.source + json.dumps(cell.metadata) for cell in nbformat.reads(text, as_version=4).cells)
-    if path.suffix == ".html":
-        return html.unescape(re.sub(r"<[^>]+>", "", "\n".join(PRE.findall(text))))
-    return text
+    if path.suffix in (".ipynb", ".json"):
+        text = "\n".join(strings(json.loads(text)))
+    return html.unescape(text).replace('\\"', '"') + "\n" + html.unescape(TAG.sub("", text))
 
 
 def leaks(paths, lines):

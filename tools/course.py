@@ -1,6 +1,7 @@
-"""The notebooks of a course: build/course/student with blanks and checks, build/course/teacher with solutions.
+"""The notebooks of a course: build/course/student has blanks and checks, build/course/teacher solutions and mistakes.
 
-`make course` takes all graded exercises in the order of the book; named ones make a sheet of their own:
+`make course` takes all graded exercises in the order of the book, and those of each week of the guide for teachers;
+named ones make a sheet of their own:
 
     python tools/course.py --name week3 alpha-signs accept-fold
 """
@@ -8,10 +9,10 @@
 import argparse
 import re
 import sys
-from functools import cache
 
 import nbformat
 import references
+import teaching
 from execute_pages import ROOT
 from graded import EXERCISES, IMPORTS, call, words
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
@@ -26,7 +27,7 @@ INTRODUCTION = """# Exercises
 
 Fill in the blanks. `check` says whether an answer is right, as often as you like. Answers are graded with other
 numbers than those of `check`. Keep the names of the functions, and hand in this notebook under your own name."""
-FOR_TEACHERS = """# Exercises, with solutions
+FOR_TEACHERS = """# Exercises, for teachers
 
 Not for students. `qclearn grade FOLDER --out grades.csv` grades the notebooks that were handed in."""
 
@@ -35,11 +36,6 @@ def in_order():
     """The names of all exercises, by their page in the contents."""
     pages = list(references.chapters())
     return sorted(EXERCISES, key=lambda name: (pages.index(EXERCISES[name].page), name))
-
-
-@cache
-def heading(page):
-    return re.search(r"^# (.+)$", references.markdown_of(page), re.MULTILINE)[1]
 
 
 class Sheets:
@@ -52,33 +48,36 @@ class Sheets:
         return LINK.sub(r"*\1*", self.readable.text(source))
 
     def question(self, exercise):
-        told = f"{exercise.points} points, about {exercise.minutes} minutes; page *{heading(exercise.page)}*."
+        told = f"{exercise.points} points, about {exercise.minutes} minutes; page *{teaching.title(exercise.page)}*."
         return markdown(exercise, "question", f"## {exercise.title}\n\n{told}\n\n{self.text(words(exercise))}")
 
-    def student(self, names):
-        cells = [new_markdown_cell(INTRODUCTION, id="introduction"), new_code_cell(IMPORTS, id="imports")]
+    def notebook(self, names, solved=False):
+        """The students' notebook; solved: the teacher's, nbgrader's source, of which its release takes the marks."""
+        intro = new_markdown_cell(INTRODUCTION, id="introduction", metadata={"tags": ["introduction"]})
+        cells = [intro, new_code_cell(IMPORTS, id="imports")]
         for exercise in map(EXERCISES.get, names):
+            answer, checked = (exercise.source, hidden(exercise)) if solved else (exercise.blank, call(exercise))
             cells += [
                 self.question(exercise),
-                code(exercise, "answer", exercise.blank, solution=True),
-                code(exercise, "check", call(exercise), grade=True, locked=True, points=exercise.points),
+                code(exercise, "answer", answer, solution=True),
+                code(exercise, "check", checked, grade=True, locked=True, points=exercise.points),
             ]
             if exercise.read:
                 kind = {"grade": True, "solution": True, "points": 0, "cell_type": "markdown"}
                 cells.append(markdown(exercise, "sentence", UNANSWERED, **kind))
         return new_notebook(cells=cells, metadata=KERNEL)
 
-    def teacher(self, names):
-        cells = [new_markdown_cell(FOR_TEACHERS, id="introduction"), new_markdown_cell(overview(names), id="overview")]
-        cells.append(new_code_cell(IMPORTS, id="imports"))
-        for exercise in map(EXERCISES.get, names):
-            cells += [
-                self.question(exercise),
-                code(exercise, "answer", exercise.solved),
-                code(exercise, "check", call(exercise)),
-                markdown(exercise, "mistakes", self.text(mistakes(exercise))),
-            ]
-        return new_notebook(cells=cells, metadata=KERNEL)
+    def key(self, names):
+        """The teacher's page: points, and each known mistake with what a student is told of it."""
+        known = [f"## {e.title}\n\n{self.text(mistakes(e))}" for e in map(EXERCISES.get, names)]
+        return "\n\n".join([FOR_TEACHERS, overview(names), *known])
+
+
+def hidden(exercise):
+    """The check of the teacher's notebook: nbgrader hides what raises where the answer is not right."""
+    raising = f'EXERCISES["{exercise.name}"].check({exercise.asks_for}, seed=1)'
+    tests = f"from qclearn.exercises import EXERCISES\n\n{raising}"
+    return f"{call(exercise)}\n### BEGIN HIDDEN TESTS\n{tests}\n### END HIDDEN TESTS"
 
 
 def row(*cells):
@@ -121,26 +120,31 @@ def markdown(exercise, part, source, **nbgrader):
     return new_markdown_cell(source.rstrip(), id=f"{exercise.name}-{part}", metadata=meta)
 
 
-def write(names, name, folder=COURSE):
-    """Write both notebooks of a sheet below a folder; returns their paths."""
-    sheets, paths = Sheets(), []
-    for reader, make in (("student", sheets.student), ("teacher", sheets.teacher)):
-        notebook = make(names)
+def write(names, name, folder=COURSE, sheets=None):
+    """Write the notebooks of a sheet below a folder, and the teacher's page; returns the paths."""
+    sheets, paths = sheets or Sheets(), []
+    for reader in ("student", "teacher"):
+        notebook = sheets.notebook(names, solved=reader == "teacher")
         nbformat.validate(notebook)
         (folder / reader).mkdir(parents=True, exist_ok=True)
         paths.append(folder / reader / f"{name}.ipynb")
         nbformat.write(notebook, paths[-1])
+    paths.append(paths[-1].with_suffix(".md"))
+    paths[-1].write_text(sheets.key(names), encoding="utf-8")
     return paths
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("exercises", nargs="*", help="names, in order; all where none is given")
+    parser.add_argument("exercises", nargs="*", help="names, in order; all, and each week's, where none is given")
     parser.add_argument("--name", default="exercises", help="of the notebooks")
     arguments = parser.parse_args()
     if unknown := [name for name in arguments.exercises if name not in EXERCISES]:
         sys.exit(f"course: no such exercise: {', '.join(unknown)}; there are {', '.join(in_order())}")
-    for path in write(arguments.exercises or in_order(), arguments.name):
+    chosen, sheets = {arguments.name: arguments.exercises or in_order()}, Sheets()
+    if not arguments.exercises:
+        chosen |= {f"week{number}": names for number, (_, _, names) in enumerate(teaching.weeks(), 1)}
+    for path in (path for name, names in chosen.items() for path in write(names, name, sheets=sheets)):
         print(f"course: {path.relative_to(ROOT)}")
 
 

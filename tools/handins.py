@@ -8,6 +8,8 @@ to change the check. Nothing here harms the machine, and grading says what it ru
 
 import argparse
 import csv
+import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -15,7 +17,6 @@ import time
 from copy import deepcopy
 from pathlib import Path
 
-import nbformat
 import numpy as np
 from course import Sheets
 from graded import EXERCISES
@@ -27,7 +28,9 @@ NOT_THERE = "no function `alphas`"
 OTHERS = {
     "right-in-other-words": "def alphas(m):\n    s = 1 - abs(m)**2\n"
     "    return abs(1 - m)**2 / s, -2 * m.imag / s, abs(1 + m)**2 / s",
-    "right-after-a-magic": "%matplotlib inline\n!echo hello\n" + EXERCISES["alpha-signs"].solved,
+    "right-after-a-magic": "%matplotlib inline\n!echo hello\nfiles = !ls\ntime = %timeit -o 1\nnp.roll?\n"
+    "import asyncio\nawait asyncio.sleep(0)\nget_ipython().system('ls')\n" + EXERCISES["alpha-signs"].solved,
+    "right-then-another-thing": EXERCISES["alpha-signs"].solved + "\nalphas = alphas(0.5j)",
 }
 # name of a hand-in -> what stands in the blank of alpha-signs, what the student is told of it
 ANSWERS = {
@@ -49,7 +52,19 @@ ANSWERS = {
     "tampers": (
         "def alphas(mu):\n    return 0, 0, 0\nimport qclearn.exercises\nqclearn.exercises.check = print\n"
         "from qclearn.exercises import EXERCISES\nfrom qclearn.exercises.exercise import Exercise\n"
-        "Exercise.check = lambda *a, **k: None\nimport sys\nsys.modules['qclearn.exercises'] = None",
+        "Exercise.check = lambda *a, **k: None\nimport sys\nsys.modules['qclearn.exercises'] = None\n"
+        "np.max = lambda *given: 0",
+        "off by",
+    ),
+    "patches-the-draw": (
+        "def alphas(mu):\n    return 1, 0, 1\nclass Still:\n    def __getattr__(self, name):\n"
+        "        return lambda *given, size=(), **named: np.zeros(size)\n"
+        "np.random.default_rng = lambda seed: Still()",
+        "off by",
+    ),
+    "patches-what-is-built-in": (
+        "import builtins, sys\nbuiltins.max = lambda *given: 0\nsys.modules['numpy'] = None\n"
+        "alphas = lambda mu: (0, 0, 0)",
         "off by",
     ),
     "check-overwritten": ("def check(*a): print('right')\ndef alphas(mu):\n    return 0, 0, 0", "off by"),
@@ -76,6 +91,16 @@ HARMLESS = {
     "right-but-moves": "import os, sys\nos.chdir('/')\nsys.stdout = None\nnp.seterr(all='raise')\nsys.exit()\n",
 }
 
+# What could stop the grading of all: junk to where a process answers, words that no file takes
+JUNK = """import os
+for channel in range(3, 20):
+    try:
+        os.write(channel, b'\\xff' * 10**6)
+    except OSError:
+        pass
+"""
+UNFIT = "def accepts(*given):\n    raise ValueError('\\ud800')"
+
 
 def seen():
     """The inputs of the students' own check with the right answers, by heart."""
@@ -88,7 +113,7 @@ class HandIns:
     """Makes the notebooks: name -> (notebook, exercise -> a part of what the student is told; right where none is)."""
 
     def __init__(self):
-        self.sheet = Sheets().student(NAMES)
+        self.sheet = Sheets().notebook(NAMES)
         self.right = {name: EXERCISES[name].solved for name in NAMES}
 
     def notebook(self, **answers):
@@ -137,6 +162,18 @@ class HandIns:
         for cell in bare.cells:
             cell.metadata.clear()
         yield "without-metadata", bare, {}
+        merged = self.notebook(alpha_signs=EXERCISES["alpha-signs"].blank)
+        for cell in merged.cells:
+            if cell.metadata.get("exercise") == "alpha-signs" and "check" in cell.metadata.tags:
+                cell.source = f"{self.right['alpha-signs']}\n{cell.source}"
+        yield "right-in-the-check's-cell", merged, {}
+        junk = self.notebook(alpha_signs=f"{self.right['alpha-signs']}\n{JUNK}", accept_fold=UNFIT)
+        for cell in junk.cells:
+            if "sentence" in cell.metadata.get("tags", []):
+                cell.source = "Half a character, \ud800, and \x1b[31mred."
+        junk.cells.append(deepcopy(junk.cells[-1]))
+        junk.cells[-1].metadata["exercise"] = ["alpha-signs"]
+        yield os.fsdecode(b"J\xfcrgen"), junk, {"accept-fold": "`accepts` stops with ValueError"}
 
     def all(self):
         made = [*self.notebooks(), *self.answers(), *self.mistakes()]
@@ -146,10 +183,10 @@ class HandIns:
 def plant(folder, chosen):
     """Write hand-ins, name -> (notebook, expected), and one file that is no notebook; what is expected of each."""
     for key, (notebook, _) in chosen.items():
-        nbformat.write(notebook, folder / f"{key}.ipynb")
+        (folder / f"{key}.ipynb").write_text(json.dumps(notebook), encoding="utf-8")
     (folder / "no-notebook.ipynb").write_text("def alphas(mu): ...", encoding="utf-8")
     none = {"no-notebook": dict.fromkeys(NAMES, "the file is not a notebook")}
-    return {key: expected for key, (_, expected) in chosen.items()} | none
+    return {os.fsencode(key).decode(errors="replace"): expected for key, (_, expected) in chosen.items()} | none
 
 
 def unexpected(file, expected):

@@ -4,7 +4,8 @@ from ..lazy import offer
 
 TABLE = {
     "exercise": ["EXERCISES", "check"],
-    "grading": ["GradingError", "Limits", "UNANSWERED", "feedback", "grade", "is_isolated", "table", "to_read"],
+    "handedin": ["UNANSWERED"],
+    "grading": ["GradingError", "Limits", "feedback", "found_in", "grade", "is_isolated", "table", "to_read"],
 }
 
 __getattr__, __dir__, __all__ = offer(__name__, TABLE)

@@ -114,7 +114,7 @@ class Exercise:
 
         AssertionError with one line, at most 300 characters, that names the mistake; nothing where the answer is right.
         """
-        words = self._not_what_is_asked_for(answer)
+        words = self.misfit(answer)
         if not words:
             with warnings.catch_warnings(), np.errstate(all="ignore"):
                 warnings.simplefilter("ignore")
@@ -122,7 +122,8 @@ class Exercise:
         if words:
             raise AssertionError(_short(words))
 
-    def _not_what_is_asked_for(self, answer):
+    def misfit(self, answer):
+        """In words, that an answer is no function or no number; empty where it is what is asked for."""
         asked, given = ("function" if callable(self.solution) else "number"), type(answer).__name__
         fits = callable(answer) if asked == "function" else _is_number(answer)
         return "" if fits else f"`{self.asks_for}` should be a {asked}; this is {_with_article(given)}"

@@ -24,13 +24,15 @@ from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from tqdm import tqdm
+
 from .exercise import EXERCISES
+from .handedin import clean, read
 
 _ALONE = ["unshare", "--user", "--map-current-user", "--net", "--pid", "--fork", "--kill-child"]
-_LARGEST = 100_000_000  # bytes of a notebook
 _PASSED_ON = ("PATH", "LANG", "LC_ALL", "LD_LIBRARY_PATH")
 _WHOLE = 10  # so many times the limit of a cell is that of the notebook
-UNANSWERED = "*Your answer here.*"
+_LINE = 10_000  # characters that are read of a line at once, from a process that may write anything
 
 
 class GradingError(ValueError):
@@ -52,23 +54,21 @@ class Graded:
     student: str
     said: dict
     written: dict
+    look_at: str
 
     @property
     def points(self):
         return sum(EXERCISES[name].points for name, words in self.said.items() if not words)
 
 
-class _Unreadable(ValueError):
-    """Why a file is no notebook, in words for its student."""
-
-
-def grade(folder, seed, limits, jobs=2):
+def grade(folder, seed, limits, jobs=2, sheet=None):
     """A list of `Graded`, one of each notebook in a folder, by name.
 
     seed: of the inputs, not 0, which is that of the students' own checks; jobs: notebooks side by side. The exercises
-    graded are those that the notebooks name, all where none names any. GradingError where there is nothing to grade.
+    graded are those that the notebook `sheet` names; without one those that the notebooks name, all where none names
+    any. GradingError where there is nothing to grade.
     """
-    paths = sorted(path for path in Path(folder).glob("*.ipynb") if path.is_file())
+    paths, _ = found_in(folder)
     if not paths:
         raise GradingError(f"{folder}: no notebook (*.ipynb) in this folder; give the one with what was handed in")
     if seed < 1:
@@ -77,12 +77,21 @@ def grade(folder, seed, limits, jobs=2):
         raise GradingError("grading needs limits that only Linux and macOS have; use one of these, or a container")
     if not (limits.seconds > 0 and limits.gb > 0 and jobs > 0):
         raise GradingError("--seconds, --gb and --jobs have to be positive numbers")
-    notebooks = [_read(path) for path in paths]
-    named = {name for notebook in notebooks for name in _named(notebook)}
+    notebooks = list(map(read, paths))
+    named = {name for notebook in notebooks for name in notebook.names}
     names = [name for name in EXERCISES if name in named] or list(EXERCISES)
+    if sheet and not (names := read(Path(sheet)).names):
+        raise GradingError(f"--sheet {sheet}: names no exercise; give a student's notebook as `make course` writes it")
     with ThreadPoolExecutor(jobs) as pool:
-        said = pool.map(lambda notebook: _said(notebook, names, seed, limits), notebooks)
-        return [Graded(path.stem, *both) for path, both in zip(paths, zip(said, map(_written, notebooks)))]
+        graded = pool.map(lambda notebook: _graded(notebook, names, seed, limits), notebooks)
+        return list(tqdm(graded, total=len(notebooks), desc="grading", delay=2, leave=False))
+
+
+def found_in(folder):
+    """(notebooks that are graded, notebooks that are passed over: in folders below, or with another ending)."""
+    every = sorted(path for path in Path(folder).rglob("*") if path.suffix.lower() == ".ipynb" and path.is_file())
+    taken = [path for path in every if path.parent == Path(folder) and path.suffix == ".ipynb"]
+    return taken, [path for path in every if path not in taken and ".ipynb_checkpoints" not in path.parts]
 
 
 @cache
@@ -93,46 +102,22 @@ def is_isolated():
     return subprocess.run([*_ALONE, "true"], capture_output=True, check=False).returncode == 0
 
 
-def _read(path):
-    """The notebook of a file, as the format has it; the reason, an _Unreadable, where it is none."""
+def _graded(notebook, names, seed, limits):
     try:
-        if path.stat().st_size > _LARGEST:
-            raise _Unreadable(f"the file has more than {_LARGEST // 10**6} MB: clear its outputs")
-        notebook = json.loads(path.read_text(encoding="utf-8"))
-        return [
-            (cell["cell_type"], "".join(cell["source"]), set(cell["metadata"].get("tags", [])), dict(cell["metadata"]))
-            for cell in notebook["cells"]
-        ]
-    except _Unreadable as error:
-        return error
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        return _Unreadable("the file is not a notebook")
-
-
-def _named(notebook):
-    """The exercises that a notebook's cells name."""
-    if isinstance(notebook, _Unreadable):
-        return set()
-    return {meta["exercise"] for *_, meta in notebook if isinstance(meta.get("exercise"), str)} & set(EXERCISES)
-
-
-def _written(notebook):
-    """exercise -> what a student wrote for the teacher to read."""
-    if isinstance(notebook, _Unreadable):
-        return {}
-    found = {meta.get("exercise"): source.strip() for _, source, tags, meta in notebook if "sentence" in tags}
-    return {name: found[name] for name in EXERCISES if found.get(name) not in (None, "", UNANSWERED)}
+        said = _said(notebook, names, seed, limits)
+    except Exception as error:  # whatever a notebook brings about, the others are graded
+        said = dict.fromkeys(names, f"could not be graded: {type(error).__name__}: {error}")
+    said = {name: clean(words) for name, words in said.items()}
+    return Graded(notebook.student, said, notebook.written, notebook.look_at)
 
 
 def _said(notebook, names, seed, limits):
     """exercise -> what is wrong, empty where the answer is right."""
-    if isinstance(notebook, _Unreadable):
-        return dict.fromkeys(names, str(notebook))
-    # The student's own checks cost time and decide nothing.
-    cells = [source for kind, source, tags, _ in notebook if kind == "code" and "check" not in tags]
+    if notebook.unread:
+        return dict.fromkeys(names, notebook.unread)
     said, end = {}, time.monotonic() + _WHOLE * limits.seconds
     while left := [name for name in names if name not in said]:
-        found, ran = _sit(cells, left, seed, limits, end)
+        found, ran = _sit(notebook.code, left, seed, limits, end)
         said |= found
         unanswered = [name for name in left if name not in found]
         late = time.monotonic() > end
@@ -157,9 +142,9 @@ def _sit(cells, names, seed, limits, end):
         clock.start()
         try:
             _tell(process, told)
-            ran = process.stdout.readline() == "ran\n"
+            ran = process.stdout.readline(_LINE) == "ran\n"
             _tell(process, {"seed": seed, "password": password})
-            while len(found) < len(names) and (line := process.stdout.readline()):
+            while len(found) < len(names) and (line := process.stdout.readline(_LINE)):
                 if line.startswith(password):
                     name, words = json.loads(line.removeprefix(password))
                     found[name] = words
@@ -172,8 +157,9 @@ def _sit(cells, names, seed, limits, end):
 def _started(home):
     """The process that runs a notebook, in a folder that is its home."""
     program = [*(_ALONE if is_isolated() else []), sys.executable, "-m", "qclearn.exercises.sitting"]
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "text": True}
-    return subprocess.Popen(program, cwd=home, env=_environment(home), start_new_session=True, **pipes)
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
+    text = {"encoding": "utf-8", "errors": "replace"}
+    return subprocess.Popen(program, cwd=home, env=_environment(home), start_new_session=True, **pipes, **text)
 
 
 def _tell(process, message):
@@ -212,7 +198,7 @@ def feedback(graded):
         parts.append(f"## {EXERCISES[name].title}\n\n{words or 'Right.'}")
         if EXERCISES[name].read:
             parts.append(
-                "Your sentence is read by your teacher." if name in graded.written else "No sentence is there."
+                "Your sentence is read by your teacher." if name in graded.written else "No sentence was found."
             )
     return "\n\n".join(parts) + "\n"
 
@@ -223,19 +209,21 @@ def to_read(all_graded):
     for name in EXERCISES:
         texts = [(graded.student, graded.written[name]) for graded in all_graded if name in graded.written]
         if texts:
-            parts.append(f"## {EXERCISES[name].title}\n\n{EXERCISES[name].read}")
+            asked = re.sub(r"\[([^\]]*)\]\(#[^)]*\)", r"\1", EXERCISES[name].read)  # the book's labels are not here
+            parts.append(f"## {EXERCISES[name].title}\n\n{asked}")
             parts += [f"**{student}**\n\n{re.sub('^', '> ', text, flags=re.MULTILINE)}" for student, text in texts]
     return "\n\n".join(["# To read", *parts]) + "\n" if parts else ""
 
 
 def table(all_graded):
-    """The rows of the csv: student, points, of, each exercise, and the exercises whose sentences are to be read."""
+    """The rows of the csv: student, points, of, each exercise, and the exercises whose sentences are to be read, and
+    what is to be looked at."""
     names = list(all_graded[0].said)
     of = sum(EXERCISES[name].points for name in names)
-    rows = [["student", "points", "of", *names, "to read"]]
+    rows = [["student", "points", "of", *names, "to read", "look at"]]
     for graded in all_graded:
         words = [graded.said[name] or "right" for name in names]
-        rows.append([graded.student, graded.points, of, *words, " ".join(graded.written)])
+        rows.append([graded.student, graded.points, of, *words, " ".join(graded.written), graded.look_at])
     return [[_harmless(cell) for cell in row] for row in rows]
 
 

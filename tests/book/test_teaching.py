@@ -39,6 +39,7 @@ def test_the_weeks_fit_and_have_pages_exercises_and_work_in_class():
     assert too_long() == {}
     weeks = list(teaching.weeks())
     assert len(weeks) == 6 and all(pages and names and week["class"] for week, pages, names in weeks)
+    assert {name for week, _, names in weeks for name in (*names, *week["leave"])} >= set(EXERCISES)
     assert set(teaching.plan()["day"]["pages"]) <= set(references.chapters())
     assert {EXERCISES[name].page for name in teaching.plan()["day"]["exercises"]} <= set(
         teaching.plan()["day"]["pages"]

@@ -1,6 +1,7 @@
 """Three products of one source: the page, the student's notebook, the teacher's."""
 
 import copy
+import html
 import json
 import re
 from functools import cache
@@ -16,7 +17,7 @@ import references
 import solutions
 from graded import EXERCISES, put
 from leaks import drift, graded_lines, leaks, lines_of, of, page_lines
-from nbformat.v4 import new_markdown_cell, new_notebook
+from nbformat.v4 import new_markdown_cell, new_notebook, new_output
 from plain import for_plain_viewers
 from readable import Readable
 
@@ -26,7 +27,7 @@ PAGE = f"# Here\n\n{graded.place(NAME)}\n\nMore."
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
-    """(student's, teacher's) notebook of all exercises, as files."""
+    """(student's, teacher's) notebook of all exercises, and the teacher's page, as files."""
     return course.write(course.in_order(), "exercises", tmp_path_factory.mktemp("course"))
 
 
@@ -48,25 +49,59 @@ def test_the_students_notebook_carries_what_nbgrader_keeps(written):
     assert sum(each.get("points", 0) for each in kept) == sum(e.points for e in EXERCISES.values())
 
 
-def test_the_teachers_notebook_has_solutions_mistakes_and_points(written):
-    teacher = nbformat.read(written[1], as_version=4)
-    text = "\n".join(cell.source for cell in teacher.cells)
-    assert [cell.source + "\n" for cell in of(teacher, "answer")] == [EXERCISES[n].solved for n in course.in_order()]
+def test_the_teachers_notebook_is_the_source_of_nbgrader(written):
+    """The same cells, but solutions between marks, and hidden tests on other numbers, which raise."""
+    student, teacher = (nbformat.read(path, as_version=4) for path in written[:2])
+    same = [cell for cell in student.cells if cell.metadata.get("tags") not in (["answer"], ["check"])]
+    assert [cell for cell in teacher.cells if cell in same] == same and len(teacher.cells) == len(student.cells)
+    assert [cell.metadata for cell in teacher.cells] == [cell.metadata for cell in student.cells]
+    assert [cell.source + "\n" for cell in of(teacher, "answer")] == [EXERCISES[n].source for n in course.in_order()]
+    for check in of(teacher, "check"):
+        exercise = EXERCISES[check.metadata.exercise]
+        shown, tests = check.source.split("\n### BEGIN HIDDEN TESTS\n")
+        assert shown == graded.call(exercise) and "seed=1)" in tests and tests.endswith("\n### END HIDDEN TESTS")
+        exec(tests, {exercise.asks_for: exercise.solution})
+        with pytest.raises(AssertionError):
+            exec(tests, {exercise.asks_for: next(iter(exercise.wrong.values()))})
+
+
+def test_the_teachers_page_has_mistakes_and_points(written):
+    text = written[2].read_text(encoding="utf-8")
     assert all(f"| {name.replace('|', chr(92) + '|')} |" in text for e in EXERCISES.values() for name in e.wrong)
     assert f"| {sum(e.points for e in EXERCISES.values())} |" in text
 
 
 def test_no_solution_leaks_into_the_students_notebook(written):
     assert all(graded_lines().values()) and leaks(written[:1], graded_lines()) == {}
-    assert list(leaks(written[1:], graded_lines())) == [str(written[1])]
+    assert list(leaks(written[1:2], graded_lines())) == [str(written[1])]
 
 
-def test_a_leak_of_one_line_is_found(written, tmp_path):
+QUOTED = 'return "ahead" if high < 1 else "behind"'  # as a line of code that markup escapes
+HIDDEN = {
+    "question": {"source": f"Hint: {QUOTED}"},
+    "output": {"outputs": [new_output("stream", text=f"{QUOTED}\n")]},
+    "output in HTML": {"outputs": [new_output("display_data", {"text/html": f"<b>ret</b>{html.escape(QUOTED[3:])}"})]},
+    "attachment": {"attachments": {"a.txt": {"text/plain": QUOTED}}},
+    "metadata": {"metadata": {"hint": QUOTED}},
+}
+FILES = {
+    "a.html": f"<p>{html.escape(QUOTED)}</p>",
+    "b.html": f"<pre><span>{QUOTED[:5]}</span>{html.escape(QUOTED[5:])}</pre>",
+    "c.html": f"<script>hint = {json.dumps(QUOTED)}</script>",
+    "d.js": f"search({json.dumps([QUOTED])})",
+    "e.json": json.dumps({"hint": QUOTED}),
+}
+
+
+@pytest.mark.parametrize("where", [*HIDDEN, *FILES, "notebook's metadata"])
+def test_a_leak_of_one_line_is_found_wherever_it_is(written, tmp_path, where):
     student = nbformat.read(written[0], as_version=4)
-    line = sorted(graded_lines()[NAME])[0]
-    of(student, "question")[0].source += f"\nHint: {line}"
-    nbformat.write(student, tmp_path / "leaking.ipynb")
-    assert list(leaks([tmp_path / "leaking.ipynb"], graded_lines()).values()) == [[line]]
+    of(student, "check")[0].update(HIDDEN.get(where, {}))
+    student.metadata.update({"hint": QUOTED} if where == "notebook's metadata" else {})
+    path = tmp_path / (where if where in FILES else "leaking.ipynb")
+    path.write_text(FILES.get(where) or json.dumps(student), encoding="utf-8")
+    assert list(leaks([path], {NAME: {QUOTED}}).values()) == [[QUOTED]]
+    assert leaks(written[:1], {NAME: {QUOTED}}) == {}
 
 
 @pytest.fixture(scope="module")
@@ -162,9 +197,18 @@ def test_solutions_are_part_of_a_copys_stamp(monkeypatch):
 
 
 def test_a_sheet_of_chosen_exercises(tmp_path):
-    path, _ = course.write(["accept-fold"], "week1", tmp_path)
+    path, *_ = course.write(["accept-fold"], "week1", tmp_path)
     named = {cell["metadata"].get("exercise") for cell in json.loads(path.read_text())["cells"]}
     assert path.name == "week1.ipynb" and named == {None, "accept-fold"}
+
+
+def test_every_week_has_a_sheet(monkeypatch):
+    written = {}
+    monkeypatch.setattr(course, "write", lambda names, name, **_: written.update({name: names}) or [])
+    monkeypatch.setattr("sys.argv", ["course"])
+    course.main()
+    assert list(written) == ["exercises", *(f"week{number}" for number in range(1, 7))]
+    assert "alpha-signs" in written["week2"] and set(written["exercises"]) == set(EXERCISES)
 
 
 def test_lines_are_those_that_only_a_solution_has():

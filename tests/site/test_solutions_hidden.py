@@ -5,11 +5,11 @@ import course
 import nbformat
 import pytest
 import references
-from graded import EXERCISES, PLACE
-from leaks import drift, graded_lines, leaks, page_lines
+from graded import EXERCISES, PLACE, call
+from leaks import drift, graded_lines, leaks, page_lines, text_of
 from places import COPIES, SITE
 
-KINDS = {".html", ".ipynb", ".md", ".txt", ".py"}
+KINDS = {".html", ".ipynb", ".md", ".txt", ".py", ".js", ".json"}
 
 
 def files(folder):
@@ -44,7 +44,7 @@ def test_the_sites_pages_and_the_notebook_ask_the_same(student):
         text = "\n".join(cell.source for cell in nbformat.read(path, as_version=4).cells)
         if names := set(PLACE.findall(text)):
             assert list(drift(nbformat.read(SITE / "_sources" / path.name, as_version=4), notebook)) == []
-            shown = (SITE / f"{path.stem}.html").read_text(encoding="utf-8")
-            assert [name for name in names if EXERCISES[name].asks_for not in shown] == []
+            shown = text_of(SITE / f"{path.stem}.html")
+            assert [name for name in names if call(EXERCISES[name]) not in shown] == []
             asked |= names
     assert asked
