@@ -13,18 +13,26 @@ from build_book import SITE  # of tools
 
 ROOT = Path(__file__).resolve().parent.parent
 CONDA, CONTAINER, WORKFLOW = "environment.yml", ".devcontainer/devcontainer.json", ".github/workflows/book.yml"
-FILES = (CONDA, CONTAINER, WORKFLOW, "README.md", "Makefile", "pyproject.toml", "constraints.txt")
+CI, GUIDE = ".ci/run", "book/teaching.md"
+INTERPRETER = "${containerWorkspaceFolder}/.venv/bin/python"
+FILES = (CONDA, CONTAINER, WORKFLOW, "README.md", "Makefile", "pyproject.toml", "constraints.txt", CI, GUIDE)
 TEXTS = {name: (ROOT / name).read_text(encoding="utf-8") for name in FILES}
 INDEX = re.compile(r"https://download\.pytorch\.org/whl/\w+")
 
 
-def installed(lines, extras):
-    """What is wrong with conda's lines for pip: one constraints file, one installation, of an extra that there is."""
-    if "-c constraints.txt" not in lines:
-        yield f"{CONDA}: pip is not held to constraints.txt"
-    wanted = [re.fullmatch(r"-e \.\[(\w+)\]", line) for line in lines]
-    if [match[1] in extras for match in wanted if match] != [True]:
-        yield f"{CONDA}: no '-e .[extra]' with an extra of pyproject.toml"
+def environment(conda, index, extras):
+    """What is wrong with conda's environment: Python and pip, and all else by pip as constraints.txt has it."""
+    if conda["channels"] != ["conda-forge"]:
+        yield f"{CONDA}: its channel is not conda-forge alone"
+    *names, by_pip = conda["dependencies"]
+    if [re.split("[<>=]", name)[0] for name in names] != ["python", "pip"]:
+        yield f"{CONDA}: conda brings {', '.join(names)}, and not python and pip"
+    lines = by_pip["pip"]
+    extra = re.fullmatch(r"-e \.\[(\w+)\]", lines[-1])
+    if not extra or extra[1] not in extras:
+        yield f"{CONDA}: no '-e .[extra]' with an extra of pyproject.toml at the end"
+    if lines[:-1] != [f"--extra-index-url {index}", "-c constraints.txt"]:
+        yield f"{CONDA}: pip is not given the index of torch and constraints.txt, and nothing else"
 
 
 def commands(line, targets):
@@ -42,27 +50,48 @@ def drifts(texts):
     project = tomllib.loads(texts["pyproject.toml"])["project"]
     python = re.search(r"on CPython (\d+\.\d+)", texts["constraints.txt"])[1]
     torch = re.search(r"^torch(==.+)$", texts["constraints.txt"], re.MULTILINE)[1]
-    conda = yaml.safe_load(texts[CONDA])["dependencies"]
+    index = re.search(r"make book TORCH_INDEX=(\S+)", texts["Makefile"])[1]
+    conda = yaml.safe_load(texts[CONDA])
     container, workflow = json.loads(texts[CONTAINER]), yaml.safe_load(texts[WORKFLOW])
     test, publish = workflow["jobs"]["test"], workflow["jobs"]["publish"]
     ran = [step["run"] for step in test["steps"] if "run" in step]
     (published,) = (step["with"]["path"] for step in test["steps"] if "path" in step.get("with", {}))
-    targets = {*re.findall(r"^([\w-]+):", texts["Makefile"], re.MULTILINE), ".venv/installed"}
+    targets = {*re.findall(r"^([\w-]+):|^INSTALLED := (\S+)", texts["Makefile"], re.MULTILINE)}
+    targets = {name for pair in targets for name in pair}
     said = {
         "requires-python": project["requires-python"].removeprefix(">="),
-        CONDA: next(entry for entry in conda if str(entry).startswith("python=")).removeprefix("python="),
+        CONDA: str(conda["dependencies"][0]).removeprefix("python="),
         CONTAINER: re.search(r":(\d+\.\d+)-", container["image"])[1],
         WORKFLOW: re.search(r"^python:(\d+\.\d+)-", test["container"])[1],
     }
     yield from (
         f"{name} has Python {found}, constraints.txt {python}" for name, found in said.items() if found != python
     )
-    yield from installed(conda[-1]["pip"], project["optional-dependencies"])
+    yield from environment(conda, index, project["optional-dependencies"])
     yield from commands("\n".join([container["postCreateCommand"], *ran]), targets)
     if ran[-1] != ".ci/run":
         yield f"{WORKFLOW} does not end with .ci/run"
     if ROOT / published != SITE / "html" or publish["needs"] != "test":
         yield f"{WORKFLOW} publishes {published}, the build writes {(SITE / 'html').relative_to(ROOT)}"
+    for name, given in ((CONTAINER, container["containerEnv"]), (WORKFLOW, workflow.get("env", {}))):
+        if given.get("TORCH_INDEX") != index:
+            yield f"{name}: TORCH_INDEX is not {index}"
+    if container["customizations"]["vscode"]["settings"]["python.defaultInterpreterPath"] != INTERPRETER:
+        yield f"{CONTAINER}: the interpreter is not {INTERPRETER}, as the Makefile has it"
+    if "SOLUTIONS" in texts[WORKFLOW] + texts[CI]:
+        yield f"{WORKFLOW}, {CI}: the site would show solutions"
+    conditions = {publish["if"], *(step["if"] for step in test["steps"] if "if" in step)}
+    if set(re.findall(r"refs/heads/(\w+)", " ".join(conditions))) | {*workflow[True]["push"]["branches"]} != {"main"}:
+        yield f"{WORKFLOW}: not main alone is tested and published"
+    if texts[CI].rstrip().splitlines()[-1] != "exec make test":
+        yield f"{CI} does not end in make test"
+    extra = re.escape(conda["dependencies"][-1]["pip"][-1].removeprefix("-e "))
+    if not re.search(
+        rf"pip download .*-c constraints\.txt --extra-index-url {re.escape(index)} '{extra}' uv", texts[GUIDE]
+    ):
+        yield f"{GUIDE}: the wheels to download are not those of {CONDA}"
+    if not re.search(rf"pip install --no-index .*-c constraints\.txt -e '{extra}' uv", texts[GUIDE]):
+        yield f"{GUIDE}: the wheels to install are not those of {CONDA}"
     if len(found := {index for text in texts.values() for index in INDEX.findall(text)}) != 1:
         yield f"more than one index of torch: {', '.join(sorted(found))}"
     pinned = {name: set(re.findall(r"torch(==[\w.+]+)", texts[name])) - {torch} for name in (*FILES[:4], "Makefile")}
@@ -79,7 +108,13 @@ def test_launching_files_say_what_the_project_says():
     "file, old, new, told",
     [
         (CONDA, "python=3.11", "python=3.12", "environment.yml has Python 3.12"),
-        (CONDA, "- -c constraints.txt", "- tqdm", "pip is not held to constraints.txt"),
+        (CONDA, "python=3.11", "python>=3.11", "environment.yml has Python python>=3.11"),
+        (CONDA, "- -c constraints.txt", "- tqdm", "pip is not given the index of torch and constraints.txt"),
+        (CONDA, "      - --extra-index-url https://download.pytorch.org/whl/cpu\n", "", "pip is not given the index"),
+        (CONDA, "      - -e", "      - numpy==1.26\n      - -e", "and nothing else"),
+        (CONDA, "  - pip\n", "", "and not python and pip"),
+        (CONDA, "  - pip\n", "  - pip\n  - pytorch=2.6\n", "conda brings python=3.11, pip, pytorch=2.6"),
+        (CONDA, "- conda-forge", "- defaults", "its channel is not conda-forge alone"),
         (CONDA, ".[test]", ".[tests]", "no '-e .[extra]'"),
         (CONTAINER, "python:3.11-", "python:3.13-", "devcontainer.json has Python 3.13"),
         (CONTAINER, "make .venv/installed", "make install", "no target install in the Makefile"),
@@ -88,6 +123,17 @@ def test_launching_files_say_what_the_project_says():
         (WORKFLOW, "python:3.11-", "python:3.12-", "book.yml has Python 3.12"),
         (WORKFLOW, "run: .ci/run", "run: make test", "does not end with .ci/run"),
         (WORKFLOW, "path: _build/html", "path: _build", "publishes _build, the build writes _build/html"),
+        (CONTAINER, "TORCH_INDEX", "TORCH_URL", "devcontainer.json: TORCH_INDEX is not"),
+        (CONTAINER, "/.venv/bin/python", "/venv/bin/python", "the interpreter is not"),
+        (WORKFLOW, "  TORCH_INDEX:", "  TORCH:", "book.yml: TORCH_INDEX is not"),
+        (WORKFLOW, "env:\n", "env:\n  SOLUTIONS: 1\n", "the site would show solutions"),
+        (WORKFLOW, "refs/heads/main", "refs/heads/master", "not main alone"),
+        (WORKFLOW, "branches: [main]", "branches: [main, next]", "not main alone"),
+        (CI, "exec make test", "exec make book", ".ci/run does not end in make test"),
+        (CI, "exec make test", "SOLUTIONS=1 make test", "the site would show solutions"),
+        (GUIDE, "whl/cpu", "whl/cu130", "the wheels to download"),
+        (GUIDE, "-e '.[test]'", "-e '.[book]'", "the wheels to install"),
+        ("Makefile", "INSTALLED := .venv/installed", "INSTALLED := .venv/done", "no target .venv/installed"),
         ("README.md", "torch==", "torch==1.", "README.md has torch==1."),
         ("constraints.txt", "CPython 3.11", "CPython 3.12", "requires-python has Python 3.11"),
     ],

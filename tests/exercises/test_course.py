@@ -76,7 +76,7 @@ def test_no_solution_leaks_into_the_students_notebook(written):
     assert list(leaks(written[1:2], graded_lines())) == [str(written[1])]
 
 
-QUOTED = 'return "ahead" if high < 1 else "behind"'  # as a line of code that markup escapes
+QUOTED = 'return "µ ahead" if high < 1 else "behind"'  # a line that markup and JSON escape
 HIDDEN = {
     "question": {"source": f"Hint: {QUOTED}"},
     "output": {"outputs": [new_output("stream", text=f"{QUOTED}\n")]},
@@ -87,8 +87,8 @@ HIDDEN = {
 FILES = {
     "a.html": f"<p>{html.escape(QUOTED)}</p>",
     "b.html": f"<pre><span>{QUOTED[:5]}</span>{html.escape(QUOTED[5:])}</pre>",
-    "c.html": f"<script>hint = {json.dumps(QUOTED)}</script>",
-    "d.js": f"search({json.dumps([QUOTED])})",
+    "c.html": f"<script>hint = {json.dumps(QUOTED, ensure_ascii=False)}</script>",
+    "d.js": f"search({json.dumps([QUOTED], ensure_ascii=False)})",
     "e.json": json.dumps({"hint": QUOTED}),
 }
 

@@ -55,7 +55,7 @@ def verdict(answer, case):
     if not off.max() < 1e-6:
         where = "on the rim" if off.argmax() in rim else "inside"
         sums = f"the sum is {said.sum() / np.pi:.2f} pi and should be {2 * chi} pi"
-        return f"on a {words} {sums}; the largest error, {off.max():.2f}, is {where}"
+        return f"on a {words} {sums}; the largest error, {off.max():.2g}, is {where}"
 
 
 def evidence(answer, case):

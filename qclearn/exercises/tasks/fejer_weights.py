@@ -48,7 +48,7 @@ def verdict(answer, case):
         return f"an image of shape {right.shape} is asked for, and it returns {said.shape or 'no array'}"
     off = abs(said - right).max()
     if not off < 1e-8:
-        return f"for k = {k} the largest |mu| goes from {largest:.2f} to {abs(said).max():.2f}; off by {off:.2f}"
+        return f"for k = {k} the largest |mu| goes from {largest:.2f} to {abs(said).max():.2f}; off by {off:.2g}"
 
 
 def evidence(answer, case):

@@ -55,7 +55,7 @@ def verdict(answer, case):
     if not off < 1e-8:
         leaves = abs(said.sum(axis=1)).max()
         return (
-            f"off by up to {off:.2f} from what v gains along the edge; up to {leaves:.2f} leaves a triangle altogether"
+            f"off by up to {off:.2g} from what v gains along the edge; up to {leaves:.2g} leaves a triangle altogether"
         )
 
 

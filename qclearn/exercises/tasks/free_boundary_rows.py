@@ -61,7 +61,7 @@ def verdict(answer, case):
     off = abs(said - right)
     if not off.max() < 1e-8:
         rim, inner = off[loop].max(), np.delete(off, loop).max()
-        return f"for {words} the gradient is off by up to {rim:.2f} on the boundary and {inner:.2f} inside"
+        return f"for {words} the gradient is off by up to {rim:.2g} on the boundary and {inner:.2g} inside"
 
 
 def evidence(answer, case):

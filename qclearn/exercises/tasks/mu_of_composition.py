@@ -52,7 +52,7 @@ def verdict(answer, case):
         return f"an array of shape {right.shape} is asked for, and it returns {said.shape or 'no array'}"
     off = abs(said - right).max()
     if not off < 1e-8:
-        return f"for g = w + c conj(w)² the chain rule gives another coefficient; the largest difference is {off:.2f}"
+        return f"for g = w + c conj(w)² the chain rule gives another coefficient; the largest difference is {off:.2g}"
 
 
 def evidence(answer, case):

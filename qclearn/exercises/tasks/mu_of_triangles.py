@@ -58,7 +58,7 @@ def verdict(answer, case):
     if not off.max() < 1e-8:
         worst = off.argmax()
         where = f"on a triangle with |mu| = {abs(right[worst]):.2f}"
-        return f"{where} the answer is off by {off[worst]:.2f}; do the two equations hold?"
+        return f"{where} the answer is off by {off[worst]:.2g}; do the two equations hold?"
 
 
 def evidence(answer, case):

@@ -51,7 +51,7 @@ def verdict(answer, case):
     off = abs(said - right)
     if not off.max() < 1e-8:
         where = "the vertex itself" if off[i] > 1e-8 else "its neighbours"
-        return f"the row sums to {abs(said.sum()):.2f}, and at {where} it is off by up to {off.max():.2f}"
+        return f"the row sums to {abs(said.sum()):.2f}, and at {where} it is off by up to {off.max():.2g}"
 
 
 def evidence(answer, case):

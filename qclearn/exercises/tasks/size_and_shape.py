@@ -55,7 +55,7 @@ def verdict(answer, case):
     for name, one, right in zip(("size", "shape"), said, (longer * shorter / ratio, longer / shorter)):
         off = abs(one - np.log2(right)).max()
         if not off < 1e-8:
-            return f"{name} is off by up to {off:.2f}"
+            return f"{name} is off by up to {off:.2g}"
 
 
 def evidence(answer, case):
