@@ -33,6 +33,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse import issparse
 
 import qclearn as qc
 
@@ -166,7 +167,7 @@ class Exercise:
 
         numbers = range(len(cases))
         for name in self.wrong:
-            same = all(_same(mine(number), known(name, number)) for number in numbers)
+            same = all(_same(mine(number), known(name, number), *getattr(self.module, 'NEAR', (1e-6, 1e-9))) for number in numbers)
             if same and not all(isinstance(mine(number), type) for number in numbers):
                 return self.sentences[name]
         return None
@@ -203,7 +204,7 @@ class _Noted:
 def _own(value):
     """A copy of arrays, which an answer may write over; anything else as it is."""
     try:
-        return copy.deepcopy(value) if isinstance(value, (np.ndarray, list, tuple, dict)) else value
+        return copy.deepcopy(value) if isinstance(value, (np.ndarray, list, tuple, dict)) or issparse(value) else value
     except Exception:
         return value  # a list of what cannot be copied
 
@@ -223,7 +224,7 @@ def _has_nan(value):
     )
 
 
-def _same(one, other):
+def _same(one, other, rtol=1e-6, atol=1e-9):
     """Whether two pieces of evidence are equal up to rounding; NaN equals NaN, an exception one of its kind."""
     if isinstance(one, type) or isinstance(other, type):
         return one is other
@@ -231,7 +232,7 @@ def _same(one, other):
         return False
     if one.dtype.kind not in "biufc" or other.dtype.kind not in "biufc":
         return one.dtype.kind == other.dtype.kind and np.array_equal(one, other)
-    return np.allclose(one, other, rtol=1e-6, atol=1e-9, equal_nan=True)
+    return np.allclose(one, other, rtol=rtol, atol=atol, equal_nan=True)
 
 
 def _with_article(name):
@@ -246,7 +247,7 @@ def _told(error, name):
     """Words on an exception: that of the student's function with its line, or one about what it returns."""
     theirs = [frame for frame in traceback.extract_tb(error.__traceback__) if not frame.filename.startswith(_ELSEWHERE)]
     what = f"{type(error).__name__}: {_short(str(error))[:150]}".removesuffix(": ")
-    if isinstance(error, TypeError) and not theirs and f"{error}".find("argument") >= 0:
+    if isinstance(error, TypeError) and not theirs and re.search(r"positional argument|keyword argument|required argument", f"{error}"):
         return f"`{name}` cannot be called as the question has it ({what})"
     if not theirs:
         return f"what `{name}` returns is not what is asked for ({what})"

@@ -71,6 +71,7 @@ def verdict(answer, case):
 
 def evidence(answer, case):
     field, promise = called(answer, case)
+    field = np.asarray(field)
     return np.concatenate([field.real, field.imag, [promise]])
 
 

@@ -26,10 +26,10 @@ def filtered(image, k):
 # %% test
 def cases(rng):
     """A disk with |mu| = 0.9 and a changing direction, 0 outside; N, k and centre vary."""
-    for size in (24, 31):
+    for size, k in zip((24, 31), rng.permutation(np.arange(4, 8))):
         x = np.arange(size) / size - rng.uniform(0.4, 0.6, (2, 1))
         plane = x[0] + 1j * x[1][:, None]
-        yield np.where(abs(plane) < 0.3, 0.9 * np.exp(4j * plane.real), 0), int(rng.integers(4, 8))
+        yield np.where(abs(plane) < 0.3, 0.9 * np.exp(4j * plane.real), 0), int(k)
 
 
 def mean_by_kernel(image, k):

@@ -30,7 +30,9 @@ def residual(z, faces, mu, f, loop):
 # %% test
 def cases(rng):
     """An affine map with its own coefficient, where the gradient is 0, and arbitrary maps and coefficients."""
-    disk = Disk(*qc.polar_disk(4, 13))
+    z, faces = qc.polar_disk(4, 13)
+    order = rng.permutation(len(z))
+    disk = Disk(z[order], np.argsort(order)[faces])
     z, count = disk.z, len(disk.faces)
     p, q = rng.normal(size=(2, 2)) @ [1, 1j]
     mu = 0.5 * q / abs(q)

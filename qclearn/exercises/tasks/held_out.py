@@ -35,7 +35,7 @@ RUNS = (
     (2.2, 2.2, 0.60, (True, True)),  # a Möbius map
     (0.05, 2.6, 0.65, (True, True)),  # landmarks alone
     (0.5, 0.9, 0.85, (True, True)),  # folds beside them
-    (0.02, 1.1, 0.80, (True, True)),  # the same with a large gamma
+    (0.02, 1.25, 0.80, (True, True)),  # the same with a large gamma
     (0.6, 1.7, 0.95, (True, True)),  # too large a delta
     (0.3, 0.7, 0.84, (False, True)),
     (0.3, 0.5, 0.86, (False, False)),
@@ -43,13 +43,20 @@ RUNS = (
 
 
 def cases(rng):
-    for split, curves in enumerate((8, 11)):
-        runs = [RUNS[k] for k in rng.permutation(len(RUNS))]
+    for split, curves in ((0, 8), (1, 11), (1, 9)):
+        best, largest_r, folded = 2, 4, 5
+        order = rng.permutation(np.delete(np.arange(len(RUNS)), [largest_r, folded]))
+        order = [folded, largest_r, *order]  # the run to report is neither the first nor the first that is certified
+        best = order.index(best)
+        runs = [RUNS[k] for k in order]
         near, far, r, certified = (np.array(part) for part in zip(*runs))
         fitted = rng.permutation(np.arange(curves) % 2 == 0)
         fitted = np.array([fitted, ~fitted])
         spread = 1 + 0.2 * rng.uniform(-1, 1, (len(runs), 2, curves))
-        spread[:, split, rng.permutation(np.flatnonzero(~fitted[split]))[0]] *= 1.6  # the farthest, once in either
+        own, others = rng.permutation(np.flatnonzero(~fitted[split]))[:2]  # the farthest is another one in other runs
+        spread[best, split, own] *= 3
+        spread[np.arange(len(runs)) != best, split, others] *= 1.6
+        spread[best, split, rng.choice(np.flatnonzero(fitted[split]))] *= 8  # and farther still where it was fitted
         yield np.where(fitted, near[:, None, None], far[:, None, None]) * spread, fitted, certified, r
 
 
@@ -59,6 +66,8 @@ def verdict(answer, case):
     if not isinstance(said, (tuple, list)) or len(said) != 3:
         return "`reported` should return three things: a run, its mm, a curve"
     run, mm, curve = int(said[0]), float(said[1]), int(said[2])
+    if not (0 <= run < len(apart)):
+        return f"the {len(apart)} runs are numbered from 0, and {run} is none of them"
     own = [{k: row[half, k] for half, k in zip(*np.nonzero(~fitted))} for row in apart]
     means = [np.mean(list(one.values())) for one in own]
     if not certified[run].all():

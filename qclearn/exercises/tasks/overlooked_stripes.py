@@ -43,6 +43,7 @@ def cases(rng):
     yield "a smooth image", smooth
     yield "stripes that are one pixel wide", smooth * (-1.0) ** row
     yield "a smooth image with a little of a checkerboard", smooth + 0.1 * phase * (-1.0) ** (row + column)
+    n = 11
     yield "noise", 0.3 * (rng.normal(size=(n, n)) + 1j * rng.normal(size=(n, n)))
 
 
