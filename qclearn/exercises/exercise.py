@@ -9,6 +9,7 @@
     def verdict(answer, case)      None, or a sentence: what is wrong on this input; it does not tell the answer
     def evidence(answer, case)     what a known mistake is recognised by: numbers, an array, a truth value
     MISTAKES                       name -> ((old, new), sentence): an edit of the solution's text, and what names it
+    NEAR                           (optional) how near evidence has to come, relative and absolute, to be that mistake's
 
 The last function that the answer defines is asked for, or the last number. A known mistake is recognised by what the
 answer returns: whoever makes the same mistake in other words is told the same.
@@ -132,27 +133,33 @@ class Exercise:
     def _mistake(self, answer, seed):
         """What is wrong with an answer, in words; None where nothing is."""
         cases = list(self.module.cases(np.random.default_rng(seed)))
-        asked = _Noted(answer) if callable(answer) else answer
         for case in cases:
+            asked = _Noted(answer) if callable(answer) else answer
             found = self._found(asked, case)
-            if found is None:
-                continue
-            if callable(answer) and asked.returned_nothing:
+            if found and callable(answer) and asked.returned_nothing:
                 return f"`{self.asks_for}` returns nothing yet; does it end with `return`?"
-            named = self._known(answer, cases, seed)
-            together = f"{named} ({found})"
-            return found if named is None else together if len(together) <= _MOST_CHARACTERS else named
-        if not _has_nan(asked.returned if callable(answer) else answer):
-            return None
-        rightly = _Noted(self.solution) if callable(answer) else None
-        if rightly and any(self._found(rightly, case) is None and _has_nan(rightly.returned) for case in cases):
-            return None
-        return f"`{self.asks_for}` gives NaN, which is not a number: is something divided by 0 there?"
+            if found and (named := self._known(answer, cases, seed)):
+                together = f"{named} ({found})"
+                return together if len(together) <= _MOST_CHARACTERS else named
+            if self._gives_nan(asked, case):
+                return f"`{self.asks_for}` gives NaN, which is not a number: is something divided by 0 there?"
+            if found:
+                return found
+        return None
+
+    def _gives_nan(self, asked, case):
+        """Whether an answer, asked on an input, has given NaN where the solution gives none."""
+        if not isinstance(asked, _Noted):
+            return _has_nan(asked)
+        rightly = _Noted(self.solution)
+        return _has_nan(asked.returned) and not (self._found(rightly, case) is None and _has_nan(rightly.returned))
 
     def _found(self, answer, case):
         """The verdict on one input, an exception as words."""
         try:
             return self.module.verdict(answer, case)
+        except tasks.Misfit as error:
+            return str(error)
         except (Exception, SystemExit) as error:
             return _told(error, self.asks_for)
 
@@ -165,10 +172,11 @@ class Exercise:
                 self._seen[seed, name, number] = self._evidence(self.wrong[name], cases[number])
             return self._seen[seed, name, number]
 
-        numbers = range(len(cases))
+        numbers, near = range(len(cases)), getattr(self.module, "NEAR", (1e-6, 1e-9))
         for name in self.wrong:
-            same = all(_same(mine(number), known(name, number), *getattr(self.module, 'NEAR', (1e-6, 1e-9))) for number in numbers)
-            if same and not all(isinstance(mine(number), type) for number in numbers):
+            if not all(_same(mine(number), known(name, number), *near) for number in numbers):
+                continue
+            if not all(isinstance(mine(number), type) for number in numbers):
                 return self.sentences[name]
         return None
 
@@ -224,7 +232,7 @@ def _has_nan(value):
     )
 
 
-def _same(one, other, rtol=1e-6, atol=1e-9):
+def _same(one, other, rtol, atol):
     """Whether two pieces of evidence are equal up to rounding; NaN equals NaN, an exception one of its kind."""
     if isinstance(one, type) or isinstance(other, type):
         return one is other
@@ -247,7 +255,7 @@ def _told(error, name):
     """Words on an exception: that of the student's function with its line, or one about what it returns."""
     theirs = [frame for frame in traceback.extract_tb(error.__traceback__) if not frame.filename.startswith(_ELSEWHERE)]
     what = f"{type(error).__name__}: {_short(str(error))[:150]}".removesuffix(": ")
-    if isinstance(error, TypeError) and not theirs and re.search(r"positional argument|keyword argument|required argument", f"{error}"):
+    if isinstance(error, TypeError) and not theirs and re.search("(positional|keyword|required) argument", f"{error}"):
         return f"`{name}` cannot be called as the question has it ({what})"
     if not theirs:
         return f"what `{name}` returns is not what is asked for ({what})"

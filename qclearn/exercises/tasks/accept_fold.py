@@ -85,7 +85,8 @@ MISTAKES = {
     ),
     "total area": (
         ("areas(faces, f).min() > 0", "areas(faces, f).sum() > 0"),
-        "One number for all triangles hides a fold: the others make up for it. The proposition speaks of every"
+        "The sum of all areas, which is the area inside the boundary, hides a fold: the others make up for it. The"
+        " proposition speaks of every"
         " triangle: ask each of them",
     ),
     "triangles alone": (

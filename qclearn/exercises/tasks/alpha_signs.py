@@ -49,7 +49,7 @@ def verdict(answer, case):
     a1, a2, a3 = said
     first, second = (np.max(abs(off)) for off in (v_y - a1 * u_x - a2 * u_y, v_x + a2 * u_x + a3 * u_y))
     if not max(first, second) < 1e-9:
-        return f"{words}, v_y = ... is off by {first:.2f} and -v_x = ... by {second:.2f}"
+        return f"{words}, v_y = ... is off by {first:.2g} and -v_x = ... by {second:.2g}"
 
 
 def evidence(answer, case):

@@ -1,6 +1,7 @@
 import numpy as np
 
 import qclearn as qc
+from qclearn.exercises.tasks import shaped
 from qclearn.plane import corner_angles, edge_lengths
 
 TITLE = "Curvature in a corner, and on the rim"
@@ -48,14 +49,12 @@ def verdict(answer, case):
     words, chi, vertices, faces, rim = case
     angles = corner_angles(edge_lengths(vertices[faces]))
     right = 2 * np.pi - np.bincount(faces.ravel(), angles.ravel()) - np.pi * np.isin(np.arange(len(vertices)), rim)
-    said = np.asarray(answer(*case[2:]))
-    if said.shape != right.shape:
-        return f"an array of shape {right.shape} is asked for, and it returns {said.shape or 'no array'}"
+    said = shaped(answer(*case[2:]), right.shape)
     off = abs(said - right)
     if not off.max() < 1e-6:
         where = "on the rim" if off.argmax() in rim else "inside"
-        sums = f"the sum is {said.sum() / np.pi:.2f} pi and should be {2 * chi} pi"
-        return f"on a {words} {sums}; the largest error, {off.max():.2f}, is {where}"
+        sums = f"the sum is {said.sum() / np.pi:.6g} pi and should be {2 * chi} pi"
+        return f"on a {words} {sums}; the largest error, {off.max():.2g}, is {where}"
 
 
 def evidence(answer, case):

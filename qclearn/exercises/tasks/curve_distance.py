@@ -4,12 +4,12 @@ TITLE = "How far a detected sulcus is off"
 PAGE, MINUTES, POINTS = "ldnet", 20, 3
 TASK = r"""
 A detector is judged by the distance between its curve and the true one, the last lines of the section *The shipped
-weights on a subject they have not seen*. Write that distance. Two curves are given as polygons in space, $(n, 3)$
-and $(m, 3)$, in mm; their corners may crowd anywhere, and they need not begin at the same end. Return one number
-in mm: the mean distance from the points of either curve to the nearest point of the other, averaged over both
-directions.
+weights on a subject they have not seen*. Write that distance. Two curves are given as polygons in space, $(n, 3)$ and
+$(m, 3)$, in mm; their corners may crowd anywhere, and they need not begin at the same end. Return one number in mm:
+the mean distance from the points of either curve to the nearest point of the other, averaged over both directions.
+The points of the two are not pooled: each direction has its own mean, and both count alike.
 
-'The points' are spaced equally by length along the curve; a few hundred on each are enough.
+'The points' are spaced equally by length along the curve, 200 or more on each.
 """
 
 

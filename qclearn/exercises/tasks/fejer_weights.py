@@ -1,5 +1,7 @@
 import numpy as np
 
+from . import shaped
+
 TITLE = "A filter that cannot overshoot"
 PAGE, MINUTES, POINTS = "fourier", 20, 2
 TASK = r"""
@@ -43,12 +45,10 @@ def mean_by_kernel(image, k):
 def verdict(answer, case):
     image, k = case
     right, largest = mean_by_kernel(image, k), abs(image).max()
-    said = np.asarray(answer(image, k))
-    if said.shape != right.shape:
-        return f"an image of shape {right.shape} is asked for, and it returns {said.shape or 'no array'}"
+    said = shaped(answer(image, k), right.shape)
     off = abs(said - right).max()
     if not off < 1e-8:
-        return f"for k = {k} the largest |mu| goes from {largest:.2f} to {abs(said).max():.2f}; off by {off:.2f}"
+        return f"for k = {k} the largest |mu| goes from {largest:.6g} to {abs(said).max():.6g}; off by {off:.2g}"
 
 
 def evidence(answer, case):

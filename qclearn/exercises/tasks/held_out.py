@@ -1,5 +1,7 @@
 import numpy as np
 
+from . import parts
+
 TITLE = "Judged by what took no part"
 PAGE, MINUTES, POINTS = "realcortex", 20, 3
 TASK = r"""
@@ -12,8 +14,10 @@ that a report needs. Given are
 - `certified` `(R, 2)`: whether the map was certified;
 - `r` `(R,)`: the correlation of depth after the fit, with which you may do what you think right.
 
-Return three things: the number of the run to report, among those certified in both splits; the mean distance of
-its curves, each where it took no part, in mm; and the number of the curve that is farthest off there.
+Return three things, in a tuple or an array: the number of the run to report, the one whose held-out curves are
+nearest on average among those certified in both splits (runs and curves are numbered from 0); the mean distance of
+its curves, each where it took no part, in mm, one mean over all curves; and the number of the curve that is farthest
+off there.
 """
 
 
@@ -62,9 +66,7 @@ def cases(rng):
 
 def verdict(answer, case):
     apart, fitted, certified, _ = case
-    said = answer(*(part.copy() for part in case))
-    if not isinstance(said, (tuple, list)) or len(said) != 3:
-        return "`reported` should return three things: a run, its mm, a curve"
+    said = parts(answer(*(part.copy() for part in case)), 3, "a run, its mm, a curve")
     run, mm, curve = int(said[0]), float(said[1]), int(said[2])
     if not (0 <= run < len(apart)):
         return f"the {len(apart)} runs are numbered from 0, and {run} is none of them"
@@ -75,11 +77,11 @@ def verdict(answer, case):
     if any(mean < means[run] for mean, sure in zip(means, certified.all(1)) if sure):
         return f"run {run} is reported, and another certified one leaves curves that took no part nearer"
     if not abs(mm - means[run]) <= 1e-9:
-        return f"the held-out curves of run {run} are {means[run]:.3f} mm off, and not {mm:.3f} mm"
+        return f"the held-out curves of run {run} are {means[run]:.6g} mm off, and not {mm:.6g} mm"
     if curve not in own[run]:
         return f"there are {len(own[run])} curves, numbered from 0 in both splits alike, and {curve} is none of them"
     if curve != max(own[run], key=own[run].get):
-        return f"curve {curve} of run {run} is {own[run][curve]:.2f} mm off, and another one farther"
+        return f"curve {curve} of run {run} is {own[run][curve]:.6g} mm off, and another one farther"
 
 
 def evidence(answer, case):

@@ -60,7 +60,7 @@ def verdict(answer, case):
     words, mu = case
     said, right = float(answer(mu.copy())), over_the_disk(mu)
     if not abs(said - right) <= 0.02 * right:
-        return f"for {words} it is {said:.4f}, where points spread over the disk have {right:.4f}"
+        return f"for {words} it is {said:.6g}, where points spread over the disk have {right:.6g}"
 
 
 def evidence(answer, case):
