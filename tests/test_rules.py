@@ -28,7 +28,7 @@ BUDGET = {
     "qclearn/cli, and what stands beside the rooms": 1321,
     "data_synth": 2456,
     "tools": 5341,
-    "qclearn/exercises": 3472,
+    "qclearn/exercises": 3551,
     "browser": 6564,
     "qclearn/reports": 1094,
 }

@@ -9,6 +9,7 @@
     def verdict(answer, case)      None, or a sentence: what is wrong on this input; it does not tell the answer
     def evidence(answer, case)     what a known mistake is recognised by: numbers, an array, a truth value
     MISTAKES                       name -> ((old, new), sentence): an edit of the solution's text, and what names it
+    NEAR                           (optional) how near evidence has to come, relative and absolute, to be that mistake's
 
 The last function that the answer defines is asked for, or the last number. A known mistake is recognised by what the
 answer returns: whoever makes the same mistake in other words is told the same.
@@ -33,6 +34,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse import issparse
 
 import qclearn as qc
 
@@ -131,27 +133,33 @@ class Exercise:
     def _mistake(self, answer, seed):
         """What is wrong with an answer, in words; None where nothing is."""
         cases = list(self.module.cases(np.random.default_rng(seed)))
-        asked = _Noted(answer) if callable(answer) else answer
         for case in cases:
+            asked = _Noted(answer) if callable(answer) else answer
             found = self._found(asked, case)
-            if found is None:
-                continue
-            if callable(answer) and asked.returned_nothing:
+            if found and callable(answer) and asked.returned_nothing:
                 return f"`{self.asks_for}` returns nothing yet; does it end with `return`?"
-            named = self._known(answer, cases, seed)
-            together = f"{named} ({found})"
-            return found if named is None else together if len(together) <= _MOST_CHARACTERS else named
-        if not _has_nan(asked.returned if callable(answer) else answer):
-            return None
-        rightly = _Noted(self.solution) if callable(answer) else None
-        if rightly and any(self._found(rightly, case) is None and _has_nan(rightly.returned) for case in cases):
-            return None
-        return f"`{self.asks_for}` gives NaN, which is not a number: is something divided by 0 there?"
+            if found and (named := self._known(answer, cases, seed)):
+                together = f"{named} ({found})"
+                return together if len(together) <= _MOST_CHARACTERS else named
+            if self._gives_nan(asked, case):
+                return f"`{self.asks_for}` gives NaN, which is not a number: is something divided by 0 there?"
+            if found:
+                return found
+        return None
+
+    def _gives_nan(self, asked, case):
+        """Whether an answer, asked on an input, has given NaN where the solution gives none."""
+        if not isinstance(asked, _Noted):
+            return _has_nan(asked)
+        rightly = _Noted(self.solution)
+        return _has_nan(asked.returned) and not (self._found(rightly, case) is None and _has_nan(rightly.returned))
 
     def _found(self, answer, case):
         """The verdict on one input, an exception as words."""
         try:
             return self.module.verdict(answer, case)
+        except tasks.Misfit as error:
+            return str(error)
         except (Exception, SystemExit) as error:
             return _told(error, self.asks_for)
 
@@ -164,10 +172,11 @@ class Exercise:
                 self._seen[seed, name, number] = self._evidence(self.wrong[name], cases[number])
             return self._seen[seed, name, number]
 
-        numbers = range(len(cases))
+        numbers, near = range(len(cases)), getattr(self.module, "NEAR", (1e-6, 1e-9))
         for name in self.wrong:
-            same = all(_same(mine(number), known(name, number)) for number in numbers)
-            if same and not all(isinstance(mine(number), type) for number in numbers):
+            if not all(_same(mine(number), known(name, number), *near) for number in numbers):
+                continue
+            if not all(isinstance(mine(number), type) for number in numbers):
                 return self.sentences[name]
         return None
 
@@ -203,7 +212,7 @@ class _Noted:
 def _own(value):
     """A copy of arrays, which an answer may write over; anything else as it is."""
     try:
-        return copy.deepcopy(value) if isinstance(value, (np.ndarray, list, tuple, dict)) else value
+        return copy.deepcopy(value) if isinstance(value, (np.ndarray, list, tuple, dict)) or issparse(value) else value
     except Exception:
         return value  # a list of what cannot be copied
 
@@ -223,7 +232,7 @@ def _has_nan(value):
     )
 
 
-def _same(one, other):
+def _same(one, other, rtol, atol):
     """Whether two pieces of evidence are equal up to rounding; NaN equals NaN, an exception one of its kind."""
     if isinstance(one, type) or isinstance(other, type):
         return one is other
@@ -231,7 +240,7 @@ def _same(one, other):
         return False
     if one.dtype.kind not in "biufc" or other.dtype.kind not in "biufc":
         return one.dtype.kind == other.dtype.kind and np.array_equal(one, other)
-    return np.allclose(one, other, rtol=1e-6, atol=1e-9, equal_nan=True)
+    return np.allclose(one, other, rtol=rtol, atol=atol, equal_nan=True)
 
 
 def _with_article(name):
@@ -246,7 +255,7 @@ def _told(error, name):
     """Words on an exception: that of the student's function with its line, or one about what it returns."""
     theirs = [frame for frame in traceback.extract_tb(error.__traceback__) if not frame.filename.startswith(_ELSEWHERE)]
     what = f"{type(error).__name__}: {_short(str(error))[:150]}".removesuffix(": ")
-    if isinstance(error, TypeError) and not theirs and f"{error}".find("argument") >= 0:
+    if isinstance(error, TypeError) and not theirs and re.search("(positional|keyword|required) argument", f"{error}"):
         return f"`{name}` cannot be called as the question has it ({what})"
     if not theirs:
         return f"what `{name}` returns is not what is asked for ({what})"

@@ -43,6 +43,8 @@ def pictures(rng):
     z, _ = qc.polar_disk(12, 40)
     turn = np.exp(2j * np.pi * rng.uniform())
     yield "a twisted disk", True, turn * z * np.exp(0.6j * rng.uniform(0.5, 1) * (1 - abs(z) ** 2))
+    yield "a strip that is bent and does not meet itself", True, turn * np.exp(2.4j * z * np.exp(0.1j * rng.uniform()))
+    yield "a twisted disk, small and far away", True, 1e-5 * (z * np.exp(0.5j * (1 - abs(z) ** 2)) + 3 * turn)
     f = z.copy()
     f[1 + 40 * 5 + rng.integers(40)] += 0.3
     yield "one vertex pulled across its neighbours", False, f
@@ -83,7 +85,8 @@ MISTAKES = {
     ),
     "total area": (
         ("areas(faces, f).min() > 0", "areas(faces, f).sum() > 0"),
-        "One number for all triangles hides a fold: the others make up for it. The proposition speaks of every"
+        "The sum of all areas, which is the area inside the boundary, hides a fold: the others make up for it. The"
+        " proposition speaks of every"
         " triangle: ask each of them",
     ),
     "triangles alone": (

@@ -1,6 +1,7 @@
 import numpy as np
 
 import qclearn as qc
+from qclearn.exercises.tasks import shaped
 from qclearn.plane import corner_angles, edge_lengths
 
 TITLE = "Curvature in a corner, and on the rim"
@@ -48,13 +49,11 @@ def verdict(answer, case):
     words, chi, vertices, faces, rim = case
     angles = corner_angles(edge_lengths(vertices[faces]))
     right = 2 * np.pi - np.bincount(faces.ravel(), angles.ravel()) - np.pi * np.isin(np.arange(len(vertices)), rim)
-    said = np.asarray(answer(*case[2:]))
-    if said.shape != right.shape:
-        return f"an array of shape {right.shape} is asked for, and it returns {said.shape or 'no array'}"
+    said = shaped(answer(*case[2:]), right.shape)
     off = abs(said - right)
     if not off.max() < 1e-6:
         where = "on the rim" if off.argmax() in rim else "inside"
-        sums = f"the sum is {said.sum() / np.pi:.2f} pi and should be {2 * chi} pi"
+        sums = f"the sum is {said.sum() / np.pi:.6g} pi and should be {2 * chi} pi"
         return f"on a {words} {sums}; the largest error, {off.max():.2g}, is {where}"
 
 
@@ -87,6 +86,15 @@ MISTAKES = {
         ("np.bincount(faces.ravel(), angles.ravel())", "np.bincount(faces.ravel()) * np.pi / 3"),
         "Triangles are counted as if each were equilateral. That gives the right sum and says nothing of the shape:"
         " measure the angles in space",
+    ),
+    "degrees": (
+        ("return flat - total", "return np.degrees(flat - total)"),
+        "These are degrees, and radians are asked for: a full turn is 2 pi. np.arccos gives radians by itself",
+    ),
+    "flat case left out": (
+        ("return flat - total", "return -total"),
+        "The angles alone are summed. Curvature is what they lack to the flat case: a full turn inside, half of one"
+        " on the rim",
     ),
     "sign": (
         ("return flat - total", "return total - flat"),

@@ -1,6 +1,7 @@
 import numpy as np
 
 import qclearn as qc
+from qclearn.exercises.tasks import parts
 
 TITLE = "Labels one way, areas the other"
 PAGE, MINUTES, POINTS = "ownbrain", 25, 3
@@ -47,9 +48,7 @@ def verdict(answer, case):
     from qclearn.plane import Disk
 
     labels, areas, w, faces, f = case
-    said = answer(*(part.copy() for part in case))
-    if not isinstance(said, (tuple, list)) or len(said) != 2:
-        return "`carry_over` should return two things: labels and areas"
+    said = parts(answer(*(part.copy() for part in case)), 2, "labels and areas")
     there, landed = map(np.asarray, said)
     if there.shape != f.shape or landed.shape != w.shape:
         return f"the shapes should be {f.shape} and {w.shape}; these are {there.shape} and {landed.shape}"
@@ -62,10 +61,10 @@ def verdict(answer, case):
     if not (own >= largest - 1e-9).all():
         return f"{(own < largest - 1e-9).sum()} of {len(f)} vertices do not have the label of their largest weight"
     if not abs(landed.sum() - areas.sum()) <= 1e-6 * areas.sum():
-        return f"{areas.sum():.1f} mm² were sent out, and {landed.sum():.1f} mm² have landed"
+        return f"{areas.sum():.6g} mm² were sent out, and {landed.sum():.6g} mm² have landed"
     if not abs(landed @ w - areas @ f) <= 1e-6 * areas.sum():
         return (
-            f"no area is lost, but its centre has moved by {abs(landed @ w - areas @ f) / areas.sum():.3f} of a radius"
+            f"no area is lost, but its centre has moved by {abs(landed @ w - areas @ f) / areas.sum():.2g} of a radius"
         )
     if not np.allclose(landed, shares.T @ areas):
         return "sum and centre of the areas are right, and single vertices are not"
@@ -89,6 +88,11 @@ MISTAKES = {
         ("weights.argmax(1)]", "0 * face]"),
         "Each vertex takes the label of the triangle's first corner, however far that is. Take the corner that "
         "weighs most",
+    ),
+    "nearest vertex": (
+        ("labels[corners[np.arange(len(f)), weights.argmax(1)]]", "labels[abs(f[:, None] - w).argmin(1)]"),
+        "The label is that of the nearest vertex. That need not be a corner of the triangle in which the point lies, "
+        "nor the one that weighs most there",
     ),
     "each landing once": (
         (

@@ -1,6 +1,7 @@
 import numpy as np
 
 import qclearn as qc
+from qclearn.exercises.tasks import parts
 
 TITLE = "A step counted in landmarks"
 PAGE, MINUTES, POINTS = "fit", 30, 4
@@ -55,9 +56,8 @@ def model(case, field):
 
 
 def verdict(answer, case):
-    said, nu = called(answer, case), case[-1]
-    if not isinstance(said, (tuple, list)) or len(said) != 2:
-        return "`dual_step` should return two things, the new field and the promise"
+    said = parts(called(answer, case), 2, "the new field and the promise")
+    nu = case[-1]
     field, promise = np.asarray(said[0]), float(said[1])
     if field.shape != nu.shape:
         return f"the new field should have the shape {nu.shape}; this has {field.shape}"
@@ -66,11 +66,12 @@ def verdict(answer, case):
     if not steepness <= 1e-8:
         return f"at this field the model is not least: its gradient is {steepness:.2g} of what it was at nu"
     if not abs(promise - value) <= 1e-8 * value:
-        return f"the promise is {promise:.4g}, and the model has {value:.4g} at the new field"
+        return f"the promise is {promise:.6g}, and the model has {value:.6g} at the new field"
 
 
 def evidence(answer, case):
     field, promise = called(answer, case)
+    field = np.asarray(field)
     return np.concatenate([field.real, field.imag, [promise]])
 
 

@@ -27,10 +27,10 @@ def errors(image, ks):
 # %% test
 def cases(rng):
     """Images with a jump, with a trace of noise."""
-    for size in (16, 25):
+    for size, ks in ((16, [6, 0, 3, 1]), (25, [2, 8, 5])):
         x = np.arange(size) / size - rng.uniform(0.4, 0.6)
         image = np.where(abs(x + 1j * x[:, None]) < 0.3, 0.7 * np.exp(1j * rng.uniform(0, 6)), 0.1)
-        yield image + 0.02 * rng.normal(size=(size, size, 2)) @ [1, 1j], [0, 1, 3, 6]
+        yield image + 0.02 * rng.normal(size=(size, size, 2)) @ [1, 1j], ks
 
 
 def verdict(answer, case):
@@ -42,7 +42,7 @@ def verdict(answer, case):
     off = abs(said - right)
     if not off.max() < 1e-8:
         worst = off.argmax()
-        return f"for k = {ks[worst]} the compressed image is {right[worst]:.3f} away, and you say {said[worst]:.3f}"
+        return f"for k = {ks[worst]} the compressed image is {right[worst]:.6g} away, and you say {said[worst]:.6g}"
 
 
 def compressed(image, k):
@@ -64,8 +64,8 @@ MISTAKES = {
     ),
     "divided by N": (
         ("/ image.size", "/ len(image)"),
-        "The transform is divided by N once, but the image has N rows and N columns. See the factor before the double"
-        " sum in the book's transform",
+        "This is N times too large: a transform divided by N once, or a sum of squares that was not divided by the"
+        " number of pixels. See the factor before the double sum in the book's transform",
     ),
     "no root": (
         ("np.sqrt(power[height > k].sum())", "power[height > k].sum()"),

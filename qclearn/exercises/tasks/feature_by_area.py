@@ -1,6 +1,7 @@
 import numpy as np
 
 import qclearn as qc
+from qclearn.exercises.tasks import shaped
 
 TITLE = "Standardised, but over what?"
 PAGE, MINUTES, POINTS = "folds", 20, 2
@@ -40,13 +41,11 @@ def cases(rng):
 def verdict(answer, case):
     values, vertices, faces = case
     before, share = values.copy(), qc.Surface(vertices, faces).vertex_areas
-    said = np.asarray(answer(*case))
-    if said.shape != before.shape:
-        return f"an array of shape {before.shape} is asked for, and it returns {said.shape or 'no array'}"
+    said = shaped(answer(*case), before.shape)
     mean = share @ said / share.sum()
     variance = share @ (said - mean) ** 2 / share.sum()
     if not max(abs(mean), abs(variance - 1)) < 1e-6:
-        return f"over the area the mean is {mean:.2f} and the variance {variance:.2f}"
+        return f"over the area the mean is {mean:.2g} and the variance {variance:.6g}"
     if not abs(np.corrcoef(said, before)[0, 1] - 1) < 1e-6:
         return "the values are changed by more than a shift and a positive factor"
 

@@ -1,6 +1,7 @@
 import numpy as np
 
 import qclearn as qc
+from qclearn.exercises.tasks import parts
 
 TITLE = "Two maps of folds, compared"
 PAGE, MINUTES, POINTS = "folds", 25, 3
@@ -13,8 +14,8 @@ cotangent matrix `K`, sparse `(V, V)`, and the scale `sigma` in mm. Leave out th
    $A$ of the areas;
 2. standardise it: mean 0 and variance 1 over the surface's area.
 
-Return two numbers: the mismatch, the mean over the area of the squared difference, and the correlation $r$. How
-they hang together is said by {prf:ref}`the mismatch is a correlation <prop-folds-correlation>`.
+Return two numbers, in a tuple or an array: the mismatch, the mean over the area of the squared difference, and the
+correlation $r$. How they hang together is said by {prf:ref}`the mismatch is a correlation <prop-folds-correlation>`.
 """
 
 
@@ -63,16 +64,14 @@ def blurred(u, areas, K, sigma):
 
 def verdict(answer, case):
     s, t, areas, K, sigma = case
-    said = answer(s.copy(), t.copy(), areas.copy(), K, sigma)
-    if not isinstance(said, (tuple, list)) or len(said) != 2:
-        return "`mismatch_and_r` should return two numbers: the mismatch and r"
+    said = parts(answer(s.copy(), t.copy(), areas.copy(), K, sigma), 2, "the mismatch and r")
     mismatch, r = map(float, said)
     covariance = np.cov([blurred(u, areas, K, sigma) for u in (s, t)], aweights=areas)
     right = covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1])
     if not abs(r - right) <= 1e-6:
-        return f"blurred over {sigma:g} mm the two maps have r = {right:.4f}, and not {r:.4f}"
+        return f"blurred over {sigma:g} mm the two maps have r = {right:.6g}, and not {r:.6g}"
     if not abs(mismatch - 2 * (1 - right)) <= 1e-6:
-        return f"the mismatch is {mismatch:.4f} where r is {right:.4f}: what does the proposition say?"
+        return f"the mismatch is {mismatch:.6g} where r is {right:.6g}: what does the proposition say?"
 
 
 def evidence(answer, case):

@@ -1,5 +1,7 @@
 import numpy as np
 
+from . import parts
+
 TITLE = "What no landmark can mend"
 PAGE, MINUTES, POINTS = "cohort", 20, 3
 TASK = r"""
@@ -11,10 +13,10 @@ curve, and what follows for a method. All points are in space, in mm. Given are
 - `curve` `(N, 3)`: the control's whole curve, many points of it;
 - `missed` `(n,)`: how far from `points` a method has left its points, its landmark errors.
 
-Return three means over the $n$ points, in mm: the floor by arc length, the distance of a true image from the point
-it is paired with; the floor by curves, its distance from the nearest point of the whole curve; and the least that
-the method's *true* errors can be on average, given its landmark errors. (What does the triangle inequality say of
-one point, whichever way it was missed?)
+Return three means over the $n$ points, in mm, in a tuple or an array: the floor by arc length, the distance of a true
+image from the point it is paired with; the floor by curves, its distance from the nearest of the $N$ points of the
+whole curve; and the least that the method's *true* errors can be on average, given its landmark errors. (What does
+the triangle inequality say of one point, whichever way it was missed?)
 """
 
 
@@ -32,19 +34,20 @@ def two_floors(images, points, curve, missed):
 def cases(rng):
     """A curve, images that lie beside and along it, and a method that obeys, and one that does not."""
     t = np.linspace(0, 1, 200)
-    for obeys in (0.2, 4.0):
+    for obeys in (0.2, None):
         phase = rng.uniform(0, 6)
         curve = np.stack([50 * t, 6 * np.sin(5 * t + phase), 4 * np.cos(3 * t)], axis=1)
         points = curve[np.linspace(0, 199, 10).astype(int)]
         along = curve[np.clip(np.linspace(0, 199, 10) + rng.uniform(-25, 25, 10), 20, 179).astype(int)]
-        yield along + rng.normal(size=(10, 3)), points, curve, obeys * rng.uniform(0.2, 2.0, 10)
+        images = along + rng.normal(size=(10, 3))
+        missed = rng.permutation(np.linspace(0.2, 2.4, 10))
+        missed *= obeys or np.linalg.norm(images - points, axis=1).mean()
+        yield images, points, curve, missed
 
 
 def verdict(answer, case):
     images, points, curve, missed = case
-    said = answer(*(part.copy() for part in case))
-    if not isinstance(said, (tuple, list)) or len(said) != 3:
-        return "`two_floors` should return three things: two floors and a least error"
+    said = parts(answer(*(part.copy() for part in case)), 3, "two floors and a least error")
     off = [np.sqrt(((a - b) ** 2).sum()) for a, b in zip(images, points)]
     nearest = [min(np.sqrt(((a - b) ** 2).sum()) for b in curve) for a in images]
     # The place at the distance `missed` from the point that lies nearest to the image is on the line through both.
@@ -53,7 +56,7 @@ def verdict(answer, case):
     names = "the floor by arc length", "the floor by curves", "the least true error"
     for name, figure, right in zip(names, said, map(np.mean, (off, nearest, least))):
         if not abs(float(figure) - right) <= 1e-6 * right:
-            return f"{name} is {right:.3f} mm, and not {float(figure):.3f} mm"
+            return f"{name} is {right:.6g} mm, and not {float(figure):.6g} mm"
 
 
 def evidence(answer, case):
@@ -88,5 +91,9 @@ MISTAKES = {
     "root of the mean square": (
         ("return off.mean()", "return np.sqrt((off**2).mean())"),
         "The floor by arc length is a mean of distances; this is the root of their mean square, which large ones rule",
+    ),
+    "without absolute values": (
+        ("abs(off - missed).mean()", "(off - missed).mean()"),
+        "The absolute value is missing: a point that is missed by more than its floor brings a negative distance",
     ),
 }

@@ -1,6 +1,7 @@
 import numpy as np
 
 import qclearn as qc
+from qclearn.exercises.tasks import shaped
 
 TITLE = "What flows through an edge"
 PAGE, MINUTES, POINTS = "lbs", 25, 3
@@ -48,15 +49,14 @@ def cases(rng):
 def verdict(answer, case):
     *given, v = case
     ahead, behind = (np.roll(v[given[1]], -k, axis=1) for k in (2, 1))
-    said = np.asarray(answer(*given))
-    if said.shape != ahead.shape:
-        return f"an array of shape {ahead.shape} is asked for, and it returns {said.shape or 'no array'}"
+    said = shaped(answer(*given), ahead.shape)
     off = abs(said - (ahead - behind)).max()
     if not off < 1e-8:
         leaves = abs(said.sum(axis=1)).max()
-        return (
-            f"off by up to {off:.2g} from what v gains along the edge; up to {leaves:.2g} leaves a triangle altogether"
-        )
+        told = f"off by up to {off:.2g} from what v gains along the edge"
+        if leaves < 1e-8:
+            return f"{told}; nothing leaves a triangle altogether, so look at A and at which edge a column has"
+        return f"{told}; up to {leaves:.2g} leaves a triangle altogether, and it should be nothing"
 
 
 def evidence(answer, case):

@@ -1,6 +1,7 @@
 import numpy as np
 
 import qclearn as qc
+from qclearn.exercises.tasks import shaped
 from qclearn.plane import Disk
 
 TITLE = "What must vanish at a free boundary"
@@ -11,8 +12,10 @@ vanishes at the right map is the gradient of energy minus area: [the residual](#
 *The loss, printed and right*. Write `residual`, which returns it at every vertex, complex `(V,)`. Given are `z`,
 complex `(V,)`, counter-clockwise `faces`, integer `(F, 3)`, `mu`, complex `(F,)`, any map `f`, complex `(V,)`, and
 `loop`, integer `(B,)`, the boundary vertices in counter-clockwise order. `qc.stiffness(z, faces, mu)` is the matrix
-$K$. The check asks about maps that solve nothing, too: your answer has to be the gradient, not only vanish where the
-gradient does.
+$K$. The energy is $\tfrac12 \operatorname{Re}\sum_i \overline{f_i}\,(Kf)_i$, and in the convention of the library it
+changes, less the area, by $\operatorname{Re}\sum_i \overline{R_i}\,df_i$: inside, $R_i$ is $(Kf)_i$ without another
+factor. The check asks about maps that solve nothing, too: your answer has to be the gradient, not only vanish where
+the gradient does.
 """
 
 
@@ -30,7 +33,9 @@ def residual(z, faces, mu, f, loop):
 # %% test
 def cases(rng):
     """An affine map with its own coefficient, where the gradient is 0, and arbitrary maps and coefficients."""
-    disk = Disk(*qc.polar_disk(4, 13))
+    z, faces = qc.polar_disk(4, 13)
+    order = rng.permutation(len(z))
+    disk = Disk(z[order], np.argsort(order)[faces])
     z, count = disk.z, len(disk.faces)
     p, q = rng.normal(size=(2, 2)) @ [1, 1j]
     mu = 0.5 * q / abs(q)
@@ -55,9 +60,7 @@ def gradient(z, faces, mu, f):
 def verdict(answer, case):
     words, *given, loop = case
     right = gradient(*given)
-    said = np.asarray(answer(*given, loop))
-    if said.shape != right.shape:
-        return f"an array of shape {right.shape} is asked for, and it returns {said.shape or 'no array'}"
+    said = shaped(answer(*given, loop), right.shape)
     off = abs(said - right)
     if not off.max() < 1e-8:
         rim, inner = off[loop].max(), np.delete(off, loop).max()

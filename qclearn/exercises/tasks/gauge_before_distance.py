@@ -39,15 +39,16 @@ def apart(f, g, areas, first):
 def cases(rng):
     """Words, maps and areas: one map in two gauges, and different maps in different gauges."""
     z, _ = qc.polar_disk(6, 18)
+    z = z + 0.1 * np.exp(1j * rng.uniform(0, 6)) * (1 - abs(z) ** 2)
     along = z * np.exp(2j * np.pi * rng.uniform())
-    areas = np.exp(4 * along.real**2 + along.real)  # a long surface: single steps towards its centroid fall short
+    areas = np.exp(8 * along.real**2 + along.real)  # a long surface: single steps towards its centroid fall short
     twisted = z * np.exp(0.5j * (1 - abs(z) ** 2))
     pairs = ("a map and the same after a Möbius map", z, z), ("two different maps", z, twisted)
     for words, f, g in pairs:
         far = rng.uniform(0.5, 0.7) * np.exp(2j * np.pi * rng.uniform(size=2))
         turns = rng.uniform(0.5, 2) * np.array([1, -1])
         f, g = (qc.mobius(one, a, turn) for one, a, turn in zip((f, g), far, turns))
-        yield words, f, g, areas, len(z) - 1 - rng.integers(18)
+        yield words, f, g, areas, len(z) - 2 - rng.integers(16)
 
 
 def settled(f, areas, first):

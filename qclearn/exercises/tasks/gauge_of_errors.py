@@ -1,6 +1,7 @@
 import numpy as np
 
 import qclearn as qc
+from qclearn.exercises.tasks import parts
 
 TITLE = "An error in its gauge"
 PAGE, MINUTES, POINTS = "dbsnetbest", 25, 3
@@ -10,7 +11,7 @@ distances from the exact maps over that of the identity, *as it comes*, and the 
 have been followed by their best Möbius maps. Write both. Given are the network's `maps` and the `exact` ones,
 complex `(B, V)`; the vertices `z`, complex `(V,)`, which are the identity map; and a function `nearest`:
 `nearest(p, q)` is points $p$, `(V,)`, after the Möbius map of the disk that brings them nearest to the points $q$,
-as `qc.best_mobius` finds it. Return two numbers.
+as `qc.best_mobius` finds it. Return two numbers, in a tuple or an array.
 """
 
 
@@ -51,15 +52,13 @@ def nearest(p, q):
 
 def verdict(answer, case):
     words, maps, exact, z = case
-    said = answer(maps.copy(), exact.copy(), z.copy(), nearest)
-    if not isinstance(said, (tuple, list)) or len(said) != 2:
-        return "`errors_in_gauge` should return two numbers: as it comes, after Möbius"
+    said = parts(answer(maps.copy(), exact.copy(), z.copy(), nearest), 2, "as it comes, after Möbius")
     identity = np.tile(z, (len(exact), 1))
     comes = [abs(side - exact).sum() for side in (maps, identity)]
     after = [abs(np.array(list(map(nearest, side, exact))) - exact).sum() for side in (maps, identity)]
     for name, figure, (off, still) in zip(("as they come", "after Möbius"), map(float, said), (comes, after)):
         if not abs(figure - off / still) <= 1e-6:
-            return f"for {words} the error {name} is {off / still:.3f}, and not {figure:.3f}"
+            return f"for {words} the error {name} is {off / still:.6g}, and not {figure:.6g}"
 
 
 def evidence(answer, case):

@@ -61,7 +61,7 @@ def verdict(answer, case):
         return f"the gradient should have one number a face, shape {dmu.shape}; this has the shape {np.shape(g)}"
     said, right = (np.conj(g) @ dmu).real, slope(case)
     if not abs(said - right) <= 1e-4 * max(abs(right), abs(said)):
-        return f"along a random change of mu the gradient predicts {said:.4g} where differences give {right:.4g}"
+        return f"along a random change of mu the gradient predicts {said:.6g} where differences give {right:.6g}"
 
 
 def evidence(answer, case):

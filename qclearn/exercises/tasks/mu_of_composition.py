@@ -1,6 +1,7 @@
 import numpy as np
 
 import qclearn as qc
+from qclearn.exercises.tasks import shaped
 
 TITLE = "First one map, then another"
 PAGE, MINUTES, POINTS = "quasiconformal", 20, 3
@@ -28,7 +29,7 @@ def mu_after(z, faces, f, mu_g):
 
 # %% test
 def cases(rng):
-    """Twisted, stretched and turned disks, followed by g = w + c conj(w)^2, with mu_g = 2 c conj(w)."""
+    """Twisted, stretched and turned disks, followed by g = w + c conj(w)^2 + c conj(w)^3 / 6."""
     z, faces = qc.polar_disk(5, 15)
     for _ in range(3):
         turn, c = np.exp(2j * np.pi * rng.uniform(size=2))
@@ -39,20 +40,22 @@ def cases(rng):
 
 def called(answer, case):
     z, faces, f, c = case
-    return np.asarray(answer(z, faces, f, lambda w: 2 * c * np.conj(w)))
+    return np.asarray(answer(z, faces, f, lambda w: 2 * c * np.conj(w) + c * np.conj(w) ** 2 / 2))
 
 
 def verdict(answer, case):
     z, faces, f, c = case
     f_z, f_zbar = qc.wirtinger(z, faces, f)
-    g_wbar = 2 * c * f[faces].mean(axis=1).conj()  # and g_w = 1: the chain rule, before anything is divided
+    w = f[faces].mean(axis=1).conj()
+    g_wbar = 2 * c * w + c * w**2 / 2  # and g_w = 1: the chain rule, before anything is divided
     right = (f_zbar + g_wbar * f_z.conj()) / (f_z + g_wbar * f_zbar.conj())
-    said = called(answer, case)
-    if said.shape != right.shape:
-        return f"an array of shape {right.shape} is asked for, and it returns {said.shape or 'no array'}"
+    said = shaped(called(answer, case), right.shape)
     off = abs(said - right).max()
     if not off < 1e-8:
-        return f"for g = w + c conj(w)² the chain rule gives another coefficient; the largest difference is {off:.2g}"
+        part = "arguments" if np.allclose(abs(said), abs(right)) else "sizes"
+        return (
+            f"for g = w + c conj(w)² + c conj(w)³ / 6 the {part} differ from the chain rule's; off by up to {off:.2g}"
+        )
 
 
 def evidence(answer, case):

@@ -1,5 +1,7 @@
 import numpy as np
 
+from . import shaped
+
 TITLE = "A coefficient from three corners"
 PAGE, MINUTES, POINTS = "quasiconformal", 20, 2
 TASK = r"""
@@ -49,9 +51,7 @@ def cases(rng):
 
 def verdict(answer, case):
     *given, right = case
-    said = np.asarray(answer(*given))
-    if said.shape != right.shape:
-        return f"an array of shape {right.shape} is asked for, and it returns {said.shape or 'no array'}"
+    said = shaped(answer(*given), right.shape)
     if bad := int((~np.isfinite(said)).sum()):
         return f"on {bad} of {len(said)} triangles the answer is no number: is something divided by 0 there?"
     off = abs(said - right)
@@ -78,7 +78,8 @@ MISTAKES = {
     ),
     "source and image exchanged": (
         ("source, image = z[faces], f[faces]", "source, image = f[faces], z[faces]"),
-        "Source and image are exchanged: this is the coefficient of the inverse map. The two formulas of the"
+        "Source and image are exchanged, or a conjugate stands at the wrong factor below the line: this is the"
+        " coefficient of the inverse map. The two formulas of the"
         " proposition on compositions show how the two differ",
     ),
     "size alone": (

@@ -1,6 +1,7 @@
 import numpy as np
 
 import qclearn as qc
+from qclearn.exercises.tasks import shaped
 
 TITLE = "One row of the solver"
 PAGE, MINUTES, POINTS = "lbs", 25, 3
@@ -45,13 +46,11 @@ def cases(rng):
 def verdict(answer, case):
     i, z, faces, mu = case
     right = qc.stiffness(z, faces, mu).toarray()[i]
-    said = np.asarray(answer(*case))
-    if said.shape != right.shape:
-        return f"an array of shape {right.shape} is asked for, and it returns {said.shape or 'no array'}"
+    said = shaped(answer(*case), right.shape)
     off = abs(said - right)
     if not off.max() < 1e-8:
         where = "the vertex itself" if off[i] > 1e-8 else "its neighbours"
-        return f"the row sums to {abs(said.sum()):.2f}, and at {where} it is off by up to {off.max():.2g}"
+        return f"the row sums to {abs(said.sum()):.2g}, and at {where} it is off by up to {off.max():.2g}"
 
 
 def evidence(answer, case):

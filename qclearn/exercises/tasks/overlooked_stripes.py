@@ -1,11 +1,14 @@
 import numpy as np
 
+from . import parts
+
 TITLE = "A loss that overlooks stripes"
 PAGE, MINUTES, POINTS = "cpnet", 20, 3
 TASK = r"""
-The section *What a loss does not see* tells of a network that had found out how to change $\mu$ from pixel to
-pixel and pay nothing. Compute for an image what its loss saw, and what it should have counted. Given is `mu`,
-complex $(n, n)$, an image of the square $[-1, 1]^2$; the pixels have the side $h = 2/n$. Return two numbers,
+The section *What a loss does not see* tells of a network that had found out how to change $\mu$ from pixel to pixel
+and pay nothing. Compute for an image what its loss saw, and what it should have counted. Given is `mu`, complex $(n,
+n)$, an image of the square $[-1, 1]^2$; the pixels have the side $h = 2/n$. Return two numbers, in a tuple or an
+array,
 
 - *seen*: average $\mu$ to the corners between pixels, $(n - 1, n - 1)$, each the mean of the four pixels that it
   touches; take the differences between neighbouring corners over $h$, along rows and along columns; add the mean
@@ -43,22 +46,21 @@ def cases(rng):
     yield "a smooth image", smooth
     yield "stripes that are one pixel wide", smooth * (-1.0) ** row
     yield "a smooth image with a little of a checkerboard", smooth + 0.1 * phase * (-1.0) ** (row + column)
+    n = 11
     yield "noise", 0.3 * (rng.normal(size=(n, n)) + 1j * rng.normal(size=(n, n)))
 
 
 def verdict(answer, case):
     words, mu = case
-    said = answer(mu.copy())
-    if not isinstance(said, (tuple, list)) or len(said) != 2:
-        return "`seen_and_counted` should return two numbers: seen, counted"
+    said = parts(answer(mu.copy()), 2, "seen, counted")
     n = len(mu)
     average = (np.eye(n - 1, n) + np.eye(n - 1, n, 1)) / 2
     corners = average @ mu @ average.T
-    for name, figure, image in zip(("seen", "counted"), map(float, said), (corners, mu)):
+    for name, figure, image in zip(("first number (seen)", "second (counted)"), map(float, said), (corners, mu)):
         step = n / 2 * (np.eye(len(image) - 1, len(image), 1) - np.eye(len(image) - 1, len(image)))
         right = (abs(step @ image) ** 2).mean() + (abs(image @ step.T) ** 2).mean()
         if not abs(figure - right) <= 1e-9 * (1 + right):
-            return f"of {words} {right:.4g} is {name}, and not {figure:.4g}"
+            return f"for {words} the {name} should be {right:.6g}, and not {figure:.6g}"
 
 
 def evidence(answer, case):

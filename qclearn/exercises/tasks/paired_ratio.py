@@ -1,5 +1,7 @@
 import numpy as np
 
+from . import parts
+
 TITLE = "A rule before the number"
 PAGE, MINUTES, POINTS = "fronts", 20, 3
 TASK = r"""
@@ -8,8 +10,9 @@ The rule was written before the numbers. Write both. Given are the errors `ours`
 by subject, and `draws`, integers $(B, n)$: each row holds the numbers of $n$ subjects, drawn anew with repetition.
 
 Return four things: the geometric mean of the ratios ours over theirs; the lower and the upper end of its interval,
-nineteen in twenty, from the resampled subjects; and the word that the rule gives: `"ahead"` where the interval
-lies below 1, `"behind"` where it lies above 1, `"level"` where it holds 1.
+nineteen in twenty: of the means of the resampled subjects one in forty lies below it and one in forty above; and the
+word that the rule gives: `"ahead"` where the interval lies below 1, `"behind"` where it lies above 1, `"level"` where
+it holds 1.
 """
 
 
@@ -32,7 +35,7 @@ WORDS = "ahead", "level", "behind"
 
 def cases(rng):
     """(ours, theirs, draws): subjects, who differ more than methods do."""
-    for ratio in (0.75, 0.97, 1.4):
+    for ratio in (0.75, 0.97, 1.03, 1.4):
         theirs = np.exp(0.8 * rng.normal(size=12))
         noise = 0.18 * rng.normal(size=12)
         yield theirs * ratio * np.exp(noise - noise.mean()), theirs, rng.integers(12, size=(1000, 12))
@@ -40,21 +43,19 @@ def cases(rng):
 
 def verdict(answer, case):
     ours, theirs, draws = case
-    said = answer(ours.copy(), theirs.copy(), draws.copy())
-    if not isinstance(said, (tuple, list)) or len(said) != 4:
-        return "`ratio_with_word` should return four things: ratio, low, high, word"
+    said = parts(answer(ours.copy(), theirs.copy(), draws.copy()), 4, "ratio, low, high, word")
     ratio, low, high = map(float, said[:3])
     each = ours / theirs
     means = np.sort(np.prod(each[draws] ** (1 / len(each)), axis=1))
     right = np.prod(each) ** (1 / len(each))
     if not abs(ratio - right) <= 1e-6:
-        return f"the ratio is {right:.4f} on these subjects, and not {ratio:.4f}"
+        return f"the ratio is {right:.6g} on these subjects, and not {ratio:.6g}"
     outside = [np.mean(means < low), np.mean(means > high)]
     if not all(0.023 <= share <= 0.027 for share in outside):
         return f"{outside[0]:.1%} of the resampled means lie below the interval and {outside[1]:.1%} above it"
     rule = "ahead" if high < 1 else "behind" if low > 1 else "level"
     if said[3] != rule:
-        return f"the interval from {low:.2f} to {high:.2f} is called {said[3]!r}"
+        return f"the interval from {low:.6g} to {high:.6g} is called {said[3]!r}"
 
 
 def evidence(answer, case):
@@ -101,5 +102,9 @@ MISTAKES = {
         ('"ahead" if high < 1 else "behind" if low > 1 else "level"', '"ahead" if ratio < 1 else "behind"'),
         "The word is read from the ratio alone, which always lies on one side of 1. The rule asks where the whole "
         "interval lies",
+    ),
+    "ends exchanged": (
+        ('"ahead" if high < 1 else "behind" if low > 1', '"ahead" if low < 1 else "behind" if high > 1'),
+        "The ends of the interval are exchanged in the rule: it lies below 1 where its upper end does",
     ),
 }

@@ -37,12 +37,12 @@ def cases(rng):
     """(words, mu): images whose size differs along the sides, in the corners, and at the centre."""
     n = 24
     x, y = np.meshgrid(*[(2 * np.arange(n) + 1) / n - 1] * 2)
-    phase = np.exp(1j * rng.uniform(0, 6))
+    phase = np.exp(0.5j * np.pi * (rng.integers(4) + rng.uniform(0.3, 0.7)))
     corner, outside = abs(np.sin(2 * np.arctan2(y, x))), np.hypot(x, y) > 1
     yield "an image that is large along the diagonals", (0.1 + 0.8 * corner**2) * phase
     yield "an image that is large in one corner", 0.05 * phase + 0.9 * np.exp(-6 * abs(x + 1j * y + 0.7 + 0.7j) ** 2)
     yield "an image that is large where pixels lie outside of the inscribed circle", (0.1 + 0.7 * outside) * phase
-    mu = np.full((n - 3, n - 3), 0.03 * phase)
+    mu = 0.03 * phase * (0.5 + corner[: n - 3, : n - 3])
     mu[n // 2 - 2, n // 2 - 2] = rng.uniform(0.85, 0.95)
     yield "an image of an odd number of pixels with a peak at the centre", mu
 
@@ -60,7 +60,7 @@ def verdict(answer, case):
     words, mu = case
     said, right = float(answer(mu.copy())), over_the_disk(mu)
     if not abs(said - right) <= 0.02 * right:
-        return f"for {words} it is {said:.4f}, where points spread over the disk have {right:.4f}"
+        return f"for {words} it is {said:.6g}, where points spread over the disk have {right:.6g}"
 
 
 def evidence(answer, case):

@@ -53,9 +53,10 @@ def verdict(answer, case):
     if np.shape(said) != (2, len(faces)):
         return f"two arrays of {len(faces)} numbers are asked for, and it returns the shape {np.shape(said)}"
     for name, one, right in zip(("size", "shape"), said, (longer * shorter / ratio, longer / shorter)):
-        off = abs(one - np.log2(right)).max()
-        if not off < 1e-8:
-            return f"{name} is off by up to {off:.2g}"
+        off = abs(one - np.log2(right))
+        if not off.max() < 1e-8:
+            k = off.argmax()
+            return f"the {name} of face {k} should be {np.log2(right[k]):.6g}, and not {one[k]:.6g}"
 
 
 def evidence(answer, case):
