@@ -1,4 +1,5 @@
-"""The notebooks of a course: build/course/student has blanks and checks, build/course/teacher solutions and mistakes.
+"""The notebooks of a course, below build/course: student/ has blanks and checks, teacher/ solutions, points and known
+mistakes, and nbgrader/ is what nbgrader releases and grades.
 
 `make course` takes all graded exercises in the order of the book, and those of each week of the guide for teachers;
 named ones make a sheet of their own:
@@ -21,6 +22,7 @@ from readable import Readable
 from qclearn.exercises import UNANSWERED
 
 COURSE = ROOT / "build" / "course"
+READERS = "student", "teacher", "nbgrader"
 KERNEL = {"kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}}
 LINK = re.compile(r"\[([^\]]*)\]\(\w+\.ipynb\)")
 INTRODUCTION = """# Exercises
@@ -51,12 +53,15 @@ class Sheets:
         told = f"{exercise.points} points, about {exercise.minutes} minutes; page *{teaching.title(exercise.page)}*."
         return markdown(exercise, "question", f"## {exercise.title}\n\n{told}\n\n{self.text(words(exercise))}")
 
-    def notebook(self, names, solved=False):
-        """The students' notebook; solved: the teacher's, nbgrader's source, of which its release takes the marks."""
-        intro = new_markdown_cell(INTRODUCTION, id="introduction", metadata={"tags": ["introduction"]})
-        cells = [intro, new_code_cell(IMPORTS, id="imports")]
+    def notebook(self, names, reader):
+        """For one of READERS: with blanks; with solutions, points and mistakes; with marks that nbgrader takes out."""
+        teacher, graded = reader == "teacher", reader == "nbgrader"
+        intro = f"{FOR_TEACHERS}\n\n{overview(names)}" if teacher else INTRODUCTION
+        cells = [new_markdown_cell(intro, id="introduction", metadata={"tags": ["introduction"]})]
+        cells.append(new_code_cell(IMPORTS, id="imports"))
         for exercise in map(EXERCISES.get, names):
-            answer, checked = (exercise.source, hidden(exercise)) if solved else (exercise.blank, call(exercise))
+            answer = exercise.solved if teacher else exercise.source if graded else exercise.blank
+            checked = hidden(exercise) if graded else call(exercise)
             cells += [
                 self.question(exercise),
                 code(exercise, "answer", answer, solution=True),
@@ -65,16 +70,13 @@ class Sheets:
             if exercise.read:
                 kind = {"grade": True, "solution": True, "points": 0, "cell_type": "markdown"}
                 cells.append(markdown(exercise, "sentence", UNANSWERED, **kind))
+            if teacher:
+                cells.append(markdown(exercise, "mistakes", self.text(mistakes(exercise))))
         return new_notebook(cells=cells, metadata=KERNEL)
-
-    def key(self, names):
-        """The teacher's page: points, and each known mistake with what a student is told of it."""
-        known = [f"## {e.title}\n\n{self.text(mistakes(e))}" for e in map(EXERCISES.get, names)]
-        return "\n\n".join([FOR_TEACHERS, overview(names), *known])
 
 
 def hidden(exercise):
-    """The check of the teacher's notebook: nbgrader hides what raises where the answer is not right."""
+    """The check of nbgrader's source: it hides what raises where the answer is not right."""
     raising = f'EXERCISES["{exercise.name}"].check({exercise.asks_for}, seed=1)'
     tests = f"from qclearn.exercises import EXERCISES\n\n{raising}"
     return f"{call(exercise)}\n### BEGIN HIDDEN TESTS\n{tests}\n### END HIDDEN TESTS"
@@ -121,16 +123,14 @@ def markdown(exercise, part, source, **nbgrader):
 
 
 def write(names, name, folder=COURSE, sheets=None):
-    """Write the notebooks of a sheet below a folder, and the teacher's page; returns the paths."""
+    """Write the notebooks of a sheet below a folder, one for each of READERS; returns the paths."""
     sheets, paths = sheets or Sheets(), []
-    for reader in ("student", "teacher"):
-        notebook = sheets.notebook(names, solved=reader == "teacher")
+    for reader in READERS:
+        notebook = sheets.notebook(names, reader)
         nbformat.validate(notebook)
         (folder / reader).mkdir(parents=True, exist_ok=True)
         paths.append(folder / reader / f"{name}.ipynb")
         nbformat.write(notebook, paths[-1])
-    paths.append(paths[-1].with_suffix(".md"))
-    paths[-1].write_text(sheets.key(names), encoding="utf-8")
     return paths
 
 

@@ -27,7 +27,7 @@ PAGE = f"# Here\n\n{graded.place(NAME)}\n\nMore."
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
-    """(student's, teacher's) notebook of all exercises, and the teacher's page, as files."""
+    """(student's, teacher's, nbgrader's) notebook of all exercises, as files."""
     return course.write(course.in_order(), "exercises", tmp_path_factory.mktemp("course"))
 
 
@@ -49,9 +49,9 @@ def test_the_students_notebook_carries_what_nbgrader_keeps(written):
     assert sum(each.get("points", 0) for each in kept) == sum(e.points for e in EXERCISES.values())
 
 
-def test_the_teachers_notebook_is_the_source_of_nbgrader(written):
-    """The same cells, but solutions between marks, and hidden tests on other numbers, which raise."""
-    student, teacher = (nbformat.read(path, as_version=4) for path in written[:2])
+def test_nbgraders_notebook_is_its_source(written):
+    """The student's cells, but solutions between marks, and hidden tests on other numbers, which raise."""
+    student, teacher = (nbformat.read(path, as_version=4) for path in (written[0], written[2]))
     same = [cell for cell in student.cells if cell.metadata.get("tags") not in (["answer"], ["check"])]
     assert [cell for cell in teacher.cells if cell in same] == same and len(teacher.cells) == len(student.cells)
     assert [cell.metadata for cell in teacher.cells] == [cell.metadata for cell in student.cells]
@@ -65,8 +65,10 @@ def test_the_teachers_notebook_is_the_source_of_nbgrader(written):
             exec(tests, {exercise.asks_for: next(iter(exercise.wrong.values()))})
 
 
-def test_the_teachers_page_has_mistakes_and_points(written):
-    text = written[2].read_text(encoding="utf-8")
+def test_the_teachers_notebook_has_solutions_mistakes_and_points(written):
+    teacher = nbformat.read(written[1], as_version=4)
+    text = "\n".join(cell.source for cell in teacher.cells)
+    assert [cell.source + "\n" for cell in of(teacher, "answer")] == [EXERCISES[n].solved for n in course.in_order()]
     assert all(f"| {name.replace('|', chr(92) + '|')} |" in text for e in EXERCISES.values() for name in e.wrong)
     assert f"| {sum(e.points for e in EXERCISES.values())} |" in text
 
