@@ -3,10 +3,14 @@
 import re
 from collections import Counter
 
+import costs
 import nbformat
 import pytest
 import references
+from execute_pages import SOURCE
 from places import ROOT, SITE
+
+MOST_GB = 1.5  # of a page's run
 
 
 def test_every_page_of_the_contents_is_built():
@@ -18,6 +22,12 @@ def test_every_page_of_the_contents_is_built():
 
 def test_every_notebook_is_in_the_contents():
     assert {path.stem for path in (ROOT / "book").glob("*.ipynb")} <= set(references.chapters())
+
+
+def test_no_page_takes_more_memory_than_a_student_has():
+    found = costs.measured(SOURCE)
+    assert len(found) > 40
+    assert {page: cost["gb"] for page, cost in found.items() if cost["gb"] > MOST_GB} == {}
 
 
 @pytest.mark.parametrize("page", ["fourier", "live"])
