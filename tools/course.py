@@ -53,7 +53,7 @@ class Sheets:
         told = f"{exercise.points} points, about {exercise.minutes} minutes; page *{teaching.title(exercise.page)}*."
         return markdown(exercise, "question", f"## {exercise.title}\n\n{told}\n\n{self.text(words(exercise))}")
 
-    def notebook(self, names, reader):
+    def notebook(self, names, reader="student"):
         """For one of READERS: with blanks; with solutions, points and mistakes; with marks that nbgrader takes out."""
         teacher, graded = reader == "teacher", reader == "nbgrader"
         intro = f"{FOR_TEACHERS}\n\n{overview(names)}" if teacher else INTRODUCTION
