@@ -51,12 +51,12 @@ def test_the_students_notebook_carries_what_nbgrader_keeps(written):
 
 def test_nbgraders_notebook_is_its_source(written):
     """The student's cells, but solutions between marks, and hidden tests on other numbers, which raise."""
-    student, teacher = (nbformat.read(path, as_version=4) for path in (written[0], written[2]))
+    student, nbgraders = (nbformat.read(path, as_version=4) for path in (written[0], written[2]))
     same = [cell for cell in student.cells if cell.metadata.get("tags") not in (["answer"], ["check"])]
-    assert [cell for cell in teacher.cells if cell in same] == same and len(teacher.cells) == len(student.cells)
-    assert [cell.metadata for cell in teacher.cells] == [cell.metadata for cell in student.cells]
-    assert [cell.source + "\n" for cell in of(teacher, "answer")] == [EXERCISES[n].source for n in course.in_order()]
-    for check in of(teacher, "check"):
+    assert [cell for cell in nbgraders.cells if cell in same] == same and len(nbgraders.cells) == len(student.cells)
+    assert [cell.metadata for cell in nbgraders.cells] == [cell.metadata for cell in student.cells]
+    assert [cell.source + "\n" for cell in of(nbgraders, "answer")] == [EXERCISES[n].source for n in course.in_order()]
+    for check in of(nbgraders, "check"):
         exercise = EXERCISES[check.metadata.exercise]
         shown, tests = check.source.split("\n### BEGIN HIDDEN TESTS\n")
         assert shown == graded.call(exercise) and "seed=1)" in tests and tests.endswith("\n### END HIDDEN TESTS")
