@@ -1,11 +1,11 @@
 """Quasi-conformal registration of cortical surfaces: exact geometry first, networks second."""
 
-from .lazy import offer
+import lazy_loader as lazy
 
 TABLE = {
-    "files.fsaverage": ["demo_landmarks", "fsaverage5"],
-    "files.meshes": ["read_surface", "write_surface"],
-    "files.values": ["read_mask", "read_values", "write_values"],
+    "io.fsaverage": ["demo_landmarks", "fsaverage5"],
+    "io.meshes": ["read_surface", "write_surface"],
+    "io.values": ["read_mask", "read_values", "write_values"],
     "group.kept": ["TemplateError"],
     "group.template": ["Template", "template"],
     "group.workers": ["WorkersError"],
@@ -40,4 +40,4 @@ TABLE = {
     "surfaces.surface": ["Surface", "SurfaceError", "mirror", "require_disk", "require_outward"],
 }
 
-__getattr__, __dir__, __all__ = offer(__name__, TABLE)
+__getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=TABLE)

@@ -17,8 +17,8 @@ from ..surfaces.surface import Surface, require_disk, require_outward
 from .annotations import check_annotations
 from .checked import TOLERANCE, bijective_fit, gamma_words, guarded_map, predicted
 from .features import FOLDS, check_features, featured
-from .landmarkfile import check_curves, held_apart
 from .fit import certified
+from .landmarkfile import check_curves, held_apart
 from .preparation import Sides, laid_upon, sampled
 from .problem import BY_DISKS, DELTA, ETA, LandmarkError, Weights
 from .readings import FEWEST, mistakes

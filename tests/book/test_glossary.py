@@ -5,7 +5,8 @@ from collections import defaultdict
 from pathlib import Path
 
 import pytest
-from references import CODE, chapters, markdown_of
+
+from book.builder.references import CODE, chapters, markdown_of
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -45,7 +45,7 @@ def test_the_preface_names_the_pages_that_read_their_numbers():
 def test_the_readme_counts_the_surfaces_of_the_kept_benchmark():
     readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
     (count,) = re.findall(r"on the same (\d+) synthetic surfaces", readme)
-    kept = json.loads((ROOT / "qclearn/benchmark/kept/benchmark.json").read_text(encoding="utf-8"))
+    kept = json.loads((ROOT / "qclearn/benchmark/results/benchmark.json").read_text(encoding="utf-8"))
     assert int(count) == kept["settings"]["subjects"]
 
 

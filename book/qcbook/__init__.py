@@ -1,0 +1,20 @@
+"""What the pages of the book import: figures, tables, numbers for the prose, explorables, and graded exercises."""
+
+import lazy_loader as lazy
+
+EXPLORABLES = ("Mobius", "Mu", "Tuner", "Sulci", "Landmarks", "LBS", "Boundary", "Growth", "HowSure")
+TABLE = {
+    "cells": ["keep", "num", "show_figure", "table"],
+    "diagrams": ["block_diagram"],
+    "examples": ["cortex_problem", "example_problems", "spread_vertices"],
+    **{f"explore_{name.lower()}": [name] for name in EXPLORABLES},
+    "fitstates": ["RINGS", "describe", "exact_fit", "fit_state", "network_fit", "states_figure"],
+    "gaps": ["gap_bands", "gap_grid"],
+    "live": ["explorable"],
+    "needs": ["needs_figure"],
+    "picker": ["LandmarkPicker"],
+    "paperlines": ["paper_lines", "paper_table"],
+    "traininglab": ["training_lab"],
+}
+
+__getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=TABLE)
