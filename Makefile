@@ -2,7 +2,7 @@
 #   make lab        to read in JupyterLab: opens executed copies of the pages (`make lab-copies` builds them and opens nothing)
 #   make edit       to write: opens the sources in book/; `make clear` takes out what a run left in them
 #   make notebooks  for any other viewer, what the site offers for download: build/notebooks/
-#   make course     graded exercises: build/course/student/ with blanks, build/course/teacher/ with solutions
+#   make course     graded exercises, a folder for nbgrader: build/course/release/ has blanks, teacher/ solutions
 #   make decks      three lectures as slides: build/decks/
 # With SOLUTIONS=1, `make book` shows the solutions of graded exercises, too, and copies and downloads hold solutions.
 #

@@ -1,20 +1,21 @@
-"""The notebooks of a course, below build/course: student/ has blanks and checks, teacher/ solutions, points and known
-mistakes, and nbgrader/ is what nbgrader releases and grades.
+"""A course folder for nbgrader, build/course: source/ and release/ have an assignment each, teacher/ the solutions with
+points and known mistakes.
 
 `make course` takes all graded exercises in the order of the book, and those of each week of the guide for teachers;
-named ones make a sheet of their own:
+named ones make an assignment of their own:
 
     python -m book.builder.course --name week3 alpha-signs accept-fold
 """
 
 import argparse
 import re
+import shutil
+import subprocess
 import sys
+from pathlib import Path
 
 import nbformat
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
-
-from qcbook.exercises import UNANSWERED
 
 from . import references, teaching
 from .execute_pages import ROOT
@@ -22,16 +23,17 @@ from .graded import EXERCISES, IMPORTS, call, words
 from .readable import Readable
 
 COURSE = ROOT / "build" / "course"
-READERS = "student", "teacher", "nbgrader"
+SETTINGS = Path(__file__).with_name("nbgrader_config.py")
 KERNEL = {"kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}}
 LINK = re.compile(r"\[([^\]]*)\]\(\w+\.ipynb\)")
 INTRODUCTION = """# Exercises
 
 Fill in the blanks. `check` says whether an answer is right, as often as you like. Answers are graded with other
-numbers than those of `check`. Keep the names of the functions, and hand in this notebook under your own name."""
+numbers than those of `check`. Keep the cells and the names of the functions, run all cells once more in a fresh kernel,
+and hand in this notebook under your own name."""
 FOR_TEACHERS = """# Exercises, for teachers
 
-Not for students. `qclearn grade FOLDER --out grades.csv` grades the notebooks that were handed in."""
+Not for students. nbgrader grades the notebooks that they hand in: see the guide for teachers."""
 
 
 def in_order():
@@ -53,33 +55,48 @@ class Sheets:
         told = f"{exercise.points} points, about {exercise.minutes} minutes; page *{teaching.title(exercise.page)}*."
         return markdown(exercise, "question", f"## {exercise.title}\n\n{told}\n\n{self.text(words(exercise))}")
 
-    def notebook(self, names, reader="student"):
-        """For one of READERS: with blanks; with solutions, points and mistakes; with marks that nbgrader takes out."""
-        teacher, graded = reader == "teacher", reader == "nbgrader"
-        intro = f"{FOR_TEACHERS}\n\n{overview(names)}" if teacher else INTRODUCTION
-        cells = [new_markdown_cell(intro, id="introduction", metadata={"tags": ["introduction"]})]
-        cells.append(new_code_cell(IMPORTS, id="imports"))
+    def source(self, names, seed=1):
+        """What nbgrader releases and grades: it takes the solutions and the hidden tests out between their marks."""
+        cells = [new_markdown_cell(INTRODUCTION, id="introduction", metadata={"tags": ["introduction"]}), imports()]
         for exercise in map(EXERCISES.get, names):
-            answer = exercise.solved if teacher else exercise.source if graded else exercise.blank
-            checked = hidden(exercise) if graded else call(exercise)
-            cells += [
-                self.question(exercise),
-                code(exercise, "answer", answer, solution=True),
-                code(exercise, "check", checked, grade=True, locked=True, points=exercise.points),
-            ]
+            cells.append(self.question(exercise))
+            cells.append(code(exercise, "answer", exercise.source, solution=True))
+            test = hidden_test(exercise, seed)
+            cells.append(code(exercise, "check", test, grade=True, locked=True, points=exercise.points))
             if exercise.read:
                 kind = {"grade": True, "solution": True, "points": 0, "cell_type": "markdown"}
-                cells.append(markdown(exercise, "sentence", UNANSWERED, **kind))
-            if teacher:
-                cells.append(markdown(exercise, "mistakes", self.text(mistakes(exercise))))
+                cells.append(markdown(exercise, "sentence", "", **kind))
+        return new_notebook(cells=cells, metadata=KERNEL)
+
+    def teacher(self, names):
+        """The solutions, each with its check and the known mistakes, below a table of points."""
+        cells = [new_markdown_cell(f"{FOR_TEACHERS}\n\n{overview(names)}", id="introduction"), imports()]
+        for exercise in map(EXERCISES.get, names):
+            cells.append(self.question(exercise))
+            cells.append(code(exercise, "answer", exercise.solved))
+            cells.append(code(exercise, "check", call(exercise)))
+            cells.append(markdown(exercise, "mistakes", self.text(mistakes(exercise))))
         return new_notebook(cells=cells, metadata=KERNEL)
 
 
-def hidden(exercise):
-    """The check of nbgrader's source: it hides what raises where the answer is not right."""
-    raising = f'EXERCISES["{exercise.name}"].check({exercise.asks_for}, seed=1)'
-    tests = f"from qcbook.exercises import EXERCISES\n\n{raising}"
-    return f"{call(exercise)}\n### BEGIN HIDDEN TESTS\n{tests}\n### END HIDDEN TESTS"
+def imports():
+    return new_code_cell(IMPORTS, id="imports")
+
+
+def hidden_test(exercise, seed):
+    """The check that students see, and what nbgrader hides: it raises the sentence on a wrong answer, for the feedback.
+
+    seed: draws its inputs; the students' own check has 0.
+    """
+    return f"""{call(exercise)}
+### BEGIN HIDDEN TESTS
+from qcbook.exercises import EXERCISES
+
+try:
+    EXERCISES["{exercise.name}"].check({exercise.asks_for}, seed={seed})
+except AssertionError as error:
+    raise AssertionError(str(error)) from None  # the sentence, without the library's lines
+### END HIDDEN TESTS"""
 
 
 def row(*cells):
@@ -104,12 +121,12 @@ def mistakes(exercise):
 
 
 def metadata(exercise, part, nbgrader):
-    """What a cell is, for `qclearn grade` and, where something is graded or filled in, for nbgrader (schema 3)."""
-    found = {"tags": [part], "exercise": exercise.name}
+    """What a cell is and, where something is graded or filled in, what nbgrader has to know (schema 3)."""
+    entries = {"tags": [part], "exercise": exercise.name}
     if nbgrader:
         usual = {"grade": False, "solution": False, "locked": False, "task": False, "cell_type": "code"}
-        found["nbgrader"] = usual | {"schema_version": 3, "grade_id": f"{exercise.name}-{part}"} | nbgrader
-    return found
+        entries["nbgrader"] = usual | {"schema_version": 3, "grade_id": f"{exercise.name}-{part}"} | nbgrader
+    return entries
 
 
 def code(exercise, part, source, **nbgrader):
@@ -122,29 +139,53 @@ def markdown(exercise, part, source, **nbgrader):
     return new_markdown_cell(source.rstrip(), id=f"{exercise.name}-{part}", metadata=meta)
 
 
-def write(names, name, folder=COURSE, sheets=None):
-    """Write the notebooks of a sheet below a folder, one for each of READERS; returns the paths."""
-    sheets, paths = sheets or Sheets(), []
-    for reader in READERS:
-        notebook = sheets.notebook(names, reader)
+def write(names, name, folder=COURSE, sheets=None, seed=1):
+    """Write an assignment of these exercises into a course folder; (source, teacher's notebook), paths."""
+    sheets = sheets or Sheets()
+    folder.mkdir(parents=True, exist_ok=True)
+    shutil.copy(SETTINGS, folder)
+    source = folder / "source" / name / f"{name}.ipynb"
+    teacher = folder / "teacher" / f"{name}.ipynb"
+    for path, notebook in ((source, sheets.source(names, seed)), (teacher, sheets.teacher(names))):
         nbformat.validate(notebook)
-        (folder / reader).mkdir(parents=True, exist_ok=True)
-        paths.append(folder / reader / f"{name}.ipynb")
-        nbformat.write(notebook, paths[-1])
-    return paths
+        path.parent.mkdir(parents=True, exist_ok=True)
+        nbformat.write(notebook, path)
+    (folder / "downloaded" / name / "archive").mkdir(parents=True, exist_ok=True)
+    return source, teacher
+
+
+def release(name, folder=COURSE):
+    """Let nbgrader write the students' notebook of an assignment, or of all ('*'), and its gradebook; the paths.
+
+    SystemExit with nbgrader's reason if it refuses, for instance to change cells that students have handed in.
+    """
+    command = [sys.executable, "-m", "nbgrader", "generate_assignment", f"--assignment={name}", "--force"]
+    run = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    if run.returncode:
+        reasons = [line.strip() for line in run.stderr.splitlines() if re.match(r" *[\w.]+(Error|Exception): ", line)]
+        reason = (reasons or run.stderr.splitlines() or ["it gave none"])[-1]
+        raise SystemExit(f"course: nbgrader makes no release of {name} in {folder}: {reason}")
+    return sorted((folder / "release").glob(f"{name}/*.ipynb"))
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("exercises", nargs="*", help="names, in order; all, and each week's, where none is given")
-    parser.add_argument("--name", default="exercises", help="of the notebooks")
+    parser.add_argument("--name", default="exercises", help="of the assignment")
+    parser.add_argument("--seed", type=int, default=1, help="draws the inputs of the hidden tests; not 0")
     arguments = parser.parse_args()
     if unknown := [name for name in arguments.exercises if name not in EXERCISES]:
         sys.exit(f"course: no such exercise: {', '.join(unknown)}; there are {', '.join(in_order())}")
+    if not re.fullmatch(r"[\w-]+", arguments.name):
+        sys.exit(f"course: --name {arguments.name}: letters, digits, - and _ alone: it names folders")
+    if arguments.seed < 1:
+        sys.exit(f"course: --seed {arguments.seed}: the students' own checks draw by 0; give 1 or more")
     chosen, sheets = {arguments.name: arguments.exercises or in_order()}, Sheets()
     if not arguments.exercises:
         chosen |= {f"week{number}": names for number, (_, _, names) in enumerate(teaching.weeks(), 1)}
-    for path in (path for name, names in chosen.items() for path in write(names, name, sheets=sheets)):
+    for name, names in chosen.items():
+        write(names, name, sheets=sheets, seed=arguments.seed)
+    for path in release(arguments.name if arguments.exercises else "*"):
         print(f"course: {path.relative_to(ROOT)}")
 
 

@@ -9,7 +9,7 @@ from importlib.metadata import version
 
 import click
 
-from . import grading, group, landmarks, registration, reports, sphere, studies, surfaces
+from . import group, landmarks, registration, reports, sphere, studies, surfaces
 from .output import Command, fail
 
 
@@ -37,6 +37,16 @@ def cli():
     """Quasi-conformal registration of cortical surfaces."""
 
 
+@click.command(hidden=True, add_help_option=False, context_settings={"ignore_unknown_options": True})
+@click.argument("words", nargs=-1, type=click.UNPROCESSED)
+def grade(words):
+    """Version 0.1 graded hand-ins by itself."""
+    raise click.UsageError(
+        "grade: nbgrader grades hand-ins now: `make course` writes its folder, and the guide for teachers"
+        " (book/teaching.md) has the commands"
+    )
+
+
 for command in (
     landmarks.landmarks,
     registration.register,
@@ -49,6 +59,6 @@ for command in (
     surfaces.synth,
     studies.train,
     studies.benchmark,
-    grading.grade,
+    grade,
 ):
     cli.add_command(command)

@@ -1,4 +1,4 @@
-"""Three products of one source: the page, the student's notebook, the teacher's."""
+"""Products of one source: the page, nbgrader's assignment and its release to students, the teacher's notebook."""
 
 import copy
 import html
@@ -24,14 +24,18 @@ PAGE = f"# Here\n\n{graded.place(NAME)}\n\nMore."
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     """(student's, teacher's, nbgrader's) notebook of all exercises, as files."""
-    return course.write(course.in_order(), "exercises", tmp_path_factory.mktemp("course"))
+    folder = tmp_path_factory.mktemp("course")
+    source, teacher = course.write(course.in_order(), "exercises", folder)
+    (student,) = course.release("exercises", folder)
+    return student, teacher, source
 
 
 def test_the_students_notebook_has_a_blank_and_a_check_for_each_exercise(written):
     student = nbformat.read(written[0], as_version=4)
     assert [cell.metadata["exercise"] for cell in of(student, "answer")] == course.in_order()
     assert [cell.source for cell in of(student, "check")] == [graded.call(EXERCISES[n]) for n in course.in_order()]
-    assert all("# your lines here" in cell.source for cell in of(student, "answer"))
+    assert [cell.source for cell in of(student, "answer")] == [EXERCISES[n].blank.strip() for n in course.in_order()]
+    assert {cell.source for cell in of(student, "sentence")} == {"*Your answer here.*"}
     assert [role for cell in of(student, "question") for role in re.findall(r"\{[\w:]+\}`|\]\(#", cell.source)] == []
 
 
@@ -39,7 +43,7 @@ def test_the_students_notebook_carries_what_nbgrader_keeps(written):
     student = nbformat.read(written[0], as_version=4)
     kept = [cell.metadata.nbgrader for cell in student.cells if "nbgrader" in cell.metadata]
     assert len({each.grade_id for each in kept}) == len(kept) >= 2 * len(EXERCISES)
-    keys = {"schema_version", "grade", "solution", "locked", "task", "cell_type", "grade_id"}
+    keys = {"schema_version", "grade", "solution", "locked", "task", "cell_type", "grade_id", "checksum"}
     for each in kept:
         assert set(each) == keys | ({"points"} if each.grade else set()) and each.schema_version == 3
     assert sum(each.get("points", 0) for each in kept) == sum(e.points for e in EXERCISES.values())
@@ -48,17 +52,18 @@ def test_the_students_notebook_carries_what_nbgrader_keeps(written):
 def test_nbgraders_notebook_is_its_source(written):
     """The student's cells, but solutions between marks, and hidden tests on other numbers, which raise."""
     student, nbgraders = (nbformat.read(path, as_version=4) for path in (written[0], written[2]))
-    same = [cell for cell in student.cells if cell.metadata.get("tags") not in (["answer"], ["check"])]
-    assert [cell for cell in nbgraders.cells if cell in same] == same and len(nbgraders.cells) == len(student.cells)
-    assert [cell.metadata for cell in nbgraders.cells] == [cell.metadata for cell in student.cells]
+    assert [cell.id for cell in nbgraders.cells] == [cell.id for cell in student.cells]
+    assert [cell.source for cell in of(nbgraders, "question")] == [cell.source for cell in of(student, "question")]
     assert [cell.source + "\n" for cell in of(nbgraders, "answer")] == [EXERCISES[n].source for n in course.in_order()]
     for check in of(nbgraders, "check"):
         exercise = EXERCISES[check.metadata.exercise]
         shown, tests = check.source.split("\n### BEGIN HIDDEN TESTS\n")
         assert shown == graded.call(exercise) and "seed=1)" in tests and tests.endswith("\n### END HIDDEN TESTS")
         exec(tests, {exercise.asks_for: exercise.solution})
-        with pytest.raises(AssertionError):
-            exec(tests, {exercise.asks_for: next(iter(exercise.wrong.values()))})
+        name, answer = next(iter(exercise.wrong.items()))
+        with pytest.raises(AssertionError) as told:
+            exec(tests, {exercise.asks_for: answer})
+        assert str(told.value).startswith(exercise.sentences[name])
 
 
 def test_the_teachers_notebook_has_solutions_mistakes_and_points(written):
@@ -195,16 +200,18 @@ def test_solutions_are_part_of_a_copys_stamp(monkeypatch):
 
 
 def test_a_sheet_of_chosen_exercises(tmp_path):
-    path, *_ = course.write(["accept-fold"], "week1", tmp_path)
+    path, _ = course.write(["accept-fold"], "week1", tmp_path)
     named = {cell["metadata"].get("exercise") for cell in json.loads(path.read_text())["cells"]}
     assert path.name == "week1.ipynb" and named == {None, "accept-fold"}
 
 
 def test_every_week_has_a_sheet(monkeypatch):
     written = {}
-    monkeypatch.setattr(course, "write", lambda names, name, **_: written.update({name: names}) or [])
+    monkeypatch.setattr(course, "write", lambda names, name, **_: written.update({name: names}))
+    monkeypatch.setattr(course, "release", lambda name: written.update(released=name) or [])
     monkeypatch.setattr("sys.argv", ["course"])
     course.main()
+    assert written.pop("released") == "*"
     assert list(written) == ["exercises", *(f"week{number}" for number in range(1, 7))]
     assert "alpha-signs" in written["week2"] and set(written["exercises"]) == set(EXERCISES)
 

@@ -18,7 +18,9 @@ def files(folder):
 
 @pytest.fixture(scope="module")
 def student(tmp_path_factory):
-    return course.write(course.in_order(), "exercises", tmp_path_factory.mktemp("course"))[0]
+    folder = tmp_path_factory.mktemp("course")
+    course.write(course.in_order(), "exercises", folder)
+    return course.release("exercises", folder)[0]
 
 
 def test_no_solution_of_a_graded_exercise_is_in_anything_that_was_built(student):

@@ -1,0 +1,171 @@
+"""The guide's commands, run by nbgrader on hand-ins of each kind: right, wrong, endless and broken."""
+
+import csv
+import json
+import os
+import re
+import subprocess
+import sys
+from copy import deepcopy
+from pathlib import Path
+
+import nbformat
+import pytest
+
+from book.builder import course
+from book.builder.graded import EXERCISES
+from book.builder.references import markdown_of
+from qclearn.cli import main
+
+EXERCISE = EXERCISES["alpha-signs"]
+MISTAKE = "sign of alpha_2"
+WRONG = EXERCISE.solved.replace(*EXERCISE.module.MISTAKES[MISTAKE][0])
+ENDLESS = "import time\ndef alphas(mu):\n    while True:\n        time.sleep(0.1)"
+WARNS = "import sys\nprint('a warning', file=sys.stderr)\n"
+BLOCKS = "".join(re.findall(r"^ *```sh\n(.*?)```", markdown_of("teaching"), re.MULTILINE | re.DOTALL))
+GUIDE = re.findall(r"^ *(nbgrader .+?)(?: +#.*)?$", BLOCKS, re.MULTILINE)
+LIMIT = 12  # seconds a cell: more than a busy machine needs to import the library
+
+
+def nbgrader(folder, command):
+    """Run a command of the guide without the environment's programs on PATH; its exit code and what it printed."""
+    words = [sys.executable, "-m", *command.split()]
+    if "autograde" in words:
+        words.append(f"--Execute.timeout={LIMIT}")
+    path = {"PATH": os.defpath}
+    run = subprocess.run(words, cwd=folder, capture_output=True, text=True, env=os.environ | path, check=False)
+    return run.returncode, run.stdout + run.stderr
+
+
+def handed_in(release, answer, lacks=()):
+    """A student's notebook with this answer, without the cells of some tags."""
+    notebook = deepcopy(release)
+    notebook.cells = [cell for cell in notebook.cells if not set(lacks) & set(cell.metadata.get("tags", []))]
+    for cell in notebook.cells:
+        if "answer" in cell.metadata.get("tags", []):
+            cell.source = answer
+    return notebook
+
+
+@pytest.fixture(scope="module")
+def graded(tmp_path_factory):
+    """(folder of the course, command -> what it printed), once the guide's commands have run."""
+    folder = tmp_path_factory.mktemp("course")
+    course.write([EXERCISE.name], "week1", folder)
+    printed = {}
+
+    def run(command):
+        code, printed[command.split()[1]] = nbgrader(folder, command)
+        assert code == 0, printed
+
+    run(GUIDE[0])
+    release = nbformat.read(folder / "release" / "week1" / "week1.ipynb", as_version=4)
+    bare = handed_in(release, EXERCISE.solved)
+    for cell in bare.cells:
+        cell.metadata.clear()
+    files = {
+        "ada.ipynb": handed_in(release, f"%%time\n{EXERCISE.solved}\n{WARNS}files = !ls \\\n  -a"),
+        "bob.ipynb": handed_in(release, WRONG, lacks=["sentence"]),
+        "cem.ipynb": handed_in(release, ENDLESS),
+        "dee.ipynb": handed_in(release, "def alphas(mu:\n    return 1"),
+        "no metadata.ipynb": bare,
+        "renamed.ipynb.txt": release,
+        "with,comma.ipynb": release,
+        "list.ipynb": [],
+    }
+    archive = folder / "downloaded" / "week1" / "archive"
+    for name, notebook in files.items():
+        (archive / name).write_text(json.dumps(notebook), encoding="utf-8")
+    (archive / "text.ipynb").write_text("def alphas(mu): ...")
+    for command in GUIDE[1:]:
+        run(command)
+    return folder, printed
+
+
+def feedback(folder, student):
+    return (folder / "feedback" / student / "week1" / "week1.html").read_text(encoding="utf-8")
+
+
+def test_the_guide_has_the_commands():
+    assert [command.split()[1] for command in GUIDE] == [
+        "generate_assignment",
+        "zip_collect",
+        "autograde",
+        "generate_feedback",
+        "export",
+    ]
+
+
+def test_right_and_wrong_answers_get_their_points(graded):
+    with open(graded[0] / "grades.csv", newline="", encoding="utf-8") as file:
+        rows = {row["student_id"]: (float(row["score"]), float(row["max_score"])) for row in csv.DictReader(file)}
+    most = EXERCISE.points
+    assert rows == {"ada": (most, most), "bob": (0, most), "cem": (0, most), "dee": (0, most)}
+
+
+def test_the_feedback_names_the_mistake(graded):
+    assert f"AssertionError: {EXERCISE.sentences[MISTAKE][:60]}" in squeezed(feedback(graded[0], "bob"))
+    assert EXERCISE.sentences[MISTAKE][:60] not in squeezed(feedback(graded[0], "ada"))
+
+
+def test_an_endless_loop_is_stopped_and_named(graded):
+    assert "does a loop in it, or in what it calls, never end?" in squeezed(feedback(graded[0], "cem"))
+
+
+def test_an_answer_that_python_does_not_read_is_named(graded):
+    assert "SyntaxError" in feedback(graded[0], "dee")
+
+
+def squeezed(page):
+    """The words of an HTML page in single spaces."""
+    return " ".join(re.sub(r"<[^>]+>", "", page).split())
+
+
+def test_what_cannot_be_graded_is_refused_in_a_line_each(graded):
+    lines = [line.partition("ERROR] ")[2] for line in graded[1]["zip_collect"].splitlines() if "ERROR] " in line]
+    assert [line.split(": ")[0] for line in lines] == [
+        "bob.ipynb",
+        "list.ipynb",
+        "no metadata.ipynb",
+        "renamed.ipynb.txt",
+        "text.ipynb",
+        "with,comma.ipynb",
+    ]
+    missing, a_list, bare, renamed, text, comma = lines
+    assert missing.endswith("0 points where cells are missing: alpha-signs-sentence")
+    assert "not a notebook that nbgrader reads" in a_list and "does not appear to be JSON" in text
+    assert "copy the answers into that notebook" in bare
+    assert "rename the file" in renamed and "rename the file" in comma
+    assert "Traceback" not in "".join(graded[1].values())
+
+
+def test_a_release_that_students_have_handed_in_keeps_its_cells(graded):
+    folder, _ = graded
+    course.write(["accept-fold"], "week1", folder)
+    with pytest.raises(SystemExit, match="Cannot add or remove cells"):
+        course.release("week1", folder)
+
+
+def test_the_command_of_version_01_names_nbgrader(capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["grade", "handed-in", "--seed", "7"])
+    (line,) = capsys.readouterr().err.splitlines()
+    assert stop.value.code == 2 and "nbgrader" in line and "book/teaching.md" in line
+
+
+@pytest.mark.parametrize(
+    "words, reason",
+    [
+        (["--seed", "0"], "--seed 0: the students' own checks draw by 0"),
+        (["--name", "a/b"], "--name a/b: letters, digits"),
+        (["no-such"], "no such exercise: no-such"),
+    ],
+)
+def test_bad_words_for_a_sheet_are_refused(monkeypatch, words, reason):
+    monkeypatch.setattr("sys.argv", ["course", *words])
+    with pytest.raises(SystemExit, match=reason):
+        course.main()
+
+
+def test_the_settings_are_the_courses(graded):
+    assert (graded[0] / "nbgrader_config.py").read_text() == Path(course.SETTINGS).read_text()
