@@ -306,7 +306,7 @@ def test_repair_unfolds(seed):
     before = check_bijective(z, faces, f)
     assert len(before.flipped) and before.boundary
     matrix = stiffness(z, faces, mu)
-    picture, switched, problem = repair(matrix, Disk(f, faces), lengths)
+    picture, switched, problem, _ = repair(matrix, Disk(f, faces), lengths)
     mended = picture.z
     assert check_bijective(z, faces, mended).bijective
     loop = boundary_loop(faces)
@@ -331,7 +331,7 @@ def test_repair_goes_one_ring_further_where_a_flip_survives_on_switched_rows():
     _, faces, mu, f, lengths = folding_problem(0)
     picture = Disk(f, faces)
     first = np.setdiff1d(faces[picture.flipped], picture.loop)
-    mended, switched, _ = repair(stiffness(*DISK, mu), picture, lengths, first)
+    mended, switched, *_ = repair(stiffness(*DISK, mu), picture, lengths, first)
     ring = np.setdiff1d(faces[np.isin(faces, first).any(1)], picture.loop)
     assert set(ring) <= set(switched.tolist()) and len(ring) > len(first)
     assert mended.certificate.bijective
@@ -340,7 +340,7 @@ def test_repair_goes_one_ring_further_where_a_flip_survives_on_switched_rows():
 def test_nothing_to_repair():
     disk = Disk(*DISK)
     picture = disk.at(SLIDING(disk.z))
-    mended, switched, problem = repair(disk.laplace, picture, edge_lengths(disk.z[disk.faces]))
+    mended, switched, problem, _ = repair(disk.laplace, picture, edge_lengths(disk.z[disk.faces]))
     assert mended is picture and len(switched) == 0 and problem is None
 
 
@@ -355,6 +355,6 @@ def test_repair_ends_where_it_cannot_help(chord):
     f = z.copy()
     f[first + 5], f[1] = 0.9, 2  # a boundary vertex drawn across the disk
     disk = Disk(z, faces)
-    mended, switched, _ = repair(disk.laplace, disk.at(f), edge_lengths(z[faces]))
+    mended, switched, *_ = repair(disk.laplace, disk.at(f), edge_lengths(z[faces]))
     assert not mended.certificate.bijective
     assert 0 < len(switched) <= 19
