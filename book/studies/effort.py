@@ -1,12 +1,13 @@
 """Count the maps and products that good landmark problems need at each level: what `EFFORT` in ladder.py rests on.
 
-    python tools/effort.py [--count 20] [--folds]
+    python -m book.studies.effort [--count 20] [--folds]
 
 Pairs are fsaverage5's hemispheres, the right one mirrored, by four to eleven of its sulci, given by their ends or
 traced; each is fitted at every gamma. Prints one line a fit, and the most of each level at each gamma.
 """
 
 from collections import defaultdict
+from functools import partial
 from unittest.mock import patch
 
 import click
@@ -57,7 +58,8 @@ def main(count, folds):
         given = [curve | {"detect": bool(rng.random() < 0.8)} for curve in chosen]
         for gamma in GAMMAS:
             options = {} if folds else {"features": None}
-            levels = counted(lambda: qc.register(moving, control, given, gamma=gamma, accept_suspect=True, **options))
+            fit = partial(qc.register, moving, control, given, gamma=gamma, accept_suspect=True, **options)
+            levels = counted(fit)
             click.echo(f"{number} {gamma:g} {len(given)} {levels}")
             for k, (maps, products) in enumerate(levels):
                 most[gamma, k] = max(maps, most[gamma, k][0]), max(products, most[gamma, k][1])
