@@ -254,7 +254,7 @@ def _warn_of_slits(path, surface):
 _READERS = {
     ".npz": ("npz file", _read_npz),
     ".gii": ("GIFTI surface", lambda _, data: gifti.surface_arrays(gifti.parse(data))),
-    ".ply": ("PLY file", lambda _, data: meshformats.read_ply(data)),
+    ".ply": ("PLY file", meshformats.read_ply),
     ".obj": ("OBJ file", lambda _, data: meshformats.read_obj(data)),
     ".off": ("OFF file", lambda _, data: meshformats.read_off(data)),
     ".stl": ("STL file", lambda _, data: meshformats.read_stl(data)),
