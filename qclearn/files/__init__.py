@@ -1,1 +1,3 @@
-"""Surfaces and values in the formats of the field, fsaverage5, conte69, and where figures come from."""
+"""Surfaces and values in the formats of the field, fsaverage5, conte69, and where figures come
+from.
+"""

@@ -1,10 +1,11 @@
 """PLY through plyfile; OBJ, OFF and STL by short readers of our own.
 
-trimesh and meshio were tried on damaged files: they read half of a cut OBJ, OFF or ASCII STL without a word, split
-quadrangles, number vertices anew where a file has normals or textures, or end the process.
+trimesh and meshio were tried on damaged files: they read half of a cut OBJ, OFF or ASCII STL
+without a word, split quadrangles, number vertices anew where a file has normals or textures, or end
+the process.
 
-Readers return (vertices, faces), or raise FormatError or what plyfile and NumPy raise on bad bytes; writers return
-bytes and keep float64, but for STL.
+Readers return (vertices, faces), or raise FormatError or what plyfile and NumPy raise on bad bytes;
+writers return bytes and keep float64, but for STL.
 """
 
 import io
@@ -20,7 +21,9 @@ _TRIANGLES = {"face": {"vertex_indices": 3, "vertex_index": 3}}
 
 
 def read_ply(path, data):
-    """Vertices and faces of a PLY file, ASCII or binary; further properties and elements are skipped."""
+    """Vertices and faces of a PLY file, ASCII or binary; further properties and elements are
+    skipped.
+    """
     header, end, body = data.partition(b"end_header")
     for count in re.findall(rb"element\s+\S+\s+(\d+)", header):
         if int(count) > len(data):  # plyfile would make room for as many
@@ -72,7 +75,9 @@ def write_ply(surface):
 
 
 def read_off(data):
-    """Vertices and faces of an OFF file; colours and normals that follow a row's numbers are skipped."""
+    """Vertices and faces of an OFF file; colours and normals that follow a row's numbers are
+    skipped.
+    """
     lines = [line.partition(b"#")[0].split() for line in data.splitlines()]
     rows = [row for row in lines if row]
     if not rows or rows[0][0] not in (b"OFF", b"COFF"):
@@ -95,7 +100,9 @@ def read_off(data):
 
 
 def _integers(rows):
-    """Rows of texts as int64; ValueError where one is no whole number, OverflowError beyond 64 bits."""
+    """Rows of texts as int64; ValueError where one is no whole number, OverflowError beyond 64
+    bits.
+    """
     return np.array([[int(text) for text in row] for row in rows], dtype=np.int64)
 
 
@@ -188,5 +195,6 @@ def require_triangles(sides):
     bad = np.flatnonzero(sides != 3)
     if bad.size:
         raise FormatError(
-            f"face {bad[0]} has {sides[bad[0]]} corners, only triangles are read (triangulate the mesh)"
+            f"face {bad[0]} has {sides[bad[0]]} corners, only triangles are read (triangulate "
+            "the mesh)"
         )
