@@ -34,15 +34,9 @@ _LEFTOVER = re.compile(r"\.qclearn-(\d{1,9})@(.*)-\w{8}(-.*)?", re.DOTALL)
 _AGAIN = "it may be cut short or of another format: copy or export it again"
 # Errors of bad bytes by their kind; of any other kind only where one of these libraries raised it.
 _BAD_BYTES = (
-    ValueError,
-    OverflowError,
-    EOFError,
-    OSError,
-    struct.error,
-    zlib.error,
-    zipfile.BadZipFile,
-    ExpatError,
-)
+    ValueError, OverflowError, EOFError, OSError,
+    struct.error, zlib.error, zipfile.BadZipFile, ExpatError,
+)  # fmt: skip
 _LIBRARIES = {"nibabel", "numpy", "plyfile", "zipfile", "gzip", "xml", "ast", "tokenize", "json"}
 
 

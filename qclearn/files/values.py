@@ -18,18 +18,9 @@ from .safe import FormatError, explain, npy_array, read_bytes, require_all, writ
 
 _MORPHOMETRY = b"\xff\xff\xff"
 _MAP_SUFFIXES = (
-    "",
-    ".thickness",
-    ".curv",
-    ".avg_curv",
-    ".sulc",
-    ".area",
-    ".volume",
-    ".mid",
-    ".pial",
-    ".w-g",
+    "", ".thickness", ".curv", ".avg_curv", ".sulc", ".area", ".volume", ".mid", ".pial", ".w-g",
     ".pct",
-)
+)  # fmt: skip
 _MGH_BYTES = {0: 1, 1: 4, 3: 4, 4: 2}  # of a voxel, by MGH's type
 _FORMATS = (
     ".npy, .txt, .gii (shape, func, label, also gzipped), .mgh, .mgz, .annot or FreeSurfer "
@@ -38,10 +29,8 @@ _FORMATS = (
 # Formats that are known and not read or written here: what to do instead.
 _REFUSED = {
     ".nii": "CIFTI holds both hemispheres and volumes at once: take one surface's map out, "
-    "wb_command -cifti-separate "
-    "IN COLUMN -metric CORTEX_LEFT OUT.func.gii (-label for a .dlabel.nii); a volume: "
-    "mri_vol2surf or wb_command "
-    "-volume-to-surface-mapping",
+    "wb_command -cifti-separate IN COLUMN -metric CORTEX_LEFT OUT.func.gii (-label for a "
+    ".dlabel.nii); a volume: mri_vol2surf or wb_command -volume-to-surface-mapping",
     ".label": "a label lists vertices and gives no value to each: `qclearn open --label` takes it",
     ".npz": "an npz holds several arrays: save one as .npy",
 }
@@ -92,9 +81,8 @@ def read_mask(path: str | Path, surface: Surface, keep: bool = False) -> Bool[nd
     if mask.sum() > n_vertices / 2:
         raise SurfaceError(
             f"{path}: would cut {mask.sum()} of {n_vertices} vertices, so it seems to say what "
-            "to keep, as "
-            "lh.cortex.label and thickness do; read it with keep=True (`qclearn open --keep`), "
-            "or give the other part"
+            "to keep, as lh.cortex.label and thickness do; read it with keep=True "
+            "(`qclearn open --keep`), or give the other part"
         )
     return mask
 
