@@ -291,8 +291,7 @@ def main(also, out):
     settings = {"vertices": VERTICES, "also": list(also)}
     checkpoint = Checkpoint(f"{out}.partial", settings, click.ClickException)
     for kind, number in tqdm([task for task in wanted if task not in done]):
-        make = partial(measure, kind, number, (real, synthetic))
-        done[kind, number] = checkpoint.json(f"{kind} {number}.json", make)
+        done[kind, number] = checkpoint.json(f"{kind} {number}.json", partial(measure, kind, number, (real, synthetic)))
     cases = [done[key] for key in sorted(done)]
     figures = {"commit": commit(), "vertices": VERTICES, "limits": suspect.LIMITS, "cases": cases}
     write_measured("suspect", out, figures)

@@ -36,8 +36,7 @@ class Frame:
     """What a file says: side "left" or "right"; space of the coordinates: TKR or a
     GiftiCoordSystem; FreeSurfer's volume geometry; kind, one of ANATOMICAL or SHAPES; and of the
     whole surface that a disk was cut out of, how many vertices it has (count) and its faces (F,
-    3), whole. None where the file does not say.
-    """
+    3), whole. None where the file does not say."""
 
     side: str | None = None
     space: GiftiCoordSystem | str | None = None
@@ -113,8 +112,7 @@ def frame_of_text(text, whole=None):
 
 def sound_volume(volume):
     """FreeSurfer's volume geometry (nibabel's dict) with lists, or None where it says that it is
-    not valid.
-    """
+    not valid."""
     keys = ("head", "valid", "filename", "volume", "voxelsize", *_AXES)
     geometry = {key: np.asarray(volume[key]).tolist() for key in keys}
     if not str(geometry["valid"]).startswith("1"):

@@ -1,6 +1,5 @@
 """fsaverage5, the template hemispheres that come with nilearn, cut open at the medial wall, and
-their named sulci.
-"""
+their named sulci."""
 
 import json
 from functools import cache

@@ -1,6 +1,5 @@
 """GIFTI through nibabel: a first pass sees that sizes are true; Workbench finds hemisphere,
-coordinates and labels.
-"""
+coordinates and labels."""
 
 import base64
 import colorsys
@@ -99,8 +98,7 @@ def _announced(attributes):
 
 def parse(data):
     """The nibabel image of a GIFTI file's bytes; FormatError where an array is not as large as
-    it is announced.
-    """
+    it is announced."""
     sizes = _Sizes(len(data))
     parser = expat.ParserCreate()
     parser.buffer_text = True
@@ -202,8 +200,7 @@ def _volume_of(meta):
 def surface_bytes(surface, frame, table=None):
     """The bytes of a .surf.gii; FreeSurfer's coordinates become the scanner's, as mris_convert
     --to-scanner does, but for spheres and the like, which lie nowhere and stay around their
-    centre. table (V,): the original numbers.
-    """
+    centre. table (V,): the original numbers."""
     meta = _structure(frame.side)
     vertices = surface.vertices
     space = frame.space
@@ -244,8 +241,7 @@ def _array(data, intent, meta, **more):
 
 def values_bytes(values, side=None, labels=None, names=None):
     """The bytes of maps (V,) or (V, k) with their names, float32 or int32; int32 with the table
-    `labels` are labels.
-    """
+    `labels` are labels."""
     meta = GiftiMetaData(_structure(side))
     intent = "NIFTI_INTENT_SHAPE" if values.dtype.kind == "f" else "NIFTI_INTENT_NONE"
     table = GiftiLabelTable()
@@ -261,8 +257,7 @@ def values_bytes(values, side=None, labels=None, names=None):
 
 def table_of(values, known=None):
     """The label table of whole numbers: the known one, and further keys, which are named by
-    their number; {} for more numbers than there are regions.
-    """
+    their number; {} for more numbers than there are regions."""
     keys = np.unique(values).tolist()
     if not known and (len(keys) > _MOST_LABELS or keys[0] < -1):
         return {}
@@ -274,8 +269,7 @@ def table_of(values, known=None):
 
 def _from_zero(values, table):
     """The same labels without key -1: it becomes 0, which shows nothing; where 0 is a region,
-    all are raised by one.
-    """
+    all are raised by one."""
     if min(table) < -1:
         raise SurfaceError(
             f"label {min(table)}: keys below 0 are not allowed in a .label.gii; number them from 1"

@@ -1,6 +1,5 @@
 """A hemisphere as commands take it: whole or cut open, a file or fsaverage5; and the numbers of
-both of its forms.
-"""
+both of its forms."""
 
 import re
 from dataclasses import dataclass, replace
@@ -24,8 +23,7 @@ LOOSE = 1e-3
 @dataclass(frozen=True, eq=False)
 class Numbering:
     """size: number of vertices of a disk; table (V,): their numbers in the whole surface it was
-    cut out of; count: of that surface's vertices. None where it was never cut, or nobody knows.
-    """
+    cut out of; count: of that surface's vertices. None where it was never cut, or nobody knows."""
 
     size: int
     table: np.ndarray | None = None
@@ -67,8 +65,7 @@ class Numbering:
 class Hemisphere:
     """path: as it was given; given: the surface of that name, whole or cut; disk: what is
     registered, with `original_vertices` where they are known; frame: what its file says, with
-    the whole surface's faces if known.
-    """
+    the whole surface's faces if known."""
 
     path: str
     given: Surface
@@ -119,8 +116,7 @@ def read_hemisphere(path, cortex=None):
 
 def cut_out(surface, cortex):
     """The disk of a whole surface that a file says to keep; SurfaceError where it is not in one
-    piece without holes.
-    """
+    piece without holes."""
     require_outward(surface)
     wall = read_mask(cortex, surface, keep=True)
     disk, table = open_surface(surface, wall)
@@ -148,8 +144,7 @@ def frame_of_whole(frame, surface):
 
 def require_side(path, side, other, owner):
     """SurfaceError where a file says that it is of one hemisphere, and the surface it is used
-    for of the other.
-    """
+    for of the other."""
     if side and other and side != other:
         raise SurfaceError(
             f"{path}: is of the {side} hemisphere, {owner} of the {other} one; give the {other} "

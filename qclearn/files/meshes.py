@@ -96,8 +96,7 @@ def frame_of(path):
 
 def _frame_of_npz(data, named):
     """What an npz says in `about` and `whole_faces`, or a synthetic subject's in `hemisphere`,
-    else `named`.
-    """
+    else `named`."""
     arrays = npz_arrays(data, lambda key: key in ("about", "whole_faces", "hemisphere"))
     if "about" in arrays:
         frame = frame_of_text(arrays["about"], arrays.get("whole_faces"))
@@ -270,8 +269,7 @@ def _write_vtp(surface):
 
 def _warn_of_slits(path, surface):
     """Warn of torn corners (of one face, on a loop of four) and of neighbours' neighbours on a
-    rim that almost meet.
-    """
+    rim that almost meet."""
     count = np.bincount(surface.faces.ravel())
     for loop in surface.boundary_loops:
         here, beside, twin = (surface.vertices[np.roll(loop, -k)] for k in range(3))

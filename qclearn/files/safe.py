@@ -51,8 +51,7 @@ def allowance(size):
 
 def read_bytes(path):
     """All bytes of a regular file, unzipped where it is called .gz or .mgz; SurfaceError where
-    it cannot be read.
-    """
+    it cannot be read."""
     try:
         mode = path.stat().st_mode
         if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):  # reading it might never end
@@ -136,8 +135,7 @@ def require_all(name, there, announced, exactly=False):
 
 def npz_arrays(data, wanted):
     """The arrays (dict) of an npz file's bytes whose names `wanted` accepts; FormatError where
-    sizes contradict.
-    """
+    sizes contradict."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         infos = archive.infolist()
         members = [info for info in infos if wanted(info.filename.removesuffix(".npy"))]
@@ -153,8 +151,7 @@ def npz_arrays(data, wanted):
 
 def npz_bytes(arrays):
     """The bytes of an npz file of arrays (dict), packed lightly: in a third of NumPy's time, a
-    tenth larger.
-    """
+    tenth larger."""
     data = io.BytesIO()
     with zipfile.ZipFile(data, "w") as archive:
         for name, array in arrays.items():
@@ -167,8 +164,7 @@ def npz_bytes(arrays):
 
 def npy_array(data):
     """The array of the bytes of a .npy file; FormatError unless its header announces just what
-    follows.
-    """
+    follows."""
     file = io.BytesIO(data)
     headers = {
         (1, 0): np.lib.format.read_array_header_1_0,
@@ -223,8 +219,7 @@ def write_whole(path, write, size=None):
 
 def is_full(error, free=None):
     """Whether an OSError says that a disk is full; NumPy's says only how much was written, then
-    `free` bytes decide.
-    """
+    `free` bytes decide."""
     return error.errno in (errno.ENOSPC, errno.EDQUOT) or (
         error.errno is None and free is not None and free < 1 << 16
     )
@@ -253,8 +248,7 @@ def _megabytes(size):
 
 def own_prefix():
     """The head of temporary names: this process's number and machine, which tell others whether
-    it still runs.
-    """
+    it still runs."""
     return f".qclearn-{os.getpid()}@{_machine()}-"
 
 
@@ -264,8 +258,7 @@ def _machine():
 
 def sweep(folder):
     """Remove from a folder what killed runs of this machine left, and nothing of a run that goes
-    on.
-    """
+    on."""
     for leftover in folder.glob(".qclearn-*"):
         name = _LEFTOVER.fullmatch(leftover.name)
         if name and name[2] == _machine() and not _runs(int(name[1])):
@@ -289,15 +282,13 @@ def _runs(process):
 
 def is_plain_name(name):
     """Whether a curve's name can be shown: up to 200 characters, none of which moves the
-    terminal's cursor.
-    """
+    terminal's cursor."""
     return len(name) <= 200 and name.isprintable()
 
 
 def printable(text):
     """A text as one line for the terminal: control characters as escapes, the middle of a very
-    long one left out.
-    """
+    long one left out."""
     line = " ".join(text.split())
     escaped = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
     text = "".join(escaped)

@@ -89,8 +89,7 @@ def read_mask(path: str | Path, surface: Surface, keep: bool = False) -> Bool[nd
 
 class Map(NamedTuple):
     """What a per-vertex file holds: values (V,) or (V, k); the hemisphere, "left", "right" or
-    None; labels, key -> (name, (r, g, b, a) from 0 to 1), or None; the maps' names, or None.
-    """
+    None; labels, key -> (name, (r, g, b, a) from 0 to 1), or None; the maps' names, or None."""
 
     values: np.ndarray
     side: str | None = None
@@ -156,8 +155,7 @@ def _read_annot(path, data):
 
 def read_regions(path):
     """The name of each vertex's region (V,), "" for none, of a .label.gii of one map or an
-    .annot; SurfaceError for others.
-    """
+    .annot; SurfaceError for others."""
     regions = read_map(path)
     if not regions.labels or regions.values.ndim != 1 or regions.values.dtype.kind not in "iu":
         raise SurfaceError(f"{path}: names no regions; give a .label.gii of one map, or an .annot")
@@ -230,8 +228,7 @@ def _require_known(path, suffix, done):
 
 def _fitting(path, values, whole=True):
     """Values as int32 or float32; SurfaceError where one would change. whole=False: the format
-    has float32 alone.
-    """
+    has float32 alone."""
     if values.ndim == 2 and not whole:
         raise SurfaceError(
             f"{path}: morphometry holds one map, not {values.shape[1]}; choose .mgh or .func.gii"
