@@ -22,6 +22,7 @@ from scipy.stats import spearmanr
 import qclearn as qc
 from qclearn.benchmark.cortex import fsaverage_side, warp_pair
 from qclearn.benchmark.pairs import Pair, cohort_pair, mapped_subject
+from qclearn.io.checkpoint import Checkpoint
 from qclearn.io.provenance import commit
 from qclearn.io.safe import write_whole
 from qclearn.registration.landmarks import curve_distance, curves_of_both
@@ -85,14 +86,6 @@ def warped(left, amplitude, setting):
     return run(warp_pair(left, amplitude), "folds", setting)
 
 
-def kept(path, make):
-    """The arrays of a case, from its file or made and written there."""
-    if not path.exists():
-        np.savez(path, **make())
-    with np.load(path) as arrays:
-        return dict(arrays)
-
-
 def factors_of(found, share=SHARE):
     """The factors within which shares LEVELS of the area lie, all pairs counting alike; and those that do in a `share`
     of the pairs, by split-conformal prediction: pairs are exchangeable, vertices are not."""
@@ -129,15 +122,16 @@ def judged(one, factors):
 @click.option("--out", type=Path, default=KEPT)
 @click.option("--only", type=click.Choice(["next"]), help="Measure this alone, and keep the rest of FILE.json.")
 def main(folder, out, only):
-    folder.mkdir(parents=True, exist_ok=True)
+    settings = {"generation": GENERATION, "weights": {kind: vars(weights) for kind, weights in USUAL.items()}}
+    checkpoint = Checkpoint(folder, settings, click.ClickException)
     if only:
-        return write(out, calibrated() | {"next": on_next(folder)})
+        return write(out, calibrated() | {"next": on_next(checkpoint)})
     found, words = {}, {}
     for part, kind, first, second, setting in cases():
         seeds = [FIRST[part] + number for number in (first, second)]
         sizes = [SIZES[part][number] for number in (first, second)]
         name = f"{part}-{kind}-{seeds[0]}-{seeds[1]}-{setting}"
-        one = kept(folder / f"{name}.npz", partial(synthetic, seeds, sizes, kind, setting, part == "judge"))
+        one = checkpoint.arrays(f"{name}.npz", partial(synthetic, seeds, sizes, kind, setting, part == "judge"))
         found.setdefault((kind, part), []).append(one)
         words.setdefault((kind, part), []).append({"seeds": seeds, "vertices": sizes, "curves": setting})
         print(name, flush=True)
@@ -157,24 +151,24 @@ def main(folder, out, only):
             **pairs,
         }
     factors = result["folds"]["factors"]
-    result |= {"warps": on_warps(folder, factors), "curves": on_curves(folder, factors)}
-    write(out, result | {"ends": at_ends(folder, factors), "next": on_next(folder)})
+    result |= {"warps": on_warps(checkpoint, factors), "curves": on_curves(checkpoint, factors)}
+    write(out, result | {"ends": at_ends(checkpoint, factors), "next": on_next(checkpoint)})
 
 
 def write(out, result):
     write_whole(out, lambda place: place.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8"))
 
 
-def on_warps(folder, factors):
+def on_warps(checkpoint, factors):
     """`judged` of real cortex warped by so many mm, whose truth is known."""
     left, rows = fsaverage_side("left"), []
     for amplitude, setting in WARPS.items():
-        one = kept(folder / f"warp-{amplitude:g}-{setting}.npz", partial(warped, left, amplitude, setting))
+        one = checkpoint.arrays(f"warp-{amplitude:g}-{setting}.npz", partial(warped, left, amplitude, setting))
         rows.append({"amplitude_mm": amplitude, "curves": setting} | judged(one, factors))
     return rows
 
 
-def at_ends(folder, factors):
+def at_ends(checkpoint, factors):
     """`judged` of two pairs that judge, at the ends of what each weight may be."""
     rows = []
     for weights in [*ENDS, INDIVIDUAL]:
@@ -182,19 +176,19 @@ def at_ends(folder, factors):
         for first, setting in enumerate(("all", "half")):
             seeds, sizes = [FIRST["judge"] + n for n in (first, first + 1)], SIZES["judge"][first : first + 2]
             make = partial(synthetic, seeds, sizes, "folds", setting, False, **weights)
-            one = kept(folder / f"ends-{name}-{setting}.npz", make)
+            one = checkpoint.arrays(f"ends-{name}-{setting}.npz", make)
             rows.append({"weights": weights, "seeds": seeds, "curves": setting} | judged(one, factors))
     return rows
 
 
-def on_curves(folder, factors):
+def on_curves(checkpoint, factors):
     """Of fsaverage5's curves that took no part, right onto left: distance and mean radius there, mm."""
     right, left = (fsaverage_side(side) for side in ("right", "left"))
     curves = curves_of_both(right.surface, left.surface)
     rows = []
     for half in (0, 1):
         fitted, held = curves[half::2], curves[1 - half :: 2]
-        one = kept(folder / f"curves-{half}.npz", partial(run, Pair(right, left, tuple(fitted)), "folds", "all"))
+        one = checkpoint.arrays(f"curves-{half}.npz", partial(run, Pair(right, left, tuple(fitted)), "folds", "all"))
         for curve in held:
             path = curve["moving"]
             off = curve_distance(one["points"][path], left.surface.vertices[curve["control"]])
@@ -203,14 +197,14 @@ def on_curves(folder, factors):
     return rows
 
 
-def on_next(folder):
+def on_next(checkpoint):
     """What a third curve is worth: the one nearest to where `next` wants a landmark, against a random one."""
     rng, rows = np.random.default_rng(0), []
     for first, step in ((first, step) for first in range(FURTHER) for step in MORE):
         numbers = first, (first + step) % FURTHER
         seeds, sizes = [FIRST["judge"] + n for n in numbers], [SIZES["judge"][n] for n in numbers]
         draw = rng.random()  # before a case is kept, so that the others' draws stay
-        one = kept(folder / f"next-{seeds[0]}-{seeds[1]}.npz", partial(with_third, seeds, sizes, draw))
+        one = checkpoint.arrays(f"next-{seeds[0]}-{seeds[1]}.npz", partial(with_third, seeds, sizes, draw))
         said = {name: one[name].tolist() for name in ("before_mm", "told_mm", "random_mm", "mean_mm")}
         rows.append({"seeds": seeds, "told": str(one["told"]), "random": str(one["random"])} | said)
     return {"commit": commit(), "pairs": rows}

@@ -11,7 +11,9 @@ kept and not run again.
 """
 
 import re
+import shutil
 import warnings
+from functools import partial
 from pathlib import Path
 
 import click
@@ -21,7 +23,8 @@ from tqdm import tqdm
 
 import qclearn as qc
 from data_synth.cohort import cohort
-from qclearn.benchmark.measured import KEPT, read_measured, write_measured
+from qclearn.benchmark.measured import KEPT, plain, read_measured, write_measured
+from qclearn.io.checkpoint import Checkpoint
 from qclearn.io.provenance import commit
 from qclearn.plane.disk import Disk
 from qclearn.registration import suspect
@@ -227,7 +230,7 @@ def measure(kind, number, groups):
         case |= outcome(result, moving)
     except ValueError as error:
         case |= {"refused": str(error)}
-    return case
+    return plain(case)
 
 
 def recognised(case):
@@ -287,11 +290,14 @@ def main(also, out):
     )
     done = read_measured("suspect", out)["cases"] if Path(out).is_file() else []
     done = {(case["kind"], case["number"]): case for case in done}
+    settings = {"vertices": VERTICES, "also": list(also)}
+    checkpoint = Checkpoint(f"{out}.partial", settings, click.ClickException)
     for kind, number in tqdm([task for task in wanted if task not in done]):
-        done[kind, number] = measure(kind, number, (real, synthetic))
-        cases = [done[key] for key in sorted(done)]
-        figures = {"commit": commit(), "vertices": VERTICES, "limits": suspect.LIMITS, "cases": cases}
-        write_measured("suspect", out, figures)
+        done[kind, number] = checkpoint.json(f"{kind} {number}.json", partial(measure, kind, number, (real, synthetic)))
+    cases = [done[key] for key in sorted(done)]
+    figures = {"commit": commit(), "vertices": VERTICES, "limits": suspect.LIMITS, "cases": cases}
+    write_measured("suspect", out, figures)
+    shutil.rmtree(checkpoint.path)
     print("\n".join(table(list(done.values()))))
 
 

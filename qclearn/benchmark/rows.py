@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..io.begun import Begun
+from ..io.checkpoint import Checkpoint
 from ..registration.metrics import paired_difference
 from .measured import SCHEMA_VERSION, BenchmarkError, plain, write_measured
 from .verdicts import judge_start
@@ -19,21 +19,22 @@ class Journal:
 
     def __init__(self, out, settings):
         self.out, self.settings = Path(out), plain(settings)
-        self.begun = Begun(f"{out}.partial", {"schema_version": SCHEMA_VERSION} | self.settings, BenchmarkError)
+        settings = {"schema_version": SCHEMA_VERSION} | self.settings
+        self.checkpoint = Checkpoint(f"{out}.partial", settings, BenchmarkError)
 
     @property
     def rows(self):
         """The rows kept so far; a damaged file has none, and its task is run again."""
         found = []
-        for name in self.begun.names():
+        for name in self.checkpoint.names():
             with suppress(ValueError):
-                found.append(json.loads(self.begun.read(name)))
+                found.append(json.loads(self.checkpoint.read(name)))
         return found
 
     def append(self, row):
         """Keep a finished row on disk, or BenchmarkError."""
         task = hashlib.sha256(json.dumps([row["set"], row["pair"], row["run"]]).encode()).hexdigest()
-        self.begun.keep(f"row-{task[:16]}.json", json.dumps(plain(row), allow_nan=False).encode())
+        self.checkpoint.write(f"row-{task[:16]}.json", json.dumps(plain(row), allow_nan=False).encode())
 
     def finish(self, provenance):
         """Write the results file, whole or not at all, and drop the journal; returns the results."""
@@ -45,7 +46,7 @@ class Journal:
             "rows": sorted(self.rows, key=lambda row: (row["set"], row["pair"], runs.index(row["run"]))),
         }
         write_measured("benchmark", self.out, results)
-        shutil.rmtree(self.begun.path)
+        shutil.rmtree(self.checkpoint.path)
         return results
 
 

@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 
-from ..io.begun import Begun
+from ..io.checkpoint import Checkpoint
 from ..io.safe import npz_arrays
 from .subject import Fitted
 
@@ -17,15 +17,15 @@ class TemplateError(ValueError):
 
 
 class Folder:
-    """The registrations of finished rounds, by round and subject's key; path, settings: those of `Begun`."""
+    """The registrations of finished rounds, by round and subject's key; path, settings: those of `Checkpoint`."""
 
     def __init__(self, path, settings):
-        self.begun = Begun(path, settings, TemplateError)
+        self.checkpoint = Checkpoint(path, settings, TemplateError)
 
     def read(self, number, key):
         """The `Fitted` of a subject in a round; None where none is kept or its file is damaged."""
         try:
-            arrays = npz_arrays(self.begun.read(NAME.format(number, key)), lambda name: True)
+            arrays = npz_arrays(self.checkpoint.read(NAME.format(number, key)), lambda name: True)
             told = json.loads(str(arrays["told"]))
             return Fitted(arrays["f"] if arrays["f"].size else None, **told)
         except Exception:
@@ -37,4 +37,4 @@ class Folder:
         data = io.BytesIO()
         f = np.zeros(0, complex) if found.f is None else found.f
         np.savez(data, f=f, told=np.array(json.dumps(told)))
-        self.begun.keep(NAME.format(number, key), data.getvalue())
+        self.checkpoint.write(NAME.format(number, key), data.getvalue())

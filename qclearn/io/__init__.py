@@ -1,1 +1,2 @@
-"""Surfaces and values in the formats of the field, fsaverage5, conte69, and where figures come from."""
+"""Surfaces and values in the formats of the field, fsaverage5, conte69, and where figures come
+from."""

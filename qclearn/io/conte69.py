@@ -1,7 +1,9 @@
-"""conte69, the average cortex of 69 young adults, and maps of the human brain on it, from the package brainspace.
+"""conte69, the average cortex of 69 young adults, and maps of the human brain on it, from the
+package brainspace.
 
-Its mesh is fs_LR (Van Essen et al. 2012), on which the two sides correspond vertex by vertex: a truth on real cortex.
-The maps (T1w/T2w, thickness, gradients of connectivity) are averages too, and took no part in making the mesh.
+Its mesh is fs_LR (Van Essen et al. 2012), on which the two sides correspond vertex by vertex: a
+truth on real cortex. The maps (T1w/T2w, thickness, gradients of connectivity) are averages too, and
+took no part in making the mesh.
 """
 
 from importlib.util import find_spec
@@ -25,7 +27,8 @@ MAPS = {
 
 
 class Conte69(NamedTuple):
-    """Both sides of conte69, open at the medial wall, in mm; vertex k of one corresponds to vertex k of the other.
+    """Both sides of conte69, open at the medial wall, in mm; vertex k of one corresponds to vertex
+    k of the other.
 
     maps: name -> (left (V,), right (V,)), NaN where a map has no value.
     """
@@ -36,10 +39,11 @@ class Conte69(NamedTuple):
 
 
 def conte69(folder=None):
-    """The two sides of conte69 and their maps, both cut by both sides' masks, so that vertices keep corresponding.
+    """The two sides of conte69 and their maps, both cut by both sides' masks, so that vertices keep
+    corresponding.
 
-    folder: of brainspace's data sets, by default the installed package's. ImportError without the package; SurfaceError
-    where a file is missing or does not fit the others.
+    folder: of brainspace's data sets, by default the installed package's. ImportError without the
+    package; SurfaceError where a file is missing or does not fit the others.
     """
     folder = installed_folder() if folder is None else Path(folder)
     closed = {side: read_surface(folder / "surfaces" / f"conte69_32k_{word}.gii") for side, word in SIDES.items()}
@@ -47,18 +51,19 @@ def conte69(folder=None):
         raise SurfaceError(f"{folder}: the two sides of conte69 differ in their mesh; install brainspace again")
     count = len(closed["left"].vertices)
     masks = [numbers(folder / "surfaces" / f"conte69_32k_{word}_mask.csv", count) for word in SIDES.values()]
-    (left, kept), (right, same) = (open_surface(closed[side], ~np.all(masks, axis=0)) for side in SIDES)
-    if not np.array_equal(kept, same):
+    wall = ~np.all(masks, axis=0)
+    (left, vertices), (right, same) = (open_surface(closed[side], wall) for side in SIDES)
+    if not np.array_equal(vertices, same):
         raise SurfaceError(f"{folder}: the masks open the two sides of conte69 differently; install brainspace again")
     maps = {}
     for name, word in MAPS.items():
         values = numbers(folder / "matrices" / "main_group" / f"conte69_32k_{word}.csv", 2 * count)
-        maps[name] = values[:count][kept], values[count:][kept]
+        maps[name] = values[:count][vertices], values[count:][vertices]
     return Conte69(left, right, maps)
 
 
 def installed_folder():
-    """The folder of brainspace's data sets, found without importing it."""
+    """The folder of brainspace's data sets, without importing it."""
     require("conte69", "the surfaces of conte69")
     return Path(find_spec("brainspace").submodule_search_locations[0], "datasets")
 

@@ -14,9 +14,11 @@ EXTRAS = {
 
 
 def require(extra, what):
-    """ImportError, with the command that installs it, where a package of an extra is missing; imports nothing.
+    """ImportError, with the command that installs it, where a package of an extra is missing;
+    imports nothing.
 
-    what: who needs it, in the plural. An empty context: `with require("nets", "the networks"): import torch`.
+    what: who needs it, in the plural. An empty context: `with require("nets", "the networks"):
+    import torch`.
     """
     missing = [package for package in EXTRAS[extra] if find_spec(package) is None]
     if missing:

@@ -1,4 +1,4 @@
-"""What a file says of a surface besides its mesh, and how it is kept through the formats."""
+"""What a file says of a surface besides its mesh, and how it survives from format to format."""
 
 import json
 import re
@@ -11,26 +11,32 @@ from nibabel.nifti1 import xform_codes
 
 from .safe import FormatError
 
-# What a GIFTI says a surface is: its GeometricType, or, of an anatomical one, its AnatomicalStructureSecondary.
+# What a GIFTI says a surface is: its GeometricType, or, of an anatomical one, its
+# AnatomicalStructureSecondary.
 ANATOMICAL = ("GrayWhite", "MidThickness", "Pial")
-SHAPES = ("Ellipsoid", "Flat", "Hull", "Inflated", "Reconstruction", "SemiSpherical", "Spherical", "VeryInflated")
+SHAPES = (
+    "Ellipsoid", "Flat", "Hull", "Inflated", "Reconstruction", "SemiSpherical", "Spherical",
+    "VeryInflated",
+)  # fmt: skip
 _NAMED = {
     "pial": "Pial", "white": "GrayWhite", "smoothwm": "GrayWhite", "midthickness": "MidThickness",
-    "graymid": "MidThickness", "veryinflated": "VeryInflated", "inflated": "Inflated", "infl": "Inflated",
-    "sphere": "Spherical", "flat": "Flat",
+    "graymid": "MidThickness", "veryinflated": "VeryInflated", "inflated": "Inflated",
+    "infl": "Inflated", "sphere": "Spherical", "flat": "Flat",
 }  # fmt: skip
-_SIDE = re.compile(r"(?:^|[._-])(?:hemi-)?(L|R|(?i:lh|rh|left|right))(?=[._-]|$)")  # l and r are also plain letters
-TKR = "tkr"  # FreeSurfer's own coordinates: around the middle of its volume, whose place in the scanner is `cras`
+# Small l and r are also plain letters.
+_SIDE = re.compile(r"(?:^|[._-])(?:hemi-)?(L|R|(?i:lh|rh|left|right))(?=[._-]|$)")
+# FreeSurfer's own coordinates: around the middle of its volume, at `cras` in the scanner.
+TKR = "tkr"
 _AXES = ("xras", "yras", "zras", "cras")
 _TKR_AXES = np.array([[-1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # of the voxels, in these coordinates
 
 
 @dataclass(frozen=True)
 class Frame:
-    """What a file says: side "left" or "right"; space of the coordinates: TKR or a GiftiCoordSystem; FreeSurfer's
-    volume geometry; kind, one of ANATOMICAL or SHAPES; and of the whole surface that a disk was cut out of, how many
-    vertices it has (count) and its faces (F, 3), whole. None where the file does not say.
-    """
+    """What a file says: side "left" or "right"; space of the coordinates: TKR or a
+    GiftiCoordSystem; FreeSurfer's volume geometry; kind, one of ANATOMICAL or SHAPES; and of the
+    whole surface that a disk was cut out of, how many vertices it has (count) and its faces (F,
+    3), whole. None where the file does not say."""
 
     side: str | None = None
     space: GiftiCoordSystem | str | None = None
@@ -46,13 +52,21 @@ class Frame:
         if isinstance(space, GiftiCoordSystem):
             codes = {name: xform_codes.label[getattr(space, name)] for name in ("dataspace", "xformspace")}
             space = codes | {"xform": np.asarray(space.xform).tolist()}
-        said = {"side": self.side, "space": space, "volume": self.volume, "kind": self.kind, "count": self.count}
-        return json.dumps(said)
+        entries = {
+            "side": self.side,
+            "space": space,
+            "volume": self.volume,
+            "kind": self.kind,
+            "count": self.count,
+        }
+        return json.dumps(entries)
 
     @property
     def in_scanner(self):
         """Whether the coordinates are said to be the scanner's."""
-        return isinstance(self.space, GiftiCoordSystem) and xform_codes.label[self.space.dataspace] == "scanner"
+        if not isinstance(self.space, GiftiCoordSystem):
+            return False
+        return xform_codes.label[self.space.dataspace] == "scanner"
 
     def to_scanner(self, vertices):
         """FreeSurfer's coordinates (V, 3) of this volume in the scanner."""
@@ -63,7 +77,7 @@ class Frame:
         return (vertices - self.volume["cras"]) @ np.linalg.inv(self._turn())
 
     def _turn(self):
-        """The identity for a volume that FreeSurfer made, since that has the axes of `_TKR_AXES`."""
+        """The identity for a volume that FreeSurfer made: it has the axes of `_TKR_AXES`."""
         return _TKR_AXES.T @ np.array([self.volume[axis] for axis in _AXES[:3]])
 
 
@@ -71,7 +85,8 @@ def frame_of_text(text, whole=None):
     """The Frame that `Frame.text` describes; FormatError where it makes no sense."""
     try:
         known = json.loads(str(text))
-        side, space, volume, kind, count = (known[key] for key in ("side", "space", "volume", "kind", "count"))
+        keys = ("side", "space", "volume", "kind", "count")
+        side, space, volume, kind, count = (known[key] for key in keys)
         if isinstance(space, dict):
             codes = [xform_codes[space[key]] for key in ("dataspace", "xformspace")]
             space = GiftiCoordSystem(*codes, np.array(space["xform"], dtype=float).reshape(4, 4))
@@ -91,26 +106,26 @@ def frame_of_text(text, whole=None):
 
 
 def sound_volume(volume):
-    """FreeSurfer's volume geometry (nibabel's dict) with lists, or None where it says that it is not valid."""
-    found = {
-        key: np.asarray(volume[key]).tolist() for key in ("head", "valid", "filename", "volume", "voxelsize", *_AXES)
-    }
-    if not str(found["valid"]).startswith("1"):
+    """FreeSurfer's volume geometry (nibabel's dict) with lists, or None where it says that it is
+    not valid."""
+    keys = ("head", "valid", "filename", "volume", "voxelsize", *_AXES)
+    geometry = {key: np.asarray(volume[key]).tolist() for key in keys}
+    if not str(geometry["valid"]).startswith("1"):
         return None
-    rows = np.array([found[key] for key in _AXES], dtype=float)
+    rows = np.array([geometry[key] for key in _AXES], dtype=float)
     if rows.shape != (4, 3) or not np.isfinite(rows).all() or abs(np.linalg.det(rows[:3])) < 0.1:
         raise FormatError("its volume geometry makes no sense")
-    return found
+    return geometry
 
 
 def side_of_name(path):
-    """ "left" or "right" where a file's name says so (lh.pial, sub-01.L.midthickness.surf.gii, hemi-R), else None."""
-    sides = {found[0].lower() for found in _SIDE.findall(Path(path).name)}
+    """ "left" or "right" where a file's name says so (lh.pial, 01.L.white.gii, hemi-R), or None."""
+    sides = {match[0].lower() for match in _SIDE.findall(Path(path).name)}
     return {"l": "left", "r": "right"}[sides.pop()] if len(sides) == 1 else None
 
 
 def kind_of_name(path):
-    """What a surface is where its name says so (lh.pial, sub-01.L.very_inflated.surf.gii), else None."""
-    words = re.split(r"[._-]", Path(path).name.lower().replace("very_inflated", "veryinflated"))
-    kinds = {_NAMED[word] for word in words if word in _NAMED}
+    """What a surface is where its name says so (lh.pial, L.very_inflated.surf.gii), else None."""
+    parts = re.split(r"[._-]", Path(path).name.lower().replace("very_inflated", "veryinflated"))
+    kinds = {_NAMED[part] for part in parts if part in _NAMED}
     return kinds.pop() if len(kinds) == 1 else None

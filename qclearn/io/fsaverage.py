@@ -1,4 +1,5 @@
-"""fsaverage5, the template hemispheres that come with nilearn, cut open at the medial wall, and their named sulci."""
+"""fsaverage5, the template hemispheres that come with nilearn, cut open at the medial wall, and
+their named sulci."""
 
 import json
 from functools import cache
@@ -17,10 +18,11 @@ _FILES = {"pial": "pial", "white": "white", "inflated": "infl", "sphere": "spher
 
 
 def fsaverage5(hemisphere: str = "left", kind: str = "pial") -> Surface:
-    """The open hemisphere "left" or "right" of fsaverage5 as "pial", "white", "inflated" or "sphere" surface, in mm.
+    """The open hemisphere "left" or "right" of fsaverage5 as "pial", "white", "inflated" or
+    "sphere" surface, in mm.
 
-    The medial wall (thickness 0) is cut away on the pial surface; all kinds of a hemisphere share the cut, so their
-    vertices and faces correspond. SurfaceError where nilearn is missing.
+    The medial wall (thickness 0) is cut away on the pial surface; all kinds of a hemisphere share
+    the cut, so their vertices and faces correspond. SurfaceError where nilearn is missing.
     """
     whole = whole_fsaverage5(hemisphere, kind)
     vertices, faces = _opening(hemisphere)
@@ -37,42 +39,46 @@ def whole_fsaverage5(hemisphere="left", kind="sphere"):
 
 
 def named_sulci(hemisphere, original_indices):
-    """Endpoints of fsaverage5's named sulci: dict name -> (start, end) on the opened surface, alike on both sides.
+    """Endpoints of fsaverage5's named sulci: dict name -> (start, end) on the opened surface, alike
+    on both sides.
 
-    hemisphere: "left" or "right"; original_indices (V',): the opened surface's vertices on the closed mesh, as from
-    `open_surface`. fsaverage5_sulci.json tells how each was chosen. SurfaceError where an endpoint was cut away.
+    hemisphere: "left" or "right"; original_indices (V',): the opened surface's vertices on the
+    closed mesh, as from `open_surface`. fsaverage5_sulci.json tells how each was chosen.
+    SurfaceError where an endpoint was cut away.
     """
     if hemisphere not in ("left", "right"):
         raise SurfaceError(f"fsaverage5 has no hemisphere '{hemisphere}'; hemispheres are left and right")
     original_indices = np.asarray(original_indices)
-    sulci = json.loads(files(__package__).joinpath("fsaverage5_sulci.json").read_text(encoding="utf-8"))["sulci"]
-    return {name: _renumbered(name, entry[hemisphere]["vertices"], original_indices) for name, entry in sulci.items()}
+    text = files(__package__).joinpath("fsaverage5_sulci.json").read_text(encoding="utf-8")
+    ends = {name: entry[hemisphere]["vertices"] for name, entry in json.loads(text)["sulci"].items()}
+    return {name: _renumbered(name, pair, original_indices) for name, pair in ends.items()}
 
 
 def demo_landmarks() -> dict:
-    """Landmarks of `mirror(fsaverage5("right"))` (moving) and `fsaverage5("left")` (control), as in a landmarks file.
+    """Landmarks of `mirror(fsaverage5("right"))` (moving) and `fsaverage5("left")` (control), as in
+    a landmarks file.
 
     `{"curves": [{"name", "moving": [start, end], "control": [start, end]}]}`: endpoints only.
     """
-    moving, control = (named_sulci(hemisphere, _opening(hemisphere)[0]) for hemisphere in ("right", "left"))
-    return {
-        "curves": [{"name": name, "moving": list(moving[name]), "control": list(control[name])} for name in control]
-    }
+    moving, control = (named_sulci(side, _opening(side)[0]) for side in ("right", "left"))
+    curves = [{"name": name, "moving": list(moving[name]), "control": list(control[name])} for name in control]
+    return {"curves": curves}
 
 
 def _renumbered(name, vertices, original_indices):
-    found = [np.flatnonzero(original_indices == vertex) for vertex in vertices]
-    lost = [vertex for vertex, place in zip(vertices, found) if len(place) != 1]
-    if lost:
+    places = [np.flatnonzero(original_indices == vertex) for vertex in vertices]
+    lacking = [vertex for vertex, place in zip(vertices, places) if len(place) != 1]
+    if lacking:
         raise SurfaceError(
-            f"{name}: vertices {lost} of the closed fsaverage5 are cut away; cut less, and pass this surface's indices"
+            f"{name}: vertices {lacking} of the closed fsaverage5 are cut away; cut less, and pass "
+            "this surface's indices"
         )
-    return tuple(int(place[0]) for place in found)
+    return tuple(int(place[0]) for place in places)
 
 
 @cache
 def _opening(hemisphere):
-    """The kept vertices (V',) of the closed surface and the faces (F', 3) among them."""
+    """The remaining vertices (V',) of the closed surface and the faces (F', 3) among them."""
     closed = whole_fsaverage5(hemisphere, "pial")
     medial_wall = read_mask(_folder() / f"thick_{hemisphere}.gii.gz", closed, keep=True)
     opened, vertices = open_surface(closed, medial_wall)

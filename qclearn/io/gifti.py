@@ -1,4 +1,5 @@
-"""GIFTI through nibabel: a first pass sees that sizes are true; Workbench finds hemisphere, coordinates and labels."""
+"""GIFTI through nibabel: a first pass sees that sizes are true; Workbench finds hemisphere,
+coordinates and labels."""
 
 import base64
 import colorsys
@@ -10,7 +11,14 @@ from xml.parsers import expat
 
 import nibabel
 import numpy as np
-from nibabel.gifti import GiftiCoordSystem, GiftiDataArray, GiftiImage, GiftiLabel, GiftiLabelTable, GiftiMetaData
+from nibabel.gifti import (
+    GiftiCoordSystem,
+    GiftiDataArray,
+    GiftiImage,
+    GiftiLabel,
+    GiftiLabelTable,
+    GiftiMetaData,
+)
 
 from ..surfaces.surface import SurfaceError
 from .annotations import NONE
@@ -18,21 +26,27 @@ from .frames import ANATOMICAL, SHAPES, TKR, Frame, kind_of_name, side_of_name, 
 from .safe import FormatError, allowance
 
 STRUCTURES = {"left": "CortexLeft", "right": "CortexRight"}
-# FreeSurfer's volume geometry: its own words -> the endings of those that mris_convert writes into a GIFTI.
+# FreeSurfer's volume geometry: its own words -> the endings of those that mris_convert writes into
+# a GIFTI.
 _VOLUME = {
     "volume": ("Width", "Height", "Depth"), "voxelsize": ("Xsize", "Ysize", "Zsize"),
     **{f"{axis}ras": tuple(f"{axis.upper()}_{letter}" for letter in "RAS") for axis in "xyzc"},
 }  # fmt: skip
-_NOTHING = r"(?i)|\?\?\?|none|unknown|unassigned|background|medial[ _]?wall"  # names of what is no region
-_TABLE, _COUNT = "QclearnOriginalVertices", "QclearnWholeVertices"  # of a disk, what an npz keeps as arrays
+# Names of what is no region.
+_NOTHING = r"(?i)|\?\?\?|none|unknown|unassigned|background|medial[ _]?wall"
+# Of a disk, what an npz has as arrays.
+_TABLE = "QclearnOriginalVertices"
+_COUNT = "QclearnWholeVertices"
 _MOST_LABELS = 4096  # whole numbers of more values than that are no regions
 
 
 class _Sizes:
-    """The first pass: nibabel loops as often as Dimensionality says, and unpacks whatever the data hold."""
+    """The first pass: nibabel loops as often as Dimensionality says, and unpacks all data."""
 
     def __init__(self, size):
-        self.left, self.expected, self.text = allowance(size), None, None
+        self.left = allowance(size)
+        self.expected = None
+        self.text = None
 
     def start(self, name, attributes):
         if name == "DataArray":
@@ -51,9 +65,9 @@ class _Sizes:
     def end(self, name):
         if name == "Data" and self.text is not None:
             packed = base64.b64decode("".join(self.text))
-            found = len(zlib.decompressobj().decompress(packed, self.expected + 1))
-            if found != self.expected:
-                more = "more" if found > self.expected else found
+            unpacked = len(zlib.decompressobj().decompress(packed, self.expected + 1))
+            if unpacked != self.expected:
+                more = "more" if unpacked > self.expected else unpacked
                 raise FormatError(f"an array of {self.expected} bytes is announced, {more} are there")
             self.text = None
 
@@ -67,7 +81,8 @@ def _announced(attributes):
     if not all(re.fullmatch("[0-9]{1,12}", side) for side in sides):
         raise FormatError("an array's sides are no whole numbers of vertices or faces")
     kind = attributes.get("DataType", "")
-    if kind not in nibabel.nifti1.data_type_codes.keys():  # noqa: SIM118 (a Recoder has no __contains__)
+    known = nibabel.nifti1.data_type_codes.keys()  # a Recoder has no __contains__
+    if kind not in known:
         raise FormatError(f"an array has the unknown type {kind[:40]}")
     if attributes.get("Encoding") == "ExternalFileBinary":
         raise SurfaceError(
@@ -77,10 +92,13 @@ def _announced(attributes):
 
 
 def parse(data):
-    """The nibabel image of a GIFTI file's bytes; FormatError where an array is not as large as it is announced."""
-    sizes, parser = _Sizes(len(data)), expat.ParserCreate()
+    """The nibabel image of a GIFTI file's bytes; FormatError where an array is not as large as
+    it is announced."""
+    sizes = _Sizes(len(data))
+    parser = expat.ParserCreate()
     parser.buffer_text = True
-    parser.StartElementHandler, parser.EndElementHandler = sizes.start, sizes.end
+    parser.StartElementHandler = sizes.start
+    parser.EndElementHandler = sizes.end
     parser.CharacterDataHandler = sizes.characters
     try:
         parser.Parse(data, True)
@@ -93,7 +111,8 @@ def parse(data):
 
 def side_of_image(image):
     """The hemisphere that an image's metadata name, or None."""
-    named = {meta.get("AnatomicalStructurePrimary") for meta in (image.meta, *(array.meta for array in image.darrays))}
+    metas = [image.meta, *(array.meta for array in image.darrays)]
+    named = {meta.get("AnatomicalStructurePrimary") for meta in metas}
     sides = [side for side, structure in STRUCTURES.items() if structure in named]
     return sides[0] if len(sides) == 1 else None
 
@@ -109,7 +128,8 @@ def surface_arrays(image):
 
 def _table_text(table):
     """The numbers of a disk's vertices (V,) in the whole surface as text: runs of ones, packed."""
-    return base64.b64encode(zlib.compress(np.diff(table, prepend=0).astype("<i4").tobytes())).decode()
+    runs = np.diff(table, prepend=0).astype("<i4")
+    return base64.b64encode(zlib.compress(runs.tobytes())).decode()
 
 
 def _table_of(meta, size):
@@ -143,9 +163,11 @@ def frame_of_image(path, image):
     """The Frame of a surface's or a map's image: what its metadata say, else its name."""
     points = image.get_arrays_from_intent("NIFTI_INTENT_POINTSET")
     meta = {**image.meta, **(points[0].meta if points else {})}
-    secondary, shape = meta.get("AnatomicalStructureSecondary"), meta.get("GeometricType")
+    secondary = meta.get("AnatomicalStructureSecondary")
+    shape = meta.get("GeometricType")
     shape = "Spherical" if shape == "Sphere" else shape  # FreeSurfer's word
-    kind = shape if shape in SHAPES else secondary if secondary in ANATOMICAL else kind_of_name(path)
+    layer = secondary if secondary in ANATOMICAL else kind_of_name(path)
+    kind = shape if shape in SHAPES else layer
     side = side_of_image(image) or side_of_name(path)
     if not points:
         return Frame(side)
@@ -156,37 +178,44 @@ def frame_of_image(path, image):
 def _volume_of(meta):
     """FreeSurfer's volume geometry in a point set's metadata, or None."""
     try:
-        found = {key: [float(meta[f"VolGeom{end}"]) for end in ends] for key, ends in _VOLUME.items()}
+        geometry = {key: [float(meta[f"VolGeom{end}"]) for end in ends] for key, ends in _VOLUME.items()}
     except (KeyError, ValueError):  # none, or a part, as fMRIPrep leaves it
         return None
     named = {"valid": "1  # volume info valid", "filename": meta.get("VolGeomFname", "")}
-    return sound_volume({"head": [2, 0, 20], **named, **found, "volume": [int(size) for size in found["volume"]]})
+    geometry["volume"] = [int(size) for size in geometry["volume"]]
+    return sound_volume({"head": [2, 0, 20], **named, **geometry})
 
 
 def surface_bytes(surface, frame, table=None):
-    """The bytes of a .surf.gii; FreeSurfer's coordinates become the scanner's, as mris_convert --to-scanner does, but
-    for spheres and the like, which lie nowhere and stay around their centre. table (V,): the original numbers."""
-    meta, vertices, space = _structure(frame.side), surface.vertices, frame.space
+    """The bytes of a .surf.gii; FreeSurfer's coordinates become the scanner's, as mris_convert
+    --to-scanner does, but for spheres and the like, which lie nowhere and stay around their
+    centre. table (V,): the original numbers."""
+    meta = _structure(frame.side)
+    vertices = surface.vertices
+    space = frame.space
     if frame.space == TKR:
         anatomical = frame.kind not in SHAPES
         vertices = frame.to_scanner(vertices) if anatomical else vertices
         space = GiftiCoordSystem(1, 1) if anatomical else None  # 1: NIFTI_XFORM_SCANNER_ANAT
     own = meta | _kind(frame.kind)
     if frame.volume:
-        values = {f"VolGeom{end}": x for key, ends in _VOLUME.items() for end, x in zip(ends, frame.volume[key])}
-        own |= {key: f"{value:.10g}" for key, value in values.items()} | {"VolGeomFname": frame.volume["filename"]}
+        for key, ends in _VOLUME.items():
+            own |= {f"VolGeom{end}": f"{x:.10g}" for end, x in zip(ends, frame.volume[key])}
+        own["VolGeomFname"] = frame.volume["filename"]
     own |= {_TABLE: _table_text(table)} if table is not None else {}
     own |= {_COUNT: str(frame.count)} if frame.count else {}
-    points = _array(vertices.astype(np.float32), "NIFTI_INTENT_POINTSET", own, coordsys=space or GiftiCoordSystem())
+    space = space or GiftiCoordSystem()
+    points = _array(vertices.astype(np.float32), "NIFTI_INTENT_POINTSET", own, coordsys=space)
     triangles = _array(surface.faces.astype(np.int32), "NIFTI_INTENT_TRIANGLE", {})
     return GiftiImage(meta=GiftiMetaData(meta), darrays=[points, triangles]).to_bytes()
 
 
 def _kind(kind):
-    """Workbench's words for a kind; an inflated surface needs a second one, and gets that of HCP's."""
+    """Workbench's words for a kind; an inflated surface needs a second one, and gets HCP's."""
     if kind in (None, "Spherical"):
         return {"GeometricType": kind} if kind else {}
-    shape, layer = ("Anatomical", kind) if kind in ANATOMICAL else (kind, "MidThickness")
+    shape = "Anatomical" if kind in ANATOMICAL else kind
+    layer = kind if kind in ANATOMICAL else "MidThickness"
     return {"GeometricType": shape, "AnatomicalStructureSecondary": layer}
 
 
@@ -195,15 +224,19 @@ def _structure(side):
 
 
 def _array(data, intent, meta, **more):
-    return GiftiDataArray(np.ascontiguousarray(data), intent=intent, meta=GiftiMetaData(meta), **more)
+    data = np.ascontiguousarray(data)
+    return GiftiDataArray(data, intent=intent, meta=GiftiMetaData(meta), **more)
 
 
 def values_bytes(values, side=None, labels=None, names=None):
-    """The bytes of maps (V,) or (V, k) with their names, float32 or int32; int32 with the table `labels` are labels."""
+    """The bytes of maps (V,) or (V, k) with their names, float32 or int32; int32 with the table
+    `labels` are labels."""
     meta = GiftiMetaData(_structure(side))
-    intent, table = "NIFTI_INTENT_SHAPE" if values.dtype.kind == "f" else "NIFTI_INTENT_NONE", GiftiLabelTable()
+    intent = "NIFTI_INTENT_SHAPE" if values.dtype.kind == "f" else "NIFTI_INTENT_NONE"
+    table = GiftiLabelTable()
     if labels:
-        (values, labels), intent = _from_zero(values, labels), "NIFTI_INTENT_LABEL"
+        values, labels = _from_zero(values, labels)
+        intent = "NIFTI_INTENT_LABEL"
         table.labels = [_label(key, *entry) for key, entry in sorted(labels.items())]
     columns = values.reshape(len(values), -1).T
     named = [{"Name": name} for name in names] if names else [{}] * len(columns)
@@ -212,17 +245,20 @@ def values_bytes(values, side=None, labels=None, names=None):
 
 
 def table_of(values, known=None):
-    """The label table of whole numbers: the known one, and further keys, which are named by their number; {} for more
-    numbers than there are regions."""
+    """The label table of whole numbers: the known one, and further keys, which are named by
+    their number; {} for more numbers than there are regions."""
     keys = np.unique(values).tolist()
     if not known and (len(keys) > _MOST_LABELS or keys[0] < -1):
         return {}
-    table = {key: (str(key), (*colorsys.hsv_to_rgb(k * 0.618 % 1, 0.6, 0.9), 1.0)) for k, key in enumerate(keys)}
+    hues = [k * 0.618 % 1 for k in range(len(keys))]
+    colours = [(*colorsys.hsv_to_rgb(hue, 0.6, 0.9), 1.0) for hue in hues]
+    table = {key: (str(key), colour) for key, colour in zip(keys, colours)}
     return table | {key: NONE for key in keys if key in (-1, 0)} | (known or {})
 
 
 def _from_zero(values, table):
-    """The same labels without key -1: it becomes 0, which shows nothing; where 0 is a region, all are raised by one."""
+    """The same labels without key -1: it becomes 0, which shows nothing; where 0 is a region,
+    all are raised by one."""
     if min(table) < -1:
         raise SurfaceError(f"label {min(table)}: keys below 0 are not allowed in a .label.gii; number them from 1")
     if min(table) >= 0:
@@ -243,7 +279,9 @@ def _label(key, name, colour):
 def names_of(path, values):
     """Names of the maps (V,) or (V, k) of a file after that of the file."""
     name = re.sub(r"(\.(shape|func|label))?\.gii(\.gz)?$", "", path.name)
-    return [name] if values.ndim == 1 else [f"{name} {number}" for number in range(1, values.shape[1] + 1)]
+    if values.ndim == 1:
+        return [name]
+    return [f"{name} {number}" for number in range(1, values.shape[1] + 1)]
 
 
 def zipped(path, data):

@@ -1,4 +1,5 @@
-"""A hemisphere as commands take it: whole or cut open, a file or fsaverage5; and the numbers of both of its forms."""
+"""A hemisphere as commands take it: whole or cut open, a file or fsaverage5; and the numbers of
+both of its forms."""
 
 import re
 from dataclasses import dataclass, replace
@@ -14,14 +15,15 @@ from .meshes import frame_of, read_surface
 from .values import read_mask
 
 NAMED = re.compile("fsaverage5:(left|right)")
-# So many vertices of a label of the cortex may lie in other pieces, or in holes that are filled, for each that stays.
+# So many vertices of a label of the cortex may lie in other pieces, or in holes that are filled,
+# for each that stays.
 LOOSE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class Numbering:
-    """size: number of vertices of a disk; table (V,): their numbers in the whole surface it was cut out of; count: of
-    that surface's vertices. None where it was never cut, or nobody knows."""
+    """size: number of vertices of a disk; table (V,): their numbers in the whole surface it was
+    cut out of; count: of that surface's vertices. None where it was never cut, or nobody knows."""
 
     size: int
     table: np.ndarray | None = None
@@ -33,15 +35,17 @@ class Numbering:
         return self.table is not None and self.count is not None and self.table.max() < self.count
 
     def on_disk(self, values, name):
-        """The disk's values (V, ...) of those of either form; SurfaceError, with the name, for another length."""
+        """The disk's values (V, ...) of those of either form; SurfaceError for another length."""
         if len(values) == self.size:
             return values
         if self.known and len(values) == self.count:
             return values[self.table]
-        whole = f", {self.count} before it was cut open" if self.known else " (the cut-open one, if it was cut)"
+        whole = " (the cut-open one, if it was cut)"
+        if self.known:
+            whole = f", {self.count} before it was cut open"
         raise SurfaceError(
-            f"{name}: {len(values)} values for {self.size} vertices of the surface they come from{whole}; give the "
-            "file that belongs to this surface"
+            f"{name}: {len(values)} values for {self.size} vertices of the surface they come "
+            f"from{whole}; give the file that belongs to this surface"
         )
 
     def on_whole(self, values, wall):
@@ -51,7 +55,7 @@ class Numbering:
         return whole
 
     def places(self, numbers):
-        """The disk's vertices with these numbers in the whole surface, -1 where they were cut away."""
+        """The disk's vertices with these numbers in the whole surface, -1 for those cut away."""
         places = np.full(self.count, -1)
         places[self.table] = np.arange(self.size)
         return places[numbers]
@@ -59,8 +63,9 @@ class Numbering:
 
 @dataclass(frozen=True, eq=False)
 class Hemisphere:
-    """path: as it was given; given: the surface of that name, whole or cut; disk: what is registered, with
-    `original_vertices` where they are known; frame: what its file says, with the whole surface's faces if known."""
+    """path: as it was given; given: the surface of that name, whole or cut; disk: what is
+    registered, with `original_vertices` where they are known; frame: what its file says, with
+    the whole surface's faces if known."""
 
     path: str
     given: Surface
@@ -86,15 +91,17 @@ class Hemisphere:
 def read_hemisphere(path, cortex=None):
     """The `Hemisphere` of a surface's file, or of the name fsaverage5:left or fsaverage5:right.
 
-    cortex: a file that names the vertices of a whole surface to keep (lh.cortex.label, thickness); SurfaceError where
-    it is in pieces or has holes, of a surface that is open, or of the other hemisphere.
+    cortex: a file that names the vertices of a whole surface to keep (lh.cortex.label, thickness);
+    SurfaceError where it is in pieces or has holes, of a surface that is open, or of the other
+    hemisphere.
     """
     if named := NAMED.fullmatch(str(path)):
         if cortex is not None:
             raise SurfaceError(f"{cortex}: {path} is cut at its own medial wall; leave the label out")
         whole, disk = (make(named[1], "pial") for make in (whole_fsaverage5, fsaverage5))
         return Hemisphere(path, whole, disk, frame_of_whole(Frame(named[1], kind="Pial"), whole))
-    surface, frame = read_surface(path), frame_of(path)
+    surface = read_surface(path)
+    frame = frame_of(path)
     if cortex is None:
         return Hemisphere(path, surface, surface, frame)
     if surface.boundary_loops:
@@ -104,13 +111,15 @@ def read_hemisphere(path, cortex=None):
 
 
 def cut_out(surface, cortex):
-    """The disk of a whole surface that a file says to keep; SurfaceError where it is not in one piece without holes."""
+    """The disk of a whole surface that a file says to keep; SurfaceError where it is not in one
+    piece without holes."""
     require_outward(surface)
     wall = read_mask(cortex, surface, keep=True)
     disk, table = open_surface(surface, wall)
     _, piece = components(len(wall), surface.edges[~wall[surface.edges].any(axis=1)])
     size = (~wall).sum()
-    apart, filled = size - np.bincount(piece[~wall]).max(), wall[table].sum()
+    apart = size - np.bincount(piece[~wall]).max()
+    filled = wall[table].sum()
     advice = "repair the label, or cut with `qclearn open`, which"
     if apart > LOOSE * len(table):
         raise SurfaceError(
@@ -127,9 +136,10 @@ def frame_of_whole(frame, surface):
 
 
 def require_side(path, side, other, owner):
-    """SurfaceError where a file says that it is of one hemisphere, and the surface it is used for of the other."""
+    """SurfaceError where a file says that it is of one hemisphere, and the surface it is used
+    for of the other."""
     if side and other and side != other:
         raise SurfaceError(
-            f"{path}: is of the {side} hemisphere, {owner} of the {other} one; give the {other} one's, or rename what "
-            "has a wrong name"
+            f"{path}: is of the {side} hemisphere, {owner} of the {other} one; give the {other} "
+            "one's, or rename what has a wrong name"
         )

@@ -30,23 +30,29 @@ from .safe import (
 _FREESURFER_TRIANGLES = b"\xff\xff\xfe"
 _FREESURFER_QUADS = (b"\xff\xff\xff", b"\xff\xff\xfd")
 _FREESURFER_SUFFIXES = (
-    "", ".pial", ".white", ".inflated", ".sphere", ".reg", ".orig", ".nofix", ".smoothwm", ".midthickness", ".graymid",
+    "", ".pial", ".white", ".inflated", ".sphere", ".reg", ".orig", ".nofix", ".smoothwm",
+    ".midthickness", ".graymid",
 )  # fmt: skip
-# VTK may take so much memory beyond what it is born with (RATIO times the file where that is more), and so long.
-VTK_ROOM, VTK_RATIO, VTK_SECONDS = 256 << 20, 40, 60
+# VTK may take so much memory beyond what it is born with (RATIO times the file where that is more),
+# and so long.
+VTK_ROOM = 256 << 20
+VTK_RATIO = 40
+VTK_SECONDS = 60
 
 
 class SlitWarning(UserWarning):
-    """Merging the points of an STL file left a slit: neighbours that do not quite meet, by damage or by rounding."""
+    """Merging the points of an STL file left a slit: neighbours that do not quite meet."""
 
 
 def read_surface(path: str | Path) -> Surface:
-    """Surface from a file: .npz (vertices, faces, curve_<name>), .gii (also gzipped), .ply, .obj, .off, .stl,
-    .vtk, .vtp, or FreeSurfer's binary triangles, known by their content under any other name (lh.pial, rh.white).
+    """Surface from a file: .npz (vertices, faces, curve_<name>), .gii (also gzipped), .ply, .obj,
+    .off, .stl, .vtk, .vtp, or FreeSurfer's binary triangles, known by their content under any other
+    name (lh.pial, rh.white).
 
-    Coordinates come as stored, without volume geometry or coordinate system. Faces must be triangles; equal points of
-    an STL are merged (SlitWarning where a slit stays). SurfaceError, with the file and the remedy, where it cannot be
-    read, or announces or unpacks to far more than its size.
+    Coordinates come as stored, without volume geometry or coordinate system. Faces must be
+    triangles; equal points of an STL are merged (SlitWarning where a slit stays). SurfaceError,
+    with the file and the remedy, where it cannot be read, or announces or unpacks to far more than
+    its size.
     """
     path = Path(path)
     data = read_bytes(path)
@@ -73,28 +79,30 @@ def read_surface(path: str | Path) -> Surface:
 def frame_of(path):
     """The Frame of a surface's or a map's file that `read_surface` or `read_values` reads."""
     path = Path(path)
-    data, said = read_bytes(path), Frame(side_of_name(path), kind=kind_of_name(path))
+    data = read_bytes(path)
+    named = Frame(side_of_name(path), kind=kind_of_name(path))
     with explain(path, "file with a coordinate system"):
         if suffix_of(path) == ".gii":
             return gifti.frame_of_image(path, gifti.parse(data))
         if suffix_of(path) == ".npz":
-            return _frame_of_npz(data, said)
+            return _frame_of_npz(data, named)
         if data.startswith(_FREESURFER_TRIANGLES):
             _check_freesurfer(data)
             volume = nibabel.freesurfer.read_geometry(path, read_metadata=True)[2]
             volume = sound_volume(volume) if volume else None
-            return replace(said, space=TKR if volume else None, volume=volume)
-    return said
+            return replace(named, space=TKR if volume else None, volume=volume)
+    return named
 
 
-def _frame_of_npz(data, said):
-    """What an npz says in `about` and `whole_faces`, or a synthetic subject's in `hemisphere`, else `said`."""
+def _frame_of_npz(data, named):
+    """What an npz says in `about` and `whole_faces`, or a synthetic subject's in `hemisphere`,
+    else `named`."""
     arrays = npz_arrays(data, lambda key: key in ("about", "whole_faces", "hemisphere"))
     if "about" in arrays:
-        found = frame_of_text(arrays["about"], arrays.get("whole_faces"))
-        return replace(found, side=found.side or said.side, kind=found.kind or said.kind)
+        frame = frame_of_text(arrays["about"], arrays.get("whole_faces"))
+        return replace(frame, side=frame.side or named.side, kind=frame.kind or named.kind)
     side = str(arrays.get("hemisphere"))
-    return replace(said, side=side) if side in gifti.STRUCTURES else said
+    return replace(named, side=side) if side in gifti.STRUCTURES else named
 
 
 def write_surface(
@@ -103,43 +111,52 @@ def write_surface(
     original_vertices: Integer[ndarray, " V"] | None = None,
     frame: Frame | None = None,
 ) -> None:
-    """Write a surface, whole or not at all, in the format of the path's suffix (as read_surface; a FreeSurfer name such
-    as lh.pial, or no suffix: FreeSurfer's binary).
+    """Write a surface, whole or not at all, in the format of the path's suffix (as read_surface; a
+    FreeSurfer name such as lh.pial, or no suffix: FreeSurfer's binary).
 
-    Coordinates keep float64; FreeSurfer, GIFTI and STL store float32, STL no vertex numbers. Only npz keeps the curves,
-    only npz and GIFTI original_vertices, `open_surface`'s second result (default: the surface's own). surface: also a
-    named tuple such as `Registration.surface`. frame: `frame_of` the coordinates' file, which npz keeps whole, GIFTI
-    and FreeSurfer as far as they can; hemisphere and kind are else by the name. FreeSurfer's coordinates become the
-    scanner's in GIFTI, and its own again in its own format. SurfaceError: unknown format, or a folder not writable.
+    Coordinates keep float64; FreeSurfer, GIFTI and STL store float32, STL no vertex numbers. Only
+    npz keeps the curves, only npz and GIFTI original_vertices, `open_surface`'s second result
+    (default: the surface's own). surface: also a named tuple such as `Registration.surface`. frame:
+    `frame_of` the coordinates' file, which npz keeps whole, GIFTI and FreeSurfer as far as they
+    can; hemisphere and kind are else by the name. FreeSurfer's coordinates become the scanner's in
+    GIFTI, and its own again in its own format. SurfaceError: unknown format, or a folder not
+    writable.
     """
-    path, frame = Path(path), frame or Frame()
+    path = Path(path)
+    frame = frame or Frame()
     suffix = suffix_of(path)
-    freesurfer = path.name.startswith(("lh.", "rh.")) and path.suffix.lower() not in FOREIGN_SUFFIXES
-
-    numbers = surface.original_vertices if original_vertices is None else np.asarray(original_vertices)
+    numbers = original_vertices if original_vertices is not None else surface.original_vertices
+    numbers = None if numbers is None else np.asarray(numbers)
 
     def write(place):
         if suffix == ".npz":
             _write_npz(place, surface, numbers, frame)
         elif suffix == ".gii":
-            said = replace(frame, side=frame.side or side_of_name(path), kind=frame.kind or kind_of_name(path))
-            place.write_bytes(gifti.zipped(path, gifti.surface_bytes(surface, said, numbers)))
+            side = frame.side or side_of_name(path)
+            full = replace(frame, side=side, kind=frame.kind or kind_of_name(path))
+            place.write_bytes(gifti.zipped(path, gifti.surface_bytes(surface, full, numbers)))
         elif suffix in _WRITERS:
             place.write_bytes(_WRITERS[suffix](surface))
         else:
-            vertices = frame.to_tkr(surface.vertices) if frame.volume and frame.in_scanner else surface.vertices
-            said = {"create_stamp": "created by qclearn", "volume_info": frame.volume}
-            nibabel.freesurfer.write_geometry(place, vertices, surface.faces, **said)
+            vertices = surface.vertices
+            if frame.volume and frame.in_scanner:
+                vertices = frame.to_tkr(vertices)
+            stamp = {"create_stamp": "created by qclearn", "volume_info": frame.volume}
+            nibabel.freesurfer.write_geometry(place, vertices, surface.faces, **stamp)
 
-    if not (suffix in (".npz", ".gii", *_WRITERS) or freesurfer or path.suffix.lower() in _FREESURFER_SUFFIXES):
+    last = path.suffix.lower()
+    side_named = path.name.startswith(("lh.", "rh.")) and last not in FOREIGN_SUFFIXES
+    freesurfer = side_named or last in _FREESURFER_SUFFIXES
+    if suffix not in (".npz", ".gii", *_WRITERS) and not freesurfer:
         raise SurfaceError(f"{path}: {_unknown_format('nor is the name one of FreeSurfer, such as lh.pial')}")
     write_whole(path, write, size=surface.vertices.nbytes + surface.faces.nbytes)
 
 
 # Names of files that are no FreeSurfer surface or map, whatever they begin with (lh.map.csv).
 FOREIGN_SUFFIXES = (
-    ".csv", ".tsv", ".json", ".xml", ".mat", ".nii", ".gz", ".zip", ".label", ".annot", ".mgh", ".mgz", ".npy", ".npz",
-    ".txt", ".gii", ".xlsx", ".h5", ".png", ".ply", ".obj", ".off", ".stl", ".vtk", ".vtp", ".asc",
+    ".csv", ".tsv", ".json", ".xml", ".mat", ".nii", ".gz", ".zip", ".label", ".annot", ".mgh",
+    ".mgz", ".npy", ".npz", ".txt", ".gii", ".xlsx", ".h5", ".png", ".ply", ".obj", ".off", ".stl",
+    ".vtk", ".vtp", ".asc",
 )  # fmt: skip
 
 
@@ -153,11 +170,13 @@ def _unknown_format(content):
 
 
 def _read_npz(_, data):
-    arrays = npz_arrays(data, lambda key: key in ("vertices", "faces", "original_vertices") or key.startswith("curve_"))
+    names = ("vertices", "faces", "original_vertices")
+    arrays = npz_arrays(data, lambda key: key in names or key.startswith("curve_"))
     missing = {"vertices", "faces"} - set(arrays)
     if missing:
         raise SurfaceError(f"lacks the array {' and '.join(sorted(missing))}; save vertices (V, 3), faces (F, 3)")
-    curves = {key.removeprefix("curve_"): array for key, array in arrays.items() if key.startswith("curve_")}
+    curve_keys = [key for key in arrays if key.startswith("curve_")]
+    curves = {key.removeprefix("curve_"): arrays[key] for key in curve_keys}
     bad = next((name for name in curves if not is_plain_name(name)), None)
     if bad is not None:
         raise SurfaceError(f"has a curve whose name is too long or holds control characters, {bad[:40]!r}; rename it")
@@ -196,7 +215,8 @@ def _check_freesurfer(data):
 def _read_vtk(path, data):
     # in a process of its own: on some damaged files VTK's readers end the process
     script = Path(__file__).with_name("vtkchild.py")
-    command = [sys.executable, "-P", script, path.resolve(), str(max(VTK_ROOM, VTK_RATIO * len(data)))]
+    room = max(VTK_ROOM, VTK_RATIO * len(data))
+    command = [sys.executable, "-P", script, path.resolve(), str(room)]
     try:
         child = subprocess.run(command, capture_output=True, timeout=VTK_SECONDS, check=False)
     except subprocess.TimeoutExpired:
@@ -223,7 +243,8 @@ def _write_vtk(surface):
     writer.SetFileTypeToBinary()
     _write_to_string(writer, surface)
     data = writer.GetOutputStdString()
-    return data.encode() if isinstance(data, str) else data  # VTK gives text where the bytes happen to be UTF-8
+    # VTK gives text where the bytes happen to be UTF-8.
+    return data.encode() if isinstance(data, str) else data
 
 
 def _write_vtp(surface):
@@ -235,7 +256,8 @@ def _write_vtp(surface):
 
 
 def _warn_of_slits(path, surface):
-    """Warn of torn corners (of one face, on a loop of four) and of neighbours' neighbours on a rim that almost meet."""
+    """Warn of torn corners (of one face, on a loop of four) and of neighbours' neighbours on a
+    rim that almost meet."""
     count = np.bincount(surface.faces.ravel())
     for loop in surface.boundary_loops:
         here, beside, twin = (surface.vertices[np.roll(loop, -k)] for k in range(3))
@@ -245,7 +267,8 @@ def _warn_of_slits(path, surface):
             vertex = loop[near | torn][0]
             warnings.warn(
                 f"{path}: merging equal points leaves a slit at vertex {vertex} "
-                f"({surface.vertices[vertex].tolist()}); check the file, or close it (pyvista's clean, with tolerance)",
+                f"({surface.vertices[vertex].tolist()}); check the file, or close it (pyvista's "
+                "clean, with tolerance)",
                 SlitWarning,
                 stacklevel=3,
             )
@@ -254,7 +277,7 @@ def _warn_of_slits(path, surface):
 _READERS = {
     ".npz": ("npz file", _read_npz),
     ".gii": ("GIFTI surface", lambda _, data: gifti.surface_arrays(gifti.parse(data))),
-    ".ply": ("PLY file", lambda _, data: meshformats.read_ply(data)),
+    ".ply": ("PLY file", meshformats.read_ply),
     ".obj": ("OBJ file", lambda _, data: meshformats.read_obj(data)),
     ".off": ("OFF file", lambda _, data: meshformats.read_off(data)),
     ".stl": ("STL file", lambda _, data: meshformats.read_stl(data)),

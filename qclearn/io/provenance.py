@@ -10,14 +10,15 @@ from pathlib import Path
 
 
 def commit():
-    """The commit of the checkout this runs from, with "+changes" where files differ from it; "" outside of one."""
+    """The commit of the checkout this runs from, or "": with "+changes" where files differ."""
 
-    def git(*words):
-        return subprocess.run(["git", "-C", Path(__file__).parent, *words], capture_output=True, text=True, check=False)
+    def git(*arguments):
+        command = ["git", "-C", Path(__file__).parent, *arguments]
+        return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
 
     try:
-        head = git("rev-parse", "HEAD")
-        return head.stdout.strip() + "+changes" * bool(git("status", "--porcelain", "-uno").stdout.strip())
+        changes = "+changes" if git("status", "--porcelain", "-uno") else ""
+        return git("rev-parse", "HEAD") + changes
     except FileNotFoundError:  # no git
         return ""
 
@@ -38,22 +39,28 @@ def provenance():
 
 def versions(*packages):
     """Versions of Python and of packages, dict; without those that are not installed."""
-    found = {"python": platform.python_version()}
+    numbers = {"python": platform.python_version()}
     for package in packages:
         with contextlib.suppress(PackageNotFoundError):
-            found[package] = version(package)
-    return found
+            numbers[package] = version(package)
+    return numbers
 
 
 def origin(inputs, curves, command):
-    """Where a report.json comes from: dict of `inputs`, `landmarks` (a whole landmarks file), `versions`, `command`.
+    """Where a report.json comes from: dict of `inputs`, `landmarks` (a whole landmarks file),
+    `versions`, `command`.
 
-    inputs: side -> (path, surface as read); curves: landmarks as given; command: the words of the command line.
+    inputs: side -> (path, surface as read); curves: landmarks as given; command: the words of the
+    command line.
     """
     marks = {side: surface.fingerprint for side, (_, surface) in inputs.items()}
+    torch = ["torch"] if "torch" in sys.modules else []
     return {
         "inputs": {side: {"path": path} | marks[side] for side, (path, _) in inputs.items()},
-        "landmarks": {"curves": curves["curves"] if isinstance(curves, dict) else curves, "surfaces": marks},
-        "versions": versions("qclearn", "numpy", "scipy", *(("torch",) if "torch" in sys.modules else ())),
+        "landmarks": {
+            "curves": curves["curves"] if isinstance(curves, dict) else curves,
+            "surfaces": marks,
+        },
+        "versions": versions("qclearn", "numpy", "scipy", *torch),
         "command": command,
     }

@@ -1,7 +1,7 @@
 """Files read within bounds and written whole: what every reader and writer here goes through.
 
-Bytes have to bear out what a file announces, so its size bounds a reader's memory; a file that a killed or failed run
-began never stands under the name that was asked for.
+Bytes have to bear out what a file announces, so its size bounds a reader's memory; a file that a
+killed or failed run began never stands under the name that was asked for.
 """
 
 import errno
@@ -25,14 +25,19 @@ import numpy as np
 
 from ..surfaces.surface import SurfaceError
 
-# Unpacked, a file may hold so many times its own bytes, or so many bytes where that is more. Coordinates and faces
-# shrink 2 to 6 times, a map that is zero nearly everywhere up to 1000 times, but then it is short.
-RATIO, ROOM = 100, 64 << 20
+# Unpacked, a file may hold so many times its own bytes, or so many bytes where that is more.
+# Coordinates and faces shrink 2 to 6 times, a map that is zero nearly everywhere up to 1000 times,
+# but then it is short.
+RATIO = 100
+ROOM = 64 << 20
 _LEFTOVER = re.compile(r"\.qclearn-(\d{1,9})@(.*)-\w{8}(-.*)?", re.DOTALL)
 _AGAIN = "it may be cut short or of another format: copy or export it again"
 # Errors of bad bytes by their kind; of any other kind only where one of these libraries raised it.
-_BAD_BYTES = (ValueError, OverflowError, EOFError, OSError, struct.error, zlib.error, zipfile.BadZipFile, ExpatError)
-_LIBRARIES = {"nibabel", "numpy", "zipfile", "gzip", "xml", "ast", "tokenize", "json"}
+_BAD_BYTES = (
+    ValueError, OverflowError, EOFError, OSError,
+    struct.error, zlib.error, zipfile.BadZipFile, ExpatError,
+)  # fmt: skip
+_LIBRARIES = {"nibabel", "numpy", "plyfile", "zipfile", "gzip", "xml", "ast", "tokenize", "json"}
 
 
 class FormatError(ValueError):
@@ -45,11 +50,13 @@ def allowance(size):
 
 
 def read_bytes(path):
-    """All bytes of a regular file, unzipped where it is called .gz or .mgz; SurfaceError where it cannot be read."""
+    """All bytes of a regular file, unzipped where it is called .gz or .mgz; SurfaceError where
+    it cannot be read."""
     try:
         mode = path.stat().st_mode
         if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):  # reading it might never end
-            kind = "a pipe" if stat.S_ISFIFO(mode) else "a socket" if stat.S_ISSOCK(mode) else "a device"
+            pipe_or_socket = "a pipe" if stat.S_ISFIFO(mode) else "a socket"
+            kind = "a device" if stat.S_ISCHR(mode) or stat.S_ISBLK(mode) else pipe_or_socket
             raise SurfaceError(f"{path}: is {kind}, not a regular file; save what it gives in a file first")
         data = path.read_bytes()
         if path.suffix.lower() in (".gz", ".mgz"):
@@ -82,9 +89,11 @@ def out_of_memory(path):
 
 @contextmanager
 def explain(path, kind, lead="not a readable"):
-    """Turn what parsers raise on bad bytes into one SurfaceError, "PATH: not a readable KIND ..."; no warning gets out.
+    """Turn what parsers raise on bad bytes into one SurfaceError, "PATH: not a readable KIND ...";
+    no warning gets out.
 
-    A KeyError, TypeError and the like pass as they are unless a library raised them: in our own code they are bugs.
+    A KeyError, TypeError and the like pass as they are unless a library raised them: in our own
+    code they are bugs.
     """
     try:
         with warnings.catch_warnings():
@@ -107,62 +116,77 @@ def _of_bad_bytes(error):
     trace = error.__traceback__
     while trace.tb_next:
         trace = trace.tb_next
-    return isinstance(error, _BAD_BYTES) or trace.tb_frame.f_globals.get("__name__", "").split(".")[0] in _LIBRARIES
+    module = trace.tb_frame.f_globals.get("__name__", "")
+    return isinstance(error, _BAD_BYTES) or module.split(".")[0] in _LIBRARIES
 
 
-def require_all(name, found, expected, exactly=False):
+def require_all(name, there, announced, exactly=False):
     """FormatError unless as many records are there as were announced, or (unless exactly) more."""
-    if expected < 0 or found < expected or (exactly and found > expected):
-        raise FormatError(f"{expected} {name} records are announced, {found} are there")
+    if announced < 0 or there < announced or (exactly and there > announced):
+        raise FormatError(f"{announced} {name} records are announced, {there} are there")
 
 
 def npz_arrays(data, wanted):
-    """The arrays (dict) of an npz file's bytes whose names `wanted` accepts; FormatError where sizes contradict."""
+    """The arrays (dict) of an npz file's bytes whose names `wanted` accepts; FormatError where
+    sizes contradict."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        members = [info for info in archive.infolist() if wanted(info.filename.removesuffix(".npy"))]
-        size, most = sum(info.file_size for info in members), allowance(len(data))
+        infos = archive.infolist()
+        members = [info for info in infos if wanted(info.filename.removesuffix(".npy"))]
+        size = sum(info.file_size for info in members)
+        most = allowance(len(data))
         if size > most:
             raise FormatError(f"its arrays would unpack to {size} bytes, and those of a surface to {most} at most")
-        return {info.filename.removesuffix(".npy"): npy_array(archive.read(info)) for info in members}
+        names = [info.filename.removesuffix(".npy") for info in members]
+        return {name: npy_array(archive.read(info)) for name, info in zip(names, members)}
 
 
 def npz_bytes(arrays):
-    """The bytes of an npz file of arrays (dict), packed lightly: in a third of NumPy's time, a tenth larger."""
+    """The bytes of an npz file of arrays (dict), packed lightly: in a third of NumPy's time, a
+    tenth larger."""
     data = io.BytesIO()
     with zipfile.ZipFile(data, "w") as archive:
         for name, array in arrays.items():
             member = io.BytesIO()
             np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
-            archive.writestr(zipfile.ZipInfo(f"{name}.npy"), member.getvalue(), zipfile.ZIP_DEFLATED, 1)
+            info = zipfile.ZipInfo(f"{name}.npy")
+            archive.writestr(info, member.getvalue(), zipfile.ZIP_DEFLATED, compresslevel=1)
     return data.getvalue()
 
 
 def npy_array(data):
-    """The array of the bytes of a .npy file; FormatError unless its header announces just what follows."""
+    """The array of the bytes of a .npy file; FormatError unless its header announces just what
+    follows."""
     file = io.BytesIO(data)
-    headers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+    headers = {
+        (1, 0): np.lib.format.read_array_header_1_0,
+        (2, 0): np.lib.format.read_array_header_2_0,
+    }
     version = np.lib.format.read_magic(file)
     if version not in headers:
         raise FormatError(f"the NumPy format {version} is not read here")
     shape, fortran, dtype = headers[version](file)
     if dtype.hasobject:
         raise FormatError("it holds Python objects, not numbers")
-    announced, there = math.prod(shape) * dtype.itemsize, len(data) - file.tell()
+    announced = math.prod(shape) * dtype.itemsize
+    there = len(data) - file.tell()
     if min(shape, default=0) < 0 or announced != there:
         raise FormatError(f"an array of the shape {shape} takes {announced} bytes, {there} are there")
-    array = np.frombuffer(data, dtype, offset=file.tell()).reshape(shape, order="F" if fortran else "C")
+    numbers = np.frombuffer(data, dtype, offset=file.tell())
+    array = numbers.reshape(shape, order="F" if fortran else "C")
     return array.astype(dtype.newbyteorder("="))
 
 
 def write_whole(path, write, size=None):
-    """Let `write(temporary_path)` write a file that then takes its place in one step; SurfaceError if it cannot.
+    """Let `write(temporary_path)` write a file that then takes its place in one step; SurfaceError
+    if it cannot.
 
     size: its bytes, about, for a full disk's message. Leftovers of killed runs go from the folder.
     """
     sweep(path.parent)
     # in the same folder: the last step is atomic
     temporary = path.with_name(f"{own_prefix()}{uuid.uuid4().hex[:8]}-{path.name}")
-    written, free = 0, None
+    written = 0
+    free = None
     try:
         temporary.touch(exist_ok=False)
         try:
@@ -170,7 +194,8 @@ def write_whole(path, write, size=None):
             os.replace(temporary, path)
         finally:
             if temporary.exists():
-                written, free = temporary.stat().st_size, shutil.disk_usage(path.parent).free
+                written = temporary.stat().st_size
+                free = shutil.disk_usage(path.parent).free
             temporary.unlink(missing_ok=True)
     except OSError as error:
         if is_full(error, free):
@@ -181,7 +206,8 @@ def write_whole(path, write, size=None):
 
 
 def is_full(error, free=None):
-    """Whether an OSError says that a disk is full; NumPy's says only how much was written, then `free` bytes decide."""
+    """Whether an OSError says that a disk is full; NumPy's says only how much was written, then
+    `free` bytes decide."""
     return error.errno in (errno.ENOSPC, errno.EDQUOT) or (error.errno is None and free is not None and free < 1 << 16)
 
 
@@ -201,7 +227,8 @@ def _megabytes(size):
 
 
 def own_prefix():
-    """The head of temporary names: this process's number and machine, which tell others whether it still runs."""
+    """The head of temporary names: this process's number and machine, which tell others whether
+    it still runs."""
     return f".qclearn-{os.getpid()}@{_machine()}-"
 
 
@@ -210,7 +237,8 @@ def _machine():
 
 
 def sweep(folder):
-    """Remove from a folder what killed runs of this machine left, and nothing of a run that goes on."""
+    """Remove from a folder what killed runs of this machine left, and nothing of a run that goes
+    on."""
     for leftover in folder.glob(".qclearn-*"):
         name = _LEFTOVER.fullmatch(leftover.name)
         if name and name[2] == _machine() and not _runs(int(name[1])):
@@ -233,11 +261,15 @@ def _runs(process):
 
 
 def is_plain_name(name):
-    """Whether a curve's name can be shown: up to 200 characters, none of which moves the terminal's cursor."""
+    """Whether a curve's name can be shown: up to 200 characters, none of which moves the
+    terminal's cursor."""
     return len(name) <= 200 and name.isprintable()
 
 
 def printable(text):
-    """A text as one line for the terminal: control characters as escapes, the middle of a very long one left out."""
-    text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in " ".join(text.split()))
+    """A text as one line for the terminal: control characters as escapes, the middle of a very
+    long one left out."""
+    line = " ".join(text.split())
+    escaped = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
+    text = "".join(escaped)
     return text if len(text) <= 2000 else f"{text[:1000]} ... {text[-1000:]}"

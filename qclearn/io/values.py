@@ -17,14 +17,17 @@ from .meshes import FOREIGN_SUFFIXES, suffix_of
 from .safe import FormatError, explain, npy_array, read_bytes, require_all, write_whole
 
 _MORPHOMETRY = b"\xff\xff\xff"
-_MAP_SUFFIXES = ("", ".thickness", ".curv", ".avg_curv", ".sulc", ".area", ".volume", ".mid", ".pial", ".w-g", ".pct")
+_MAP_SUFFIXES = (
+    "", ".thickness", ".curv", ".avg_curv", ".sulc", ".area", ".volume", ".mid", ".pial", ".w-g",
+    ".pct",
+)  # fmt: skip
 _MGH_BYTES = {0: 1, 1: 4, 3: 4, 4: 2}  # of a voxel, by MGH's type
 _FORMATS = ".npy, .txt, .gii (shape, func, label, also gzipped), .mgh, .mgz, .annot or FreeSurfer morphometry"
 # Formats that are known and not read or written here: what to do instead.
 _REFUSED = {
-    ".nii": "CIFTI holds both hemispheres and volumes at once: take one surface's map out, wb_command -cifti-separate "
-    "IN COLUMN -metric CORTEX_LEFT OUT.func.gii (-label for a .dlabel.nii); a volume: mri_vol2surf or wb_command "
-    "-volume-to-surface-mapping",
+    ".nii": "CIFTI holds both hemispheres and volumes at once: take one surface's map out, "
+    "wb_command -cifti-separate IN COLUMN -metric CORTEX_LEFT OUT.func.gii (-label for a "
+    ".dlabel.nii); a volume: mri_vol2surf or wb_command -volume-to-surface-mapping",
     ".label": "a label lists vertices and gives no value to each: `qclearn open --label` takes it",
     ".npz": "an npz holds several arrays: save one as .npy",
 }
@@ -34,10 +37,12 @@ Values = Real[ndarray, " V *k"] | Bool[ndarray, " V *k"]
 
 
 def read_mask(path: str | Path, surface: Surface, keep: bool = False) -> Bool[ndarray, " V"]:
-    """Mask of the vertices that open_surface cuts away: those that a file names or gives a nonzero value.
+    """Mask of the vertices that open_surface cuts away: those that a file names or gives a nonzero
+    value.
 
-    Files: a FreeSurfer .label, or one number a vertex as of `read_values`. keep=True: the file says what to keep
-    (lh.cortex.label, thickness). SurfaceError, also for an .annot, and for more than half of the vertices without keep.
+    Files: a FreeSurfer .label, or one number a vertex as of `read_values`. keep=True: the file says
+    what to keep (lh.cortex.label, thickness). SurfaceError, also for an .annot, and for more than
+    half of the vertices without keep.
     """
     path = Path(path)
     n_vertices = len(surface.vertices)
@@ -63,15 +68,16 @@ def read_mask(path: str | Path, surface: Surface, keep: bool = False) -> Bool[nd
         return ~mask
     if mask.sum() > n_vertices / 2:
         raise SurfaceError(
-            f"{path}: would cut {mask.sum()} of {n_vertices} vertices, so it seems to say what to keep, as "
-            f"lh.cortex.label and thickness do; read it with keep=True (`qclearn open --keep`), or give the other part"
+            f"{path}: would cut {mask.sum()} of {n_vertices} vertices, so it seems to say what "
+            "to keep, as lh.cortex.label and thickness do; read it with keep=True "
+            "(`qclearn open --keep`), or give the other part"
         )
     return mask
 
 
 class Map(NamedTuple):
-    """What a per-vertex file holds: values (V,) or (V, k); the hemisphere, "left", "right" or None; labels, key ->
-    (name, (r, g, b, a) from 0 to 1), or None; the maps' names, or None."""
+    """What a per-vertex file holds: values (V,) or (V, k); the hemisphere, "left", "right" or
+    None; labels, key -> (name, (r, g, b, a) from 0 to 1), or None; the maps' names, or None."""
 
     values: np.ndarray
     side: str | None = None
@@ -87,11 +93,13 @@ def read_label(path):
 
 
 def read_values(path: str | Path) -> Values:
-    """Values (V,), or (V, k) of k maps, of a per-vertex file: .npy, .txt, .gii (.shape, .func, .label, also gzipped),
-    .mgh, .mgz, .annot, or FreeSurfer morphometry, known by its content under any other name.
+    """Values (V,), or (V, k) of k maps, of a per-vertex file: .npy, .txt, .gii (.shape, .func,
+    .label, also gzipped), .mgh, .mgz, .annot, or FreeSurfer morphometry, known by its content under
+    any other name.
 
-    Integers stay integers: in .npy, a text without a point, GIFTI's and MGH's integer types, and an annotation (places
-    in its table, -1 for none). SurfaceError, naming the file and the remedy, where it cannot be read.
+    Integers stay integers: in .npy, a text without a point, GIFTI's and MGH's integer types, and an
+    annotation (places in its table, -1 for none). SurfaceError, naming the file and the remedy,
+    where it cannot be read.
     """
     return read_map(path).values
 
@@ -106,21 +114,22 @@ def read_map(path):
         raise SurfaceError(f"{path}: not read here; convert it to one of {_FORMATS}")
     kind, reader = _READERS.get(suffix, ("FreeSurfer morphometry file", _read_morphometry))
     with explain(path, kind):
-        found = reader(path, data)
-        found = found if isinstance(found, Map) else Map(found, side_of_name(path))
-        values = np.asarray(found.values)
+        result = reader(path, data)
+        result = result if isinstance(result, Map) else Map(result, side_of_name(path))
+        values = np.asarray(result.values)
         if values.dtype.kind not in "biuf":
             raise SurfaceError(f"holds {values.dtype}, not real numbers; save one real number a vertex")
         if values.ndim not in (1, 2) or not values.size:
             raise SurfaceError(f"holds the shape {values.shape}, not (V,) or (V, k); save one number a vertex")
-    return found._replace(values=values.astype(values.dtype.newbyteorder("=")))
+    return result._replace(values=values.astype(values.dtype.newbyteorder("=")))
 
 
 def _read_gifti(path, data):
     image = gifti.parse(data)
     names = [array.meta.get("Name", "") for array in image.darrays]
     side = gifti.side_of_image(image) or side_of_name(path)
-    return Map(gifti.values_of(image), side, gifti.labels_of(image) or None, names if all(names) else None)
+    labels = gifti.labels_of(image) or None
+    return Map(gifti.values_of(image), side, labels, names if all(names) else None)
 
 
 def _read_annot(path, data):
@@ -129,13 +138,14 @@ def _read_annot(path, data):
 
 
 def read_regions(path):
-    """The name of each vertex's region (V,), "" for none, of a .label.gii of one map or an .annot; SurfaceError for
-    others."""
-    found = read_map(path)
-    if not found.labels or found.values.ndim != 1 or found.values.dtype.kind not in "iu":
+    """The name of each vertex's region (V,), "" for none, of a .label.gii of one map or an
+    .annot; SurfaceError for others."""
+    regions = read_map(path)
+    if not regions.labels or regions.values.ndim != 1 or regions.values.dtype.kind not in "iu":
         raise SurfaceError(f"{path}: names no regions; give a .label.gii of one map, or an .annot")
-    known, places = np.unique(found.values, return_inverse=True)
-    return np.array([found.labels.get(key, ("",))[0] for key in known.tolist()], dtype=np.str_)[places]
+    keys, places = np.unique(regions.values, return_inverse=True)
+    names = [regions.labels.get(key, ("",))[0] for key in keys.tolist()]
+    return np.array(names, dtype=np.str_)[places]
 
 
 def write_values(
@@ -145,14 +155,17 @@ def write_values(
     labels: dict | None = None,
     names: list | None = None,
 ) -> None:
-    """Write values (V,) or (V, k) in the format of the path's suffix, as `read_values` reads them; whole or not at all.
+    """Write values (V,) or (V, k) in the format of the path's suffix, as `read_values` reads them;
+    whole or not at all.
 
-    GIFTI, MGH and morphometry store float32, GIFTI and MGH integers as int32; morphometry and .annot take (V,) alone. A
-    GIFTI gets the hemisphere, side = "left" or "right" (else by its name), names of the k maps (else by its name), and
-    for integers the table `labels`, key -> (name, (r, g, b, a) from 0 to 1), as an .annot does. Key -1, none, becomes 0
-    in a .label.gii. SurfaceError where format, numbers or folder do not allow it.
+    GIFTI, MGH and morphometry store float32, GIFTI and MGH integers as int32; morphometry and
+    .annot take (V,) alone. A GIFTI gets the hemisphere, side = "left" or "right" (else by its
+    name), names of the k maps (else by its name), and for integers the table `labels`, key ->
+    (name, (r, g, b, a) from 0 to 1), as an .annot does. Key -1, none, becomes 0 in a .label.gii.
+    SurfaceError where format, numbers or folder do not allow it.
     """
-    path, values = Path(path), np.asarray(values)
+    path = Path(path)
+    values = np.asarray(values)
     suffix = suffix_of(path)
     _require_known(path, suffix, "written")
     if values.dtype.kind not in "biuf" or values.ndim not in (1, 2):
@@ -161,9 +174,11 @@ def write_values(
         )
     if suffix == ".gii":
         side = side or side_of_name(path)
-        values, names = _fitting(path, values), names or gifti.names_of(path, values)
+        names = names or gifti.names_of(path, values)
+        values = _fitting(path, values)
         with explain(path, "label table"):
-            table = gifti.table_of(values, labels) if values.dtype.kind == "i" and not _is_metric(path) else None
+            is_label = values.dtype.kind == "i" and not _is_metric(path)
+            table = gifti.table_of(values, labels) if is_label else None
             data = gifti.zipped(path, gifti.values_bytes(values, side, table, names))
         write_whole(path, lambda place: place.write_bytes(data), len(data))
     elif suffix in (".mgh", ".mgz"):
@@ -172,12 +187,14 @@ def write_values(
         write_whole(path, lambda place: place.write_bytes(data), len(data))
     elif suffix == ".annot":
         keys = _keys(path, values)
-        write_whole(path, lambda place: annotations.write(place, keys, gifti.table_of(keys, labels)), 8 * keys.nbytes)
+        table = gifti.table_of(keys, labels)
+        write_whole(path, lambda place: annotations.write(place, keys, table), 8 * keys.nbytes)
     elif suffix in (".npy", ".txt"):
         write_whole(path, lambda place: _WRITERS[suffix](place, values), values.nbytes)
     elif suffix in _MAP_SUFFIXES or (path.name.startswith(("lh.", "rh.")) and suffix not in FOREIGN_SUFFIXES):
         numbers = _fitting(path, values, whole=False)
-        write_whole(path, lambda place: nibabel.freesurfer.write_morph_data(place, numbers), numbers.nbytes)
+        write = nibabel.freesurfer.write_morph_data
+        write_whole(path, lambda place: write(place, numbers), numbers.nbytes)
     else:
         raise SurfaceError(f"{path}: not a format that is written here: {_FORMATS}; choose another name")
 
@@ -189,7 +206,8 @@ def _require_known(path, suffix, done):
 
 
 def _fitting(path, values, whole=True):
-    """Values as int32 or float32; SurfaceError where one would change. whole=False: the format has float32 alone."""
+    """Values as int32 or float32; SurfaceError where one would change. whole=False: the format
+    has float32 alone."""
     if values.ndim == 2 and not whole:
         raise SurfaceError(f"{path}: morphometry holds one map, not {values.shape[1]}; choose .mgh or .func.gii")
     integers = values.dtype.kind in "biu"
@@ -226,7 +244,7 @@ def _read_label(path, data):
     announced = int(rows[1])
     records = [row.split(None, 1) for row in rows[2:] if row.strip()]
     require_all("vertex", len(records), announced, exactly=True)
-    return np.array([int(words[0]) for words in records], dtype=np.int64)
+    return np.array([int(record[0]) for record in records], dtype=np.int64)
 
 
 def _read_morphometry(path, data):
@@ -241,7 +259,8 @@ def _read_morphometry(path, data):
 
 def _read_mgh(_, data):
     header = np.frombuffer(data[:24].ljust(24, b"\0"), ">i4").tolist()
-    shape, size = header[1:5], _MGH_BYTES.get(header[5])
+    shape = header[1:5]
+    size = _MGH_BYTES.get(header[5])
     if header[0] != 1 or size is None or min(shape) < 1:
         raise FormatError("its header is none of MGH")
     if sum(side > 1 for side in shape[:3]) > 1:

@@ -1,8 +1,8 @@
-"""A script that reads a VTK or VTP file in a process of its own: VTK's readers end the process on some damaged files,
-and allocate whatever they announce.
+"""A script that reads a VTK or VTP file in a process of its own: VTK's readers end the process on
+some damaged files, and allocate whatever they announce.
 
-Arguments: the file, and how many further bytes of memory it may take. Exit code 0: points and faces on stdout, two .npy
-arrays; 1: the reason as text.
+Arguments: the file, and how many further bytes of memory it may take. Exit code 0: points and faces
+on stdout, two .npy arrays; 1: the reason as text.
 """
 
 import contextlib
@@ -17,7 +17,7 @@ from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 
 def read(path):
-    """Points (V, 3) and triangles (F, 3) of a file of polygonal data; ValueError with the reason."""
+    """Points (V, 3) and triangles (F, 3) of polygonal data; ValueError with the reason."""
     complaints = vtkStringOutputWindow()
     vtkOutputWindow.SetInstance(complaints)
     reader = vtkXMLPolyDataReader() if path.lower().endswith(".vtp") else vtkPolyDataReader()
@@ -37,13 +37,15 @@ def read(path):
 
 
 def limit_memory(room):
-    """Allow `room` further bytes of addresses, where the system has such limits (not on Windows or macOS)."""
+    """Allow `room` further bytes of addresses, where the system has such limits (not on Windows
+    or macOS)."""
     with contextlib.suppress(ImportError, OSError, ValueError):
         import resource
 
         with open("/proc/self/statm", encoding="ascii") as file:
             now = int(file.read().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (now + room, resource.getrlimit(resource.RLIMIT_AS)[1]))
+        most = resource.getrlimit(resource.RLIMIT_AS)[1]
+        resource.setrlimit(resource.RLIMIT_AS, (now + room, most))
 
 
 if __name__ == "__main__":

@@ -22,8 +22,8 @@ from torch import distributed, nn
 from torch.nn.parallel import DistributedDataParallel
 from tqdm import tqdm
 
-from ..io.meshes import write_whole
-from ..surfaces.surface import SurfaceError
+from ..io.checkpoint import Checkpoint
+from ..io.safe import write_whole
 
 CHECKPOINT_SECONDS = 10  # of training between two checkpoints at most; one takes a tenth of a second
 
@@ -84,7 +84,8 @@ def train(model, training, validation, config, folder, progress=True):
         rank, world, device = process
         check_config(config, training, world)
         if rank == 0:
-            claim(folder, model, config)
+            settings = {"network": asdict(model.config), "training": asdict(config)}
+            Checkpoint(folder, settings, TrainingError, record="config.json", shared=True)
         model.to(device).train()
         for layer in model.modules():
             if isinstance(layer, (torch.nn.Conv2d, torch.nn.ConvTranspose2d)):
@@ -231,32 +232,6 @@ def check_config(config, training, world):
         raise TrainingError(f"a batch of {config.batch} cannot be shared by {world} processes; make it a multiple")
     if len(training) == 0:
         raise TrainingError("the training set is empty")
-
-
-def claim(folder, model, config):
-    """Make the run's folder and its `config.json`, or check that it holds a run of the same configuration."""
-    wanted = json.loads(json.dumps({"network": asdict(model.config), "training": asdict(config)}))
-    path = folder / "config.json"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if path.exists():
-            kept = json.loads(path.read_text())
-            if kept != wanted:
-                changed = [
-                    key for part in wanted for key in wanted[part] if kept.get(part, {}).get(key) != wanted[part][key]
-                ]
-                raise TrainingError(
-                    f"{folder} holds a run with another configuration ({', '.join(changed)}); choose "
-                    "another folder, or remove it"
-                )
-        else:
-            write_whole(path, lambda place: place.write_text(json.dumps(wanted, indent=2) + "\n"))
-    except SurfaceError as error:
-        raise TrainingError(str(error)) from None
-    except OSError as error:
-        raise TrainingError(f"{folder}: cannot be used ({error.strerror or error}); choose another folder") from None
-    except json.JSONDecodeError:
-        raise TrainingError(f"{path} is damaged; remove {folder} and train again") from None
 
 
 def write_checkpoint(folder, model, optimiser, step, log):

@@ -92,15 +92,15 @@ def test_rows_are_on_disk_at_once_and_become_a_results_file_that_is_read_again(o
     journal.append(row("a"))
     results = journal.finish(PROVENANCE)
     assert read_measured("benchmark", out) == results and [entry["pair"] for entry in results["rows"]] == ["a", "b"]
-    assert not journal.begun.path.exists()
+    assert not journal.checkpoint.path.exists()
 
 
 def test_a_journal_is_gone_on_with_and_a_damaged_row_is_dropped(out):
     journal = Journal(out, SETTINGS)
     for pair in "ab":
         journal.append(row(pair, landmark_error=0.1))
-    first, *_ = journal.begun.names()
-    (journal.begun.path / first).write_bytes(b'{"set": "cohort", "pa')
+    first, *_ = journal.checkpoint.names()
+    (journal.checkpoint.path / first).write_bytes(b'{"set": "cohort", "pa')
     again = Journal(out, SETTINGS)
     assert len(again.rows) == 1
     for pair in "abc":
@@ -134,11 +134,11 @@ def test_a_disk_that_fills_leaves_no_half_of_a_row(out, monkeypatch):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     journal = Journal(out, SETTINGS)
-    before = os.listdir(journal.begun.path)
+    before = os.listdir(journal.checkpoint.path)
     monkeypatch.setattr(Path, "write_bytes", full)
     with pytest.raises(BenchmarkError, match="row-.*json: .*free.*what was finished is kept: run it again to go on"):
         journal.append(row())
-    assert os.listdir(journal.begun.path) == before
+    assert os.listdir(journal.checkpoint.path) == before
 
 
 @pytest.mark.parametrize(
@@ -165,7 +165,7 @@ def test_the_schema_refuses_rows_without_their_figures(out):
     journal.append(lacking)
     with pytest.raises(BenchmarkError, match=r"rows\[0\].*'certified' is a required"):
         journal.finish(PROVENANCE)
-    assert journal.begun.path.exists() and not out.exists()
+    assert journal.checkpoint.path.exists() and not out.exists()
 
 
 def test_every_field_of_the_schema_is_described():

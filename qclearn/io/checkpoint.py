@@ -1,0 +1,92 @@
+"""The finished parts of a long run, stored in a folder, so that a stopped run goes on."""
+
+import json
+from pathlib import Path
+
+from ..surfaces.surface import SurfaceError
+from .safe import npz_arrays, npz_bytes, write_whole
+
+SETTINGS = "settings.json"
+
+
+class Checkpoint:
+    """A folder with a run's settings and a file for each finished part; path None: nothing is
+    stored.
+
+    settings: dict for JSON of all that the parts depend on, stored in the file `record`. error: the
+    exception for a folder with other settings, with files but no `record` (unless shared=True), or
+    that cannot be written.
+    """
+
+    def __init__(self, path, settings, error, record=SETTINGS, shared=False):
+        self.path = None if path is None else Path(path)
+        self.error = error
+        self.record = record
+        if self.path is None:
+            return
+        settings = json.loads(json.dumps(settings))
+        stored = self._stored_settings()
+        if stored is None and not shared and self.names():
+            raise error(f"{path}: holds files, but no {record} of a run; empty it, or give another folder")
+        differing = ", ".join(_differing(stored or settings, settings))
+        if differing:
+            raise error(f"{path}: begun with other settings ({differing} differ): give the same or another place")
+        self.write(record, json.dumps(settings, indent=1).encode())
+
+    def _stored_settings(self):
+        """The settings of the run that the folder holds, None of a new one; makes the folder."""
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            place = self.path / self.record
+            return json.loads(place.read_text(encoding="utf-8")) if place.exists() else None
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            message = f"{self.path}: cannot be used ({reason}); give another folder"
+            raise self.error(message) from None
+
+    def names(self):
+        """Names of the files of finished parts, list."""
+        names = sorted(file.name for file in self.path.iterdir())
+        return [name for name in names if name != self.record and not name.startswith(".")]
+
+    def read(self, name):
+        """A part's bytes, or None where it is not finished."""
+        file = self.path and self.path / name
+        return file.read_bytes() if file and file.is_file() else None
+
+    def write(self, name, data):
+        """Store a part's bytes, whole or not at all."""
+        if self.path is None:
+            return
+        try:
+            write_whole(self.path / name, lambda place: place.write_bytes(data), len(data))
+        except SurfaceError as error:
+            message = f"{error}; what was finished is kept: run it again to go on"
+            raise self.error(message) from None
+
+    def arrays(self, name, make):
+        """The arrays (dict) of a part: stored ones, or those of `make()`, which are stored."""
+        data = self.read(name)
+        if data is None:
+            data = npz_bytes(make())
+            self.write(name, data)
+        return npz_arrays(data, lambda name: True)
+
+    def json(self, name, make):
+        """What JSON can say of a part: stored, or that of `make()`, which is stored."""
+        data = self.read(name)
+        if data is None:
+            data = json.dumps(make()).encode()
+            self.write(name, data)
+        return json.loads(data)
+
+
+def _differing(stored, settings):
+    """Names of the settings that differ, those of a group as group.name."""
+    for name in sorted(stored | settings):
+        old = stored.get(name)
+        new = settings.get(name)
+        if isinstance(old, dict) and isinstance(new, dict):
+            yield from (f"{name}.{inner}" for inner in _differing(old, new))
+        elif old != new:
+            yield name

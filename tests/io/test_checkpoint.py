@@ -1,0 +1,49 @@
+"""Stopped runs go on from their folder, and a folder of another run is refused."""
+
+import json
+
+import numpy as np
+import pytest
+
+from qclearn.files.checkpoint import Checkpoint
+
+
+class RunError(ValueError):
+    pass
+
+
+def test_a_finished_part_is_made_once(tmp_path):
+    calls = []
+
+    def make():
+        calls.append(1)
+        return {"a": np.arange(3.0), "name": np.array("x")}
+
+    for _ in range(2):
+        arrays = Checkpoint(tmp_path / "run", {"steps": 3}, RunError).arrays("one.npz", make)
+        assert arrays["a"].tolist() == [0, 1, 2] and str(arrays["name"]) == "x"
+        assert Checkpoint(tmp_path / "run", {"steps": 3}, RunError).json("two.json", lambda: {"n": len(calls)}) == {
+            "n": 1
+        }
+    assert Checkpoint(tmp_path / "run", {"steps": 3}, RunError).names() == ["one.npz", "two.json"]
+
+
+def test_without_a_folder_nothing_is_stored():
+    checkpoint = Checkpoint(None, {}, RunError)
+    checkpoint.write("one.json", b"1")
+    assert checkpoint.read("one.json") is None and checkpoint.json("one.json", lambda: 2) == 2
+
+
+def test_settings_that_differ_are_named(tmp_path):
+    Checkpoint(tmp_path, {"network": {"size": 1, "rate": 2}, "steps": 3}, RunError)
+    with pytest.raises(RunError, match=r"other settings \(network.rate, steps differ\): give the same"):
+        Checkpoint(tmp_path, {"network": {"size": 1, "rate": 5}, "steps": 4}, RunError)
+    assert json.loads((tmp_path / "settings.json").read_text())["steps"] == 3
+
+
+def test_files_of_others_are_refused_unless_the_folder_is_shared(tmp_path):
+    (tmp_path / "notes.txt").touch()
+    with pytest.raises(RunError, match="holds files, but no settings.json of a run"):
+        Checkpoint(tmp_path, {}, RunError)
+    Checkpoint(tmp_path, {}, RunError, record="config.json", shared=True)
+    assert (tmp_path / "config.json").is_file()
