@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from qclearn.files.checkpoint import Checkpoint
+from qclearn.io.checkpoint import Checkpoint
 
 
 class RunError(ValueError):
