@@ -82,10 +82,7 @@ def test_the_files_that_a_text_names_are_there(text):
 
 
 def test_the_names_of_files_are_recognised():
-    assert NAMED.findall("see `qclearn/suspect.py`, qclearn/plane/. Not a/tools/x") == [
-        "qclearn/suspect.py",
-        "qclearn/plane",
-    ]
+    assert NAMED.findall("see `qclearn/suspect.py`. Not a/tools/x") == ["qclearn/suspect.py"]
 
 
 def test_no_file_names_a_machine():
@@ -105,13 +102,6 @@ def test_no_file_names_a_machine():
     assert found == {}
 
 
-@pytest.mark.parametrize("text", [f"/{'root'}/x", f"open('/{'home'}/ann')", f"../{'shared'}/x", f"see /{'work'}/x"])
-def test_machine_paths_are_recognised(text):
-    assert MACHINE_PATH.search(text)
-
-
-@pytest.mark.parametrize(
-    "text", [f"https://example.org/{'home'}/page", f"book/_assets/{'work'}/x", "the work/life of tmp"]
-)
-def test_other_text_is_left_alone(text):
-    assert not MACHINE_PATH.search(text)
+def test_a_machine_path_is_recognised():
+    assert MACHINE_PATH.search(f"open('/{'home'}/ann')")
+    assert not MACHINE_PATH.search(f"https://example.org/{'home'}/page")
