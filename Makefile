@@ -36,19 +36,19 @@ unexport PYTHONDONTWRITEBYTECODE
 .DELETE_ON_ERROR:
 
 book: $(INSTALLED)
-	$(BIN)/python tools/build_book.py --jobs $(JOBS)
+	$(BIN)/python -m book.builder.build_book --jobs $(JOBS)
 	@echo "The book: _build/html/index.html (serve it with: $(BIN)/python -m http.server --directory _build/html)"
 
 test: $(INSTALLED)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile --no-loadscope-reorder --ignore=tests/site tests
-	$(BIN)/python tools/build_book.py --jobs $(JOBS)
-	$(BIN)/python tools/lab_copies.py --jobs $(JOBS)
+	$(BIN)/python -m book.builder.build_book --jobs $(JOBS)
+	$(BIN)/python -m book.builder.lab_copies --jobs $(JOBS)
 	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadgroup -rs tests/site
 
 lab-copies: $(INSTALLED)
-	$(BIN)/python tools/lab_copies.py --jobs $(JOBS)
+	$(BIN)/python -m book.builder.lab_copies --jobs $(JOBS)
 
 lab: lab-copies
 	$(BIN)/jupyter lab --ServerApp.root_dir=build/lab --LabApp.default_url=/lab/tree/index.ipynb
@@ -57,25 +57,25 @@ edit: $(INSTALLED)
 	$(BIN)/jupyter lab book
 
 clear: $(INSTALLED)
-	$(BIN)/python tools/clear_pages.py
+	$(BIN)/python -m book.builder.clear_pages
 
 notebooks: $(INSTALLED)
-	$(BIN)/python tools/lab_copies.py --plain --jobs $(JOBS)
+	$(BIN)/python -m book.builder.lab_copies --plain --jobs $(JOBS)
 
 course: $(INSTALLED)
-	$(BIN)/python tools/course.py
+	$(BIN)/python -m book.builder.course
 
 decks: $(INSTALLED)
-	$(BIN)/python tools/decks.py --jobs $(JOBS)
+	$(BIN)/python -m book.builder.decks --jobs $(JOBS)
 	@echo "Slides: $(BIN)/python -m http.server --directory build/decks, then http://localhost:8000/opening.html"
 
 # The picture of the README.
 picture: $(INSTALLED)
-	$(BIN)/python tools/readme_picture.py
+	$(BIN)/python -m book.builder.readme_picture
 
 # The tag of a release, v<version>: of a clean tree whose CHANGELOG.md begins with the version of pyproject.toml.
 tag: $(INSTALLED)
-	$(BIN)/python tools/tag.py
+	$(BIN)/python -m book.builder.tag
 
 clean:
 	rm -rf _build build .venv

@@ -1,6 +1,6 @@
 """Synthetic cortex: folded hemispheres with named sulci and a known dense correspondence."""
 
-from qclearn.files.extras import require
+from qclearn.io.extras import require
 from qclearn.lazy import offer
 
 TABLE = {

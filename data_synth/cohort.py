@@ -9,10 +9,11 @@ from pathlib import Path
 from platformdirs import user_cache_path
 from tqdm import tqdm
 
-from data_synth.cortex import CortexError, make_cortex, require_generation
-from data_synth.generations import GENERATION
-from data_synth.subjects import load_cortex, save_cortex
-from qclearn.files.meshes import write_whole
+from qclearn.io.meshes import write_whole
+
+from .cortex import CortexError, make_cortex, require_generation
+from .generations import GENERATION
+from .subjects import load_cortex, save_cortex
 
 SEEDS = tuple(range(1001, 1025))
 

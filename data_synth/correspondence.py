@@ -3,8 +3,9 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-from data_synth.cortex import require_one_generation
 from qclearn.surfaces.curvature import sulcal_depth
+
+from .cortex import require_one_generation
 
 CANDIDATES = (6, 40)
 

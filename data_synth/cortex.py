@@ -4,15 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from data_synth.fundus import trace, trim
-from data_synth.generations import GENERATION, GENERATIONS
-from data_synth.growth import GROWN, Sheet, depth_below, grow, hull_distance, neighbour_table
-from data_synth.individual import Individual, smooth_field
-from data_synth.pattern import pattern
-from data_synth.template import LONGEST
-from data_synth.tessellation import even_points, triangulate
-from data_synth.untangle import untangle
 from qclearn.surfaces.surface import Surface
+
+from .fundus import trace, trim
+from .generations import GENERATION, GENERATIONS
+from .growth import GROWN, Sheet, depth_below, grow, hull_distance, neighbour_table
+from .individual import Individual, smooth_field
+from .pattern import pattern
+from .template import LONGEST
+from .tessellation import even_points, triangulate
+from .untangle import untangle
 
 HEMISPHERES = ("left", "right")
 FEWEST, MOST = 1_000, 200_000

@@ -9,17 +9,18 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from data_synth.cortex import require_one_generation
-from data_synth.fields import random_coefficient
-from data_synth.landmarks import DiskMaps
-from qclearn.files.extras import require
-from qclearn.files.safe import write_whole
+from qclearn.io.extras import require
+from qclearn.io.safe import write_whole
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.disk import Disk
 from qclearn.registration.landmarks import sample_curve
 from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.curvature import curvature_image, grey_levels, mean_curvature
 from qclearn.surfaces.surface import SurfaceError
+
+from .cortex import require_one_generation
+from .fields import random_coefficient
+from .landmarks import DiskMaps
 
 with require("nets", "training sets"):
     import torch

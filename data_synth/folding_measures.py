@@ -3,8 +3,9 @@
 import numpy as np
 from scipy import sparse
 
-from data_synth.cortex import vertex_normals
 from qclearn.plane.linear import factorise, heat_flow
+
+from .cortex import vertex_normals
 
 
 def smooth(surface, values, length, steps=3):

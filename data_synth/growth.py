@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from data_synth.compiled import compiled
-from data_synth.template import CENTRE, area_vectors, unit
-from data_synth.tessellation import fibonacci_sphere
+from .compiled import compiled
+from .template import CENTRE, area_vectors, unit
+from .tessellation import fibonacci_sphere
 
 GROWN = 0.85  # share of the steps after which the rest lengths grow no more
 

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from data_synth.generations import GENERATION, GENERATIONS
-from data_synth.pattern import pattern
-from data_synth.template import (
+from .generations import GENERATION, GENERATIONS
+from .pattern import pattern
+from .template import (
     CENTRE,
     COMPANIONS,
     LOBES,

@@ -2,8 +2,9 @@
 
 from copy import copy
 
-from data_synth.fields import random_coefficient
 from qclearn.plane.solver import DiskSolver
+
+from .fields import random_coefficient
 
 
 class DiskMaps:

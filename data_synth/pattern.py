@@ -1,6 +1,6 @@
 """The folds that the template grows by itself, to which subjects lean.
 
-They are kept in `pattern.json`, which `tools/grow_pattern.py` writes: a subject that is the template itself is grown
+They are kept in `pattern.json`, which `book/studies/grow_pattern.py` writes: a subject that is the template itself is grown
 once, and the depth of its folds kept. Kept and not grown anew, because a seed shall give the same subject everywhere.
 """
 
@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from data_synth.tessellation import fibonacci_sphere
+from .tessellation import fibonacci_sphere
 
 FILE = Path(__file__).with_name("pattern.json")
 COUNT = 6000  # directions, at which the depth is kept

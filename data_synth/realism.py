@@ -12,7 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from data_synth.folding_measures import (
+from qclearn.surfaces.curvature import mean_curvature, sulcal_depth
+from qclearn.surfaces.surface import Surface, require_outward
+
+from .folding_measures import (
     facing_distance,
     fold_spectrum,
     pits_and_fundi,
@@ -21,9 +24,7 @@ from data_synth.folding_measures import (
     spectral_centroid,
     spectral_peak,
 )
-from data_synth.intersections import self_intersections
-from qclearn.surfaces.curvature import mean_curvature, sulcal_depth
-from qclearn.surfaces.surface import Surface, require_outward
+from .intersections import self_intersections
 
 CANONICAL_VERTICES = 10_000  # folding is measured at this resolution, so that meshes of 10,000 to 160,000 compare
 BURIED = 0.012  # deeper than this, in units of sqrt(hull area), counts as buried

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from data_synth.cortex import HEMISPHERES, Cortex, CortexError
-from qclearn.files.meshes import write_whole
+from qclearn.io.meshes import write_whole
 from qclearn.surfaces.surface import Surface, SurfaceError
+
+from .cortex import HEMISPHERES, Cortex, CortexError
 
 TRAITS = ("interrupted", "branched")
 REQUIRED = ("vertices", "faces", "template", "seed", "hemisphere", "generation", *TRAITS)

@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial import ConvexHull, cKDTree
 
-from data_synth.compiled import compiled
-from data_synth.template import CENTRE, WALL_AXES, WALL_CENTRE, area_vectors, unit, wall_curve, wall_level
+from .compiled import compiled
+from .template import CENTRE, WALL_AXES, WALL_CENTRE, area_vectors, unit, wall_curve, wall_level
 
 
 def fibonacci_sphere(count):

@@ -8,11 +8,6 @@ from functools import cache
 
 import numpy as np
 
-from data_synth.cohort import hemispheres
-from data_synth.datasets import CurveDataset, Seeded, cached, quiet_disk_map
-from data_synth.fields import KINDS, MAX_ABS, dead_leaves, image_coefficient, random_coefficient, smooth_coefficient
-from data_synth.landmarks import DiskMaps, Perturbation
-from data_synth.template import SULCI
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import FINE, polar, polar_disk, square_disk
 from qclearn.plane.mobius import best_mobius, mobius, mobius_inverse
@@ -22,6 +17,12 @@ from qclearn.registration.landmarks import sample_curve
 from qclearn.registration.link import Link
 from qclearn.registration.looks import Looks, refit
 from qclearn.registration.problem import distinct
+
+from .cohort import hemispheres
+from .datasets import CurveDataset, Seeded, cached, quiet_disk_map
+from .fields import KINDS, MAX_ABS, dead_leaves, image_coefficient, random_coefficient, smooth_coefficient
+from .landmarks import DiskMaps, Perturbation
+from .template import SULCI
 
 
 class Fields(Seeded):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from data_synth.intersections import self_intersections
+from .intersections import self_intersections
 
 ROUNDS = 8
 

@@ -3,9 +3,9 @@
 from .lazy import offer
 
 TABLE = {
-    "files.fsaverage": ["demo_landmarks", "fsaverage5"],
-    "files.meshes": ["read_surface", "write_surface"],
-    "files.values": ["read_mask", "read_values", "write_values"],
+    "io.fsaverage": ["demo_landmarks", "fsaverage5"],
+    "io.meshes": ["read_surface", "write_surface"],
+    "io.values": ["read_mask", "read_values", "write_values"],
     "group.kept": ["TemplateError"],
     "group.template": ["Template", "template"],
     "group.workers": ["WorkersError"],

@@ -6,9 +6,10 @@ import json
 import re
 
 import nbformat
-from graded import EXERCISES, call
-from references import BOOK
-from solutions import solutions_in, without
+
+from book.builder.graded import EXERCISES, call
+from book.builder.references import BOOK
+from book.builder.solutions import solutions_in, without
 
 LONG = 20  # characters: a shorter line may stand anywhere
 TAG = re.compile(r"<[^>]+>")

@@ -15,9 +15,9 @@ from reports import REPORT
 
 from qclearn import read_values
 from qclearn.cli import main
-from qclearn.files.fsaverage import fsaverage5, whole_fsaverage5
-from qclearn.files.meshes import read_surface, write_surface
-from qclearn.files.values import write_values
+from qclearn.io.fsaverage import fsaverage5, whole_fsaverage5
+from qclearn.io.meshes import read_surface, write_surface
+from qclearn.io.values import write_values
 from qclearn.plane.beltrami import solve_beltrami_disk
 from qclearn.plane.grids import polar_disk
 from qclearn.registration.landmarkfile import read_landmarks
@@ -721,6 +721,6 @@ def test_a_bug_is_not_called_bad_input(folder, monkeypatch):
     def buggy(data):
         return {}["vertices"]
 
-    monkeypatch.setattr("qclearn.files.meshes.npz_arrays", lambda data, wanted: buggy(data))
+    monkeypatch.setattr("qclearn.io.meshes.npz_arrays", lambda data, wanted: buggy(data))
     with pytest.raises(KeyError):
         run(*to_register(folder))

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from test_cli import bowl, refused, run
 
-from qclearn.files.fsaverage import demo_landmarks, fsaverage5, whole_fsaverage5
-from qclearn.files.meshes import write_surface
+from qclearn.io.fsaverage import demo_landmarks, fsaverage5, whole_fsaverage5
+from qclearn.io.meshes import write_surface
 from qclearn.registration.landmarkfile import check_curves, read_landmarks
 from qclearn.registration.landmarks import fundus_metric, fundus_path
 from qclearn.surfaces.surface import Surface

@@ -7,10 +7,11 @@ import re
 
 import nbformat
 import pytest
-from graded import IMPORTS
-from solutions import solutions_in
 from test_imports import PATHS, ROOT, imports_of, module_of, offenders
 from test_rules import functions_of, tree_of
+
+from book.builder.graded import IMPORTS
+from book.builder.solutions import solutions_in
 
 ROOMS = sorted(path.parent.name for path in (ROOT / "qclearn").glob("*/__init__.py"))
 HOUSES = ("qclearn", "data_synth")

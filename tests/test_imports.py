@@ -95,15 +95,15 @@ def test_imports_point_one_way():
     "module, name, at_top",
     [
         ("qclearn.plane.disk", "torch", True),
-        ("qclearn.plane.disk", "qclearn.pages.plot", False),
-        ("qclearn.surfaces.surface", "qclearn.files.meshes", False),
+        ("qclearn.plane.disk", "qclearn.plot", False),
+        ("qclearn.surfaces.surface", "qclearn.io.meshes", False),
         ("qclearn.registration.register", "qclearn.nets", True),
         ("qclearn.plane.fourier", "data_synth", True),
         ("qclearn", "qclearn.nets", True),
-        ("data_synth.cortex", "qclearn.pages.plot", True),
+        ("data_synth.cortex", "qclearn.plot", True),
         ("data_synth.cortex", "torch", True),
         ("qclearn.nets.train", "data_synth", False),
-        ("qclearn.registration.register", "qclearn.methods", False),
+        ("qclearn.registration.register", "qclearn.benchmark.methods", False),
         ("qclearn.nets.layers", "matplotlib", False),
     ],
 )
@@ -118,7 +118,7 @@ def test_the_rule_refuses(module, name, at_top):
         ("qclearn.cli", "data_synth"),
         ("qclearn.nets.cpnet", "qclearn.plane.disk"),
         ("data_synth.cortex", "qclearn.surfaces.surface"),
-        ("qclearn.pages.fitstates", "qclearn.pages.plot"),
+        ("qcbook.fitstates", "qclearn.plot"),
     ],
 )
 def test_the_rule_allows(module, name):
@@ -149,7 +149,7 @@ def test_importing_the_library_loads_nothing_and_its_doors_no_network_and_no_pic
 # A distribution -> what it is imported as, where the two differ.
 IMPORTED_AS = {"scikit-image": "skimage", "cat-surf": "cat_surf"}
 # A program that runs in a process of its own, because of the licence of what it imports.
-PROGRAM = "qclearn.methods.catsurf"
+PROGRAM = "qclearn.benchmark.methods.catsurf"
 # Come with another package: with pyvista, and with distributed.
 BROUGHT = {"vtkmodules", "dask"}
 # Needed without an import there: fsaverage5's files.

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 import yaml
-from build_book import SITE  # of tools
+
+from book.builder.build_book import SITE
 
 ROOT = Path(__file__).resolve().parent.parent
 CONDA, CONTAINER, WORKFLOW = "environment.yml", ".devcontainer/devcontainer.json", ".github/workflows/book.yml"

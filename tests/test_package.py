@@ -11,9 +11,9 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from packages import build_packages, run_outside  # of tools
 
-from qclearn.pages.live import MODULES
+from book.builder.packages import build_packages, run_outside
+from qcbook.live import MODULES
 
 ROOT = Path(__file__).resolve().parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -34,7 +34,7 @@ def test_the_packages_carry_the_version(packages):
 def test_the_wheel_carries_the_browser_modules_of_the_book(packages):
     """A notebook downloaded from the site finds its explorables in the package."""
     with zipfile.ZipFile(packages[1]) as archive:
-        carried = {Path(name).name for name in archive.namelist() if name.startswith("qclearn/pages/browser/")}
+        carried = {Path(name).name for name in archive.namelist() if name.startswith("book/qcbook/browser/")}
     wanted = {path.name for path in MODULES.iterdir() if path.suffix in (".js", ".wasm", ".css")}
     assert "lab.js" in wanted and wanted <= carried
 

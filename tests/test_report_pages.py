@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from meshes import bowl
 
 from qclearn.cli import main
-from qclearn.files.meshes import write_surface
+from qclearn.io.meshes import write_surface
 from qclearn.plane.disk import Disk
 from qclearn.registration.mapfile import write_registration
 from qclearn.reports import write_group, write_pair
@@ -38,7 +38,7 @@ def run(*arguments):
 def runs(tmp_path_factory):
     """Registrations of three bowls onto one, the first with a page; the second holds a curve out."""
     folder, patch = tmp_path_factory.mktemp("runs"), pytest.MonkeyPatch()
-    patch.setattr("qclearn.pages.plot.registration_figure", lambda *_: Figure())  # another test's, and it takes time
+    patch.setattr("qclearn.plot.registration_figure", lambda *_: Figure())  # another test's, and it takes time
     write_surface(folder / "control.npz", bowl(0.9, lean=0.4, curves=SPOKES))
     for name, height, lean, options in (
         ("one", 0.6, 0.4, ["--report"]),

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import nbformat
 import pytest
-from references import markdown_of
-from solutions import solutions_in
+
+from book.builder.references import markdown_of
+from book.builder.solutions import solutions_in
 
 ROOT = Path(__file__).resolve().parent.parent
 NOTEBOOKS = sorted((ROOT / "book").glob("*.ipynb"))

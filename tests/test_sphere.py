@@ -11,9 +11,9 @@ from test_whole import BALL, made  # noqa: F401 (a fixture)
 from workbench import unknown, workbench
 
 import qclearn as qc
-from qclearn.files.frames import Frame
-from qclearn.files.fsaverage import whole_fsaverage5
-from qclearn.files.hemisphere import read_hemisphere
+from qclearn.io.frames import Frame
+from qclearn.io.fsaverage import whole_fsaverage5
+from qclearn.io.hemisphere import read_hemisphere
 from qclearn.plane.grids import polar_disk
 from qclearn.registration import sphere as spheres
 from qclearn.registration.mapfile import side_arrays, write_registration

@@ -12,9 +12,9 @@ from known_surfaces import sphere
 from test_cli import everything, refused, run
 
 import qclearn as qc
-from qclearn.files.hemisphere import read_hemisphere
-from qclearn.files.meshes import frame_of
-from qclearn.files.values import read_map
+from qclearn.io.hemisphere import read_hemisphere
+from qclearn.io.meshes import frame_of
+from qclearn.io.values import read_map
 from qclearn.registration.landmarkfile import on_disks
 from qclearn.registration.mapfile import read_registration
 

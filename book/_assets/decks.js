@@ -1,4 +1,4 @@
-// The slides of tools/decks.py. An explorable is as large as its slide lets it be, and keeps its keys for itself.
+// The slides of book/builder/decks.py. An explorable is as large as its slide lets it be, and keeps its keys for itself.
 const HEIGHT = 720,
   live = (element) => element?.closest(".qc-live");
 

@@ -8,7 +8,7 @@ TABLE = {
     "measured": ["BenchmarkError", "read_measured"],
     "pairs": ["CONTROL", "cohort_pair", "displacement_pair", "fsaverage_pair", "mapped", "mapped_subject", "prepare"],
     "problems": ["DISTANCES"],
-    "results": [
+    "rows": [
         "chain_seconds",
         "compare_fronts",
         "compare_runs",

@@ -9,8 +9,8 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from ..files.conte69 import conte69
-from ..files.fsaverage import fsaverage5, named_sulci
+from ..io.conte69 import conte69
+from ..io.fsaverage import fsaverage5, named_sulci
 from ..plane.grids import joined
 from ..registration.landmarks import curves_of_both, fundus_metric, fundus_path
 from ..surfaces.surface import Surface, mirror

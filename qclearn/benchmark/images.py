@@ -6,9 +6,9 @@ import numpy as np
 
 from data_synth.correspondence import locate_on_sphere
 
-from ..methods.spheres import inward
 from ..surfaces.checks import norms
 from ..surfaces.surface import SurfaceError
+from .methods.spheres import inward
 
 
 class OnDisk:

@@ -5,23 +5,23 @@ from pathlib import Path
 
 import numpy as np
 
-from ..files.extras import require
-from ..files.meshes import write_whole
+from ..io.extras import require
+from ..io.meshes import write_whole
 from ..surfaces.surface import SurfaceError
 
 SCHEMA_VERSION = 2  # of the benchmark: raise it when a field's meaning changes, so that old files are not read as new
-KEPT = Path(__file__).with_name("kept")
+KEPT = Path(__file__).with_name("results")
 RESULTS = "benchmark", "peers"  # files that the benchmark itself writes
 WRITERS = {  # of the files that come with the package
     "benchmark": "qclearn benchmark",
-    "networks": "tools/evaluate_networks.py",
+    "networks": "book/studies/evaluate_networks.py",
     "peers": "qclearn benchmark --peers only",
-    "scaling": "tools/scaling.py",
-    "sizes": "tools/sizes.py",
-    "suspect": "tools/suspect.py",
-    "template": "tools/template.py",
-    "training": "tools/training.py",
-    "weights": "tools/choose_weights.py",
+    "scaling": "book/studies/scaling.py",
+    "sizes": "book/studies/sizes.py",
+    "suspect": "book/studies/suspect.py",
+    "template": "book/studies/template.py",
+    "training": "book/studies/training.py",
+    "weights": "book/studies/choose_weights.py",
 }
 DENSE = ("template", "training")  # an entry a line
 LISTED = {

@@ -13,8 +13,7 @@ from scipy.optimize import brentq
 from data_synth.cohort import GENERATION, hemispheres
 from data_synth.correspondence import locate_on_sphere
 
-from ..files.fsaverage import demo_landmarks, fsaverage5, whole_fsaverage5
-from ..methods.spheres import Sphere
+from ..io.fsaverage import demo_landmarks, fsaverage5, whole_fsaverage5
 from ..plane.mobius import mobius, mobius_inverse
 from ..registration.features import FOLDS
 from ..registration.landmarkfile import check_curves
@@ -26,6 +25,7 @@ from ..registration.smoothing import FINEST, Smoothing
 from ..surfaces.conformal import Side, laid_out
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import Surface, mirror
+from .methods.spheres import Sphere
 
 # The seed of the control that the paper's CP-Net is trained for. The networks have seen it, but not the cohort.
 CONTROL = 2001

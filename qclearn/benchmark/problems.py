@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from data_synth.cohort import SEEDS
 
-from ..files.conte69 import installed_folder
+from ..io.conte69 import installed_folder
 from .cortex import AMPLITUDES, HALVES, PARTS, conte69_pair, conte69_sides, fsaverage_side, heldout_pair, warp_pair
 from .measured import BenchmarkError
 from .pairs import CONTROL, cohort_pair, displacement_pair, fsaverage_pair, mapped_subject

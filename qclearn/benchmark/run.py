@@ -19,14 +19,14 @@ from tqdm import tqdm
 from data_synth.cohort import GENERATION, hemispheres
 from data_synth.cortex import FEWEST, MOST
 
-from ..files.extras import require
-from ..files.provenance import commit, processor
 from ..group.workers import connect, versions
-from ..methods import METHODS
+from ..io.extras import require
+from ..io.provenance import commit, processor
 from .measured import BenchmarkError
+from .methods import METHODS
 from .pairs import CONTROL
 from .problems import problems, submit_pair
-from .results import Journal
+from .rows import Journal
 from .runs import check_runs, lacking, table_of
 from .trial import trial
 

@@ -4,11 +4,11 @@ import inspect
 import json
 from dataclasses import dataclass, field, replace
 
-from ..files.extras import require
-from ..methods.networks import network, networks_of
-from ..methods.programs import words_of
+from ..io.extras import require
 from ..registration.problem import DELTA, Weights
 from .measured import BenchmarkError
+from .methods.networks import network, networks_of
+from .methods.programs import words_of
 from .pairs import DETECTORS, SOURCES
 
 SETS = ("cohort", "displacement", "fsaverage5", "heldout", "warp", "conte69")

@@ -11,10 +11,6 @@ import numpy as np
 from scipy.stats import spearmanr
 from threadpoolctl import threadpool_limits
 
-from ..methods.alone import costs_alone
-from ..methods.networks import networks_of
-from ..methods.programs import Answer
-from ..methods.spheres import inward
 from ..plane.bijectivity import RepairWarning
 from ..plane.disk import Disk
 from ..plane.grids import polar
@@ -29,6 +25,10 @@ from ..registration.metrics import (
 )
 from ..registration.register import register
 from .images import OnDisk, image_of, reversed_on_sphere
+from .methods.alone import costs_alone
+from .methods.networks import networks_of
+from .methods.programs import Answer
+from .methods.spheres import inward
 from .pairs import prepare, reverse
 from .yardstick import TRUE_MAP, curve_errors, folds_agree, held_out, log2_means, maps_agree, tails, true_map
 

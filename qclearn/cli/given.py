@@ -6,9 +6,9 @@ import click
 import numpy as np
 from click.core import ParameterSource
 
-from ..files.hemisphere import require_side
-from ..files.meshes import frame_of
-from ..files.values import read_map, read_regions
+from ..io.hemisphere import require_side
+from ..io.meshes import frame_of
+from ..io.values import read_map, read_regions
 from ..registration.features import FOLDS, Feature, FeatureError
 from ..registration.problem import INDIVIDUAL
 

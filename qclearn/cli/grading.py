@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from ..files.safe import write_whole
+from ..io.safe import write_whole
 from .output import output_folder, say
 
 TO_READ = "to-read.md"
@@ -39,8 +39,8 @@ def grade(folder, out, sheet, seed, seconds, gb, jobs):
     and nothing else. What students wrote in words stands on the page to-read.md there; the column 'to read' says who
     wrote any, the column 'look at' where code names what a check could be deceived by.
     """
-    from ..exercises import GradingError, Limits, found_in, is_isolated, to_read
-    from ..exercises import grade as graded_of
+    from qcbook.exercises import GradingError, Limits, found_in, is_isolated, to_read
+    from qcbook.exercises import grade as graded_of
 
     out = Path(out)
     if out.suffix != ".csv" or not out.parent.is_dir():
@@ -68,7 +68,7 @@ def grade(folder, out, sheet, seed, seconds, gb, jobs):
 
 def write_pages(folder, found, read):
     """A page for each student, and the one for the teacher."""
-    from ..exercises import feedback
+    from qcbook.exercises import feedback
 
     for graded in found:
         page = folder / f"{graded.student}.md"
@@ -80,7 +80,7 @@ def write_pages(folder, found, read):
 
 
 def write_table(path, found):
-    from ..exercises import table
+    from qcbook.exercises import table
 
     with open(path, "w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerows(table(found))

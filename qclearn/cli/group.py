@@ -9,10 +9,10 @@ import numpy as np
 
 import qclearn as qc
 
-from ..files.frames import Frame
-from ..files.meshes import frame_of
-from ..files.safe import npz_arrays, read_bytes
 from ..group.members import TRAITS
+from ..io.frames import Frame
+from ..io.meshes import frame_of
+from ..io.safe import npz_arrays, read_bytes
 from ..registration.features import FOLDS
 from ..registration.mapfile import side_arrays, write_registration
 from ..registration.problem import BY_DISKS

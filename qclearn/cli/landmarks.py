@@ -8,10 +8,10 @@ import numpy as np
 
 import qclearn as qc
 
-from ..files.frames import TKR, side_of_name
-from ..files.hemisphere import read_hemisphere, require_side
-from ..files.safe import write_whole
-from ..files.values import read_label
+from ..io.frames import TKR, side_of_name
+from ..io.hemisphere import read_hemisphere, require_side
+from ..io.safe import write_whole
+from ..io.values import read_label
 from ..registration.landmarkfile import SIDES, check_curves
 from ..registration.points import SCANNER, nearest_vertices, read_points, spaces
 from ..registration.tracing import carried, ends_apart, laid_by_folds, ordered, threaded

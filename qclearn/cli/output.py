@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from ..files.safe import full_disk, is_full, own_prefix, printable, sweep
+from ..io.safe import full_disk, is_full, own_prefix, printable, sweep
 
 SEAL = "report.json"  # of every folder that a command writes: the last of its files to come
 

@@ -10,8 +10,8 @@ import numpy as np
 
 import qclearn as qc
 
-from ..files.hemisphere import Hemisphere, read_hemisphere
-from ..files.provenance import origin
+from ..io.hemisphere import Hemisphere, read_hemisphere
+from ..io.provenance import origin
 from ..registration.landmarkfile import on_disks, read_landmarks
 from ..registration.landmarks import curves_of_both
 from ..registration.mapfile import side_arrays, write_registration
@@ -191,7 +191,7 @@ class Pair:
 def register_into(out, pair, curves, accept_suspect, **options):
     """Run the pipeline on a `Pair`, write its files, with option `report` a page too, and print the report; exit code 3
     if suspect."""
-    from ..pages.plot import registration_figure
+    from ..plot import registration_figure
 
     command, stages, paged = click.get_current_context().obj, Stages(2, False), options.pop("report")
     read = time.perf_counter() - command.begun

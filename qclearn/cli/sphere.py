@@ -7,10 +7,10 @@ import numpy as np
 
 import qclearn as qc
 
-from ..files.frames import Frame
-from ..files.fsaverage import whole_fsaverage5
-from ..files.hemisphere import NAMED, require_side
-from ..files.meshes import frame_of
+from ..io.frames import Frame
+from ..io.fsaverage import whole_fsaverage5
+from ..io.hemisphere import NAMED, require_side
+from ..io.meshes import frame_of
 from ..registration.mapfile import frame_of_side, numbering_of_side, read_registration
 from ..registration.metrics import distortion_maps
 from ..registration.sphere import RINGS, registered_sphere, require_whole, unit_sphere

@@ -116,7 +116,7 @@ def benchmark(out, subjects, vertices, sets, methods, programs, limit, peers, fr
 
 def lines_of(rows):
     """Lines of one set's rows: each run's means, and the true map's own figures where it is known."""
-    from ..benchmark.results import failures, summary
+    from ..benchmark.rows import failures, summary
 
     table = summary(rows)
     for run, line in table.items():

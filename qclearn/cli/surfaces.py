@@ -11,9 +11,9 @@ from tqdm import tqdm
 
 import qclearn as qc
 
-from ..files.hemisphere import frame_of_whole, require_side
-from ..files.meshes import frame_of
-from ..files.values import Map, read_map
+from ..io.hemisphere import frame_of_whole, require_side
+from ..io.meshes import frame_of
+from ..io.values import Map, read_map
 from ..registration.mapfile import frame_of_side, numbering_of_side, read_registration
 from ..registration.transfer import transfer as transfer_map
 from .output import say

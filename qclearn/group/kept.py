@@ -5,8 +5,8 @@ import json
 
 import numpy as np
 
-from ..files.begun import Begun
-from ..files.safe import npz_arrays
+from ..io.begun import Begun
+from ..io.safe import npz_arrays
 from .subject import Fitted
 
 NAME = "round-{}-{}.npz"  # of a round's number and a subject's key

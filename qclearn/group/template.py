@@ -13,7 +13,7 @@ from jaxtyping import Complex, Float
 from numpy import ndarray
 from tqdm import tqdm
 
-from ..files.provenance import commit
+from ..io.provenance import commit
 from ..registration.features import FOLDS
 from ..registration.problem import BY_DISKS, Weights
 from ..registration.register import check_delta

@@ -4,8 +4,8 @@ import gc
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 
-from ..files.extras import require
-from ..files.provenance import versions as versions_of
+from ..io.extras import require
+from ..io.provenance import versions as versions_of
 
 PATIENCE = 20  # seconds for a scheduler to answer and to have a worker
 LOCAL = {"threads_per_worker": 1, "host": "127.0.0.1", "dashboard_address": "127.0.0.1:0", "silence_logs": 50}

@@ -1,6 +1,6 @@
 """The paper's three networks, each behind the same call as its exact twin."""
 
-from ..files.extras import require
+from ..io.extras import require
 from ..lazy import offer
 
 TABLE = {

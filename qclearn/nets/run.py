@@ -10,7 +10,7 @@ from pathlib import Path
 import torch
 from platformdirs import user_cache_path
 
-from ..files.provenance import commit
+from ..io.provenance import commit
 from . import TrainingError, build, save_weights, train
 from .networks import gamma_fault
 from .networks import network as row_of

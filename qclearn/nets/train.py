@@ -22,7 +22,7 @@ from torch import distributed, nn
 from torch.nn.parallel import DistributedDataParallel
 from tqdm import tqdm
 
-from ..files.meshes import write_whole
+from ..io.meshes import write_whole
 from ..surfaces.surface import SurfaceError
 
 CHECKPOINT_SECONDS = 10  # of training between two checkpoints at most; one takes a tenth of a second

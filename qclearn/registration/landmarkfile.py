@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..files.safe import is_plain_name, read_bytes
+from ..io.safe import is_plain_name, read_bytes
 from ..surfaces.surface import SurfaceError, mirror
 from .landmarks import check_path
 from .problem import LandmarkError

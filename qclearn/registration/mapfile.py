@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..files.frames import Frame, frame_of_text
-from ..files.hemisphere import Numbering
-from ..files.safe import FormatError, explain, npz_arrays, npz_bytes, read_bytes, write_whole
+from ..io.frames import Frame, frame_of_text
+from ..io.hemisphere import Numbering
+from ..io.safe import FormatError, explain, npz_arrays, npz_bytes, read_bytes, write_whole
 from ..plane.disk import Disk
 from ..surfaces.surface import SurfaceError
 

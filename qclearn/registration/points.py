@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..files.frames import TKR
-from ..files.safe import read_bytes
+from ..io.frames import TKR
+from ..io.safe import read_bytes
 from .landmarkfile import SIDES
 from .problem import LandmarkError
 

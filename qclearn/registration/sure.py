@@ -2,7 +2,7 @@
 a stiffer fit goes elsewhere, and how unlike the folds lie on each other, times a factor that known truths gave.
 
 Laplace's approximation alone is far too sure and hardly ranks: errors are mostly folds that agree and do not
-correspond. tools/calibrate_sure.py measures the factors and judges them on pairs that took no part: sure.json.
+correspond. book/studies/calibrate_sure.py measures the factors and judges them on pairs that took no part: sure.json.
 """
 
 import json
@@ -149,7 +149,7 @@ def stiffer(problem, weights, features):
 
 
 def calibrated():
-    """What tools/calibrate_sure.py measured: sure.json."""
+    """What book/studies/calibrate_sure.py measured: sure.json."""
     return json.loads(files(__package__).joinpath("sure.json").read_text())
 
 

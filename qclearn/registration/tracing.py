@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-from ..files.fsaverage import fsaverage5, named_sulci
+from ..io.fsaverage import fsaverage5, named_sulci
 from ..plane.disk import Disk
 from ..surfaces.checks import counted
 from ..surfaces.conformal import laid_out

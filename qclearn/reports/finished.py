@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..files.safe import read_bytes
+from ..io.safe import read_bytes
 from ..plane.disk import Disk
 from ..registration.features import Features
 from ..registration.mapfile import read_registration

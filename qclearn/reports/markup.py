@@ -6,7 +6,7 @@ from importlib.resources import files
 from pathlib import Path
 from string import Template
 
-from ..files.safe import write_whole
+from ..io.safe import write_whole
 from .finished import ReportError
 
 

@@ -21,12 +21,12 @@ from toys import broken, pair_of, shrunk, trial_of
 from qclearn.benchmark import run as module
 from qclearn.benchmark import runs as table
 from qclearn.benchmark.measured import BenchmarkError, read_measured
+from qclearn.benchmark.methods import METHODS, networks
 from qclearn.benchmark.run import benchmark, problems
 from qclearn.benchmark.runs import FRONT, PEERS, RUNS, Run, check_runs, lacking, run_of
 from qclearn.cli import main
 from qclearn.group import workers as connection
 from qclearn.group.workers import WorkersError
-from qclearn.methods import METHODS, networks
 
 SIZE = 1000
 

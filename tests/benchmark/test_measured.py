@@ -63,7 +63,7 @@ def test_figures_are_written_as_python_has_them(figures, tmp_path):
 def test_figures_that_do_not_fit_are_refused_where_they_stand(figures, part, key, value, place, tmp_path):
     path = tmp_path / "networks.json"
     wrong = figures | {part: figures[part] | {key: value}}
-    with pytest.raises(BenchmarkError, match=f"{place}: .*; run `tools/evaluate_networks.py` again"):
+    with pytest.raises(BenchmarkError, match=f"{place}: .*; run `book/studies/evaluate_networks.py` again"):
         write_measured("networks", path, wrong)
     assert not path.exists()
     path.write_text(json.dumps(wrong))
@@ -84,6 +84,6 @@ def test_other_figures_that_lack_something_are_refused(name, key, tmp_path):
 def test_what_is_no_json_is_refused(tmp_path):
     (tmp_path / "networks.json").write_text('{"polar": ')
     with pytest.raises(
-        BenchmarkError, match=r"not a JSON file .*; give a file that `tools/evaluate_networks.py` wrote"
+        BenchmarkError, match=r"not a JSON file .*; give a file that `book/studies/evaluate_networks.py` wrote"
     ):
         read_measured("networks", tmp_path / "networks.json")

@@ -7,10 +7,10 @@ import pytest
 
 from qclearn.benchmark import Run
 from qclearn.benchmark.cortex import conte69_pair, heldout_pair, other_mesh, warp_pair, warped
+from qclearn.benchmark.methods import METHODS
 from qclearn.benchmark.pairs import mapped, prepare, reverse
 from qclearn.benchmark.problems import problems
 from qclearn.benchmark.trial import trial
-from qclearn.methods import METHODS
 from qclearn.plane.disk import boundary_loop
 from qclearn.plane.grids import polar, polar_disk
 from qclearn.registration import Problem

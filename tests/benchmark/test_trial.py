@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from qclearn.benchmark import Run
+from qclearn.benchmark.methods import METHODS
 from qclearn.benchmark.pairs import cohort_pair, displacement_pair, mapped, prepare, twisted
 from qclearn.benchmark.trial import how_sure, trial
-from qclearn.methods import METHODS
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.grids import polar, polar_disk
 from qclearn.plane.mobius import mobius

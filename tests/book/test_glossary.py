@@ -4,7 +4,7 @@ import re
 from collections import defaultdict
 from pathlib import Path
 
-from references import CODE, chapters, markdown_of
+from book.builder.references import CODE, chapters, markdown_of
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -12,12 +12,12 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-import references
 from prose import typed_results
-from references import COUNTED, OPTION, markdown_of
 
+from book.builder import references
+from book.builder.references import COUNTED, OPTION, markdown_of
+from qcbook import paper_lines, paper_table, paperlines
 from qclearn.benchmark import chain_seconds, saving
-from qclearn.pages import paper_lines, paper_table, paperlines
 
 ROOT = Path(__file__).resolve().parents[2]
 LINES = paper_lines(ROOT / "book" / "paper.toml")

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from qclearn.pages.live import GIVEN, given
+from qcbook.live import GIVEN, given
 from qclearn.plane.grids import POWER, polar
 from qclearn.registration.engine import Engine, Setting
 from qclearn.registration.ladder import FIRST_GAMMA, grid_link

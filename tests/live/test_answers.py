@@ -7,7 +7,7 @@ import pytest
 from reference import run_engine
 from scipy.optimize import minimize
 
-from qclearn.pages import LBS, Boundary, Growth, HowSure
+from qcbook import LBS, Boundary, Growth, HowSure
 
 
 def answers(live, changes):

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from reference import COARSE, CONVERGED, FINE, FINE_MESH, MODULES, fit_in_steps, numbers, pairs, request, run_engine
 
-from qclearn.methods.harmonic import harmonic
-from qclearn.pages.examples import example_problems
+from qcbook.examples import example_problems
+from qclearn.benchmark.methods.harmonic import harmonic
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.disk import Disk
 from qclearn.plane.fourier import compress, from_square, to_square

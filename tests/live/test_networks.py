@@ -7,9 +7,9 @@ import pytest
 import torch
 from reference import MODULES, numbers, pairs, run_engine
 
+from qcbook.examples import example_problems
+from qcbook.livefiles import cpnet_file, dbsnet_file
 from qclearn.nets.weights import load
-from qclearn.pages.examples import example_problems
-from qclearn.pages.livefiles import cpnet_file, dbsnet_file
 from qclearn.plane.coefficients import bounded
 from qclearn.registration.problem import Problem, Weights
 

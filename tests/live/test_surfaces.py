@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from reference import pairs, run_engine
 
-from qclearn.pages.examples import cortices
-from qclearn.pages.explore_landmarks import Landmarks, fundus_terms
-from qclearn.pages.explore_sulci import unfolded
-from qclearn.pages.livefiles import hemisphere_file
+from qcbook.examples import cortices
+from qcbook.explore_landmarks import Landmarks, fundus_terms
+from qcbook.explore_sulci import unfolded
+from qcbook.livefiles import hemisphere_file
 from qclearn.registration.landmarks import curve_distance, curves_in_space
 
 WEIGHTS = (0.5, 2.0), (0.0, 0.0), (1.5, 0.0)

@@ -188,7 +188,7 @@ def test_the_shipped_weights_are_small():
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_shipped_weights_were_trained_from_a_committed_tree(path):
-    assert not read_weights(path)[0]["commit"].endswith("+changes"), "train it by tools/training.py"
+    assert not read_weights(path)[0]["commit"].endswith("+changes"), "train it by book/studies/training.py"
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from freesurfer import GEOMETRY
 
-from qclearn.files.frames import Frame
+from qclearn.io.frames import Frame
 from qclearn.plane.grids import polar_disk
 from qclearn.registration.mapfile import (
     frame_of_side,

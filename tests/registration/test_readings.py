@@ -6,7 +6,7 @@ import meshes
 import numpy as np
 import pytest
 
-from qclearn.files.fsaverage import demo_landmarks, fsaverage5
+from qclearn.io.fsaverage import demo_landmarks, fsaverage5
 from qclearn.plane.disk import Disk
 from qclearn.plane.mobius import mobius
 from qclearn.registration.features import mirrored_gain

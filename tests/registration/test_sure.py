@@ -5,16 +5,16 @@ import json
 from dataclasses import replace
 from types import SimpleNamespace
 
-import calibrate_sure
 import numpy as np
 import pytest
 from subjects import grown
 from test_register import bowl, entries
 
 import qclearn as qc
+from book.studies import calibrate_sure
 from qclearn.benchmark.pairs import cohort_pair, mapped
 from qclearn.cli import main, registration
-from qclearn.files.hemisphere import read_hemisphere
+from qclearn.io.hemisphere import read_hemisphere
 from qclearn.plane.disk import Disk
 from qclearn.registration.problem import INDIVIDUAL, LandmarkError, Problem, Weights
 from qclearn.registration.sure import Laplace, calibrated

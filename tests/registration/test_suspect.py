@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from qclearn.benchmark import read_measured
-from qclearn.files.fsaverage import demo_landmarks, fsaverage5
+from qclearn.io.fsaverage import demo_landmarks, fsaverage5
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk
 from qclearn.plane.mobius import mobius

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from known_surfaces import sheet
 
-from qclearn.files.fsaverage import demo_landmarks, fsaverage5
+from qclearn.io.fsaverage import demo_landmarks, fsaverage5
 from qclearn.registration import tracing
 from qclearn.registration.problem import LandmarkError
 from qclearn.registration.tracing import ordered, threaded

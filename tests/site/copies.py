@@ -9,11 +9,12 @@ from base64 import b64decode
 from functools import cache
 
 import nbformat
-import references
 import yaml
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
 from places import COPIES, SITE
-from readable import Readable, for_jupyterlab, stored_values
+
+from book.builder import references
+from book.builder.readable import Readable, for_jupyterlab, stored_values
 
 NUMBER = re.compile(r'<span class="computed">(.*?)</span>', re.DOTALL)
 CAPTION = re.compile(r'<span class="caption-number">(?:Fig\.|Figure)\s*([\d.]*\d)')

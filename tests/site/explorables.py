@@ -35,7 +35,7 @@ DRAG = """(canvas, points) => {
 }"""
 
 # The first cell of the notebook that has all explorables.
-PRELUDE = "import json\nfrom qclearn.pages import *"
+PRELUDE = "import json\nfrom qcbook import *"
 
 
 class Explorable:

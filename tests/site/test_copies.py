@@ -3,8 +3,9 @@ JupyterLab makes of each kind of element, `test_lab_pages.py` asks on a few page
 
 import nbformat
 import pytest
-import references
 from copies import FAULTS, all_kinds, copy_of, faults_of_file, fewest, in_the_book, kinds, planted, without_solutions
+
+from book.builder import references
 
 
 def test_each_copy_reads_as_the_book_does():

@@ -1,10 +1,11 @@
 """The decks as a lecturer shows them, without a network: nothing is cut off, formulas are set, explorables move."""
 
-import decks
 import pytest
 from explorables import LISTEN, Explorable
 from places import SITE
 from view import View, axe_findings
+
+from book.builder import decks
 
 # The height and the width of each slide, the explorable on it at its own size.
 MEASURE = """async () => {

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from explorables import InJupyterLab, OnTheSite
 
+from qcbook.examples import cortices
+from qcbook.explore_landmarks import SULCI, Landmarks
 from qclearn.nets import load
-from qclearn.pages.examples import cortices
-from qclearn.pages.explore_landmarks import SULCI, Landmarks
 from qclearn.registration.landmarks import sample_curve
 from qclearn.surfaces.curvature import area_radius
 

@@ -3,7 +3,7 @@
 import pytest
 from explorables import InJupyterLab, OnTheSite
 
-from qclearn.pages import LBS
+from qcbook import LBS
 
 
 class TestOnTheSite(OnTheSite):

@@ -10,7 +10,7 @@ from explorables import LISTEN, Explorable, InJupyterLab, OnTheSite
 from view import View, axe_findings
 
 import qclearn as qc
-from qclearn.pages import Mobius
+from qcbook import Mobius
 
 START = 0.4 * np.exp(1j * np.radians(30))
 

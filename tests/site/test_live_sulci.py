@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from explorables import InJupyterLab, OnTheSite
 
-from qclearn.pages import Sulci
-from qclearn.pages.examples import cortices
-from qclearn.pages.explore_sulci import radius_on_control
-from qclearn.pages.liveproblems import as_moved, example
+from qcbook import Sulci
+from qcbook.examples import cortices
+from qcbook.explore_sulci import radius_on_control
+from qcbook.liveproblems import as_moved, example
 from qclearn.plane.mobius import best_mobius, mobius
 
 VIEWS = ("turn of the surface in degrees", "tilt of the surface in degrees", "zoom", "unfolded, 0 to 1")

@@ -7,7 +7,7 @@ import pytest
 from explorables import InJupyterLab, OnTheSite
 from places import SITE
 
-from qclearn.pages.liveproblems import example
+from qcbook.liveproblems import example
 
 ASSETS = "**/_static/live/"
 ROOT = ".qc-live[data-page=tuner]"

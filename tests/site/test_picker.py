@@ -8,7 +8,7 @@ from view import axe_findings
 
 pytestmark = pytest.mark.xdist_group("JupyterLab")
 MAKE = (
-    "from qclearn import fsaverage5\nfrom qclearn.pages import LandmarkPicker\n"
+    "from qclearn import fsaverage5\nfrom qcbook import LandmarkPicker\n"
     "picker = LandmarkPicker(fsaverage5('right'), fsaverage5('left'), 'clicked.json')\npicker"
 )
 

@@ -10,7 +10,7 @@ from test_live_sulci import NO_WEBGL
 from view import NARROW, WIDE, View
 
 from qclearn.cli import main
-from qclearn.files.meshes import write_surface
+from qclearn.io.meshes import write_surface
 
 pytestmark = pytest.mark.xdist_group("reports")
 TURNED = [{"name": "east", "moving": list(range(1, 145, 24)), "control": list(range(2, 146, 24))}]
@@ -23,7 +23,7 @@ SHOWN = "() => [...document.querySelectorAll('.stack > div')].map(e => getComput
 def pages(tmp_path_factory):
     """A folder with the page of a pair of bowls, and that of a group of three with the first's page in it."""
     folder, patch = tmp_path_factory.mktemp("reports"), pytest.MonkeyPatch()
-    patch.setattr("qclearn.pages.plot.registration_figure", lambda *_: Figure())  # not on these pages
+    patch.setattr("qclearn.plot.registration_figure", lambda *_: Figure())  # not on these pages
     write_surface(folder / "control.npz", bowl(0.9, lean=0.4))
     (folder / "east.json").write_text(json.dumps({"curves": TURNED}))
     for name, height in (("one", 0.6), ("two", 0.8), ("six", 1.4)):

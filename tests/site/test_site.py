@@ -3,12 +3,12 @@
 import re
 from collections import Counter
 
-import costs
 import nbformat
 import pytest
-import references
-from execute_pages import SOURCE
 from places import ROOT, SITE
+
+from book.builder import costs, references
+from book.builder.execute_pages import SOURCE
 
 MOST_GB = 1.5  # of a page's run
 

@@ -1,13 +1,13 @@
 """What students get of a built book: no solution of a graded exercise, no other one in downloads and copies, and the
 same question on the page as in the notebook."""
 
-import course
 import nbformat
 import pytest
-import references
-from graded import EXERCISES, PLACE, call
 from leaks import drift, graded_lines, leaks, page_lines, text_of
 from places import COPIES, SITE
+
+from book.builder import course, references
+from book.builder.graded import EXERCISES, PLACE, call
 
 KINDS = {".html", ".ipynb", ".md", ".txt", ".py", ".js", ".json"}
 

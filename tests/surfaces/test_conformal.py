@@ -8,7 +8,7 @@ import pyvista
 from meshes import random_disk, strip
 from scipy import sparse
 
-from qclearn.files.fsaverage import fsaverage5
+from qclearn.io.fsaverage import fsaverage5
 from qclearn.plane.beltrami import beltrami_coefficient
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.disk import Disk, boundary_loop

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from known_surfaces import icosphere, revolution, sheet
 
-from qclearn.files.fsaverage import fsaverage5
+from qclearn.io.fsaverage import fsaverage5
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.grids import pixel_centres, polar_disk
 from qclearn.surfaces.conformal import disk_conformal_map

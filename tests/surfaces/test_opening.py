@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from known_surfaces import grid, sphere, torus_mesh
 
-from qclearn.files.fsaverage import fsaverage5
+from qclearn.io.fsaverage import fsaverage5
 from qclearn.surfaces.opening import open_surface
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror, require_disk, require_outward
 
@@ -208,6 +208,6 @@ def test_fsaverage5_names_what_it_has(monkeypatch):
     for wrong in (("Left", "pial"), ("left", "flat")):
         with pytest.raises(SurfaceError, match="left and right.*pial, white, inflated, sphere"):
             fsaverage5(*wrong)
-    monkeypatch.setattr(sys.modules["qclearn.files.fsaverage"], "find_spec", lambda name: None)
+    monkeypatch.setattr(sys.modules["qclearn.io.fsaverage"], "find_spec", lambda name: None)
     with pytest.raises(SurfaceError, match="pip install nilearn"):
         fsaverage5("left", "white")

@@ -1,4 +1,4 @@
-// The browser's part of qclearn/pages/picker.py: pictures of two surfaces, and what is clicked, dragged and typed.
+// The browser's part of book/qcbook/picker.py: pictures of two surfaces, and what is clicked, dragged and typed.
 const TURNS = { ArrowLeft: [-25, 0], ArrowRight: [25, 0], ArrowUp: [0, -25], ArrowDown: [0, 25] };
 const ZOOMS = { "+": 1.2, "=": 1.2, "-": 1 / 1.2 };
 

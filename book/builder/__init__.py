@@ -1,0 +1,1 @@
+"""Programs that execute the pages and build the site, the copies, slides and sheets."""

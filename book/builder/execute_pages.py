@@ -1,0 +1,172 @@
+"""Execute notebooks of book/ as copies in build/book, and hold them to what a page has to keep to.
+
+The notebooks in book/ stay without outputs. nbmake executes the copies, which makes the execution a test of each page
+and of the solutions of its exercises.
+"""
+
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import nbformat
+
+from . import costs, expressions, graded, guards, solutions, teaching
+from .packages import installed_copy
+
+ROOT = Path(__file__).resolve().parents[2]
+# Not below _build: nbmake passes over everything there.
+BUILD = ROOT / "build"
+SOURCE = BUILD / "book"
+SECONDS_PER_CELL = 120  # one that takes longer is a failure
+STAMPS = SOURCE / ".stamps.json"  # page -> what its last good run was a run of
+
+
+def copy_book(pages):
+    """Copies of the named pages, of all where none is named; returns the notebooks among them."""
+    if not pages:
+        shutil.rmtree(SOURCE, ignore_errors=True)
+    unknown = [name for name in pages if not (ROOT / "book" / f"{name}.ipynb").exists()]
+    if unknown:
+        sys.exit(f"build_book: no such page in book/: {', '.join(f'{name}.ipynb' for name in unknown)}")
+    passed_over = shutil.ignore_patterns(".ipynb_checkpoints", "_build", *(["*.ipynb"] if pages else []))
+    shutil.copytree(ROOT / "book", SOURCE, ignore=passed_over, dirs_exist_ok=True)
+    for name in pages:
+        shutil.copy(ROOT / "book" / f"{name}.ipynb", SOURCE)
+    return [SOURCE / f"{name}.ipynb" for name in pages] or sorted(SOURCE.glob("*.ipynb"))
+
+
+def each_page(paths, change):
+    """Change notebooks in place; what change() found wrong, as lines that name the page."""
+    for path in paths:
+        notebook = nbformat.read(path, as_version=4)
+        wrong = change(notebook)
+        nbformat.write(notebook, path)
+        yield from (f"{path.name}, {line}" for line in wrong)
+
+
+def stop_at(found):
+    if found := list(found):
+        sys.exit("build_book: the pages are wrong\n" + "\n".join(found))
+
+
+def prose(notebook):
+    return [cell for cell in notebook.cells if cell.cell_type == "markdown"]
+
+
+def prepare(notebook):
+    try:
+        for cell in prose(notebook):
+            cell.source = graded.put(cell.source, with_solutions=True)
+    except KeyError as error:
+        return [error.args[0]]
+    wrong = guards.check(notebook)
+    expressions.ask(notebook)
+    costs.ask(notebook)
+    solutions.append(notebook)
+    return wrong
+
+
+def finish(notebook):
+    costs.take(notebook)
+    wrong = solutions.remove(notebook) + expressions.store(notebook)
+    if not solutions.SHOWN:
+        for cell in prose(notebook):
+            cell.source = solutions.without(cell.source, graded.labels())
+    costs.tell(notebook)
+    return wrong + errors_in(notebook) + list(guards.pictures_without_a_name(notebook))
+
+
+def execute(paths, jobs):
+    # An empty pytest configuration: the tests' own settings (warnings as errors) are about the library, not about
+    # Jupyter.
+    settings = BUILD / "nbmake.ini"
+    settings.write_text("[pytest]\n")
+    # A page runs where nothing of the repository lies, beside the package as it is installed from its wheel.
+    installed = installed_copy(BUILD / "wheel")
+    environment = os.environ | {
+        "PYVISTA_OFF_SCREEN": "true",
+        "JUPYTER_PREFER_ENV_PATH": "1",
+        "PYTHONPATH": str(installed),
+        "NUMBA_CACHE_DIR": str(BUILD / "numba"),  # not beside the code, which each build unpacks anew
+        "QCLEARN_PAGES": "static",  # explorables as elements for the site's script, not as widgets
+    }
+    found = subprocess.run(
+        [sys.executable, "-c", "import qclearn; print(qclearn.__file__)"],
+        env=environment,
+        cwd=BUILD,
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    assert found.startswith(str(installed)), f"the pages would run with {found}"
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-c",
+        settings,
+        "--rootdir",
+        BUILD,
+        "-p",
+        "no:cacheprovider",
+        "--nbmake",
+        "--overwrite",
+        f"--nbmake-timeout={SECONDS_PER_CELL}",
+        "-n",
+        str(min(jobs, len(paths))),
+        "--durations=0",
+        *paths,
+    ]
+    if subprocess.run(command, env=environment, check=False).returncode:
+        sys.exit("build_book: a notebook failed; the cell and its error are above")
+
+
+def library_digest():
+    """Of all that a page computes with: the code, the weights, the measured files, and the lines of the paper."""
+    found = hashlib.sha256((ROOT / "book" / "paper.toml").read_bytes())
+    for package in ("qclearn", "data_synth"):
+        for file in sorted((ROOT / package).rglob("*")):
+            if file.suffix in (".py", ".json", ".safetensors"):
+                found.update(file.read_bytes())
+    return found.hexdigest()
+
+
+def stamp(page):
+    """Changes when a run of the page is out of date: the page or the library changed."""
+    source = next(file for file in (ROOT / "book" / f"{page}{kind}" for kind in (".ipynb", ".md")) if file.exists())
+    return hashlib.sha256(source.read_bytes()).hexdigest() + library_digest()
+
+
+def run(pages, jobs):
+    """Execute pages (all where none is named) into build/book; stops at what is wrong."""
+    BUILD.mkdir(exist_ok=True)
+    paths = copy_book(pages)
+    stop_at(each_page(paths, prepare))
+    execute(paths, jobs)
+    stop_at(each_page(paths, finish))
+    for path in SOURCE.glob("*.md"):
+        path.write_text(teaching.put(path.read_text(encoding="utf-8")), encoding="utf-8")
+    stamps = json.loads(STAMPS.read_text()) if STAMPS.exists() else {}
+    STAMPS.write_text(json.dumps(stamps | {path.stem: stamp(path.stem) for path in paths}, indent=1))
+
+
+def execute_outdated(pages, jobs):
+    """Execute those of the pages of which build/book has no run, or one of an older page or library."""
+    stamps = json.loads(STAMPS.read_text()) if STAMPS.exists() else {}
+    outdated = [page for page in pages if stamps.get(page) != stamp(page)]
+    if outdated:
+        print(f"build_book: executing {', '.join(outdated)}")
+        run(outdated, jobs)
+
+
+def errors_in(notebook):
+    """Error outputs of a notebook, also those that a widget callback wrote into an Output widget."""
+    outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
+    for state in notebook.metadata.get("widgets", {}).values():
+        outputs += [output for model in state.get("state", {}).values() for output in model["state"].get("outputs", [])]
+    return [f"{output['ename']}: {output['evalue']}" for output in outputs if output["output_type"] == "error"]

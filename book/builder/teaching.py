@@ -1,0 +1,152 @@
+"""The tables of the pages for teachers: weeks and a day by minutes, and what a machine for a class needs.
+
+A page says `:::{admonition} Table of weeks`, a line, and `:::`; the build and the copies put the table there.
+"""
+
+import re
+import tomllib
+from functools import cache
+
+import yaml
+
+from . import costs
+from .graded import EXERCISES, places
+from .reading import minutes
+from .references import BOOK, chapters, markdown_of
+
+PLACE = places("Table of")
+STUDENTS, CORES = 30, 16  # of the machine on the sheet for the hub
+
+
+@cache
+def plan():
+    return tomllib.loads((BOOK / "teaching.toml").read_text(encoding="utf-8"))
+
+
+@cache
+def contents():
+    return yaml.safe_load((BOOK / "_toc.yml").read_text(encoding="utf-8"))
+
+
+def first_page(name):
+    """The page that a week begins at: a page's own name, or the first page of a part."""
+    starts = {part["caption"]: part["chapters"][0]["file"] for part in contents()["parts"]}
+    if (page := starts.get(name, name)) not in chapters():
+        raise SystemExit(f"teaching.toml: the contents have no page or part {name!r}")
+    return page
+
+
+def weeks():
+    """(week, its pages, its exercises) of the plan, by the contents."""
+    listed, plans = list(chapters()), plan()["week"]
+    starts = [listed.index(first_page(each)) for each in (*(week["from"] for week in plans), plan()["end"])]
+    for week, start, end in zip(plans, starts, starts[1:]):
+        pages = listed[start:end]
+        own = [name for page in pages for name, exercise in EXERCISES.items() if exercise.page == page]
+        if unknown := set(week["leave"]) - {*pages, *own}:
+            raise SystemExit(f"teaching.toml, {week['title']!r}: nothing to leave out: {', '.join(sorted(unknown))}")
+        kept = [page for page in pages if page not in week["leave"]]
+        yield week, kept, [n for n in own if n not in week["leave"] and EXERCISES[n].page in kept]
+
+
+@cache
+def title(page):
+    return re.search(r"^# (.+)$", markdown_of(page), re.MULTILINE)[1]
+
+
+def link(page):
+    if page not in chapters():
+        raise SystemExit(f"teaching.toml: the contents have no page {page!r}")
+    return f"[{title(page)}]({page}.{'md' if (BOOK / f'{page}.md').exists() else 'ipynb'})"
+
+
+def row(*cells):
+    return "| " + " | ".join(map(str, cells)) + " |"
+
+
+def table(head, rows):
+    return "\n".join(row(*cells) for cells in (head, ["---"] * len(head), *rows))
+
+
+def spent(pages, exercises, together):
+    """Minutes of reading, of exercises and in class."""
+    return (
+        sum(round(minutes(page)) for page in pages),
+        sum(EXERCISES[name].minutes for name in exercises),
+        sum(entry[0] for entry in together),
+    )
+
+
+def laid_out(pages, exercises, together):
+    """A table of pages and exercises, the sum below it, and what is done in class."""
+    rows = [
+        [link(page), round(minutes(page)), ", ".join(told(name) for name in exercises if EXERCISES[name].page == page)]
+        for page in pages
+    ]
+    reading, solving, meeting = spent(pages, exercises, together)
+    rows.append(["in all", reading, f"{solving} minutes, {sum(EXERCISES[name].points for name in exercises)} points"])
+    done = [f"- {number} minutes. {linked(text)}" for number, text in together]
+    head = ["page", "minutes to read", "graded exercises (minutes)"]
+    whole = divmod(reading + solving + meeting, 60)
+    return "\n\n".join(
+        [table(head, rows), "In class:", "\n".join(done), f"With the class {whole[0]} h {whole[1]:02d} min."]
+    )
+
+
+def linked(text):
+    """A text with links in place of {page}."""
+    return re.sub(r"\{(\w+)\}", lambda match: link(match[1]), text)
+
+
+def told(name):
+    return f"`{name}` ({EXERCISES[name].minutes})"
+
+
+def of_weeks():
+    found = []
+    for number, (week, pages, exercises) in enumerate(weeks(), 1):
+        found += [f"### Week {number}: {week['title']}", laid_out(pages, exercises, week["class"])]
+        if week["leave"]:
+            found.append(f"For those who want more: {', '.join(map(left, week['leave']))}.")
+    return "\n\n".join(found)
+
+
+def left(name):
+    return link(name) if name in chapters() else told(name)
+
+
+def of_the_day():
+    return laid_out(plan()["day"]["pages"], plan()["day"]["exercises"], plan()["day"]["class"])
+
+
+def of_costs():
+    """What each page costs a machine, as measured by the build's last run of it."""
+    from .execute_pages import SOURCE
+
+    found = costs.measured(SOURCE)
+    rows = [
+        [
+            link(page),
+            f"{found[page]['seconds']:.0f}",
+            f"{found[page]['gb']:.1f}",
+            f"{STUDENTS * found[page]['gb']:.0f}",
+            f"{STUDENTS * found[page]['seconds'] / CORES / 60:.1f}",
+        ]
+        for page in chapters()
+        if page in found
+    ]
+    head = ["page", "seconds", "GB", f"GB, {STUDENTS} students", f"minutes, {STUDENTS} students on {CORES} cores"]
+    if not rows:
+        return "(No page has been executed here yet: `make book` measures them.)"
+    most = [
+        f"{max(figures[key] for figures in found.values()):.{digits}f}" for key, digits in (("seconds", 0), ("gb", 1))
+    ]
+    return table(head, [*rows, ["most", *most, "", ""]])
+
+
+TABLES = {"weeks": of_weeks, "the-day": of_the_day, "costs": of_costs}
+
+
+def put(text):
+    """A page's text with its tables; KeyError for one that is not there."""
+    return PLACE.sub(lambda match: TABLES[match[1]](), text)

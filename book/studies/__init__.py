@@ -1,0 +1,1 @@
+"""Programs that measure what `qclearn/benchmark/results/` holds."""

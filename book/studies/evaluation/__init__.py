@@ -1,0 +1,1 @@
+"""The parts of `networks.json`, one module each."""

@@ -1,0 +1,202 @@
+"""Measure whole chains of registration at three sizes: fsaverage5 as it is, and with its faces split once and twice.
+
+    python -m book.studies.sizes --out qclearn/benchmark/results/sizes.json
+
+CPU seconds of one thread, the least of the repetitions. All chains begin with the two disk maps and LD-Net's landmarks.
+Then come the paper's networks; the exact solver in DBS-Net's place; and the harmonic map at two weights, with the plain
+factorisation and with nested dissection. The paper's CP-Net knows its own control alone: it is given that control's
+landmarks, moved as far as fsaverage5's lie apart. All landmarks are vertices of fsaverage5, the same at each size.
+"""
+
+import argparse
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+import torch
+from threadpoolctl import threadpool_limits
+
+from qclearn.benchmark.measured import write_measured
+from qclearn.benchmark.methods.harmonic import unfold
+from qclearn.benchmark.methods.solver import LandmarkSolver
+from qclearn.io.fsaverage import fsaverage5, named_sulci
+from qclearn.io.provenance import provenance
+from qclearn.nets.weights import load
+from qclearn.plane.bijectivity import RepairWarning
+from qclearn.plane.disk import Disk
+from qclearn.plane.linear import elimination_order
+from qclearn.plane.mobius import best_mobius, mobius
+from qclearn.registration.fit import exact_map, moved_map
+from qclearn.registration.landmarks import fundus_metric, fundus_path
+from qclearn.registration.problem import Problem, Weights
+from qclearn.surfaces.conformal import laid_out
+from qclearn.surfaces.surface import Surface, mirror
+
+REPETITIONS = {0: 5, 1: 3, 2: 2}  # by the number of splits
+GAMMA, WEIGHTS = 2e5, (0.1, 5.0)  # of the paper's CP-Net, and lambda of the harmonic maps
+POINTS = 10  # of a curve
+SULCI = (  # in the order that the paper's networks were trained on
+    *("central sulcus", "sylvian fissure", "superior temporal sulcus", "calcarine sulcus"),
+    *("parieto-occipital sulcus", "intraparietal sulcus", "cingulate sulcus", "superior frontal sulcus"),
+)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, help="JSON file to write")
+    parser.add_argument("--cuts", type=int, nargs="+", default=list(REPETITIONS), help="how often each face is split")
+    options = parser.parse_args()
+    torch.set_num_threads(1)
+    surfaces = mirror(fsaverage5("right")), fsaverage5("left")
+    marks = [landmarks(*pair) for pair in zip(surfaces, ("right", "left"))]
+    rows, maps, repetitions = [], [], {}
+    with threadpool_limits(1), torch.no_grad():
+        warm_up(surfaces, marks)
+        for cuts in options.cuts:
+            sides, clock, found = [cut(surface, cuts) for surface in surfaces], Clock(), {}
+            for _ in range(REPETITIONS[cuts]):
+                found = chains(sides, marks, clock)
+                clock.keep_the_least()
+            vertices = len(sides[0].vertices)
+            repetitions[vertices] = REPETITIONS[cuts]
+            rows += [row(vertices, *key, seconds) for key, seconds in clock.least.items()]
+            maps += [{"vertices": vertices, "chain": chain, **figures} for chain, figures in found.items()]
+            print(
+                *(f"{line['chain']:24}{line['stage']:16}{line['seconds']:9.3f}" for line in rows[-len(clock.least) :]),
+                sep="\n",
+            )
+    figures = {"rows": rows, "maps": maps, "landmarks": POINTS * len(SULCI), "repetitions": repetitions, "threads": 1}
+    if options.out:
+        write_measured("sizes", options.out, figures | {"provenance": provenance()})
+
+
+def row(vertices, chain, stage, seconds):
+    return {"vertices": vertices, "chain": chain, "stage": stage, "seconds": seconds}
+
+
+def landmarks(surface, hemisphere):
+    """Vertices (curves, points) of a side of fsaverage5 along its shortest fundus paths."""
+    ends, metric = named_sulci(hemisphere, surface.original_vertices), fundus_metric(surface)
+    paths = [fundus_path(surface, *ends[name], metric) for name in SULCI]
+    return np.array([path[np.linspace(0, len(path) - 1, POINTS).round().astype(int)] for path in paths])
+
+
+def cut(surface, times):
+    """A surface with each face cut into four, so many times; its vertices keep their numbers."""
+    for _ in range(times):
+        n, edges = len(surface.vertices), surface.edges
+        keys = edges[:, 0] * n + edges[:, 1]
+        ends = np.sort(np.stack([surface.faces, np.roll(surface.faces, -1, axis=1)], axis=-1), axis=-1)
+        middle = n + np.searchsorted(keys, ends[..., 0] * n + ends[..., 1])
+        a, b, c = surface.faces.T
+        ab, bc, ca = middle.T
+        faces = np.concatenate([np.stack(f, axis=1) for f in ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))])
+        surface = Surface(np.concatenate([surface.vertices, surface.vertices[edges].mean(1)]), faces)
+    return surface
+
+
+class Clock:
+    """Seconds of the stages of chains, the least of several repetitions; parts of one stage add up."""
+
+    def __init__(self):
+        self.least, self.now = {}, {}
+
+    def __call__(self, chains, stage, task, *arguments):
+        """What task(*arguments) returns; its time goes to the stage of each of the chains."""
+        start = time.process_time()
+        found = task(*arguments)
+        passed = time.process_time() - start
+        for chain in chains:
+            self.now[chain, stage] = self.now.get((chain, stage), 0.0) + passed
+        return found
+
+    def keep_the_least(self):
+        self.least = {key: min(seconds, self.least.get(key, np.inf)) for key, seconds in self.now.items()}
+        self.now = {}
+
+
+def warm_up(surfaces, marks):
+    """One repetition that nobody counts: weights are loaded, and code."""
+    chains(surfaces, marks, Clock())
+
+
+NETWORKS, EXACT = "networks", "exact solver"
+HARMONIC = {
+    f"harmonic {weight:g}{', dissected' * dissected}": (weight, dissected)
+    for weight in WEIGHTS
+    for dissected in (False, True)
+}
+EVERY = NETWORKS, EXACT, *HARMONIC
+
+
+def chains(surfaces, marks, clock):
+    """All chains on two surfaces once: chain -> figures of its map."""
+    sides = [clock(EVERY, "disk maps", laid_out, surface) for surface in surfaces]
+    detect = load("ldnet", "paper").detect
+    for side, vertices in zip(sides, marks):
+        clock(EVERY, "landmarks", detect, side.surface, side.disk.z, vertices[:, [0, -1]])
+    moving, control = (side.disk.z[vertices.ravel()] for side, vertices in zip(sides, marks))
+    curve, disk = np.repeat(np.arange(len(SULCI)), POINTS), sides[0].disk
+    predict = load("cpnet", "paper", GAMMA)
+    known = predict.targets.numpy().astype(complex)
+    apart = mobius(moving, *best_mobius(moving, control)) - control
+    asked = Problem(disk, known + apart, known, curve)
+    found = {NETWORKS: networks(asked, predict, clock), EXACT: exact(asked, predict, clock)}
+    problem = Problem(disk, moving, control, curve)
+    return found | {chain: harmonic(problem, chain, *how, clock) for chain, how in HARMONIC.items()}
+
+
+def fresh(problem):
+    """The problem on a mesh of which nothing is known yet."""
+    return Problem(Disk(problem.disk.z, problem.disk.faces), problem.moving, problem.target, problem.curve)
+
+
+def networks(problem, predict, clock):
+    """CP-Net, DBS-Net between two resamplings, the certificate, and the exact solver's map where that refuses."""
+    problem, solve, own = fresh(problem), load("dbsnet", "paper"), [NETWORKS]
+    mu = clock(own, "CP-Net", predict.answer, problem, Weights(1.0, 1.0, GAMMA))
+    image = clock(own, "resampling", lambda: mu[problem.disk.locate(solve.pixels)[0]])
+    picture = clock(own, "DBS-Net", solve.run, image)
+    f = clock(own, "resampling", picture, problem.disk.z)
+    first = clock(own, "certificate", moved_map, problem, f)
+    last = clock(own, "correction", lambda: first if first.bijective else exact_map(problem, mu))
+    return figures(problem, first.f, last.f)
+
+
+def exact(problem, predict, clock):
+    """The same with the exact solver in DBS-Net's place; certificate and correction are its own."""
+    problem, own = fresh(problem), [EXACT]
+    mu = clock(own, "CP-Net", predict.answer, problem, Weights(1.0, 1.0, GAMMA))
+    found = clock(own, "exact solver", exact_map, problem, mu)
+    return figures(problem, found.f, found.f)
+
+
+def harmonic(problem, chain, weight, dissected, clock):
+    """The harmonic map with soft landmarks, its overlap correction and the certificate."""
+    problem, own = fresh(problem), [chain]
+    solver = clock(own, "harmonic map", prepared, problem, dissected)
+    first = clock(own, "harmonic map", solver.solve, np.zeros(len(problem.disk.faces), complex), weight)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RepairWarning)
+        last = clock(own, "correction", unfold, solver, first, np.exp(-np.sqrt(weight) / 4))
+    clock(own, "certificate", problem.disk.certify, last)
+    return figures(problem, first, last)
+
+
+def prepared(problem, dissected):
+    """The harmonic maps' solver with or without an order of elimination, whatever the size of the mesh."""
+    solver, disk = LandmarkSolver(problem), problem.disk
+    solver.order = elimination_order(disk.laplace, disk.z, disk.loop) if dissected else None
+    return solver
+
+
+def figures(problem, first, last):
+    """Folds of a map before and after its correction, and its landmark error."""
+    flipped = [len(problem.disk.at(f).flipped) for f in (first, last)]
+    error = abs(problem.samples @ last - problem.target).mean()
+    return {"flipped_before": flipped[0], "flipped": flipped[1], "landmark_error": error}
+
+
+if __name__ == "__main__":
+    main()

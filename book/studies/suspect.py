@@ -1,0 +1,297 @@
+"""Measure what suspect.py decides by: good registrations, and ones with mistakes made on purpose.
+
+    python -m book.studies.suspect [--also FILE.npz ...] [--out FILE.json]
+
+Pairs are drawn from the two hemispheres of fsaverage5 (the right one mirrored) with the surfaces of --also, which carry
+curves of the same names, and from synthetic subjects, for which whole surfaces are made up that they were cut from.
+Four to eleven curves a pair, by their ends or whole, either method; or one or two, or the folds alone, the other curves
+held out and the nearest curve's name an annotation. All are registered. Writes qclearn/benchmark/results/suspect.json,
+every case with its values, and prints how often the right word was said and the range of each value. Finished cases are
+kept and not run again.
+"""
+
+import re
+import warnings
+from pathlib import Path
+
+import click
+import numpy as np
+from scipy.sparse.csgraph import dijkstra
+from tqdm import tqdm
+
+import qclearn as qc
+from data_synth.cohort import cohort
+from qclearn.benchmark.measured import KEPT, read_measured, write_measured
+from qclearn.io.provenance import commit
+from qclearn.plane.disk import Disk
+from qclearn.registration import suspect
+from qclearn.registration.features import FOLDS, mirrored_gain
+from qclearn.registration.landmarkfile import check_curves, held_apart
+from qclearn.registration.landmarks import edge_graph, fundus_metric, fundus_path, weigh_edges
+from qclearn.registration.preparation import Sides
+from qclearn.registration.readings import (
+    compared,
+    decisive,
+    given_reading,
+    laid_by_folds,
+    mistakes,
+    of_order,
+    of_surfaces,
+    with_folds,
+)
+from qclearn.surfaces.conformal import Side, laid_out
+
+VERTICES, CASES = 3000, 20  # of the synthetic subjects; of each mistake, and ten times as many good ones
+FEW, ALONE = ", one or two", ", folds alone"  # ends of kinds: with so few curves, the others held out
+# kind of case with a mistake -> the word that it is to be met by
+WORDS = {
+    "mirrored": "mirror",
+    "exchanged": "exchanged",
+    "whole numbers": "numbering",
+    "all reversed": "reversed",
+    "one reversed": "reversed",
+    "two swapped": "swapped",
+    "mirrored" + ALONE: "mirror",
+    "mirrored" + FEW: "mirror",
+    "whole numbers" + FEW: "numbering",
+    "one reversed" + FEW: "reversed",
+}
+GOOD = {"good": 10 * CASES, "good" + FEW: 2 * CASES, "good" + ALONE: 2 * CASES}
+COUNTS = GOOD | dict.fromkeys(WORDS, CASES)
+# value -> the limit it is held against
+VALUES = {
+    "error_mm": "error_mm",
+    "error_share": "error_share",
+    "curve_mm": "curve_mm",
+    "curve_ratio": "curve_ratio",
+    "rows": "rows",
+    "strong_area": "strong_area",
+    "order better": "better",
+    "surface better": "better",
+    "surface given": "surface_given",
+    "order plausible": "plausible",
+    "surface plausible": "plausible",
+    "hand": "hand",
+    "decisive": "decisive",
+    "worse": "worse",
+    "worse_mm": "worse_mm",
+    "worse_curve_mm": "worse_curve_mm",
+    "worse_dice": "worse_dice",
+}
+
+
+def hemisphere(side, surface):
+    """A hemisphere of fsaverage5 with its sulci as curves of two vertices, their ends."""
+    ends = {curve["name"]: curve[side] for curve in qc.demo_landmarks()["curves"]}
+    return qc.Surface(surface.vertices, surface.faces, ends, surface.original_vertices)
+
+
+def uncut(surface, rng):
+    """The surface with the numbers that its vertices might have had in a whole one of 5 % more."""
+    count = len(surface.vertices)
+    return qc.Surface(
+        surface.vertices, surface.faces, surface.curves, np.sort(rng.choice(count + count // 20, count, replace=False))
+    )
+
+
+def draw(rng, groups, kind):
+    """A random pair: (names, moving, control, curves as in a landmarks file), of which some are held out."""
+    group = groups[int(rng.random() < 0.75)]  # synthetic ones are smaller, and there are more of them
+    names = rng.choice(sorted(group), 2, replace=False).tolist()
+    moving, control = (group[name] for name in names)
+    shared = [name for name in control.curves if name in moving.curves]
+    few, alone = kind.endswith(FEW), kind.endswith(ALONE)
+    count = rng.integers(1, 3) if few else 0 if alone else rng.integers(4, min(11, len(shared)) + 1)
+    chosen = rng.choice(shared, count, replace=False).tolist()
+    whole = bool(rng.random() < 0.5)
+
+    def path(surface, name):
+        return (surface.curves[name] if whole else surface.curves[name][[0, -1]]).tolist()
+
+    held = [name for name in shared if (few or alone) and name not in chosen]
+    curves = [{"name": name, "moving": path(moving, name), "control": path(control, name)} for name in chosen + held]
+    return names, moving, control, [curve | {"hold_out": curve["name"] in held} for curve in curves]
+
+
+def spoil(kind, rng, moving, control, curves):
+    """The pair and its curves (changed in place) with a mistake: (moving, control)."""
+    kind = kind.partition(",")[0]
+    if kind == "mirrored":
+        return qc.mirror(moving), control
+    if kind == "exchanged":
+        return control, moving
+    picked = rng.choice(len(curves), min(2, len(curves)), replace=False) if curves else []
+    if kind == "whole numbers":
+        sides = [("moving", moving), ("control", control)]
+        for side, surface in (sides, sides[:1], sides[1:])[rng.integers(3)]:
+            for curve in curves:
+                curve[side] = surface.original_vertices[curve[side]].tolist()
+    if kind == "two swapped":
+        one, other = (curves[k] for k in picked)
+        one["moving"], other["moving"] = other["moving"], one["moving"]
+    for curve in {"all reversed": curves, "one reversed": [curves[k] for k in picked[:1]]}.get(kind, []):
+        curve["moving"].reverse()
+    return moving, control
+
+
+def parcels(surface, curves, side):
+    """The name of the curve nearest to each vertex (V,), along the edges: an annotation."""
+    metric, distances = fundus_metric(surface), []
+    graph = edge_graph(surface, weigh_edges(surface, np.ones(len(surface.vertices))))
+    for curve in curves:
+        path = fundus_path(surface, *curve[side], metric) if len(curve[side]) == 2 else curve[side]
+        distances.append(dijkstra(graph, directed=False, indices=path, min_only=True))
+    return np.array([curve["name"] for curve in curves])[np.argmin(distances, axis=0)]
+
+
+def readings(sides):
+    """What decides about mistakes: of each kind of reading the one that fits best, dict of dicts."""
+    found, given = {}, given_reading(sides)
+    for other in [*of_surfaces(given, sides), *of_order(given)]:
+        word = other.reason.split(":")[0] or ("reversed" if other.backwards.any() else "swapped")
+        found[word] = min(found.get(word, {"better": np.inf}), compared(given, other), key=lambda one: one["better"])
+    return found
+
+
+def folds_say(moving, control, entries, result):
+    """What decides with fewer than three curves, the moving side laid upon the control's as it was for the fit."""
+    z = {"moving": result.disk_moving, "control": result.disk_control}
+    here, there = (Side(s, Disk(z[side], s.faces)) for side, s in (("moving", moving), ("control", control)))
+    laid = laid_by_folds(with_folds(Sides(here, there, entries, [])))
+    case = {"hand": mirrored_gain(laid.moving, laid.control), "decisive": decisive(laid)}
+    return case | ({"readings": readings(laid)} if entries else {})
+
+
+def outcome(result, moving):
+    """What a registration's map shows: its reasons, and what the limits are held against."""
+    report = result.report
+    words = [word for word in report["fallbacks"] if not word.startswith(("moving: ", "control: "))]
+    switched = [int(count) for word in words for count in re.findall(r"(\d+) rows switched", word)]
+    case = {
+        "suspect": report["suspect"],
+        "bijective": report["bijective"],
+        "rows": max(switched, default=0) / len(moving.vertices),
+        "strong_area": suspect.strong_share(moving, result.mu),
+    }
+    if report["curves"]:
+        millimetres = [row["landmark_error_mm"] for row in report["curves"]]
+        case |= {
+            "error_mm": report["landmark_error_mm"],
+            "error_share": report["landmark_error"] / report["landmark_error_before"],
+            "curve_mm": max(millimetres),
+            "curve_ratio": float(max(millimetres) / np.median(millimetres)),
+        }
+    if report["held_out_mm"]:
+        before, after = np.transpose(list(report["held_out_mm"].values()))
+        case |= {"held_out_mm": report["held_out_mm"], "worse": float(after.mean() / before.mean() - 1)}
+        case |= {"worse_mm": float((after - before).mean()), "worse_curve_mm": float((after - before).max())}
+    if report["dice"]:
+        overlap = [report["dice"][when] for when in ("before", "after")]
+        case |= {"dice": overlap, "worse_dice": 1 - overlap[1] / overlap[0]}
+    return case
+
+
+def measure(kind, number, groups):
+    """One case, dict: what was drawn, the words that were said, the values."""
+    rng = np.random.default_rng([number, *kind.encode()])
+    names, moving, control, curves = draw(rng, groups, kind)
+    fitted = [curve for curve in curves if not curve["hold_out"]]
+    few, alone = kind.endswith(FEW), kind.endswith(ALONE)
+    sides = {"moving": moving, "control": control} if few or alone else {}
+    annotations = [parcels(surface, curves, side) for side, surface in sides.items()]
+    moving, control = spoil(kind, rng, moving, control, fitted)
+    method = ("exact", "network")[number % 2] if not (few or alone) else "exact"
+    features = FOLDS if alone or (few and number % 2) else None
+    case = {
+        "kind": kind,
+        "number": number,
+        "pair": names,
+        "curves": [curve["name"] for curve in fitted],
+        "whole": len(curves[0]["moving"]) > 2,
+        "method": method,
+        "features": features is not None,
+        "commit": commit(),
+    }
+    try:
+        entries = held_apart(check_curves(curves, moving, control), [])[0]
+        if not (few or alone):
+            sides = Sides(laid_out(moving), laid_out(control), entries, held=[])
+            case |= {"readings": readings(sides), "mistakes": mistakes(sides)}
+            result = qc.register(moving, control, curves, method=method, features=None)
+        else:
+            result = qc.register(moving, control, curves, features=features, annotations=annotations)
+            said = [reason for reason in result.report["suspect"] if reason.split(":")[0] in WORDS.values()]
+            case |= {"mistakes": said} | folds_say(moving, control, entries, result)
+        case |= outcome(result, moving)
+    except ValueError as error:
+        case |= {"refused": str(error)}
+    return case
+
+
+def recognised(case):
+    """Whether a wrong case was met by its word: as a reason, or in the message it was refused with."""
+    word = WORDS[case["kind"]] + ":"
+    return word in case.get("refused", "") or any(reason.startswith(word) for reason in case.get("mistakes", []))
+
+
+def any_word(case):
+    """Whether a case was called suspect, or refused."""
+    return bool(case.get("mistakes") or case.get("suspect") or "refused" in case)
+
+
+def found_in(case, name):
+    """The values of a case by the name of a threshold's value, list."""
+    if name in case:
+        return [case[name]]
+    group, _, key = name.partition(" ")
+    order, right = ("reversed", "swapped"), WORDS.get(case["kind"])
+    return [
+        reading[key]
+        for word, reading in case.get("readings", {}).items()
+        if key and (word in order) == (group == "order") and right in (None, word)
+    ]
+
+
+def table(cases):
+    """Lines: how often each mistake was recognised, and the range of each value in good cases and in each wrong
+    kind."""
+    for kind in COUNTS:
+        own = [case for case in cases if case["kind"] == kind]
+        right = f", {sum(map(recognised, own))} of them by the right word" if kind in WORDS else ""
+        yield (f"{kind:26} {len(own):3} cases: {sum(map(any_word, own)):3} suspect{right}")
+    for name, limit in VALUES.items():
+        yield f"{name} (limit {suspect.LIMITS[limit]:.3g})"
+        for kind in COUNTS:
+            found = [value for case in cases if case["kind"] == kind for value in found_in(case, name)]
+            if found:
+                yield f"    {kind:26} {min(found):.3g} to {max(found):.3g}"
+
+
+@click.command(help=__doc__)
+@click.option("--also", multiple=True, help="npz surface with curves named as those of fsaverage5.")
+@click.option("--out", default=str(KEPT / "suspect.json"), show_default=False)
+def main(also, out):
+    warnings.simplefilter("ignore", qc.RepairWarning)
+    rng = np.random.default_rng(0)
+    synthetic = {str(cortex.seed): uncut(cortex.surface, rng) for cortex in cohort(12, VERTICES)}
+    real = {
+        "fsaverage5 right, mirrored": hemisphere("moving", qc.mirror(qc.fsaverage5("right"))),
+        "fsaverage5 left": hemisphere("control", qc.fsaverage5("left")),
+    }
+    real |= {Path(path).stem: uncut(qc.read_surface(path), rng) for path in also}
+    # Kinds mixed, so that a run that is stopped has some of each.
+    wanted = sorted(
+        ((kind, k) for kind, count in COUNTS.items() for k in range(count)), key=lambda c: c[1] / COUNTS[c[0]]
+    )
+    done = read_measured("suspect", out)["cases"] if Path(out).is_file() else []
+    done = {(case["kind"], case["number"]): case for case in done}
+    for kind, number in tqdm([task for task in wanted if task not in done]):
+        done[kind, number] = measure(kind, number, (real, synthetic))
+        cases = [done[key] for key in sorted(done)]
+        figures = {"commit": commit(), "vertices": VERTICES, "limits": suspect.LIMITS, "cases": cases}
+        write_measured("suspect", out, figures)
+    print("\n".join(table(list(done.values()))))
+
+
+if __name__ == "__main__":
+    main()

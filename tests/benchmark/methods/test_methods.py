@@ -1,0 +1,358 @@
+"""The registration methods on problems whose answer is known, and the solver that several of them share."""
+
+from importlib import import_module
+
+import numpy as np
+import pytest
+from exactmaps import moebius
+from meshes import random_disk, random_mu
+
+from qclearn.benchmark.methods import METHODS, ON_SPHERES, networks
+from qclearn.benchmark.methods.harmonic import harmonic, smoothed
+from qclearn.benchmark.methods.qc_iteration import qc_iteration
+from qclearn.benchmark.methods.solver import HARD, LandmarkSolver, truncated
+from qclearn.benchmark.methods.teichmuller import extremal
+from qclearn.benchmark.methods.thin_plate import thin_plate
+from qclearn.plane.beltrami import solve_beltrami, solve_beltrami_disk
+from qclearn.plane.bijectivity import RepairWarning
+from qclearn.plane.disk import Disk
+from qclearn.plane.grids import polar_disk
+from qclearn.plane.solver import DiskSolver
+from qclearn.registration import Problem
+from qclearn.registration.fit import fit_landmarks
+from qclearn.registration.problem import LandmarkError
+from qclearn.surfaces.conformal import disk_conformal_map
+from qclearn.surfaces.surface import Surface
+
+MOVED = moebius(0.2 - 0.1j, 0.7)
+# By landmarks alone, and without networks; those that look at folds are in benchmark/test_real_cortex.py.
+OTHERS = {"networks", "folds"}  # what learns, and what looks at folds
+CLASSICAL = sorted({name for name, m in METHODS.items() if m.__module__.split(".")[-1] not in OTHERS} - {*ON_SPHERES})
+each = pytest.mark.parametrize("name", CLASSICAL)
+
+
+def four_curves(count=8):
+    """Landmarks (4 count,) on four segments in the disk, and their labels."""
+    along = 0.12 * np.linspace(-1, 1, count)
+    segments = [(0.3, 0.2), (-0.4 + 0.2j, 1.0), (-0.1 - 0.5j, 2.0), (0.1 + 0.5j, 0.0)]
+    return np.concatenate([centre + np.exp(1j * turn) * along for centre, turn in segments]), np.repeat(range(4), count)
+
+
+@pytest.fixture(scope="module")
+def mesh():
+    return Disk(*random_disk(3, 96))
+
+
+@pytest.fixture(scope="module")
+def moved(mesh):
+    """A problem whose targets come from a known map of |mu| up to 0.4, found on a finer mesh than the problem's."""
+    fine = Disk(*polar_disk(24, 72))
+    f = DiskSolver(fine).solve(random_mu(np.random.default_rng(0), fine.z, fine.faces, 0.4))
+    p, curve = four_curves()
+    return Problem(mesh, p, fine.sampling(p) @ f, curve)
+
+
+def error(problem, f):
+    return abs(problem.samples @ f - problem.target).mean()
+
+
+# All methods but the networks
+
+# Of the Teichmüller iteration, whose mean |mu| creeps, and of a fit to landmarks that a Möbius map takes where they go.
+SAID = ("not settled after", "that map is returned")
+pytestmark = [pytest.mark.filterwarnings(f"ignore:.*{words}:qclearn.plane.bijectivity.RepairWarning") for words in SAID]
+
+
+@each
+def test_turned_landmarks_turn_the_disk(name, mesh):
+    p, curve = four_curves()
+    f = METHODS[name](Problem(mesh, p, np.exp(0.7j) * p, curve))
+    # The free boundary of the fits is exact up to discretisation even for mu = 0.
+    np.testing.assert_allclose(
+        f, np.exp(0.7j) * mesh.z, atol=2e-3 if name in ("gauss_newton", "coarse_steps") else 1e-6
+    )
+
+
+@pytest.mark.parametrize("name", ["mobius_only", "harmonic", "thin_plate", "gauss_newton"])
+def test_landmarks_matched_by_a_mobius_map_give_it(name, mesh):
+    p, curve = four_curves()
+    f = METHODS[name](Problem(mesh, p, MOVED(p), curve))
+    # Between the vertices of a mesh of this width (0.065) the Möbius map is off its linear interpolant by up to 4e-3.
+    np.testing.assert_allclose(f, MOVED(mesh.z), atol=8e-3)
+    assert mesh.certify(f).bijective
+
+
+@each
+def test_a_known_map_is_approached(name, moved):
+    floor = error(moved, METHODS["mobius_only"](moved))
+    assert 0.02 < floor < 0.04
+    if name != "mobius_only":
+        assert error(moved, METHODS[name](moved)) < 0.5 * floor
+
+
+@each
+def test_maps_turn_with_the_targets(name, moved):
+    turned = Problem(moved.disk, moved.moving, 1j * moved.target, moved.curve)
+    np.testing.assert_allclose(METHODS[name](turned), 1j * METHODS[name](moved), atol=1e-4)
+
+
+@pytest.mark.parametrize("name", sorted(set(CLASSICAL) - {"thin_plate"}))
+def test_the_circle_is_kept(name, moved):
+    np.testing.assert_allclose(abs(METHODS[name](moved)[moved.disk.loop]), 1, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["thin_plate", "teichmuller", "qc_iteration"])
+def test_methods_with_hard_landmarks_meet_them(name, moved):
+    assert error(moved, METHODS[name](moved)) < (1e-3 if name == "thin_plate" else 1e-4)
+
+
+def test_landmarks_outside_the_disk_or_twice_the_same_are_refused(mesh):
+    for p in ([0.1, 1.2], [0.1, 0.1]):
+        with pytest.raises(LandmarkError):
+            Problem(mesh, p, [0.1, 0.2])
+
+
+# The shared solver
+
+
+def test_landmarks_at_vertices_held_by_the_penalty_are_pins(mesh):
+    z, faces, loop, rng = mesh.z, mesh.faces, mesh.loop, np.random.default_rng(5)
+    inner = rng.permutation(np.setdiff1d(np.arange(len(z)), loop))[:6]
+    target = z[inner] + 0.05 * (rng.normal(size=6) + 1j * rng.normal(size=6))
+    mu = random_mu(rng, z, faces, 0.3)
+    solver = LandmarkSolver(Problem(mesh, z[inner], target))
+    pins = solve_beltrami(z, faces, mu, np.concatenate([loop, inner]), np.concatenate([solver.boundary, target]))
+    np.testing.assert_allclose(solver.solve(mu, HARD), pins, atol=1e-5)
+
+
+def test_the_solution_has_the_least_energy(moved):
+    solver, weight, rng = LandmarkSolver(moved), 0.7, np.random.default_rng(1)
+    mu = random_mu(rng, moved.disk.z, moved.disk.faces, 0.3)
+    K = moved.disk.stiffness(mu)
+
+    def energy(f):
+        return ((f.conj() @ (K @ f)).real + weight * (abs(moved.samples @ f - moved.target) ** 2).sum()) / 2
+
+    f = solver.solve(mu, weight)
+    step = 1e-3 * (rng.normal(size=len(f)) + 1j * rng.normal(size=len(f)))
+    step[moved.disk.loop] = 0
+    change = step + 0 * f
+    more = ((change.conj() @ (K @ change)).real + weight * (abs(moved.samples @ change) ** 2).sum()) / 2
+    for sign in (1, -1):  # to first order nothing changes, to second what the quadratic form says
+        assert energy(f + sign * step) - energy(f) == pytest.approx(more, rel=1e-6)
+
+
+def test_truncation_keeps_the_direction_and_the_small():
+    mu = np.array([0.5j, 3 - 4j, np.inf, np.nan, 0])
+    np.testing.assert_allclose(truncated(mu, 0.9), [0.5j, 0.54 - 0.72j, 0, 0, 0])
+
+
+# Harmonic maps and their overlap correction
+
+
+def crossing(mesh, shift=0.35):
+    """Two short curves that trade places: no method without correction stays unfolded."""
+    along = 0.1j * np.linspace(-1, 1, 6)
+    p, curve = np.concatenate([along - 0.15, along + 0.15]), np.repeat([0, 1], 6)
+    turn = np.exp(2j * np.pi * shift)
+    return Problem(
+        mesh,
+        np.concatenate([p, np.exp(1j * np.arange(8) * np.pi / 4) * 0.9]),
+        np.concatenate([turn * p, np.exp(1j * np.arange(8) * np.pi / 4) * 0.9]),
+        np.append(curve, [2] * 8),
+    )
+
+
+def test_a_heavier_weight_brings_landmarks_nearer_and_distorts_more(moved):
+    maps = [harmonic(moved, weight) for weight in (0.1, 0.5, 1.0, 5.0)]
+    errors = [error(moved, f) for f in maps]
+    sizes = [abs(moved.disk.coefficient(f)).mean() for f in maps]
+    assert errors == sorted(errors, reverse=True) and sizes == sorted(sizes)
+    np.testing.assert_allclose(harmonic(moved, 0.0), METHODS["mobius_only"](moved), atol=2e-3)
+
+
+def test_a_map_without_folds_is_not_corrected(moved):
+    np.testing.assert_array_equal(harmonic(moved, 1.0), harmonic(moved, 1.0, correct=False))
+
+
+def test_overlap_correction_unfolds(mesh):
+    problem = crossing(mesh, 0.2)
+    folded = harmonic(problem, 50.0, correct=False)
+    assert len(mesh.at(folded).flipped) > 0
+    with pytest.warns(RepairWarning, match="faces flipped, 0 after"):
+        f = harmonic(problem, 50.0)
+    assert mesh.certify(f).bijective
+    assert error(problem, f) < 0.7 * error(problem, METHODS["mobius_only"](problem))
+
+
+def test_overlap_correction_says_when_it_fails(mesh, monkeypatch):
+    problem = crossing(mesh, 0.2)
+    monkeypatch.setattr(
+        import_module("qclearn.benchmark.methods.harmonic"), "MOST_ROUNDS", 0
+    )  # not the function of that name
+    with pytest.warns(RepairWarning, match=r"(\d+) faces flipped, \1 after 0 rounds"):
+        harmonic(problem, 50.0)
+
+
+def test_smoothing_keeps_the_argument_and_evens_the_modulus(moved):
+    solver = LandmarkSolver(moved)
+    even = np.full(len(moved.disk.faces), 0.3 * np.exp(0.4j))
+    np.testing.assert_allclose(smoothed(solver, even, 2.0), even / 1.5, rtol=1e-9)
+    rough = even * np.random.default_rng(3).uniform(0.5, 1.5, len(even))
+    soft = smoothed(solver, rough, 2.0)
+    np.testing.assert_allclose(np.angle(soft), 0.4, atol=1e-9)
+    assert abs(soft).std() < 0.5 * abs(moved.disk.to_vertices @ rough)[moved.disk.faces].mean(1).std()
+
+
+def test_a_negative_weight_is_refused(moved):
+    with pytest.raises(ValueError, match="weight = -1"):
+        harmonic(moved, -1)
+
+
+# Quasi-conformal iteration
+
+
+def roughness(disk, f):
+    """`int |grad mu|^2` of a map's coefficient, made piecewise linear."""
+    nodal = disk.to_vertices @ disk.coefficient(f)
+    return (nodal.conj() @ (disk.laplace @ nodal)).real
+
+
+def test_quasi_conformal_iteration_is_smoother_than_one_solve(moved):
+    disk = Disk(*random_disk(3, 160))  # finer than the landmarks' spacing
+    problem = Problem(disk, moved.moving[::2], moved.target[::2])
+    once = LandmarkSolver(problem).solve(np.zeros(len(disk.faces), complex), HARD)
+    assert roughness(disk, qc_iteration(problem)) < 0.5 * roughness(disk, once)
+
+
+def test_quasi_conformal_iteration_lets_landmarks_go_where_they_fold(mesh):
+    problem = crossing(mesh, 0.5)
+    with pytest.warns(RepairWarning, match="landmarks held; let go"):
+        f = qc_iteration(problem)
+    assert error(problem, f) > 1e-4
+
+
+# Teichmüller maps
+
+
+def displacement(rings):
+    """Teichmüller's displacement problem on an ellipse, carried to the disk: (solver, mu's modulus).
+
+    With `w = R e^it + e^-it / R` the affine map that swaps the ellipse's axes, seen through `w^2` (shifted by 2 before
+    and after), is the map of the ellipse with semi-axes `R^2 + R^-2`, `R^2 - R^-2` that holds its boundary and takes
+    one focus to the other: constant `|mu| = 2 / (R^2 + R^-2)`, and extremal.
+    """
+    R = 2.5
+    long, short = R**2 + R**-2, R**2 - R**-2
+    z, faces = polar_disk(rings, 3 * rings)
+    ellipse = np.stack([long * z.real, short * z.imag, 0 * z.real], 1)
+    disk = Disk(disk_conformal_map(Surface(ellipse, faces)), faces)
+    foci = Disk((ellipse @ [1, 1j, 0]) / long, faces).sampling(np.array([-2, 2]) / long) @ disk.z
+    solver = LandmarkSolver(Problem(disk, foci[:1], foci[1:]))
+    solver.boundary = disk.z[disk.loop]
+    return solver, 2 / long
+
+
+def test_a_teichmuller_iteration_that_does_not_settle_says_so(moved):
+    with pytest.warns(RepairWarning, match="not settled after 60 rounds .the mean .mu. still changes by"):
+        METHODS["teichmuller"](moved)
+
+
+def test_teichmullers_displacement_is_found_with_its_constant():
+    spreads = []
+    for rings in (16, 32):
+        solver, k = displacement(rings)
+        f = extremal(solver)
+        size, areas = abs(solver.disk.coefficient(f)), solver.disk.areas
+        mean = areas @ size / areas.sum()
+        assert mean == pytest.approx(k, rel=0.03)
+        assert solver.error(f) < 1e-4 and solver.disk.certify(f).bijective
+        spreads.append(np.sqrt(areas @ (size - mean) ** 2 / areas.sum()) / mean)
+    assert spreads[1] < 0.7 * spreads[0] < 0.03
+
+
+# Thin plates
+
+
+def test_thin_plates_reproduce_affine_maps_which_leave_the_circle(mesh):
+    p = np.concatenate([r * np.exp(1j * np.pi / 4 * np.arange(8)) for r in (0.3, 0.6)])  # the best Möbius map is none
+    f = thin_plate(Problem(mesh, p, 0.6 * p + 0.2 * p.conj()))
+    np.testing.assert_allclose(f, 0.6 * mesh.z + 0.2 * mesh.z.conj(), atol=1e-6)
+    assert abs(f).max() < 0.81
+
+
+def test_smoothing_lets_thin_plates_bend_less(moved):
+    exact, soft = (error(moved, thin_plate(moved, smoothing)) for smoothing in (0.0, 1e-1))
+    assert exact < 0.6 * soft
+
+
+# Networks, with stand-ins of known quality in their place
+
+
+class Twins:
+    """Exact answers behind the networks' calls: a fit's mu, shrunk by `quality`, and the exact solver."""
+
+    def __init__(self, quality):
+        self.quality = quality
+
+    def predict(self, z, faces, moving, target, alpha, beta, gamma, curve):
+        fit = fit_landmarks(z, faces, moving, target, alpha, beta, gamma, curve)
+        return self.quality * fit.mu
+
+    def solve(self, z, faces, mu):
+        return solve_beltrami_disk(z, faces, mu)
+
+
+@pytest.fixture
+def twins(monkeypatch):
+    """twins(quality) puts stand-ins in the networks' place and returns the list of what was asked for."""
+
+    def put(quality):
+        asked = []
+        monkeypatch.setattr(networks, "network", lambda *words: asked.append(words) or Twins(quality))
+        return asked
+
+    return put
+
+
+NETWORK_METHODS = sorted(name for name, method in METHODS.items() if method.__module__.endswith(".networks"))
+
+
+@pytest.mark.parametrize("name", NETWORK_METHODS)
+def test_perfect_networks_give_the_fits_map(name, moved, twins):
+    twins(1.0)
+    fit = METHODS["gauss_newton"](moved)
+    f = METHODS[name](moved)
+    assert abs(f - fit).max() < 0.02 and error(moved, f) < 2e-3
+    np.testing.assert_allclose(abs(f[moved.disk.loop]), 1, atol=1e-12)
+
+
+def test_steps_bring_a_poor_start_nearer(moved, twins):
+    twins(0.6)
+    errors = [error(moved, METHODS["cpnet_exact"](moved))]
+    errors += [error(moved, METHODS["cpnet_steps"](moved, steps=steps)) for steps in (1, 2)]
+    assert errors[1] < 0.3 * errors[0] and errors[2] < errors[0]
+
+
+def test_the_coarse_fit_is_near_the_fit(moved):
+    fit, coarse = (METHODS[name](moved) for name in ("gauss_newton", "coarse_steps"))
+    assert error(moved, coarse) < 2e-3 and abs(coarse - fit).max() < 0.02
+
+
+def test_the_guard_refines_a_poor_answer_and_says_so(moved, twins):
+    twins(0.6)
+    assert error(moved, METHODS["cpnet_dbsnet"](moved)) > networks.TIGHT_TOLERANCE
+    with pytest.warns(RepairWarning, match="Gauss-Newton steps, to"):
+        f = METHODS["guarded"](moved)
+    assert error(moved, f) < networks.TIGHT_TOLERANCE
+
+
+def test_presets_and_weights_reach_the_networks(moved, twins):
+    asked = twins(1.0)
+    METHODS["cpnet_dbsnet"](moved, preset="paper", alpha=1.0, beta=1.0, gamma=1e4)
+    assert asked == [("cpnet", "paper", 1e4), ("dbsnet", "paper")]
+
+
+def test_missing_weights_are_named():
+    with pytest.raises(ValueError, match="one of them|no weights"):
+        networks.network("cpnet", "paper", 3.0)

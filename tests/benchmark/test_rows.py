@@ -1,0 +1,295 @@
+"""The benchmark's journal and results file: what is kept, resumed, refused, and what the means are."""
+
+import errno
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from qclearn.benchmark.measured import BenchmarkError, plain, read_measured, schema
+from qclearn.benchmark.rows import (
+    Journal,
+    column,
+    compare_fronts,
+    compare_runs,
+    front_ratio,
+    median_pair,
+    methods_and_oracles,
+    noted,
+    summary,
+)
+from qclearn.benchmark.runs import FRONT
+from qclearn.benchmark.runs import RUNS as RUNS_OF_THE_BENCHMARK
+
+RUNS = [
+    {
+        "name": "one",
+        "method": "harmonic",
+        "parameters": {},
+        "landmarks": "given",
+        "sets": ["cohort"],
+        "keep_field": False,
+    }
+]
+SETTINGS = {
+    "sets": ["cohort"],
+    "subjects": 2,
+    "seeds": [1001, 1002],
+    "controls": [1000],
+    "vertices": 1000,
+    "generation": 2,
+    "commit": "c0ffee",
+    "runs": RUNS,
+}
+PROVENANCE = {
+    "commit": "c0ffee",
+    "date": "2026-01-01",
+    "versions": {"qclearn": "0"},
+    "processors": ["p"],
+    "workers": 1,
+    "threads_per_task": 1,
+    "seconds": 1.0,
+    "resumed": False,
+    "left_out": {},
+}
+
+
+def row(pair="a", run="one", **figures):
+    """A failed row, or a done one if it has figures: those not given are 0."""
+    base = {"set": "cohort", "pair": pair, "run": run, "method": "harmonic", "parameters": {}, "landmarks": "given"}
+    if not figures:
+        return base | {"status": "failed", "message": "it broke"}
+    stages = ("disk_moving", "disk_control", "landmarks", "map", "pull_back")
+    rest = {
+        "flipped": 0,
+        "bijective": True,
+        "certified": True,
+        "histogram": [0] * 50,
+        "repetitions": 1,
+        "notes": [],
+        "held_out": None,
+        "r_maps": None,
+        "true_r_maps": None,
+        "seconds": dict.fromkeys(stages, figures.pop("seconds", 1.0)),
+    }
+    needed = schema()["properties"]["rows"]["items"]["then"]["required"]
+    return base | {"status": "done"} | dict.fromkeys(needed, 0.0) | rest | figures
+
+
+@pytest.fixture
+def out(tmp_path):
+    return tmp_path / "results.json"
+
+
+def test_rows_are_on_disk_at_once_and_become_a_results_file_that_is_read_again(out):
+    journal = Journal(out, SETTINGS)
+    journal.append(row("b", landmark_error=np.float64(0.5), max_abs_mu=np.inf, flipped=np.int64(2)))
+    (kept,) = Journal(out, SETTINGS).rows
+    assert kept["landmark_error"] == 0.5 and kept["max_abs_mu"] is None
+    assert not out.exists()
+    journal.append(row("a"))
+    results = journal.finish(PROVENANCE)
+    assert read_measured("benchmark", out) == results and [entry["pair"] for entry in results["rows"]] == ["a", "b"]
+    assert not journal.begun.path.exists()
+
+
+def test_a_journal_is_gone_on_with_and_a_damaged_row_is_dropped(out):
+    journal = Journal(out, SETTINGS)
+    for pair in "ab":
+        journal.append(row(pair, landmark_error=0.1))
+    first, *_ = journal.begun.names()
+    (journal.begun.path / first).write_bytes(b'{"set": "cohort", "pa')
+    again = Journal(out, SETTINGS)
+    assert len(again.rows) == 1
+    for pair in "abc":
+        again.append(row(pair))
+    assert sorted(entry["pair"] for entry in Journal(out, SETTINGS).rows) == ["a", "b", "c"]
+
+
+@pytest.mark.parametrize("changed", ["vertices", "generation", "commit", "runs"])
+def test_a_journal_of_other_settings_is_refused(out, changed):
+    Journal(out, SETTINGS)
+    with pytest.raises(BenchmarkError, match=rf"other settings \({changed} differ\)"):
+        Journal(out, SETTINGS | {changed: "another"})
+
+
+def test_what_is_no_journal_is_refused_and_left_alone(out):
+    notes = Path(f"{out}.partial")
+    notes.write_text("my notes\n")
+    with pytest.raises(BenchmarkError, match="partial: cannot be used .File exists.; give another folder"):
+        Journal(out, SETTINGS)
+    assert notes.read_text() == "my notes\n"
+    notes.unlink()
+    notes.mkdir()
+    (notes / "mine.txt").write_text("my notes\n")
+    with pytest.raises(BenchmarkError, match="holds files, but no settings.json of a run"):
+        Journal(out, SETTINGS)
+    assert [path.name for path in notes.iterdir()] == ["mine.txt"]
+
+
+def test_a_disk_that_fills_leaves_no_half_of_a_row(out, monkeypatch):
+    def full(place, data):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    journal = Journal(out, SETTINGS)
+    before = os.listdir(journal.begun.path)
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(BenchmarkError, match="row-.*json: .*free.*what was finished is kept: run it again to go on"):
+        journal.append(row())
+    assert os.listdir(journal.begun.path) == before
+
+
+@pytest.mark.parametrize(
+    "content, message",
+    [
+        (None, "cannot be read"),
+        ("{", "not a JSON file"),
+        ("[1]", "no results of this program"),
+        ('{"schema_version": 99}', "schema version 99; this version reads 2"),
+        ('{"schema_version": 2}', r"not a valid results file: \$: 'settings' is a required property"),
+    ],
+)
+def test_other_files_are_refused(out, content, message):
+    if content is not None:
+        out.write_text(content)
+    with pytest.raises(BenchmarkError, match=message):
+        read_measured("benchmark", out)
+
+
+def test_the_schema_refuses_rows_without_their_figures(out):
+    journal = Journal(out, SETTINGS)
+    lacking = row(landmark_error=0.1)
+    del lacking["certified"]
+    journal.append(lacking)
+    with pytest.raises(BenchmarkError, match=r"rows\[0\].*'certified' is a required"):
+        journal.finish(PROVENANCE)
+    assert journal.begun.path.exists() and not out.exists()
+
+
+def test_every_field_of_the_schema_is_described():
+    figures = schema()["properties"]["rows"]["items"]["properties"]
+    own = {"set", "pair", "run", "method", "parameters", "landmarks", "status", "message", "seconds"}
+    assert {name for name, entry in figures.items() if "description" not in entry} <= own
+
+
+def test_plain_values_are_json():
+    value = {"a": np.arange(2), "b": (np.float32(0.5), np.nan, True), 3: np.bool_(False)}
+    assert plain(value) == {"a": [0, 1], "b": [0.5, None, True], "3": False}
+    json.dumps(plain(value), allow_nan=False)
+
+
+def test_means_are_over_the_pairs_that_have_a_figure():
+    rows = [
+        row("a", landmark_error=0.2, seconds=1.0, certified=False),
+        row("b", landmark_error=0.4, seconds=5.0),
+        row("c"),
+        row("d", landmark_error=0.3, correspondence_sulci_mm=None, seconds=2.0),
+        row("a", "two"),
+    ]
+    table = summary(rows)
+    assert table["one"]["pairs"] == 4 and table["one"]["failed"] == 1 and table["one"]["certified"] == 2
+    assert table["one"]["landmark_error"] == pytest.approx(0.3)
+    assert table["one"]["sd_of_landmark_error"] == pytest.approx(0.1 * np.sqrt(2 / 3))
+    assert table["one"]["seconds"] == table["one"]["stages"]["map"] == 2.0
+    assert table["two"]["seconds"] is None and table["two"]["landmark_error"] is None
+    assert table["one"]["sd_landmark_error"] == 0  # over landmarks, a figure of its own; not that over pairs
+    assert "certified" not in [key for key in table["two"] if table["two"][key] is None]
+    found = column(rows, "one", "correspondence_sulci_mm")
+    assert list(found) == ["a", "b", "c", "d"] and np.isnan([found["c"], found["d"]]).all() and found["a"] == 0
+
+
+def test_a_front_is_compared_at_the_baselines_distortion():
+    points = [("one", 0.1, 1e-2), ("two", 0.3, 1e-4), ("base", 0.2, 2e-3)]
+    rows = [row("a", run, mean_abs_mu=size, landmark_error=error) for run, size, error in points]
+    between = (1e-2 + 1e-4) / 2
+    assert front_ratio(rows, ["one", "two"], "base") == {"a": pytest.approx(between / 2e-3)}
+    beaten = row("a", "three", mean_abs_mu=0.15, landmark_error=0.02)
+    assert front_ratio([*rows, beaten], ["one", "two", "three"], "base") == {"a": pytest.approx(between / 2e-3)}
+    assert front_ratio(rows, ["one"], "base") == {"a": pytest.approx(1e-2 / 2e-3)}  # held beyond the last point
+    assert np.isnan(front_ratio(rows, ["two"], "base")["a"])  # its least distortion is more than the baseline's
+    rows[1]["certified"] = False
+    assert front_ratio(rows, ["one", "two"], "base") == {"a": pytest.approx(1e-2 / 2e-3)}
+    rows[2]["certified"] = False
+    assert front_ratio(rows, ["one", "two"], "base") == {}
+
+
+def test_fronts_are_ahead_behind_or_level_by_their_interval():
+    def rows_of(factors):
+        return [
+            row(pair, run, mean_abs_mu=0.2, landmark_error=error)
+            for pair, factor in zip("abcd", factors)
+            for run, error in (("fit", factor * 1e-3), ("base", 1e-3))
+        ]
+
+    found = {
+        state: compare_fronts(rows_of(factors), ["fit"], "base", np.random.default_rng(0))
+        for state, factors in (("ahead", (0.5, 0.6, 0.5, 0.4)), ("behind", (2, 3, 2, 2)), ("level", (0.5, 2, 1, 1)))
+    }
+    assert {state: line["state"] for state, line in found.items()} == {state: state for state in found}
+    assert found["behind"]["ratio"] == pytest.approx(24**0.25) and found["ahead"]["won"] == 4
+    assert found["level"]["low"] < 1 < found["level"]["high"] and found["level"]["won"] == 1
+    nobody = compare_fronts([row("a", "fit")], ["fit"], "base", np.random.default_rng(0))
+    assert nobody["state"] == "unknown" and nobody["pairs"] == 0
+
+
+def test_runs_are_compared_on_the_pairs_that_both_have():
+    rows = [
+        row("a", landmark_error=3.0),
+        row("b", landmark_error=9.0),
+        row("b", "two", landmark_error=7.0),
+        row("a", "two", landmark_error=1.0),
+        row("c", landmark_error=100.0),
+    ]
+    assert compare_runs(rows, "one", "two", "landmark_error", np.random.default_rng(0)) == (2, 2, 2)
+
+
+def test_oracles_stand_apart():
+    truth = row("a", "oracle", landmark_error=0.1) | {"landmarks": "exact"}
+    method = row("a", landmark_error=0.1) | {"landmarks": "path"}
+    assert methods_and_oracles([truth, method]) == ([method], [truth])
+
+
+def test_the_median_pair_is_shown():
+    rows = [row(pair, landmark_error=error) for pair, error in zip("abcd", (0.4, 0.1, 0.3, 0.2))]
+    assert median_pair(rows, "one") == "d" and median_pair(rows[:3], "one") == "c"
+    with pytest.raises(BenchmarkError, match="no pair has a landmark error of the run 'two'"):
+        median_pair(rows, "two")
+
+
+def test_notes_are_counted_by_their_words():
+    rows = [
+        row("a", landmark_error=0.1, notes=["two overlaps mended", "overlap again"]),
+        row("b", landmark_error=0.1),
+        row("c"),
+        row("a", "two", landmark_error=0.1, notes=["an overlap"]),
+    ]
+    assert noted(rows, "one", "overlap") == 1 and noted(rows, "one", "let go") == 0
+
+
+def test_the_kept_results_hold_every_run_on_every_subject():
+    results = read_measured("benchmark")
+    rows = [entry for entry in results["rows"] if entry["set"] == "cohort"]
+    everything = {run.name for run in RUNS_OF_THE_BENCHMARK + FRONT}
+    assert {run["name"] for run in results["settings"]["runs"]} == everything
+    assert results["settings"]["commit"].isalnum()  # of files that were committed as they were run
+    for name in (run.name for run in RUNS_OF_THE_BENCHMARK + FRONT if "cohort" in run.sets):
+        assert len(column(rows, name, "landmark_error")) == results["settings"]["subjects"] >= 12
+    fits = [entry for entry in results["rows"] if entry["method"] in ("gauss_newton", "cpnet_steps", "guarded")]
+    assert all(entry["status"] == "done" and entry["certified"] for entry in fits)
+
+
+def test_a_results_file_has_a_row_a_line(out):
+    journal = Journal(out, SETTINGS)
+    for pair in "ab":
+        journal.append(row(pair, landmark_error=0.1))
+    journal.finish(PROVENANCE)
+    assert sum(line.startswith('  {"set": "cohort"') for line in out.read_text().splitlines()) == 2
+
+
+def test_a_row_that_failed_gives_way_to_a_later_one(out):
+    journal = Journal(out, SETTINGS)
+    journal.append(row("a"))
+    journal.append(row("a", landmark_error=0.1))
+    assert [entry["status"] for entry in journal.finish(PROVENANCE)["rows"]] == ["done"]

@@ -1,0 +1,213 @@
+"""Three products of one source: the page, the student's notebook, the teacher's."""
+
+import copy
+import html
+import json
+import re
+from functools import cache
+from types import SimpleNamespace
+
+import nbformat
+import pytest
+from leaks import drift, graded_lines, leaks, lines_of, of, page_lines
+from nbformat.v4 import new_markdown_cell, new_notebook, new_output
+
+from book.builder import course, execute_pages, graded, lab_copies, references, solutions
+from book.builder.graded import EXERCISES, put
+from book.builder.plain import for_plain_viewers
+from book.builder.readable import Readable
+
+NAME = "alpha-signs"
+PAGE = f"# Here\n\n{graded.place(NAME)}\n\nMore."
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """(student's, teacher's, nbgrader's) notebook of all exercises, as files."""
+    return course.write(course.in_order(), "exercises", tmp_path_factory.mktemp("course"))
+
+
+def test_the_students_notebook_has_a_blank_and_a_check_for_each_exercise(written):
+    student = nbformat.read(written[0], as_version=4)
+    assert [cell.metadata["exercise"] for cell in of(student, "answer")] == course.in_order()
+    assert [cell.source for cell in of(student, "check")] == [graded.call(EXERCISES[n]) for n in course.in_order()]
+    assert all("# your lines here" in cell.source for cell in of(student, "answer"))
+    assert [role for cell in of(student, "question") for role in re.findall(r"\{[\w:]+\}`|\]\(#", cell.source)] == []
+
+
+def test_the_students_notebook_carries_what_nbgrader_keeps(written):
+    student = nbformat.read(written[0], as_version=4)
+    kept = [cell.metadata.nbgrader for cell in student.cells if "nbgrader" in cell.metadata]
+    assert len({each.grade_id for each in kept}) == len(kept) >= 2 * len(EXERCISES)
+    keys = {"schema_version", "grade", "solution", "locked", "task", "cell_type", "grade_id"}
+    for each in kept:
+        assert set(each) == keys | ({"points"} if each.grade else set()) and each.schema_version == 3
+    assert sum(each.get("points", 0) for each in kept) == sum(e.points for e in EXERCISES.values())
+
+
+def test_nbgraders_notebook_is_its_source(written):
+    """The student's cells, but solutions between marks, and hidden tests on other numbers, which raise."""
+    student, nbgraders = (nbformat.read(path, as_version=4) for path in (written[0], written[2]))
+    same = [cell for cell in student.cells if cell.metadata.get("tags") not in (["answer"], ["check"])]
+    assert [cell for cell in nbgraders.cells if cell in same] == same and len(nbgraders.cells) == len(student.cells)
+    assert [cell.metadata for cell in nbgraders.cells] == [cell.metadata for cell in student.cells]
+    assert [cell.source + "\n" for cell in of(nbgraders, "answer")] == [EXERCISES[n].source for n in course.in_order()]
+    for check in of(nbgraders, "check"):
+        exercise = EXERCISES[check.metadata.exercise]
+        shown, tests = check.source.split("\n### BEGIN HIDDEN TESTS\n")
+        assert shown == graded.call(exercise) and "seed=1)" in tests and tests.endswith("\n### END HIDDEN TESTS")
+        exec(tests, {exercise.asks_for: exercise.solution})
+        with pytest.raises(AssertionError):
+            exec(tests, {exercise.asks_for: next(iter(exercise.wrong.values()))})
+
+
+def test_the_teachers_notebook_has_solutions_mistakes_and_points(written):
+    teacher = nbformat.read(written[1], as_version=4)
+    text = "\n".join(cell.source for cell in teacher.cells)
+    assert [cell.source + "\n" for cell in of(teacher, "answer")] == [EXERCISES[n].solved for n in course.in_order()]
+    assert all(f"| {name.replace('|', chr(92) + '|')} |" in text for e in EXERCISES.values() for name in e.wrong)
+    assert f"| {sum(e.points for e in EXERCISES.values())} |" in text
+
+
+def test_no_solution_leaks_into_the_students_notebook(written):
+    assert all(graded_lines().values()) and leaks(written[:1], graded_lines()) == {}
+    assert list(leaks(written[1:2], graded_lines())) == [str(written[1])]
+
+
+QUOTED = 'return "µ ahead" if high < 1 else "behind"'  # a line that markup and JSON escape
+HIDDEN = {
+    "question": {"source": f"Hint: {QUOTED}"},
+    "output": {"outputs": [new_output("stream", text=f"{QUOTED}\n")]},
+    "output in HTML": {"outputs": [new_output("display_data", {"text/html": f"<b>ret</b>{html.escape(QUOTED[3:])}"})]},
+    "attachment": {"attachments": {"a.txt": {"text/plain": QUOTED}}},
+    "metadata": {"metadata": {"hint": QUOTED}},
+}
+FILES = {
+    "a.html": f"<p>{html.escape(QUOTED)}</p>",
+    "b.html": f"<pre><span>{QUOTED[:5]}</span>{html.escape(QUOTED[5:])}</pre>",
+    "c.html": f"<script>hint = {json.dumps(QUOTED, ensure_ascii=False)}</script>",
+    "d.js": f"search({json.dumps([QUOTED], ensure_ascii=False)})",
+    "e.json": json.dumps({"hint": QUOTED}),
+}
+
+
+@pytest.mark.parametrize("where", [*HIDDEN, *FILES, "notebook's metadata"])
+def test_a_leak_of_one_line_is_found_wherever_it_is(written, tmp_path, where):
+    student = nbformat.read(written[0], as_version=4)
+    of(student, "check")[0].update(HIDDEN.get(where, {}))
+    student.metadata.update({"hint": QUOTED} if where == "notebook's metadata" else {})
+    path = tmp_path / (where if where in FILES else "leaking.ipynb")
+    path.write_text(FILES.get(where) or json.dumps(student), encoding="utf-8")
+    assert list(leaks([path], {NAME: {QUOTED}}).values()) == [[QUOTED]]
+    assert leaks(written[:1], {NAME: {QUOTED}}) == {}
+
+
+@pytest.fixture(scope="module")
+def readable():
+    return Readable("lbs", references.labels(), references.Literature(), plain=True)
+
+
+def copy_for_download(text, readable):
+    return for_plain_viewers(new_notebook(cells=[new_markdown_cell(put(text))]), readable, 1)
+
+
+def test_page_and_notebook_have_the_same_words_and_blank(written, readable):
+    assert list(drift(copy_for_download(PAGE, readable), nbformat.read(written[0], as_version=4))) == []
+
+
+@pytest.mark.parametrize("part", ["question", "answer"])
+def test_a_drift_between_page_and_notebook_is_found(written, readable, part):
+    page, student = copy_for_download(PAGE, readable), nbformat.read(written[0], as_version=4)
+    (cell,) = (cell for cell in of(student, part) if cell.metadata["exercise"] == NAME)
+    cell.source = cell.source.replace("three", "four").replace("alpha_1", "beta_1")
+    assert list(drift(page, student)) == [NAME]
+
+
+def test_the_build_runs_the_solution_and_shows_none(monkeypatch):
+    monkeypatch.setattr(solutions, "SHOWN", False)
+    notebook = new_notebook(cells=[new_markdown_cell(PAGE)])
+    assert execute_pages.prepare(notebook) == []
+    (cell,) = (cell for cell in notebook.cells if solutions.TAG in cell.metadata.get("tags", []))
+    assert EXERCISES[NAME].solved in cell.source and graded.call(EXERCISES[NAME]) in cell.source
+    assert "right, " in cell.metadata["prints"]
+    executed = copy.deepcopy(notebook)
+    executed.cells = [each for each in executed.cells if each.cell_type == "markdown"]
+    for shown in (False, True):
+        monkeypatch.setattr(solutions, "SHOWN", shown)
+        monkeypatch.setattr(execute_pages, "expressions", SimpleNamespace(store=lambda notebook: []))
+        page = copy.deepcopy(executed)
+        assert execute_pages.finish(page) == []
+        assert "{exercise} " + EXERCISES[NAME].title in page.cells[0].source
+        assert ("{solution}" in page.cells[0].source) == shown
+        assert [line for line in graded_lines()[NAME] if (line in page.cells[0].source) != shown] == []
+
+
+def test_a_page_that_names_no_exercise_stops_the_build():
+    page = new_notebook(cells=[new_markdown_cell(graded.place("no-such"))])
+    (line,) = execute_pages.prepare(page)
+    assert "no-such" in line and "book/qcbook/exercises/tasks has" in line
+
+
+def test_no_page_shows_a_line_of_a_solution_by_chance():
+    assert leaks([path for path in references.BOOK.iterdir() if path.suffix in (".ipynb", ".md")], graded_lines()) == {}
+
+
+@cache
+def placed():
+    """(exercise, page) of all places where a page names one."""
+    return [
+        (name, path.stem)
+        for path in sorted(references.BOOK.glob("*.ipynb"))
+        for cell in nbformat.read(path, as_version=4).cells
+        for name in graded.PLACE.findall(cell.source)
+    ]
+
+
+@pytest.mark.parametrize("name", EXERCISES)
+def test_an_exercise_stands_on_its_own_page_once(name):
+    assert [page for found, page in placed() if found == name] == [EXERCISES[name].page]
+
+
+def test_copies_have_no_solution_of_any_page():
+    lines, hidden = page_lines(), 0
+    for path in sorted(references.BOOK.glob("*.ipynb")):
+        notebook = lab_copies.without_solutions(nbformat.read(path, as_version=4))
+        text = "\n".join(cell.source for cell in notebook.cells)
+        assert [line for line in lines[path.stem] if line in text] == [] and "{solution}" not in text, path.stem
+        hidden += len(lines[path.stem])
+    assert hidden > 100  # there is something to hide
+
+
+def test_what_only_a_solution_quotes_is_not_kept_and_an_empty_cell_goes():
+    entries = [{"expression": "shown", "result": {}}, {"expression": "hidden", "result": {}}]
+    solution = ":::{solution} ex-a\n{eval}`hidden`\n:::"
+    cells = [new_markdown_cell(f"{{eval}}`shown`\n\n{solution}\n\nMore."), new_markdown_cell(solution)]
+    cells[0].metadata["user_expressions"] = entries
+    notebook = lab_copies.without_solutions(new_notebook(cells=cells))
+    assert [cell.source for cell in notebook.cells] == ["{eval}`shown`\n\nMore."]
+    assert [entry["expression"] for entry in notebook.cells[0].metadata["user_expressions"]] == ["shown"]
+
+
+def test_solutions_are_part_of_a_copys_stamp(monkeypatch):
+    before = lab_copies.book_digest()
+    monkeypatch.setattr(solutions, "SHOWN", not solutions.SHOWN)
+    assert lab_copies.book_digest() != before
+
+
+def test_a_sheet_of_chosen_exercises(tmp_path):
+    path, *_ = course.write(["accept-fold"], "week1", tmp_path)
+    named = {cell["metadata"].get("exercise") for cell in json.loads(path.read_text())["cells"]}
+    assert path.name == "week1.ipynb" and named == {None, "accept-fold"}
+
+
+def test_every_week_has_a_sheet(monkeypatch):
+    written = {}
+    monkeypatch.setattr(course, "write", lambda names, name, **_: written.update({name: names}) or [])
+    monkeypatch.setattr("sys.argv", ["course"])
+    course.main()
+    assert list(written) == ["exercises", *(f"week{number}" for number in range(1, 7))]
+    assert "alpha-signs" in written["week2"] and set(written["exercises"]) == set(EXERCISES)
+
+
+def test_lines_are_those_that_only_a_solution_has():
+    assert lines_of("short\n    a line that is long enough to tell\n") == {"a line that is long enough to tell"}

@@ -1,0 +1,124 @@
+"""What the guide for teachers lays out is there, fits its weeks, and the recipes name what exists."""
+
+import copy
+import json
+import re
+import tomllib
+
+import nbformat
+import pytest
+from nbformat.v4 import new_code_cell, new_notebook, new_output
+
+from book.builder import costs, lab_copies, references, teaching
+from book.builder.graded import EXERCISES
+from book.builder.reading import minutes_of_text
+
+ROOT = references.BOOK.parent
+GUIDE, SHEET = (references.markdown_of(page) for page in ("teaching", "hub"))
+
+
+@pytest.fixture
+def plan(monkeypatch):
+    """A plan that a test may change."""
+    own = copy.deepcopy(teaching.plan())
+    monkeypatch.setattr(teaching, "plan", lambda: own)
+    return own
+
+
+def too_long():
+    """The weeks, and the day, that take longer than a week of the plan has."""
+    day, most = teaching.plan()["day"], 60 * teaching.plan()["hours"]
+    taken = {week["title"]: teaching.spent(pages, names, week["class"]) for week, pages, names in teaching.weeks()}
+    taken["the day"] = teaching.spent(day["pages"], day["exercises"], day["class"])
+    return {title: sum(parts) for title, parts in taken.items() if sum(parts) > most}
+
+
+def test_the_weeks_fit_and_have_pages_exercises_and_work_in_class():
+    assert too_long() == {}
+    weeks = list(teaching.weeks())
+    assert len(weeks) == 6 and all(pages and names and week["class"] for week, pages, names in weeks)
+    assert {name for week, _, names in weeks for name in (*names, *week["leave"])} >= set(EXERCISES)
+    assert set(teaching.plan()["day"]["pages"]) <= set(references.chapters())
+    assert {EXERCISES[name].page for name in teaching.plan()["day"]["exercises"]} <= set(
+        teaching.plan()["day"]["pages"]
+    )
+
+
+def test_a_week_that_is_too_long_is_found(plan):
+    plan["week"][0]["class"].append([200, "A long talk."])
+    assert list(too_long()) == [plan["week"][0]["title"]]
+
+
+@pytest.mark.parametrize("key, value", [("from", "nowhere"), ("leave", ["nothing"]), ("class", [[5, "On {nowhere}."]])])
+def test_a_name_that_is_not_there_stops_the_build(plan, key, value):
+    plan["week"][0][key] = value
+    with pytest.raises(SystemExit, match=r"teaching\.toml"):
+        teaching.of_weeks()
+
+
+def test_the_tables_stand_in_the_pages():
+    for text, kinds in ((GUIDE, ["weeks", "the-day"]), (SHEET, ["costs"])):
+        assert teaching.PLACE.findall(text) == kinds
+        assert not teaching.PLACE.search(teaching.put(text))
+    shown = teaching.put(GUIDE)
+    assert (
+        "### Week 6: " in shown and "[The Linear Beltrami Solver](lbs.ipynb)" in shown and "`alpha-signs` (15)" in shown
+    )
+    assert teaching.put("Table of weeks") == "Table of weeks"
+
+
+def test_the_copies_for_jupyterlab_have_the_tables():
+    (cell,) = lab_copies.Copies().executed("teaching").cells
+    assert "### Week 1: " in cell.source and "Table of" not in cell.source
+
+
+def test_a_page_is_read_at_the_pace_of_its_parts():
+    assert minutes_of_text("word " * 150) == pytest.approx(1)
+    assert minutes_of_text("$$\nx = 1\n$$ (eq-x)\n\nand\n\n$$y$$") == pytest.approx(2 / 0.67 + 1 / 150)
+    assert minutes_of_text("```python\na\nb\nc\nd\ne\n```") == pytest.approx(1)
+    folded = ":::{admonition} Answers\n:class: dropdown\nMany words.\n:::\n\n:::{solution} ex-x\nMore.\n:::"
+    assert minutes_of_text(folded) == 0
+
+
+def test_a_run_says_what_it_cost(tmp_path):
+    notebook = new_notebook(cells=[new_code_cell("1")])
+    costs.ask(notebook)
+    printed = {}
+    exec(notebook.cells[-1].source, {"print": lambda text: printed.update(text=text)})
+    notebook.cells[-1].outputs = [new_output("stream", name="stdout", text=printed["text"] + "\n")]
+    costs.take(notebook)
+    assert len(notebook.cells) == 1
+    nbformat.write(notebook, tmp_path / "page.ipynb")
+    (tmp_path / "other.ipynb").write_text(json.dumps(new_notebook()))
+    found = costs.measured(tmp_path)
+    assert list(found) == ["page"] and 0.01 < found["page"]["gb"] < 64 and found["page"]["seconds"] > 0
+
+
+def test_the_sheet_multiplies_for_a_class(monkeypatch):
+    monkeypatch.setattr(costs, "measured", lambda folder: {"lbs": {"seconds": 32.0, "gb": 0.5}})
+    assert "(lbs.ipynb) | 32 | 0.5 | 15 | 1.0 |" in teaching.put(SHEET)
+    monkeypatch.setattr(costs, "measured", lambda folder: {})
+    assert "No page has been executed here yet" in teaching.put(SHEET)
+
+
+def test_the_recipe_without_internet_brings_what_the_build_needs():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    (download,) = re.findall(r"pip download (.+)", GUIDE)
+    assert all(f"'{need}'" in download for need in project["build-system"]["requires"])
+    assert "-c constraints.txt" in download and "'.[test]' uv" in download
+    assert GUIDE.count("touch .venv/installed") == 1  # the stamp of the Makefile
+    assert "INSTALLED := .venv/installed" in (ROOT / "Makefile").read_text(encoding="utf-8")
+
+
+def test_each_project_has_a_first_cell_and_its_parts():
+    cells = nbformat.read(references.BOOK / "projects.ipynb", as_version=4).cells
+    text = "\n\n".join(cell.source if cell.cell_type == "markdown" else "CODE" for cell in cells)
+    projects = [part for part in re.split(r"^## ", text, flags=re.MULTILINE) if "**Question.**" in part]
+    assert len(projects) == 6
+    for part in projects:
+        order = [
+            part.index(word) for word in ("**Question.**", "CODE", "**First steps.**", "**Milestones.**", "**A good")
+        ]
+        assert order == sorted(order), part[:40]
+    points = [int(n) for n in re.findall(r"\| (\d+) \|$", text.split("## Marking")[1], re.MULTILINE)]
+    assert sum(points) == 20

@@ -1,0 +1,219 @@
+"""Random and extreme problems for the solvers, each claim of a bijection checked again in exact arithmetic.
+
+    python tests/fuzz/fuzz_solvers.py {beltrami,conformal,fit,register} 1000 --seed 7 [--out ROWS.jsonl]
+
+A case is (kind, seed, number) and is made again from them. Each runs in a forked process with 120 s and 6 GiB of
+addresses. Verdicts: certified, folded (and said so), refused (one of the library's own errors), and the faults: false
+(claimed bijective, fractions refute it), worse (a fit or a registration above the best Moebius map), silent (not
+finite), raw (another exception), hang, crash.
+"""
+
+import tempfile
+import warnings
+from fractions import Fraction
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+from forked import forked, read_options, tally  # beside this file
+from scipy.spatial import Delaunay
+
+import qclearn as qc
+from qclearn.plane.disk import Disk
+from qclearn.registration.fit import ROUNDING
+from qclearn.registration.problem import Problem
+
+SECONDS, ADDRESSES = 120, 6 << 30
+FAULTS = {"false", "worse", "silent", "raw", "hang", "crash"}
+OWN = (qc.SurfaceError, qc.LandmarkError, qc.BeltramiError, qc.BijectivityError)
+
+
+def turns(a, b, c):
+    """Exact signs of the turns a, b, c (complex arrays): floats where they are beyond doubt, fractions elsewhere."""
+    left, right = (b - a).real * (c - a).imag, (b - a).imag * (c - a).real
+    size = np.abs(np.stack([a, b, c])).max(axis=0)
+    sides = np.maximum(abs(b - a), abs(c - a))
+    sign = np.sign(left - right).astype(int)
+    for k in np.flatnonzero(~(abs(left - right) > 1e-14 * sides * (size + sides))):
+        (ax, ay), (bx, by), (cx, cy) = ((Fraction(float(p[k].real)), Fraction(float(p[k].imag))) for p in (a, b, c))
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        sign[k] = (area > 0) - (area < 0)
+    return sign
+
+
+def rim(faces):
+    """The boundary loop, along its faces."""
+    edges = {(int(face[k]), int(face[(k + 1) % 3])) for face in faces for k in range(3)}
+    following = {u: v for u, v in edges if (v, u) not in edges}
+    loop = [min(following)]
+    while following[loop[-1]] != loop[0]:
+        loop.append(following[loop[-1]])
+    return np.array(loop)
+
+
+def is_embedding(faces, f):
+    """Exactly: every face keeps its orientation, and no two edges of the rim meet but neighbours."""
+    if not (turns(*f[np.asarray(faces)].T) > 0).all():
+        return False
+    w = f[rim(faces)]
+    i, j = np.triu_indices(len(w), 2)  # edges that are no neighbours
+    apart = (i > 0) | (j < len(w) - 1)
+    i, j, after = i[apart], j[apart], np.roll(w, -1)
+    for part in (w.real, w.imag):  # whose boxes meet
+        low, high = np.minimum(part, np.roll(part, -1)), np.maximum(part, np.roll(part, -1))
+        meet = (low[i] <= high[j]) & (low[j] <= high[i])
+        i, j = i[meet], j[meet]
+    one = turns(w[i], after[i], w[j]) * turns(w[i], after[i], after[j])
+    two = turns(w[j], after[j], w[i]) * turns(w[j], after[j], after[i])
+    return not ((one <= 0) & (two <= 0)).any()
+
+
+def disk(rng, low, high):
+    """A triangulated disk (z, faces): rim even, random or in clusters, inside even, at the rim or in clumps."""
+    while True:
+        n = int(np.exp(rng.uniform(np.log(low), np.log(high))))
+        angles = np.sort(
+            rng.choice([rng.uniform(size=n), rng.beta(0.4, 0.4, n), np.arange(n) / n])[:: max(1, int(np.sqrt(n) / 4))]
+        )
+        inner = np.sqrt(rng.uniform(size=n)) if rng.random() < 0.6 else 1 - 10.0 ** rng.uniform(-5, -0.1, n)
+        points = inner * np.exp(2j * np.pi * rng.uniform(size=n))
+        if rng.random() < 0.3:
+            points = 0.5 * points[rng.integers(0, 5, n)] + 10.0 ** rng.uniform(-5, -1, n) * points
+        z = np.concatenate([np.exp(2j * np.pi * np.unique(angles)), points])
+        faces = Delaunay(np.stack([z.real, z.imag], axis=1)).simplices
+        signs = turns(*z[faces].T)
+        faces = np.where((signs < 0)[:, None], faces[:, ::-1], faces)[signs != 0]
+        try:
+            used, corners = np.unique(faces, return_inverse=True)
+            corners = corners.reshape(-1, 3)
+            qc.require_disk(qc.Surface(np.stack([z[used].real, z[used].imag, 0 * used], axis=1), corners))
+        except qc.SurfaceError:
+            continue
+        on_circle = np.abs(abs(z[used][rim(corners)]) - 1).max() < 1e-12
+        if on_circle and is_embedding(corners, z[used]):
+            return z[used], corners
+
+
+def beltrami_case(rng):
+    z, faces = disk(rng, 30, 3000)
+    size, centre = rng.choice([0.1, 0.5, 0.9, 0.99]), z[faces].mean(axis=1)
+    mu = size * rng.choice(
+        [
+            np.ones(len(faces)),
+            np.exp(4j * centre.real),
+            np.sqrt(rng.uniform(size=len(faces))) * np.exp(2j * np.pi * rng.uniform(size=len(faces))),
+            abs(centre) ** 6 * np.exp(2j * np.angle(centre)),
+        ]
+    )
+    f = qc.solve_beltrami_disk(z, faces, mu)
+    return faces, f, qc.check_bijective(z, faces, f).bijective, False
+
+
+def lifted(rng, z):
+    """Points in space over a disk: hills, a roll, a tongue, a bulb, noise, tiny, huge or far away."""
+    x, y, kind = z.real, z.imag, rng.integers(8)
+    hills = sum(rng.normal() * np.sin(rng.normal() * 6 * x + rng.normal() * 6 * y) for _ in range(5))
+    t, q = rng.uniform(2, 20) * (x + 1.5), abs(z) * np.pi * rng.uniform(0.5, 0.999)
+    roll, bulb = (
+        np.stack([t * np.cos(t), t * np.sin(t), 3 * y], 1),
+        np.stack([np.sin(q) * np.cos(np.angle(z)), np.sin(q) * np.sin(np.angle(z)), np.cos(q)], 1),
+    )
+    plain = np.stack([x, y, hills], axis=1)
+    return [
+        plain,
+        roll,
+        np.stack([x * 10.0 ** rng.uniform(1, 4), y, 0.1 * hills], 1),
+        bulb,
+        plain + rng.normal(size=plain.shape) * 0.3,
+        plain * 10.0 ** -rng.uniform(3, 150),
+        plain * 10.0 ** rng.uniform(3, 150),
+        plain + 10.0 ** rng.uniform(2, 12),
+    ][kind]
+
+
+def conformal_case(rng):
+    z, faces = disk(rng, 50, 5000)
+    return faces, qc.disk_conformal_map(qc.Surface(lifted(rng, z), faces)), True, False
+
+
+def fit_case(rng):
+    z, faces = disk(rng, 150, 2000)
+    m, kind = int(rng.integers(1, 30)), rng.integers(6)
+    p = 0.9 * np.sqrt(rng.uniform(size=m)) * np.exp(2j * np.pi * rng.uniform(size=m))
+    q = [
+        p + 0.03 * np.exp(3j * p.real),
+        p * np.exp(2j * (1 - abs(p)) * rng.uniform(0.5, 4)),
+        rng.permutation(p),
+        -p,
+        0.01 * p,
+        0.9 * np.sqrt(rng.uniform(size=m)) * np.exp(2j * np.pi * rng.uniform(size=m)),
+    ][kind]
+    fit = qc.fit_landmarks(z, faces, p, q, gamma=10.0 ** rng.uniform(2, 8))
+    return faces, fit.f, fit.bijective, above(Problem(Disk(z, faces), p, q), fit.f)
+
+
+def above(problem, f):
+    """Whether the mean squared landmark distance exceeds that of the best Moebius map, where that is a bijection."""
+    plain = qc.mobius(problem.disk.z, *problem.mobius)
+    best, found = ((abs(problem.samples @ w - problem.target) ** 2).mean() for w in (plain, f))
+    return bool(found > best * (1 + ROUNDING) + 1e-24) and is_embedding(problem.disk.faces, plain)
+
+
+def register_case(rng):
+    sides = []
+    for _ in range(2):
+        z, faces = disk(rng, 200, 1200)
+        q, h = 2.2 * abs(z), 1 + 0.1 * np.sin(5 * rng.normal() * z.real)
+        points = 50 * np.stack(
+            [h * np.sin(q) * np.cos(np.angle(z)), h * np.sin(q) * np.sin(np.angle(z)), h * np.cos(q)], 1
+        )
+        surface = qc.Surface(points, faces)
+        sides.append(surface if surface.volume > 0 else qc.Surface(points * [1, 1, -1], faces[:, ::-1]))
+    curves, rims = [], rng.random() < 0.2
+    for k in range(int(rng.integers(1, 6))):
+        ends = {
+            name: rng.choice(side.boundary if rims else len(side.vertices), 2, replace=False).tolist()
+            for name, side in zip(("moving", "control"), sides)
+        }
+        curves.append({"name": f"c{k}", **ends})
+    problems = []  # of landmarks, as they are stated
+    with patch(
+        "qclearn.registration.preparation.Problem", lambda *given: problems.append(Problem(*given)) or problems[-1]
+    ):
+        result = qc.register(*sides, {"curves": curves}, features=None)
+    return sides[0].faces, result.disk_map, result.report["bijective"], above(problems[-1], result.disk_map)
+
+
+CASES = {"beltrami": beltrami_case, "conformal": conformal_case, "fit": fit_case, "register": register_case}
+
+
+def verdict(kind, seed, number):
+    """(verdict, text) of one case in this process."""
+    rng = np.random.default_rng([list(CASES).index(kind), seed, number])
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            faces, f, claim, worse = CASES[kind](rng)
+    except OWN as error:
+        return "refused", f"{type(error).__name__}: {error}"
+    except Exception as error:
+        return "raw", repr(error)
+    if not np.isfinite(f).all():
+        return "silent", "not finite"
+    if claim and not is_embedding(faces, np.asarray(f, complex)):
+        return "false", "claimed bijective"
+    return ("worse" if worse else "certified" if claim else "folded"), ""
+
+
+def main():
+    options = read_options(__doc__, list(CASES))
+
+    def guarded(number, folder):
+        return forked(lambda: verdict(options.kind, options.seed, number), folder / str(number), SECONDS, ADDRESSES)
+
+    with tempfile.TemporaryDirectory() as folder:
+        tally(((number, *guarded(number, Path(folder))) for number in range(options.count)), FAULTS, options.out)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,232 @@
+"""What other programs find in a GIFTI file that is written here, read back with nibabel."""
+
+from dataclasses import replace
+
+import nibabel
+import numpy as np
+import pytest
+from freesurfer import GEOMETRY
+from known_surfaces import grid
+from nilearn.surface import load_surf_mesh
+
+from qclearn.io.frames import Frame, kind_of_name, side_of_name
+from qclearn.io.meshes import frame_of, read_surface, write_surface
+from qclearn.io.values import read_map, read_values, write_values
+from qclearn.surfaces.surface import Surface, SurfaceError
+
+CENTRE = np.array([[1.0, 0, 0, 5], [0, 1, 0, -7], [0, 0, 1, 9], [0, 0, 0, 1]])
+
+
+@pytest.mark.parametrize("name, side", [
+    ("lh.pial", "left"), ("rh.thickness", "right"), ("100307.L.midthickness.32k_fs_LR.surf.gii", "left"),
+    ("sub-01_hemi-R_pial.surf.gii", "right"), ("fsaverage_left.gii", "left"),
+    ("registered.surf.gii", None), ("l.gii", None),
+    ("lh_to_rh.gii", None), ("Laura.gii", None),
+])  # fmt: skip
+def test_the_hemisphere_is_read_from_a_name_that_says_it(name, side):
+    assert side_of_name(f"rh/{name}") == side
+
+
+def test_a_surface_names_its_hemisphere_and_coordinate_system(tmp_path):
+    surface = Surface(*grid(3, 3))
+    space = nibabel.gifti.GiftiCoordSystem("NIFTI_XFORM_SCANNER_ANAT", "NIFTI_XFORM_TALAIRACH", CENTRE)
+    for name, frame, structure in (
+        ("lh.a.surf.gii", None, "CortexLeft"),
+        ("a.surf.gii", None, None),
+        ("b.surf.gii.gz", Frame("right", space), "CortexRight"),
+    ):
+        write_surface(tmp_path / name, surface, frame=frame)
+        image = nibabel.load(tmp_path / name)
+        points = image.get_arrays_from_intent("NIFTI_INTENT_POINTSET")[0]
+        assert (
+            points.meta.get("AnatomicalStructurePrimary") == image.meta.get("AnatomicalStructurePrimary") == structure
+        )
+        assert nibabel.nifti1.xform_codes.label[points.coordsys.dataspace] == ("scanner" if frame else "unknown")
+    np.testing.assert_array_equal(points.coordsys.xform, CENTRE)
+    again = frame_of(tmp_path / "b.surf.gii.gz")
+    assert again.side == "right"
+    np.testing.assert_array_equal(again.space.xform, CENTRE)
+    np.testing.assert_array_equal(read_surface(tmp_path / "b.surf.gii.gz").vertices, surface.vertices)  # as stored
+
+
+@pytest.mark.parametrize("name, kind", [
+    ("lh.pial", "Pial"), ("lh.pial.T1", "Pial"), ("rh.smoothwm", "GrayWhite"), ("lh.sphere.reg", "Spherical"),
+    ("sub-01_hemi-R_midthickness.surf.gii", "MidThickness"), ("1.L.very_inflated.surf.gii", "VeryInflated"),
+    ("registered.surf.gii", None), ("lh.pial_on_white", None), ("lh.pial.sphere", None),
+])  # fmt: skip
+def test_the_kind_is_read_from_a_name_that_says_it(name, kind):
+    assert kind_of_name(f"white/{name}") == kind
+
+
+@pytest.fixture
+def whole(tmp_path):
+    """lh.pial with a volume's geometry, its Frame and its vertices as they lie in FreeSurfer and in the scanner."""
+    surface = Surface(*grid(3, 3))
+    path = tmp_path / "lh.pial"
+    nibabel.freesurfer.write_geometry(path, surface.vertices, surface.faces, volume_info=GEOMETRY)
+    return path, read_surface(path).vertices
+
+
+@pytest.mark.parametrize("steps", [
+    ["lh.open"], ["a.surf.gii", "lh.back"], ["a.npz", "lh.back"], ["a.npz", "b.surf.gii.gz", "c.npz", "lh.back"],
+])  # fmt: skip
+def test_coordinates_and_volume_geometry_go_through_every_format(tmp_path, whole, steps):
+    """nilearn's coordinates and FreeSurfer's header stay; mris_convert --to-scanner writes the same words."""
+    path, tkr = whole
+    for name in steps:
+        write_surface(tmp_path / name, read_surface(path), frame=frame_of(path))
+        path = tmp_path / name
+        frame = frame_of(path)
+        assert frame.side == "left" and frame.volume["cras"] == GEOMETRY["cras"]
+        assert name.startswith("lh.") or frame.kind == "Pial"
+        if ".gii" in name:
+            points = nibabel.load(path).get_arrays_from_intent("NIFTI_INTENT_POINTSET")[0]
+            assert nibabel.nifti1.xform_codes.label[points.coordsys.dataspace] == "scanner"
+            np.testing.assert_allclose(load_surf_mesh(path).coordinates, tkr + GEOMETRY["cras"], atol=1e-5)
+            assert float(points.meta["VolGeomC_A"]) == 12.25 and points.meta["VolGeomFname"] == "orig.mgz"
+    vertices, _, header = nibabel.freesurfer.read_geometry(path, read_metadata=True)
+    np.testing.assert_allclose(vertices, tkr, atol=1e-5)
+    for key, value in GEOMETRY.items():
+        np.testing.assert_array_equal(header[key], value)
+
+
+def test_a_volume_that_lies_askew_is_laid_on_the_scanner_too(tmp_path):
+    """By the two affine maps of its voxels, where FreeSurfer's has the same axes for every volume."""
+    c, s = np.cos(0.3), np.sin(0.3)
+    axes = {"xras": [-c, s, 0], "yras": [0, 0, -1], "zras": [s, c, 0]}
+    volume = GEOMETRY | {key: list(map(float, row)) for key, row in axes.items()}
+    tkr = np.array([[-1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # rows: the axes of the voxels i, j, k
+    ijk = np.random.default_rng(0).uniform(-90, 90, (5, 3))  # from the middle of the volume
+    found = Frame(space="tkr", volume=volume).to_scanner(ijk @ tkr)
+    np.testing.assert_allclose(found, ijk @ np.array([axes[key] for key in axes]) + GEOMETRY["cras"])
+    np.testing.assert_allclose(Frame(volume=volume).to_tkr(found), ijk @ tkr)
+
+
+def test_coordinates_that_are_not_said_to_be_freesurfers_stay(tmp_path, whole):
+    """mris_convert without --to-scanner keeps FreeSurfer's, and says UNKNOWN: what is read so is written so."""
+    path, tkr = whole
+    unknown = replace(frame_of(path), space=nibabel.gifti.GiftiCoordSystem())
+    write_surface(tmp_path / "a.surf.gii", read_surface(path), frame=unknown)
+    for name in ("b.surf.gii", "lh.b"):
+        write_surface(tmp_path / name, read_surface(tmp_path / "a.surf.gii"), frame=frame_of(tmp_path / "a.surf.gii"))
+        np.testing.assert_allclose(read_surface(tmp_path / name).vertices, tkr, atol=1e-6)
+    assert frame_of(tmp_path / "lh.b").volume["cras"] == GEOMETRY["cras"]
+
+
+def test_geometry_that_makes_no_sense_is_refused(tmp_path, whole):
+    path, _ = whole
+    data = path.read_bytes()
+    path.write_bytes(data.replace(b"12.25", b"nan  "))
+    with pytest.raises(SurfaceError, match="lh.pial: .*volume geometry makes no sense"):
+        frame_of(path)
+    path.write_bytes(data.replace(b"1  # volume info valid", b"0  # volume info valid"))
+    assert frame_of(path) == Frame("left", kind="Pial")
+
+
+def test_an_npz_keeps_the_whole_surface(tmp_path, whole):
+    path, _ = whole
+    surface = read_surface(path)
+    frame = replace(frame_of(path), count=16, whole=surface.faces)
+    write_surface(tmp_path / "a.npz", surface, frame=frame)
+    assert frame_of(tmp_path / "a.npz") == frame
+    np.testing.assert_array_equal(frame_of(tmp_path / "a.npz").whole, surface.faces)
+    assert read_surface(tmp_path / "a.npz").fingerprint == surface.fingerprint
+    with np.load(tmp_path / "a.npz") as file:
+        np.savez(tmp_path / "b.npz", **{**file, "about": np.array('{"side": "left"}')})
+    with pytest.raises(SurfaceError, match="b.npz: .*cannot be understood"):
+        frame_of(tmp_path / "b.npz")
+
+
+def test_labels_keep_their_names_and_colours(tmp_path):
+    labels, table = np.array([0, 1, 2, -1, 1]), np.array([[25, 5, 25, 0, 0], [100, 20, 30, 0, 0], [20, 220, 60, 0, 0]])
+    nibabel.freesurfer.write_annot(
+        tmp_path / "lh.aparc.annot", labels, table, ["unknown", "insula", "cuneus"], fill_ctab=True
+    )
+    found = read_values(tmp_path / "lh.aparc.annot")
+    np.testing.assert_array_equal(found, labels)
+    write_values(tmp_path / "a.label.gii", found, side="left", labels=read_map(tmp_path / "lh.aparc.annot").labels)
+    image = nibabel.load(tmp_path / "a.label.gii")
+    names = image.labeltable.get_labels_as_dict()
+    assert names[1] == "insula" and names[2] == "cuneus"
+    colour = next(label.rgba for label in image.labeltable.labels if label.key == 2)
+    np.testing.assert_allclose(colour, np.array([20, 220, 60, 255]) / 255, atol=1e-6)
+    assert image.meta["AnatomicalStructurePrimary"] == "CortexLeft"
+    assert image.darrays[0].intent == nibabel.nifti1.intent_codes["NIFTI_INTENT_LABEL"]
+    again = read_map(tmp_path / "a.label.gii").labels
+    assert again[1][0] == "insula"
+    np.testing.assert_array_equal(read_values(tmp_path / "a.label.gii"), np.maximum(labels, 0))
+
+
+REGIONS = {1: ("b", (1.0, 0.0, 0.0, 1.0)), 2: ("c", (0.0, 1.0, 0.0, 1.0))}
+
+
+@pytest.mark.parametrize("zero, raised", [
+    (("unknown", (0.1, 0.1, 0.1, 1.0)), 0), (("???", (1.0, 1.0, 1.0, 0.0)), 0), (("insula", (0.1, 0.1, 0.1, 1.0)), 1),
+])  # fmt: skip
+def test_no_key_is_below_0_and_none_shows_nothing(tmp_path, zero, raised):
+    """Key -1 becomes 0; where 0 is a region, all keys are raised by one."""
+    labels = {-1: ("???", (1.0, 1.0, 1.0, 0.0)), 0: zero, **REGIONS}
+    write_values(tmp_path / "a.label.gii", np.array([-1, 0, 2, 1], dtype=np.int64), labels=labels)
+    found = read_map(tmp_path / "a.label.gii")
+    assert found.values.dtype == np.int32 and found.values.tolist() == [0, raised, 2 + raised, 1 + raised]
+    assert min(found.labels) == 0 and found.labels[0][1][3] == 0.0
+    assert [found.labels[key + raised] for key in REGIONS] == list(REGIONS.values())
+    with pytest.raises(SurfaceError, match="a.label.gii: .*keys below 0"):
+        write_values(tmp_path / "a.label.gii", np.array([-2, 0]), labels={-2: REGIONS[1]})
+
+
+def test_an_annotation_comes_back(tmp_path):
+    """With regions of one colour, a black one, and Workbench's none at key 0."""
+    red, black = (1.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0)
+    labels = {0: ("???", (1.0, 1.0, 1.0, 0.0)), 3: ("a", red), 5: ("b", red), 9: ("c", black)}
+    write_values(tmp_path / "lh.a.annot", np.array([0, 3, 5, 9, -1]), labels=labels)
+    keys, _, names = nibabel.freesurfer.read_annot(tmp_path / "lh.a.annot")
+    assert keys.tolist() == [-1, 0, 1, 2, -1] and names == [b"a", b"b", b"c"]
+    assert read_map(tmp_path / "lh.a.annot").side == "left"
+    for bad in (np.array([0.5]), np.array([-3]), np.zeros((4, 2), int)):
+        with pytest.raises(SurfaceError, match="b.annot: an annotation holds one label a vertex"):
+            write_values(tmp_path / "b.annot", bad)
+
+
+def test_maps_have_names(tmp_path):
+    for name, values, names, expected in (
+        ("lh.thickness.shape.gii", np.zeros(4), None, ["lh.thickness"]),
+        ("a.func.gii.gz", np.zeros((4, 2)), None, ["a 1", "a 2"]),
+        ("a.label.gii", np.arange(4), ["regions"], ["regions"]),
+    ):
+        write_values(tmp_path / name, values, names=names)
+        assert read_map(tmp_path / name).names == expected
+
+
+def test_whole_numbers_without_names_get_a_table(tmp_path):
+    write_values(tmp_path / "a.label.gii", np.array([0, 7, 3, 7]))
+    assert nibabel.load(tmp_path / "a.label.gii").labeltable.get_labels_as_dict() == {0: "???", 3: "3", 7: "7"}
+
+
+def test_several_maps_stay_columns(tmp_path):
+    maps = np.arange(12.0).reshape(4, 3)
+    write_values(tmp_path / "a.func.gii", maps)
+    assert len(nibabel.load(tmp_path / "a.func.gii").darrays) == 3
+    np.testing.assert_array_equal(read_values(tmp_path / "a.func.gii"), maps)
+
+
+def damaged(tmp_path, old, new):
+    write_values(tmp_path / "v.shape.gii", np.arange(9.0))
+    data = (tmp_path / "v.shape.gii").read_bytes()
+    assert old in data
+    (tmp_path / "v.shape.gii").write_bytes(data.replace(old, new))
+    return tmp_path / "v.shape.gii"
+
+
+@pytest.mark.parametrize("old, new, message", [
+    (b'Dimensionality="1"', b'Dimensionality="2147483648"', "2147483648 dimensions"),
+    (b'Dim0="9"', b'Dim0="8"', "32 bytes is announced, more are there"),
+    (b'Dim0="9"', b'Dim0="10"', "40 bytes is announced, 36 are there"),
+    (b'Dim0="9"', b'Dim0="1000000000"', "larger than the file can hold"),
+    (b'"GZipBase64Binary"', b'"ExternalFileBinary"', "another file.*wb_command"),
+    (b'"NIFTI_TYPE_FLOAT32"', b'"NIFTI_TYPE_QUAD"', "unknown type"),
+    (b'"UTF-8"', b'"UTF-7777"', "unknown encoding"),
+])  # fmt: skip
+def test_sizes_that_are_not_true_are_refused(tmp_path, old, new, message):
+    with pytest.raises(SurfaceError, match=f"v.shape.gii: .*{message}"):
+        read_values(damaged(tmp_path, old, new))

@@ -1,0 +1,30 @@
+"""Which page needs which: listed once, without a circle, in an order that the contents keep."""
+
+import pytest
+
+from book.builder.references import chapters
+from qcbook.needs import needs, needs_figure, steps_to
+
+
+def test_each_page_is_listed_and_comes_after_what_it_needs():
+    order = [page for page in chapters() if page in needs()]
+    assert set(order) == set(needs())
+    beside = {"index", "notation", "teaching", "projects", "hub", "related", "relatedtools", "errata", "datasheet"}
+    assert set(chapters()) - set(order) == beside | {"glossary", "bibliography"}
+    early = [(page, one) for page, many in needs().items() for one in many if order.index(one) > order.index(page)]
+    assert early == []
+
+
+def test_a_circle_and_an_unknown_page_are_found():
+    with pytest.raises(ValueError, match="in a circle: "):
+        steps_to(needs() | {"lbs": ["benchmark"]})
+    with pytest.raises(ValueError, match="nowhere needed, and not listed"):
+        steps_to(needs() | {"lbs": ["nowhere"]})
+    assert steps_to({"a": [], "b": ["a"], "c": ["a", "b"]}) == {"a": 0, "b": 1, "c": 2}
+
+
+def test_the_picture_has_each_page_and_each_arrow():
+    (ax,) = needs_figure().axes
+    words = {text.get_text() for text in ax.texts} - {""}
+    assert words == set(needs())
+    assert sum(text.get_text() == "" for text in ax.texts) == sum(map(len, needs().values()))
