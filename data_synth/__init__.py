@@ -1,7 +1,8 @@
 """Synthetic cortex: folded hemispheres with named sulci and a known dense correspondence."""
 
+import lazy_loader as lazy
+
 from qclearn.io.extras import require
-from qclearn.lazy import offer
 
 TABLE = {
     "cohort": ["CohortWarning", "cohort", "hemispheres"],
@@ -18,4 +19,4 @@ TABLE = {
 }
 
 with require("synth", "synthetic surfaces"):
-    __getattr__, __dir__, __all__ = offer(__name__, TABLE)
+    __getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=TABLE)

@@ -1,7 +1,8 @@
 """The folds that the template grows by itself, to which subjects lean.
 
-They are kept in `pattern.json`, which `book/studies/grow_pattern.py` writes: a subject that is the template itself is grown
-once, and the depth of its folds kept. Kept and not grown anew, because a seed shall give the same subject everywhere.
+They are kept in `pattern.json`, which `book/studies/grow_pattern.py` writes: a subject that is the template itself is
+grown once, and the depth of its folds kept. Kept and not grown anew, because a seed shall give the same subject
+everywhere.
 """
 
 import json

@@ -1,6 +1,6 @@
 """Quasi-conformal registration of cortical surfaces: exact geometry first, networks second."""
 
-from .lazy import offer
+import lazy_loader as lazy
 
 TABLE = {
     "io.fsaverage": ["demo_landmarks", "fsaverage5"],
@@ -40,4 +40,4 @@ TABLE = {
     "surfaces.surface": ["Surface", "SurfaceError", "mirror", "require_disk", "require_outward"],
 }
 
-__getattr__, __dir__, __all__ = offer(__name__, TABLE)
+__getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=TABLE)

@@ -1,5 +1,8 @@
 """Figures: what is shown on the disk (matplotlib, no global state)."""
 
+import base64
+import html
+
 import numpy as np
 from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.figure import Figure
@@ -225,3 +228,9 @@ def registration_disks(axes, registration, moving, vmax=0.6):
 def pairs(z):
     """Real and imaginary parts (..., 2) of complex numbers."""
     return np.stack([z.real, z.imag], axis=-1)
+
+
+def picture_html(png, words, attributes=""):
+    """PNG bytes as an element with a description."""
+    data = base64.b64encode(png).decode()
+    return f'<img alt="{html.escape(words)}" src="data:image/png;base64,{data}"{attributes}>'

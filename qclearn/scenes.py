@@ -17,10 +17,8 @@ import pyvista as pv
 from matplotlib.colors import LinearSegmentedColormap
 from scipy.spatial import cKDTree
 
-from qcbook.cells import picture_html
-
 from .plane.disk import Disk
-from .plot import CURVE_STYLES, map_curves
+from .plot import CURVE_STYLES, map_curves, picture_html
 
 SHADES = LinearSegmentedColormap.from_list("shades", ["0.38", "1.0"])  # lit from one side, black to white is too dark
 LIFT = 0.6  # of tubes in 3-D above the surface, in their radius

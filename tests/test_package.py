@@ -34,7 +34,7 @@ def test_the_packages_carry_the_version(packages):
 def test_the_wheel_carries_the_browser_modules_of_the_book(packages):
     """A notebook downloaded from the site finds its explorables in the package."""
     with zipfile.ZipFile(packages[1]) as archive:
-        carried = {Path(name).name for name in archive.namelist() if name.startswith("book/qcbook/browser/")}
+        carried = {Path(name).name for name in archive.namelist() if name.startswith("qcbook/browser/")}
     wanted = {path.name for path in MODULES.iterdir() if path.suffix in (".js", ".wasm", ".css")}
     assert "lab.js" in wanted and wanted <= carried
 

@@ -21,6 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 # Not below _build: nbmake passes over everything there.
 BUILD = ROOT / "build"
 SOURCE = BUILD / "book"
+PROGRAMS = ("qcbook", "builder", "studies")  # of book/: no pages
 SECONDS_PER_CELL = 120  # one that takes longer is a failure
 STAMPS = SOURCE / ".stamps.json"  # page -> what its last good run was a run of
 
@@ -32,7 +33,9 @@ def copy_book(pages):
     unknown = [name for name in pages if not (ROOT / "book" / f"{name}.ipynb").exists()]
     if unknown:
         sys.exit(f"build_book: no such page in book/: {', '.join(f'{name}.ipynb' for name in unknown)}")
-    passed_over = shutil.ignore_patterns(".ipynb_checkpoints", "_build", *(["*.ipynb"] if pages else []))
+    passed_over = shutil.ignore_patterns(
+        ".ipynb_checkpoints", "_build", "__pycache__", *PROGRAMS, *(["*.ipynb"] if pages else [])
+    )
     shutil.copytree(ROOT / "book", SOURCE, ignore=passed_over, dirs_exist_ok=True)
     for name in pages:
         shutil.copy(ROOT / "book" / f"{name}.ipynb", SOURCE)
@@ -95,14 +98,14 @@ def execute(paths, jobs):
         "QCLEARN_PAGES": "static",  # explorables as elements for the site's script, not as widgets
     }
     found = subprocess.run(
-        [sys.executable, "-c", "import qclearn; print(qclearn.__file__)"],
+        [sys.executable, "-c", "import qcbook, qclearn; print(qcbook.__file__, qclearn.__file__)"],
         env=environment,
         cwd=BUILD,
         capture_output=True,
         text=True,
         check=True,
     ).stdout
-    assert found.startswith(str(installed)), f"the pages would run with {found}"
+    assert found.count(str(installed)) == 2, f"the pages would run with {found}"
     command = [
         sys.executable,
         "-m",
@@ -129,9 +132,9 @@ def execute(paths, jobs):
 def library_digest():
     """Of all that a page computes with: the code, the weights, the measured files, and the lines of the paper."""
     found = hashlib.sha256((ROOT / "book" / "paper.toml").read_bytes())
-    for package in ("qclearn", "data_synth"):
+    for package in ("qclearn", "data_synth", "book/qcbook"):
         for file in sorted((ROOT / package).rglob("*")):
-            if file.suffix in (".py", ".json", ".safetensors"):
+            if file.suffix in (".py", ".json", ".toml", ".safetensors"):
                 found.update(file.read_bytes())
     return found.hexdigest()
 

@@ -19,6 +19,7 @@ def build_packages(out):
     # A copy: setuptools keeps what it once built in the tree, and would pack files that are no longer there.
     ignored = shutil.ignore_patterns(".*", "__pycache__", "*.egg-info", "build", "_build", "book", "dist", "tests")
     source = shutil.copytree(ROOT, out / "tree", ignore=ignored)
+    shutil.copytree(ROOT / "book" / "qcbook", source / "book" / "qcbook", ignore=ignored)
     run_outside(sys.executable, "-c", BUILD.format("sdist"), out, cwd=source)
     (sdist,) = out.glob("*.tar.gz")
     with tarfile.open(sdist) as archive:

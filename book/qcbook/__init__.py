@@ -1,6 +1,6 @@
-"""What the pages of the book and the command line draw with: plots, scenes, explorables, and numbers for the prose."""
+"""What the pages of the book import: figures, tables, numbers for the prose, explorables, and graded exercises."""
 
-from qclearn.lazy import offer
+import lazy_loader as lazy
 
 EXPLORABLES = ("Mobius", "Mu", "Tuner", "Sulci", "Landmarks", "LBS", "Boundary", "Growth", "HowSure")
 TABLE = {
@@ -14,20 +14,7 @@ TABLE = {
     "needs": ["needs_figure"],
     "picker": ["LandmarkPicker"],
     "paperlines": ["paper_lines", "paper_table"],
-    "plot": [
-        "CURVE_STYLES",
-        "FLIPPED_COLOUR",
-        "curve_legend",
-        "curves_plot",
-        "disk_axes",
-        "disk_plot",
-        "ellipse_field",
-        "grid_plot",
-        "lines_plot",
-        "registration_disks",
-    ],
-    "scenes": ["Scene", "registration_scene", "require_renderer", "stacked_scene", "surface_picture", "surface_scene"],
     "traininglab": ["training_lab"],
 }
 
-__getattr__, __dir__, __all__ = offer(__name__, TABLE)
+__getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=TABLE)

@@ -5,12 +5,13 @@ book/builder/build_book.py stores the answers in the executed page, for Sphinx (
 """
 
 import base64
-import html
 import io
 from types import SimpleNamespace
 
 from IPython import get_ipython
 from IPython.display import Markdown, display
+
+from qclearn.plot import picture_html
 
 num = SimpleNamespace()  # the numbers of this page
 kept_by = {}  # name -> execution counts of the cells that kept it: the build refuses two, a reader may run cells again
@@ -43,12 +44,6 @@ def show_figure(picture, name, alt):
         raw=True,
         metadata={"scrapbook": {"name": name, "mime_prefix": ""}, "alt": alt, "image/png": {"width": width}},
     )
-
-
-def picture_html(png, words, attributes=""):
-    """PNG bytes as an element with a description."""
-    data = base64.b64encode(png).decode()
-    return f'<img alt="{html.escape(words)}" src="data:image/png;base64,{data}"{attributes}>'
 
 
 def drawn(picture, sharpness=2):

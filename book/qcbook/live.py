@@ -20,9 +20,9 @@ from matplotlib.figure import Figure
 
 import qcbook as pages
 from qclearn.plane.grids import COARSE, FINE, POWER
-from qclearn.plot import disk_axes, pairs
+from qclearn.plot import disk_axes, pairs, picture_html
 
-from .cells import drawn, picture_html
+from .cells import drawn
 
 MODULES = Path(__file__).with_name("browser")  # in a checkout a link to book/_assets/live
 GIVEN = "given.js"  # the library writes it: `given`

@@ -10,10 +10,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from qclearn.plane.disk import Disk
-from qclearn.plot import grid_plot
+from qclearn.plot import grid_plot, picture_html
 from qclearn.registration.fit import exact_map
 
-from .cells import drawn, picture_html
+from .cells import drawn
 from .examples import Example
 from .fitstates import fit_state, sentences, states_figure
 from .live import two_disks

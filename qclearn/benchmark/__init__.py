@@ -1,6 +1,6 @@
 """Every method on the same problems: pairs of surfaces, runs, measures, and the files that keep the figures."""
 
-from ..lazy import offer
+import lazy_loader as lazy
 
 TABLE = {
     "cortex": ["AMPLITUDES"],
@@ -34,4 +34,4 @@ TABLE = {
     "yardstick": ["area_and_shape", "floors"],
 }
 
-__getattr__, __dir__, __all__ = offer(__name__, TABLE)
+__getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=TABLE)

@@ -2,6 +2,7 @@
 
 import csv
 import secrets
+from importlib.util import find_spec
 from pathlib import Path
 
 import click
@@ -39,6 +40,8 @@ def grade(folder, out, sheet, seed, seconds, gb, jobs):
     and nothing else. What students wrote in words stands on the page to-read.md there; the column 'to read' says who
     wrote any, the column 'look at' where code names what a check could be deceived by.
     """
+    if find_spec("qcbook") is None:
+        raise ImportError("grading needs the package qcbook, which is missing here: install qclearn from its wheel")
     from qcbook.exercises import GradingError, Limits, found_in, is_isolated, to_read
     from qcbook.exercises import grade as graded_of
 

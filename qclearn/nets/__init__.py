@@ -1,7 +1,8 @@
 """The paper's three networks, each behind the same call as its exact twin."""
 
+import lazy_loader as lazy
+
 from ..io.extras import require
-from ..lazy import offer
 
 TABLE = {
     "cpnet": ["BestCPNet", "BestCPNetConfig"],
@@ -29,4 +30,4 @@ TABLE = {
 }
 
 with require("nets", "the networks"):
-    __getattr__, __dir__, __all__ = offer(__name__, TABLE)
+    __getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=TABLE)

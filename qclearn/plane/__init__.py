@@ -1,6 +1,6 @@
 """The complex plane: meshes of the disk, Beltrami coefficients and their maps, Möbius maps, the certificate."""
 
-from ..lazy import offer
+import lazy_loader as lazy
 
 TABLE = {
     "bijectivity": ["mean_value_matrix", "repair"],
@@ -24,4 +24,4 @@ TABLE = {
     "triangles": ["corner_angles", "edge_lengths"],
 }
 
-__getattr__, __dir__, __all__ = offer(__name__, TABLE)
+__getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=TABLE)

@@ -1,6 +1,6 @@
 """From landmark curves to a certified map: detection, the fit, checked networks, `register`, and its judges."""
 
-from ..lazy import offer
+import lazy_loader as lazy
 
 TABLE = {
     "checked": ["guarded_map"],
@@ -20,4 +20,4 @@ TABLE = {
     "terms": ["LandmarkTerm"],
 }
 
-__getattr__, __dir__, __all__ = offer(__name__, TABLE)
+__getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=TABLE)

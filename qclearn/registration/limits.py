@@ -1,6 +1,7 @@
-"""What a registration is held against to be suspect, each threshold beside what was measured (book/studies/suspect.py)."""
+"""Thresholds of a suspect registration, each beside what was measured (book/studies/suspect.py)."""
 
-# Beside each threshold, from results/suspect.json: the range in good cases | with a mistake, which need not pass them all.
+# Beside each threshold, from results/suspect.json: the range in good cases | with a mistake, which need not pass
+# them all.
 LIMITS = {
     "error_mm": 3.0,  # mean landmark error, mm, together with the next; 0.05 to 4.1 | 0.3 to 64
     "error_share": 1 / 3,  # of the error that the best Möbius map leaves; 0.003 to 0.34 | 0.037 to 1.2

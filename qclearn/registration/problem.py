@@ -24,7 +24,8 @@ class Weights:
     """alpha of |mu|^2, beta of its gradient, gamma of the landmarks' mismatch (paper, eq. RegLoss), delta of features',
     eta of the areal term; with eta > 0 alpha's mean, too, is over the moving surface's area, else over its disk's.
 
-    The defaults, DELTA and ETA were chosen on real pairs and known truths: book/studies/choose_weights.py, results/weights.json.
+    The defaults, DELTA and ETA were chosen on real pairs and known truths: book/studies/choose_weights.py,
+    results/weights.json.
     LandmarkError unless alpha > 0, beta >= 0, gamma > 0, delta >= 0 and eta >= 0 are finite.
     """
 

@@ -1,6 +1,6 @@
 """Surfaces in space: checked once, cut open, measured, mapped conformally to the disk."""
 
-from ..lazy import offer
+import lazy_loader as lazy
 
 TABLE = {
     "conformal": ["Side", "laid_out"],
@@ -15,4 +15,4 @@ TABLE = {
     ],
 }
 
-__getattr__, __dir__, __all__ = offer(__name__, TABLE)
+__getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=TABLE)

@@ -77,7 +77,7 @@ def test_figures_that_do_not_fit_are_refused_where_they_stand(figures, part, key
 def test_other_figures_that_lack_something_are_refused(name, key, tmp_path):
     figures = read_measured(name)
     del figures[key]
-    with pytest.raises(BenchmarkError, match=f"'{key}' is a required property; run `tools/.*{name}.py` again"):
+    with pytest.raises(BenchmarkError, match=f"'{key}' is a required property; run `book/studies/.*{name}.py` again"):
         write_measured(name, tmp_path / f"{name}.json", figures)
 
 

@@ -221,7 +221,7 @@ MEASURED = [(kind, line) for kind, own in LINES.items() for line in own if "meas
 
 @cache
 def kept(file):
-    return json.loads((ROOT / "qclearn" / "benchmark" / "kept" / f"{file}.json").read_text(encoding="utf-8"))
+    return json.loads((ROOT / "qclearn" / "benchmark" / "results" / f"{file}.json").read_text(encoding="utf-8"))
 
 
 def by_hand(name):

@@ -44,7 +44,8 @@ _MARKED = re.compile(
     r"^([ \t]*)### BEGIN SOLUTION[ \t]*\n(.*?)^[ \t]*### END SOLUTION[ \t]*\n", re.DOTALL | re.MULTILINE
 )
 _MOST_CHARACTERS = 300  # of what a student is told
-_ELSEWHERE = (str(Path(qc.__file__).parent), *(sysconfig.get_path(kind) for kind in ("stdlib", "purelib", "platlib")))
+_OURS = Path(qc.__file__).parent, Path(__file__).parents[1]
+_ELSEWHERE = (*map(str, _OURS), *(sysconfig.get_path(kind) for kind in ("stdlib", "purelib", "platlib")))
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from unittest.mock import MagicMock
 
 MAGIC = re.compile(r"^([ \t]*)(?:[%!?].*|[\w.]+\?+[ \t]*$)", re.MULTILINE)  # %matplotlib inline, !pip install, np.roll?
 GIVEN = re.compile(r"^([ \t]*[\w, ]+=[ \t]*)[%!].*", re.MULTILINE)  # files = !ls
-RELIED_ON = re.compile(r"(?:builtins|math|numpy|scipy|shapely|qclearn)(?:\.|$)")
+RELIED_ON = re.compile(r"(?:builtins|math|numpy|scipy|shapely|qclearn|qcbook)(?:\.|$)")
 MOST = 1000  # characters of what is wrong
 PROCESSES = 256  # of one notebook, where the system counts them by notebook
 

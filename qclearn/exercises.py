@@ -1,0 +1,1 @@
+raise ImportError("qclearn.exercises of version 0.1 is now qcbook.exercises")
