@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parent.parent
 CONDA, CONTAINER, WORKFLOW = "environment.yml", ".devcontainer/devcontainer.json", ".github/workflows/book.yml"
 CI, GUIDE = ".ci/run", "book/teaching.md"
 INTERPRETER = "${containerWorkspaceFolder}/.venv/bin/python"
-FILES = (CONDA, CONTAINER, WORKFLOW, "README.md", "Makefile", "pyproject.toml", "constraints.txt", CI, GUIDE)
+FILES = (CONDA, CONTAINER, WORKFLOW, "book/installation.md", "Makefile", "pyproject.toml", "constraints.txt", CI, GUIDE)
 TEXTS = {name: (ROOT / name).read_text(encoding="utf-8") for name in FILES}
 INDEX = re.compile(r"https://download\.pytorch\.org/whl/\w+")
 
@@ -116,7 +116,7 @@ def test_launching_files_say_what_the_project_says():
         (WORKFLOW, "run: .ci/run", "run: make test", "does not end with .ci/run"),
         (WORKFLOW, "env:\n", "env:\n  SOLUTIONS: 1\n", "the site would show solutions"),
         (GUIDE, "whl/cpu", "whl/cu130", "the wheels to download"),
-        ("README.md", "torch==", "torch==1.", "README.md has torch==1."),
+        ("book/installation.md", "torch==", "torch==1.", "installation.md has torch==1."),
     ],
 )
 def test_a_drift_is_found(file, old, new, told):

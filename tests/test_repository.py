@@ -72,11 +72,12 @@ def test_code_is_narrow(path):
 
 
 NAMED = re.compile(r"(?<![\w./-])(?:qclearn|data_synth|tests|book)/[\w./-]*\w")
+GUIDES = [ROOT / "CONTRIBUTING.md", *(ROOT / folder / "README.md" for folder in (".", "book/builder", "book/studies"))]
 # What a guide warns of, what the reader of the page 'How to add a network' would write, and what an older commit has.
 NOT_THERE = {"book/_static", "qclearn/nets/ringnet.py", "tests/nets/test_ringnet.py"}
 
 
-@pytest.mark.parametrize("text", [ROOT / "CONTRIBUTING.md", ROOT / "README.md", *PAGES], ids=lambda path: path.stem)
+@pytest.mark.parametrize("text", [*GUIDES, *PAGES], ids=lambda path: f"{path.parent.name}-{path.stem}")
 def test_the_files_that_a_text_names_are_there(text):
     words = text.read_text(encoding="utf-8") if text.suffix == ".md" else markdown_of(text.stem)
     assert [name for name in sorted(set(NAMED.findall(words)) - NOT_THERE) if not (ROOT / name).exists()] == []
