@@ -217,9 +217,11 @@ def measure(kind, number, groups):
         if not (few or alone):
             sides = Sides(laid_out(moving), laid_out(control), entries, held=[])
             case |= {"readings": readings(sides), "mistakes": mistakes(sides)}
-            result = qc.register(moving, control, curves, method=method, features=None)
+            result = qc.register(moving, control, curves, method=method, features=None, accept_suspect=True)
         else:
-            result = qc.register(moving, control, curves, features=features, annotations=annotations)
+            result = qc.register(
+                moving, control, curves, features=features, annotations=annotations, accept_suspect=True
+            )
             said = [reason for reason in result.report["suspect"] if reason.split(":")[0] in WORDS.values()]
             case |= {"mistakes": said} | folds_say(moving, control, entries, result)
         case |= outcome(result, moving)

@@ -154,6 +154,8 @@ def how_sure(pair, run):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RepairWarning)
         found = register(moving, pair.control.surface, list(curves), sure=True, **folds, **run.parameters)
+    if found.sure is None:  # wrong landmarks, which are not fitted
+        return dict.fromkeys(SURE)
     off = np.linalg.norm(found.points - pair.truth, axis=1)
     inside = np.average(off <= found.sure, weights=moving.vertex_areas)
     return dict(zip(SURE, map(float, (inside, spearmanr(found.sure, off)[0]))))

@@ -82,7 +82,11 @@ SURE = "sure.shape.gii"
 @click.option("--mirror", is_flag=True, help="Mirror the moving surface first (right onto left).")
 @click.option("--report", is_flag=True, help="Write report.html, too: one page to look at, without a network.")
 @click.option("--sphere", metavar="FILE", help="The control's sphere: also writes what `qclearn sphere` does.")
-@click.option("--accept-suspect", is_flag=True, help="End with exit code 0 where the registration is suspect.")
+@click.option(
+    "--accept-suspect",
+    is_flag=True,
+    help="Fit wrong landmarks, too, and end with exit code 0 where the registration is suspect.",
+)
 def register(
     moving,
     control,
@@ -106,6 +110,10 @@ def register(
     Exit codes: 0  registered
                 2  refused: one line on stderr says what, where and what to do; nothing is written
                 3  written, but suspect: one line on stderr, and "suspect" in report.json, say why
+
+    \b
+    The first five words below are said before the fit, which is then not made: what is written is the map that aligns
+    the curves' ends, and "stopped" in report.json says so. --accept-suspect fits all the same.
 
     \b
     A registration is suspect where
@@ -138,7 +146,11 @@ def register(
 @click.command()
 @click.option("--out", default="qclearn-demo", show_default=True, help="Folder to write to.")
 @click.option("--report", is_flag=True, help="Write report.html, too: one page to look at, without a network.")
-@click.option("--accept-suspect", is_flag=True, help="End with exit code 0 where the registration is suspect.")
+@click.option(
+    "--accept-suspect",
+    is_flag=True,
+    help="Fit wrong landmarks, too, and end with exit code 0 where the registration is suspect.",
+)
 def demo(out, accept_suspect, report):
     """Register real cortex: fsaverage5's right hemisphere, mirrored, onto its left one along six named sulci.
 
@@ -196,7 +208,9 @@ def register_into(out, pair, curves, accept_suspect, **options):
     command, stages, paged = click.get_current_context().obj, Stages(2, False), options.pop("report")
     read = time.perf_counter() - command.begun
     with output_folder(out, instead=["report.html", SURE, *SPHERES]) as folder:
-        result = run_registration(*pair.disks, on_disks(curves, pair.given), progress=True, **options)
+        result = run_registration(
+            *pair.disks, on_disks(curves, pair.given), progress=True, accept_suspect=accept_suspect, **options
+        )
         with stages("figure"):
             registration_figure(result, *pair.disks).savefig(folder / "figure.png", dpi=150)
         with stages("write"):
@@ -254,7 +268,7 @@ def print_report(report, out):
         before, after = report["landmark_error_before"], report["landmark_error"]
         disk = f"{after:.2e} in the disk ({before:.2e} after the best Möbius map)"
         line("landmark error", f"{disk}, {report['landmark_error_mm']:.2f} mm")
-    else:
+    elif not report["stopped"]:
         line("landmarks", f"none; registered by {' and '.join(report['features'])} alone")
     if report["held_out_mm"]:
         before, after = np.mean(list(report["held_out_mm"].values()), axis=0)
@@ -274,6 +288,8 @@ def print_report(report, out):
             "sure",
             f"within {report['sure']['mean_mm']:.1f} mm on average, 9 in 10 vertices ({least:.1f} to {most:.1f})",
         )
+    if report["stopped"]:
+        line("stopped", report["stopped"])
     line("fallbacks", "; ".join(report["fallbacks"]) or "none")
     line("suspect", "; ".join(word.split(":")[0] for word in report["suspect"]) or "no")
     line("seconds", f"{report['seconds']['total']:.1f}")

@@ -103,7 +103,7 @@ def solve_beltrami_disk(z: PerVertex, faces: Faces, mu: PerFace, repair: bool = 
     if solver.floored:
         words.append(f"{solver.floored} boundary steps ran backwards or were lost, and were raised")
     if repair:
-        f, rows = unfold(solver, f)
+        f, rows, _ = unfold(solver, f)
         if len(rows):
             left = len(solver.disk.at(f).reversed)
             words.append(f"{len(rows)} rows switched to mean-value weights, {left} faces stay flipped")

@@ -54,14 +54,15 @@ def mean_value_matrix(disk, lengths):
 
 
 def repair(matrix, disk, lengths, before=()):
-    """Unfold a Dirichlet solution, a `Disk`, by row switching: (`Disk`, switched vertices, last Dirichlet or None).
+    """Unfold a Dirichlet solution, a `Disk`, by row switching: (`Disk`, switched vertices, last Dirichlet or None, how
+    often it was solved again).
 
     The interior vertices of flipped faces get mean-value rows, and the problem is solved again with the same boundary
     values; where a flip survives on switched rows, the next ring is switched. With all rows switched and a convex
     boundary this is Floater's theorem. Not certified. before: rows switched already. The Dirichlet problem is None
     where no face is flipped.
     """
-    average, dirichlet, switched = None, None, np.zeros(len(disk.z), bool)
+    average, dirichlet, switched, rounds = None, None, np.zeros(len(disk.z), bool), 0
     switched[np.asarray(before, int)] = True
     for _ in range(30):
         wanted, reached = _interior(disk, disk.flipped), 0
@@ -75,7 +76,8 @@ def repair(matrix, disk, lengths, before=()):
         mixed = keep @ matrix + sparse.diags_array(switched.astype(float)) @ average
         dirichlet = Dirichlet(mixed, disk.loop)
         disk = disk.at(dirichlet.solve(disk.z[disk.loop]))
-    return disk, np.flatnonzero(switched), dirichlet
+        rounds += 1
+    return disk, np.flatnonzero(switched), dirichlet, rounds
 
 
 def _interior(disk, some):
@@ -87,13 +89,14 @@ def _interior(disk, some):
 
 
 def unfold(solver, f):
-    """A solver's last map f (V,), or a Möbius map after it, repaired in the metric of mu: (f, switched vertices)."""
+    """A solver's last map f (V,), or a Möbius map after it, repaired in the metric of mu: (f, switched vertices,
+    rounds of the repair)."""
     disk = solver.disk
     picture = disk.at(f)
     if not len(picture.flipped):
-        return f, np.zeros(0, int)
+        return f, np.zeros(0, int), 0
     corners = disk.z[disk.faces]
     sides = np.roll(corners, -1, axis=1) - np.roll(corners, -2, axis=1)
     lengths = abs(sides + solver.mu[:, None] * sides.conj())
-    picture, rows, _ = repair(disk.stiffness(solver.mu), picture, lengths)
-    return picture.z.copy(), rows
+    picture, rows, _, rounds = repair(disk.stiffness(solver.mu), picture, lengths)
+    return picture.z.copy(), rows, rounds

@@ -25,6 +25,7 @@ ROUNDING = 1e-9  # by which an objective may exceed another and count as equal
 APART = 0.15  # mean distance in the disk of two starts that are tried both
 OVERFITS = 10.0  # delta above which a word is said
 ABOVE = "the fit ended above the best Möbius map"
+SPENT = "the fit was stopped: it took over twice the work of the slowest good landmarks, so these are probably wrong"
 
 
 @dataclass(frozen=True)
@@ -101,7 +102,9 @@ def fit_problem(problem, weights, start=None, rings=None, watch=None, enough=0.0
     engine, state, (*coarse, polished) = climb.run(levels, weights, start, watch=watch, enough=enough)
     fit = report_fit(engine, state, (sum(coarse), polished))
     best = problem.samples @ mobius(problem.disk.z, *problem.mobius)
-    return fit_from_mobius(engine, fit, best, levels[-1], watch) if exceeds(engine, state, best) else fit
+    if exceeds(engine, state, best):
+        fit = fit_from_mobius(engine, fit, best, levels[-1], watch)
+    return within_budget(engine, fit)
 
 
 @threadpool_limits.wrap(limits=1)
@@ -130,6 +133,7 @@ def fit_registration(
     plain = engine.mobius_alone(problem.mobius)
     if not engine.objective(state, weights.gamma) <= (1 + ROUNDING) * engine.objective(plain, weights.gamma):
         fit = instead(fit, report_fit(engine, plain, steps))
+    fit = within_budget(engine, fit)
     words = [f"delta = {weights.delta:g} overfits: choose it by held-out curves"] * (weights.delta > OVERFITS)
     r = np.transpose([features.correlation(plain.f), features.correlation(fit.f)]).tolist()
     return replace(fit, fallbacks=(*fit.fallbacks, *words), r=dict(zip(features.names, r)))
@@ -194,6 +198,16 @@ def fit_from_mobius(engine, astray, best, level, watch):
     return instead(astray, report_fit(engine, engine.mobius_alone(parameters), taken))
 
 
+def within_budget(engine, fit):
+    """The fit; where its engine's work is spent, with a word, and the best Möbius map in place of one that folds."""
+    if not engine.spent:
+        return fit
+    if not fit.bijective:
+        plain = report_fit(engine, engine.mobius_alone(engine.problem.mobius), fit.steps)
+        fit = replace(plain, fallbacks=(*plain.fallbacks, "the fit folds: the best Möbius map is returned"))
+    return replace(fit, fallbacks=(*fit.fallbacks, SPENT))
+
+
 def instead(fit, plain):
     """The best Möbius map in place of a fit that ended above it, unless that map alone folds the mesh."""
     if plain.bijective or not fit.bijective:
@@ -243,7 +257,7 @@ def exact_map(problem, mu):
     found = moved_map(problem, solved, solver_words(solver))
     if found.bijective:
         return found
-    f, rows = unfold(solver, mobius(solved, *found.mobius))
+    f, rows, _ = unfold(solver, mobius(solved, *found.mobius))
     return certified(problem, f, found.mobius, solver_words(solver, len(rows)), len(rows))
 
 

@@ -197,6 +197,8 @@ def climbed(engine, state, level, watch=None, enough=0.0):
     for steps, at in enumerate(gammas):
         if watch:
             watch()
+        if engine.spent:
+            return state, steps
         near = enough > 0 and not level.rising and engine.error(state) < enough
         found = None if near else engine.step(state, at, level.worth if at == gamma else 0.0)
         if found is None and at == gamma:

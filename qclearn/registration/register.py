@@ -17,13 +17,20 @@ from ..surfaces.surface import Surface, require_disk, require_outward
 from .annotations import check_annotations
 from .checked import TOLERANCE, bijective_fit, gamma_words, guarded_map, predicted
 from .features import FOLDS, check_features, featured
+from .fit import certified
 from .landmarkfile import check_curves, held_apart
 from .preparation import Sides, laid_upon, sampled
 from .problem import BY_DISKS, DELTA, ETA, LandmarkError, Weights
+from .readings import FEWEST, mistakes
 from .report import report_of
 from .sure import check_sure, sure_of, sure_report
 
-STAGES = {"exact": (5, 6), "network": (9, 8)}  # how many run without and with features
+STOPPED = (
+    "the landmarks are wrong (see suspect), so nothing was fitted: this is the Möbius map that aligns the ends of the "
+    "curves, or the folds; features, held-out curves, annotations and the radius were not computed; correct the "
+    "landmarks, or fit them as they are by accept_suspect=True, --accept-suspect"
+)
+STAGES = {"exact": (6, 7), "network": (10, 9)}  # how many run without and with features
 
 
 @dataclass(frozen=True)
@@ -103,6 +110,7 @@ def register(
     annotations: tuple | list | None = None,
     eta: float | None = None,
     sure: bool = False,
+    accept_suspect: bool = False,
 ) -> Registration:
     """Register the moving surface to the control by landmark curves and folds: a Registration, certified bijective.
 
@@ -121,6 +129,8 @@ def register(
     brain onto a template `**qclearn.registration.INDIVIDUAL` has weights under which areas change less.
     sure: also a radius in mm at each moving vertex, calibrated where the truth is known (sure.py): `result.sure` and
     `report["sure"]`; LandmarkError for settings in which it was not measured.
+    accept_suspect: fit landmarks that are wrong, too. By default those that are swapped, reversed, mirrored, exchanged
+    or of another numbering are told before the fit, and the result is the aligned map (`report["stopped"]`).
     method: "exact" (shortest paths, Gauss-Newton fit, exact solver) or "network" (LD-Net, CP-Net, DBS-Net; the exact
     solver replaces a map that folds, and Gauss-Newton steps refine one whose landmark error in the disk exceeds
     `tolerance`: 5e-3 unless given, inf to take what comes; with features, the fit starts from CP-Net's answer).
@@ -136,35 +146,65 @@ def register(
         check_sure(features, method, sliding, weights)
     entries, held = given_curves(moving, control, curves, features, hold_out)
     regions = check_annotations(annotations, moving, control)
-    stages, networks, maps = Stages(STAGES[method][features is not None], progress), {}, []
-    if features is not None:
-        with stages("features"):
-            maps = check_features(features, moving, control)
+    stages = Stages(STAGES[method][features is not None], progress)
+    networks = {}
     if method == "network":
         with stages("load"):
             networks = load_networks(entries, features is not None)
-    sides = lay_out(moving, control, maps, stages)
+    pair = replace(lay_out(moving, control, stages), entries=entries, held=held)
+    if len(entries) < FEWEST:  # features align the disks, or judge the few curves
+        pair = with_features(pair, features, stages)
+
+    # Wrong landmarks are recognised by the curves' ends, before anything is fitted.
+    with stages("align"):
+        aligned = laid_upon(pair)
+        wrong = mistakes(aligned)
+    if wrong and not accept_suspect:
+        aligned = replace(aligned, held=[], features=None)
+        return stopped(aligned, weights, wrong, sliding, stages, method)
+    if aligned.features is None:
+        featured_pair = with_features(pair, features, stages)
+        laid = replace(featured_pair.moving, disk=aligned.moving.disk)
+        aligned = replace(featured_pair, moving=laid)
+
     with stages("detect"):
-        sides = laid_upon(replace(sides, entries=entries, held=held))
-        landmarks = sampled(sides, networks["ldnet"].detect if networks else None, sliding)
+        landmarks = sampled(aligned, networks["ldnet"].detect if networks else None, sliding)
     if networks:
-        fit = fit_by_networks(networks, sides.features, landmarks.problem, weights, tolerance, stages)
+        fit = fit_by_networks(networks, aligned.features, landmarks.problem, weights, tolerance, stages)
     else:
         with stages("map"):
-            fit = bijective_fit(landmarks.problem, weights, None, 0.0, sides.features)
+            fit = bijective_fit(landmarks.problem, weights, None, 0.0, aligned.features)
     with stages("pull_back"):
-        points = sides.control.lift(fit.f)
-        found = report_of(sides, landmarks, weights, fit, points, regions)
+        points = aligned.control.lift(fit.f)
+        report = report_of(aligned, landmarks, weights, fit, points, regions)
+    report["suspect"] = [*wrong, *report["suspect"]]
     words = gamma_words(networks["cpnet"], weights) if networks else []
-    report = {**found, "fallbacks": words + found["fallbacks"], "seconds": stages.report(), "method": method}
+    report |= {"fallbacks": words + report["fallbacks"], "seconds": stages.report(), "method": method}
     if networks and features is None:
         report["tolerance"] = tolerance if np.isfinite(tolerance) else None  # JSON knows no infinity
-    here, there = sides.moving.disk, sides.control.disk
-    found = Registration(points, fit.f, fit.mu, report, here.z, there.z, landmarks.lines, here.faces, there.faces)
+    result = registration_of(aligned, landmarks, fit, points, report)
     if not sure:
-        return found
-    radius, report["sure"] = sure_report(sure_of(sides, landmarks.problem, weights, fit), sides)
-    return replace(found, sure=radius)
+        return result
+    radius, report["sure"] = sure_report(sure_of(aligned, landmarks.problem, weights, fit), aligned)
+    return replace(result, sure=radius)
+
+
+def stopped(pair, weights, wrong, sliding, stages, method):
+    """The Registration of an aligned pair whose landmarks are wrong, reasons `wrong`: the aligned map, certified."""
+    with stages("detect"):
+        landmarks = sampled(pair, None, sliding)
+        fit = certified(landmarks.problem, pair.moving.disk.z, (0j, 0.0))
+    with stages("pull_back"):
+        points = pair.control.lift(fit.f)
+        report = report_of(pair, landmarks, weights, fit, points)
+    report |= {"suspect": wrong, "stopped": STOPPED, "seconds": stages.report(), "method": method}
+    return registration_of(pair, landmarks, fit, points, report)
+
+
+def registration_of(pair, landmarks, fit, points, report):
+    """The Registration of an aligned pair, without a radius."""
+    here, there = pair.moving.disk, pair.control.disk
+    return Registration(points, fit.f, fit.mu, report, here.z, there.z, landmarks.lines, here.faces, there.faces)
 
 
 def given_curves(moving, control, curves, features, hold_out):
@@ -185,15 +225,23 @@ def load_networks(entries, features):
     return {name: load(name) for name in ("ldnet", "cpnet", *([] if features else ["dbsnet"]))}
 
 
-def lay_out(moving, control, maps, stages):
-    """Both surfaces on their disks, `Sides` without curves, and their `Features` if there are maps."""
+def lay_out(moving, control, stages):
+    """Both surfaces on their disks, `Sides` without curves."""
     with stages("disk_moving"):
         moving = laid_out(moving)
     with stages("disk_control"):
-        control, features = laid_out(control), None
-        if maps:
-            moving, control, features = featured(moving, control, maps)
-    return Sides(moving, control, [], [], features)
+        control = laid_out(control)
+    return Sides(moving, control, [], [])
+
+
+def with_features(pair, features, stages):
+    """The pair with the `Features` that `register` was given, if any."""
+    if features is None:
+        return pair
+    with stages("features"):
+        maps = check_features(features, pair.moving.surface, pair.control.surface)
+        moving, control, compared = featured(pair.moving, pair.control, maps)
+    return replace(pair, moving=moving, control=control, features=compared)
 
 
 def fit_by_networks(networks, features, problem, weights, tolerance, stages):

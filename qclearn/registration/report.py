@@ -44,7 +44,8 @@ def report_of(sides, landmarks, weights, fit, points, regions=None):
         "curves": rows,
         "held_out_mm": held_out,
         "dice": overlap,
-        "suspect": [*reasons(sides, rows, fit), *against, *worse(held_out, overlap)],
+        "suspect": [*reasons(moving, rows, fit), *against, *worse(held_out, overlap)],
+        "stopped": None,
         "version": version("qclearn"),
     }
 

@@ -21,6 +21,7 @@ WORTH = 1e-3  # the share of the objective that a step has to promise
 FORCING = 0.1  # share of its gain by which a step of landmarks alone may miss the model's least objective
 ACCURACY = 0.1  # the residual that they leave, in the preconditioner's norm, up to gamma = 1e3; beyond, less by decades
 WITH_AREAS = 0.01  # the same with areas: steps that are less exact promise too little, and the fit ends early
+PRODUCT = 0.35  # work of a product, in parts of one exact map
 INDEPENDENT = 1e-6  # singular values of the directions learnt from, in parts of the largest
 
 
@@ -82,6 +83,7 @@ class ProductStep:
 
     def forward(self, x):
         """The change of the residual with x: J x."""
+        self.engine.work += PRODUCT
         dmu = self.activated(self.to_faces @ x[:-3].view(complex))
         dw = self.slope * self.state.solution.pushforward(dmu) + self.fields @ x[-3:]
         return (self.rows_conj @ dw).real
@@ -138,7 +140,7 @@ class DualStep(ProductStep):
             z, last = inverse @ rest, size
             size = rest @ z
             done = before - least < WORTH * before or left <= FORCING * (before - least - left)
-            if done or not size > 0:  # 0: what is left is rounding
+            if done or not size > 0 or self.engine.spent:  # 0: what is left is rounding
                 break
             p = z + size / last * p
             lifted = share * self.lift(self.adjoint(p), B)
@@ -205,7 +207,7 @@ class PrimalStep(ProductStep):
         p, size = z, rest @ z
         first = size
         for _ in range(STEPS):
-            if size <= self.accuracy**2 * first:
+            if size <= self.accuracy**2 * first or self.engine.spent:
                 break
             Hp = (1 + damping) * self.prior(p) + self.adjoint(self.forward(p))
             tried.append((p, Hp, p @ Hp))

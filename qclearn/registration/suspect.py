@@ -7,16 +7,15 @@ import numpy as np
 
 from .limits import LIMITS, ROUNDING
 from .metrics import mean_rows
-from .readings import listed, mistakes
+from .readings import listed
 
 LEAST_R, COARSEST = 0.3, 16.0  # correlation below which features are no guide, and the scale in mm it is measured at
 
 
-def reasons(sides, rows, fit):
-    """Texts on why a registration of two `Sides`, rows from `error_rows`, a `CertifiedMap`, is suspect."""
+def reasons(moving, rows, fit):
+    """Texts on why the `CertifiedMap` of a moving surface, rows from `error_rows`, is suspect."""
     errors = [*large_error(mean_rows(rows)), *odd_curves(rows)] if rows else []
-    moving = sides.moving.surface
-    return [*mistakes(sides), *errors, *switched_rows(fit, moving), *strong_distortion(moving, fit.mu)]
+    return [*errors, *switched_rows(fit, moving), *strong_distortion(moving, fit.mu)]
 
 
 def disagreeing(features, f):

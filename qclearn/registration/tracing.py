@@ -98,7 +98,8 @@ def carried(surface, hemisphere=None):
         ends = named_sulci(own[0], templates[own[0]].original_vertices)
         return Carried(ends, dict.fromkeys(ends), own[0])
     runs = {name: register(templates[name], surface, []) for name in ([hemisphere] if hemisphere else HEMISPHERES)}
-    hemisphere = max(runs, key=lambda name: runs[name].report["r"]["depth"][1])
+    # The folds of the wrong hand are told before a fit: then there is no correlation.
+    hemisphere = max(runs, key=lambda name: runs[name].report["r"].get("depth", (-1, -1))[1])
     run, template = runs[hemisphere], templates[hemisphere]
     if run.report["suspect"]:
         raise LandmarkError(f"fsaverage5's {hemisphere} hemisphere does not fit: {'; '.join(run.report['suspect'])}")

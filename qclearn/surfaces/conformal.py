@@ -62,7 +62,7 @@ def _centre_and_unfold(surface, f):
     f = mobius(f, centring_mobius(f, share))
     picture, switched = Disk(f, surface.faces), np.zeros(0, int)
     for _ in range(5):
-        picture, switched, problem = repair(surface.stiffness, picture, surface.edge_lengths, switched)
+        picture, switched, problem, _ = repair(surface.stiffness, picture, surface.edge_lengths, switched)
         f = picture.z
         if problem is None:
             break

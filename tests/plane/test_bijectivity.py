@@ -1,6 +1,5 @@
 """The certificate, its rounding, and the repair by row switching."""
 
-import time
 from fractions import Fraction
 
 import numpy as np
@@ -9,6 +8,7 @@ from exactmaps import DISK_MAPS, SLIDING
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from meshes import random_disk, strip
+from operations import lines_run
 
 from qclearn.plane.beltrami import BeltramiDiskSolver, signed_areas, stiffness
 from qclearn.plane.bijectivity import (
@@ -232,12 +232,12 @@ def test_a_triangle_turns_over_when_two_corners_are_exchanged(corners):
     assert (len(Disk(f, np.array([[0, 2, 1]])).reversed) == 0) == (area < 0)
 
 
-def test_a_whole_mesh_in_doubt_is_decided_in_a_second():
-    """Every triangle of 150,000 vertices on one line: the worst that can be asked."""
-    z, faces = polar_disk(300, 500)
-    start = time.process_time()
-    assert len(Disk((1 + 0.5j) * z.real, faces).reversed) > 0.9 * len(faces)
-    assert time.process_time() - start < 5  # 1 s on a machine of its own
+def test_a_whole_mesh_in_doubt_costs_little_a_vertex():
+    """Every triangle on one line, the worst that can be asked: three lines of Python a vertex, none a triangle."""
+    z, faces = polar_disk(40, 60)
+    disk = Disk((1 + 0.5j) * z.real, faces)
+    assert lines_run(lambda: disk.reversed) < 4 * len(z)
+    assert len(disk.reversed) > 0.9 * len(faces)
 
 
 @pytest.mark.parametrize(
@@ -306,7 +306,7 @@ def test_repair_unfolds(seed):
     before = check_bijective(z, faces, f)
     assert len(before.flipped) and before.boundary
     matrix = stiffness(z, faces, mu)
-    picture, switched, problem = repair(matrix, Disk(f, faces), lengths)
+    picture, switched, problem, _ = repair(matrix, Disk(f, faces), lengths)
     mended = picture.z
     assert check_bijective(z, faces, mended).bijective
     loop = boundary_loop(faces)
@@ -331,7 +331,7 @@ def test_repair_goes_one_ring_further_where_a_flip_survives_on_switched_rows():
     _, faces, mu, f, lengths = folding_problem(0)
     picture = Disk(f, faces)
     first = np.setdiff1d(faces[picture.flipped], picture.loop)
-    mended, switched, _ = repair(stiffness(*DISK, mu), picture, lengths, first)
+    mended, switched, *_ = repair(stiffness(*DISK, mu), picture, lengths, first)
     ring = np.setdiff1d(faces[np.isin(faces, first).any(1)], picture.loop)
     assert set(ring) <= set(switched.tolist()) and len(ring) > len(first)
     assert mended.certificate.bijective
@@ -340,7 +340,7 @@ def test_repair_goes_one_ring_further_where_a_flip_survives_on_switched_rows():
 def test_nothing_to_repair():
     disk = Disk(*DISK)
     picture = disk.at(SLIDING(disk.z))
-    mended, switched, problem = repair(disk.laplace, picture, edge_lengths(disk.z[disk.faces]))
+    mended, switched, problem, _ = repair(disk.laplace, picture, edge_lengths(disk.z[disk.faces]))
     assert mended is picture and len(switched) == 0 and problem is None
 
 
@@ -355,6 +355,6 @@ def test_repair_ends_where_it_cannot_help(chord):
     f = z.copy()
     f[first + 5], f[1] = 0.9, 2  # a boundary vertex drawn across the disk
     disk = Disk(z, faces)
-    mended, switched, _ = repair(disk.laplace, disk.at(f), edge_lengths(z[faces]))
+    mended, switched, *_ = repair(disk.laplace, disk.at(f), edge_lengths(z[faces]))
     assert not mended.certificate.bijective
     assert 0 < len(switched) <= 19

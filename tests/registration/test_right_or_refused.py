@@ -3,6 +3,7 @@ or a named refusal."""
 
 import re
 from functools import partial
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -132,6 +133,22 @@ def test_a_fit_never_ends_above_the_best_mobius_map(case, mesh, gamma):
         assert fit.fallbacks[-1] == "the fit ended above the best Möbius map: that map is returned"
 
 
+def test_the_work_of_a_fit_of_wrong_landmarks_is_bounded():
+    """Steps of a fit end where its engine has done the work it may; the map is certified, with a word."""
+    p, q = (np.asarray(side, complex) for side in ASTRAY["permuted"])
+    engines = []
+
+    class Watched(Engine):
+        def __init__(self, *given):
+            super().__init__(*given)
+            self.most_work = min(self.most_work, 20.0)
+            engines.append(self)
+
+    with patch("qclearn.registration.ladder.Engine", Watched):
+        fit = fit_landmarks(*COARSE, p, q, gamma=1e5)
+    assert engines[-1].spent and fit.bijective and fit.fallbacks[-1].startswith("the fit was stopped")
+
+
 def test_no_step_leads_from_a_map_that_does_not_fold_to_one_that_does():
     """A fold is where a map may come nearest to what no map can do: steps that objectives alone choose end lower here,
     in a map with 37 faces flipped."""
@@ -184,7 +201,7 @@ def test_a_registration_never_ends_above_the_best_mobius_map(mistake):
     else:
         for curve in curves:
             curve["moving"] = curve["moving"][::-1]
-    result = register(bowl(0.6), bowl(0.9), curves)
+    result = register(bowl(0.6), bowl(0.9), curves, accept_suspect=True)
     p, q = (
         np.concatenate([qc.sample_curve(surface, curve[side]) @ z for curve in curves])
         for surface, z, side in ((bowl(0.6), result.disk_moving, "moving"), (bowl(0.9), result.disk_control, "control"))

@@ -237,7 +237,7 @@ def test_all_reasons_come_in_one_list(sides):
         errors | {"name": entry["name"], "landmark_error_mm": 40.0 if k == 3 else 4.0} for k, entry in enumerate(SULCI)
     ]
     fit = SimpleNamespace(mu=np.full(len(both.moving.surface.faces), 0.95), switched=1888)
-    found = reasons(both, rows, fit)
+    found = [*mistakes(both), *reasons(both.moving.surface, rows, fit)]
     assert words(found) == ["reversed", "error", "curve", "rows", "distortion"]
     assert json.loads(json.dumps(found)) == found
 
