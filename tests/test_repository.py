@@ -94,21 +94,19 @@ def test_code_is_narrow(path):
 
 
 NAMED = re.compile(r"(?<![\w./-])(?:qclearn|data_synth|tests|book)/[\w./-]*\w")
+GUIDES = [ROOT / "CONTRIBUTING.md", *(ROOT / folder / "README.md" for folder in (".", "book/builder", "book/studies"))]
 # What a guide warns of, what the reader of the page 'How to add a network' would write, and what an older commit has.
 NOT_THERE = {"book/_static", "qclearn/nets/ringnet.py", "tests/nets/test_ringnet.py"}
 
 
-@pytest.mark.parametrize("text", [ROOT / "CONTRIBUTING.md", ROOT / "README.md", *PAGES], ids=lambda path: path.stem)
+@pytest.mark.parametrize("text", [*GUIDES, *PAGES], ids=lambda path: f"{path.parent.name}-{path.stem}")
 def test_the_files_that_a_text_names_are_there(text):
     words = text.read_text(encoding="utf-8") if text.suffix == ".md" else markdown_of(text.stem)
     assert [name for name in sorted(set(NAMED.findall(words)) - NOT_THERE) if not (ROOT / name).exists()] == []
 
 
 def test_the_names_of_files_are_recognised():
-    assert NAMED.findall("see `qclearn/suspect.py`, qclearn/plane/. Not a/book/x") == [
-        "qclearn/suspect.py",
-        "qclearn/plane",
-    ]
+    assert NAMED.findall("see `qclearn/suspect.py`. Not a/book/x") == ["qclearn/suspect.py"]
 
 
 def test_no_file_names_a_machine():
@@ -128,13 +126,6 @@ def test_no_file_names_a_machine():
     assert found == {}
 
 
-@pytest.mark.parametrize("text", [f"/{'root'}/x", f"open('/{'home'}/ann')", f"../{'shared'}/x", f"see /{'work'}/x"])
-def test_machine_paths_are_recognised(text):
-    assert MACHINE_PATH.search(text)
-
-
-@pytest.mark.parametrize(
-    "text", [f"https://example.org/{'home'}/page", f"book/_assets/{'work'}/x", "the work/life of tmp"]
-)
-def test_other_text_is_left_alone(text):
-    assert not MACHINE_PATH.search(text)
+def test_a_machine_path_is_recognised():
+    assert MACHINE_PATH.search(f"open('/{'home'}/ann')")
+    assert not MACHINE_PATH.search(f"https://example.org/{'home'}/page")

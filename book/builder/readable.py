@@ -17,6 +17,7 @@ TITLED = re.compile(r"^(.*?)\s*<([^<>]+)>$", re.DOTALL)  # words <label>
 TO_LABEL = re.compile(r"\[([^\]]*)\]\(#([\w:-]+)\)")
 TO_PAGE = re.compile(r"\]\((\w+)\.md\)")
 BIBLIOGRAPHY = re.compile(r"^(:{3,}|`{3,})\{bibliography\}.*?^\1[ \t]*$", re.DOTALL | re.MULTILINE)
+GENERATED = re.compile(r"^```\{eval-rst\}\n(.*?)^```[ \t]*$", re.DOTALL | re.MULTILINE)
 # What JupyterLab has to be told: it counts each proof that does not ask it not to, and shows captions small and pale.
 TOLD = {"prf:proof": ":nonumber: true", "figure": ":class: not-prose"}
 OPENING = re.compile(r"^(?::{3,}|`{3,})\{(prf:proof|figure)\}.*$", re.MULTILINE)
@@ -90,7 +91,14 @@ def stored_values(cell):
 
 
 def as_notebook(text):
-    """A Markdown page as a notebook of one cell."""
+    """A Markdown page as a notebook of one cell; where Sphinx would write a reference stand the names that it has."""
+
+    def names(match):
+        listed = re.findall(r"^\.\. (?!currentmodule)\w+:: ([\w.]+)", match[1], re.MULTILINE)
+        names = ", ".join(f"`{name}`" for name in listed)
+        return f"{names}: the site has the text. `help(...)` shows it here, `qclearn COMMAND --help` in a terminal."
+
+    text = GENERATED.sub(names, text)
     return new_notebook(
         cells=[new_markdown_cell(text, id="page")],
         metadata={"kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}},

@@ -85,8 +85,8 @@ def benchmark(out, subjects, vertices, sets, methods, programs, limit, peers, fr
     """Run registration methods on the same problems and write all figures to one file.
 
     heldout and warp measure on real cortex, by curves that take no part and by the same folds in another shape; conte69
-    does so where the package brainspace is installed: pip install 'qclearn[conte69]'. Competitors on spheres need
-    cat-surf: pip install 'qclearn[peers]'.
+    does so where the package brainspace is installed: `pip install 'qclearn[conte69]'`. Competitors on spheres need
+    cat-surf: `pip install 'qclearn[peers]'`.
     """
     from ..benchmark.run import benchmark as run_benchmark
     from ..benchmark.runs import program_of, run_of

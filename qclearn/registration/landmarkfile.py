@@ -10,6 +10,7 @@ from ..surfaces.surface import SurfaceError, mirror
 from .landmarks import check_path
 from .problem import LandmarkError
 
+FORMAT = "see 'Files, formats and exit codes' in the book"
 CURVE_KEYS = {"name", "moving", "control", "detect", "hold_out"}
 # Lists and objects. Where a program has raised Python's limit of recursion, json.loads goes on until the stack ends.
 MOST_NESTED = 64
@@ -23,11 +24,11 @@ def read_landmarks(path):
     except SurfaceError as error:
         raise LandmarkError(str(error)) from None
     if nesting(data) > MOST_NESTED:
-        raise LandmarkError(f"{path}: lists nested too deeply; see the README for the format")
+        raise LandmarkError(f"{path}: lists nested too deeply; {FORMAT}")
     try:
         contents = json.loads(data.decode("utf-8-sig"))  # Windows puts a byte order mark before it
     except ValueError as error:  # also of an integer of thousands of digits
-        raise LandmarkError(f"{path}: not a JSON file ({error}); see the README for the format") from None
+        raise LandmarkError(f"{path}: not a JSON file ({error}); {FORMAT}") from None
     curves = contents.get("curves") if isinstance(contents, dict) else contents
     for number, curve in enumerate(curves if isinstance(curves, list) else []):
         name = curve.get("name") if isinstance(curve, dict) else None

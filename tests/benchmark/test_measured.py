@@ -26,7 +26,7 @@ def test_a_file_and_the_program_that_writes_it_are_named_for_each_other():
     assert {path.stem for path in KEPT.iterdir()} == set(WRITERS)
     for name, writer in WRITERS.items():
         assert writer.startswith("qclearn benchmark") or (root / writer).is_file()
-        assert name in (root / "CONTRIBUTING.md").read_text()
+        assert name in (root / "book/studies/README.md").read_text()
     assert {Path(WRITERS[name]).stem for name in ("scaling", "suspect", "template", "training")} <= set(WRITERS)
 
 

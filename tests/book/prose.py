@@ -1,5 +1,4 @@
-"""The prose of a page without formulas, code and computed numbers: the numbers in it that look like results, words that
-judge, and how many computed numbers its sentences and paragraphs hold."""
+"""The prose of a page without formulas, code and computed numbers, and the numbers in it that look like results."""
 
 import re
 from functools import cache
@@ -37,20 +36,6 @@ RESULT = re.compile(
     rf"|(?:{NUMBER}|\b(?:{WORD}))(?:\s|-)?(?:times|fold)\b|{NUMBER}\s?×(?!\s?\d)"
 )
 
-# Words that say who is in front. "Agree to 1e-9", said of two computations of one thing, is no verdict.
-VERDICT = re.compile(
-    r"\b(?:wins?|won|loses?|faster|fastest|slower|slowest|beats?|beaten|outperform\w*|cheaper|cheapest|dearer|ahead|"
-    r"in front|level with|(?:is|are) level(?! (?:lines|sets))|reproduces?|survives?|near enough|at least as|"
-    r"(?:nearly|almost) as \w+ as|(?:several|(?<!as )many|a few) (?:milli)?seconds|"
-    r"(?:a|its) (?:small )?fraction of (?:a second|its time|the time)|"
-    rf"agrees?(?![^.;:]{{0,80}} (?:to|within|up to) (?:[{MASK}]|rounding)))\b",
-    re.IGNORECASE,
-)
-COMPUTED = "\N{BLACK SQUARE}"
-QUOTED = re.compile(r"\{eval\}(`+)(?P<asked>.+?)\1", re.DOTALL)
-WORDS = re.compile(r"\bsays\[| if .* else ", re.DOTALL)  # what is quoted is a word, chosen by a rule
-MOST_IN_SENTENCE, MOST_IN_PARAGRAPH = 3, 5
-
 
 @cache
 def text_of(path):
@@ -75,33 +60,6 @@ def typed_results(text, literals):
     for phrase in sorted(literals, key=len, reverse=True):
         text = text.replace(phrase, MASK)
     return [text[max(0, match.start() - 30) : match.end() + 20] for match in RESULT.finditer(text)], unused
-
-
-def unbound_verdicts(text, phrases):
-    """(words of `VERDICT` outside all `phrases`, each with what is around it; phrases that are not there)."""
-    text = prose(text)
-    unused = [phrase for phrase in phrases if phrase not in text]
-    for phrase in sorted(phrases, key=len, reverse=True):
-        text = text.replace(phrase, MASK)
-    return [text[max(0, match.start() - 40) : match.end() + 30] for match in VERDICT.finditer(text)], unused
-
-
-def paragraphs(text):
-    """The paragraphs of a text, an item of a list being one; rows of tables are none. A computed number is one sign."""
-    text = QUOTED.sub(lambda quoted: MASK if WORDS.search(quoted["asked"]) else COMPUTED, text)
-    for pattern in NO_PROSE:
-        text = re.sub(pattern, MASK, text, flags=re.MULTILINE)
-    text = re.sub(r"^\s*\|.*$", "", text, flags=re.MULTILINE)
-    parts = re.split(r"\n\s*\n|\n(?=\s*(?:[-*]|\d+\.)\s)", text)
-    return [re.sub(r"\s+", " ", part).strip() for part in parts]
-
-
-def crowded(text):
-    """Paragraphs with more computed numbers than can be read aloud: how many, and where."""
-    for part in paragraphs(text):
-        most = max(sentence.count(COMPUTED) for sentence in re.split(r"(?<=[.!?])[)*\"']*\s+(?=\W*[A-Z])", part))
-        if part.count(COMPUTED) > MOST_IN_PARAGRAPH or most > MOST_IN_SENTENCE:
-            yield f"{part.count(COMPUTED)} numbers, {most} in a sentence: {part[:60]}"
 
 
 def pages(book):

@@ -56,6 +56,12 @@ def test_what_jupyterlab_does_not_know_becomes_text_with_a_link(lab, source, cop
     assert lab(source) == copy
 
 
+def test_a_reference_that_sphinx_writes_becomes_its_names():
+    text = "```{eval-rst}\n.. currentmodule:: qclearn\n.. autofunction:: register\n```\n"
+    (cell,) = as_notebook(text).cells
+    assert cell.source.startswith("`register`: the site has the text.") and "{eval-rst}" not in cell.source
+
+
 def test_the_bibliography_is_listed(lab):
     listed = lab("# Bibliography\n\n```{bibliography}\n```\n")
     assert "{bibliography}" not in listed and "- Yuchen Guo" in listed

@@ -71,9 +71,8 @@ def test_the_notebook_offered_for_download_reads_right_in_any_viewer(path):
     assert len(pictures) == sum("show_figure(" in cell.source for cell in cells if cell.cell_type == "code")
 
 
-@pytest.mark.parametrize("text", ["about {eval}`n` faces", ":::{figure}", "```{exercise}", "(fig-x)=", "{cite}`one`"])
-def test_notation_that_is_left_is_found(text):
-    assert NOTATION.search(f"first\n{text}\nlast")
+def test_notation_that_is_left_is_found():
+    assert NOTATION.search("first\nabout {eval}`n` faces\nlast")
 
 
 def test_the_explorables_weigh_at_most_six_megabytes_in_all():
