@@ -1,5 +1,6 @@
 """Torch datasets for the three trainings: item k depends on the seed and k alone, whatever the number of workers."""
 
+import atexit
 import hashlib
 import warnings
 from errno import EISDIR
@@ -23,7 +24,12 @@ from qclearn.surfaces.surface import SurfaceError
 
 with require("nets", "training sets"):
     import torch
+    from torch.multiprocessing.reductions import shared_cache
     from torch.utils.data import DataLoader, Dataset, TensorDataset
+
+# Torch remembers each tensor that a worker sent. Unless these references go first, they outlive the module that frees
+# them, and the process ends in "Exception ignored in ... StorageWeakRef.__del__".
+atexit.register(shared_cache.clear)
 
 
 class DatasetError(ValueError):

@@ -18,6 +18,28 @@ WIDEST_LINE = 76  # what the site shows without sideways scrolling
 # Somebody's folder, absolute or as seen from here.
 MACHINE_PATH = re.compile(r"(?<![\w.:/-])/(?:root|home|work|Users|tmp)/\w+|\.\./share[d]\b|file:///\w")
 
+MEASURED = re.compile("seconds|memory_mb|perf_counter|process_time|monotonic|maxrss")
+ORDER = ast.Lt, ast.LtE, ast.Gt, ast.GtE
+
+
+def absolute_limits(source):
+    """Comparisons of a time or memory with a number; a sign, and ten seconds of waiting, hold on every machine."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Compare) and MEASURED.search(text := ast.unparse(node)):
+            smallest = 10 if "perf_counter" in text else float("inf")
+            sides = [ast.unparse(side) for side in (node.left, *node.comparators)]
+            numbers = [float(side) for side in sides if re.fullmatch(r"[\d.e]+", side)]
+            if any(isinstance(op, ORDER) for op in node.ops) and any(0 < number < smallest for number in numbers):
+                yield f"line {node.lineno}: {text}"
+
+
+def test_no_test_depends_on_the_speed_or_the_memory_of_a_machine():
+    found = {
+        path.name: list(absolute_limits(path.read_text(encoding="utf-8"))) for path in (ROOT / "tests").rglob("*.py")
+    }
+    assert {name: limits for name, limits in found.items() if limits} == {}
+    assert list(absolute_limits("assert small.cpu_seconds < 0.1 < large.cpu_seconds")) != []
+
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebook_is_committed_without_outputs(path):

@@ -1,6 +1,5 @@
 """The benchmark's problems and what it measures of a map, on domes with known answers."""
 
-import time
 import warnings
 from dataclasses import replace
 from types import SimpleNamespace
@@ -155,17 +154,17 @@ def test_a_method_that_fails_gives_a_row_that_says_so(pair, method, message):
     assert row["status"] == "failed" and message in row["message"]
 
 
-def test_times_are_medians_of_warm_repetitions_and_notes_are_kept(pair):
-    calls = []
+def test_times_are_medians_of_warm_repetitions_and_notes_are_kept(pair, monkeypatch):
+    clock, durations = [0.0], [0.5, 0.25, 0.125]  # a clock of our own, and what the three repetitions take by it
+    monkeypatch.setattr("qclearn.benchmark.trial.time", SimpleNamespace(perf_counter=lambda: clock[0]))
 
     def slow_at_first(problem):
-        calls.append(1)
-        time.sleep(0.3 if len(calls) == 1 else 0.01)
+        clock[0] += durations.pop(0)
         warnings.warn("one row switched", RepairWarning, stacklevel=1)
         return problem.disk.z
 
     row = trial(pair, Run("slow", "slow"), slow_at_first)
-    assert row["repetitions"] == 3 and 0.01 <= row["seconds"]["map"] < 0.25
+    assert row["repetitions"] == 3 and row["seconds"]["map"] == np.median([0.25, 0.125])
     assert row["notes"] == ["one row switched"] and row["seconds"]["landmarks"] > 0
     assert row["seconds"]["disk_moving"] == pair.moving.seconds
 
@@ -176,8 +175,9 @@ def test_memory_that_a_method_takes_is_seen(pair, pieces):
         [np.ones(20_000_000 // pieces) for _ in range(pieces)]
         return problem.disk.z
 
-    row = trial(pair, Run("large", "large"), large)
-    assert row["peak_memory_mb"] is None or 140 < row["peak_memory_mb"] < 400
+    rows = [trial(pair, Run("any", "any"), method) for method in (lambda problem: problem.disk.z, large)]
+    nothing, much = (row["peak_memory_mb"] for row in rows)
+    assert much is None or nothing < much / 2
 
 
 def test_a_field_is_kept_on_the_controls_disk(pair):

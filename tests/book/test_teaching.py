@@ -8,6 +8,7 @@ import tomllib
 import costs
 import lab_copies
 import nbformat
+import psutil
 import pytest
 import references
 import teaching
@@ -92,8 +93,8 @@ def test_a_run_says_what_it_cost(tmp_path):
     assert len(notebook.cells) == 1
     nbformat.write(notebook, tmp_path / "page.ipynb")
     (tmp_path / "other.ipynb").write_text(json.dumps(new_notebook()))
-    found = costs.measured(tmp_path)
-    assert list(found) == ["page"] and 0.01 < found["page"]["gb"] < 64 and found["page"]["seconds"] > 0
+    found, total = costs.measured(tmp_path), psutil.virtual_memory().total
+    assert list(found) == ["page"] and 0 < found["page"]["gb"] < total / 1e9 and found["page"]["seconds"] > 0
 
 
 def test_the_sheet_multiplies_for_a_class(monkeypatch):
