@@ -11,9 +11,8 @@ import numpy as np
 from scipy.stats import spearmanr
 from threadpoolctl import threadpool_limits
 
-from ..methods.alone import costs_alone
 from ..methods.networks import networks_of
-from ..methods.programs import Answer
+from ..methods.programs import Answer, costs_alone
 from ..methods.spheres import inward
 from ..plane.bijectivity import RepairWarning
 from ..plane.disk import Disk
