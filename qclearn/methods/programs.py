@@ -48,7 +48,7 @@ def program(problem, command="", limit=LIMIT):
     the moving sphere's faces with each vertex where it lies on the control's sphere. No shell;
     limit: seconds. ProgramError, SphereError; ImportError where a sphere cannot be made.
     """
-    words = words_of(command)
+    words = command_words(command)
     spheres = sphere_of(problem.sides.moving), sphere_of(problem.sides.control)
     key = tuple(words), limit, *(sphere.fingerprint for sphere in spheres)
     if key not in ANSWERS:
@@ -66,7 +66,7 @@ def spherical_demons(problem, limit=LIMIT):
     return program(problem, command, limit)
 
 
-def words_of(command):
+def command_words(command):
     """The words of a command line, each placeholder checked, or ProgramError."""
     try:
         words = shlex.split(command)

@@ -18,9 +18,9 @@ from workbench import workbench
 from qclearn.benchmark import Run
 from qclearn.benchmark.measured import BenchmarkError
 from qclearn.benchmark.pairs import Pair, mapped
+from qclearn.benchmark.reference_metrics import middle_distance, quantile, tails
 from qclearn.benchmark.runs import BESIDE, PEERS, RUNS, lacking, program_of, table_of
 from qclearn.benchmark.trial import trial
-from qclearn.benchmark.yardstick import middle_distance, quantile, tails
 from qclearn.files.meshes import write_surface
 from qclearn.files.values import read_map
 from qclearn.methods import METHODS
