@@ -23,7 +23,7 @@ BUDGET = {
     "qclearn/group": 646,
     "qclearn/nets": 2986,
     "qclearn/methods": 885,
-    "qclearn/benchmark": 1575,
+    "qclearn/benchmark": 1578,
     "qclearn/pages": 2550,
     "qclearn/cli, and what stands beside the rooms": 1321,
     "data_synth": 2456,

@@ -1,18 +1,13 @@
 """Methods that are programs: surfaces and spheres in, a sphere out; and what a process costs."""
 
-import os
 import pickle
 import shlex
 import sys
-import time
-from collections import namedtuple
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from signal import SIGKILL, Signals
 from string import Formatter
-from subprocess import DEVNULL, STDOUT
-from tempfile import TemporaryDirectory, TemporaryFile
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,23 +17,22 @@ from ..registration.landmarkfile import check_curves
 from ..registration.preparation import Sides, laid_upon, sampled
 from ..surfaces.conformal import laid_out
 from ..surfaces.surface import Surface
+from .process import Costs, ProgramError, measured
 from .spheres import CATSURF, LIMIT, Sphere, sphere_of, unit_points
 
 FILES = "moving", "moving_sphere", "control", "control_sphere", "out"
 RADIUS = 100.0  # of the spheres that a program is given, mm
 ANSWERS = {}  # of this process: problems that differ only in their curves are one to a program
-PACKAGES = "OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "ITK_GLOBAL_DEFAULT_NUMBER_OF"
-ONE_THREAD = {f"{package}_THREADS": "1" for package in PACKAGES}
-PAUSE = 0.02  # seconds between two readings of a program's memory
-# CPU seconds of a program and its children, peak memory of the largest of them (read every PAUSE:
-# 0 of a program that ends before), time.
-Costs = namedtuple("Costs", "cpu_seconds memory_mb seconds")
-# points (V', 3) of the whole moving surface on the control's unit sphere, and the `Costs`.
-Answer = namedtuple("Answer", "points costs")
 
 
-class ProgramError(ValueError):
-    """A program that cannot be started, fails, takes too long or writes no answer."""
+class Answer(NamedTuple):
+    """A program's map: where each vertex of the whole moving surface lies, and its `costs`.
+
+    points: (V', 3), on the control's unit sphere.
+    """
+
+    points: np.ndarray
+    costs: Costs
 
 
 def program(problem, command="", limit=LIMIT):
@@ -99,53 +93,6 @@ def answer_of(words, limit, moving, control):
     if not np.array_equal(result.faces, whole.faces):
         raise ProgramError(f"{whose} has other faces than the moving surface: keep its order")
     return Answer(points, costs)
-
-
-def measured(command, limit, out=None):
-    """Run a command (list of words) in one thread for at most `limit` seconds: its `Costs`.
-
-    ProgramError where it cannot be started, fails, is not done by then, or has not written the
-    file `out`. What it leaves running is killed. POSIX alone.
-    """
-    with require("benchmark", "measured programs"):
-        import psutil
-    name, start = Path(command[0]).name, time.monotonic()
-    children, search, peak = [], 0.0, 0
-    with TemporaryFile() as log:
-        group = {"env": os.environ | ONE_THREAD, "start_new_session": True}
-        try:
-            process = psutil.Popen(command, stdin=DEVNULL, stdout=log, stderr=STDOUT, **group)
-        except OSError as error:
-            reason = f"{error.strerror}: {command[0]}"
-            raise ProgramError(f"{name} cannot be started ({reason}); check the command") from None
-        try:
-            while process.status() != psutil.STATUS_ZOMBIE and time.monotonic() < start + limit:
-                for member in [process, *children]:
-                    with suppress(psutil.Error):
-                        peak = max(peak, member.memory_info().rss)
-                time.sleep(PAUSE)
-                now = time.monotonic()
-                if now > search:  # reads all the machine's processes: a tenth of the time at most
-                    children = process.children(recursive=True)
-                    search = now + 10 * (time.monotonic() - now)
-            late = process.status() != psutil.STATUS_ZOMBIE
-            cpu_seconds = sum(process.cpu_times()[:4])  # user's and system's, own and children's
-            costs = Costs(cpu_seconds, peak / 2**20, time.monotonic() - start)
-        finally:
-            with suppress(OSError):
-                os.killpg(process.pid, SIGKILL)
-            status = process.wait()
-        log.seek(0)
-        lines = log.read()[-10_000:].decode(errors="replace").strip().splitlines() or ["none"]
-    how = f"with the status {status}" if status >= 0 else f"by the signal {Signals(-status).name}"
-    if late:
-        advice = "give it more time with the limit"
-        raise ProgramError(f"{name} was not done after {limit:g} s and was stopped; {advice}")
-    if status:
-        raise ProgramError(f"{name} ended {how}; its last words: {lines[-1][-300:]}")
-    if out is not None and not Path(out).exists():
-        raise ProgramError(f"{name} ended without an error and wrote no sphere to {{out}}")
-    return costs
 
 
 def costs_alone(run, pair):

@@ -15,6 +15,7 @@ from ..plane.grids import joined
 from ..plane.linear import Dirichlet
 from ..surfaces.checks import norms
 from ..surfaces.surface import Surface, SurfaceError
+from .process import measured
 
 CATSURF = sys.executable, "-P", str(Path(__file__).with_name("catsurf.py"))  # GPL: a program beside us, never imported
 LIMIT = 3600.0  # seconds that a program may take
@@ -82,8 +83,6 @@ def closed(surface):
 
 def inflated(whole):
     """The points (V', 3) of a closed surface on a sphere by cat-surf, in a process of its own."""
-    from .programs import measured  # which imports this module
-
     require("peers", "spheres of surfaces that come without one")
     with TemporaryDirectory() as folder:
         paths = [str(Path(folder, name)) for name in ("whole.surf.gii", "sphere.surf.gii")]

@@ -29,7 +29,7 @@ def last_line(package, program):
         ("torch", "import data_synth.training", "nets"),
         ("distributed", "from qclearn.benchmark import benchmark; benchmark('out.json')", "benchmark"),
         ("brainspace", "from qclearn.files.conte69 import conte69; conte69()", "conte69"),
-        ("psutil", "from qclearn.methods.programs import measured; measured(['true'], 1)", "benchmark"),
+        ("psutil", "from qclearn.methods.process import measured; measured(['true'], 1)", "benchmark"),
         ("cat_surf", "from qclearn.methods.spheres import inflated; inflated(None)", "peers"),
         ("cat_surf", "from qclearn.methods import spherical_demons; spherical_demons(None)", "peers"),
         (

@@ -24,7 +24,8 @@ from qclearn.benchmark.trial import trial
 from qclearn.files.meshes import write_surface
 from qclearn.files.values import read_map
 from qclearn.methods import METHODS
-from qclearn.methods.programs import ProgramError, costs_alone, measured
+from qclearn.methods.process import ProgramError, measured
+from qclearn.methods.programs import costs_alone
 from qclearn.methods.spheres import Sphere, SphereError, closed, facing, inward
 from qclearn.registration.landmarks import fundus_path
 from qclearn.surfaces.opening import open_surface
