@@ -41,9 +41,9 @@ def test_the_wheel_carries_the_browser_modules_of_the_book(packages):
 
 def test_the_wheel_carries_what_reports_are_made_of(packages):
     with zipfile.ZipFile(packages[1]) as archive:
-        carried = {name for name in archive.namelist() if name.startswith("qclearn/reports/")}
-    wanted = {f"qclearn/reports/{path.name}" for path in (ROOT / "qclearn" / "reports").iterdir() if path.is_file()}
-    assert "qclearn/reports/page.html" in wanted and wanted == carried
+        carried = {name for name in archive.namelist() if name.startswith("qclearn/reports/templates/")}
+    wanted = {path.relative_to(ROOT).as_posix() for path in (ROOT / "qclearn" / "reports" / "templates").iterdir()}
+    assert "qclearn/reports/templates/page.html" in wanted and wanted == carried
 
 
 def test_the_wheel_runs_the_demo_in_a_bare_environment(packages, tmp_path):

@@ -3,7 +3,6 @@
 import csv
 import json
 import re
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,10 +14,9 @@ from qclearn.io.meshes import write_surface
 from qclearn.plane.disk import Disk
 from qclearn.registration.mapfile import write_registration
 from qclearn.reports import write_group, write_pair
-from qclearn.reports.finished import Finished, ReportError, read_finished
-from qclearn.reports.group import FEWEST, MEASURES, Line, scored
-from qclearn.reports.markup import asset
-from qclearn.reports.views import Shown, decimated
+from qclearn.reports.finished import FinishedRegistration, ReportError, read_finished
+from qclearn.reports.group import FEWEST, MEASURES, Subject, scored
+from qclearn.reports.views import InflatedView, curvature_scale, decimated
 from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.surface import Surface, SurfaceError
 
@@ -67,12 +65,12 @@ def copied(runs, name, tmp_path, **changes):
 
 
 def finished(control, moving, z, f):
-    """A `Finished` registration made by hand, of surfaces with common faces."""
+    """A `FinishedRegistration` made by hand, of surfaces with common faces."""
     disk = Disk(z, control.faces)
     arrays = {"vertices_control": control.vertices, "vertices_moving": moving.vertices, "disk_map": f}
     arrays |= {"disk_control": z, "disk_moving": z, "faces_control": control.faces, "faces_moving": control.faces}
     arrays |= {"points": disk.interpolate(control.vertices, disk.locate(f)), "mu": disk.coefficient(f)}
-    return Finished("by hand", arrays, {"r": {}})
+    return FinishedRegistration("by hand", arrays, {"r": {}})
 
 
 def test_a_surface_on_itself_shows_itself():
@@ -104,11 +102,11 @@ def test_r_is_the_reports_own_and_measured_alike_where_it_has_none(runs):
 
 def test_a_large_surface_is_shown_by_some_of_its_vertices(monkeypatch):
     surface = bowl(0.9, rings=20)
-    monkeypatch.setattr("qclearn.reports.views.MOST", 300)
-    kept, vertices, faces = decimated(surface.vertices, surface.faces)
-    assert 200 < len(kept) < 350 and np.array_equal(vertices, surface.vertices[kept])
+    monkeypatch.setattr("qclearn.reports.views.MOST_VERTICES", 300)
+    indices, vertices, faces = decimated(surface.vertices, surface.faces)
+    assert 200 < len(indices) < 350 and np.array_equal(vertices, surface.vertices[indices])
     Surface(vertices, faces).boundary  # noqa: B018 - still a disk
-    assert Shown(surface).picture(surface.vertices[:, 2], SimpleNamespace(colours="gray", tones=lambda x: x))
+    assert InflatedView(surface).picture(surface.vertices[:, 2], curvature_scale("height"))
 
 
 # The page of a pair
@@ -154,8 +152,8 @@ def test_the_verdict_gives_all_reasons_in_full(runs, tmp_path):
     assert "mirror: &lt;b&gt;the curves&lt;/b&gt; fit better; give --mirror" in page and "ends far off" in page
 
 
-def test_the_page_forbids_itself_the_network():
-    assert "default-src 'none'; img-src data:" in asset("page.html")
+def test_the_page_forbids_itself_the_network(runs):
+    assert "default-src 'none'; img-src data:" in (runs / "one" / "report.html").read_text()
 
 
 # The page of a group
@@ -197,22 +195,23 @@ def sign_of(row):
     return row["state"] == "bad", max(z)
 
 
-def line(name, figures):
-    return Line(name, None, figures, [])
+def subject(name, figures):
+    return Subject(name, None, figures, [])
 
 
 def test_lower_r_is_worse_and_larger_distortion_is_worse():
     usual = {"r_after": 0.8, "held_out_after_mm": np.nan, "log2_area_95": 1.0, "mu_95": 0.3, "flipped": 0}
-    lines = [line(f"good {k}", usual | {"r_after": 0.8 + 0.001 * k}) for k in range(9)]
-    lines += [line("low", usual | {"r_after": 0.2}), line("high", usual | {"mu_95": 0.9})]
-    states = {one.name: one.state for one in scored(lines)}
+    subjects = [subject(f"good {k}", usual | {"r_after": 0.8 + 0.001 * k}) for k in range(9)]
+    subjects += [subject("low", usual | {"r_after": 0.2}), subject("high", usual | {"mu_95": 0.9})]
+    states = {one.name: one.state for one in scored(subjects)}
     assert {name for name, state in states.items() if state == "odd"} == {"low", "high"}
-    better = [line(f"usual {k}", usual | {"r_after": 0.5 + 0.001 * k}) for k in range(9)]
-    better += [line("above", usual | {"r_after": 0.9, "mu_95": 0.1})]
+    better = [subject(f"usual {k}", usual | {"r_after": 0.5 + 0.001 * k}) for k in range(9)]
+    better += [subject("above", usual | {"r_after": 0.9, "mu_95": 0.1})]
     assert {one.name: one.state for one in scored(better)}["above"] == "good"
-    hidden = [*lines, line("folded", usual | {"mu_95": 50.0, "flipped": 9})]  # must not widen what counts as usual
+    folded = subject("folded", usual | {"mu_95": 50.0, "flipped": 9})  # must not widen what counts as usual
+    hidden = [*subjects, folded]
     assert {one.name for one in scored(hidden) if one.state == "odd"} == {"low", "high"}
-    flipped = scored([line("flipped", usual | {"flipped": 1})])
+    flipped = scored([subject("flipped", usual | {"flipped": 1})])
     assert [one.state for one in flipped] == ["bad"]
 
 

@@ -1,4 +1,6 @@
-"""Execute every notebook of book/ once and build the site from the result: build/book -> _build/html.
+"""Execute notebooks of book/ and build the site from the result: build/book -> _build/html.
+
+Those are executed whose source, library or helpers changed since their last run.
 
 Sphinx builds the site from the executed copies with warnings as errors. What the site offers for download are the plain
 copies, which read in any viewer.
@@ -13,7 +15,7 @@ from pathlib import Path
 import nbformat
 
 from . import decks, export_live, lab_copies
-from .execute_pages import ROOT, SOURCE, run
+from .execute_pages import ROOT, SOURCE, execute_outdated, notebooks, run
 from .plain import for_plain_viewers
 
 SITE = ROOT / "_build"
@@ -58,11 +60,18 @@ def offer(notebooks):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--jobs", type=int, default=2, help="notebooks executed side by side")
-    parser.add_argument("--pages", default="", help="execute only these, as in: --pages lbs,fourier")
+    parser.add_argument(
+        "--pages",
+        default="",
+        help="execute these, whether they changed or not, and no others, as in: --pages lbs,fourier",
+    )
     parser.add_argument("--no-site", action="store_true", help="execute the pages and leave the site as it is")
     arguments = parser.parse_args()
     pages = [name.strip().removesuffix(".ipynb") for name in arguments.pages.split(",") if name.strip()]
-    run(pages, arguments.jobs)
+    if pages:
+        run(pages, arguments.jobs)
+    else:
+        execute_outdated(notebooks(), arguments.jobs)
     if not arguments.no_site:
         export_live.export()
         offer(build_site(meanwhile=downloads))

@@ -23,23 +23,36 @@ BUILD = ROOT / "build"
 SOURCE = BUILD / "book"
 PROGRAMS = ("qcbook", "builder", "studies")  # of book/: no pages
 SECONDS_PER_CELL = 120  # one that takes longer is a failure
+PACKAGES = "qclearn", "data_synth", "book/qcbook"
+PASSED_OVER = {"__pycache__", "browser"}
 STAMPS = SOURCE / ".stamps.json"  # page -> what its last good run was a run of
 
 
-def copy_book(pages):
-    """Copies of the named pages, of all where none is named; returns the notebooks among them."""
-    if not pages:
-        shutil.rmtree(SOURCE, ignore_errors=True)
-    unknown = [name for name in pages if not (ROOT / "book" / f"{name}.ipynb").exists()]
-    if unknown:
-        sys.exit(f"build_book: no such page in book/: {', '.join(f'{name}.ipynb' for name in unknown)}")
-    passed_over = shutil.ignore_patterns(
-        ".ipynb_checkpoints", "_build", "__pycache__", *PROGRAMS, *(["*.ipynb"] if pages else [])
-    )
+def notebooks():
+    """The names of all pages that are executed."""
+    return sorted(path.stem for path in (ROOT / "book").glob("*.ipynb"))
+
+
+def copy_book():
+    """Copy what book/ holds besides notebooks; of build/book, only runs of pages that book/ still has stay."""
+    names = {f"{name}.ipynb" for name in notebooks()} | {STAMPS.name}
+    for path in list(SOURCE.glob("*")):
+        if path.is_dir():
+            shutil.rmtree(path)
+        elif path.name not in names:
+            path.unlink()
+    passed_over = shutil.ignore_patterns(".ipynb_checkpoints", "_build", "__pycache__", *PROGRAMS, "*.ipynb")
     shutil.copytree(ROOT / "book", SOURCE, ignore=passed_over, dirs_exist_ok=True)
-    for name in pages:
-        shutil.copy(ROOT / "book" / f"{name}.ipynb", SOURCE)
-    return [SOURCE / f"{name}.ipynb" for name in pages] or sorted(SOURCE.glob("*.ipynb"))
+    for path in SOURCE.glob("*.md"):
+        path.write_text(teaching.put(path.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+def copy_pages(pages):
+    """Copies of the named notebooks, to be executed."""
+    unknown = [f"{name}.ipynb" for name in pages if name not in notebooks()]
+    if unknown:
+        sys.exit(f"build_book: no such page in book/: {', '.join(unknown)}")
+    return [Path(shutil.copy(ROOT / "book" / f"{name}.ipynb", SOURCE)) for name in pages]
 
 
 def each_page(paths, change):
@@ -130,12 +143,14 @@ def execute(paths, jobs):
 
 
 def library_digest():
-    """Of all that a page computes with: the code, the weights, the measured files, and the lines of the paper."""
-    found = hashlib.sha256((ROOT / "book" / "paper.toml").read_bytes())
-    for package in ("qclearn", "data_synth", "book/qcbook"):
-        for file in sorted((ROOT / package).rglob("*")):
-            if file.suffix in (".py", ".json", ".toml", ".safetensors"):
-                found.update(file.read_bytes())
+    """Of all that a page computes with: the packages with weights and measured files, the versions of others, the
+    book's tables, and the programs that prepare and finish a run. What runs in browsers alone is left out."""
+    files = [ROOT / "constraints.txt", *(ROOT / "book").glob("*.toml"), *Path(__file__).parent.glob("*.py")]
+    for package in PACKAGES:
+        files += [file for file in (ROOT / package).rglob("*") if file.is_file() and not PASSED_OVER & {*file.parts}]
+    found = hashlib.sha256(str(solutions.SHOWN).encode())
+    for file in sorted(files):
+        found.update(file.read_bytes())
     return found.hexdigest()
 
 
@@ -146,15 +161,16 @@ def stamp(page):
 
 
 def run(pages, jobs):
-    """Execute pages (all where none is named) into build/book; stops at what is wrong."""
-    BUILD.mkdir(exist_ok=True)
-    paths = copy_book(pages)
+    """Execute the named pages into build/book; stops at what is wrong."""
+    SOURCE.mkdir(parents=True, exist_ok=True)
+    stamps = json.loads(STAMPS.read_text()) if STAMPS.exists() else {}
+    paths = copy_pages(pages)
+    # The copies have no outputs yet: were this run stopped, no stamp may say that they have.
+    STAMPS.write_text(json.dumps({page: value for page, value in stamps.items() if page not in pages}, indent=1))
     stop_at(each_page(paths, prepare))
     execute(paths, jobs)
     stop_at(each_page(paths, finish))
-    for path in SOURCE.glob("*.md"):
-        path.write_text(teaching.put(path.read_text(encoding="utf-8")), encoding="utf-8")
-    stamps = json.loads(STAMPS.read_text()) if STAMPS.exists() else {}
+    copy_book()
     STAMPS.write_text(json.dumps(stamps | {path.stem: stamp(path.stem) for path in paths}, indent=1))
 
 
@@ -163,8 +179,10 @@ def execute_outdated(pages, jobs):
     stamps = json.loads(STAMPS.read_text()) if STAMPS.exists() else {}
     outdated = [page for page in pages if stamps.get(page) != stamp(page)]
     if outdated:
-        print(f"build_book: executing {', '.join(outdated)}")
+        print(f"build_book: executing {', '.join(outdated)}", flush=True)
         run(outdated, jobs)
+    else:
+        copy_book()
 
 
 def errors_in(notebook):

@@ -31,7 +31,7 @@ TABLE = {
         "judge_size",
         "side",
     ],
-    "yardstick": ["area_and_shape", "floors"],
+    "reference_metrics": ["area_and_shape", "floors"],
 }
 
 __getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=TABLE)

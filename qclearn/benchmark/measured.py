@@ -94,9 +94,9 @@ def read_json(path, name):
 def check_version(path, results):
     version = results.get("schema_version") if isinstance(results, dict) else None
     if version != SCHEMA_VERSION:
-        found = "no results of this program" if version is None else f"results of schema version {version}"
+        content = "no results of this program" if version is None else f"results of schema version {version}"
         advice = "run the benchmark again, or use the version that wrote the file"
-        raise BenchmarkError(f"{path}: {found}; this version reads {SCHEMA_VERSION}: {advice}")
+        raise BenchmarkError(f"{path}: {content}; this version reads {SCHEMA_VERSION}: {advice}")
 
 
 def schema(name="benchmark"):

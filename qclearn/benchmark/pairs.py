@@ -151,9 +151,9 @@ def fsaverage_surface(hemisphere):
 
 def fsaverage_sphere(hemisphere):
     """That side whole, the open one's vertices first, and its own sphere's points (V', 3), as a `Sphere` takes them."""
-    kept = fsaverage5(hemisphere).original_vertices
+    open_vertices = fsaverage5(hemisphere).original_vertices
     surface, ball = (whole_fsaverage5(hemisphere, kind) for kind in ("pial", "sphere"))
-    order = np.append(kept, np.setdiff1d(np.arange(len(surface.vertices)), kept))
+    order = np.append(open_vertices, np.setdiff1d(np.arange(len(surface.vertices)), open_vertices))
     whole = Surface(surface.vertices[order], np.argsort(order)[surface.faces])
     turn = [1, 1, 1] if hemisphere == "left" else [-1, 1, 1]
     return (whole if hemisphere == "left" else mirror(whole)), ball.vertices[order] * turn

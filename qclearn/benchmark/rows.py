@@ -1,4 +1,4 @@
-"""The benchmark's rows: kept while they grow, their means over subjects, and comparisons of runs."""
+"""The benchmark's rows: saved one by one, their means over subjects, and comparisons of runs."""
 
 import hashlib
 import json
@@ -25,14 +25,14 @@ class Journal:
     @property
     def rows(self):
         """The rows kept so far; a damaged file has none, and its task is run again."""
-        found = []
+        rows = []
         for name in self.checkpoint.names():
             with suppress(ValueError):
-                found.append(json.loads(self.checkpoint.read(name)))
-        return found
+                rows.append(json.loads(self.checkpoint.read(name)))
+        return rows
 
     def append(self, row):
-        """Keep a finished row on disk, or BenchmarkError."""
+        """Save a finished row on disk, or BenchmarkError."""
         task = hashlib.sha256(json.dumps([row["set"], row["pair"], row["run"]]).encode()).hexdigest()
         self.checkpoint.write(f"row-{task[:16]}.json", json.dumps(plain(row), allow_nan=False).encode())
 
@@ -62,7 +62,7 @@ def front_ratio(rows, front, baseline, size="mean_abs_mu", error="landmark_error
     front: names of runs that trade `error` for `size`. Straight lines join their certified points that none beats in
     both, constant beyond the last. Pairs with a certified baseline; NaN where its size is below the front's.
     """
-    found = {}
+    ratios = {}
     for row in (row for row in rows if row["run"] == baseline and row.get("certified")):
         points = sorted(
             (other[size], other[error])
@@ -72,8 +72,8 @@ def front_ratio(rows, front, baseline, size="mean_abs_mu", error="landmark_error
         best = [point for k, point in enumerate(points) if all(point[1] < other[1] for other in points[:k])]
         sizes, errors = np.array(best).reshape(-1, 2).T
         inside = len(best) and sizes[0] <= row[size]
-        found[row["pair"]] = np.interp(row[size], sizes, errors) / row[error] if inside else np.nan
-    return found
+        ratios[row["pair"]] = np.interp(row[size], sizes, errors) / row[error] if inside else np.nan
+    return ratios
 
 
 def compare_fronts(rows, front, baseline, rng, size="mean_abs_mu", error="landmark_error"):
@@ -115,9 +115,9 @@ def median_pair(rows, run):
     return values[(len(values) - 1) // 2][1]
 
 
-def noted(rows, run, words):
-    """How many of a run's maps carry a note that holds `words`."""
-    return sum(any(words in note for note in row.get("notes", ())) for row in rows if row["run"] == run)
+def noted(rows, run, text):
+    """How many of a run's maps carry a note that contains `text`."""
+    return sum(any(text in note for note in row.get("notes", ())) for row in rows if row["run"] == run)
 
 
 def failures(rows, run, start="rotation"):
@@ -161,9 +161,9 @@ def chain_seconds(rows):
     the map as it comes, without a certificate and without what is done where that refuses; "passes", the same without
     resampling; and "solve", the stages that make a map of a coefficient. The harmonic map's correction is a part of it.
     """
-    found = {}
+    seconds_by_size = {}
     for name, vertices in zip(("smallest", "middle", "largest"), sorted({row["vertices"] for row in rows})):
-        chains = found[name] = {}
+        chains = seconds_by_size[name] = {}
         for row in rows:
             if row["vertices"] == vertices:
                 chains.setdefault(row["chain"], {})[row["stage"]] = row["seconds"]
@@ -174,16 +174,17 @@ def chain_seconds(rows):
             passes = apart - checks - stages.get("resampling", 0.0)
             sums = {"map": apart, "comes": apart - checks, "passes": passes, "solve": solve}
             stages |= {"whole": sum(stages.values()), **sums}
-    return found
+    return seconds_by_size
 
 
 def saving(chains, part):
-    """What becomes of a saving of 90 % at one size of `chain_seconds`: words; part: one of its sums.
+    """What becomes of a saving of 90 % at one size of `chain_seconds`, as text; part: one of its sums.
 
     The networks' seconds over those of the harmonic map with nested dissection, at both weights, are at most a tenth.
     """
-    kept = [chains["networks"][part] <= chains[f"harmonic {weight}, dissected"][part] / 10 for weight in ("0.1", "5")]
-    return "holds" if all(kept) else "holds at the larger weight alone" if kept[1] else "does not hold"
+    seconds = chains["networks"][part]
+    holds = [seconds <= chains[f"harmonic {weight}, dissected"][part] / 10 for weight in ("0.1", "5")]
+    return "holds" if all(holds) else "holds at the larger weight alone" if holds[1] else "does not hold"
 
 
 def is_number(value):

@@ -1,4 +1,4 @@
-"""The benchmark: every run on every problem, as tasks on one machine or many; each is kept when it finishes.
+"""The benchmark: every run on every problem, as tasks on one machine or many; each is saved when it finishes.
 
     from qclearn.benchmark import benchmark, Run
     results = benchmark("small.json", subjects=3)
@@ -109,7 +109,7 @@ def finished(client, tasks, methods, grown):
             pairs[spec] = submit_pair(client, spec, grown)
         future = client.submit(trial, pairs[spec], run, methods[run.method], pure=False)
         futures[future] = spec, run
-    pairs.clear()  # from here on a problem is kept on the workers as long as its tasks need it
+    pairs.clear()  # from here on a problem stays on the workers as long as its tasks need it
     for future in as_completed(list(futures)):
         spec, run = futures.pop(future)
         if future.status == "cancelled":

@@ -8,7 +8,7 @@ from ..io.extras import require
 from ..registration.problem import DELTA, Weights
 from .measured import BenchmarkError
 from .methods.networks import network, networks_of
-from .methods.programs import words_of
+from .methods.programs import command_words
 from .pairs import DETECTORS, SOURCES
 
 SETS = ("cohort", "displacement", "fsaverage5", "heldout", "warp", "conte69")
@@ -115,7 +115,7 @@ def program_of(text, limit):
     """The Run of a command line's "NAME=COMMAND", a method that is a program; BenchmarkError."""
     name, _, command = text.partition("=")
     try:
-        words_of(command)
+        command_words(command)
     except ValueError as error:
         raise BenchmarkError(f"--program {text!r}: {error}") from None
     if not name.strip() or not limit > 0:
@@ -163,7 +163,7 @@ def check_runs(runs, methods):
 
 
 def lacking(run):
-    """Why a run's networks cannot be loaded, or its extra is missing, in words, or None."""
+    """Why a run's networks cannot be loaded, or its extra is missing, as a message, or None."""
     try:
         if run.method == "spherical_demons":
             require("peers", "Spherical Demons")

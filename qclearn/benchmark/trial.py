@@ -25,12 +25,11 @@ from ..registration.metrics import (
 )
 from ..registration.register import register
 from .images import OnDisk, image_of, reversed_on_sphere
-from .methods.alone import costs_alone
 from .methods.networks import networks_of
-from .methods.programs import Answer
+from .methods.programs import Answer, costs_alone
 from .methods.spheres import inward
 from .pairs import prepare, reverse
-from .yardstick import TRUE_MAP, curve_errors, folds_agree, held_out, log2_means, maps_agree, tails, true_map
+from .reference_metrics import TRUE_MAP, curve_errors, folds_agree, held_out, log2_means, maps_agree, tails, true_map
 
 LONG, REPETITIONS = 2.0, 3  # a map is computed again for its time, at most so often, within so many seconds
 NEAR = 10.0  # largest distance from a sulcus along the surface, mm
@@ -113,7 +112,7 @@ def forgotten(problem):
 
 
 def unknown(disk):
-    """The same `Disk`, of which nothing is found yet."""
+    """The same `Disk` without what was computed of it."""
     return Disk(disk.z, disk.faces)
 
 
@@ -124,9 +123,9 @@ def checked(f, problem):
     sphere = problem.sides.moving.sphere if f.ndim == 2 else None
     shape = problem.disk.z.shape if sphere is None else sphere.points.shape
     if f.shape != shape or not np.isfinite(f).all():
-        found = f"an array of shape {f.shape} with {(~np.isfinite(f)).sum()} values that are not finite"
+        given = f"an array of shape {f.shape} with {(~np.isfinite(f)).sum()} values that are not finite"
         wanted = f"{shape}, one point of the {'disk' if sphere is None else 'sphere'} a vertex"
-        raise ValueError(f"the method returned {found}; expected {wanted}")
+        raise ValueError(f"the method returned {given}; expected {wanted}")
     return f
 
 
@@ -153,12 +152,12 @@ def how_sure(pair, run):
     folds = {"features": None} if run.method == "gauss_newton" else {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RepairWarning)
-        found = register(moving, pair.control.surface, list(curves), sure=True, **folds, **run.parameters)
-    if found.sure is None:  # wrong landmarks, which are not fitted
+        registration = register(moving, pair.control.surface, list(curves), sure=True, **folds, **run.parameters)
+    if registration.sure is None:  # wrong landmarks, which are not fitted
         return dict.fromkeys(SURE)
-    off = np.linalg.norm(found.points - pair.truth, axis=1)
-    inside = np.average(off <= found.sure, weights=moving.vertex_areas)
-    return dict(zip(SURE, map(float, (inside, spearmanr(found.sure, off)[0]))))
+    off = np.linalg.norm(registration.points - pair.truth, axis=1)
+    inside = np.average(off <= registration.sure, weights=moving.vertex_areas)
+    return dict(zip(SURE, map(float, (inside, spearmanr(registration.sure, off)[0]))))
 
 
 def memory(name, reset_peak=False):
@@ -205,17 +204,17 @@ def map_figures(pair, prepared, f, lookup, keep_field):
 
 
 def in_disk(moving, problem, f):
-    """What is said of maps f (V,) of the disks alone: their coefficient, and whether they are bijections, and what they
-    fold."""
-    mu, found = problem.disk.coefficient(f), problem.disk.certify(f)
+    """Figures of a map f (V,) of the disks alone: its coefficient, whether it is a bijection, and what it folds."""
+    mu = problem.disk.coefficient(f)
+    certificate = problem.disk.certify(f)
     off_circle = float(abs(abs(f[moving.boundary]) - 1).max())
     return {
         **coefficient_measures(moving, problem.disk, mu),
         "histogram": coefficient_histogram(mu),
-        "flipped": len(found.flipped),
-        "bijective": found.bijective,
+        "flipped": len(certificate.flipped),
+        "bijective": certificate.bijective,
         "off_circle": off_circle,
-        "certified": found.bijective and off_circle < ON_CIRCLE,
+        "certified": certificate.bijective and off_circle < ON_CIRCLE,
     }
 
 

@@ -65,7 +65,7 @@ def judge_start(row, start):
 
 
 def holds(fact):
-    """The words for a claim that is either so or not."""
+    """The verdict on a claim that is either so or not."""
     return "agrees" if fact else "does not hold"
 
 

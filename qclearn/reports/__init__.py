@@ -1,4 +1,4 @@
-"""What is read of finished registrations: a page for one pair, a page and a table for a group, each one file."""
+"""HTML pages on finished registrations: one of a pair, and one of a group with a table."""
 
 import lazy_loader as lazy
 

@@ -1,4 +1,4 @@
-"""A finished registration, read from the folder that `qclearn register` wrote, and its maps on the control."""
+"""A finished registration, read from the folder that `qclearn register` wrote, and its maps."""
 
 import json
 from dataclasses import dataclass
@@ -18,13 +18,15 @@ from ..surfaces.curvature import mean_curvature
 from ..surfaces.surface import Surface, SurfaceError
 
 FILES = ("registration.npz", "report.json")
-# What a page says of report.json, key by key, with its type.
-SAID = {
-    "inputs": dict, "command": list, "suspect": list, "fallbacks": list, "curves": list, "seconds": dict, "r": dict,
-    "features": dict, "held_out_mm": dict, "versions": dict, "method": str, "bijective": bool, "flipped": int,
-    "degenerate": int, "alpha": float, "beta": float, "gamma": float, "delta": float, "mean_abs_mu": float,
-    "sd_abs_mu": float, "max_abs_mu": float, "log2_area": list, "log2_shape": list,
-}  # fmt: skip
+# The keys of report.json that pages show, by type.
+KEYS = {
+    dict: "inputs seconds r features held_out_mm versions",
+    list: "command suspect fallbacks curves log2_area log2_shape",
+    str: "method",
+    bool: "bijective",
+    int: "flipped degenerate",
+    float: "alpha beta gamma delta mean_abs_mu sd_abs_mu max_abs_mu",
+}
 
 
 class ReportError(ValueError):
@@ -33,8 +35,12 @@ class ReportError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Maps:
-    """Per-vertex maps (W,) on a control: curvature at FINEST in standard deviations, the control's own and the moving
-    one's `before` (best Möbius map) and `after`; |mu|, and log2 of the ratio of areas control : moving."""
+    """Maps on the vertices of a control, each (W,).
+
+    control, before, after: curvature at FINEST in standard deviations, the control's own and the
+    moving surface's after the best Möbius map and after the registration; mu: |mu|; log2_area:
+    log2 of the ratio of areas control : moving.
+    """
 
     control: np.ndarray
     before: np.ndarray
@@ -44,7 +50,7 @@ class Maps:
 
 
 @dataclass(frozen=True, eq=False)
-class Finished:
+class FinishedRegistration:
     """The arrays of a registration.npz of format 2 and the report.json of the same run."""
 
     folder: Path
@@ -58,7 +64,7 @@ class Finished:
 
     @cached_property
     def moving(self):
-        """The moving `Side`, laid upon the control's disk, with its curvature."""
+        """The moving `Side`, aligned with the control's disk, with its curvature."""
         return self.side("moving")
 
     def side(self, name):
@@ -70,81 +76,101 @@ class Finished:
         return Side(surface, Disk(self.arrays[f"disk_{name}"], surface.faces), features)
 
     def names(self):
-        """What the moving surface and the control are called: the last parts of their paths, as many as tell."""
-        paths = [Path(self.report["inputs"][side]["path"]).parts for side in ("moving", "control")]
-        return ["/".join(parts[-3:]) for parts in paths]
+        """The moving surface and the control, each the last three parts of its path."""
+        paths = [Path(self.report["inputs"][side]["path"]) for side in ("moving", "control")]
+        return ["/".join(path.parts[-3:]) for path in paths]
 
     def r(self):
-        """Correlation of the curvatures after the best Möbius map and after the registration: the report's own, or
-        measured alike where curvature was no feature."""
+        """Correlation of the curvatures after the best Möbius map and after the registration.
+
+        Measured here where curvature was no feature of the registration.
+        """
         if "curvature" in self.report["r"]:
             return tuple(self.report["r"]["curvature"])
         features = Features(self.moving, self.control)
-        return tuple(float(features.correlation(self.arrays[name])[0]) for name in ("disk_moving", "disk_map"))
+        disks = self.arrays["disk_moving"], self.arrays["disk_map"]
+        return tuple(float(features.correlation(disk)[0]) for disk in disks)
 
     def high_mu(self):
         """The |mu| below which 95 % of the moving triangles are."""
         return float(np.percentile(abs(self.arrays["mu"]), 95))
 
     def held_out(self):
-        """Mean distance of the held-out curves before and after, in mm, NaN without any."""
-        rows = list(self.report["held_out_mm"].values())
-        return tuple(np.mean(rows, axis=0).tolist()) if rows else (np.nan, np.nan)
+        """Mean distance of the held-out curves before and after, in mm; NaN without any."""
+        distances = list(self.report["held_out_mm"].values())
+        return tuple(np.mean(distances, axis=0).tolist()) if distances else (np.nan, np.nan)
 
     def maps(self):
         """The `Maps` of this registration on its control."""
-        moving, control, f = self.moving, self.control, self.arrays["disk_map"]
-        points, faces = self.arrays["points"], moving.surface.faces
-        a, b, c = (points[corner] for corner in faces.T)
-        there = np.bincount(faces.ravel(), np.repeat(np.linalg.norm(np.cross(b - a, c - a), axis=1), 3))
-        here = moving.surface.vertex_areas
-        ratio = np.maximum((there / there.sum()) / (here / here.sum()), SMALLEST_RATIO)
-        weights = np.repeat(moving.surface.face_areas, 3)
-        mu = np.bincount(faces.ravel(), weights * np.repeat(abs(self.arrays["mu"]), 3)) / (3 * here)
-        curvature = moving.features.at(FINEST)[:, 0]
-        before = carried(curvature[:, None], moving.disk, control.disk.z)[:, 0]
+        surface = self.moving.surface
+        faces = surface.faces
+        a, b, c = (self.arrays["points"][corner] for corner in faces.T)
+        doubled_areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        # Per vertex: the ratio of its shares of both areas, and the mean of |mu| over its faces.
+        share_on_control = np.bincount(faces.ravel(), np.repeat(doubled_areas, 3))
+        share_on_control = share_on_control / share_on_control.sum()
+        share = surface.vertex_areas / surface.vertex_areas.sum()
+        ratio = np.maximum(share_on_control / share, SMALLEST_RATIO)
+        weighted_mu = np.repeat(surface.face_areas, 3) * np.repeat(abs(self.arrays["mu"]), 3)
+        mu = np.bincount(faces.ravel(), weighted_mu) / (3 * surface.vertex_areas)
+        curvature = self.moving.features.at(FINEST)[:, 0]
+        # All maps live on the moving mesh: read them where the control's vertices lie.
+        z = self.control.disk.z
+        before = interpolated(curvature[:, None], self.moving.disk, z)[:, 0]
         values = np.stack([curvature, mu, np.log2(ratio)], axis=1)
-        after, *others = carried(values, moving.disk.at(f), control.disk.z).T
-        return Maps(control.features.at(FINEST)[:, 0], before, after, *others)
+        registered = self.moving.disk.at(self.arrays["disk_map"])
+        after, mu, log2_area = interpolated(values, registered, z).T
+        return Maps(self.control.features.at(FINEST)[:, 0], before, after, mu, log2_area)
 
 
-def carried(values, disk, z):
+def interpolated(values, disk, z):
     """Values (V, k) of the vertices of a `Disk` at points z (W,): (W, k)."""
     return disk.interpolate(values, disk.locate(z))
 
 
 def read_finished(folder):
-    """The `Finished` registration of a folder; ReportError where files are missing or of two runs, SurfaceError where
-    registration.npz is not sound or of an older version."""
+    """The `FinishedRegistration` of a folder.
+
+    ReportError where files are missing or of two runs, SurfaceError where registration.npz is not
+    sound or of an older version.
+    """
     folder = Path(folder)
     missing = [name for name in FILES if not (folder / name).is_file()]
     if missing:
-        raise ReportError(f"{folder}: has no {' and no '.join(missing)}; give a folder that `qclearn register` wrote")
+        names = " and no ".join(missing)
+        raise ReportError(f"{folder}: has no {names}; give a folder that `qclearn register` wrote")
     arrays = read_registration(folder / FILES[0], surfaces=True)
     report = read_report(folder / FILES[1])
     size = abs(arrays["mu"])
-    if not np.allclose([size.mean(), size.max()], [report["mean_abs_mu"], report["max_abs_mu"]], rtol=1e-9, atol=0):
+    reported = [report["mean_abs_mu"], report["max_abs_mu"]]
+    if not np.allclose([size.mean(), size.max()], reported, rtol=1e-9, atol=0):
         raise ReportError(
-            f"{folder}: report.json is of another run than registration.npz (mean |mu| {report['mean_abs_mu']:.6f} "
-            f"and {size.mean():.6f}); copy both from one folder, or run `qclearn register` again"
+            f"{folder}: report.json is of another run than registration.npz (mean |mu| "
+            f"{reported[0]:.6f} and {size.mean():.6f}); copy both from one folder, or run "
+            "`qclearn register` again"
         )
-    return Finished(folder, arrays, report)
+    return FinishedRegistration(folder, arrays, report)
 
 
 def read_report(path):
-    """A report.json as dict, whose keys that pages tell have the types they are told by; ReportError otherwise."""
+    """A report.json as dict, with KEYS of the right types; ReportError otherwise."""
     data = read_bytes(path)
     try:
         report = json.loads(data)
     except ValueError:
-        raise ReportError(f"{path}: not JSON; run `qclearn register` again, or copy the file again") from None
-    bad = [key for key, kind in SAID.items() if not isinstance(report, dict) or not of_kind(report.get(key), kind)]
-    if bad:
-        raise ReportError(f"{path}: not a report of `qclearn register` (see {bad[0]!r}); give the folder that it wrote")
+        advice = "run `qclearn register` again, or copy the file again"
+        raise ReportError(f"{path}: not JSON; {advice}") from None
+    values = report if isinstance(report, dict) else {}
+    types = {name: kind for kind, names in KEYS.items() for name in names.split()}
+    wrong = [name for name, kind in types.items() if not is_of(values.get(name), kind)]
+    if wrong:
+        what = f"not a report of `qclearn register` (see {wrong[0]!r})"
+        raise ReportError(f"{path}: {what}; give the folder that it wrote")
     return report
 
 
-def of_kind(value, kind):
-    """Whether a value of a report.json has a type; a whole number is a float, too, and no truth is a number."""
-    kinds = (int, float) if kind is float else (kind,)
-    return isinstance(value, kinds) and (kind is bool or not isinstance(value, bool))
+def is_of(value, kind):
+    """Whether a JSON value is of a type; whole numbers are floats, too, truth values no numbers."""
+    if isinstance(value, bool):
+        return kind is bool
+    return isinstance(value, (int, float) if kind is float else kind)

@@ -1,4 +1,8 @@
-"""What a page shows of a control: its surface inflated, pictures of maps on it, and the same for the WebGL viewer."""
+"""The control inflated: pictures of maps on it, and the same maps for the WebGL viewer.
+
+The viewer is ours: pyvista's export asks a server for icons, cannot be turned by keys, shows one
+map and needs trame and a renderer.
+"""
 
 import base64
 import io
@@ -15,19 +19,20 @@ from scipy import sparse
 from ..plane.linear import heat_flow
 from ..registration.smoothing import HEAT_STEPS, HEMISPHERE
 
-SMOOTHING = 24.0  # mm on a surface with the area of a HEMISPHERE: folds are gone, the lobes are there
-MOST = 16_000  # vertices that are drawn: a page of 2 MB holds them and six maps
+SMOOTHING = 24.0  # mm on a surface with the area of a HEMISPHERE: removes folds, keeps lobes
+MOST_VERTICES = 16_000  # drawn: a page of 2 MB holds them and six maps
 TONES = 64  # of a colour scale
 PIXELS = 520  # width of a picture
-BACK, INSIDE = 0.55, np.array([0.55, 0.52, 0.49])  # light on what stands edge on, colour of the surface's inner side
+EDGE_LIGHT = 0.55  # brightness where the surface is seen edge on
+INNER_SIDE = np.array([0.55, 0.52, 0.49])  # colour of the surface's inner side
 
 
 @dataclass(frozen=True)
-class Look:
-    """How a map is coloured: label, matplotlib's name of the colours, values at their ends, and the unit."""
+class ColorScale:
+    """How a map is coloured: label, Matplotlib colormap, values at its ends, unit."""
 
     label: str
-    colours: str
+    colormap: str
     low: float
     high: float
     unit: str
@@ -36,41 +41,68 @@ class Look:
         """Values as parts of the scale, 0 to 1."""
         return np.clip((values - self.low) / (self.high - self.low), 0, 1)
 
+    def rgb(self, tones):
+        """Colours (..., 3) of parts of the scale."""
+        return colormaps[self.colormap](tones)[..., :3]
 
-def grey(label):
-    """The `Look` of a curvature: gyri light, sulci dark."""
-    return Look(label, "gray", -2.0, 2.0, "SD, gyri light")
+
+def curvature_scale(label):
+    """The `ColorScale` of a curvature: gyri light, sulci dark."""
+    return ColorScale(label, "gray", -2.0, 2.0, "SD, gyri light")
 
 
-class Shown:
-    """An inflated surface with about MOST of its vertices at most, `kept` (K,) their numbers, and the view of it."""
+class InflatedView:
+    """An inflated surface with at most about MOST_VERTICES vertices, and the direction of view.
+
+    indices: (K,), of the drawn vertices in the surface; axes: (3, 3), right, up and towards the
+    reader, who looks from the side away from the opening.
+    """
 
     def __init__(self, surface):
-        self.kept, self.vertices, self.faces = decimated(inflated(surface), surface.faces)
-        off = surface.vertices.mean(0) - surface.vertices[surface.boundary].mean(0)
-        axis = int(abs(off).argmax())
-        eye, up = np.eye(3)[axis] * np.sign(off[axis]), np.eye(3)[1 if axis == 2 else 2]
-        self.view = np.stack([np.cross(up, eye), up, eye])  # right, up, and towards the reader, off the opening
+        self.indices, self.vertices, self.faces = decimated(inflated(surface), surface.faces)
+        away = surface.vertices.mean(0) - surface.vertices[surface.boundary].mean(0)
+        axis = int(abs(away).argmax())
+        eye = np.eye(3)[axis] * np.sign(away[axis])
+        up = np.eye(3)[1 if axis == 2 else 2]
+        self.axes = np.stack([np.cross(up, eye), up, eye])
 
     @cached_property
     def normals(self):
+        """Unit normals (K, 3) of the vertices, means over their faces by area."""
         a, b, c = (self.vertices[corner] for corner in self.faces.T)
-        across = np.repeat(np.cross(b - a, c - a), 3, axis=0)
-        sums = np.stack([np.bincount(self.faces.ravel(), across[:, k]) for k in range(3)], axis=1)
-        return sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), np.finfo(float).tiny)
+        normals = np.zeros_like(self.vertices)
+        np.add.at(normals, self.faces, np.cross(b - a, c - a)[:, None])
+        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        return normals / np.maximum(lengths, np.finfo(float).tiny)
 
-    def picture(self, values, look, side=1, width=PIXELS):
-        """A picture of a map (W,) on the surface as a data: address; side: 1 from outside, -1 from the other side."""
-        right, up, eye = self.view * [[side], [1], [side]]
-        colours = colormaps[look.colours](look.tones(values[self.kept]))[:, :3]
-        light = BACK + (1 - BACK) * abs(self.normals @ eye)[:, None]
-        both = np.concatenate([colours * light, INSIDE * light])  # the vertices' colours outside and inside
-        x, y, depth = (np.tile(self.vertices @ way, 2) for way in (right, up, eye))
+    def pictures(self, curvatures, descriptions):
+        """Both sides of each curvature: name -> pairs (data: address, description)."""
+        sides = {"from outside": 1, "from the inner side": -1}
+        return {
+            name: [
+                (
+                    self.picture(curvatures[name], curvature_scale(name), side),
+                    f"{text}, seen {place}",
+                )
+                for place, side in sides.items()
+            ]
+            for name, text in descriptions.items()
+        }
+
+    def picture(self, values, scale, side=1, width=PIXELS):
+        """A picture of a map (W,) as a data: address; side: 1 from outside, -1 from the inside."""
+        right, up, eye = self.axes * [[side], [1], [side]]
+        light = EDGE_LIGHT + (1 - EDGE_LIGHT) * abs(self.normals @ eye)[:, None]
+        outside = scale.rgb(scale.tones(values[self.indices])) * light
+        # Each vertex twice, with the colour of its outer and of its inner side.
+        colours = np.concatenate([outside, INNER_SIDE * light])
+        x, y, depth = (np.tile(self.vertices @ axis, 2) for axis in (right, up, eye))
         a, b, c = (x + 1j * y)[self.faces].T
-        inside = ((b - a).conj() * (c - a)).imag < 0
-        faces = self.faces + len(self.vertices) * inside[:, None]
-        mesh = TriMesh(Triangulation(x, y, faces[np.argsort(depth[faces].mean(1))]))  # the nearest last
-        mesh.set_facecolor(np.column_stack([both, np.ones(len(both))]))
+        turned_away = ((b - a).conj() * (c - a)).imag < 0
+        faces = self.faces + len(self.vertices) * turned_away[:, None]
+        nearest_last = np.argsort(depth[faces].mean(1))
+        mesh = TriMesh(Triangulation(x, y, faces[nearest_last]))
+        mesh.set_facecolor(np.column_stack([colours, np.ones(len(colours))]))
         figure = Figure(figsize=(width / 100, 0.74 * width / 100), dpi=100)
         ax = figure.add_axes((0, 0, 1, 1))
         ax.add_collection(mesh)
@@ -78,54 +110,60 @@ class Shown:
         ax.axis("off")
         file = io.BytesIO()
         figure.savefig(file, format="webp", transparent=True, pil_kwargs={"quality": 82})
-        return "data:image/webp;base64," + base64.b64encode(file.getvalue()).decode()
+        return "data:image/webp;base64," + base64_text(file.getvalue())
 
     def scene(self, maps):
-        """What the viewer needs to show maps, pairs (`Look`, values (W,)): a dict for JSON."""
-        places = np.round(32767 * self.vertices).astype("<i2")
-        shown = [
-            {
-                "label": look.label,
-                "ends": [f"{look.low:g}", f"{look.high:g}"],
-                "unit": look.unit,
-                "colours": text_of((255 * colormaps[look.colours](np.linspace(0, 1, TONES))[:, :3]).astype(np.uint8)),
-                "tones": text_of(np.round(255 * look.tones(values[self.kept])).astype(np.uint8)),
-            }
-            for look, values in maps
-        ]
-        view = self.view.tolist()
-        return {"places": text_of(places), "faces": text_of(self.faces.astype("<u2")), "view": view, "maps": shown}
+        """What the viewer needs to show maps, pairs (`ColorScale`, values (W,)): dict for JSON."""
+        return {
+            "places": base64_text(np.round(32767 * self.vertices).astype("<i2")),
+            "faces": base64_text(self.faces.astype("<u2")),
+            "view": self.axes.tolist(),
+            "maps": [
+                {
+                    "label": scale.label,
+                    "ends": [f"{scale.low:g}", f"{scale.high:g}"],
+                    "unit": scale.unit,
+                    "colours": byte_text(scale.rgb(np.linspace(0, 1, TONES))),
+                    "tones": byte_text(scale.tones(values[self.indices])),
+                }
+                for scale, values in maps
+            ],
+        }
 
 
-def both_sides(shown, values, words):
-    """Pictures of a curvature from outside and from the other side, pairs (address, description)."""
-    sides = {"from outside": 1, "from the inner side": -1}
-    return [(shown.picture(values, grey(words), side), f"{words}, seen {place}") for place, side in sides.items()]
+def base64_text(data):
+    """Bytes, or an array's, in base64."""
+    return base64.b64encode(bytes(data)).decode()
 
 
-def text_of(array):
-    return base64.b64encode(array.tobytes()).decode()
+def byte_text(parts):
+    """Numbers from 0 to 1 as bytes in base64."""
+    return base64_text(np.round(255 * parts).astype(np.uint8))
 
 
 def inflated(surface):
-    """The vertices (V, 3) after a heat flow of the coordinates on the surface, which keeps what is far apart along the
-    cortex apart; in a ball of radius 1 about their middle."""
+    """The vertices (V, 3) after a heat flow of the coordinates on the surface, in the unit ball.
+
+    Points that are far apart along the cortex stay apart.
+    """
     time = SMOOTHING**2 * surface.area / HEMISPHERE / (2 * HEAT_STEPS)
     mass = sparse.diags_array(surface.vertex_areas)
-    places = heat_flow(mass, time * surface.stiffness, mass @ surface.vertices, HEAT_STEPS)
-    places = places - (places.min(0) + places.max(0)) / 2
-    return places / np.linalg.norm(places, axis=1).max()
+    points = heat_flow(mass, time * surface.stiffness, mass @ surface.vertices, HEAT_STEPS)
+    points = points - (points.min(0) + points.max(0)) / 2
+    return points / np.linalg.norm(points, axis=1).max()
 
 
 def decimated(vertices, faces):
-    """(kept (K,), vertices (K, 3), faces) of a mesh decimated to about MOST vertices, which stay where they are; good
-    enough to be looked at, as some faces may lie on each other."""
-    if len(vertices) <= MOST:
+    """(indices (K,), vertices (K, 3), faces) of a mesh decimated to about MOST_VERTICES.
+
+    The vertices stay where they are. Good enough to look at: some faces may overlap.
+    """
+    if len(vertices) <= MOST_VERTICES:
         return np.arange(len(vertices)), vertices, faces
     import pyvista  # half a second: only where it is used
 
     mesh = pyvista.PolyData.from_regular_faces(vertices, faces)
-    mesh.point_data["number"] = np.arange(len(vertices))
-    mesh = mesh.decimate_pro(1 - MOST / len(vertices), preserve_topology=True)
-    kept = np.asarray(mesh.point_data["number"])
-    return kept, vertices[kept], mesh.regular_faces
+    mesh.point_data["index"] = np.arange(len(vertices))
+    mesh = mesh.decimate_pro(1 - MOST_VERTICES / len(vertices), preserve_topology=True)
+    indices = np.asarray(mesh.point_data["index"])
+    return indices, vertices[indices], mesh.regular_faces

@@ -34,6 +34,7 @@ def test_only_pages_that_are_out_of_date_are_executed(tmp_path, monkeypatch):
     ran = []
     monkeypatch.setattr(execute_pages, "STAMPS", tmp_path / "stamps.json")
     monkeypatch.setattr(execute_pages, "run", lambda pages, jobs: ran.append(pages))
+    monkeypatch.setattr(execute_pages, "copy_book", lambda: None)
     (tmp_path / "stamps.json").write_text(
         json.dumps({"lbs": execute_pages.stamp("lbs"), "fourier": "of an older page"})
     )
@@ -42,15 +43,64 @@ def test_only_pages_that_are_out_of_date_are_executed(tmp_path, monkeypatch):
     assert ran == [["fourier", "index"]]
 
 
-def test_a_change_of_the_library_makes_every_page_old(monkeypatch):
-    before = execute_pages.stamp("lbs")
-    monkeypatch.setattr(execute_pages, "library_digest", lambda: "another library")
-    assert execute_pages.stamp("lbs") != before
+@pytest.fixture
+def tree(tmp_path, monkeypatch):
+    """A small tree with two executed pages: (its root, the pages that a build would execute now)."""
+    for name in ("book/one.ipynb", "book/two.ipynb", "book/three.md", "constraints.txt", "qclearn/pages/plot.py",
+                 "qclearn/nets/weights.safetensors", "book/paper.toml", "tests/test_one.py"):  # fmt: skip
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(name)
+    monkeypatch.setattr(execute_pages, "ROOT", tmp_path)
+    monkeypatch.setattr(execute_pages, "SOURCE", tmp_path / "build" / "book")
+    monkeypatch.setattr(execute_pages, "STAMPS", tmp_path / "build" / "book" / ".stamps.json")
+    for name in ("execute", "each_page"):
+        monkeypatch.setattr(execute_pages, name, lambda *arguments: [])
+    execute_pages.execute_outdated(["one", "two"], 2)
+    stamps = json.loads((tmp_path / "build/book/.stamps.json").read_text())
+    return tmp_path, lambda: [page for page in ("one", "two") if stamps.get(page) != execute_pages.stamp(page)]
+
+
+@pytest.mark.parametrize(
+    "file, expected",
+    [
+        ("tests/test_one.py", []),
+        ("book/three.md", []),
+        ("book/one.ipynb", ["one"]),
+        *((name, ["one", "two"]) for name in ("qclearn/pages/plot.py", "qclearn/nets/weights.safetensors")),
+        *((name, ["one", "two"]) for name in ("qclearn/new.py", "book/paper.toml", "constraints.txt")),
+    ],
+)
+def test_what_makes_a_page_old(tree, file, expected):
+    root, outdated = tree
+    assert outdated() == []
+    (root / file).write_text("changed")
+    assert outdated() == expected
+
+
+def test_runs_stay_and_all_else_is_copied_anew(tree, monkeypatch):
+    root, _ = tree
+    (root / "build/book/two.ipynb").write_text("a run")
+    for name in ("book/one.ipynb", "book/three.md"):
+        (root / name).unlink()
+    monkeypatch.setattr(execute_pages, "run", None)  # no page is executed
+    execute_pages.execute_outdated(["two"], 2)
+    left = {path.name for path in (root / "build/book").iterdir()}
+    assert left == {"two.ipynb", "paper.toml", ".stamps.json"}
+    assert (root / "build/book/two.ipynb").read_text() == "a run"
+
+
+def test_a_run_that_fails_leaves_no_stamp(tree, monkeypatch):
+    root, _ = tree
+    (root / "book/one.ipynb").write_text("changed")
+    monkeypatch.setattr(execute_pages, "each_page", lambda *arguments: ["cell 1: wrong"])
+    with pytest.raises(SystemExit, match="cell 1: wrong"):
+        execute_pages.execute_outdated(["one", "two"], 2)
+    assert list(json.loads((root / "build/book/.stamps.json").read_text())) == ["two"]
 
 
 def test_an_unknown_page_is_named():
     with pytest.raises(SystemExit, match="no such page in book/: nowhere.ipynb"):
-        execute_pages.copy_book(["nowhere"])
+        execute_pages.copy_pages(["nowhere"])
 
 
 def test_the_build_stops_with_page_and_cell(tmp_path):

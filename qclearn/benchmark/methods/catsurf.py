@@ -15,10 +15,10 @@ def main(task, *paths):
     *given, out = paths
     meshes = [cat_surf.read_surface(path) for path in given]
     if task == "sphere":
-        found = cat_surf.surf_to_sphere(*meshes[0], stop_at=5, relax=True)
+        result = cat_surf.surf_to_sphere(*meshes[0], stop_at=5, relax=True)
     else:
-        found = cat_surf.spherical_demon(*meshes)  # its defaults, its own search for a rotation among them
-    cat_surf.write_surface(out, *found)
+        result = cat_surf.spherical_demon(*meshes)  # its defaults, its own search for a rotation among them
+    cat_surf.write_surface(out, *result)
 
 
 if __name__ == "__main__":

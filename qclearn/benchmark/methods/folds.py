@@ -8,7 +8,7 @@ from ...registration.checked import bijective_fit
 from ...registration.preparation import laid_upon, sampled
 from ...registration.problem import DELTA, ETA, LandmarkError, Problem, Weights
 from ...surfaces.conformal import mended
-from .solver import report
+from .solver import warn_of
 
 
 def hybrid(problem, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma, delta=DELTA, eta=ETA):
@@ -38,7 +38,7 @@ def by_folds(problem, weights, sides=None):
     sides = sides or with_folds(problem)
     sides = replace(sides, moving=replace(sides.moving, disk=problem.disk))
     fit = bijective_fit(replace(problem, sides=sides), weights, features=sides.features)
-    report(fit.fallbacks)
+    warn_of(fit.fallbacks)
     return fit.f
 
 

@@ -11,7 +11,7 @@ from ...plane.mobius import best_mobius
 from ...registration.fit import exact_map, fit_problem
 from ...registration.ladder import Climb, Level, climbed, few
 from ...registration.problem import Weights
-from .solver import report
+from .solver import warn_of
 
 
 def gauss_newton(problem, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma, sliding=False, rings=None):
@@ -21,7 +21,7 @@ def gauss_newton(problem, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.
     RepairWarning says if rows were switched. Source: paper, eq. RegLoss; Gauss-Newton in its dual form.
     """
     fit = fit_problem(replace(problem, sliding=sliding or problem.sliding), Weights(alpha, beta, gamma), rings=rings)
-    report(fit.fallbacks)
+    warn_of(fit.fallbacks)
     return fit.f
 
 
@@ -45,6 +45,6 @@ def few_steps(problem, mu, steps, weights):
     begin = engine.at(mesh.to_vertices @ unbounded(mu), (0j, 0.0))
     best = best_mobius(engine.samples @ begin.solution.f, problem.target)
     state, _ = climbed(engine, engine.moved(begin, best), level)
-    found = exact_map(problem, bounded(mesh.sampling(problem.disk.centroids) @ state.nu))
-    report(found.fallbacks)
-    return found.f
+    result = exact_map(problem, bounded(mesh.sampling(problem.disk.centroids) @ state.nu))
+    warn_of(result.fallbacks)
+    return result.f

@@ -4,7 +4,7 @@ import numpy as np
 from scipy import sparse
 
 from ...plane.linear import Dirichlet
-from .solver import HARD, LandmarkSolver, report, truncated
+from .solver import HARD, LandmarkSolver, truncated, warn_of
 
 MOST_ROUNDS = 40
 FIRST_WEIGHT = 100.0  # of the data in the smoothing; halved each round, so that no more of the match is lost than must
@@ -38,12 +38,12 @@ def unfold(solver, f, smoothness):
         f = solver.solve(truncated(held + smoothness * (nu - held)))
         left, rounds = len(disk.at(f).flipped), rounds + 1
     if first:
-        report([f"overlap correction: {first} faces flipped, {left} after {rounds} rounds"])
+        warn_of([f"overlap correction: {first} faces flipped, {left} after {rounds} rounds"])
     return f
 
 
 def smoothed(solver, mu, weight):
-    """mu (F,) with smooth modulus: `((1 + 1/weight) + (2/weight) K) m = |mu|` at the vertices, its argument kept."""
+    """mu (F,) with smooth modulus: `((1 + 1/weight) + (2/weight) K) m = |mu|` at the vertices, argument as it is."""
     disk = solver.disk
     nodal = disk.to_vertices @ mu
     matrix = (1 + 1 / weight) * sparse.eye_array(len(nodal)) + (2 / weight) * disk.laplace

@@ -8,7 +8,7 @@ from ...registration.fit import exact_map, moved_map
 from ...registration.problem import Weights
 from ...registration.register import load as network
 from .gauss_newton import few_steps
-from .solver import report
+from .solver import warn_of
 
 TIGHT_TOLERANCE = 2e-3  # landmark error in the disk above which `guarded` refines; `register` allows more
 NEEDS = {  # method -> networks
@@ -42,9 +42,9 @@ def cpnet_dbsnet(problem, preset="best", alpha=Weights.alpha, beta=Weights.beta,
 
 def cpnet_exact(problem, preset="best", alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma):
     """The exact solver's map for CP-Net's mu; a RepairWarning says if rows were switched against folds."""
-    found = exact_map(problem, proposed(problem, preset, Weights(alpha, beta, gamma)))
-    report(found.fallbacks)
-    return found.f
+    result = exact_map(problem, proposed(problem, preset, Weights(alpha, beta, gamma)))
+    warn_of(result.fallbacks)
+    return result.f
 
 
 def cpnet_steps(problem, preset="best", steps=1, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma):
@@ -59,6 +59,6 @@ def guarded(problem, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma
     A RepairWarning says each step aside.
     """
     predict, solve = network("cpnet", "best").predict, network("dbsnet", "best").solve
-    found = guarded_map(predict, solve, problem, Weights(alpha, beta, gamma), tolerance)
-    report(found.fallbacks)
-    return found.f
+    result = guarded_map(predict, solve, problem, Weights(alpha, beta, gamma), tolerance)
+    warn_of(result.fallbacks)
+    return result.f

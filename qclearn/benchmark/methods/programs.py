@@ -1,6 +1,9 @@
-"""Methods that are programs: surfaces and spheres in, a sphere out, each in a process of its own."""
+"""Methods that are programs: surfaces and spheres in, a sphere out; and what a process costs."""
 
+import pickle
 import shlex
+import sys
+from dataclasses import replace
 from pathlib import Path
 from string import Formatter
 from tempfile import TemporaryDirectory
@@ -10,77 +13,111 @@ import numpy as np
 
 from ...io.extras import require
 from ...io.meshes import read_surface, write_surface
+from ...registration.landmarkfile import check_curves
+from ...registration.preparation import Sides, laid_upon, sampled
+from ...surfaces.conformal import laid_out
 from ...surfaces.surface import Surface
 from .process import Costs, ProgramError, measured
-from .spheres import CATSURF, LIMIT, sphere_of, unit_points
+from .spheres import CATSURF, LIMIT, Sphere, sphere_of, unit_points
 
 FILES = "moving", "moving_sphere", "control", "control_sphere", "out"
 RADIUS = 100.0  # of the spheres that a program is given, mm
-ANSWERS = {}  # of this process: problems that differ in their curves alone are one to a program
+ANSWERS = {}  # of this process: problems that differ only in their curves are one to a program
 
 
 class Answer(NamedTuple):
-    """A program's map: `points` (V', 3), where each vertex of the whole moving surface lies on the control's unit
-    sphere, and its `costs`."""
+    """A program's map: where each vertex of the whole moving surface lies, and its `costs`.
+
+    points: (V', 3), on the control's unit sphere.
+    """
 
     points: np.ndarray
     costs: Costs
 
 
 def program(problem, command="", limit=LIMIT):
-    """The map of a command line such as "tool --in {moving_sphere} --ref {control_sphere} --out {out}", an `Answer`.
+    """The `Answer` of a command line such as "tool {moving_sphere} {control_sphere} {out}".
 
-    FILES name what it is given, GIFTI: both whole surfaces in mm, both spheres (radius 100, around 0); and where its
-    own goes: the moving sphere's faces, each vertex where it lies on the control's sphere. No shell; limit: seconds.
-    ProgramError, SphereError, for what it does not do; ImportError where a surface has no sphere and none can be made.
+    FILES, GIFTI: both whole surfaces in mm, their spheres (radius 100, around 0), and its answer,
+    the moving sphere's faces with each vertex where it lies on the control's sphere. No shell;
+    limit: seconds. ProgramError, SphereError; ImportError where a sphere cannot be made.
     """
-    return by_program(problem, words_of(command), limit)
+    words = command_words(command)
+    spheres = sphere_of(problem.sides.moving), sphere_of(problem.sides.control)
+    key = tuple(words), limit, *(sphere.fingerprint for sphere in spheres)
+    if key not in ANSWERS:
+        ANSWERS[key] = answer_of(words, limit, *spheres)
+    return ANSWERS[key]
 
 
 def spherical_demons(problem, limit=LIMIT):
-    """Spherical Demons as CAT12 has it, `cat_surf.spherical_demon` with its defaults, `Answer`; extra `peers`.
+    """Spherical Demons as CAT12 has it, `cat_surf.spherical_demon`, `Answer`; extra `peers`.
 
     Source: Yeo, Sabuncu, Vercauteren, Ayache, Fischl, Golland (2010), Spherical Demons.
     """
     require("peers", "Spherical Demons")
-    return by_program(problem, [*CATSURF, "demons", *(f"{{{name}}}" for name in FILES)], limit)
+    command = shlex.join([*CATSURF, "demons", *(f"{{{name}}}" for name in FILES)])
+    return program(problem, command, limit)
 
 
-def words_of(command):
+def command_words(command):
     """The words of a command line, each placeholder checked, or ProgramError."""
     try:
         words = shlex.split(command)
-        asked = [name for word in words for _, name, _, _ in Formatter().parse(word) if name is not None]
+        names = {name for word in words for _, name, _, _ in Formatter().parse(word)} - {None}
     except ValueError as error:
         raise ProgramError(f"{command!r} is no command line: {error}") from None
-    unknown = sorted(set(asked) - set(FILES))
-    if unknown or "out" not in asked:
-        what = f"knows no {{{unknown[0]}}}" if unknown else "does not say where {out} goes"
-        raise ProgramError(f"{command!r} {what}: write it with {', '.join(f'{{{name}}}' for name in FILES)}")
+    unknown = sorted(names - set(FILES))
+    if unknown or "out" not in names:
+        fault = f"knows no {{{unknown[0]}}}" if unknown else "does not say where {out} goes"
+        allowed = ", ".join(f"{{{name}}}" for name in FILES)
+        raise ProgramError(f"{command!r} {fault}: write it with {allowed}")
     return words
 
 
-def by_program(problem, words, limit):
-    """The `Answer` of a command; one that was found in this process is not asked for again for the same surfaces."""
-    sides = sphere_of(problem.sides.moving), sphere_of(problem.sides.control)
-    asked = tuple(words), limit, *(sphere.fingerprint for sphere in sides)
-    if asked not in ANSWERS:
-        ANSWERS[asked] = answer_of(words, limit, *sides)
-    return ANSWERS[asked]
-
-
-def answer_of(words, limit, *sides):
+def answer_of(words, limit, moving, control):
+    whole, whose = moving.whole, "the sphere that the program wrote"
     with TemporaryDirectory() as folder:
         paths = {name: str(Path(folder, f"{name}.surf.gii")) for name in FILES}
-        for name, sphere in zip(("moving", "control"), sides):
+        for name, sphere in (("moving", moving), ("control", control)):
             write_surface(paths[name], sphere.whole)
-            write_surface(paths[f"{name}_sphere"], Surface(RADIUS * sphere.points, sphere.whole.faces))
+            ball = Surface(RADIUS * sphere.points, sphere.whole.faces)
+            write_surface(paths[f"{name}_sphere"], ball)
         costs = measured([word.format(**paths) for word in words], limit, paths["out"])
         try:
-            found = read_surface(paths["out"])
+            result = read_surface(paths["out"])
         except ValueError as error:
-            raise ProgramError(f"its sphere cannot be read: {str(error).replace(paths['out'], '{out}')}") from None
-    points = unit_points(found.vertices, sides[0].whole, "the sphere that the program wrote")
-    if not np.array_equal(found.faces, sides[0].whole.faces):
-        raise ProgramError("the sphere that the program wrote has other faces than the moving surface: keep its order")
+            message = str(error).replace(paths["out"], "{out}")
+            raise ProgramError(f"its sphere cannot be read: {message}") from None
+    points = unit_points(result.vertices, whole, whose)
+    if not np.array_equal(result.faces, whole.faces):
+        raise ProgramError(f"{whose} has other faces than the moving surface: keep its order")
     return Answer(points, costs)
+
+
+def costs_alone(run, pair):
+    """The `Costs` of a process that makes both disk maps and runs a benchmark's run on a pair.
+
+    Methods on spheres are given these, as programs are.
+    """
+    from . import ON_SPHERES
+
+    sides = []
+    for side in (pair.moving, pair.control):
+        sphere = (side.sphere.whole, side.sphere.points) if run.method in ON_SPHERES else None
+        sides.append((Surface(side.surface.vertices, side.surface.faces), sphere))
+    with TemporaryDirectory() as folder:
+        task = Path(folder, "task.pickle")
+        task.write_bytes(pickle.dumps((run.method, run.parameters, pair.curves, sides)))
+        code = f"import sys, {__name__}; {__name__}.run_task(sys.argv[1])"
+        return measured([sys.executable, "-W", "ignore", "-c", code, str(task)], LIMIT)
+
+
+def run_task(path):
+    """What the process of `costs_alone` does: surfaces in, disk maps, the method."""
+    from . import METHODS
+
+    method, parameters, curves, pairs = pickle.loads(Path(path).read_bytes())
+    sides = [replace(laid_out(one), sphere=sphere and Sphere(one, sphere)) for one, sphere in pairs]
+    sides = Sides(*sides, check_curves(curves, pairs[0][0], pairs[1][0]), [])
+    METHODS[method](replace(sampled(laid_upon(sides)).problem, sides=sides), **parameters)

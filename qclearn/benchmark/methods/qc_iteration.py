@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...plane.linear import factorise
-from .solver import HARD, LandmarkSolver, report, truncated
+from .solver import HARD, LandmarkSolver, truncated, warn_of
 
 FIRST_SIGMA, GROWTH = 10.0, 1.6  # of the penalty on nu - mu(f), and its factor from round to round
 
@@ -32,5 +32,5 @@ def qc_iteration(problem, alpha=1.0, rounds=20):
     if left:
         f = solver.solve(nu)
         let_go = len(disk.at(f).flipped)
-        report([f"quasi-conformal iteration: {left} faces flipped with the landmarks held; let go, {let_go}"])
+        warn_of([f"quasi-conformal iteration: {left} faces flipped with the landmarks held; let go, {let_go}"])
     return f

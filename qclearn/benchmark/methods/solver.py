@@ -53,7 +53,7 @@ def truncated(mu, largest=LARGEST):
     return mu * np.divide(largest, size, out=np.ones_like(size), where=size > largest)
 
 
-def report(words):
-    """A RepairWarning for each thing a method did beyond its plain formula; the benchmark keeps their words."""
-    for word in words:
-        warnings.warn(word, RepairWarning, stacklevel=3)
+def warn_of(repairs):
+    """A RepairWarning for each thing a method did beyond its plain formula; the benchmark's rows hold the messages."""
+    for message in repairs:
+        warnings.warn(message, RepairWarning, stacklevel=3)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .solver import HARD, LandmarkSolver, report, truncated
+from .solver import HARD, LandmarkSolver, truncated, warn_of
 
 MOST_ROUNDS = 60
 SETTLED = 1e-3  # change of the mean |mu|, relative, that ends the iteration
@@ -32,8 +32,8 @@ def extremal(solver):
         f = solver.solve(level * np.divide(mu, size, out=np.zeros_like(mu), where=size > 0), HARD)
     else:
         still = f"the mean |mu| still changes by {abs(level - before) / level:.1e}, {SETTLED:.0e} ends it"
-        report([f"Teichmüller iteration: not settled after {MOST_ROUNDS} rounds ({still})"])
+        warn_of([f"Teichmüller iteration: not settled after {MOST_ROUNDS} rounds ({still})"])
     left = len(solver.disk.at(f).flipped)
     if left:
-        report([f"Teichmüller iteration: {left} faces flipped"])
+        warn_of([f"Teichmüller iteration: {left} faces flipped"])
     return f

@@ -1,4 +1,4 @@
-"""Measures without a true map: held-out curves, and folds and maps that took no part; with one, its own figures."""
+"""Measures without a true map: held-out curves, folds and held-out maps; with one, its own figures."""
 
 import numpy as np
 import scipy
@@ -59,7 +59,7 @@ def held_out(pair, sides, f, image):
 def middle_distance(one, other):
     """Mean distance from the middle three fifths of either curve (n, 3), (m, 3) to the nearest point of the other.
 
-    Where a curve ends is drawn or found less surely than where it runs.
+    The ends of a curve are less certain than its course.
     """
     trees = scipy.spatial.cKDTree(one), scipy.spatial.cKDTree(other)
     far = trees[1].query(one)[0], trees[0].query(other)[0]
@@ -68,14 +68,15 @@ def middle_distance(one, other):
 
 def folds_agree(pair, image, places):
     """`correlations` of depth and curvature: "r_depth", "r_curvature"."""
-    found = correlations(pair, (image, places), pair.moving.folds, pair.control.folds)
-    return {f"r_{name}": r for name, r in found.items()}
+    by_name = correlations(pair, (image, places), pair.moving.folds, pair.control.folds)
+    return {f"r_{name}": r for name, r in by_name.items()}
 
 
 def maps_agree(pair, image, places):
-    """`correlations` of maps that took no part, name -> r; None without any."""
+    """`correlations` of held-out maps, name -> r; None without any."""
     moving = {name: sides[0] for name, sides in pair.maps.items()}
-    return correlations(pair, (image, places), moving, {name: sides[1] for name, sides in pair.maps.items()}) or None
+    control = {name: sides[1] for name, sides in pair.maps.items()}
+    return correlations(pair, (image, places), moving, control) or None
 
 
 def correlations(pair, target, here, there):
@@ -83,20 +84,23 @@ def correlations(pair, target, here, there):
 
     target: the image of a map and its places there.
     """
-    found, areas, (image, places) = {}, pair.moving.surface.vertex_areas, target
+    by_name = {}
+    areas = pair.moving.surface.vertex_areas
+    image, places = target
     for name, values in here.items():
         both = np.stack([values, image.values(there[name], places)], axis=1)
         known = np.isfinite(both).all(1)
         shares = areas[known] / areas[known].sum()
         one, other = standardised(both[known], shares).T
-        found[name] = float(np.clip(shares @ (one * other), -1, 1))
-    return found
+        by_name[name] = float(np.clip(shares @ (one * other), -1, 1))
+    return by_name
 
 
 def log2_means(surface, points):
     """`log2_distortions` as plain figures: means and, as "p95_...", 95th percentiles."""
-    found = log2_distortions(surface, points)
-    return {name: mean for name, (mean, _) in found.items()} | {f"p95_{name}": p95 for name, (_, p95) in found.items()}
+    distortions = log2_distortions(surface, points)
+    means = {name: mean for name, (mean, _) in distortions.items()}
+    return means | {f"p95_{name}": p95 for name, (_, p95) in distortions.items()}
 
 
 def area_and_shape(surface, points):
@@ -110,17 +114,17 @@ def area_and_shape(surface, points):
 def tails(surface, points):
     """ "areal_95" and "shape_95": 95th percentiles of |log2 J| and of log2 R of `area_and_shape`, by area."""
     areas = surface.vertex_areas / surface.area
-    found = area_and_shape(surface, points)
-    return {name: quantile(abs(values), areas) for name, values in zip(("areal_95", "shape_95"), found)}
+    log2_j, log2_r = area_and_shape(surface, points)
+    return {"areal_95": quantile(abs(log2_j), areas), "shape_95": quantile(abs(log2_r), areas)}
 
 
 def true_map(pair, lookup):
     """The true map's own figures, by the names of TRUE_MAP."""
     image = OnDisk(pair.control, lookup)
     places = lookup(pair.truth_disk)
-    found = log2_means(pair.moving.surface, pair.truth) | folds_agree(pair, image, places)
-    found["r_maps"] = maps_agree(pair, image, places)
-    return floors(pair) | {f"true_{name}": found[name] for name in OWN}
+    figures = log2_means(pair.moving.surface, pair.truth) | folds_agree(pair, image, places)
+    figures["r_maps"] = maps_agree(pair, image, places)
+    return floors(pair) | {f"true_{name}": figures[name] for name in OWN}
 
 
 def floors(pair):
