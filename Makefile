@@ -1,4 +1,4 @@
-# Two commands matter: `make book` builds the site, `make test` tests everything.
+# Two commands matter: `make book` builds the site, `make test` tests everything but what `make test-slow` measures again.
 #   make lab        to read in JupyterLab: opens executed copies of the pages (`make lab-copies` builds them and opens nothing)
 #   make edit       to write: opens the sources in book/; `make clear` takes out what a run left in them
 #   make notebooks  for any other viewer, what the site offers for download: build/notebooks/
@@ -16,6 +16,7 @@ export SOLUTIONS ?=
 
 BIN := .venv/bin
 INSTALLED := .venv/installed
+PYTEST := $(BIN)/python -m pytest -q
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 # uv needs a tenth of pip's time, but does not read pip's settings: it is told of the mirrors and certificates that pip
 # knows, and takes the best version that any index has, as pip does.
@@ -32,20 +33,33 @@ export PYDEVD_DISABLE_FILE_VALIDATION ?= 1
 # forbidden to. Torch, Matplotlib and pyvista take 8 seconds from their sources, 3 compiled.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: book test lab lab-copies edit notebooks course decks clear picture tag clean
+.PHONY: book test test-unit test-site test-slow lab lab-copies edit notebooks course decks clear picture tag clean
 .DELETE_ON_ERROR:
 
 book: $(INSTALLED)
 	$(BIN)/python -m book.builder.build_book --jobs $(JOBS)
 	@echo "The book: _build/html/index.html (serve it with: $(BIN)/python -m http.server --directory _build/html)"
 
+# The unit tests run beside the book and its site: these wait for browsers and for one process of Sphinx, and come first
+# where both want a core. Both run to their ends, and `make test` fails where one does. Where make can (4.0), the lines of
+# each step come together.
 test: $(INSTALLED)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
-	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile --no-loadscope-reorder --ignore=tests/site tests
+	@$(MAKE) --no-print-directory --keep-going -j2 $(if $(filter output-sync,$(.FEATURES)),-Oline) test-unit test-site
+
+test-unit: $(INSTALLED)
+	nice -n 5 $(PYTEST) -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not slow" --ignore=tests/site --ignore=tests/book tests
+
+# Tests of tests/book read pages that a build has executed.
+test-site: $(INSTALLED)
 	$(BIN)/python -m book.builder.build_book --jobs $(JOBS)
 	$(BIN)/python -m book.builder.lab_copies --jobs $(JOBS)
-	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadgroup -rs tests/site
+	$(PYTEST) -n $(JOBS) --dist loadgroup -rs tests/book tests/site
+
+# What measures again: weekly, and before a release.
+test-slow: $(INSTALLED)
+	$(PYTEST) -n $(JOBS) -m slow --ignore=tests/site tests
 
 lab-copies: $(INSTALLED)
 	$(BIN)/python -m book.builder.lab_copies --jobs $(JOBS)
@@ -73,8 +87,9 @@ decks: $(INSTALLED)
 picture: $(INSTALLED)
 	$(BIN)/python -m book.builder.readme_picture
 
-# The tag of a release, v<version>: of a clean tree whose CHANGELOG.md begins with the version of pyproject.toml.
-tag: $(INSTALLED)
+# The tag of a release, v<version>: of a clean tree whose CHANGELOG.md begins with the version of pyproject.toml, and
+# whose slow tests pass.
+tag: $(INSTALLED) test-slow
 	$(BIN)/python -m book.builder.tag
 
 clean:

@@ -29,7 +29,7 @@ def test_sound_files_are_read(fuzz, sound, tmp_path):
         assert fuzz.verdict(fuzz.write(tmp_path / name, data)) == ("accepted", ""), name
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_damaged_files_are_refused_by_name_or_read_as_sound(fuzz, sound, tmp_path, seed):
     names = [name for name in sound if ".vt" not in name]  # those take a process each
     found = {}

@@ -103,6 +103,7 @@ def test_each_loss_of_the_papers_dbsnet_goes_on_to_the_same_weights(tmp_path, lo
     assert row["validation_comes"] > 0 and row["validation_mobius"] > 0
 
 
+@pytest.mark.slow
 def test_two_processes_train_together(tmp_path, data):
     run_training("dbsnet", out=tmp_path / "draw", data=data, steps=1, quick=True)  # the set is there for both
     command = [

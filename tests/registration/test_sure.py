@@ -116,37 +116,32 @@ def test_it_covers_at_the_ends_of_the_weights_for_which_it_is_given():
     assert all(0.8 <= row["coverage"]["90"] <= 0.98 and row["rank"] > 0.05 for row in rows)
 
 
-@pytest.fixture(scope="module")
-def anew():
-    """Three of the pairs that calibrate, run anew: (what was kept of each, its arrays)."""
-    rows = [row for row in KEPT["folds"]["calibrate"] if max(row["vertices"]) == 6_000][:3]
-    found = []
-    for row in rows:
-        sides = []
-        for seed, size in zip(row["seeds"], row["vertices"]):
-            subject = grown(seed, size, generation=KEPT["generation"])
-            sides.append(replace(mapped(subject.surface), template=subject.template))
-        found.append((row, calibrate_sure.run(cohort_pair(*sides), "folds", row["curves"])))
-    return found
+@pytest.mark.slow
+@pytest.mark.parametrize("row", [row for row in KEPT["folds"]["calibrate"] if max(row["vertices"]) == 6_000][:3])
+def test_pairs_run_anew_give_what_was_kept(row):
+    sides = []
+    for seed, size in zip(row["seeds"], row["vertices"]):
+        subject = grown(seed, size, generation=KEPT["generation"])
+        sides.append(replace(mapped(subject.surface), template=subject.template))
+    arrays = calibrate_sure.run(cohort_pair(*sides), "folds", row["curves"])
+    now = calibrate_sure.judged(arrays, KEPT["folds"]["factors"])
+    assert now["coverage"] == pytest.approx(row["coverage"], abs=0.02)
+    assert now["rank"] == pytest.approx(row["rank"], abs=0.03)
+    assert now["mean_mm"] == pytest.approx(row["mean_mm"], rel=0.02)
 
 
-def test_pairs_run_anew_give_what_was_kept(anew):
-    for row, arrays in anew:
-        now = calibrate_sure.judged(arrays, KEPT["folds"]["factors"])
-        assert now["coverage"] == pytest.approx(row["coverage"], abs=0.02)
-        assert now["rank"] == pytest.approx(row["rank"], abs=0.03)
-        assert now["mean_mm"] == pytest.approx(row["mean_mm"], rel=0.02)
-
-
-@pytest.mark.parametrize("planted", ["random", "constant"])
-def test_what_is_no_radius_fails_the_same_checks(anew, planted):
-    rng, found = np.random.default_rng(0), []
-    for _, arrays in anew:
-        count = len(arrays["radius"])
-        radius = np.exp(0.4 * rng.normal(size=count)) if planted == "random" else 1 + 1e-9 * np.arange(count)
-        found.append(arrays | {"radius": radius})
-    factors, _ = calibrate_sure.factors_of(found, share=0.5)
-    assert any("rank" in fault for fault in faults([calibrate_sure.judged(one, factors) for one in found], 0.33))
+@pytest.mark.parametrize("planted", ["right", "random", "constant"])
+def test_what_is_no_radius_fails_the_same_checks(planted):
+    """Errors drawn in the plane around nothing, each with the spread that the right radius tells."""
+    rng, pairs = np.random.default_rng(0), []
+    for _ in range(3):
+        spread = np.exp(0.5 * rng.normal(size=6_000))
+        error = spread * abs(rng.normal(size=6_000) + 1j * rng.normal(size=6_000))
+        radius = {"right": spread, "random": rng.permutation(spread), "constant": 1 + 1e-9 * np.arange(6_000)}[planted]
+        pairs.append({"radius": radius, "error": error, "areas": np.full(6_000, 1 / 6_000)})
+    factors, _ = calibrate_sure.factors_of(pairs, share=0.5)
+    fault = faults([calibrate_sure.judged(pair, factors) for pair in pairs], 0.33)
+    assert fault == [] if planted == "right" else any("rank" in line for line in fault)
 
 
 @pytest.mark.parametrize(

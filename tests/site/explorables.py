@@ -228,7 +228,7 @@ class InJupyterLab:
     that `live` needs."""
 
     silent, ready, gap, before = (), "", 1e-9, ""
-    pytestmark = pytest.mark.xdist_group("JupyterLab")
+    pytestmark = pytest.mark.xdist_group("widgets in JupyterLab")
 
     @pytest.fixture(scope="class")
     @classmethod

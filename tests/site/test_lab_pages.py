@@ -11,8 +11,8 @@ from copies import FAULTS, all_kinds, fewest, in_the_book, planted, squeezed
 from laboratory import sign
 from places import EXECUTED
 
-# One worker of xdist has all tests in JupyterLab: one server is started.
-pytestmark = pytest.mark.xdist_group("JupyterLab")
+# Two workers of xdist share the tests in JupyterLab, pages and widgets: each starts one server.
+pytestmark = pytest.mark.xdist_group("pages in JupyterLab")
 RUN = ["lbs", "fourier"]  # also run by 'Run All Cells' from the source without outputs
 CLOCK = re.compile(r"second|_ms|time")  # numbers that differ from run to run
 

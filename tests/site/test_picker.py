@@ -6,7 +6,7 @@ import re
 import pytest
 from view import axe_findings
 
-pytestmark = pytest.mark.xdist_group("JupyterLab")
+pytestmark = pytest.mark.xdist_group("widgets in JupyterLab")
 MAKE = (
     "from qclearn import fsaverage5\nfrom qcbook import LandmarkPicker\n"
     "picker = LandmarkPicker(fsaverage5('right'), fsaverage5('left'), 'clicked.json')\npicker"
