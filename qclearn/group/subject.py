@@ -13,7 +13,7 @@ from ..registration.ladder import LEVELS
 from ..registration.problem import Problem
 from ..registration.smoothing import Smoothing, standardised
 from ..registration.suspect import disagreeing, strong_distortion, switched_rows
-from ..surfaces.conformal import laid_out, mended, moved
+from ..surfaces.conformal import laid_out, mended, apply_mobius
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 
 SCALES = sorted({level.sigma for level in LEVELS if level.sigma} | {SCALE})  # of the features that are compared
@@ -90,7 +90,7 @@ def alone(subject):
 
 def laid(subject, mean, near=False):
     """The subject laid upon the mean by the Möbius map that matches their features best; near: a local search."""
-    found = moved(subject, mobius_by_features(Features(subject, mean), subject.disk.z, near))
+    found = apply_mobius(subject, mobius_by_features(Features(subject, mean), subject.disk.z, near))
     if not found.whole:
         raise FeatureError("the features pull its disk onto the rim; check that they are those of the others")
     return found

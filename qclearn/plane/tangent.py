@@ -10,10 +10,12 @@ Ahlfors, Lectures on Quasiconformal Mappings, chapter V.
 import numpy as np
 import scipy
 from scipy import sparse
-
 from .coefficients import bounded_pullback
 from .linear import three_a_row
 from .triangles import middles
+from functools import cached_property
+from ..plane.coefficients import bounded
+from ..plane.solver import DiskSolver
 
 REACH = 1.8  # cells: from where on a node stands for its cell in the integral
 FINER = 3  # nearer than that, a triangle is cut into so many squared
@@ -158,3 +160,22 @@ def cells(areas, nu, places, dtype):
 def inverse(d, size):
     """`1 / d`, no larger than at the rim of a disk of this radius squared."""
     return d.conj() * (1 / np.maximum(d.real**2 + d.imag**2, size))  # NumPy divides by a real in complex numbers
+
+
+class Link:
+    """A polar `Disk` mesh, which carries nu (N,) at its vertices, beside the `Disk` that is mapped, maybe itself."""
+
+    def __init__(self, disk, mesh):
+        self.disk, self.mesh, self.solver = disk, mesh, DiskSolver(disk)
+        _ = self.solver.calibration  # cached, so that copies of the solver need not find it again
+        self.mass, self.laplace = mesh.mass / np.pi, mesh.laplace / np.pi  # so that terms are means over the disk
+        self.to_faces = mesh.to_faces if disk is mesh else mesh.sampling(disk.centroids)
+
+    @cached_property
+    def carrier(self):
+        """What derivatives in closed form need of both meshes."""
+        return Carrier(self.solver, self.mesh)
+
+    def coefficient(self, nu):
+        """mu (F,) on the faces of the mapped mesh of nu (N,)."""
+        return bounded(self.to_faces @ nu)

@@ -147,7 +147,7 @@ def found_from(climb, levels, weights, features, start, watch):
     lead on its coarsest levels, too. The way whose objective, one and the same, ends lower on the finest polar mesh
     goes on.
     """
-    few = [level for level in levels if not (level.own_mesh or level.stand)]
+    few = [level for level in levels if not (level.own_mesh or level.proxy_rings)]
     guiding = [level for level in few if (level.sigma or 0) >= COARSE]
     if not (weights.eta and guiding) or start is not None or len(climb.problem.moving):
         return *climb.run(levels, weights, start, features, watch), ""

@@ -120,7 +120,7 @@ def on_disk(surface, z):
     return disk
 
 
-def moved(side, parameters):
+def apply_mobius(side, parameters):
     """The side after a disk Möbius map (a, theta) of its disk."""
     return replace(side, disk=mended(side.surface, mobius(side.disk.z, *parameters)))
 

@@ -188,7 +188,7 @@ P = np.array([0.5, 0.4j, -0.3 - 0.4j, 0.2 - 0.5j, -0.6 + 0.1j])
 
 def standing(rings, levels=LARGE_LEVELS):
     """The levels of a large surface with a polar mesh of so many rings in its place."""
-    return [level._replace(stand=rings if level.stand else 0) for level in levels]
+    return [level._replace(proxy_rings=rings if level.proxy_rings else 0) for level in levels]
 
 
 def fitted(levels):
@@ -213,7 +213,7 @@ def test_a_polar_mesh_stands_for_a_surface_that_is_then_solved_on_once(usual):
 
 def test_steps_on_the_surface_follow_where_what_stands_for_it_misleads(usual):
     found = fitted(standing(4))
-    blind = fitted([level._replace(beyond=np.inf if level.beyond else 0.0) for level in standing(4)])
+    blind = fitted([level._replace(skip_ratio=np.inf if level.skip_ratio else 0.0) for level in standing(4)])
     assert found.steps[-1] > 0 and found.bijective and objective(found) < 1.05 * objective(usual)
     assert blind.steps[-1] == 0 and objective(blind) > 1.1 * objective(usual)
 
@@ -227,10 +227,10 @@ def test_landmarks_alone_are_fitted_on_what_stands_for_a_large_surface():
 
 def test_only_a_large_surface_has_a_polar_mesh_stand_for_it():
     assert feature_levels(MOVING) is LEVELS and not any(
-        level.stand for level in (*LEVELS, *landmark_levels(MOVING, 16))
+        level.proxy_rings for level in (*LEVELS, *landmark_levels(MOVING, 16))
     )
     for levels in (feature_levels(LARGE_DISK), list(landmark_levels(LARGE_DISK, 16))):
-        assert levels[-2].stand == 64 and levels[-1].own_mesh and levels[-1].beyond == 1.05
+        assert levels[-2].stand == 64 and levels[-1].own_mesh and levels[-1].skip_ratio == 1.05
 
 
 def test_without_weight_features_change_nothing():

@@ -44,7 +44,7 @@ def few_steps(problem, mu, steps, weights):
     engine = Climb(problem).engine(level, weights)
     begin = engine.at(mesh.to_vertices @ unbounded(mu), (0j, 0.0))
     best = best_mobius(engine.samples @ begin.solution.f, problem.target)
-    state, _ = climbed(engine, engine.moved(begin, best), level)
+    state, _ = climbed(engine, engine.with_mobius(begin, best), level)
     result = exact_map(problem, bounded(mesh.sampling(problem.disk.centroids) @ state.nu))
     warn_of(result.fallbacks)
     return result.f

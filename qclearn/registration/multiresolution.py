@@ -34,21 +34,21 @@ class Level(NamedTuple):
     rings: of the mesh of nu; sigma: the features' scale (None: landmarks alone); steps: at most; own_mesh: map the
     surface's own mesh; worth: share of the objective that a step has to promise; settled: share that it may leave if
     another follows, 0 for any; share, most: of gamma; rising: raise gamma to that from FIRST_GAMMA, where nu is 0;
-    stand: rings of a polar mesh that is mapped in the own one's place, with its weights;
-    beyond: take no step where the objective is at most so many times that of the level before.
+    proxy_rings: rings of a polar mesh that is mapped in the own one's place, with its weights;
+    skip_ratio: take no step where the objective is at most so many times that of the level before.
     """
 
     rings: int
     sigma: float | None
     steps: int
     own_mesh: bool = False
-    worth: float = WORTH_ON_GRID
-    settled: float = 0.0
+    min_predicted_decrease: float = WORTH_ON_GRID
+    stall_ratio: float = 0.0
     share: float = 1.0
     most: float = np.inf
     rising: bool = False
-    stand: int = 0
-    beyond: float = 0.0
+    proxy_rings: int = 0
+    skip_ratio: float = 0.0
 
     def weights(self, weights):
         """The `Weights` at this level."""
@@ -64,7 +64,7 @@ class Level(NamedTuple):
 
 def guided(rings, sigma, steps):
     """A level on a polar mesh that features lead."""
-    return Level(rings, sigma, steps, settled=SETTLED_ON_GRID, most=GUIDING_GAMMA)
+    return Level(rings, sigma, steps, stall_ratio=SETTLED_ON_GRID, most=GUIDING_GAMMA)
 
 
 # With features; from fine ones at once the map would run into the next best valley.
@@ -76,7 +76,7 @@ LEVELS = (
     Level(32, FINEST, 4, True, WORTH, SETTLED),
 )
 # The same above LARGE vertices, where a step on the own mesh costs ten times as much and gains little more.
-LARGE_LEVELS = (*LEVELS[:-1], LEVELS[-1]._replace(own_mesh=False, stand=STAND), LEVELS[-1]._replace(beyond=BEYOND))
+LARGE_LEVELS = (*LEVELS[:-1], LEVELS[-1]._replace(own_mesh=False, proxy_rings=STAND), LEVELS[-1]._replace(skip_ratio=BEYOND))
 
 
 def feature_levels(disk):
@@ -91,14 +91,14 @@ def landmark_levels(disk, rings):
     yield Level(rings // 2, None, 5, share=0.1, rising=True)
     own = Level(rings, None, 24, True, WORTH)
     if len(disk.z) > LARGE:
-        yield own._replace(own_mesh=False, stand=STAND)
-        own = own._replace(beyond=BEYOND)
+        yield own._replace(own_mesh=False, proxy_rings=STAND)
+        own = own._replace(skip_ratio=BEYOND)
     yield own
 
 
 def few(steps, rings):
     """At most so many steps on one polar mesh, whatever they promise."""
-    return Level(rings, None, steps, worth=0.0)
+    return Level(rings, None, steps, min_predicted_decrease=0.0)
 
 
 class Climb:
@@ -109,10 +109,10 @@ class Climb:
 
     def setting(self, level):
         """The `Setting` of a level: the problem on its own mesh, on one that stands for it, or on that of nu."""
-        key = level.rings, level.own_mesh, level.stand
+        key = level.rings, level.own_mesh, level.proxy_rings
         if key not in self.settings:
-            problem = replace(self.problem, disk=polar(level.stand)) if level.stand else self.problem
-            whole = level.own_mesh or level.stand > 0
+            problem = replace(self.problem, disk=polar(level.proxy_rings)) if level.proxy_rings else self.problem
+            whole = level.own_mesh or level.proxy_rings > 0
             link = Link(problem.disk, polar(level.rings)) if whole else grid_link(level.rings)
             self.settings[key] = Setting(problem, link, whole)
         return self.settings[key]
@@ -136,7 +136,7 @@ class Climb:
         """The `AreaTerm` of one level; places: of the moving vertices."""
         sides, sigma = self.problem.sides, FINEST if setting.own else level.sigma or LEVELS[0].sigma
         shares, moving = setting.by_area(self.density("moving", sigma))
-        if level.stand or level.beyond:
+        if level.proxy_rings or level.skip_ratio:
             shares = np.where(abs(setting.link.disk.centroids) < RIM, shares, 0.0)
         places = places if level.own_mesh else Places(sides.control.disk)
         return AreaTerm(setting.link.disk, shares, moving, self.density("control", sigma), eta, places)
@@ -161,11 +161,11 @@ class Climb:
                 state = engine.at(start_field(self.problem.disk, start, engine.link.mesh), self.problem.mobius)
                 if features is not None and start is not None and len(self.problem.moving):
                     best = best_mobius(engine.samples @ state.solution.f, self.problem.target)
-                    state = engine.moved(state, best)
+                    state = engine.with_mobius(state, best)
             else:
                 nu = self.carried(before, state, engine, start if features is None else None)
                 state = engine.at(nu, state.mobius)
-            most = level.beyond * before.objective(last, weights.gamma) if before and level.beyond else -np.inf
+            most = level.skip_ratio * before.objective(last, weights.gamma) if before and level.skip_ratio else -np.inf
             before = last = None  # with its factors, which make room for those of this level
             done = most > 0 and engine.objective(state, weights.gamma) <= most
             state, taken = (state, 0) if done else climbed(engine, state, level, watch, enough)
@@ -193,20 +193,20 @@ def climbed(engine, state, level, watch=None, enough=0.0):
     gamma = engine.weights.gamma
     low = min(FIRST_GAMMA, gamma) if level.rising and not state.nu.any() else gamma
     gammas = [*10.0 ** np.arange(np.log10(low), np.log10(gamma) - 1e-9), *[gamma] * level.steps]
-    now = engine.objective(state, gamma) if level.settled else None
+    now = engine.objective(state, gamma) if level.stall_ratio else None
     for steps, at in enumerate(gammas):
         if watch:
             watch()
         if engine.spent:
             return state, steps
         near = enough > 0 and not level.rising and engine.error(state) < enough
-        found = None if near else engine.step(state, at, level.worth if at == gamma else 0.0)
+        found = None if near else engine.step(state, at, level.min_predicted_decrease if at == gamma else 0.0)
         if found is None and at == gamma:
             return state, steps
         state = found or state
-        if level.settled:
+        if level.stall_ratio:
             last, now = now, engine.objective(state, gamma)
-            if now > level.settled * last:
+            if now > level.stall_ratio * last:
                 return state, steps + 1
     return state, len(gammas)
 

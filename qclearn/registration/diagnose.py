@@ -1,19 +1,33 @@
-"""Mistakes in surfaces and landmarks: another way to read them, in which the curves' ends fit much better.
-
-The surfaces mirrored, exchanged or not the numbered ones, curves reversed or swapped. The ends are compared after each
-reading's best Möbius map. One or two curves it takes to wrong places as well as to right ones: with so few the folds
-judge, by their own best Möbius map; and without any they tell a left from a right.
-"""
+"""Thresholds of a suspect registration, each beside what was measured (book/studies/suspect.py)."""
 
 from dataclasses import dataclass, replace
 from itertools import combinations
-
 import numpy as np
-
 from ..plane.mobius import mobius_misfits
 from ..surfaces.surface import SurfaceError
 from .features import FOLDS, SCALE, check_features, featured, laid_by_features, mirrored_gain
-from .limits import LIMITS, ROUNDING
+from .metrics import mean_rows
+
+LIMITS = {
+    "error_mm": 3.0,  # mean landmark error, mm, together with the next; 0.05 to 4.1 | 0.3 to 64
+    "error_share": 1 / 3,  # of the error that the best Möbius map leaves; 0.003 to 0.34 | 0.037 to 1.2
+    "curve_mm": 5.0,  # error of one curve, mm, together with the next; 0.06 to 8.2 | 0.3 to 95
+    "curve_ratio": 5.0,  # times the error of the median curve; 1.0 to 5.8 | 1.0 to 9.2
+    "rows": 0.005,  # rows switched, per vertex; 0 to 0.004 | 0 to 0.99
+    "strong_mu": 0.9,  # what counts as strong distortion
+    "strong_area": 0.01,  # share of the moving surface's area above that; 0 to 0.0013 | 0 to 0.70
+    "better": 0.75,  # misfit of the curves concerned in another reading, over that as given; 1.2 to 44 | 0.013 to 0.34
+    "plausible": 1.0,  # the same misfit over the curves' length in the disk; 0.18 to 10 | 0.028 to 0.44
+    "surface_given": 0.33,  # misfit as given over that length, other surfaces or numbers; 0.013 to 0.78 | 0.55 to 3.9
+    "hand": 0.1,  # gain of the folds' correlation if the moving side is mirrored; -0.63 to -0.22 | 0.18 to 0.53
+    "decisive": 0.35,  # the same over that after a quarter or half turn more: below, folds judge no curve; 0.35 to 0.89
+    "worse": 0.1,  # rise of the held-out curves' mean distance, with the next; -0.91 to 0.86 | -0.85 to 2.5
+    "worse_mm": 0.5,  # the same in mm; -15 to 3.4 | -14 to 15
+    "worse_curve_mm": 10.0,  # the same of one curve, with 0.1 of its distance before; -13 to 18 | -9.3 to 42
+    "worse_dice": 0.05,  # loss of the annotations' Dice, as a share of it; -0.84 to 0.23 | -0.85 to 0.71
+}
+ROUNDING = 1e-9  # in the disk: a misfit of this size is none
+
 
 FEWEST = 3  # curves: with fewer, a Möbius map takes wrong ends to wrong ends as well as right ones to right ones
 STEP = 0.9  # of the misfit of all curves: what a further change of their order must come below
@@ -210,3 +224,87 @@ def listed(names):
     """Names in quotes, with commas and a last 'and'."""
     quoted = [repr(name) for name in names]
     return " and ".join(filter(None, [", ".join(quoted[:-1]), quoted[-1]]))
+
+
+LEAST_R, COARSEST = 0.3, 16.0  # correlation below which features are no guide, and the scale in mm it is measured at
+
+
+def reasons(moving, rows, fit):
+    """Texts on why the `CertifiedMap` of a moving surface, rows from `error_rows`, is suspect."""
+    errors = [*large_error(mean_rows(rows)), *odd_curves(rows)] if rows else []
+    return [*errors, *switched_rows(fit, moving), *strong_distortion(moving, fit.mu)]
+
+
+def disagreeing(features, f):
+    """`features:` where the `Features` of both sides hardly agree, or not in sign, after a Möbius map f (V,)."""
+    r = dict(zip(features.names, features.correlation(f, COARSEST)))
+    against = [name for name, value in r.items() if value < -LEAST_R]
+    hardly = [name for name, value in r.items() if abs(value) <= LEAST_R]
+    if against:
+        yield (
+            f"features: {listed(against)} of the two sides {'are' if len(against) > 1 else 'is'} of opposite sign (r = "
+            f"{min(r.values()):.2f}); negate one side (FreeSurfer's curv is the negative of ours, its sulc is not)"
+        )
+    if hardly:
+        yield (
+            f"features: {listed(hardly)} of the two sides hardly {'agree' if len(hardly) > 1 else 'agrees'} (r = "
+            f"{min(abs(r[name]) for name in hardly):.2f} at {COARSEST:g} mm after the best Möbius map); check that "
+            "both show the same thing, smooth a noisy surface first, give a landmark curve or two, or negate one side"
+        )
+
+
+def large_error(means):
+    """`error:` where the map leaves the landmarks far from their targets."""
+    found, share = means["landmark_error_mm"], means["landmark_error"] / max(means["landmark_error_before"], ROUNDING)
+    if found > LIMITS["error_mm"] and share > LIMITS["error_share"]:
+        yield (
+            f"error: the landmarks end {found:.1f} mm from their targets on average, and {100 * share:.0f} % of what "
+            "the best Möbius map leaves stays; check the curves, or raise gamma if it was lowered"
+        )
+
+
+def odd_curves(rows):
+    """`curve:` where one curve ends far from its target and the others do not."""
+    errors = np.array([row["landmark_error_mm"] for row in rows])
+    median = np.median(errors)
+    for row, error in zip(rows, errors):
+        if error > LIMITS["curve_mm"] and error > LIMITS["curve_ratio"] * median:
+            found = f"curve: {row['name']!r} ends {error:.1f} mm from its target, the median curve {median:.1f} mm"
+            yield f"{found}; check its vertices, their order and its name, or leave it out"
+
+
+def switched_rows(fit, surface):
+    """`rows:` where the `CertifiedMap` of a surface had to be repaired at many vertices."""
+    count = len(surface.vertices)
+    if fit.switched > LIMITS["rows"] * count:
+        found = f"rows: the map folded and was repaired at {fit.switched} of {count} vertices"
+        yield f"{found}; no good landmarks ask for that: check the order, the names and the ends of the curves"
+
+
+def strong_share(moving, mu):
+    """Share of the moving surface's area with |mu| over LIMITS["strong_mu"]."""
+    return float(moving.face_areas[abs(mu) > LIMITS["strong_mu"]].sum() / moving.area)
+
+
+def strong_distortion(moving, mu):
+    """`distortion:` where much of the surface is stretched beyond what folding explains."""
+    share = strong_share(moving, mu)
+    if share > LIMITS["strong_area"]:
+        found = f"distortion: |mu| is over {LIMITS['strong_mu']} on {100 * share:.1f} % of the moving surface"
+        yield f"{found}; check the curves, or lower gamma"
+
+
+def worse(held_out_mm, dice):
+    """`worse:` where held-out curves, or annotations by their `dice`, fit clearly worse than after the Möbius map."""
+    rise, found = 1 + LIMITS["worse"], []
+    before, after = np.mean(list(held_out_mm.values()), axis=0) if held_out_mm else (0.0, 0.0)
+    if after > rise * before and after - before > LIMITS["worse_mm"]:
+        found.append(f"the held-out curves end {after:.1f} mm from their targets on average ({before:.1f}")
+    for name, (before, after) in held_out_mm.items():
+        if after > rise * before and after - before > LIMITS["worse_curve_mm"]:
+            found.append(f"{name!r} ends {after:.1f} mm from its target ({before:.1f}")
+    if dice and dice["after"] < (1 - LIMITS["worse_dice"]) * dice["before"]:
+        found.append(f"the annotations' Dice is {dice['after']:.2f} ({dice['before']:.2f}")
+    if found:
+        found = ", and ".join(f"{one} after the best Möbius map)" for one in found)
+        yield f"worse: {found}; check what was fitted, lower delta or gamma, or give a landmark curve there"

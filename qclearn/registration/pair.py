@@ -7,7 +7,7 @@ import numpy as np
 from scipy.sparse import vstack
 
 from ..plane.mobius import best_mobius
-from ..surfaces.conformal import Side, moved
+from ..surfaces.conformal import Side, apply_mobius
 from .checked import guarded_curves
 from .features import FeatureError, Features, mobius_by_features
 from .landmarks import POINTS_PER_CURVE, detect_curves, resample, sample_curve
@@ -45,7 +45,7 @@ def laid_upon(sides):
     """The sides with the moving disk laid upon the control's by a Möbius map of given points, or of features alone."""
     if sides.entries:
         return replace(sides, moving=align(sides.moving, sides.control, sides.entries))
-    laid = moved(sides.moving, mobius_by_features(sides.features, sides.moving.disk.z))
+    laid = apply_mobius(sides.moving, mobius_by_features(sides.features, sides.moving.disk.z))
     if not laid.whole:
         raise FeatureError("the features pull the moving disk onto its rim; give a landmark curve or two")
     return replace(sides, moving=laid)
@@ -73,7 +73,7 @@ def align(moving, control, entries):
         count = POINTS_PER_CURVE if whole else 2
         p.append(sample_curve(moving.surface, entry["moving"], count) @ moving.disk.z)
         q.append(sample_curve(control.surface, entry["control"], count) @ control.disk.z)
-    laid = moved(moving, best_mobius(np.concatenate(p), np.concatenate(q)))
+    laid = apply_mobius(moving, best_mobius(np.concatenate(p), np.concatenate(q)))
     if not laid.whole:
         raise LandmarkError(
             f"curve {farthest_curve(entries, p, q)!r} pulls the moving disk onto its rim: no room is left for the "
