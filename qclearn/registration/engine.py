@@ -30,8 +30,8 @@ LANDMARKS_AT_ONCE = 16  # bounds the memory of the adjoint solves
 DAMPINGS = 10.0 ** np.arange(-1, 10)  # of the steps that are tried where the line search fails, in parts of W
 TRUST, TRIES = 0.3, 4  # the largest change of nu in a damped step, and how many of them are tried
 # Work in parts of one exact map, and how much of it one level on the problem's own mesh may take: up to LOW_GAMMA, and
-# growing by the power GROWTH above. The slowest of 60 good problems (book/studies/effort.py) took 8, 30, 94, 164 and 290 at
-# gamma = 1e3, 1e5, 1e6, 1e7 and 1e8, with folds 70.
+# growing by the power GROWTH above. The slowest of 60 good problems (book/studies/effort.py) took 8, 30, 94, 164 and
+# 290 at gamma = 1e3, 1e5, 1e6, 1e7 and 1e8, with folds 70.
 REPAIR = 1.4
 MOST_WORK, LOW_GAMMA, GROWTH = 120.0, 1e5, 0.25
 
