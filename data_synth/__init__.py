@@ -15,7 +15,14 @@ TABLE = {
     "intersections": ["self_intersections"],
     "realism": ["low_pass_curvature", "realism", "score"],
     "subjects": ["load_cortex", "save_cortex"],
-    "training": ["DATA_POINTS", "TRAINING_SEEDS", "Fields", "Pairs", "SolvedFields", "SquareFields"],
+    "training": [
+        "DATA_POINTS",
+        "TRAINING_SEEDS",
+        "Fields",
+        "Pairs",
+        "SolvedFields",
+        "SquareFields",
+    ],
 }
 
 with require("synth", "synthetic surfaces"):

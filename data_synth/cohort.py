@@ -22,8 +22,11 @@ class CohortWarning(UserWarning):
     """A damaged file of the cohort was found and made again."""
 
 
-def cohort(count=24, n_vertices=10_000, folder=None, progress=True, workers=2, generation=GENERATION):
-    """The first `count` (1 to 24) left hemispheres of the fixed seeds, a list of Cortex: `hemispheres` of those seeds.
+def cohort(
+    count=24, n_vertices=10_000, folder=None, progress=True, workers=2, generation=GENERATION
+):
+    """The first `count` (1 to 24) left hemispheres of the fixed seeds, a list of Cortex:
+    `hemispheres` of those seeds.
 
     CortexError for a bad count or generation, or an unwritable folder.
     """
@@ -32,13 +35,15 @@ def cohort(count=24, n_vertices=10_000, folder=None, progress=True, workers=2, g
     return hemispheres(SEEDS[:count], n_vertices, folder, progress, workers, generation)
 
 
-def hemispheres(seeds, n_vertices=10_000, folder=None, progress=True, workers=2, generation=GENERATION):
+def hemispheres(
+    seeds, n_vertices=10_000, folder=None, progress=True, workers=2, generation=GENERATION
+):
     """The left hemispheres of `seeds`, a list of Cortex, from files made where missing.
 
-    Files lie in `folder` (default: `default_folder()`), each with its SHA-256 beside it; one that does not match is
-    made again with a CohortWarning, and an interrupted run continues where it stopped. `workers` run at the same time,
-    a hemisphere of 10,000 vertices takes one about ten seconds. CortexError for an unwritable folder, and for a file of
-    another generation among them.
+    Files lie in `folder` (default: `default_folder()`), each with its SHA-256 beside it; one that
+    does not match is made again with a CohortWarning, and an interrupted run continues where it
+    stopped. `workers` run at the same time, a hemisphere of 10,000 vertices takes one about ten
+    seconds. CortexError for an unwritable folder, and for a file of another generation among them.
     """
     if not isinstance(workers, int) or workers < 1:
         raise CortexError(f"workers is {workers!r}; give a whole number from 1.")
@@ -77,7 +82,8 @@ def _make(seed, n_vertices, path, generation):
 def _of_generation(generation, path, subject):
     if subject.generation != generation:
         raise CortexError(
-            f"{path} holds a subject of generation {subject.generation} where those of generation {generation} lie; "
+            f"{path} holds a subject of generation {subject.generation} where those of generation "
+            f"{generation} lie; "
             "remove it, and it is made again."
         )
     return subject
@@ -96,17 +102,24 @@ def _is_whole(path):
     if not path.is_file():
         return False
     checksum = _checksum_path(path)
-    if checksum.is_file() and checksum.read_bytes().decode(errors="replace").strip() == _digest(path):
+    if checksum.is_file() and checksum.read_bytes().decode(errors="replace").strip() == _digest(
+        path
+    ):
         return True
-    warnings.warn(f"{path} does not match its checksum; it is made again.", CohortWarning, stacklevel=3)
+    warnings.warn(
+        f"{path} does not match its checksum; it is made again.", CohortWarning, stacklevel=3
+    )
     return False
 
 
 def _require_writable(inner):
     try:
         inner.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=inner).close()  # of a name of its own: others may try at the same time
+        tempfile.TemporaryFile(
+            dir=inner
+        ).close()  # of a name of its own: others may try at the same time
     except OSError as error:
         raise CortexError(
-            f"the cohort's folder {inner.parent} cannot be written ({error.strerror or error}); give another folder."
+            f"the cohort's folder {inner.parent} cannot be written ({error.strerror or error}); "
+            "give another folder."
         ) from None

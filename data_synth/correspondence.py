@@ -11,11 +11,12 @@ CANDIDATES = (6, 40)
 
 
 def correspondence(a, b):
-    """Points (V_a, 3) on b's surface, in mm, that correspond to a's vertices: b's face that holds a's template point.
+    """Points (V_a, 3) on b's surface, in mm, that correspond to a's vertices: b's face that holds
+    a's template point.
 
-    Total: one wall bounds every template, and a rim point between the chords of b's rim goes to the nearest face. The
-    map commutes with the sides: homologous points of a left and a right hemisphere correspond. CortexError for
-    subjects of two generations.
+    Total: one wall bounds every template, and a rim point between the chords of b's rim goes to the
+    nearest face. The map commutes with the sides: homologous points of a left and a right
+    hemisphere correspond. CortexError for subjects of two generations.
     """
     require_one_generation([a, b])
     places = locate_on_sphere(b.template, b.surface.faces, a.template)
@@ -25,8 +26,8 @@ def correspondence(a, b):
 def depth_correlation(a, b):
     """Correlation over a's vertices of their sulcal depth with that of their true partners on b.
 
-    Near 1, folds correspond, and a method that puts folds on folds is right; else the truth lies beside the folds.
-    CortexError for subjects of two generations.
+    Near 1, folds correspond, and a method that puts folds on folds is right; else the truth lies
+    beside the folds. CortexError for subjects of two generations.
     """
     require_one_generation([a, b])
     places = locate_on_sphere(b.template, b.surface.faces, a.template)
@@ -35,13 +36,15 @@ def depth_correlation(a, b):
 
 
 def at_places(values, surface, places):
-    """Per-vertex values (V, ...) of a surface, linear in each face, at places (face, weights) that were located."""
+    """Per-vertex values (V, ...) of a surface, linear in each face, at places (face, weights) that
+    were located."""
     face, weights = places
     return np.einsum("pk,pk...->p...", weights, values[surface.faces[face]])
 
 
 def locate_on_sphere(template, faces, points):
-    """Face (P,) and barycentric coordinates (P, 3) of directions on a mesh of the sphere, seen from its centre."""
+    """Face (P,) and barycentric coordinates (P, 3) of directions on a mesh of the sphere, seen from
+    its centre."""
     tree = cKDTree(template[faces].mean(1))
     face, barycentric = np.zeros(len(points), np.int64), np.full((len(points), 3), -np.inf)
     open_points = np.arange(len(points))

@@ -20,12 +20,14 @@ FEWEST, MOST = 1_000, 200_000
 
 
 class CortexError(ValueError):
-    """A synthetic hemisphere that cannot be made, read or matched: says what was asked and what is possible."""
+    """A synthetic hemisphere that cannot be made, read or matched: says what was asked and what is
+    possible."""
 
 
 @dataclass(frozen=True)
 class Mechanics:
-    """The growing shell. Unit of length: half the hemisphere; of stiffness: an edge spring, at 10,000 vertices."""
+    """The growing shell. Unit of length: half the hemisphere; of stiffness: an edge spring, at
+    10,000 vertices."""
 
     growth: float = 1.81  # final stretch of the rest lengths
     modulation: float = 0.03  # its smooth relative variation
@@ -48,11 +50,13 @@ class Mechanics:
 
 @dataclass(frozen=True)
 class Cortex:
-    """A synthetic hemisphere: the surface in mm with its curves, and each vertex' point on the template sphere (V, 3).
+    """A synthetic hemisphere: the surface in mm with its curves, and each vertex' point on the
+    template sphere (V, 3).
 
-    The template's frame is lateral, anterior, superior for both sides, so homologous points of left and right agree.
-    generation: of the generator's constants. interrupted, branched: the names of the sulci that were drawn with a gap
-    (a gyrus may bridge them) or with side branches; the growth decides how much of either shows.
+    The template's frame is lateral, anterior, superior for both sides, so homologous points of left
+    and right agree. generation: of the generator's constants. interrupted, branched: the names of
+    the sulci that were drawn with a gap (a gyrus may bridge them) or with side branches; the growth
+    decides how much of either shows.
     """
 
     surface: Surface
@@ -81,7 +85,8 @@ def require_one_generation(subjects):
     found = sorted({subject.generation for subject in subjects})
     if len(found) > 1:
         raise CortexError(
-            f"the subjects are of the generations {', '.join(map(str, found))}, whose folds follow other rules; "
+            f"the subjects are of the generations {', '.join(map(str, found))}, whose folds "
+            "follow other rules; "
             "make all with one version of the generator."
         )
 
@@ -90,9 +95,13 @@ def _check(seed, n_vertices, hemisphere="left"):
     if not isinstance(seed, (int, np.integer)) or isinstance(seed, bool) or not 0 <= seed < 2**63:
         raise CortexError(f"the seed is {seed!r}; give a whole number from 0, below 2^63.")
     if not isinstance(n_vertices, (int, np.integer)) or not FEWEST <= n_vertices <= MOST:
-        raise CortexError(f"n_vertices is {n_vertices!r}; give a whole number from {FEWEST:,} to {MOST:,}.")
+        raise CortexError(
+            f"n_vertices is {n_vertices!r}; give a whole number from {FEWEST:,} to {MOST:,}."
+        )
     if hemisphere not in HEMISPHERES:
-        raise CortexError(f"the hemisphere is {hemisphere!r}; choose one of {', '.join(HEMISPHERES)}.")
+        raise CortexError(
+            f"the hemisphere is {hemisphere!r}; choose one of {', '.join(HEMISPHERES)}."
+        )
 
 
 def _normals(x, faces):
@@ -106,19 +115,30 @@ def _area(x, faces):
 def vertex_normals(x, faces):
     """Unit normals (V, 3), area weighted."""
     n = _normals(x, faces)
-    total = np.stack([np.bincount(faces.ravel(), np.repeat(n[:, k], 3), len(x)) for k in range(3)], axis=1)
+    total = np.stack(
+        [np.bincount(faces.ravel(), np.repeat(n[:, k], 3), len(x)) for k in range(3)], axis=1
+    )
     return total / np.linalg.norm(total, axis=1, keepdims=True)
 
 
-def make_cortex(seed, n_vertices=10_000, hemisphere="left", mechanics=Mechanics(), clock=None, generation=GENERATION):
-    """A folded hemisphere without its medial wall: a disk of n_vertices, outward oriented, in millimetres (x right, y
-    anterior, z superior), with the fundi of eight named sulci and every vertex' point on the template.
+def make_cortex(
+    seed,
+    n_vertices=10_000,
+    hemisphere="left",
+    mechanics=Mechanics(),
+    clock=None,
+    generation=GENERATION,
+):
+    """A folded hemisphere without its medial wall: a disk of n_vertices, outward oriented, in
+    millimetres (x right, y anterior, z superior), with the fundi of eight named sulci and every
+    vertex' point on the template.
 
-    The seed (a whole number from 0) decides everything: the same seed, size, side and generation give the same
-    hemisphere, and both sides of a seed resemble each other. Folds have the width of real ones from 8,000 vertices;
-    coarser meshes fold more coarsely. Folds form 1 to 3 mm beside what corresponds on the template. Takes time like
-    n^1.5, 10 s at 10,000; `clock`, int64 (2,), is kept at the steps of growth done and in all, for a progress bar in
-    another thread. CortexError for a seed, size, side or generation that is not possible.
+    The seed (a whole number from 0) decides everything: the same seed, size, side and generation
+    give the same hemisphere, and both sides of a seed resemble each other. Folds have the width of
+    real ones from 8,000 vertices; coarser meshes fold more coarsely. Folds form 1 to 3 mm beside
+    what corresponds on the template. Takes time like n^1.5, 10 s at 10,000; `clock`, int64 (2,), is
+    kept at the steps of growth done and in all, for a progress bar in another thread. CortexError
+    for a seed, size, side or generation that is not possible.
     """
     _check(seed, n_vertices, hemisphere)
     require_generation(generation)
@@ -129,28 +149,36 @@ def make_cortex(seed, n_vertices=10_000, hemisphere="left", mechanics=Mechanics(
 
 
 def unfolded(cortex, template):
-    """The smooth surface (k, 3) that a subject grew from, at template points (k, 3); unit: half a hemisphere."""
+    """The smooth surface (k, 3) that a subject grew from, at template points (k, 3); unit: half a
+    hemisphere."""
     require_generation(cortex.generation)
     person = Individual(cortex.seed, cortex.hemisphere, GENERATIONS[cortex.generation])
     return person.position(person.deform(template))
 
 
 def growth_frames(seed, n_vertices=3_000, frames=20):
-    """The left hemisphere of `make_cortex` while it grows: (positions (K, V, 3) in mm, faces (F, 3), factors (K,) by
-    which the rest lengths of the edges have grown until then). The last positions are those of its surface.
+    """The left hemisphere of `make_cortex` while it grows: (positions (K, V, 3) in mm, faces (F,
+    3), factors (K,) by which the rest lengths of the edges have grown until then). The last
+    positions are those of its surface.
 
-    Edges along furrows grow less than the factors say, others vary around them by a few percent. All positions have the
-    scale of the last, so that areas can be compared. CortexError as for `make_cortex`.
+    Edges along furrows grow less than the factors say, others vary around them by a few percent.
+    All positions have the scale of the last, so that areas can be compared. CortexError as for
+    `make_cortex`.
     """
     _check(seed, n_vertices)
     m, film = Mechanics(), np.empty((frames - 1, n_vertices, 3))
     surface, _ = grown(Individual(seed, "left"), n_vertices, m, film=film)
     progress = np.minimum(1, np.arange(frames) / (GROWN * (frames - 1)))
-    return np.concatenate([film, surface.vertices[None]]), surface.faces, 1 + (m.growth - 1) * progress
+    return (
+        np.concatenate([film, surface.vertices[None]]),
+        surface.faces,
+        1 + (m.growth - 1) * progress,
+    )
 
 
 def grown(person, n_vertices, mechanics=Mechanics(), clock=None, film=None):
-    """The folded surface of an `Individual` with its curves, and each vertex' template point (V, 3).
+    """The folded surface of an `Individual` with its curves, and each vertex' template point (V,
+    3).
 
     film (K, V, 3): becomes positions of its growth, as in `grow`, to the scale of the surface."""
     directions, rim = even_points(person.position, n_vertices, person.rng)
@@ -207,12 +235,13 @@ def _fold(person, directions, template, held, sheet, mechanics, record):
 
 
 def _growth(person, directions, sheet, furrows, mechanics):
-    """Final stretch (2E,) of the edges, less along furrows: real fundi are nearly straight, it is their banks that
-    buckle."""
+    """Final stretch (2E,) of the edges, less along furrows: real fundi are nearly straight, it is
+    their banks that buckle."""
     rest, owner, index = sheet.rest, sheet.owner, sheet.index
     edge = (rest[index] - rest[owner]) / sheet.lengths(rest)[:, None]
     parallel = sum(
-        0.5 * np.einsum("ij,ij->i", edge, furrows.along[ends]) ** 2 * furrows.band[ends] for ends in (owner, index)
+        0.5 * np.einsum("ij,ij->i", edge, furrows.along[ends]) ** 2 * furrows.band[ends]
+        for ends in (owner, index)
     )
     growth = 1 + mechanics.modulation * smooth_field(person.rng, directions, 0.5, 80)
     growth = mechanics.growth * 0.5 * (growth[owner] + growth[index])

@@ -1,4 +1,5 @@
-"""Torch datasets for the three trainings: item k depends on the seed and k alone, whatever the number of workers."""
+"""Torch datasets for the three trainings: item k depends on the seed and k alone, whatever the
+number of workers."""
 
 import atexit
 import hashlib
@@ -14,7 +15,7 @@ from qclearn.io.extras import require
 from qclearn.io.safe import write_whole
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.disk import Disk
-from qclearn.registration.landmarks import sample_curve
+from qclearn.registration.curves import sample_curve
 from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.curvature import curvature_image, grey_levels, mean_curvature
 from qclearn.surfaces.surface import SurfaceError
@@ -28,8 +29,8 @@ with require("nets", "training sets"):
     from torch.multiprocessing.reductions import shared_cache
     from torch.utils.data import DataLoader, Dataset, TensorDataset
 
-# Torch remembers each tensor that a worker sent. Unless these references go first, they outlive the module that frees
-# them, and the process ends in "Exception ignored in ... StorageWeakRef.__del__".
+# Torch remembers each tensor that a worker sent. Unless these references go first, they outlive the
+# module that frees them, and the process ends in "Exception ignored in ... StorageWeakRef.__del__".
 atexit.register(shared_cache.clear)
 
 
@@ -44,7 +45,8 @@ class DatasetWarning(UserWarning):
 class Seeded(Dataset):
     """Items `draw(rng) -> tuple of arrays`, one generator an item, as float32 or complex64 tensors.
 
-    ingredients: whatever else decides the items (arrays, numbers, names, sources of images), for the recipe.
+    ingredients: whatever else decides the items (arrays, numbers, names, sources of images), for
+    the recipe.
     """
 
     def __init__(self, count, seed, *ingredients):
@@ -59,7 +61,9 @@ class Seeded(Dataset):
     def __getitem__(self, index):
         if not 0 <= index < self.count:
             raise IndexError(index)
-        return tuple(_tensor(array) for array in self.draw(np.random.default_rng([self.seed, index])))
+        return tuple(
+            _tensor(array) for array in self.draw(np.random.default_rng([self.seed, index]))
+        )
 
     @property
     def recipe(self):
@@ -80,19 +84,22 @@ def _tensor(array):
 
 
 def quiet_disk_map(surface):
-    """The disk map of a subject, without a word on boundary steps that had to be raised: coarse ones need it."""
+    """The disk map of a subject, without a word on boundary steps that had to be raised: coarse
+    ones need it."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RepairWarning)
         return disk_conformal_map(surface)
 
 
 class CurveDataset(Seeded):
-    """For LD-Net: (image (2, size, size), ends (K, 2), curves (K, points)) of synthetic subjects, turned and distorted.
+    """For LD-Net: (image (2, size, size), ends (K, 2), curves (K, points)) of synthetic subjects,
+    turned and distorted.
 
-    Channels: curvature in 0..255 on the disk (0 outside it) and the endpoints as 255; ends and curves are complex
-    points of the same image coordinates, whose radius follows the area. Each item draws a subject, a rotation and a
-    quasi-conformal map of its disk, as the paper does. The curves are the subjects' own, in the order of `names` (all
-    of the first subject's unless some are named).
+    Channels: curvature in 0..255 on the disk (0 outside it) and the endpoints as 255; ends and
+    curves are complex points of the same image coordinates, whose radius follows the area. Each
+    item draws a subject, a rotation and a quasi-conformal map of its disk, as the paper does. The
+    curves are the subjects' own, in the order of `names` (all of the first subject's unless some
+    are named).
     """
 
     def __init__(self, count, seed, subjects, size=128, points=10, max_abs=(0.0, 0.4), names=None):
@@ -104,18 +111,25 @@ class CurveDataset(Seeded):
         self.names = known if names is None else tuple(names)
         unknown = [name for name in self.names if name not in known]
         if unknown or not self.names:
-            raise DatasetError(f"names: no sulcus is called {unknown}; the subjects have {', '.join(known)}")
+            raise DatasetError(
+                f"names: no sulcus is called {unknown}; the subjects have {', '.join(known)}"
+            )
         parts = [
             part
             for surface in surfaces
-            for part in (surface.vertices, surface.faces, *(surface.curves[name] for name in self.names))
+            for part in (
+                surface.vertices,
+                surface.faces,
+                *(surface.curves[name] for name in self.names),
+            )
         ]
         super().__init__(count, seed, size, points, max_abs, self.names, *parts)
         self.size, self.points, self.max_abs, self.surfaces = size, points, max_abs, surfaces
 
     @cached_property
     def subjects(self):
-        """What the items are drawn from; most of a second each, and not needed where a kept set is read."""
+        """What the items are drawn from; most of a second each, and not needed where a kept set is
+        read."""
         return [self._prepare(surface) for surface in self.surfaces]
 
     def _prepare(self, surface):
@@ -131,22 +145,31 @@ class CurveDataset(Seeded):
         curves = np.stack([radius.to_image(curve @ z) for curve in samples])
         ends = curves[:, [0, -1]]
         marks = np.zeros((self.size, self.size))
-        row, column = (np.clip(((x + 1) * self.size / 2).astype(int), 0, self.size - 1) for x in (ends.imag, ends.real))
+        row, column = (
+            np.clip(((x + 1) * self.size / 2).astype(int), 0, self.size - 1)
+            for x in (ends.imag, ends.real)
+        )
         marks[row, column] = 255
         return np.stack([np.nan_to_num(image), marks]), ends, curves
 
 
 def cached(dataset, path, workers=0, progress=True):
-    """The whole dataset as a TensorDataset, read from `path` or drawn once by `workers` processes and kept there.
+    """The whole dataset as a TensorDataset, read from `path` or drawn once by `workers` processes
+    and kept there.
 
-    The file carries the dataset's recipe and a checksum; one that is damaged or of another recipe is drawn again, with
-    a DatasetWarning. DatasetError, before anything is drawn, where the file cannot be written.
+    The file carries the dataset's recipe and a checksum; one that is damaged or of another recipe
+    is drawn again, with a DatasetWarning. DatasetError, before anything is drawn, where the file
+    cannot be written.
     """
     path = Path(path)
     kept = _read(path, dataset.recipe)
     if kept is None:
         if path.exists():
-            warnings.warn(f"{path} is damaged or of another recipe; it is drawn again", DatasetWarning, stacklevel=2)
+            warnings.warn(
+                f"{path} is damaged or of another recipe; it is drawn again",
+                DatasetWarning,
+                stacklevel=2,
+            )
         kept = _drawn(dataset, path, workers, progress)
     return TensorDataset(*kept)
 
@@ -161,7 +184,9 @@ def _drawn(dataset, path, workers, progress):
         kept.extend(torch.cat(column) for column in zip(*batches))
         columns = {f"column_{k}": tensor.numpy() for k, tensor in enumerate(kept)}
         with place.open("wb") as file:
-            np.savez(file, columns=len(kept), recipe=dataset.recipe, checksum=_checksum(kept), **columns)
+            np.savez(
+                file, columns=len(kept), recipe=dataset.recipe, checksum=_checksum(kept), **columns
+            )
 
     try:
         if path.is_dir():
@@ -169,7 +194,9 @@ def _drawn(dataset, path, workers, progress):
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         reason = error.strerror or error
-        raise DatasetError(f"{path} cannot be written: {reason}. Choose a folder you may write.") from None
+        raise DatasetError(
+            f"{path} cannot be written: {reason}. Choose a folder you may write."
+        ) from None
     try:
         write_whole(path, draw)
     except SurfaceError as error:

@@ -1,9 +1,11 @@
-"""Random Beltrami coefficients: from photographs as in the paper, from a procedural stand-in, and smooth ones.
+"""Random Beltrami coefficients: from photographs as in the paper, from a procedural stand-in, and
+smooth ones.
 
-The paper turns two random photographs grey, takes one as the real and one as the imaginary part, smooths them, adds
-noise and scales the result below 1. Any callable `source(size, rng) -> grey image (size, size)` in [0, 1] can take the
-photographs' place; here a folder of images, or dead leaves with a 1/f texture, whose spectrum and edges are those of
-natural images (Ruderman 1997; Lee, Mumford and Huang 2001).
+The paper turns two random photographs grey, takes one as the real and one as the imaginary part,
+smooths them, adds noise and scales the result below 1. Any callable `source(size, rng) -> grey
+image (size, size)` in [0, 1] can take the photographs' place; here a folder of images, or dead
+leaves with a 1/f texture, whose spectrum and edges are those of natural images (Ruderman 1997; Lee,
+Mumford and Huang 2001).
 """
 
 import hashlib
@@ -27,11 +29,12 @@ class ImageError(ValueError):
 
 
 class ImageFolder:
-    """Photographs of a local folder as a source of grey images: `folder(size, rng)` gives a random square part.
+    """Photographs of a local folder as a source of grey images: `folder(size, rng)` gives a random
+    square part.
 
-    Every file with an image suffix is read once at the start, so that a long run does not meet a damaged one; they are
-    read again when drawn, so that memory does not grow with the folder. ImageError names the first that cannot be used,
-    or says that there is none.
+    Every file with an image suffix is read once at the start, so that a long run does not meet a
+    damaged one; they are read again when drawn, so that memory does not grow with the folder.
+    ImageError names the first that cannot be used, or says that there is none.
     """
 
     def __init__(self, folder):
@@ -40,7 +43,9 @@ class ImageFolder:
             raise ImageError(f"{folder}: no such folder of images; give one that exists")
         self.paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
         if not self.paths:
-            raise ImageError(f"{folder}: holds no images; put some there ({', '.join(sorted(SUFFIXES))})")
+            raise ImageError(
+                f"{folder}: holds no images; put some there ({', '.join(sorted(SUFFIXES))})"
+            )
         contents = hashlib.sha256()
         for path in self.paths:
             _read_grey(path)
@@ -62,7 +67,9 @@ class ImageFolder:
 
 def _read_grey(path):
     try:
-        image = img_as_float(io.imread(BytesIO(path.read_bytes())))  # from a path, the reader may leave the file open
+        image = img_as_float(
+            io.imread(BytesIO(path.read_bytes()))
+        )  # from a path, the reader may leave the file open
     except Exception as error:
         reason = " ".join(str(error).split())[:80]
         raise ImageError(f"{path}: not a readable image ({reason}); remove or replace it") from None
@@ -70,14 +77,18 @@ def _read_grey(path):
         colours = image.shape[-1] - (image.shape[-1] in (2, 4))  # without the opacity
         image = image[..., :colours].mean(-1)
     if image.ndim != 2 or min(image.shape) < SMALLEST:
-        raise ImageError(f"{path}: shape {image.shape}; give one picture of at least {SMALLEST} x {SMALLEST} pixels")
+        raise ImageError(
+            f"{path}: shape {image.shape}; give one picture of at least {SMALLEST} x {SMALLEST} "
+            "pixels"
+        )
     if not np.isfinite(image).all() or np.ptp(image) == 0:
         raise ImageError(f"{path}: is of one grey throughout, or not finite; remove or replace it")
     return image
 
 
 def power_noise(size, rng, slope):
-    """Periodic Gaussian noise (size, size) with amplitude |k|^-slope, mean 0 and standard deviation 1."""
+    """Periodic Gaussian noise (size, size) with amplitude |k|^-slope, mean 0 and standard deviation
+    1."""
     k = np.hypot(*np.meshgrid(np.fft.fftfreq(size), np.fft.rfftfreq(size), indexing="ij"))
     k[0, 0] = 1
     spectrum = np.fft.rfft2(rng.normal(size=(size, size))) * k**-slope
@@ -87,7 +98,8 @@ def power_noise(size, rng, slope):
 
 
 def dead_leaves(size, rng, leaves=400):
-    """Grey image (size, size) in [0, 1]: disks of radius density r^-3 hide one another, each with a 1/f texture."""
+    """Grey image (size, size) in [0, 1]: disks of radius density r^-3 hide one another, each with a
+    1/f texture."""
     y, x = np.mgrid[:size, :size]
     smallest, largest = 0.015 * size, 0.5 * size
     u = rng.random(leaves)
@@ -101,21 +113,30 @@ def dead_leaves(size, rng, leaves=400):
 
 
 def image_coefficient(size, rng, source=dead_leaves, smoothing=(0.01, 0.06), noise=0.03):
-    """Complex image (size, size) by the paper's recipe from two grey images of `source`, mean 0, largest modulus 1.
+    """Complex image (size, size) by the paper's recipe from two grey images of `source`, mean 0,
+    largest modulus 1.
 
-    smoothing: the Gaussian's standard deviation is log-uniform in this interval, as a share of the size; noise: the
-    added white noise's standard deviation as a share of the image's.
+    smoothing: the Gaussian's standard deviation is log-uniform in this interval, as a share of the
+    size; noise: the added white noise's standard deviation as a share of the image's.
     """
     field = source(size, rng) + 1j * source(size, rng)
     sigma = size * np.exp(rng.uniform(*np.log(smoothing)))
-    field = ndimage.gaussian_filter(field.real, sigma) + 1j * ndimage.gaussian_filter(field.imag, sigma)
+    field = ndimage.gaussian_filter(field.real, sigma) + 1j * ndimage.gaussian_filter(
+        field.imag, sigma
+    )
     field -= field.mean()
-    field += noise * field.std() * (rng.normal(size=field.shape) + 1j * rng.normal(size=field.shape)) / np.sqrt(2)
+    field += (
+        noise
+        * field.std()
+        * (rng.normal(size=field.shape) + 1j * rng.normal(size=field.shape))
+        / np.sqrt(2)
+    )
     return field / abs(field).max()
 
 
 def smooth_coefficient(size, rng, slope=2.5):
-    """Complex image (size, size) with the spectrum of smooth deformations, amplitude |k|^-slope; largest modulus 1."""
+    """Complex image (size, size) with the spectrum of smooth deformations, amplitude |k|^-slope;
+    largest modulus 1."""
     field = power_noise(2 * size, rng, slope) + 1j * power_noise(2 * size, rng, slope)
     field = field[:size, :size]  # a quarter of the period, so that opposite sides are free
     return field / abs(field).max()
@@ -127,13 +148,16 @@ KINDS = ("image", "smooth")
 def random_coefficient(disk, rng, kind="smooth", max_abs=MAX_ABS, size=128, source=dead_leaves):
     """Random mu (F,) on the faces of a `Disk`; its largest |mu| is uniform in `max_abs`.
 
-    kind: "image" (`image_coefficient` of `source`) or "smooth" (`smooth_coefficient`). The field is drawn on a square
-    of size x size pixels and resampled by `disk_to_square`, with a uniformly random turn of its phase.
+    kind: "image" (`image_coefficient` of `source`) or "smooth" (`smooth_coefficient`). The field is
+    drawn on a square of size x size pixels and resampled by `disk_to_square`, with a uniformly
+    random turn of its phase.
     """
     if kind not in KINDS:
         raise ValueError(f"unknown kind {kind!r}; there are {', '.join(KINDS)}")
     if not 0 <= max_abs[0] <= max_abs[1] < 1:
         raise ValueError(f"max_abs = {max_abs}: give an interval within [0, 1)")
-    image = image_coefficient(size, rng, source) if kind == "image" else smooth_coefficient(size, rng)
+    image = (
+        image_coefficient(size, rng, source) if kind == "image" else smooth_coefficient(size, rng)
+    )
     mu = from_square(image, disk)
     return mu * (rng.uniform(*max_abs) / abs(mu).max()) * np.exp(2j * np.pi * rng.random())

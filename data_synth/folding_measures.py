@@ -1,4 +1,5 @@
-"""Measurements of a folded sheet for the realism metrics: smoothing, bending, gaps, fold wavelengths, sulcal pits."""
+"""Measurements of a folded sheet for the realism metrics: smoothing, bending, gaps, fold
+wavelengths, sulcal pits."""
 
 import numpy as np
 from scipy import sparse
@@ -9,7 +10,8 @@ from .cortex import vertex_normals
 
 
 def smooth(surface, values, length, steps=3):
-    """Values (V,) after heat flow over the surface for the time length^2: a low pass, in implicit Euler steps."""
+    """Values (V,) after heat flow over the surface for the time length^2: a low pass, in implicit
+    Euler steps."""
     mass = sparse.diags_array(surface.vertex_areas)
     return heat_flow(mass, length**2 / steps * surface.stiffness, mass @ values, steps)
 
@@ -17,8 +19,9 @@ def smooth(surface, values, length, steps=3):
 def principal_curvatures(surface, rings=4):
     """Both principal curvatures (V,), k1 >= k2, positive where an outward surface is convex.
 
-    From a quadric through the vertex, fitted by least squares to the neighbours within `rings` edges whose normals do
-    not oppose its own (Cazals and Pouget 2005; the neighbourhood of Panozzo et al. 2010).
+    From a quadric through the vertex, fitted by least squares to the neighbours within `rings`
+    edges whose normals do not oppose its own (Cazals and Pouget 2005; the neighbourhood of Panozzo
+    et al. 2010).
     """
     normal = vertex_normals(surface.vertices, surface.faces)
     centre, other = _ring_pairs(surface, rings)
@@ -30,10 +33,14 @@ def principal_curvatures(surface, rings=4):
     x_axis = np.cross(normal, across)
     x_axis /= np.linalg.norm(x_axis, axis=1, keepdims=True)
     frame = np.stack([x_axis, np.cross(normal, x_axis), normal], axis=1)
-    scale = np.sqrt(surface.vertex_areas)  # heights and distances in this unit: well-conditioned sums
+    scale = np.sqrt(
+        surface.vertex_areas
+    )  # heights and distances in this unit: well-conditioned sums
     offset = (surface.vertices[other] - surface.vertices[centre]) / scale[centre, None]
     u, v, height = np.einsum("pak,pk->ap", frame[centre], offset)
-    quadric = _least_squares(np.stack([u * u, u * v, v * v, u, v], axis=1), height, centre, len(normal))
+    quadric = _least_squares(
+        np.stack([u * u, u * v, v * v, u, v], axis=1), height, centre, len(normal)
+    )
     return tuple(k / scale for k in _bending(*quadric.T))
 
 
@@ -41,7 +48,9 @@ def _ring_pairs(surface, rings):
     """All ordered pairs of different vertices at most `rings` edges apart: two index arrays."""
     a, b = surface.edges.T
     n = len(surface.vertices)
-    near = sparse.coo_array((np.ones(2 * len(a), bool), (np.r_[a, b], np.r_[b, a])), shape=(n, n)).tocsr()
+    near = sparse.coo_array(
+        (np.ones(2 * len(a), bool), (np.r_[a, b], np.r_[b, a])), shape=(n, n)
+    ).tocsr()
     near = reach = near + sparse.eye_array(n, dtype=bool, format="csr")
     for _ in range(rings - 1):
         reach = reach @ near
@@ -50,20 +59,24 @@ def _ring_pairs(surface, rings):
 
 
 def _least_squares(design, target, group, n_groups):
-    """Solutions (n_groups, k) of one least-squares problem a group, with a trace of ridge for deficient ones."""
+    """Solutions (n_groups, k) of one least-squares problem a group, with a trace of ridge for
+    deficient ones."""
 
     def total(values):
         return np.bincount(group, values, n_groups)
 
     k = design.shape[1]
-    matrix = np.array([[total(design[:, i] * design[:, j]) for j in range(k)] for i in range(k)]).transpose(2, 0, 1)
+    matrix = np.array(
+        [[total(design[:, i] * design[:, j]) for j in range(k)] for i in range(k)]
+    ).transpose(2, 0, 1)
     right = np.array([total(design[:, i] * target) for i in range(k)]).T
     ridge = 1e-12 * np.trace(matrix, axis1=1, axis2=2)[:, None, None] * np.eye(k)
     return np.linalg.solve(matrix + ridge, right[..., None])[..., 0]
 
 
 def _bending(a, b, c, d, e):
-    """Principal curvatures at 0 of the graph a u^2 + b uv + c v^2 + d u + e v, positive where it bends down."""
+    """Principal curvatures at 0 of the graph a u^2 + b uv + c v^2 + d u + e v, positive where it
+    bends down."""
     g11, g12, g22 = 1 + d * d, d * e, 1 + e * e
     determinant = 1 + d * d + e * e
     h11, h12, h22 = (-x / np.sqrt(determinant) for x in (2 * a, b, 2 * c))
@@ -74,9 +87,11 @@ def _bending(a, b, c, d, e):
 
 
 def facing_distance(surface, start):
-    """Distance (V,) from each vertex along its outward normal to the next sheet, infinite where none is met.
+    """Distance (V,) from each vertex along its outward normal to the next sheet, infinite where
+    none is met.
 
-    The ray begins at the distance `start`, so that it leaves its own faces. At a buried vertex: the sulcal width.
+    The ray begins at the distance `start`, so that it leaves its own faces. At a buried vertex: the
+    sulcal width.
     """
     import pyvista
     from vtkmodules.vtkCommonCore import reference
@@ -85,7 +100,10 @@ def facing_distance(surface, start):
     locator = vtkStaticCellLocator()
     locator.SetDataSet(pyvista.PolyData.from_regular_faces(surface.vertices, surface.faces))
     locator.BuildLocator()
-    normal, reach = vertex_normals(surface.vertices, surface.faces), 2 * np.ptp(surface.vertices, axis=0).max()
+    normal, reach = (
+        vertex_normals(surface.vertices, surface.faces),
+        2 * np.ptp(surface.vertices, axis=0).max(),
+    )
     distance = np.full(len(normal), np.inf)
     t, hit, local, part = reference(0.0), [0.0] * 3, [0.0] * 3, reference(0)
     begins, ends = surface.vertices + start * normal, surface.vertices + reach * normal
@@ -96,10 +114,12 @@ def facing_distance(surface, start):
 
 
 def fold_spectrum(surface, values):
-    """Power of a map over wavelength, the latter in units of sqrt(area): (wavelengths (25,), shares of power (25,)).
+    """Power of a map over wavelength, the latter in units of sqrt(area): (wavelengths (25,), shares
+    of power (25,)).
 
-    Band-pass filters `(4 x / (1 + x)^2)^4`, x = eigenvalue / centre, of the Laplace-Beltrami operator at 25 centres
-    with wavelength 2 pi / sqrt(eigenvalue) from 0.04 to 1.2: rational, so that sparse solves replace eigenvectors.
+    Band-pass filters `(4 x / (1 + x)^2)^4`, x = eigenvalue / centre, of the Laplace-Beltrami
+    operator at 25 centres with wavelength 2 pi / sqrt(eigenvalue) from 0.04 to 1.2: rational, so
+    that sparse solves replace eigenvectors.
     """
     mass, stiffness = surface.vertex_areas, surface.stiffness
     wavelengths = np.geomspace(0.04, 1.2, 25)
@@ -114,7 +134,8 @@ def fold_spectrum(surface, values):
 
 
 def spectral_peak(wavelengths, power):
-    """Wavelength of the highest power: the vertex of the parabola through it and its neighbours, in log wavelength."""
+    """Wavelength of the highest power: the vertex of the parabola through it and its neighbours, in
+    log wavelength."""
     top = int(np.clip(np.argmax(power), 1, len(power) - 2))
     left, middle, right = power[top - 1 : top + 2]
     shift = np.clip(0.5 * (left - right) / (left - 2 * middle + right), -1, 1)
@@ -129,9 +150,10 @@ def spectral_centroid(wavelengths, power):
 def pits_and_fundi(surface, depth, deep, persistence):
     """Number of sulcal pits and total length of the fundus lines of a depth map (V,).
 
-    The region deeper than `deep` is flooded from the bottom up (Meng et al. 2014, Le Guen et al. 2018). A pit is a
-    maximum of depth that rises by more than `persistence` above the saddle where it joins a deeper one, or above
-    `deep`; the fundus lines are the steepest ascents from both sides of every such saddle, each edge counted once.
+    The region deeper than `deep` is flooded from the bottom up (Meng et al. 2014, Le Guen et al.
+    2018). A pit is a maximum of depth that rises by more than `persistence` above the saddle where
+    it joins a deeper one, or above `deep`; the fundus lines are the steepest ascents from both
+    sides of every such saddle, each edge counted once.
     """
     a, b = surface.edges.T
     matrix = sparse.coo_array((np.ones(2 * len(a)), (np.r_[a, b], np.r_[b, a]))).tocsr()
@@ -151,7 +173,8 @@ def pits_and_fundi(surface, depth, deep, persistence):
 
 
 def _merge_tree(depth, neighbours, deep, persistence):
-    """Persistent maxima, and (saddle, deepest neighbour) for both sides of every join, while the depth is flooded."""
+    """Persistent maxima, and (saddle, deepest neighbour) for both sides of every join, while the
+    depth is flooded."""
     parent, peak, pits, saddles = {}, {}, 0, []
 
     def root(vertex):

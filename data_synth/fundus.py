@@ -7,25 +7,31 @@ from scipy.spatial import cKDTree
 
 
 def concavity(x, normal, start, index):
-    """Smoothed umbrella curvature (V,) times the edge length: positive in sulci, negative on crowns."""
+    """Smoothed umbrella curvature (V,) times the edge length: positive in sulci, negative on
+    crowns."""
     count = len(x)
     owner = np.repeat(np.arange(count), np.diff(start))
     degree = np.diff(start)
-    value = np.bincount(owner, np.einsum("ij,ij->i", x[index] - x[owner], normal[owner]), count) / degree
+    value = (
+        np.bincount(owner, np.einsum("ij,ij->i", x[index] - x[owner], normal[owner]), count)
+        / degree
+    )
     for _ in range(2):
         value = 0.5 * value + 0.5 * np.bincount(owner, value[index], count) / degree
     return value / np.linalg.norm(x[owner] - x[index], axis=1).mean()
 
 
 def valley_path(x, sheet, valley, distance, ends, guidance):
-    """Vertices (k,) of the cheapest path between two vertices, an edge costing its length over how good a valley it is.
+    """Vertices (k,) of the cheapest path between two vertices, an edge costing its length over how
+    good a valley it is.
 
     valley (V,) in 0..1, 1 = fundus; distance (V,) from the course on the rest surface; guidance:
     `generations.Guidance`, for the corridor around the course.
     """
     first, last = ends
     owner, index, length = sheet.owner, sheet.index, sheet.lengths(x)
-    # Added, not only multiplied: in a perfect valley a factor costs nothing, and the path would jump to a neighbour.
+    # Added, not only multiplied: in a perfect valley a factor costs nothing, and the path would
+    # jump to a neighbour.
     aside = (distance / guidance.aside) ** 2
     node = (1.02 - valley) ** 2 * (1 + aside) + 0.02 + guidance.aside_cost * aside
     # Three edges wide at least, so that coarse meshes keep a connected corridor.
@@ -41,9 +47,11 @@ def valley_path(x, sheet, valley, distance, ends, guidance):
 
 
 def trace(x, sheet, normal, depth, course, guidance):
-    """Fundus path (k,) that follows a course (m, 3) of points on the rest surface; depth (V,) below the hull.
+    """Fundus path (k,) that follows a course (m, 3) of points on the rest surface; depth (V,) below
+    the hull.
 
-    x, normal (V, 3): the folded surface; sheet: the same one at rest, a `growth.Sheet`; guidance: how closely.
+    x, normal (V, 3): the folded surface; sheet: the same one at rest, a `growth.Sheet`; guidance:
+    how closely.
     """
     distance, _ = cKDTree(course).query(sheet.rest)
     curve = concavity(x, normal, sheet.start, sheet.index)

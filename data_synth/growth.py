@@ -14,7 +14,8 @@ GROWN = 0.85  # share of the steps after which the rest lengths grow no more
 
 
 class Sheet(NamedTuple):
-    """The surface before it grows: rest (V, 3), faces (F, 3), and the neighbours as `neighbour_table` lists them."""
+    """The surface before it grows: rest (V, 3), faces (F, 3), and the neighbours as
+    `neighbour_table` lists them."""
 
     rest: np.ndarray
     faces: np.ndarray
@@ -42,7 +43,8 @@ def neighbour_table(faces, count):
 
 
 def hull_distance(radius, spacing=0.03, samples=40_000):
-    """Signed distance to the hull, positive inside, on a grid around it: field (a, b, c), low corner (3,), spacing.
+    """Signed distance to the hull, positive inside, on a grid around it: field (a, b, c), low
+    corner (3,), spacing.
 
     radius(u) is the hull's distance from CENTRE; it decides the sign far from the hull.
     """
@@ -54,9 +56,14 @@ def hull_distance(radius, spacing=0.03, samples=40_000):
     points, normals = position(directions), unit(area_vectors(position, directions))
     low = points.min(0) - 3 * spacing
     shape = np.ceil((points.max(0) + 3 * spacing - low) / spacing).astype(int) + 1
-    grid = low + spacing * np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 3)
-    # Far from its points a plain tree with large leaves answers three times as fast; the answers are the same.
-    far, nearest = cKDTree(points, leafsize=64, compact_nodes=False, balanced_tree=False).query(grid)
+    grid = low + spacing * np.stack(
+        np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1
+    ).reshape(-1, 3)
+    # Far from its points a plain tree with large leaves answers three times as fast; the answers
+    # are the same.
+    far, nearest = cKDTree(points, leafsize=64, compact_nodes=False, balanced_tree=False).query(
+        grid
+    )
     offset = grid - CENTRE
     reach = np.linalg.norm(offset, axis=1) + 1e-12
     sign = np.where(reach < radius(offset / reach[:, None]), 1.0, -1.0)
@@ -66,14 +73,19 @@ def hull_distance(radius, spacing=0.03, samples=40_000):
 
 @compiled
 def _cells(x, size):
-    """Vertices sorted by grid cell: keys' grid origin, grid shape, sorted order, start of each cell in it."""
+    """Vertices sorted by grid cell: keys' grid origin, grid shape, sorted order, start of each cell
+    in it."""
     low = np.array([x[:, 0].min(), x[:, 1].min(), x[:, 2].min()])
     high = np.array([x[:, 0].max(), x[:, 1].max(), x[:, 2].max()])
     shape = ((high - low) / size).astype(np.int64) + 1
     cell = np.empty(len(x), np.int64)
     start = np.zeros(shape[0] * shape[1] * shape[2] + 1, np.int64)
     for i in range(len(x)):
-        a, b, c = int((x[i, 0] - low[0]) / size), int((x[i, 1] - low[1]) / size), int((x[i, 2] - low[2]) / size)
+        a, b, c = (
+            int((x[i, 0] - low[0]) / size),
+            int((x[i, 1] - low[1]) / size),
+            int((x[i, 2] - low[2]) / size),
+        )
         cell[i] = (a * shape[1] + b) * shape[2] + c
         start[cell[i] + 1] += 1
     for k in range(len(start) - 1):
@@ -92,7 +104,11 @@ def _close_pairs(x, rest, reach, apart):
     pairs = np.empty((64 * len(x), 2), np.int64)
     count = 0
     for i in range(len(x)):
-        a, b, c = int((x[i, 0] - low[0]) / reach), int((x[i, 1] - low[1]) / reach), int((x[i, 2] - low[2]) / reach)
+        a, b, c = (
+            int((x[i, 0] - low[0]) / reach),
+            int((x[i, 1] - low[1]) / reach),
+            int((x[i, 2] - low[2]) / reach),
+        )
         for p in range(max(a - 1, 0), min(a + 2, shape[0])):
             for q in range(max(b - 1, 0), min(b + 2, shape[1])):
                 row = (p * shape[1] + q) * shape[2]
@@ -100,10 +116,18 @@ def _close_pairs(x, rest, reach, apart):
                     j = order[k]
                     if j <= i:
                         continue
-                    d = (x[i, 0] - x[j, 0]) ** 2 + (x[i, 1] - x[j, 1]) ** 2 + (x[i, 2] - x[j, 2]) ** 2
+                    d = (
+                        (x[i, 0] - x[j, 0]) ** 2
+                        + (x[i, 1] - x[j, 1]) ** 2
+                        + (x[i, 2] - x[j, 2]) ** 2
+                    )
                     if d >= reach * reach or count >= len(pairs):
                         continue
-                    d = (rest[i, 0] - rest[j, 0]) ** 2 + (rest[i, 1] - rest[j, 1]) ** 2 + (rest[i, 2] - rest[j, 2]) ** 2
+                    d = (
+                        (rest[i, 0] - rest[j, 0]) ** 2
+                        + (rest[i, 1] - rest[j, 1]) ** 2
+                        + (rest[i, 2] - rest[j, 2]) ** 2
+                    )
                     if d > apart * apart:
                         pairs[count, 0], pairs[count, 1] = i, j
                         count += 1
@@ -112,7 +136,8 @@ def _close_pairs(x, rest, reach, apart):
 
 @compiled
 def _depth_at(point, field, low, spacing, out):
-    """Trilinear value of the signed-distance field at a point and its gradient, written to out (4,)."""
+    """Trilinear value of the signed-distance field at a point and its gradient, written to out
+    (4,)."""
     cell, part = np.empty(3, np.int64), np.empty(3)
     for k in range(3):
         scaled = (point[k] - low[k]) / spacing
@@ -191,19 +216,49 @@ def depth_below(x, field, low, spacing):
 
 @compiled
 def grow(
-    x, rest, normal, start, index, rest_length, held, growth, anchor, pull, hold, field, low, spacing, settings, record
+    x,
+    rest,
+    normal,
+    start,
+    index,
+    rest_length,
+    held,
+    growth,
+    anchor,
+    pull,
+    hold,
+    field,
+    low,
+    spacing,
+    settings,
+    record,
 ):
     """Positions (V, 3) of the folded shell, from `x` near the rest surface `rest`.
 
-    settings: steps, time step, damping, bending, saturation, outer, depth, contact distance, contact stiffness,
-    refresh interval, final factor of the bending, stiffness of hull and floor, share of the pull that stays.
-    growth (2E,) final stretch of each edge, anchor (V,) foundation stiffness, pull (V,) inward force, hold (V,) another
-    one, which stays; field: signed distance to the hull (positive inside) on a grid from corner `low` with `spacing`;
-    record: clock (2,) int64, steps done and in all, for whoever watches from another thread, and film (K, V, 3), which
+    settings: steps, time step, damping, bending, saturation, outer, depth, contact distance,
+    contact stiffness, refresh interval, final factor of the bending, stiffness of hull and floor,
+    share of the pull that stays. growth (2E,) final stretch of each edge, anchor (V,) foundation
+    stiffness, pull (V,) inward force, hold (V,) another one, which stays; field: signed distance to
+    the hull (positive inside) on a grid from corner `low` with `spacing`; record: clock (2,) int64,
+    steps done and in all, for whoever watches from another thread, and film (K, V, 3), which
     becomes K positions on the way, evenly spaced from the first one on.
     """
     clock, film = record
-    steps, dt, damping, bending, saturation, outer, depth, touch, stiffness, refresh, settle, wall, keep = settings
+    (
+        steps,
+        dt,
+        damping,
+        bending,
+        saturation,
+        outer,
+        depth,
+        touch,
+        stiffness,
+        refresh,
+        settle,
+        wall,
+        keep,
+    ) = settings
     steps, refresh = int(steps), int(refresh)
     velocity, force, laplacian = np.zeros_like(x), np.zeros_like(x), np.zeros_like(x)
     hull, where = np.zeros((len(x), 4)), x.copy()

@@ -1,4 +1,5 @@
-"""One individual: the deformed template, its size, its growth and its sulci with gaps, branches and neighbours."""
+"""One individual: the deformed template, its size, its growth and its sulci with gaps, branches and
+neighbours."""
 
 from typing import NamedTuple
 
@@ -22,7 +23,10 @@ from .template import (
 
 AREA, AREA_SPREAD = 95_000.0, 0.06  # folded area in mm^2, its relative deviation
 FOSSA_DEPTH, FOSSA_WIDTH = 0.26, 0.13
-HOLD_WIDTH, BAND_WIDTH = 0.02, 0.05  # of the force that stays on furrows, and of the strip that grows less along them
+HOLD_WIDTH, BAND_WIDTH = (
+    0.02,
+    0.05,
+)  # of the force that stays on furrows, and of the strip that grows less along them
 SPACING = 0.21  # least distance of tertiary furrows from others
 
 
@@ -34,10 +38,11 @@ def smooth_field(rng, directions, width, count):
 
 
 class Furrows(NamedTuple):
-    """Furrows at points of the unfolded surface: strengths (V,) in 0..1, which fall off at three widths, and direction.
+    """Furrows at points of the unfolded surface: strengths (V,) in 0..1, which fall off at three
+    widths, and direction.
 
-    pull: of the early inward force; hold: of the one that stays; band: where the sheet grows less along the furrow;
-    along (V, 3): unit, zero at short furrows.
+    pull: of the early inward force; hold: of the one that stays; band: where the sheet grows less
+    along the furrow; along (V, 3): unit, zero at short furrows.
     """
 
     pull: np.ndarray
@@ -47,7 +52,8 @@ class Furrows(NamedTuple):
 
 
 class Individual:
-    """The random traits of one hemisphere; the two sides of a seed share two thirds of the deformation's variance."""
+    """The random traits of one hemisphere; the two sides of a seed share two thirds of the
+    deformation's variance."""
 
     def __init__(self, seed, hemisphere, guidance=GENERATIONS[GENERATION]):
         self.hemisphere, self.guidance = hemisphere, guidance
@@ -59,10 +65,15 @@ class Individual:
         self._lobe_scale = 1 + 0.02 * np.clip(shared.normal(size=len(LOBES)), -2, 2)
         self.area = AREA * np.exp(AREA_SPREAD * np.clip(shared.normal(), -2, 2))
         self.courses = {name: self.deform(sulcus_course(points)) for name, points in SULCI.items()}
-        self.interrupted, self.branched = [], []  # names of the sulci for which `furrows` drew a gap or side branches
+        self.interrupted, self.branched = (
+            [],
+            [],
+        )  # names of the sulci for which `furrows` drew a gap or side branches
         fossa = self._on_hull(self.courses["sylvian fissure"])
         self._fossa = cKDTree(fossa)
-        self._fossa_width = FOSSA_WIDTH * np.interp(np.linspace(0, 1, len(fossa)), [0, 0.15, 0.5, 1], [0.7, 1, 1, 0.4])
+        self._fossa_width = FOSSA_WIDTH * np.interp(
+            np.linspace(0, 1, len(fossa)), [0, 0.15, 0.5, 1], [0.7, 1, 1, 0.4]
+        )
         if guidance.keeps_area:  # a strip that keeps its area is as much narrower as it is longer
             drawn = self._on_hull(sulcus_course(SULCI["sylvian fissure"]))
             longer = [np.linalg.norm(np.gradient(path, axis=0), axis=1) for path in (fossa, drawn)]
@@ -84,7 +95,8 @@ class Individual:
         return CENTRE + directions * self.hull(directions)[:, None]
 
     def position(self, directions):
-        """The surface before folding (k, 3): the hull with the open Sylvian fossa, whose floor becomes the insula."""
+        """The surface before folding (k, 3): the hull with the open Sylvian fossa, whose floor
+        becomes the insula."""
         radius = self.hull(directions)
         distance, nearest = self._fossa.query(CENTRE + directions * radius[:, None])
         width = self._fossa_width[nearest]
@@ -96,21 +108,33 @@ class Individual:
         """The `Furrows` of all sulci at points of the unfolded surface (V, 3)."""
         lines = self._lines()
         straight = len(lines)
-        lines += [(course, np.full(len(course), self.rng.uniform(0.3, 0.7))) for course in self._dimples(lines)]
+        lines += [
+            (course, np.full(len(course), self.rng.uniform(0.3, 0.7)))
+            for course in self._dimples(lines)
+        ]
         widths = self.guidance.width, HOLD_WIDTH, BAND_WIDTH
         pull, hold, band = np.zeros((3, len(rest)))
         along = np.zeros((len(rest), 3))
         for k, (course, strength) in enumerate(lines):
             path = self.position(course)
             distance, nearest = cKDTree(path).query(rest)
-            early, lasting, wide = (strength[nearest] * np.exp(-0.5 * (distance / width) ** 2) for width in widths)
+            early, lasting, wide = (
+                strength[nearest] * np.exp(-0.5 * (distance / width) ** 2) for width in widths
+            )
             stronger = wide > band
-            along[stronger] = unit(np.gradient(path, axis=0))[nearest[stronger]] if k < straight else 0
-            pull, hold, band = np.maximum(pull, early), np.maximum(hold, lasting), np.maximum(band, wide)
+            along[stronger] = (
+                unit(np.gradient(path, axis=0))[nearest[stronger]] if k < straight else 0
+            )
+            pull, hold, band = (
+                np.maximum(pull, early),
+                np.maximum(hold, lasting),
+                np.maximum(band, wide),
+            )
         return Furrows(pull, hold, band, along)
 
     def presence(self, directions):
-        """How much of the template's own folds (k,) this individual has at directions (k, 3), a smooth random field."""
+        """How much of the template's own folds (k,) this individual has at directions (k, 3), a
+        smooth random field."""
         mean, deviation, most = self.guidance.presence
         return np.clip(mean + deviation * smooth_field(self.rng, directions, 0.35, 80), 0, most)
 
@@ -125,11 +149,17 @@ class Individual:
             lines += [(branch, np.full(len(branch), 0.7)) for branch in branches]
         for points in COMPANIONS.values():
             course = self.deform(sulcus_course(points))
-            lines.append((course, self.rng.uniform(*self.guidance.companions) * self._interrupted(len(course))))
+            lines.append(
+                (
+                    course,
+                    self.rng.uniform(*self.guidance.companions) * self._interrupted(len(course)),
+                )
+            )
         return lines
 
     def _interrupted(self, count):
-        """Strength (count,) along a course: one, but for a gap where a gyrus bridges about every third sulcus."""
+        """Strength (count,) along a course: one, but for a gap where a gyrus bridges about every
+        third sulcus."""
         strength = np.ones(count)
         if self.rng.random() < 0.35:
             place = self.rng.uniform(0.25, 0.75)
@@ -142,7 +172,9 @@ class Individual:
         for _ in range(self.rng.poisson(0.8)):
             k = self.rng.integers(len(course) // 6, len(course) - len(course) // 6)
             angle = self.rng.uniform(0.8, 1.4) * self.rng.choice([-1, 1])
-            branch = self._segment(course[k], unit(course[k + 1] - course[k - 1]), angle, self.rng.uniform(0.2, 0.4))
+            branch = self._segment(
+                course[k], unit(course[k + 1] - course[k - 1]), angle, self.rng.uniform(0.2, 0.4)
+            )
             if (wall_level(branch) > 1.2).all():
                 branches.append(branch)
         return branches
@@ -166,7 +198,8 @@ class Individual:
         return pattern(self.template(dimple)).mean() > 0
 
     def _segment(self, start, along, angle, length):
-        """Directions (30, 3) of a slightly bent segment that leaves `start` at an angle to the heading `along`."""
+        """Directions (30, 3) of a slightly bent segment that leaves `start` at an angle to the
+        heading `along`."""
         heading = np.cos(angle) * along + np.sin(angle) * np.cross(start, along)
         step = np.linspace(0, length, 30)[:, None]
         return unit(start + step * heading + self.rng.normal() * step**2 * np.cross(start, heading))

@@ -4,19 +4,25 @@ import numpy as np
 
 
 def self_intersections(vertices, faces):
-    """Indices (k,) of the faces that another face of the mesh pierces or touches away from common vertices.
+    """Indices (k,) of the faces that another face of the mesh pierces or touches away from common
+    vertices.
 
-    Two triangles meet exactly where an edge of one meets the other, so that every edge is tried against the faces
-    near it that it shares no vertex with (the test of Moeller and Trumbore 1997). Double precision, not exact
-    arithmetic: contact within rounding may be told either way, and triangles folded flat onto each other escape.
+    Two triangles meet exactly where an edge of one meets the other, so that every edge is tried
+    against the faces near it that it shares no vertex with (the test of Moeller and Trumbore 1997).
+    Double precision, not exact arithmetic: contact within rounding may be told either way, and
+    triangles folded flat onto each other escape.
     """
     vertices, faces = np.asarray(vertices, float), np.asarray(faces)
-    halfedges = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    halfedges = np.sort(
+        np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1
+    )
     edges, edge_of_halfedge = np.unique(halfedges, axis=0, return_inverse=True)
     edge, face = _box_pairs(vertices[edges], vertices[faces])
     apart = (edges[edge][:, :, None] != faces[face][:, None, :]).all(axis=(1, 2))
     edge, face = edge[apart], face[apart]
-    pierced = _pierces(*np.moveaxis(vertices[edges[edge]], 1, 0), *np.moveaxis(vertices[faces[face]], 1, 0))
+    pierced = _pierces(
+        *np.moveaxis(vertices[edges[edge]], 1, 0), *np.moveaxis(vertices[faces[face]], 1, 0)
+    )
     edge_hit = np.isin(edge_of_halfedge.reshape(-1, 3), edge[pierced]).any(axis=1)
     return np.union1d(np.flatnonzero(edge_hit), face[pierced])
 
@@ -35,10 +41,13 @@ def _pierces(start, end, a, b, c):
 
 
 def _box_pairs(first, second):
-    """All pairs (i, j) of point sets (n, k, 3), (m, l, 3) whose bounding boxes meet, found by cells of a grid."""
+    """All pairs (i, j) of point sets (n, k, 3), (m, l, 3) whose bounding boxes meet, found by cells
+    of a grid."""
     boxes = [(points.min(axis=1), points.max(axis=1)) for points in (first, second)]
     cell = np.mean(boxes[1][1] - boxes[1][0])
-    (box_a, key_a), (box_b, key_b) = (_cells(low, high, boxes[1][0].min(axis=0) - cell, cell) for low, high in boxes)
+    (box_a, key_a), (box_b, key_b) = (
+        _cells(low, high, boxes[1][0].min(axis=0) - cell, cell) for low, high in boxes
+    )
     order = np.argsort(key_b, kind="stable")
     begin, end = (np.searchsorted(key_b[order], key_a, side) for side in ("left", "right"))
     count = end - begin

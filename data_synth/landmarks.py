@@ -10,7 +10,8 @@ from .fields import random_coefficient
 class DiskMaps:
     """`maps.solve(mu)`: the disk maps f (V,) of many mu (F,) on one `Disk`, as `DiskSolver.solve`.
 
-    The solver keeps its last factorisation, tens of megabytes that cannot be sent to a worker; this one keeps none.
+    The solver keeps its last factorisation, tens of megabytes that cannot be sent to a worker; this
+    one keeps none.
     """
 
     def __init__(self, disk):
@@ -22,10 +23,11 @@ class DiskMaps:
 
 
 class Perturbation:
-    """Draws random maps of one `Disk` and moves landmarks by them: `p = f(q)`, with f and its mu known.
+    """Draws random maps of one `Disk` and moves landmarks by them: `p = f(q)`, with f and its mu
+    known.
 
-    landmarks (M,) complex: the targets q on the control. Source: paper, section 'Training the Coefficient Prediction
-    Network'.
+    landmarks (M,) complex: the targets q on the control. Source: paper, section 'Training the
+    Coefficient Prediction Network'.
     """
 
     def __init__(self, disk, landmarks):

@@ -1,8 +1,8 @@
 """The folds that the template grows by itself, to which subjects lean.
 
-They are kept in `pattern.json`, which `book/studies/grow_pattern.py` writes: a subject that is the template itself is
-grown once, and the depth of its folds kept. Kept and not grown anew, because a seed shall give the same subject
-everywhere.
+They are kept in `pattern.json`, which `book/studies/grow_pattern.py` writes: a subject that is the
+template itself is grown once, and the depth of its folds kept. Kept and not grown anew, because a
+seed shall give the same subject everywhere.
 """
 
 import json
@@ -21,13 +21,15 @@ NEAREST = 4  # of them, between which it is interpolated
 
 @cache
 def kept():
-    """A tree of the template's directions, and how deep it folds there (COUNT,), in standard deviations."""
+    """A tree of the template's directions, and how deep it folds there (COUNT,), in standard
+    deviations."""
     depth = json.loads(FILE.read_text(encoding="utf-8"))["percent"]
     return cKDTree(fibonacci_sphere(len(depth))), np.array(depth) / 100
 
 
 def pattern(template):
-    """Depth (k,) of the template's own folds at points (k, 3) of it, in standard deviations: negative on crowns."""
+    """Depth (k,) of the template's own folds at points (k, 3) of it, in standard deviations:
+    negative on crowns."""
     tree, depth = kept()
     distance, near = tree.query(template, k=NEAREST)
     weight = 1 / (distance + 1e-6) ** 2

@@ -1,10 +1,11 @@
-"""How much like cortex a surface is: 29 measurements and the ranges that they have on real hemispheres.
+"""How much like cortex a surface is: 29 measurements and the ranges that they have on real
+hemispheres.
 
-The ranges are minimum to maximum over nine surfaces (pial, white and middle) of seven hemispheres of six people from
-open data (pycortex S1, fsbrain subject1, the demonstration brain of Choi's disk maps, bilgelm's pial surface, two
-white surfaces of HUVA), padded by about 5 %. Rows on topology, triangles and self-intersection are demands on a mesh
-instead. An average brain such as fsaverage5 is too smooth and misses several rows. No row sees the large-scale
-shape: look at the surface too.
+The ranges are minimum to maximum over nine surfaces (pial, white and middle) of seven hemispheres
+of six people from open data (pycortex S1, fsbrain subject1, the demonstration brain of Choi's disk
+maps, bilgelm's pial surface, two white surfaces of HUVA), padded by about 5 %. Rows on topology,
+triangles and self-intersection are demands on a mesh instead. An average brain such as fsaverage5
+is too smooth and misses several rows. No row sees the large-scale shape: look at the surface too.
 """
 
 from typing import NamedTuple
@@ -26,7 +27,9 @@ from .folding_measures import (
 )
 from .intersections import self_intersections
 
-CANONICAL_VERTICES = 10_000  # folding is measured at this resolution, so that meshes of 10,000 to 160,000 compare
+CANONICAL_VERTICES = (
+    10_000  # folding is measured at this resolution, so that meshes of 10,000 to 160,000 compare
+)
 BURIED = 0.012  # deeper than this, in units of sqrt(hull area), counts as buried
 
 TARGETS = {
@@ -73,11 +76,13 @@ class Row(NamedTuple):
 
 
 def realism(surface):
-    """The metrics of `TARGETS` for an outward-oriented surface, dict name -> number, free of the length unit.
+    """The metrics of `TARGETS` for an outward-oriented surface, dict name -> number, free of the
+    length unit.
 
-    With L = sqrt(area): curvatures times L, fundus length, widths and wavelengths over L; depths over sqrt(area of the
-    convex hull); areas as shares of the patch. All but topology, triangles and self-intersection are taken after
-    quadric decimation to about 10,000 vertices. SurfaceError if the surface looks inward.
+    With L = sqrt(area): curvatures times L, fundus length, widths and wavelengths over L; depths
+    over sqrt(area of the convex hull); areas as shares of the patch. All but topology, triangles
+    and self-intersection are taken after quadric decimation to about 10,000 vertices. SurfaceError
+    if the surface looks inward.
     """
     require_outward(surface)
     patch = _canonical(surface)
@@ -100,16 +105,20 @@ def realism(surface):
 
 
 def mesh_metrics(surface):
-    """The rows on topology, self-intersection and the shape of triangles, dict; they need no decimation."""
+    """The rows on topology, self-intersection and the shape of triangles, dict; they need no
+    decimation."""
     corners = surface.vertices[surface.faces]
     to_next, to_last = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
     normal = np.cross(to_next[:, 0], to_last[:, 0])
-    angle = np.arctan2(np.linalg.norm(normal, axis=1)[:, None], np.einsum("fck,fck->fc", to_next, to_last))
+    angle = np.arctan2(
+        np.linalg.norm(normal, axis=1)[:, None], np.einsum("fck,fck->fc", to_next, to_last)
+    )
     return {
         "euler_characteristic": surface.euler_characteristic,
         "boundary_loops": len(surface.boundary_loops),
         "nonmanifold_edges": 0,  # Surface refuses them
-        "self_intersecting_faces": len(self_intersections(surface.vertices, surface.faces)) / len(surface.faces),
+        "self_intersecting_faces": len(self_intersections(surface.vertices, surface.faces))
+        / len(surface.faces),
         "minimum_angle_5": np.degrees(np.percentile(angle.min(axis=1), 5)),
         "degenerate_faces": (surface.face_areas < 1e-6 * surface.face_areas.mean()).sum(),
         "dihedral_flips": np.mean(_bend_cosines(surface.faces, normal) < -0.5),
@@ -136,9 +145,14 @@ def _canonical(surface):
 
 
 def low_pass_curvature(surface):
-    """Mean curvature (V,) with its extreme 0.2 % cut at each end, then smoothed over 0.006 L; 1/length."""
+    """Mean curvature (V,) with its extreme 0.2 % cut at each end, then smoothed over 0.006 L;
+    1/length."""
     curvature = mean_curvature(surface)
-    return smooth(surface, np.clip(curvature, *np.percentile(curvature, [0.2, 99.8])), 0.006 * np.sqrt(surface.area))
+    return smooth(
+        surface,
+        np.clip(curvature, *np.percentile(curvature, [0.2, 99.8])),
+        0.006 * np.sqrt(surface.area),
+    )
 
 
 def _curvature_metrics(curvature, share, inside):
@@ -158,13 +172,22 @@ def _curvature_metrics(curvature, share, inside):
 
 
 def _bending_metrics(patch, share, inside):
-    """Curvedness and shape index of Koenderink and van Doorn (1992), the index in nine equal bins from cup to cap."""
+    """Curvedness and shape index of Koenderink and van Doorn (1992), the index in nine equal bins
+    from cup to cap."""
     k1, k2 = principal_curvatures(patch)
     curvedness = np.sqrt((k1**2 + k2**2) / 2 * patch.area)
     index = 2 / np.pi * np.arctan2(k1 + k2, k1 - k2)
-    bins = np.histogram(index[inside], np.linspace(-1, 1, 10), weights=share[inside])[0] / share[inside].sum()
+    bins = (
+        np.histogram(index[inside], np.linspace(-1, 1, 10), weights=share[inside])[0]
+        / share[inside].sum()
+    )
     middle, high = weighted_percentiles(curvedness[inside], share[inside], [50, 95])
-    return {"curvedness_50": middle, "curvedness_95": high, "saddle_area": bins[4], "saddle_ridge_area": bins[5]}
+    return {
+        "curvedness_50": middle,
+        "curvedness_95": high,
+        "saddle_area": bins[4],
+        "saddle_ridge_area": bins[5],
+    }
 
 
 def _correlation(a, b):
@@ -190,7 +213,8 @@ def _depth_metrics(patch, depth, relative, share):
 
 
 def weighted_percentiles(values, weights, percent):
-    """Percentiles of values (k,) that count by weight, linear between the middles of the sorted weights."""
+    """Percentiles of values (k,) that count by weight, linear between the middles of the sorted
+    weights."""
     order = np.argsort(values)
     share = np.cumsum(weights[order]) - 0.5 * weights[order]
     return np.interp(np.asarray(percent) / 100 * weights.sum(), share, values[order])
@@ -199,5 +223,6 @@ def weighted_percentiles(values, weights, percent):
 def score(metrics):
     """The metrics beside their ranges, a list of `Row`; what cannot be measured (NaN) is outside."""
     return [
-        Row(name, metrics[name], low, high, bool(low <= metrics[name] <= high)) for name, (low, high) in TARGETS.items()
+        Row(name, metrics[name], low, high, bool(low <= metrics[name] <= high))
+        for name, (low, high) in TARGETS.items()
     ]

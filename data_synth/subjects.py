@@ -17,10 +17,11 @@ REQUIRED = ("vertices", "faces", "template", "seed", "hemisphere", "generation",
 
 
 def save_cortex(path, cortex):
-    """Write a hemisphere to an npz file: vertices, faces, curve_<name>, template, seed, hemisphere, generation, and the
-    names of the sulci that are interrupted and branched.
+    """Write a hemisphere to an npz file: vertices, faces, curve_<name>, template, seed, hemisphere,
+    generation, and the names of the sulci that are interrupted and branched.
 
-    The same hemisphere gives the same bytes. SurfaceError where the folder cannot be written; nothing partial stays.
+    The same hemisphere gives the same bytes. SurfaceError where the folder cannot be written;
+    nothing partial stays.
     """
     path = Path(path)
     arrays = {
@@ -36,24 +37,31 @@ def save_cortex(path, cortex):
 
 
 def load_cortex(path):
-    """Read a hemisphere that save_cortex wrote; CortexError names what the file lacks or why it cannot be read."""
+    """Read a hemisphere that save_cortex wrote; CortexError names what the file lacks or why it
+    cannot be read."""
     path = Path(path)
     try:
         # From memory: np.load leaves the file open where the archive is damaged.
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
     except FileNotFoundError:
-        raise CortexError(f"{path} does not exist; make it with `qclearn synth --seed 1 --out {path}`.") from None
+        raise CortexError(
+            f"{path} does not exist; make it with `qclearn synth --seed 1 --out {path}`."
+        ) from None
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
-        raise CortexError(f"{path} is no readable npz file ({error}); make it again with `qclearn synth`.") from None
+        raise CortexError(
+            f"{path} is no readable npz file ({error}); make it again with `qclearn synth`."
+        ) from None
     if missing := [name for name in REQUIRED if name not in arrays]:
         raise CortexError(
-            f"{path} is not a synthetic hemisphere: it lacks {', '.join(missing)}. Use read_surface for others."
+            f"{path} is not a synthetic hemisphere: it lacks {', '.join(missing)}. Use "
+            "read_surface for others."
         )
     hemisphere = str(arrays["hemisphere"])
     if hemisphere not in HEMISPHERES or arrays["template"].shape != arrays["vertices"].shape:
         raise CortexError(
-            f"{path} is damaged: hemisphere {hemisphere!r}, template {arrays['template'].shape}; make it again."
+            f"{path} is damaged: hemisphere {hemisphere!r}, template {arrays['template'].shape}; "
+            "make it again."
         )
     curves = {name[6:]: path_ for name, path_ in arrays.items() if name.startswith("curve_")}
     try:
@@ -61,4 +69,11 @@ def load_cortex(path):
     except SurfaceError as error:
         raise CortexError(f"{path} is damaged: {error}") from None
     traits = (tuple(map(str, arrays[trait])) for trait in TRAITS)
-    return Cortex(surface, arrays["template"], int(arrays["seed"]), hemisphere, int(arrays["generation"]), *traits)
+    return Cortex(
+        surface,
+        arrays["template"],
+        int(arrays["seed"]),
+        hemisphere,
+        int(arrays["generation"]),
+        *traits,
+    )

@@ -1,7 +1,9 @@
-"""The template hemisphere: hull, medial wall, sulci and the random diffeomorphisms that make individuals.
+"""The template hemisphere: hull, medial wall, sulci and the random diffeomorphisms that make
+individuals.
 
-Frame: x lateral, y anterior, z superior, the same for both sides; unit = half the hemisphere's length. A point of the
-template is a unit vector, the direction from CENTRE; `hull_radius` says how far the hull lies in that direction.
+Frame: x lateral, y anterior, z superior, the same for both sides; unit = half the hemisphere's
+length. A point of the template is a unit vector, the direction from CENTRE; `hull_radius` says how
+far the hull lies in that direction.
 """
 
 import numpy as np
@@ -9,7 +11,8 @@ from scipy.interpolate import make_interp_spline
 
 CENTRE = np.array([0.30, -0.02, -0.06])
 
-# Smooth union of ellipsoids that all contain CENTRE, so that the hull is star-shaped: centre, semi-axes, tilt about x.
+# Smooth union of ellipsoids that all contain CENTRE, so that the hull is star-shaped: centre,
+# semi-axes, tilt about x.
 LOBES = (
     ((0.29, 0.40, 0.14), (0.46, 0.58, 0.51), 0.0),  # frontal
     ((0.31, -0.15, 0.12), (0.50, 0.66, 0.58), 0.0),  # parietal
@@ -24,20 +27,34 @@ STEP = 1e-4  # radians, of differences on the sphere
 WALL_CENTRE = np.array([0.11, -0.08])
 WALL_AXES = np.array([0.44, 0.23])
 
-# Courses of the named sulci, approximate MNI coordinates in mm with |x| (read off standard atlases' anatomy; mean
-# courses).
+# Courses of the named sulci, approximate MNI coordinates in mm with |x| (read off standard atlases'
+# anatomy; mean courses).
 SULCI = {
     "central sulcus": ((25, -30, 67), (32, -26, 60), (39, -20, 51), (46, -15, 41), (52, -10, 32)),
     "sylvian fissure": ((36, 14, -18), (44, 8, -10), (50, -8, 1), (54, -24, 11), (55, -40, 22)),
-    "superior temporal sulcus": ((52, 2, -26), (57, -14, -14), (58, -32, -3), (54, -46, 8), (48, -58, 20)),
+    "superior temporal sulcus": (
+        (52, 2, -26),
+        (57, -14, -14),
+        (58, -32, -3),
+        (54, -46, 8),
+        (48, -58, 20),
+    ),
     "calcarine sulcus": ((16, -100, -6), (0, -88, 1), (0, -73, 5), (0, -58, 3), (0, -42, -5)),
     "parieto-occipital sulcus": ((0, -63, 13), (0, -70, 24), (0, -78, 38)),
     "intraparietal sulcus": ((46, -36, 42), (37, -47, 47), (30, -60, 46), (27, -72, 36)),
-    "cingulate sulcus": ((0, 44, 0), (0, 46, 16), (0, 32, 34), (0, 12, 43), (0, -8, 46), (0, -26, 56)),
+    "cingulate sulcus": (
+        (0, 44, 0),
+        (0, 46, 16),
+        (0, 32, 34),
+        (0, 12, 43),
+        (0, -8, 46),
+        (0, -26, 56),
+    ),
     "superior frontal sulcus": ((24, 36, 36), (24, 22, 46), (24, 8, 55), (26, -4, 60)),
 }
 
-# Longest fundus in units of the square root of the folded area, where people agree on one: about what real ones reach.
+# Longest fundus in units of the square root of the folded area, where people agree on one: about
+# what real ones reach.
 LONGEST = {"central sulcus": 0.295, "calcarine sulcus": 0.315}
 
 # Companions that give the gyri between the named sulci their shape; they carry no curve.
@@ -68,7 +85,9 @@ def unit(vectors):
 def from_atlas(points):
     """Template directions (k, 3) of atlas points in mm with positive x lateral."""
     points = np.asarray(points, dtype=float)
-    position = np.column_stack([points[:, 0] / 84, (points[:, 1] + 18) / 86, (points[:, 2] - 15) / 84])
+    position = np.column_stack(
+        [points[:, 0] / 84, (points[:, 1] + 18) / 86, (points[:, 2] - 15) / 84]
+    )
     return unit(position - CENTRE)
 
 
@@ -82,21 +101,27 @@ def _ellipsoid_exit(directions, centre, axes, tilt):
 
 
 def differences(function, directions):
-    """Two tangents (k, 3) at unit directions, and along each the difference (k, ...) of a function over twice STEP."""
+    """Two tangents (k, 3) at unit directions, and along each the difference (k, ...) of a function
+    over twice STEP."""
     helper = np.where(np.abs(directions[:, :1]) < 0.7, [[1.0, 0, 0]], [[0, 1.0, 0]])
     first = unit(np.cross(directions, helper))
     tangents = first, np.cross(directions, first)
-    return tangents, [function(unit(directions + STEP * e)) - function(unit(directions - STEP * e)) for e in tangents]
+    return tangents, [
+        function(unit(directions + STEP * e)) - function(unit(directions - STEP * e))
+        for e in tangents
+    ]
 
 
 def area_vectors(position, directions):
-    """Outward normals (k, 3) of a star-shaped surface position(u), as long as its area per solid angle."""
+    """Outward normals (k, 3) of a star-shaped surface position(u), as long as its area per solid
+    angle."""
     _, along = differences(position, directions)
     return np.cross(*along) / (2 * STEP) ** 2
 
 
 def hull_radius(directions, lobe_scale=None):
-    """Distance (k,) from CENTRE to the smooth hull along unit directions (k, 3); the medial face is nearly flat."""
+    """Distance (k,) from CENTRE to the smooth hull along unit directions (k, 3); the medial face is
+    nearly flat."""
     scale = np.ones(len(LOBES)) if lobe_scale is None else lobe_scale
     exits = np.stack([s * _ellipsoid_exit(directions, *lobe) for s, lobe in zip(scale, LOBES)])
     largest = exits.max(0)
@@ -106,7 +131,8 @@ def hull_radius(directions, lobe_scale=None):
 
 
 def wall_level(directions):
-    """Elliptic radius (k,) on the medial plane: below 1 inside the medial wall, infinite on the lateral side."""
+    """Elliptic radius (k,) on the medial plane: below 1 inside the medial wall, infinite on the
+    lateral side."""
     depth = -directions[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         plane = CENTRE[1:] + directions[:, 1:] * (CENTRE[0] / depth)[:, None]
@@ -133,14 +159,15 @@ def sulcus_course(points, count=120):
 
 
 class Diffeomorphism:
-    """A random diffeomorphism of the template sphere, the flow of a smooth field that vanishes at the medial wall."""
+    """A random diffeomorphism of the template sphere, the flow of a smooth field that vanishes at
+    the medial wall."""
 
     def __init__(self, rng, amplitude, width=0.38, count=60):
         self.centres = unit(rng.normal(size=(count, 3)))
         self.weights = rng.normal(size=(count, 3))
         self.width = width
-        # Scaled so that the root mean square displacement is about `amplitude` radians, whatever the drawing of
-        # centres.
+        # Scaled so that the root mean square displacement is about `amplitude` radians, whatever
+        # the drawing of centres.
         probe = unit(rng.normal(size=(2000, 3)))
         self.weights *= amplitude / np.sqrt((self._raw(probe) ** 2).sum(1).mean())
 
@@ -170,8 +197,8 @@ class Diffeomorphism:
 class AreaKeeping(Diffeomorphism):
     """A random diffeomorphism that keeps areas on the hull.
 
-    The flow of v = (u x grad psi) / rho: psi is a smooth random function, 0 at the medial wall, and rho the hull's
-    area per solid angle. Then div (rho v) = 0.
+    The flow of v = (u x grad psi) / rho: psi is a smooth random function, 0 at the medial wall, and
+    rho the hull's area per solid angle. Then div (rho v) = 0.
     """
 
     def _waves(self, u):
@@ -187,7 +214,9 @@ class AreaKeeping(Diffeomorphism):
         above = waves.sum(1) - self._waves(wall_curve(60)).sum(1).mean()
         tangents, slopes = differences(self._ramp, u)
         up = sum(slope[:, None] * tangent for slope, tangent in zip(slopes, tangents)) / (2 * STEP)
-        gradient = self._ramp(u)[:, None] * (waves @ self.centres) / self.width**2 + above[:, None] * up
+        gradient = (
+            self._ramp(u)[:, None] * (waves @ self.centres) / self.width**2 + above[:, None] * up
+        )
         density = np.linalg.norm(area_vectors(lambda w: hull_radius(w)[:, None] * w, u), axis=1)
         return np.cross(u, gradient) / density[:, None]
 

@@ -1,7 +1,9 @@
-"""What each network is trained on, one function a network: (config, folder, quick) -> (training, validation) sets.
+"""What each network is trained on, one function a network: (config, folder, quick) -> (training,
+validation) sets.
 
-The sets are drawn once and kept in `folder`; `quick` draws a few items only, for a trial. Validation subjects
-served for the logs and for two settings of use; held-out figures come from other seeds still.
+The sets are drawn once and kept in `folder`; `quick` draws a few items only, for a trial.
+Validation subjects served for the logs and for two settings of use; held-out figures come from
+other seeds still.
 """
 
 from functools import cache
@@ -9,18 +11,24 @@ from functools import cache
 import numpy as np
 
 from qclearn.plane.disk import Disk
-from qclearn.plane.grids import FINE, polar, polar_disk, square_disk
+from qclearn.plane.grids import FINE, Spectrum, polar, polar_disk, square_disk
 from qclearn.plane.mobius import best_mobius, mobius, mobius_inverse
 from qclearn.plane.solver import DiskSolver
-from qclearn.plane.spectrum import Spectrum
-from qclearn.registration.landmarks import sample_curve
-from qclearn.registration.link import Link
-from qclearn.registration.looks import Looks, refit
+from qclearn.plane.tangent import CoefficientMesh
+from qclearn.registration.curves import sample_curve
 from qclearn.registration.problem import distinct
+from qclearn.registration.refinement import CoefficientRefinement, refit
 
 from .cohort import hemispheres
 from .datasets import CurveDataset, Seeded, cached, quiet_disk_map
-from .fields import KINDS, MAX_ABS, dead_leaves, image_coefficient, random_coefficient, smooth_coefficient
+from .fields import (
+    KINDS,
+    MAX_ABS,
+    dead_leaves,
+    image_coefficient,
+    random_coefficient,
+    smooth_coefficient,
+)
 from .landmarks import DiskMaps, Perturbation
 from .template import SULCI
 
@@ -39,7 +47,8 @@ class Fields(Seeded):
 
 
 class SquareFields(Seeded):
-    """The same fields before they are resampled to a disk: complex images (mu (size, size),) of the square."""
+    """The same fields before they are resampled to a disk: complex images (mu (size, size),) of the
+    square."""
 
     def __init__(self, count, seed, size=64, max_abs=MAX_ABS, source=dead_leaves):
         super().__init__(count, seed, size, max_abs, source)
@@ -47,7 +56,11 @@ class SquareFields(Seeded):
 
     def draw(self, rng):
         image = rng.choice(KINDS) == "image"
-        mu = image_coefficient(self.size, rng, self.source) if image else smooth_coefficient(self.size, rng)
+        mu = (
+            image_coefficient(self.size, rng, self.source)
+            if image
+            else smooth_coefficient(self.size, rng)
+        )
         return (mu * rng.uniform(*self.max_abs) * np.exp(2j * np.pi * rng.random()),)
 
 
@@ -66,23 +79,32 @@ def solved(size):
 
 
 def dbsnet(config, folder, quick=False):
-    """Coefficients for DBS-Net: on the polar mesh of preset `best`, on the square of preset `paper`.
+    """Coefficients for DBS-Net: on the polar mesh of preset `best`, on the square of preset
+    `paper`.
 
-    Exact maps for training are solved while it trains, so that two fields can be mixed; for the validation of preset
-    `paper` they are in the set.
+    Exact maps for training are solved while it trains, so that two fields can be mixed; for the
+    validation of preset `paper` they are in the set.
     """
     counts = (8, 4) if quick else (4000, 256)
     if config.preset == "paper":
         counts = (counts[0], min(counts[1], 48))
-        sets = [kind(n, seed, config.size) for kind, n, seed in zip((SquareFields, SolvedFields), counts, (5201, 5202))]
+        sets = [
+            kind(n, seed, config.size)
+            for kind, n, seed in zip((SquareFields, SolvedFields), counts, (5201, 5202))
+        ]
     else:
-        sets = [Fields(count, seed, config.rings, config.spokes) for count, seed in zip(counts, (5101, 5102))]
+        sets = [
+            Fields(count, seed, config.rings, config.spokes)
+            for count, seed in zip(counts, (5101, 5102))
+        ]
     return kept(sets, f"{folder}/dbsnet-{config.preset}", quick)
 
 
 def kept(sets, start, quick):
     """The training and the validation set, each drawn once and kept in a file whose name begins so."""
-    names = (f"{start}-{part}{'-quick' if quick else ''}.npz" for part in ("training", "validation"))
+    names = (
+        f"{start}-{part}{'-quick' if quick else ''}.npz" for part in ("training", "validation")
+    )
     return tuple(cached(items, name, progress=not quick) for items, name in zip(sets, names))
 
 
@@ -90,33 +112,48 @@ DATA_POINTS = 37  # on each curve: every fourth of them are the ten of preset `p
 LOOKS = 2  # on the network's own mesh, where the fields that CP-Net imitates come from
 STIFF = 1e-2, 1e5  # beta / alpha and gamma / alpha of the stiffest fit that is usual
 SHARE, WILD = 0.3, 1.6  # of examples that have these; |nu| beyond which one is drawn again
-TRAINING_SEEDS, VALIDATION_SEEDS = tuple(range(2001, 2097)), tuple(range(3001, 3013))  # none of the cohort's
+TRAINING_SEEDS, VALIDATION_SEEDS = (
+    tuple(range(2001, 2097)),
+    tuple(range(3001, 3013)),
+)  # none of the cohort's
 
 
 def subjects(seeds, folder, quick=False):
-    """Synthetic left hemispheres of 10,000 vertices, grown once and kept in `folder`; `quick`: coarse ones, at once."""
+    """Synthetic left hemispheres of 10,000 vertices, grown once and kept in `folder`; `quick`:
+    coarse ones, at once."""
     return hemispheres(seeds, 1_000 if quick else 10_000, folder, progress=not quick)
 
 
 def ldnet(config, folder, quick=False):
     """Images, endpoints and curves for LD-Net: 96 subjects, 15 times turned and distorted;
     the same for both presets."""
-    seeds, counts = (((1,), (2,)), (8, 4)) if quick else ((TRAINING_SEEDS, VALIDATION_SEEDS), (1440, 96))
+    seeds, counts = (
+        (((1,), (2,)), (8, 4)) if quick else ((TRAINING_SEEDS, VALIDATION_SEEDS), (1440, 96))
+    )
     sets = (
-        CurveDataset(count, 6001 + k, subjects(group, folder, quick), config.size, DATA_POINTS, names=tuple(SULCI))
+        CurveDataset(
+            count,
+            6001 + k,
+            subjects(group, folder, quick),
+            config.size,
+            DATA_POINTS,
+            names=tuple(SULCI),
+        )
         for k, (group, count) in enumerate(zip(seeds, counts))
     )
     return kept(sets, f"{folder}/ldnet", quick)
 
 
 class Pairs(Seeded):
-    """For CP-Net: (moving, wanted, left, mask (128,), logs (2,), born, nu (rings, spokes)): its input and answer.
+    """For CP-Net: (moving, wanted, left, mask (128,), logs (2,), born, nu (rings, spokes)): its
+    input and answer.
 
-    Targets are the curves of a subject, some of them or what lies between those of two, at several numbers of points,
-    or points scattered over the disk. They are moved to another subject's curves, by a random map or by twists, now
-    and then left unaligned. curves: (S, C, DATA_POINTS) complex, each subject in its own disk. logs: log10 of
-    beta / alpha and gamma / alpha, uniform over the ranges of the `BestCPNetConfig`, often those of STIFF.
-    nu: the answer, after LOOKS looks on the network's own mesh, from the Born step on.
+    Targets are the curves of a subject, some of them or what lies between those of two, at several
+    numbers of points, or points scattered over the disk. They are moved to another subject's
+    curves, by a random map or by twists, now and then left unaligned. curves: (S, C, DATA_POINTS)
+    complex, each subject in its own disk. logs: log10 of beta / alpha and gamma / alpha, uniform
+    over the ranges of the `BestCPNetConfig`, often those of STIFF. nu: the answer, after LOOKS
+    looks on the network's own mesh, from the Born step on.
     """
 
     def __init__(self, count, seed, curves, config):
@@ -125,7 +162,7 @@ class Pairs(Seeded):
         turns = [np.exp(1j * best_mobius(curve.ravel(), curves[0].ravel())[1]) for curve in curves]
         self.curves, self.ranges = curves * np.reshape(turns, (-1, 1, 1)), ranges
         self.spectrum, self.maps = Spectrum(config.rings, config.spokes), DiskMaps(polar(*FINE))
-        self.link = Link(self.spectrum.mesh, self.spectrum.mesh)
+        self.link = CoefficientMesh(self.spectrum.mesh, self.spectrum.mesh)
 
     def draw(self, rng):
         while True:
@@ -135,10 +172,12 @@ class Pairs(Seeded):
             logs = np.array([rng.uniform(*limits) for limits in self.ranges])
             if rng.random() < SHARE:
                 logs = np.log10(STIFF)
-            looks = Looks(self.link, self.spectrum, (p, q), *10**logs)
+            looks = CoefficientRefinement(self.link, self.spectrum, (p, q), *10**logs)
             born, *changes = looks.born()
             *_, (proposal, look) = looks.run(born, LOOKS)
-            nu = look.proposal.nu if proposal.cut else proposal.nu  # what was looked at, where a step was cut
+            nu = (
+                look.proposal.nu if proposal.cut else proposal.nu
+            )  # what was looked at, where a step was cut
             if np.isfinite(nu).all() and abs(nu).max() < WILD:
                 break
         padding, shape = (0, self.most - len(p)), (self.spectrum.rings, -1)
@@ -150,7 +189,9 @@ class Pairs(Seeded):
         kind, most = rng.random(), round(2 ** rng.uniform(2, np.log2(self.most)))
         count = rng.choice([4, 5, 7, 10, 13])
         some = np.sort(rng.permutation(self.curves.shape[1])[: max(1, most // count)])
-        moving, q = (self.subject(rng)[some, :: (DATA_POINTS - 1) // (count - 1)].ravel() for _ in range(2))
+        moving, q = (
+            self.subject(rng)[some, :: (DATA_POINTS - 1) // (count - 1)].ravel() for _ in range(2)
+        )
         if kind > 0.65:
             q = 0.95 * np.sqrt(rng.random(most)) * np.exp(2j * np.pi * rng.random(most))
         if kind < 0.4:
@@ -158,7 +199,9 @@ class Pairs(Seeded):
         elif rng.random() < 0.25:
             p = twisted(q, rng)
         else:
-            kind = "image" if rng.random() < 0.2 else "smooth"  # images take longer than all the rest
+            kind = (
+                "image" if rng.random() < 0.2 else "smooth"
+            )  # images take longer than all the rest
             mu = random_coefficient(self.maps.disk, rng, kind, max_abs=(0.05, 0.8))
             p = self.maps.disk.sampling(q) @ self.maps.solve(mu)
         return (mobius(p, *refit(p, q)) if rng.random() < 0.85 else p), q
@@ -171,23 +214,28 @@ class Pairs(Seeded):
 
 
 def twisted(z, rng):
-    """Points of the disk after a twist `w exp(i c (1 - |w|^2))` about a random centre, moved by up to 0.3."""
+    """Points of the disk after a twist `w exp(i c (1 - |w|^2))` about a random centre, moved by up
+    to 0.3."""
     a = 0.5 * np.sqrt(rng.random()) * np.exp(2j * np.pi * rng.random())
     w = mobius(z, a)
     return mobius_inverse(w * np.exp(1j * rng.uniform(-0.8, 0.8) * (1 - abs(w) ** 2)), a)
 
 
 class ControlPairs(Seeded):
-    """For the paper's CP-Net: (moving (M,), target (M,)) with the landmarks of one control as the targets.
+    """For the paper's CP-Net: (moving (M,), target (M,)) with the landmarks of one control as the
+    targets.
 
-    moving: the targets moved by a random map, as the paper does, or those of another subject (or of what lies between
-    two), aligned by the best Möbius map. curves, control: (S, C, points) and (C, points) complex.
+    moving: the targets moved by a random map, as the paper does, or those of another subject (or of
+    what lies between two), aligned by the best Möbius map. curves, control: (S, C, points) and (C,
+    points) complex.
     """
 
     def __init__(self, count, seed, curves, control, moved=0.4):
         super().__init__(count, seed, curves, control, moved)
         self.targets, self.moved = control.ravel(), moved
-        self.curves = np.array([mobius(p, *best_mobius(p, self.targets)) for p in curves.reshape(len(curves), -1)])
+        self.curves = np.array(
+            [mobius(p, *best_mobius(p, self.targets)) for p in curves.reshape(len(curves), -1)]
+        )
         self.perturbation = Perturbation(polar(*FINE), self.targets)
 
     def draw(self, rng):
@@ -200,10 +248,12 @@ class ControlPairs(Seeded):
 
 
 def cpnet(config, folder, quick=False):
-    """Landmark problems for CP-Net: curves of synthetic subjects and scattered points, with the fields of fits.
+    """Landmark problems for CP-Net: curves of synthetic subjects and scattered points, with the
+    fields of fits.
 
-    Preset `paper`: pairs with the first of 96 subjects, the control, validated on 12 others, the same examples for
-    every gamma; `best`: curves of 32 of them, moved in many ways, validated on six.
+    Preset `paper`: pairs with the first of 96 subjects, the control, validated on 12 others, the
+    same examples for every gamma; `best`: curves of 32 of them, moved in many ways, validated on
+    six.
     """
     groups, counts = ((1, 2), (3, 4)), (8, 4)
     if not quick:
@@ -216,17 +266,24 @@ def cpnet(config, folder, quick=False):
         if config.preset == "paper":
             step = (DATA_POINTS - 1) // (config.points - 1)
             control = disk_curves(groups[0][:1], folder, quick)[0]
-            sets.append(ControlPairs(count, 7101 + k, curves[:, :, ::step], control[:, ::step], moved=0.4 * (k == 0)))
+            sets.append(
+                ControlPairs(
+                    count, 7101 + k, curves[:, :, ::step], control[:, ::step], moved=0.4 * (k == 0)
+                )
+            )
         else:
             sets.append(Pairs(count, 7001 + k, curves, config))
     return kept(sets, f"{folder}/cpnet-{config.preset}", quick)
 
 
 def disk_curves(seeds, folder, quick=False):
-    """Every sulcus of every subject as DATA_POINTS points of its disk, equally spaced by arc length: (S, C, points)."""
+    """Every sulcus of every subject as DATA_POINTS points of its disk, equally spaced by arc
+    length: (S, C, points)."""
     curves = []
     for subject in subjects(seeds, folder, quick):
         surface = subject.surface
         z = quiet_disk_map(surface)
-        curves.append([sample_curve(surface, path, DATA_POINTS) @ z for path in surface.curves.values()])
+        curves.append(
+            [sample_curve(surface, path, DATA_POINTS) @ z for path in surface.curves.values()]
+        )
     return np.array(curves)

@@ -14,7 +14,8 @@ from .plane.disk import Disk
 from .plane.grids import thinned
 from .surfaces.curvature import area_radius, grey_levels, mean_curvature
 
-# The paper's colours, in shades that colour-blind readers tell apart; a dashed line is the second cue for a target.
+# The paper's colours, in shades that colour-blind readers tell apart; a dashed line is the second
+# cue for a target.
 CURVE_STYLES = {
     "detected": {"color": "#009E73", "linestyle": "-", "marker": "o"},
     "registered": {"color": "#F0E442", "linestyle": "-", "marker": "o"},
@@ -33,7 +34,8 @@ def disk_axes(ax):
 
 
 def disk_plot(ax, z, faces, values, cmap="viridis", vmin=None, vmax=None):
-    """Colour a planar mesh z (V,) by values per vertex (V,), blended, or per face (F,), flat; returns the artist."""
+    """Colour a planar mesh z (V,) by values per vertex (V,), blended, or per face (F,), flat;
+    returns the artist."""
     shading = "gouraud" if len(values) == len(z) else "flat"
     disk_axes(ax)
     look = {"shading": shading, "cmap": cmap, "vmin": vmin, "vmax": vmax}
@@ -56,19 +58,23 @@ def square_lines(lines=17, samples=181):
 
 
 def map_curves(disk, f, curves):
-    """Curves (list of complex arrays) of a `Disk` carried by the piecewise linear map f (V,): a list again."""
+    """Curves (list of complex arrays) of a `Disk` carried by the piecewise linear map f (V,): a
+    list again."""
     ends = np.cumsum([len(curve) for curve in curves])[:-1]
     return np.split(disk.sampling(np.concatenate(curves)) @ f, ends)
 
 
 def grid_plot(ax, z, faces, f, lines=None, color="#1F4E79"):
-    """Draw grid lines of the disk (`polar_lines` by default) as the map f (V,) of the mesh deforms them."""
+    """Draw grid lines of the disk (`polar_lines` by default) as the map f (V,) of the mesh deforms
+    them."""
     return lines_plot(disk_axes(ax), map_curves(Disk(z, faces), f, lines or polar_lines()), color)
 
 
 def lines_plot(ax, curves, color):
     """Draw complex curves as thin lines; returns the LineCollection."""
-    return ax.add_collection(LineCollection([pairs(curve) for curve in curves], colors=color, linewidths=0.6))
+    return ax.add_collection(
+        LineCollection([pairs(curve) for curve in curves], colors=color, linewidths=0.6)
+    )
 
 
 def curves_plot(ax, curves, style):
@@ -86,50 +92,69 @@ def curves_plot(ax, curves, style):
 
 def curve_legend(ax, *styles):
     """A legend below the Axes for curve styles drawn in it."""
-    handles = [Line2D([], [], **CURVE_STYLES[style], markeredgecolor="black", label=style) for style in styles]
+    handles = [
+        Line2D([], [], **CURVE_STYLES[style], markeredgecolor="black", label=style)
+        for style in styles
+    ]
     place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.02), "ncols": len(styles)}
     ax.legend(handles=handles, frameon=False, fontsize=8, handlelength=3, **place)
 
 
 def ellipse_field(ax, z, mu, size=0.08, color="#0072B2"):
-    """Draw the images of small circles at z (K,) under a map with coefficient mu (K,), up to turn and scale by f_z.
+    """Draw the images of small circles at z (K,) under a map with coefficient mu (K,), up to turn
+    and scale by f_z.
 
-    `dz + mu conj(dz)`: long axis of length `size` at the angle `arg(mu) / 2`, axes' ratio `(1 + |mu|) / (1 - |mu|)`.
+    `dz + mu conj(dz)`: long axis of length `size` at the angle `arg(mu) / 2`, axes' ratio `(1 +
+    |mu|) / (1 - |mu|)`.
     """
     z, mu = np.asarray(z, complex), np.asarray(mu, complex)
     short = size * (1 - abs(mu)) / (1 + abs(mu))
     place = {"units": "xy", "offsets": pairs(z), "offset_transform": ax.transData}
     turns = np.degrees(np.angle(mu) / 2)
     return ax.add_collection(
-        EllipseCollection(np.full(len(z), size), short, turns, facecolors=color, alpha=0.75, **place)
+        EllipseCollection(
+            np.full(len(z), size), short, turns, facecolors=color, alpha=0.75, **place
+        )
     )
 
 
 def mu_histogram(ax, mu, weights=None, bins=40):
-    """Histogram of |mu| (F,) from 0 to 1 as shares, by face or by `weights` (F,), with the mean marked."""
+    """Histogram of |mu| (F,) from 0 to 1 as shares, by face or by `weights` (F,), with the mean
+    marked."""
     size = abs(np.asarray(mu))
     share = np.ones(len(size)) if weights is None else np.asarray(weights)
     share = share / share.sum()
     ax.hist(size, np.linspace(0, max(1, size.max()), bins + 1), weights=share, color="#0072B2")
     mean = size @ share
     ax.axvline(mean, color="black", linestyle="--", linewidth=1, label=f"mean {mean:.3f}")
-    ax.set(xlabel=r"$|\mu|$", ylabel="share of faces" if weights is None else "share of area", xlim=(0, None))
+    ax.set(
+        xlabel=r"$|\mu|$",
+        ylabel="share of faces" if weights is None else "share of area",
+        xlim=(0, None),
+    )
     ax.legend(frameon=False, fontsize=8)
 
 
 def registration_figure(registration, moving, control):
     """The paper's figure of one `Registration`, its rows as columns: a Figure, ready for `savefig`.
 
-    The moving disk's curvature with detected and target curves, without curves the control's; the mapped disk with its
-    curves; the deformed grid; |mu| on the disk; its histogram. First row: unit disk. Second row: equal parts of the
-    picture have equal moving area (a conformal disk crowds the cortex around its centre), histogram by area. With a
-    radius, its map is a sixth column.
+    The moving disk's curvature with detected and target curves, without curves the control's; the
+    mapped disk with its curves; the deformed grid; |mu| on the disk; its histogram. First row: unit
+    disk. Second row: equal parts of the picture have equal moving area (a conformal disk crowds the
+    cortex around its centre), histogram by area. With a radius, its map is a sixth column.
     """
     r, radius = registration, area_radius(moving, registration.disk_moving)
     disk = Disk(r.disk_moving, moving.faces)
     figure = Figure(figsize=(16, 6.8), dpi=110)
-    margins = {"left": 0.02, "right": 0.955, "bottom": 0.11, "top": 0.88, "wspace": 0.08, "hspace": 0.1}
-    widths = (1, 1, 1, 1, 0.8) if r.sure is None else (1, 1, 1, 1, 0.8, 1.6)
+    margins = {
+        "left": 0.02,
+        "right": 0.955,
+        "bottom": 0.11,
+        "top": 0.88,
+        "wspace": 0.08,
+        "hspace": 0.1,
+    }
+    widths = (1, 1, 1, 1, 0.8) if r.uncertainty is None else (1, 1, 1, 1, 0.8, 1.6)
     rows = figure.subplots(2, len(widths), width_ratios=widths, gridspec_kw=margins)
     curves = [list(side) for side in zip(*r.curves.values())] or [[], []]
     some, faces, means = drawn_part(disk, moving)
@@ -140,7 +165,9 @@ def registration_figure(registration, moving, control):
         shown, sides, around = drawn_part(Disk(r.disk_control, control.faces), control)
         first = sides, around @ grey_levels(mean_curvature(control), control.vertex_areas)
         start = r.disk_control[shown]
-    for axes, scale, unscale in zip(rows, (np.asarray, radius.to_image), (np.asarray, radius.from_image)):
+    for axes, scale, unscale in zip(
+        rows, (np.asarray, radius.to_image), (np.asarray, radius.from_image)
+    ):
         lines = [unscale(line) for line in polar_lines()]
         mapped = map_curves(disk, scale(r.disk_map), curves[0] + lines)
         targets = [scale(curve) for curve in curves[1]]
@@ -152,9 +179,16 @@ def registration_figure(registration, moving, control):
             curves_plot(ax, targets, "target")
         lines_plot(disk_axes(axes[2]), mapped[len(targets) :], "#1F4E79")
         colours = disk_plot(axes[3], scale(r.disk_moving[some]), faces, mu, vmin=0, vmax=1)
-        if r.sure is not None:
-            sure = disk_plot(axes[5], scale(r.disk_moving[some]), faces, means @ r.sure, cmap="magma_r", vmin=0)
-            figure.colorbar(sure, ax=axes[5], shrink=0.6)
+        if r.uncertainty is not None:
+            uncertainty = disk_plot(
+                axes[5],
+                scale(r.disk_moving[some]),
+                faces,
+                means @ r.uncertainty,
+                cmap="magma_r",
+                vmin=0,
+            )
+            figure.colorbar(uncertainty, ax=axes[5], shrink=0.6)
     mu_histogram(rows[0, 4], r.mu)
     mu_histogram(rows[1, 4], r.mu, moving.face_areas)
     _label_registration(figure, rows, colours, r.report)
@@ -162,7 +196,8 @@ def registration_figure(registration, moving, control):
 
 
 def drawn_part(disk, surface):
-    """What is drawn of a surface on its `Disk`: vertices (N,), all or DRAWN, triangles, sparse (N, V): means there."""
+    """What is drawn of a surface on its `Disk`: vertices (N,), all or DRAWN, triangles, sparse (N,
+    V): means there."""
     if len(disk.z) <= DRAWN:
         return np.arange(len(disk.z)), disk.faces, sparse.eye_array(len(disk.z))
     some, small = thinned(disk, None, DRAWN)
@@ -202,7 +237,8 @@ def _label_registration(figure, rows, colours, report):
 
 
 def registration_disks(axes, registration, moving, vmax=0.6):
-    """One `Registration` on four Axes: landmarks after the best Möbius map and after the fit, the deformed grid, |mu|.
+    """One `Registration` on four Axes: landmarks after the best Möbius map and after the fit, the
+    deformed grid, |mu|.
 
     Equal parts of a picture have equal moving area. Returns the coloured artist of |mu|.
     """
@@ -213,7 +249,9 @@ def registration_disks(axes, registration, moving, vmax=0.6):
     mapped = map_curves(Disk(r.disk_moving, moving.faces), after, curves + lines)
     curvature = grey_levels(mean_curvature(moving), moving.vertex_areas)
     drawn = [radius.to_image(curve) for curve in curves], mapped[: len(curves)]
-    for ax, z, registered, title in zip(axes, (before, after), drawn, ("best Möbius map only", "registered")):
+    for ax, z, registered, title in zip(
+        axes, (before, after), drawn, ("best Möbius map only", "registered")
+    ):
         disk_plot(ax, z, moving.faces, curvature, cmap="gray", vmin=-80, vmax=335)
         curves_plot(ax, registered, "registered")
         curves_plot(ax, [radius.to_image(curve) for curve in targets], "target")

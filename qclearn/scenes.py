@@ -1,7 +1,7 @@
 """Three-dimensional scenes without server or network: a self-contained page inside an iframe.
 
-PyVista's own notebook backends leave links to the author's machine in the built book. A `Scene` holds geometry and
-viewer, 1 to 2 MB of HTML for a surface of 10,000 vertices.
+PyVista's own notebook backends leave links to the author's machine in the built book. A `Scene`
+holds geometry and viewer, 1 to 2 MB of HTML for a surface of 10,000 vertices.
 """
 
 import ctypes
@@ -20,13 +20,18 @@ from scipy.spatial import cKDTree
 from .plane.disk import Disk
 from .plot import CURVE_STYLES, map_curves, picture_html
 
-SHADES = LinearSegmentedColormap.from_list("shades", ["0.38", "1.0"])  # lit from one side, black to white is too dark
+SHADES = LinearSegmentedColormap.from_list(
+    "shades", ["0.38", "1.0"]
+)  # lit from one side, black to white is too dark
 LIFT = 0.6  # of tubes in 3-D above the surface, in their radius
 # Styles stand in the elements: JupyterLab knows no style sheet of the book.
 FRAME = 'class="scene" width="100%" style="border:0"'
-POSTER = "position:relative;display:block;width:100%;padding:0;border:0;background:white;cursor:pointer"
+POSTER = (
+    "position:relative;display:block;width:100%;padding:0;border:0;background:white;cursor:pointer"
+)
 WORDS = (
-    "position:absolute;left:50%;bottom:16px;transform:translateX(-50%);padding:5px 13px;border-radius:16px;"
+    "position:absolute;left:50%;bottom:16px;transform:translateX(-50%);padding:5px "
+    "13px;border-radius:16px;"
     "background:#595959;color:white;font:16px sans-serif"
 )
 
@@ -45,7 +50,8 @@ def _loads(*libraries):
 
 
 def _egl_finds_a_device():
-    """Whether EGL can draw: the library alone is not enough, it needs a driver (Mesa's, or a graphics card's)."""
+    """Whether EGL can draw: the library alone is not enough, it needs a driver (Mesa's, or a
+    graphics card's)."""
     egl = _loads("libEGL.so.1")
     if egl is None:
         return False
@@ -53,17 +59,24 @@ def _egl_finds_a_device():
     address = egl.eglGetProcAddress(b"eglQueryDevicesEXT")
     if not address:
         return False
-    query = ctypes.CFUNCTYPE(ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.POINTER(ctypes.c_int))(address)
+    query = ctypes.CFUNCTYPE(
+        ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.POINTER(ctypes.c_int)
+    )(address)
     count = ctypes.c_int(0)
     return bool(query(0, None, ctypes.byref(count))) and count.value > 0
 
 
 def require_renderer():
-    """Choose how VTK draws without a screen; RendererError, not VTK's segmentation fault, where nothing can draw.
+    """Choose how VTK draws without a screen; RendererError, not VTK's segmentation fault, where
+    nothing can draw.
 
     Does nothing with a screen, outside Linux, or where VTK_DEFAULT_OPENGL_WINDOW is set.
     """
-    if not sys.platform.startswith("linux") or os.environ.get("DISPLAY") or "VTK_DEFAULT_OPENGL_WINDOW" in os.environ:
+    if (
+        not sys.platform.startswith("linux")
+        or os.environ.get("DISPLAY")
+        or "VTK_DEFAULT_OPENGL_WINDOW" in os.environ
+    ):
         return
     if _egl_finds_a_device():
         os.environ["VTK_DEFAULT_OPENGL_WINDOW"] = "vtkEGLRenderWindow"
@@ -77,8 +90,9 @@ def require_renderer():
 class Scene:
     """A 3-D view to turn with the mouse, as the result of a notebook cell.
 
-    description: alternative text; poster: show a picture, and load the scene by a click: browsers keep only 8 to 16
-    scenes alive on one page; legend: dict label -> CSS colour, written over the scene.
+    description: alternative text; poster: show a picture, and load the scene by a click: browsers
+    keep only 8 to 16 scenes alive on one page; legend: dict label -> CSS colour, written over the
+    scene.
     """
 
     def __init__(self, plotter, description, poster=False, height=480, legend=None):
@@ -88,7 +102,9 @@ class Scene:
         _keep_what_is_shown(plotter)
         self.picture = _png(plotter) if poster else None
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)  # trame-vtk 2.8 calls what VTK 9.6 deprecates
+            warnings.simplefilter(
+                "ignore", DeprecationWarning
+            )  # trame-vtk 2.8 calls what VTK 9.6 deprecates
             page = _named(plotter.export_html(None).getvalue(), description)
         self.page = page.replace("</body>", _legend(legend) + "</body>") if legend else page
         plotter.close()
@@ -96,9 +112,13 @@ class Scene:
     def _repr_html_(self):
         title, page = html.escape(self.description), html.escape(self.page)
         if self.picture is None:
-            return f'<iframe {FRAME} title="{title}" height="{self.height}" srcdoc="{page}"></iframe>'
+            return (
+                f'<iframe {FRAME} title="{title}" height="{self.height}" srcdoc="{page}"></iframe>'
+            )
         picture = picture_html(self.picture, self.description, ' style="width:100%"')
-        load = "const f=this.nextElementSibling;f.srcdoc=f.dataset.page;f.hidden=false;this.remove()"
+        load = (
+            "const f=this.nextElementSibling;f.srcdoc=f.dataset.page;f.hidden=false;this.remove()"
+        )
         return (
             f'<button class="scene-poster" type="button" style="{POSTER}" onclick="{load}">'
             f'{picture}<span style="{WORDS}">turn it in 3-D</span></button>'
@@ -107,8 +127,8 @@ class Scene:
 
 
 def _named(page, title):
-    """The page with language, title and the reader's zoom, which trame-vtk's template forbids, and without the picture
-    that its viewer asks for while it has no scene."""
+    """The page with language, title and the reader's zoom, which trame-vtk's template forbids, and
+    without the picture that its viewer asks for while it has no scene."""
     zoom = '<meta name="viewport" content="width=device-width">'
     head = f'<html lang="en"><head><title>{html.escape(title)}</title>{zoom}'
     page = re.sub(r'<meta name="viewport"[^>]*>', "", page, count=1)
@@ -140,7 +160,8 @@ POINT_STEPS, VALUE_STEPS = 2**13, 2**8
 
 
 def _rounded(array, steps):
-    """The array in single precision, rounded to a power of two: the digits that nobody sees cost most on the page."""
+    """The array in single precision, rounded to a power of two: the digits that nobody sees cost
+    most on the page."""
     unit = 2.0 ** np.floor(np.log2(max(np.ptp(array), np.finfo(np.float32).tiny) / steps))
     return (np.round(array / unit) * unit).astype(np.float32)
 
@@ -166,10 +187,12 @@ def _keep_what_is_shown(plotter):
 
 
 def surface_scene(surface, values=None, curves=(), cmap=SHADES, clim=None, title=None):
-    """A PyVista Plotter of the surface in 3-D, coloured by values (V,), with curves upon it; show it with `Scene`.
+    """A PyVista Plotter of the surface in 3-D, coloured by values (V,), with curves upon it; show
+    it with `Scene`.
 
-    curves: pairs (points (k, 3) or vertex path (k,), style of `CURVE_STYLES`), as tubes a little above the surface. An
-    open surface is seen from the side away from its opening. A page carries all arrays: float32.
+    curves: pairs (points (k, 3) or vertex path (k,), style of `CURVE_STYLES`), as tubes a little
+    above the surface. An open surface is seen from the side away from its opening. A page carries
+    all arrays: float32.
     """
     require_renderer()
     plotter = pv.Plotter(window_size=(700, 500))
@@ -179,14 +202,21 @@ def surface_scene(surface, values=None, curves=(), cmap=SHADES, clim=None, title
     for curve, style in curves:
         curve = np.asarray(curve)
         points = surface.vertices[curve] if curve.ndim == 1 else curve
-        # A tube about a line within the surface would sink and rise with its faces, and flicker where the two meet.
-        points = points + LIFT * radius * mesh["Normals"][cKDTree(surface.vertices).query(points)[1]]
+        # A tube about a line within the surface would sink and rise with its faces, and flicker
+        # where the two meet.
+        points = (
+            points + LIFT * radius * mesh["Normals"][cKDTree(surface.vertices).query(points)[1]]
+        )
         tube = pv.lines_from_points(points.astype(np.float32)).tube(radius=radius, n_sides=8)
         tube.clear_data()
         plotter.add_mesh(tube, color=CURVE_STYLES[style]["color"])
     if surface.boundary_loops:
-        away = surface.vertices.mean(0) - surface.vertices[np.concatenate(surface.boundary_loops)].mean(0)
-        plotter.view_vector(away, viewup=(0, 1, 0) if abs(away[2]) > 0.9 * np.linalg.norm(away) else (0, 0, 1))
+        away = surface.vertices.mean(0) - surface.vertices[
+            np.concatenate(surface.boundary_loops)
+        ].mean(0)
+        plotter.view_vector(
+            away, viewup=(0, 1, 0) if abs(away[2]) > 0.9 * np.linalg.norm(away) else (0, 0, 1)
+        )
     return plotter
 
 
@@ -194,28 +224,36 @@ def _add_surface(plotter, surface, values, shift=(0, 0, 0), cmap=SHADES, clim=No
     """Add the surface, moved by `shift`, to a Plotter; returns the mesh that it shows."""
     vertices = (surface.vertices + np.asarray(shift)).astype(np.float32)
     mesh = pv.PolyData.from_regular_faces(vertices, surface.faces)
-    # The plotter would compute normals only while it draws, too late for whoever looks at its meshes before.
+    # The plotter would compute normals only while it draws, too late for whoever looks at its
+    # meshes before.
     mesh = mesh.compute_normals(cell_normals=False, split_vertices=False, consistent_normals=False)
     colour = {"color": "lightgray"}
     if values is not None:
         mesh.point_data["values"] = np.asarray(values, np.float32)
-        bar = {"show_scalar_bar": title is not None, "scalar_bar_args": {"title": title or "", "color": "black"}}
+        bar = {
+            "show_scalar_bar": title is not None,
+            "scalar_bar_args": {"title": title or "", "color": "black"},
+        }
         colour = {"scalars": "values", "cmap": cmap, "clim": clim, **bar}
     plotter.add_mesh(mesh, smooth_shading=True, ambient=0.15, **colour)
     return mesh
 
 
 def stacked_scene(surfaces, values, **more):
-    """A Plotter with surfaces one below the other, to scale, turned by one camera; `more` goes to `surface_scene`.
+    """A Plotter with surfaces one below the other, to scale, turned by one camera; `more` goes to
+    `surface_scene`.
 
-    surfaces: list, the first on top; values: list of (V,). Seen horizontally, from the first one's side.
+    surfaces: list, the first on top; values: list of (V,). Seen horizontally, from the first one's
+    side.
     """
     plotter = surface_scene(surfaces[0], values[0], **more)
     edge = surfaces[0].vertices[:, 2].min()
     for surface, colours in zip(surfaces[1:], values[1:]):
         middle = (surfaces[0].vertices.mean(0) - surface.vertices.mean(0))[:2]
         edge -= 0.08 * np.ptp(surface.vertices[:, 2])
-        _add_surface(plotter, surface, colours, (*middle, edge - surface.vertices[:, 2].max()), **more)
+        _add_surface(
+            plotter, surface, colours, (*middle, edge - surface.vertices[:, 2].max()), **more
+        )
         edge -= np.ptp(surface.vertices[:, 2])
     plotter.camera.parallel_projection = True  # the lower one is as near as the upper one
     x, y, _ = plotter.camera.direction
@@ -224,7 +262,8 @@ def stacked_scene(surfaces, values, **more):
 
 
 def surface_picture(surface, values=None, direction=None, up=(0, 0, 1), height=138.0, **more):
-    """A photograph (rows, columns, 3) of the surface, without perspective: `height` units of length fill its height.
+    """A photograph (rows, columns, 3) of the surface, without perspective: `height` units of length
+    fill its height.
 
     direction: towards the eye; by default away from its opening. `more` goes to `surface_scene`.
     """
@@ -240,10 +279,11 @@ def surface_picture(surface, values=None, direction=None, up=(0, 0, 1), height=1
 
 
 def registration_scene(registration, shape, registered=True, **more):
-    """The landmarks of one `Registration` in 3-D, as in the paper: registered curves yellow, targets red; a Plotter.
+    """The landmarks of one `Registration` in 3-D, as in the paper: registered curves yellow,
+    targets red; a Plotter.
 
-    shape: the control surface, or another with its faces (inflated, say); registered=False: the moving curves after the
-    best Möbius map. `more` goes to `surface_scene`.
+    shape: the control surface, or another with its faces (inflated, say); registered=False: the
+    moving curves after the best Möbius map. `more` goes to `surface_scene`.
     """
     r = registration
     moving, targets = (list(side) for side in zip(*r.curves.values()))

@@ -1,5 +1,6 @@
-"""Settings that every test shares: nothing opens a window, hypothesis draws the same examples in every run, and the
-library's public functions are held to the shapes that they are annotated with."""
+"""Settings that every test shares: nothing opens a window, hypothesis draws the same examples in
+every run, and the library's public functions are held to the shapes that they are annotated with.
+"""
 
 import os
 import shutil
@@ -16,7 +17,8 @@ from qclearn.plane import Disk
 os.environ.setdefault("PYVISTA_OFF_SCREEN", "true")
 os.environ.setdefault("MPLBACKEND", "agg")
 
-# Files that take longest, a half of the time of all unit tests between them, as of pytest --durations.
+# Files that take longest, a half of the time of all unit tests between them, as of pytest
+# --durations.
 LONGEST = [
     "test_package.py",
     "test_right_or_refused.py",
@@ -47,7 +49,11 @@ def pytest_unconfigure(config):
 
 def pytest_collection_modifyitems(items):
     """The longest files first, or one of two workers would wait for the other at the end."""
-    items.sort(key=lambda item: LONGEST.index(item.path.name) if item.path.name in LONGEST else len(LONGEST))
+    items.sort(
+        key=lambda item: (
+            LONGEST.index(item.path.name) if item.path.name in LONGEST else len(LONGEST)
+        )
+    )
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,5 @@
-"""The catalogue of closed-form maps of `qclearn.plane.exactmaps`, and more of them that tests alone need."""
+"""The catalogue of closed-form maps of `qclearn.plane.exactmaps`, and more of them that tests alone
+need."""
 
 import numpy as np
 
@@ -9,7 +10,12 @@ __all__ = ["affine", "radial_stretch", "sliding", "twist"]
 
 def sliding_three(c):
     """`z exp(i c |z|^3 sin(3 arg z))`: the boundary slides with three periods."""
-    return turn("sliding 3", lambda z: c * (z**3).imag, lambda z: 1.5 * c * z**2 / 1j, 1.5 * c / (1 - 1.5 * c))
+    return turn(
+        "sliding 3",
+        lambda z: c * (z**3).imag,
+        lambda z: 1.5 * c * z**2 / 1j,
+        1.5 * c / (1 - 1.5 * c),
+    )
 
 
 def moebius(a, theta):
@@ -24,7 +30,8 @@ def moebius(a, theta):
 
 
 def after(g, f):
-    """g after f, derivatives by the chain rule; `largest` is the bound for quasi-conformal compositions."""
+    """g after f, derivatives by the chain rule; `largest` is the bound for quasi-conformal
+    compositions."""
 
     def f_z(z):
         w = f(z)
@@ -44,5 +51,10 @@ def after(g, f):
 
 
 # The disk maps of the convergence table; all of them hold 0 and 1.
-RADIAL, TWIST, SLIDING, SLIDING_THREE = radial_stretch(1.5), twist(0.6), sliding(0.5), sliding_three(0.15)
+RADIAL, TWIST, SLIDING, SLIDING_THREE = (
+    radial_stretch(1.5),
+    twist(0.6),
+    sliding(0.5),
+    sliding_three(0.15),
+)
 DISK_MAPS = [RADIAL, TWIST, SLIDING, SLIDING_THREE]

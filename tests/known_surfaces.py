@@ -29,12 +29,17 @@ def longitudes(points):
 
 
 def distance_to_floor(points):
-    """How far in latitude points (k, 3) of the grooved sphere lie from the middle of its groove, radians."""
-    return abs(np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1])) - latitude(longitudes(points)))
+    """How far in latitude points (k, 3) of the grooved sphere lie from the middle of its groove,
+    radians."""
+    return abs(
+        np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1]))
+        - latitude(longitudes(points))
+    )
 
 
 def grooved_sphere():
-    """A sphere of 2045 vertices, open below, with a winding groove 0.2 deep; and two vertices on the groove's floor."""
+    """A sphere of 2045 vertices, open below, with a winding groove 0.2 deep; and two vertices on
+    the groove's floor."""
     ball = icosphere(4, -0.6)
     along, away = longitudes(ball.vertices), distance_to_floor(ball.vertices)
     depth = 0.2 * np.exp(-((away / 0.12) ** 2)) * (abs(along) < 1.6)
@@ -43,22 +48,24 @@ def grooved_sphere():
 
 
 def sheet(n=61, width=1.0, height=None):
-    """The graph of height(x, y), or 0, over [0, width]^2 in n x n vertices, faces looking up; and x, y (V,)."""
+    """The graph of height(x, y), or 0, over [0, width]^2 in n x n vertices, faces looking up; and
+    x, y (V,)."""
     x, y = (axis.ravel() for axis in np.meshgrid(*[np.linspace(0, width, n)] * 2))
     z = 0 * x if height is None else height(x, y)
     return Surface(np.stack([x, y, z], 1), grid_faces(n, n)), x, y
 
 
 def grid_faces(rows, columns):
-    """Faces of a grid numbered row by row, counter-clockwise where x grows with the column and y with the row."""
+    """Faces of a grid numbered row by row, counter-clockwise where x grows with the column and y
+    with the row."""
     a = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
     above = a + columns
     return np.concatenate([np.stack([a, a + 1, above + 1], 1), np.stack([a, above + 1, above], 1)])
 
 
 def revolution(profile, nt=96):
-    """A body around the z axis, open at its last ring: profile (K,) complex, distance from the axis + i height,
-    from a pole on the axis downward outside."""
+    """A body around the z axis, open at its last ring: profile (K,) complex, distance from the axis
+    + i height, from a pole on the axis downward outside."""
     _, faces = polar_disk(len(profile) - 1, nt)
     ring = profile.real[1:, None] * np.exp(2j * np.pi * np.arange(nt) / nt)
     height = np.broadcast_to(profile.imag[1:, None], ring.shape)
@@ -67,7 +74,8 @@ def revolution(profile, nt=96):
 
 
 def torus(large, n=120, m=60):
-    """Torus of radii `large` and 1, outward; its principal curvatures are 1 and the second result (V,)."""
+    """Torus of radii `large` and 1, outward; its principal curvatures are 1 and the second result
+    (V,)."""
     u, v = (np.linspace(0, 2 * np.pi, k, endpoint=False) for k in (n, m))
     u, v = (axis.ravel() for axis in np.meshgrid(u, v))
     distance = large + np.cos(v)
@@ -95,7 +103,9 @@ def grid(n, m, hole=()):
 def torus_mesh(n=12, m=9):
     """Vertices and faces of a torus of n x m cells."""
     a, b = np.meshgrid(np.arange(n) * 2 * np.pi / n, np.arange(m) * 2 * np.pi / m, indexing="ij")
-    vertices = np.stack([(3 + np.cos(b)) * np.cos(a), (3 + np.cos(b)) * np.sin(a), np.sin(b)], axis=-1).reshape(-1, 3)
+    vertices = np.stack(
+        [(3 + np.cos(b)) * np.cos(a), (3 + np.cos(b)) * np.sin(a), np.sin(b)], axis=-1
+    ).reshape(-1, 3)
     faces = grid(n, m)[1]
     i, j = np.divmod(faces, m + 1)
     return vertices, (i % n) * m + j % m

@@ -1,5 +1,5 @@
-"""What may not happen to files that students get: lines of solutions in them, and questions that differ from page to
-notebook."""
+"""What may not happen to files that students get: lines of solutions in them, and questions that
+differ from page to notebook."""
 
 import html
 import json
@@ -22,7 +22,11 @@ def lines_of(text):
 def graded_lines():
     """exercise -> the lines of its solution that the question does not have."""
     return {
-        name: {line for line in lines_of(exercise.solved) if line not in exercise.blank + exercise.words}
+        name: {
+            line
+            for line in lines_of(exercise.solved)
+            if line not in exercise.blank + exercise.words
+        }
         for name, exercise in EXERCISES.items()
     }
 
@@ -48,7 +52,8 @@ def strings(value):
 
 
 def text_of(path):
-    """What can be read in a file: all of it, and once more without tags, which stand in lines of highlighted code."""
+    """What can be read in a file: all of it, and once more without tags, which stand in lines of
+    highlighted code."""
     text = path.read_text(encoding="utf-8")
     if path.suffix in (".ipynb", ".json"):
         text = "\n".join(strings(json.loads(text)))
@@ -58,7 +63,9 @@ def text_of(path):
 def leaks(paths, lines):
     """file -> the lines of solutions in it, of the files that have any; lines: name -> lines."""
     every = sorted(set().union(*lines.values()))
-    found = {path: [line for line in every if line in text] for path in paths if (text := text_of(path))}
+    found = {
+        path: [line for line in every if line in text] for path in paths if (text := text_of(path))
+    }
     return {str(path): there for path, there in found.items() if there}
 
 
@@ -72,7 +79,8 @@ def squeezed(text):
 
 
 def drift(page, student):
-    """The exercises of a student's notebook whose words or blank a plain copy of their page does not have."""
+    """The exercises of a student's notebook whose words or blank a plain copy of their page does
+    not have."""
     text = squeezed("\n".join(cell.source for cell in page.cells if cell.cell_type == "markdown"))
     for question, answer in zip(of(student, "question"), of(student, "answer")):
         name, words = question.metadata["exercise"], question.source.split("\n\n", 2)[2]

@@ -1,8 +1,10 @@
-"""The shapes that the public functions are annotated with, held to whenever a test calls one of them.
+"""The shapes that the public functions are annotated with, held to whenever a test calls one of
+them.
 
-Whatever NumPy takes for such an array counts as one, and numbers of a narrower kind too (integers as real numbers, real
-numbers as complex ones). What an annotation does not admit, the library has to refuse by an error of its own: a call
-that comes back all the same is a ShapeError, as is a result of another shape than announced.
+Whatever NumPy takes for such an array counts as one, and numbers of a narrower kind too (integers
+as real numbers, real numbers as complex ones). What an annotation does not admit, the library has
+to refuse by an error of its own: a call that comes back all the same is a ShapeError, as is a
+result of another shape than announced.
 """
 
 import inspect
@@ -33,7 +35,9 @@ def readings(value):
         yield array
         yield from (array.astype(wider) for wider in (float, complex) if array.dtype.kind in "iuf")
     elif isinstance(value, int | float | complex | np.generic):
-        yield from (np.asarray(value, wider) for wider in (float, complex) if not np.iscomplexobj(value))
+        yield from (
+            np.asarray(value, wider) for wider in (float, complex) if not np.iscomplexobj(value)
+        )
         yield np.asarray(value)
         yield value.item() if isinstance(value, np.generic) else value
 
@@ -47,7 +51,8 @@ def admits(hint, value):
 
 
 def kind(value):
-    """All that an annotation can say of a value: type, kind of numbers and shape; of a tuple or list, of its items."""
+    """All that an annotation can say of a value: type, kind of numbers and shape; of a tuple or
+    list, of its items."""
     if isinstance(value, tuple | list):
         return type(value), tuple(map(kind, value))
     if isinstance(value, Mapping):
@@ -56,7 +61,8 @@ def kind(value):
 
 
 def held(function):
-    """The function with its arguments and its result held to its annotations; each kind of call is judged once."""
+    """The function with its arguments and its result held to its annotations; each kind of call is
+    judged once."""
     signature, hints, right = inspect.signature(function), get_type_hints(function), set()
     result_hint = hints.pop("return", None)
 
@@ -72,24 +78,34 @@ def held(function):
     def judge(args, kwargs, result):
         with jaxtyped("context"):
             given = signature.bind(*args, **kwargs).arguments
-            wrong = [name for name, value in given.items() if name in hints and not admits(hints[name], value)]
+            wrong = [
+                name
+                for name, value in given.items()
+                if name in hints and not admits(hints[name], value)
+            ]
             if wrong:
-                raise ShapeError(f"{function.__qualname__} takes {', '.join(wrong)} that its annotations exclude")
+                raise ShapeError(
+                    f"{function.__qualname__} takes {', '.join(wrong)} that its annotations exclude"
+                )
             if result_hint is not None and not admits(result_hint, result):
-                raise ShapeError(f"{function.__qualname__} returns {result!r}, which is not {result_hint}")
+                raise ShapeError(
+                    f"{function.__qualname__} returns {result!r}, which is not {result_hint}"
+                )
 
     return call
 
 
 def members_of(cls):
-    """What a class and those that it inherits from, all of one package, have: (class, name, member), its own last."""
+    """What a class and those that it inherits from, all of one package, have: (class, name,
+    member), its own last."""
     house = cls.__module__.split(".")[0]
     owners = [owner for owner in reversed(cls.__mro__) if owner.__module__.split(".")[0] == house]
     return [(owner, name, member) for owner in owners for name, member in vars(owner).items()]
 
 
 def hold_class(cls):
-    """A class with its public methods held to their annotations, inherited ones too, and its attributes once made."""
+    """A class with its public methods held to their annotations, inherited ones too, and its
+    attributes once made."""
     for owner, name, member in members_of(cls):
         if isinstance(member, cached_property):
             member.func = held(member.func)
@@ -104,7 +120,9 @@ def hold_class(cls):
         make(self, *args, **kwargs)
         with jaxtyped("context"):
             wrong = [
-                name for name, hint in attributes.items() if not is_bearable(getattr(self, name), hint, conf=NUMBERS)
+                name
+                for name, hint in attributes.items()
+                if not is_bearable(getattr(self, name), hint, conf=NUMBERS)
             ]
         if wrong:
             raise ShapeError(f"{cls.__name__} has {', '.join(wrong)} that its annotations exclude")
@@ -113,9 +131,12 @@ def hold_class(cls):
 
 
 def hold(package):
-    """Hold all that `package.__all__` names to its annotations, wherever its modules have it in hand."""
+    """Hold all that `package.__all__` names to its annotations, wherever its modules have it in
+    hand."""
     offered = [getattr(package, name) for name in package.__all__]  # first: this loads the modules
-    modules = [module for name, module in sys.modules.items() if name.split(".")[0] == package.__name__]
+    modules = [
+        module for name, module in sys.modules.items() if name.split(".")[0] == package.__name__
+    ]
     for public in offered:
         if inspect.isfunction(public):
             checked = held(public)

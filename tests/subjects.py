@@ -1,4 +1,5 @@
-"""Synthetic hemispheres, each grown once for all tests of a run and kept in a folder that all workers share."""
+"""Synthetic hemispheres, each grown once for all tests of a run and kept in a folder that all
+workers share."""
 
 import fcntl
 import os
@@ -16,7 +17,8 @@ def shared(*parts):
 
 
 def grown(seed, n_vertices, hemisphere="left", generation=GENERATION):
-    """`make_cortex`, grown by whoever asks first. Each call reads arrays of its own, so that a test may change them."""
+    """`make_cortex`, grown by whoever asks first. Each call reads arrays of its own, so that a test
+    may change them."""
     path = shared(f"{generation}-{hemisphere}-{n_vertices}-{seed}.npz")
     with path.with_suffix(".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)

@@ -2,8 +2,8 @@
 
 Those are executed whose source, library or helpers changed since their last run.
 
-Sphinx builds the site from the executed copies with warnings as errors. What the site offers for download are the plain
-copies, which read in any viewer.
+Sphinx builds the site from the executed copies with warnings as errors. What the site offers for
+download are the plain copies, which read in any viewer.
 """
 
 import argparse
@@ -48,7 +48,10 @@ def build_site(meanwhile):
 def downloads():
     """The plain copies of the executed pages, page -> notebook."""
     copies = lab_copies.Copies()
-    return {path.stem: copies.make(path.stem, for_plain_viewers) for path in sorted(SOURCE.glob("*.ipynb"))}
+    return {
+        path.stem: copies.make(path.stem, for_plain_viewers)
+        for path in sorted(SOURCE.glob("*.ipynb"))
+    }
 
 
 def offer(notebooks):
@@ -65,9 +68,13 @@ def main():
         default="",
         help="execute these, whether they changed or not, and no others, as in: --pages lbs,fourier",
     )
-    parser.add_argument("--no-site", action="store_true", help="execute the pages and leave the site as it is")
+    parser.add_argument(
+        "--no-site", action="store_true", help="execute the pages and leave the site as it is"
+    )
     arguments = parser.parse_args()
-    pages = [name.strip().removesuffix(".ipynb") for name in arguments.pages.split(",") if name.strip()]
+    pages = [
+        name.strip().removesuffix(".ipynb") for name in arguments.pages.split(",") if name.strip()
+    ]
     if pages:
         run(pages, arguments.jobs)
     else:

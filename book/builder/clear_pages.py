@@ -1,5 +1,5 @@
-"""Take everything out of the pages of book/ that a run or JupyterLab left in them: outputs, counts, answers,
-widgets."""
+"""Take everything out of the pages of book/ that a run or JupyterLab left in them: outputs, counts,
+answers, widgets."""
 
 from pathlib import Path
 

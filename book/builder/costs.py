@@ -1,4 +1,5 @@
-"""What a run of a page costs, seconds and memory: its kernel is asked behind the last cell, and the page keeps it."""
+"""What a run of a page costs, seconds and memory: its kernel is asked behind the last cell, and the
+page keeps it."""
 
 import json
 
@@ -44,7 +45,8 @@ def tell(notebook):
 
 
 def measured(folder):
-    """page -> {"seconds": from the kernel's start, "gb": its largest memory}, of the executed pages in a folder."""
+    """page -> {"seconds": from the kernel's start, "gb": its largest memory}, of the executed pages
+    in a folder."""
     found = {}
     for path in sorted(folder.glob("*.ipynb")):
         metadata = json.loads(path.read_text(encoding="utf-8"))["metadata"]

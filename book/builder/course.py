@@ -1,8 +1,8 @@
-"""A course folder for nbgrader, build/course: source/ and release/ have an assignment each, teacher/ the solutions with
-points and known mistakes.
+"""A course folder for nbgrader, build/course: source/ and release/ have an assignment each,
+teacher/ the solutions with points and known mistakes.
 
-`make course` takes all graded exercises in the order of the book, and those of each week of the guide for teachers;
-named ones make an assignment of their own:
+`make course` takes all graded exercises in the order of the book, and those of each week of the
+guide for teachers; named ones make an assignment of their own:
 
     python -m book.builder.course --name week3 alpha-signs accept-fold
 """
@@ -53,16 +53,24 @@ class Sheets:
 
     def question(self, exercise):
         told = f"{exercise.points} points, about {exercise.minutes} minutes; page *{teaching.title(exercise.page)}*."
-        return markdown(exercise, "question", f"## {exercise.title}\n\n{told}\n\n{self.text(words(exercise))}")
+        return markdown(
+            exercise, "question", f"## {exercise.title}\n\n{told}\n\n{self.text(words(exercise))}"
+        )
 
     def source(self, names, seed=1):
-        """What nbgrader releases and grades: it takes the solutions and the hidden tests out between their marks."""
-        cells = [new_markdown_cell(INTRODUCTION, id="introduction", metadata={"tags": ["introduction"]}), imports()]
+        """What nbgrader releases and grades: it takes the solutions and the hidden tests out
+        between their marks."""
+        cells = [
+            new_markdown_cell(INTRODUCTION, id="introduction", metadata={"tags": ["introduction"]}),
+            imports(),
+        ]
         for exercise in map(EXERCISES.get, names):
             cells.append(self.question(exercise))
             cells.append(code(exercise, "answer", exercise.source, solution=True))
             test = hidden_test(exercise, seed)
-            cells.append(code(exercise, "check", test, grade=True, locked=True, points=exercise.points))
+            cells.append(
+                code(exercise, "check", test, grade=True, locked=True, points=exercise.points)
+            )
             if exercise.read:
                 kind = {"grade": True, "solution": True, "points": 0, "cell_type": "markdown"}
                 cells.append(markdown(exercise, "sentence", "", **kind))
@@ -70,12 +78,15 @@ class Sheets:
 
     def teacher(self, names):
         """The solutions, each with its check and the known mistakes, below a table of points."""
-        cells = [new_markdown_cell(f"{FOR_TEACHERS}\n\n{overview(names)}", id="introduction"), imports()]
+        cells = [
+            new_markdown_cell(f"{FOR_TEACHERS}\n\n{overview(names)}", id="introduction"),
+            imports(),
+        ]
         for exercise in map(EXERCISES.get, names):
             cells.append(self.question(exercise))
             cells.append(code(exercise, "answer", exercise.solved))
             cells.append(code(exercise, "check", call(exercise)))
-            cells.append(markdown(exercise, "mistakes", self.text(mistakes(exercise))))
+            cells.append(markdown(exercise, "mistakes", self.text(diagnose_landmarks(exercise))))
         return new_notebook(cells=cells, metadata=KERNEL)
 
 
@@ -84,7 +95,8 @@ def imports():
 
 
 def hidden_test(exercise, seed):
-    """The check that students see, and what nbgrader hides: it raises the sentence on a wrong answer, for the feedback.
+    """The check that students see, and what nbgrader hides: it raises the sentence on a wrong
+    answer, for the feedback.
 
     seed: draws its inputs; the students' own check has 0.
     """
@@ -107,11 +119,15 @@ def overview(names):
     """A table of the exercises with their points, in all at its end."""
     chosen = [EXERCISES[name] for name in names]
     text = row("exercise", "page", "minutes", "points", "to read") + row(*["---"] * 5)
-    text += "".join(row(e.name, e.page, e.minutes, e.points, "a sentence" if e.read else "") for e in chosen)
-    return text + row("in all", "", *(sum(getattr(e, what) for e in chosen) for what in ("minutes", "points")), "")
+    text += "".join(
+        row(e.name, e.page, e.minutes, e.points, "a sentence" if e.read else "") for e in chosen
+    )
+    return text + row(
+        "in all", "", *(sum(getattr(e, what) for e in chosen) for what in ("minutes", "points")), ""
+    )
 
 
-def mistakes(exercise):
+def diagnose_landmarks(exercise):
     """A table of the known mistakes and of what a student is told."""
     return (
         row("mistake", "what a student is told")
@@ -121,11 +137,20 @@ def mistakes(exercise):
 
 
 def metadata(exercise, part, nbgrader):
-    """What a cell is and, where something is graded or filled in, what nbgrader has to know (schema 3)."""
+    """What a cell is and, where something is graded or filled in, what nbgrader has to know (schema
+    3)."""
     entries = {"tags": [part], "exercise": exercise.name}
     if nbgrader:
-        usual = {"grade": False, "solution": False, "locked": False, "task": False, "cell_type": "code"}
-        entries["nbgrader"] = usual | {"schema_version": 3, "grade_id": f"{exercise.name}-{part}"} | nbgrader
+        usual = {
+            "grade": False,
+            "solution": False,
+            "locked": False,
+            "task": False,
+            "cell_type": "code",
+        }
+        entries["nbgrader"] = (
+            usual | {"schema_version": 3, "grade_id": f"{exercise.name}-{part}"} | nbgrader
+        )
     return entries
 
 
@@ -140,7 +165,8 @@ def markdown(exercise, part, source, **nbgrader):
 
 
 def write(names, name, folder=COURSE, sheets=None, seed=1):
-    """Write an assignment of these exercises into a course folder; (source, teacher's notebook), paths."""
+    """Write an assignment of these exercises into a course folder; (source, teacher's notebook),
+    paths."""
     sheets = sheets or Sheets()
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copy(SETTINGS, folder)
@@ -155,14 +181,27 @@ def write(names, name, folder=COURSE, sheets=None, seed=1):
 
 
 def release(name, folder=COURSE):
-    """Let nbgrader write the students' notebook of an assignment, or of all ('*'), and its gradebook; the paths.
+    """Let nbgrader write the students' notebook of an assignment, or of all ('*'), and its
+    gradebook; the paths.
 
-    SystemExit with nbgrader's reason if it refuses, for instance to change cells that students have handed in.
+    SystemExit with nbgrader's reason if it refuses, for instance to change cells that students have
+    handed in.
     """
-    command = [sys.executable, "-m", "nbgrader", "generate_assignment", f"--assignment={name}", "--force"]
+    command = [
+        sys.executable,
+        "-m",
+        "nbgrader",
+        "generate_assignment",
+        f"--assignment={name}",
+        "--force",
+    ]
     run = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if run.returncode:
-        reasons = [line.strip() for line in run.stderr.splitlines() if re.match(r" *[\w.]+(Error|Exception): ", line)]
+        reasons = [
+            line.strip()
+            for line in run.stderr.splitlines()
+            if re.match(r" *[\w.]+(Error|Exception): ", line)
+        ]
         reason = (reasons or run.stderr.splitlines() or ["it gave none"])[-1]
         raise SystemExit(f"course: nbgrader makes no release of {name} in {folder}: {reason}")
     return sorted((folder / "release").glob(f"{name}/*.ipynb"))
@@ -170,19 +209,31 @@ def release(name, folder=COURSE):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("exercises", nargs="*", help="names, in order; all, and each week's, where none is given")
+    parser.add_argument(
+        "exercises", nargs="*", help="names, in order; all, and each week's, where none is given"
+    )
     parser.add_argument("--name", default="exercises", help="of the assignment")
-    parser.add_argument("--seed", type=int, default=1, help="draws the inputs of the hidden tests; not 0")
+    parser.add_argument(
+        "--seed", type=int, default=1, help="draws the inputs of the hidden tests; not 0"
+    )
     arguments = parser.parse_args()
     if unknown := [name for name in arguments.exercises if name not in EXERCISES]:
-        sys.exit(f"course: no such exercise: {', '.join(unknown)}; there are {', '.join(in_order())}")
+        sys.exit(
+            f"course: no such exercise: {', '.join(unknown)}; there are {', '.join(in_order())}"
+        )
     if not re.fullmatch(r"[\w-]+", arguments.name):
-        sys.exit(f"course: --name {arguments.name}: letters, digits, - and _ alone: it names folders")
+        sys.exit(
+            f"course: --name {arguments.name}: letters, digits, - and _ alone: it names folders"
+        )
     if arguments.seed < 1:
-        sys.exit(f"course: --seed {arguments.seed}: the students' own checks draw by 0; give 1 or more")
+        sys.exit(
+            f"course: --seed {arguments.seed}: the students' own checks draw by 0; give 1 or more"
+        )
     chosen, sheets = {arguments.name: arguments.exercises or in_order()}, Sheets()
     if not arguments.exercises:
-        chosen |= {f"week{number}": names for number, (_, _, names) in enumerate(teaching.weeks(), 1)}
+        chosen |= {
+            f"week{number}": names for number, (_, _, names) in enumerate(teaching.weeks(), 1)
+        }
     for name, names in chosen.items():
         write(names, name, sheets=sheets, seed=arguments.seed)
     for path in release(arguments.name if arguments.exercises else "*"):

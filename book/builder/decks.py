@@ -1,10 +1,11 @@
-"""Slides made of tagged cells of the pages: reveal.js with the book's own pictures, formulas and explorables.
+"""Slides made of tagged cells of the pages: reveal.js with the book's own pictures, formulas and
+explorables.
 
-A cell tagged `slide-NAME` begins a slide of the deck NAME, one tagged `more-NAME` goes on with the last one. Of a
-cell's text, `slide-` takes what stands below its first heading and `more-` what stands above it. A slide has the
-formulas, lists, tables and statements of that text, the first sentence of each other paragraph, and all of it as the
-speaker's notes.
-`make decks` writes build/decks, and `make book` the same slides beside the site.
+A cell tagged `slide-NAME` begins a slide of the deck NAME, one tagged `more-NAME` goes on with the
+last one. Of a cell's text, `slide-` takes what stands below its first heading and `more-` what
+stands above it. A slide has the formulas, lists, tables and statements of that text, the first
+sentence of each other paragraph, and all of it as the speaker's notes. `make decks` writes
+build/decks, and `make book` the same slides beside the site.
 """
 
 import argparse
@@ -40,13 +41,20 @@ LEFT_OUT = re.compile(
     r"^(:{3,}|`{3,})\{(?:prf:proof\}|admonition\} (?:After|Think|Answers|Box)|solution\}|exercise\}).*?^\1[ \t]*$",
     re.DOTALL | re.MULTILINE,
 )
-STATEMENT = re.compile(r"^(:{3,}|`{3,})\{(?:prf:\w+|admonition)\}.*?^\1[ \t]*$", re.DOTALL | re.MULTILINE)
+STATEMENT = re.compile(
+    r"^(:{3,}|`{3,})\{(?:prf:\w+|admonition)\}.*?^\1[ \t]*$", re.DOTALL | re.MULTILINE
+)
 STATED = "\N{WORD JOINER}"  # before each paragraph of a statement
 PARAGRAPH = re.compile(r"(?<=\n\n)(?=[^\s:$`|*-])")
 # How a block begins that is shown whole.
 WHOLE = re.compile(rf"\$\$|\*\*|[-|*] |\d+\. |```|<|{STATED}")
 SENTENCE = re.compile(r"\$[^$]+\$|`[^`]+`|(?P<end>[.!?])(?=\s|$)")
-KEPT = "live", "vendor/mathjax", "vendor/reveal", "vendor/licenses"  # of the site's assets, beside single files
+KEPT = (
+    "live",
+    "vendor/mathjax",
+    "vendor/reveal",
+    "vendor/licenses",
+)  # of the site's assets, beside single files
 PAGE = """<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -82,13 +90,19 @@ def mathjax():
 
 def tagged(cell):
     """deck -> "slide" or "more", of a cell."""
-    return [match.groups()[::-1] for match in map(TAG.fullmatch, cell.metadata.get("tags", [])) if match]
+    return [
+        match.groups()[::-1] for match in map(TAG.fullmatch, cell.metadata.get("tags", [])) if match
+    ]
 
 
 def pages():
     """The pages that have slides, in the order of the contents."""
     names = [page for page in chapters() if (BOOK / f"{page}.ipynb").exists()]
-    return [page for page in names if any(map(tagged, nbformat.read(BOOK / f"{page}.ipynb", as_version=4).cells))]
+    return [
+        page
+        for page in names
+        if any(map(tagged, nbformat.read(BOOK / f"{page}.ipynb", as_version=4).cells))
+    ]
 
 
 def plain(page, copies):
@@ -96,13 +110,16 @@ def plain(page, copies):
     notebook = copies.executed(page)
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
-            cell.source = STATEMENT.sub(lambda found: PARAGRAPH.sub(STATED, found[0]), LEFT_OUT.sub("", cell.source))
+            cell.source = STATEMENT.sub(
+                lambda found: PARAGRAPH.sub(STATED, found[0]), LEFT_OUT.sub("", cell.source)
+            )
     readable = Readable(page, copies.targets, copies.literature, plain=True)
     return for_plain_viewers(notebook, readable, copies.chapters[page])
 
 
 def part(text, kind):
-    """(heading or "", text) of what a tag takes: what stands above the first heading, or below it up to the next."""
+    """(heading or "", text) of what a tag takes: what stands above the first heading, or below it
+    up to the next."""
     above, *rest = HEADING.split(text)
     if kind == "more" or not rest:
         return "", above
@@ -115,7 +132,8 @@ def first_sentence(paragraph):
 
 
 def shortened(text):
-    """The blocks of a text: formulas, lists, tables, statements whole, of other paragraphs the first sentence."""
+    """The blocks of a text: formulas, lists, tables, statements whole, of other paragraphs the
+    first sentence."""
     blocks = [block.strip() for block in re.split(r"\n[ \t]*\n", text) if block.strip()]
     return "\n\n".join(block if WHOLE.match(block) else first_sentence(block) for block in blocks)
 
@@ -130,7 +148,9 @@ def outputs(cell):
     for data, metadata in ((o.data, o.metadata) for o in cell.get("outputs", []) if "data" in o):
         if "image/png" in data:
             alt = html.escape(metadata.get("alt", ""))
-            shown.append(f'<img src="data:image/png;base64,{"".join(data["image/png"].split())}" alt="{alt}">')
+            shown.append(
+                f'<img src="data:image/png;base64,{"".join(data["image/png"].split())}" alt="{alt}">'
+            )
         elif "text/markdown" in data:
             words.append(as_html(data["text/markdown"]))
         elif 'class="qc-live"' in data.get("text/html", ""):
@@ -174,12 +194,16 @@ def slides(page, notebook):
         text = CODE.sub("", cell.source) if cell.cell_type == "markdown" else ""
         for deck, kind in sorted(tagged(cell)):  # `more` comes first: it stands above the heading
             if deck not in TITLES:
-                raise SystemExit(f"decks: {page}: a cell is tagged {kind}-{deck}; decks are {', '.join(TITLES)}")
+                raise SystemExit(
+                    f"decks: {page}: a cell is tagged {kind}-{deck}; decks are {', '.join(TITLES)}"
+                )
             if kind == "slide":
                 own = part(text, kind)[0] or title
                 found.setdefault(deck, []).append(Slide(own))
             if not found.get(deck):
-                raise SystemExit(f"decks: {page}: a cell is tagged more-{deck} before any is tagged slide-{deck}")
+                raise SystemExit(
+                    f"decks: {page}: a cell is tagged more-{deck} before any is tagged slide-{deck}"
+                )
             found[deck][-1].add(cell, kind)
         title = (HEADING.findall(text) or [title])[-1]
     return found
@@ -192,13 +216,23 @@ def write(folder, static):
         for name, own in slides(page, plain(page, copies)).items():
             decks[name] += own
     folder.mkdir(parents=True, exist_ok=True)
-    return [write_deck(folder / f"{name}.html", static, TITLES[name], own) for name, own in decks.items()]
+    return [
+        write_deck(folder / f"{name}.html", static, TITLES[name], own)
+        for name, own in decks.items()
+    ]
 
 
 def write_deck(path, static, title, own):
     shown = "\n".join(slide.html() for slide in own)
-    said = {"title": title, "book": settings()["title"], "static": static, "mathjax": json.dumps(mathjax())}
-    path.write_text(PAGE.format(**said, explorables=" ".join(EXPLORABLE.findall(shown)), slides=shown), "utf-8")
+    said = {
+        "title": title,
+        "book": settings()["title"],
+        "static": static,
+        "mathjax": json.dumps(mathjax()),
+    }
+    path.write_text(
+        PAGE.format(**said, explorables=" ".join(EXPLORABLE.findall(shown)), slides=shown), "utf-8"
+    )
     return path
 
 

@@ -1,7 +1,7 @@
 """Execute notebooks of book/ as copies in build/book, and hold them to what a page has to keep to.
 
-The notebooks in book/ stay without outputs. nbmake executes the copies, which makes the execution a test of each page
-and of the solutions of its exercises.
+The notebooks in book/ stay without outputs. nbmake executes the copies, which makes the execution a
+test of each page and of the solutions of its exercises.
 """
 
 import hashlib
@@ -34,14 +34,17 @@ def notebooks():
 
 
 def copy_book():
-    """Copy what book/ holds besides notebooks; of build/book, only runs of pages that book/ still has stay."""
+    """Copy what book/ holds besides notebooks; of build/book, only runs of pages that book/ still
+    has stay."""
     names = {f"{name}.ipynb" for name in notebooks()} | {STAMPS.name}
     for path in list(SOURCE.glob("*")):
         if path.is_dir():
             shutil.rmtree(path)
         elif path.name not in names:
             path.unlink()
-    passed_over = shutil.ignore_patterns(".ipynb_checkpoints", "_build", "__pycache__", *PROGRAMS, "*.ipynb")
+    passed_over = shutil.ignore_patterns(
+        ".ipynb_checkpoints", "_build", "__pycache__", *PROGRAMS, "*.ipynb"
+    )
     shutil.copytree(ROOT / "book", SOURCE, ignore=passed_over, dirs_exist_ok=True)
     for path in SOURCE.glob("*.md"):
         path.write_text(teaching.put(path.read_text(encoding="utf-8")), encoding="utf-8")
@@ -97,17 +100,20 @@ def finish(notebook):
 
 
 def execute(paths, jobs):
-    # An empty pytest configuration: the tests' own settings (warnings as errors) are about the library, not about
-    # Jupyter.
+    # An empty pytest configuration: the tests' own settings (warnings as errors) are about the
+    # library, not about Jupyter.
     settings = BUILD / "nbmake.ini"
     settings.write_text("[pytest]\n")
-    # A page runs where nothing of the repository lies, beside the package as it is installed from its wheel.
+    # A page runs where nothing of the repository lies, beside the package as it is installed from
+    # its wheel.
     installed = installed_copy(BUILD / "wheel")
     environment = os.environ | {
         "PYVISTA_OFF_SCREEN": "true",
         "JUPYTER_PREFER_ENV_PATH": "1",
         "PYTHONPATH": str(installed),
-        "NUMBA_CACHE_DIR": str(BUILD / "numba"),  # not beside the code, which each build unpacks anew
+        "NUMBA_CACHE_DIR": str(
+            BUILD / "numba"
+        ),  # not beside the code, which each build unpacks anew
         "QCLEARN_PAGES": "static",  # explorables as elements for the site's script, not as widgets
     }
     found = subprocess.run(
@@ -143,11 +149,20 @@ def execute(paths, jobs):
 
 
 def library_digest():
-    """Of all that a page computes with: the packages with weights and measured files, the versions of others, the
-    book's tables, and the programs that prepare and finish a run. What runs in browsers alone is left out."""
-    files = [ROOT / "constraints.txt", *(ROOT / "book").glob("*.toml"), *Path(__file__).parent.glob("*.py")]
+    """Of all that a page computes with: the packages with weights and measured files, the versions
+    of others, the book's tables, and the programs that prepare and finish a run. What runs in
+    browsers alone is left out."""
+    files = [
+        ROOT / "constraints.txt",
+        *(ROOT / "book").glob("*.toml"),
+        *Path(__file__).parent.glob("*.py"),
+    ]
     for package in PACKAGES:
-        files += [file for file in (ROOT / package).rglob("*") if file.is_file() and not PASSED_OVER & {*file.parts}]
+        files += [
+            file
+            for file in (ROOT / package).rglob("*")
+            if file.is_file() and not PASSED_OVER & {*file.parts}
+        ]
     found = hashlib.sha256(str(solutions.SHOWN).encode())
     for file in sorted(files):
         found.update(file.read_bytes())
@@ -156,7 +171,11 @@ def library_digest():
 
 def stamp(page):
     """Changes when a run of the page is out of date: the page or the library changed."""
-    source = next(file for file in (ROOT / "book" / f"{page}{kind}" for kind in (".ipynb", ".md")) if file.exists())
+    source = next(
+        file
+        for file in (ROOT / "book" / f"{page}{kind}" for kind in (".ipynb", ".md"))
+        if file.exists()
+    )
     return hashlib.sha256(source.read_bytes()).hexdigest() + library_digest()
 
 
@@ -166,16 +185,21 @@ def run(pages, jobs):
     stamps = json.loads(STAMPS.read_text()) if STAMPS.exists() else {}
     paths = copy_pages(pages)
     # The copies have no outputs yet: were this run stopped, no stamp may say that they have.
-    STAMPS.write_text(json.dumps({page: value for page, value in stamps.items() if page not in pages}, indent=1))
+    STAMPS.write_text(
+        json.dumps({page: value for page, value in stamps.items() if page not in pages}, indent=1)
+    )
     stop_at(each_page(paths, prepare))
     execute(paths, jobs)
     stop_at(each_page(paths, finish))
     copy_book()
-    STAMPS.write_text(json.dumps(stamps | {path.stem: stamp(path.stem) for path in paths}, indent=1))
+    STAMPS.write_text(
+        json.dumps(stamps | {path.stem: stamp(path.stem) for path in paths}, indent=1)
+    )
 
 
 def execute_outdated(pages, jobs):
-    """Execute those of the pages of which build/book has no run, or one of an older page or library."""
+    """Execute those of the pages of which build/book has no run, or one of an older page or
+    library."""
     stamps = json.loads(STAMPS.read_text()) if STAMPS.exists() else {}
     outdated = [page for page in pages if stamps.get(page) != stamp(page)]
     if outdated:
@@ -189,5 +213,13 @@ def errors_in(notebook):
     """Error outputs of a notebook, also those that a widget callback wrote into an Output widget."""
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
     for state in notebook.metadata.get("widgets", {}).values():
-        outputs += [output for model in state.get("state", {}).values() for output in model["state"].get("outputs", [])]
-    return [f"{output['ename']}: {output['evalue']}" for output in outputs if output["output_type"] == "error"]
+        outputs += [
+            output
+            for model in state.get("state", {}).values()
+            for output in model["state"].get("outputs", [])
+        ]
+    return [
+        f"{output['ename']}: {output['evalue']}"
+        for output in outputs
+        if output["output_type"] == "error"
+    ]

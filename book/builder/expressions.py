@@ -1,10 +1,10 @@
-"""The numbers of the prose: {eval}`expression` in a Markdown cell is asked of the kernel while nbmake executes the
-page.
+"""The numbers of the prose: {eval}`expression` in a Markdown cell is asked of the kernel while
+nbmake executes the page.
 
-Before execution `ask` puts a hidden question before each Markdown cell that quotes something, and all questions again
-behind the last cell. Afterwards `store` takes the questions out and leaves the answers where jupyterlab_myst keeps its
-own, in metadata.user_expressions of the Markdown cell: JupyterLab shows them without a kernel, and Sphinx reads them
-(book/qcbook/sphinxpages.py).
+Before execution `ask` puts a hidden question before each Markdown cell that quotes something, and
+all questions again behind the last cell. Afterwards `store` takes the questions out and leaves the
+answers where jupyterlab_myst keeps its own, in metadata.user_expressions of the Markdown cell:
+JupyterLab shows them without a kernel, and Sphinx reads them (book/qcbook/sphinxpages.py).
 """
 
 import re
@@ -36,7 +36,8 @@ def question(expressions, tag, more="{}"):
 
 
 def ask(notebook):
-    """Before execution: the questions before each Markdown cell, and all of them behind the page's last cell."""
+    """Before execution: the questions before each Markdown cell, and all of them behind the page's
+    last cell."""
     cells, everything = [], []
     for cell in notebook.cells:
         if cell.cell_type == "markdown" and (expressions := expressions_in(cell.source)):
@@ -48,7 +49,11 @@ def ask(notebook):
 
 def answers(cell):
     """Results in the order asked, and the record of keep()."""
-    data = next(o["data"]["application/json"] for o in cell.outputs if "application/json" in o.get("data", {}))
+    data = next(
+        o["data"]["application/json"]
+        for o in cell.outputs
+        if "application/json" in o.get("data", {})
+    )
     asked = data["asked"]  # nbformat sorts keys as text (0, 1, 10, 2): read them by index
     return [asked[str(i)] for i in range(len(asked))], data["kept"]
 
@@ -58,15 +63,16 @@ def tagged(cell, tag):
 
 
 def kept_twice(kept, runs):
-    """Names that keep() was given by more than one cell; runs: execution count -> place of the cell."""
+    """Names that keep() was given by more than one cell; runs: execution count -> place of the
+    cell."""
     for name, counts in sorted(kept.items()):
         if len(cells := [runs[count] for count in counts if count in runs]) > 1:
             yield f"{cells[-1]}: the key {name!r} was kept already by {cells[0]}; give it a name of its own"
 
 
 def changed(expression, here, end):
-    """What is wrong with one quoted number, or None. JupyterLab's 'Run All Cells' shows the value at the END of a
-    page."""
+    """What is wrong with one quoted number, or None. JupyterLab's 'Run All Cells' shows the value
+    at the END of a page."""
     if here["status"] != "ok":
         return f"{{eval}} of {expression!r} fails here: {here['ename']}: {here['evalue']}"
     if end.get("data") != here["data"]:
@@ -76,7 +82,8 @@ def changed(expression, here, end):
 
 
 def store(notebook):
-    """After execution: take the questions out, move the answers into the Markdown cells; returns what is wrong."""
+    """After execution: take the questions out, move the answers into the Markdown cells; returns
+    what is wrong."""
     wrong, cells, runs, waiting = [], [], {}, None
     closing = next(i for i, cell in enumerate(notebook.cells) if tagged(cell, CLOSING))
     final, kept = answers(notebook.cells[closing])

@@ -1,5 +1,6 @@
-"""Graded exercises on the pages: a page names one, as `place` writes it, and every reader of the page gets its question
-in place of that, made of the same file as the students' notebook; the build gets its solution, too."""
+"""Graded exercises on the pages: a page names one, as `place` writes it, and every reader of the
+page gets its question in place of that, made of the same file as the students' notebook; the build
+gets its solution, too."""
 
 import re
 
@@ -7,8 +8,11 @@ from qcbook.exercises import EXERCISES
 
 
 def places(head):
-    """The pattern of what stands in a page's source where the build puts something by name: its head, and a line."""
-    return re.compile(rf"^:::\{{admonition\}} {head} ([\w-]+)[ \t]*\n[^\n]*\n:::[ \t]*$", re.MULTILINE)
+    """The pattern of what stands in a page's source where the build puts something by name: its
+    head, and a line."""
+    return re.compile(
+        rf"^:::\{{admonition\}} {head} ([\w-]+)[ \t]*\n[^\n]*\n:::[ \t]*$", re.MULTILINE
+    )
 
 
 PLACE = places("Graded exercise")
@@ -30,7 +34,9 @@ def call(exercise):
 
 def words(exercise):
     """What is asked, MyST text without the blank."""
-    return exercise.words + (f"\n\nIn words, for your teacher: {exercise.read}" if exercise.read else "")
+    return exercise.words + (
+        f"\n\nIn words, for your teacher: {exercise.read}" if exercise.read else ""
+    )
 
 
 def question(exercise):
@@ -72,12 +78,14 @@ def solution(exercise):
 
 
 def put(text, with_solutions=False):
-    """A page's text with the questions of the graded exercises that it names; KeyError for one that is not there."""
+    """A page's text with the questions of the graded exercises that it names; KeyError for one that
+    is not there."""
 
     def text_of(match):
         if match[1] not in EXERCISES:
             raise KeyError(
-                f"there is no graded exercise {match[1]!r}; book/qcbook/exercises/tasks has {', '.join(EXERCISES)}"
+                f"there is no graded exercise {match[1]!r}; book/qcbook/exercises/tasks has "
+                f"{', '.join(EXERCISES)}"
             )
         exercise = EXERCISES[match[1]]
         return question(exercise) + (f"\n\n{solution(exercise)}" if with_solutions else "")

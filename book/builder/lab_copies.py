@@ -1,9 +1,10 @@
-"""Copies of the executed pages for reading: build/lab for JupyterLab, build/notebooks for any other viewer.
+"""Copies of the executed pages for reading: build/lab for JupyterLab, build/notebooks for any other
+viewer.
 
-A copy is made anew when its page, the library behind it, the contents or the literature changed, and only then; the
-pages are executed for it where build/book has no run of them that is as new. With SOLUTIONS=1 in the environment the
-copies hold the solutions of exercises. A copy that a reader changed is never
-overwritten: it is kept beside the new one, and a line says so.
+A copy is made anew when its page, the library behind it, the contents or the literature changed,
+and only then; the pages are executed for it where build/book has no run of them that is as new.
+With SOLUTIONS=1 in the environment the copies hold the solutions of exercises. A copy that a reader
+changed is never overwritten: it is kept beside the new one, and a line says so.
 """
 
 import argparse
@@ -35,11 +36,16 @@ def cells_digest(path):
 
 
 def book_digest():
-    """Of everything that a copy depends on besides its own page: references to other pages, and these programs."""
+    """Of everything that a copy depends on besides its own page: references to other pages, and
+    these programs."""
     book = references.BOOK
     labels = "".join(f"{label}{target}" for label, target in sorted(references.labels().items()))
     found = hashlib.sha256(f"{labels}{solutions.SHOWN}".encode())
-    for file in (book / "_toc.yml", book / "references.bib", *sorted(Path(__file__).parent.glob("*.py"))):
+    for file in (
+        book / "_toc.yml",
+        book / "references.bib",
+        *sorted(Path(__file__).parent.glob("*.py")),
+    ):
         found.update(file.read_bytes())
     return found.hexdigest()
 
@@ -51,11 +57,15 @@ def put_aside(path):
         number += 1
         aside = path.with_stem(f"{path.stem}-mine-{number}")
     path.rename(aside)
-    print(f"lab_copies: you changed {path.name}; it is {aside} now, and {path.name} is new", file=sys.stderr)
+    print(
+        f"lab_copies: you changed {path.name}; it is {aside} now, and {path.name} is new",
+        file=sys.stderr,
+    )
 
 
 def write_copies(folder, stamps, make):
-    """Write make(page) for each page whose stamp differs from the one recorded; returns the pages written."""
+    """Write make(page) for each page whose stamp differs from the one recorded; returns the pages
+    written."""
     folder.mkdir(parents=True, exist_ok=True)
     file, written = folder / RECORD, []
     record = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
@@ -80,15 +90,20 @@ def write_copies(folder, stamps, make):
 
 
 def without_solutions(notebook):
-    """Change a page in place: no solution, no cell that held nothing else, no value that only a solution quotes."""
+    """Change a page in place: no solution, no cell that held nothing else, no value that only a
+    solution quotes."""
     for cell in execute_pages.prose(notebook):
         if (source := solutions.without(cell.source)) != cell.source:
             asked = cell.metadata.get("user_expressions", [])
             cell.source = source
             cell.metadata["user_expressions"] = [
-                entry for entry in asked if entry["expression"] in expressions.expressions_in(source)
+                entry
+                for entry in asked
+                if entry["expression"] in expressions.expressions_in(source)
             ]
-    notebook.cells = [cell for cell in notebook.cells if cell.source or cell.cell_type != "markdown"]
+    notebook.cells = [
+        cell for cell in notebook.cells if cell.source or cell.cell_type != "markdown"
+    ]
     return notebook
 
 
@@ -115,23 +130,32 @@ class Copies:
 
     def signed(self, page):
         notebook = self.make(page, for_jupyterlab)
-        NotebookNotary().sign(notebook)  # the reader's own machine made it: JupyterLab may show its 3-D scenes
+        NotebookNotary().sign(
+            notebook
+        )  # the reader's own machine made it: JupyterLab may show its 3-D scenes
         return notebook
 
 
 def build(folder, make, jobs):
     """Copies of all pages in a folder, executing what is out of date."""
     pages = list(references.chapters())
-    execute_pages.execute_outdated([page for page in pages if (references.BOOK / f"{page}.ipynb").exists()], jobs)
+    execute_pages.execute_outdated(
+        [page for page in pages if (references.BOOK / f"{page}.ipynb").exists()], jobs
+    )
     common = book_digest()
     stamps = {page: common + execute_pages.stamp(page) for page in pages}
     written = write_copies(folder, stamps, make)
-    print(f"lab_copies: {folder.relative_to(execute_pages.ROOT)}: {len(written)} of {len(pages)} pages are new")
+    print(
+        f"lab_copies: {folder.relative_to(execute_pages.ROOT)}: {len(written)} of {len(pages)} "
+        "pages are new"
+    )
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--plain", action="store_true", help="build/notebooks, what the site offers for download")
+    parser.add_argument(
+        "--plain", action="store_true", help="build/notebooks, what the site offers for download"
+    )
     parser.add_argument("--jobs", type=int, default=2, help="notebooks executed side by side")
     arguments = parser.parse_args()
     copies = Copies()

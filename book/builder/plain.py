@@ -1,5 +1,6 @@
-"""Executed pages as notebooks that any viewer reads (VS Code, Colab, GitHub): no directive, no role, no label; numbers
-put in. The site offers them for download, and `make notebooks` writes the same files to build/notebooks."""
+"""Executed pages as notebooks that any viewer reads (VS Code, Colab, GitHub): no directive, no
+role, no label; numbers put in. The site offers them for download, and `make notebooks` writes the
+same files to build/notebooks."""
 
 import re
 from collections import Counter, deque
@@ -11,7 +12,17 @@ OPENING = re.compile(r"^(:{3,}|`{3,})\{([\w:-]+)\}[ \t]*(.*)$")
 CODE_FENCE = re.compile(r"^(`{3,})\w*[ \t]*$")
 SETTING = re.compile(r"^:([\w-]+):[ \t]*(.*)$")
 EQUATION = re.compile(r"\$\$((?:(?!\$\$).)*)\$\$(?:[ \t]*\(([\w:-]+)\))?", re.DOTALL)
-NUMBERED = ("theorem", "lemma", "proposition", "definition", "remark", "corollary", "example", "exercise", "table")
+NUMBERED = (
+    "theorem",
+    "lemma",
+    "proposition",
+    "definition",
+    "remark",
+    "corollary",
+    "example",
+    "exercise",
+    "table",
+)
 LABEL = re.compile(r"^\([\w:-]+\)=[ \t]*\n", re.MULTILINE)
 
 
@@ -52,7 +63,8 @@ class Flattened:
         return f"**{argument}**\n" if argument else ""
 
     def directives(self, text):
-        """A bold line in place of the first line of a directive, nothing in place of its last; code goes through."""
+        """A bold line in place of the first line of a directive, nothing in place of its last; code
+        goes through."""
         waiting, done, fences = deque(text.splitlines()), [], []
         while waiting:
             line = waiting.popleft()
@@ -63,7 +75,9 @@ class Flattened:
             elif opening := OPENING.match(line):
                 fences.append(opening[1])
                 heading = self.heading(opening[2], opening[3].strip(), settings(waiting))
-                if opening[2] == "figure" and waiting:  # a caption goes on in the line of its number
+                if (
+                    opening[2] == "figure" and waiting
+                ):  # a caption goes on in the line of its number
                     waiting[0] = heading + waiting[0]
                 else:
                     done.append(heading)
@@ -88,8 +102,8 @@ class Flattened:
 
 
 def for_plain_viewers(notebook, readable, chapter):
-    """Change an executed page in place: values in place of {eval}, roles and directives as plain text, and a figure as
-    its PNG alone, for not every viewer shows pictures within HTML."""
+    """Change an executed page in place: values in place of {eval}, roles and directives as plain
+    text, and a figure as its PNG alone, for not every viewer shows pictures within HTML."""
     flattened = Flattened(chapter, readable.targets)
     fold_hidden(notebook)
     rewrite_tables(notebook, readable)

@@ -1,7 +1,8 @@
-"""Executed pages as copies to read: what points to other pages or to the literature becomes text with a link.
+"""Executed pages as copies to read: what points to other pages or to the literature becomes text
+with a link.
 
-JupyterLab (jupyterlab_myst) renders a page's own figures, theorems, equations and numbers, one page at a time; plain.py
-makes plain Markdown of these, too.
+JupyterLab (jupyterlab_myst) renders a page's own figures, theorems, equations and numbers, one page
+at a time; plain.py makes plain Markdown of these, too.
 """
 
 import ast
@@ -18,7 +19,8 @@ TO_LABEL = re.compile(r"\[([^\]]*)\]\(#([\w:-]+)\)")
 TO_PAGE = re.compile(r"\]\((\w+)\.md\)")
 BIBLIOGRAPHY = re.compile(r"^(:{3,}|`{3,})\{bibliography\}.*?^\1[ \t]*$", re.DOTALL | re.MULTILINE)
 GENERATED = re.compile(r"^```\{eval-rst\}\n(.*?)^```[ \t]*$", re.DOTALL | re.MULTILINE)
-# What JupyterLab has to be told: it counts each proof that does not ask it not to, and shows captions small and pale.
+# What JupyterLab has to be told: it counts each proof that does not ask it not to, and shows
+# captions small and pale.
 TOLD = {"prf:proof": ":nonumber: true", "figure": ":class: not-prose"}
 OPENING = re.compile(r"^(?::{3,}|`{3,})\{(prf:proof|figure)\}.*$", re.MULTILINE)
 
@@ -68,7 +70,8 @@ class Readable:
         return f"[{words}](glossary.ipynb)"
 
     def reference(self, words, label, as_it_is):
-        """A reference to another page: words and a link to it. One within the page stays as it is, for JupyterLab."""
+        """A reference to another page: words and a link to it. One within the page stays as it is,
+        for JupyterLab."""
         target = self.targets.get(label)
         if target is None:
             raise KeyError(f"nothing in the book has the label {label!r}")
@@ -79,7 +82,10 @@ class Readable:
         return words if target.page == self.page else f"[{words}]({target.page}.ipynb)"
 
     def citation(self, keys, in_sentence):
-        links = [f"[{self.literature.cited(key.strip(), in_sentence)}](bibliography.ipynb)" for key in keys.split(",")]
+        links = [
+            f"[{self.literature.cited(key.strip(), in_sentence)}](bibliography.ipynb)"
+            for key in keys.split(",")
+        ]
         return ", ".join(links) if in_sentence else f"\\[{', '.join(links)}\\]"
 
 
@@ -91,7 +97,8 @@ def stored_values(cell):
 
 
 def as_notebook(text):
-    """A Markdown page as a notebook of one cell; where Sphinx would write a reference stand the names that it has."""
+    """A Markdown page as a notebook of one cell; where Sphinx would write a reference stand the
+    names that it has."""
 
     def names(match):
         listed = re.findall(r"^\.\. (?!currentmodule)\w+:: ([\w.]+)", match[1], re.MULTILINE)
@@ -101,7 +108,9 @@ def as_notebook(text):
     text = GENERATED.sub(names, text)
     return new_notebook(
         cells=[new_markdown_cell(text, id="page")],
-        metadata={"kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}},
+        metadata={
+            "kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}
+        },
     )
 
 
@@ -113,13 +122,16 @@ def rewrite_tables(notebook, readable):
 
 
 def numbering(text, chapter):
-    """The front matter that makes JupyterLab count as the book does: Figure 6.1, (6.1), Theorem 6.1."""
+    """The front matter that makes JupyterLab count as the book does: Figure 6.1, (6.1), Theorem
+    6.1."""
     kinds = {"figure", "table", "equation", "exercise"} | {
         f"proof:{kind}" for kind in re.findall(r"\{prf:(\w+)\}", text)
     }
     if not chapter:
         return ""
-    settings = {kind: {"enumerator": f"{chapter}.%s"} for kind in kinds - {"proof:ref", "proof:proof"}}
+    settings = {
+        kind: {"enumerator": f"{chapter}.%s"} for kind in kinds - {"proof:ref", "proof:proof"}
+    }
     return "---\n" + yaml.safe_dump({"numbering": settings}) + "---\n\n"
 
 

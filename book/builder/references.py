@@ -1,7 +1,8 @@
 """What the pages of the book refer to: chapters, labels with their numbers, and the literature.
 
-The numbers are counted here as Sphinx and JupyterLab count them: labelled equations, figures, exercises, and each kind
-of theorem by itself, from 1 on each page, with the chapter's number in front.
+The numbers are counted here as Sphinx and JupyterLab count them: labelled equations, figures,
+exercises, and each kind of theorem by itself, from 1 on each page, with the chapter's number in
+front.
 """
 
 import re
@@ -31,7 +32,8 @@ OPTION = re.compile(r"^:(label|name|nonumber):[ \t]*(\S*)", re.MULTILINE)
 class Target:
     page: str
     kind: str  # equation, figure, theorem, ..., section
-    text: str  # what a reference without words of its own says: (3.1), Fig. 3.1, Theorem 3.1, the heading
+    # What a reference without words of its own says: (3.1), Fig. 3.1, Theorem 3.1, the heading.
+    text: str
 
 
 def pages_of(contents):
@@ -72,7 +74,10 @@ def numbered(text, page, chapter):
     counts, front = Counter(), f"{chapter}." if chapter else ""
     for match in COUNTED.finditer(CODE.sub("", text)):
         if match["section"]:
-            yield match["section"], Target(page, "section", (match["heading"] or match["section"]).strip())
+            yield (
+                match["section"],
+                Target(page, "section", (match["heading"] or match["section"]).strip()),
+            )
             continue
         options = dict(OPTION.findall(match["options"] or ""))
         label = match["equation"] or options.get("label") or options.get("name")
@@ -80,7 +85,9 @@ def numbered(text, page, chapter):
         kind = "equation" if kind == "math" else kind
         if kind == "proof" or "nonumber" in options or (kind == "equation" and not label):
             continue
-        if kind in ("equation", "figure", "table", "exercise") or (match["directive"] or "").startswith("prf:"):
+        if kind in ("equation", "figure", "table", "exercise") or (
+            match["directive"] or ""
+        ).startswith("prf:"):
             counts[kind] += 1
             yield label, Target(page, kind, shown(kind, f"{front}{counts[kind]}"))
         elif label:
@@ -116,10 +123,15 @@ class Literature:
         if key not in self.entries.entries:
             raise KeyError(f"references.bib has no entry {key!r}")
         year = self.entries.entries[key].fields["year"]
-        return f"{self.authors(key)} \\[{year}\\]" if in_sentence else f"{self.authors(key)}, {year}"
+        return (
+            f"{self.authors(key)} \\[{year}\\]" if in_sentence else f"{self.authors(key)}, {year}"
+        )
 
     def listed(self, keys):
         """A Markdown list of the entries named, by author."""
-        style, backend = find_plugin("pybtex.style.formatting", "plain")(), find_plugin("pybtex.backends", "markdown")()
+        style, backend = (
+            find_plugin("pybtex.style.formatting", "plain")(),
+            find_plugin("pybtex.backends", "markdown")(),
+        )
         formatted = style.format_bibliography(self.entries, sorted(keys))
         return "\n".join(f"- {' '.join(entry.text.render(backend).split())}" for entry in formatted)

@@ -1,11 +1,13 @@
-"""The code in the solutions of a page's exercises runs after the page, and prints what the solution says.
+"""The code in the solutions of a page's exercises runs after the page, and prints what the solution
+says.
 
-A ```python fence inside a {solution} runs in the page's namespace, after the page's cells and the solutions before it.
-The ```text fence that follows it says what it prints; without one it has to print nothing.
+A ```python fence inside a {solution} runs in the page's namespace, after the page's cells and the
+solutions before it. The ```text fence that follows it says what it prints; without one it has to
+print nothing.
 
-The site's pages show solutions folded, but for those of graded exercises; copies and downloads have none. With
-SOLUTIONS=1 in the environment, executed pages keep those of graded exercises (`make book SOLUTIONS=1`), and copies keep
-all that their pages have (`make lab SOLUTIONS=1`).
+The site's pages show solutions folded, but for those of graded exercises; copies and downloads have
+none. With SOLUTIONS=1 in the environment, executed pages keep those of graded exercises (`make book
+SOLUTIONS=1`), and copies keep all that their pages have (`make lab SOLUTIONS=1`).
 """
 
 import os
@@ -15,7 +17,9 @@ from itertools import pairwise
 from nbformat.v4 import new_code_cell
 
 TAG = "solution-of-an-exercise"
-SOLUTION = re.compile(r"^(:{3,}|`{3,})\{solution\}[ \t]+(\S+)[ \t]*\n(.*?)^\1[ \t]*$", re.DOTALL | re.MULTILINE)
+SOLUTION = re.compile(
+    r"^(:{3,}|`{3,})\{solution\}[ \t]+(\S+)[ \t]*\n(.*?)^\1[ \t]*$", re.DOTALL | re.MULTILINE
+)
 FENCE = re.compile(r"^(`{3,})(\w+)[ \t]*\n(.*?)^\1[ \t]*$", re.DOTALL | re.MULTILINE)
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 TOLERANCE = 0.02  # relative
@@ -33,7 +37,8 @@ def solutions_in(source):
 
 
 def without(text, labels=None):
-    """A text without the solutions of the exercises that are labelled so, without any where no labels are given."""
+    """A text without the solutions of the exercises that are labelled so, without any where no
+    labels are given."""
 
     def kept(match):
         return "" if labels is None or match[2] in labels else match[0]
@@ -45,7 +50,10 @@ def without(text, labels=None):
 def append(notebook):
     """Before execution, behind everything else: one cell for each python fence."""
     found = [
-        solution for cell in notebook.cells if cell.cell_type == "markdown" for solution in solutions_in(cell.source)
+        solution
+        for cell in notebook.cells
+        if cell.cell_type == "markdown"
+        for solution in solutions_in(cell.source)
     ]
     for exercise, code, printed in found:
         # nbmake shows the cell when it fails: its first line says where it comes from.
@@ -63,7 +71,9 @@ def same_text(printed, expected):
         return False
     return all(
         abs(a - b) <= TOLERANCE * max(abs(a), abs(b)) or max(abs(a), abs(b)) < ROUNDING
-        for a, b in zip(map(float, NUMBER.findall(printed)), map(float, NUMBER.findall(expected)), strict=True)
+        for a, b in zip(
+            map(float, NUMBER.findall(printed)), map(float, NUMBER.findall(expected)), strict=True
+        )
     )
 
 

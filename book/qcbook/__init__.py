@@ -1,8 +1,19 @@
-"""What the pages of the book import: figures, tables, numbers for the prose, explorables, and graded exercises."""
+"""What the pages of the book import: figures, tables, numbers for the prose, explorables, and
+graded exercises."""
 
 import lazy_loader as lazy
 
-EXPLORABLES = ("Mobius", "Mu", "Tuner", "Sulci", "Landmarks", "LBS", "Boundary", "Growth", "HowSure")
+EXPLORABLES = (
+    "Mobius",
+    "Mu",
+    "Tuner",
+    "Sulci",
+    "Landmarks",
+    "LBS",
+    "Boundary",
+    "Growth",
+    "HowSure",
+)
 TABLE = {
     "cells": ["keep", "num", "show_figure", "table"],
     "diagrams": ["block_diagram"],

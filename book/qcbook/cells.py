@@ -1,7 +1,8 @@
 """A page's results: numbers for the prose, figures and tables.
 
-The prose quotes numbers as {eval}`num.count` or {eval}`f"{num.error:.2f}"`. JupyterLab asks the kernel for them;
-book/builder/build_book.py stores the answers in the executed page, for Sphinx (book/qcbook/sphinxpages.py).
+The prose quotes numbers as {eval}`num.count` or {eval}`f"{num.error:.2f}"`. JupyterLab asks the
+kernel for them; book/builder/build_book.py stores the answers in the executed page, for Sphinx
+(book/qcbook/sphinxpages.py).
 """
 
 import base64
@@ -14,7 +15,9 @@ from IPython.display import Markdown, display
 from qclearn.plot import picture_html
 
 num = SimpleNamespace()  # the numbers of this page
-kept_by = {}  # name -> execution counts of the cells that kept it: the build refuses two, a reader may run cells again
+# Name -> execution counts of the cells that kept it: the build refuses two, a reader may run cells
+# again.
+kept_by = {}
 
 
 def keep(**numbers):
@@ -25,7 +28,8 @@ def keep(**numbers):
 
 
 def show_figure(picture, name, alt):
-    """Show a Matplotlib figure or an Image below the cell. The next Markdown cell opens with its caption:
+    """Show a Matplotlib figure or an Image below the cell. The next Markdown cell opens with its
+    caption:
 
     :::{figure}
     :name: <name>
@@ -40,21 +44,32 @@ def show_figure(picture, name, alt):
     # The HTML is for notebooks: JupyterLab 4.6 takes no alternative text from an image's metadata.
     image = picture_html(png, alt, f' class="page-figure" width="{width}"')
     display(
-        {"text/html": image, "image/png": base64.b64encode(png).decode(), "text/plain": f"[{name}] {alt}"},
+        {
+            "text/html": image,
+            "image/png": base64.b64encode(png).decode(),
+            "text/plain": f"[{name}] {alt}",
+        },
         raw=True,
-        metadata={"scrapbook": {"name": name, "mime_prefix": ""}, "alt": alt, "image/png": {"width": width}},
+        metadata={
+            "scrapbook": {"name": name, "mime_prefix": ""},
+            "alt": alt,
+            "image/png": {"width": width},
+        },
     )
 
 
 def drawn(picture, sharpness=2):
-    """The PNG of a picture, on white, and its shown width in pixels (of a Matplotlib figure: over `sharpness`)."""
+    """The PNG of a picture, on white, and its shown width in pixels (of a Matplotlib figure: over
+    `sharpness`)."""
     if not hasattr(picture, "savefig"):
         return picture.data, picture.width or png_width(picture.data)
     import matplotlib.pyplot as plt
 
     picture.patch.set_alpha(1)  # white also on a dark page
     buffer = io.BytesIO()
-    picture.savefig(buffer, format="png", dpi=sharpness * picture.dpi, bbox_inches="tight", facecolor="white")
+    picture.savefig(
+        buffer, format="png", dpi=sharpness * picture.dpi, bbox_inches="tight", facecolor="white"
+    )
     plt.close(picture)
     return buffer.getvalue(), round(png_width(buffer.getvalue()) / sharpness)
 

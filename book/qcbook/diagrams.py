@@ -4,7 +4,8 @@ TINTS = {"grey": "#EEEEEE", "blue": "#CFE5F3", "orange": "#F8D9C4", "green": "#C
 
 
 def block_diagram(ax, boxes, arrows):
-    """Draw boxes, dict name -> (x, y, words, tint) in the units of the Axes, and arrows, pairs of names; the artists.
+    """Draw boxes, dict name -> (x, y, words, tint) in the units of the Axes, and arrows, pairs of
+    names; the artists.
 
     A tint is one of `TINTS`. Returns (dict name -> Text, list of Annotation).
     """
@@ -16,7 +17,8 @@ def block_diagram(ax, boxes, arrows):
     ax.set(xlim=(min(across) - 0.6, max(across) + 0.6), ylim=(min(up) - 0.4, max(up) + 0.4))
     ax.axis("off")
     for start, end in arrows:
-        # Above the words: they set the size of their boxes while they are drawn, and the arrow is cut at these.
+        # Above the words: they set the size of their boxes while they are drawn, and the arrow is
+        # cut at these.
         ends = {"patchA": texts[start].get_bbox_patch(), "patchB": texts[end].get_bbox_patch()}
         look = {"arrowstyle": "->", "color": "0.4", "shrinkA": 1, "shrinkB": 1} | ends
         lines.append(ax.annotate("", boxes[end][:2], boxes[start][:2], zorder=4, arrowprops=look))

@@ -8,23 +8,29 @@ import numpy as np
 
 from qclearn.io.fsaverage import demo_landmarks, fsaverage5
 from qclearn.plane.grids import FINE, joined, polar
+from qclearn.registration.curves import (
+    check_curves,
+    curves_of_both,
+    fundus_metric,
+    fundus_path,
+    sample_curve,
+)
 from qclearn.registration.features import FOLDS, Feature, Features, check_features, featured
-from qclearn.registration.landmarkfile import check_curves
-from qclearn.registration.landmarks import curves_of_both, fundus_metric, fundus_path, sample_curve
-from qclearn.registration.preparation import align
+from qclearn.registration.pair import align
 from qclearn.registration.problem import Problem
-from qclearn.surfaces.conformal import Side, laid_out
+from qclearn.surfaces.conformal import ParameterizedSurface, parameterize
 from qclearn.surfaces.curvature import AreaRadius, area_radius
 from qclearn.surfaces.surface import Surface, mirror
 
-# CP-Net is trained on this mesh. On another one the same mu gives another map: a large gamma would hide the gap.
+# CP-Net is trained on this mesh. On another one the same mu gives another map: a large gamma would
+# hide the gap.
 MESH = polar(*FINE)
 
 
 @dataclass(frozen=True)
 class Example:
-    """A named landmark problem on a small disk mesh; radius: spreads a crowded disk in pictures; features: of its
-    surfaces, if it has some."""
+    """A named landmark problem on a small disk mesh; radius: spreads a crowded disk in pictures;
+    features: of its surfaces, if it has some."""
 
     name: str
     problem: Problem
@@ -45,29 +51,38 @@ def example_problems():
     close = [0.08j + 0.4 * t, -0.08j + 0.4 * t]
     shift = 0.35 * (1 - t**2) * 0.55
     return [
-        _example("a smooth twist", MESH, three, [p * np.exp(0.9j * (1 - abs(p) ** 2)) for p in three]),
-        _example("points spaced anew along two curves", MESH, two, [two[0] + shift, two[1] - shift]),
+        _example(
+            "a smooth twist", MESH, three, [p * np.exp(0.9j * (1 - abs(p) ** 2)) for p in three]
+        ),
+        _example(
+            "points spaced anew along two curves", MESH, two, [two[0] + shift, two[1] - shift]
+        ),
         _example("two neighbours pulled apart", MESH, close, [close[0] + 0.25, close[1] - 0.25]),
     ]
 
 
 def _example(name, mesh, moving, target, radius=None, features=None):
     labels = np.repeat(np.arange(len(moving)), [len(curve) for curve in moving])
-    return Example(name, Problem(mesh, np.concatenate(moving), np.concatenate(target), labels), radius, features)
+    return Example(
+        name,
+        Problem(mesh, np.concatenate(moving), np.concatenate(target), labels),
+        radius,
+        features,
+    )
 
 
 @dataclass(frozen=True)
 class Courses:
-    """Two cortical `Side`s laid upon each other, and their common sulci: names, and paths, per side a list of vertex
-    paths."""
+    """Two cortical `ParameterizedSurface`s laid upon each other, and their common sulci: names, and
+    paths, per side a list of vertex paths."""
 
     name: str
-    moving: Side
-    control: Side
+    moving: ParameterizedSurface
+    control: ParameterizedSurface
     names: tuple
     paths: tuple
 
-    def sampled(self, points):
+    def sample_landmarks(self, points):
         """Landmarks in the disk, `points` a curve: lists of (points,), moving and control."""
         return [
             [sample_curve(side.surface, path, points) @ side.disk.z for path in paths]
@@ -77,22 +92,27 @@ class Courses:
 
 def courses(name, moving, control, curves):
     """`Courses` on two surfaces; curves as in `register`, sulci between endpoints by `fundus_path`."""
-    entries, there, paths = check_curves(curves, moving, control), laid_out(control), []
-    laid = align(laid_out(moving), there, entries)
+    entries, there, paths = check_curves(curves, moving, control), parameterize(control), []
+    laid = align(parameterize(moving), there, entries)
     for surface, side in ((moving, "moving"), (control, "control")):
         metric = fundus_metric(surface)
         paths.append(
-            [fundus_path(surface, *entry[side], metric) if entry["detect"][side] else entry[side] for entry in entries]
+            [
+                fundus_path(surface, *entry[side], metric) if entry["detect"][side] else entry[side]
+                for entry in entries
+            ]
         )
     names = tuple(entry["name"] for entry in entries)
     return Courses(name, laid, there, names, tuple(paths))
 
 
 def cortex_problem(name, moving, control, curves, vertices=None, points=5):
-    """Landmarks, `points` a curve, and folds of two full cortical surfaces on a small disk mesh: an `Example`.
+    """Landmarks, `points` a curve, and folds of two full cortical surfaces on a small disk mesh: an
+    `Example`.
 
-    curves as in `register`, sulci between endpoints by `fundus_path`. The mesh: the examples' graded polar one, or this
-    number of vertices spread evenly over the moving surface, with Delaunay's faces in its disk.
+    curves as in `register`, sulci between endpoints by `fundus_path`. The mesh: the examples'
+    graded polar one, or this number of vertices spread evenly over the moving surface, with
+    Delaunay's faces in its disk.
     """
     return courses_problem(courses(name, moving, control, curves), vertices, points)
 
@@ -101,20 +121,28 @@ def courses_problem(pair, vertices=None, points=5):
     """`cortex_problem` of `Courses`."""
     surface, z = pair.moving.surface, pair.moving.disk.z
     mesh = MESH if vertices is None else joined(z[spread_vertices(surface, vertices)])
-    return _example(pair.name, mesh, *pair.sampled(points), area_radius(surface, z), folds_on(mesh, pair))
+    return _example(
+        pair.name, mesh, *pair.sampled(points), area_radius(surface, z), folds_on(mesh, pair)
+    )
 
 
 CORTICES = ("cortex", "first", "second")
-SUBJECTS = MappingProxyType({"first": 1001, "second": 1002})  # seeds; of the cohort, which no network has seen
+SUBJECTS = MappingProxyType(
+    {"first": 1001, "second": 1002}
+)  # seeds; of the cohort, which no network has seen
 
 
 @cache
 def cortices(name):
-    """`Courses`: "cortex", fsaverage5's mirrored right side to its left; "first", "second": synthetic, to CONTROL."""
+    """`Courses`: "cortex", fsaverage5's mirrored right side to its left; "first", "second":
+    synthetic, to CONTROL."""
     if name == "cortex":
         sides = mirror(fsaverage5("right")), fsaverage5("left")
         return courses("sulci of fsaverage5", *sides, demo_landmarks())
-    from qclearn.benchmark.pairs import CONTROL, hemispheres  # here: they bring the synthetic surfaces, an extra
+    from qclearn.benchmark.pairs import (
+        CONTROL,
+        hemispheres,
+    )  # here: they bring the synthetic surfaces, an extra
 
     sides = [subject.surface for subject in hemispheres([SUBJECTS[name], CONTROL], progress=False)]
     return courses(f"a synthetic subject, seed {SUBJECTS[name]}", *sides, curves_of_both(*sides))
@@ -124,17 +152,22 @@ def folds_on(mesh, pair):
     """`Features` depth and curvature of `Courses`, the moving ones on a small `Disk` inside theirs."""
     disk, places = pair.moving.disk, pair.moving.disk.locate(mesh.z)
     whole = check_features(FOLDS, pair.moving.surface, pair.control.surface)
-    small = Side(Surface(disk.interpolate(pair.moving.surface.vertices, places), mesh.faces), mesh)
+    small = ParameterizedSurface(
+        Surface(disk.interpolate(pair.moving.surface.vertices, places), mesh.faces), mesh
+    )
     maps = [Feature(one.name, disk.interpolate(one.moving, places), one.control) for one in whole]
     return featured(small, pair.control, maps)[2]
 
 
 def spread_vertices(surface, count):
-    """Indices (count,) of vertices spread evenly in space: every other boundary vertex, then always the farthest."""
+    """Indices (count,) of vertices spread evenly in space: every other boundary vertex, then always
+    the farthest."""
     chosen = list(surface.boundary[::2])
     distance = np.full(len(surface.vertices), np.inf)
     for place in range(count):
         if place == len(chosen):
             chosen.append(int(distance.argmax()))
-        distance = np.minimum(distance, ((surface.vertices - surface.vertices[chosen[place]]) ** 2).sum(1))
+        distance = np.minimum(
+            distance, ((surface.vertices - surface.vertices[chosen[place]]) ** 2).sum(1)
+        )
     return np.array(chosen)

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from qclearn.plane.grids import polar
 from qclearn.plot import disk_axes
 from qclearn.registration.problem import Problem, Weights
-from qclearn.registration.sure import RINGS, Laplace
+from qclearn.registration.uncertainty import RINGS, Laplace
 
 from .live import Live
 from .liveproblems import weights_of
@@ -32,7 +32,9 @@ class HowSure(Live):
             "scale": 0.03,
         }
     )
-    seen = np.concatenate([[0], *(0.23 * j * np.exp(2j * np.pi * np.arange(6 * j) / (6 * j)) for j in (1, 2, 3, 4))])
+    seen = np.concatenate(
+        [[0], *(0.23 * j * np.exp(2j * np.pi * np.arange(6 * j) / (6 * j)) for j in (1, 2, 3, 4))]
+    )
 
     @staticmethod
     def landmarks(state):
@@ -45,7 +47,8 @@ class HowSure(Live):
         return Laplace(Problem(polar(RINGS), p, p), weights_of(state), None, (0j, 0.0))
 
     def answer(self, state):
-        """Covariances [xx, xy, yy] of the map at `seen`, and the circles' radii that have the ellipses' mean square."""
+        """Covariances [xx, xy, yy] of the map at `seen`, and the circles' radii that have the
+        ellipses' mean square."""
         laplace = self.posterior(state)
         found = laplace.ellipses(self.seen)
         radii = state["scale"] * np.sqrt(INSIDE * np.trace(found, axis1=1, axis2=2) / 2)
@@ -63,6 +66,8 @@ class HowSure(Live):
         ax.plot(p.real, p.imag, "o", color="#117733")
         ax.set(xlim=(-1.1, 1.1), ylim=(-1.1, 1.1))
         return figure, (
-            f"The disk with {len(p)} landmarks and an ellipse at each of {len(self.seen)} places: small near "
-            f"landmarks, larger away from them, on average {np.mean(found['radii']):.2f} of the disk's radius."
+            f"The disk with {len(p)} landmarks and an ellipse at each of {len(self.seen)} places: "
+            "small near "
+            f"landmarks, larger away from them, on average {np.mean(found['radii']):.2f} of the "
+            "disk's radius."
         )

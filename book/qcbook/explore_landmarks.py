@@ -8,7 +8,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from qclearn.plot import curves_plot, disk_plot
-from qclearn.registration.landmarks import CURVATURE_WEIGHT, DEPTH_WEIGHT, fundus_cost, fundus_path, weigh_edges
+from qclearn.registration.curves import (
+    CURVATURE_WEIGHT,
+    DEPTH_WEIGHT,
+    fundus_cost,
+    fundus_path,
+    weigh_edges,
+)
 from qclearn.registration.register import load
 from qclearn.surfaces.curvature import area_radius, grey_levels, mean_curvature, sulcal_depth
 
@@ -29,9 +35,12 @@ SULCI = (  # of all surfaces
 
 
 def fundus_terms(surface):
-    """The terms of `fundus_cost`, limited: curvature (V,) and depth (V,); and the depth's unit in mm."""
+    """The terms of `fundus_cost`, limited: curvature (V,) and depth (V,); and the depth's unit in
+    mm."""
     curved, deep = mean_curvature(surface), sulcal_depth(surface)
-    curvature, depth = (np.log(fundus_cost(surface, curved, *weights)) for weights in ((1, 0), (0, -1)))
+    curvature, depth = (
+        np.log(fundus_cost(surface, curved, *weights)) for weights in ((1, 0), (0, -1))
+    )
     return curvature, depth, float(np.percentile(deep, 95) or deep.max() or 1.0)
 
 
@@ -53,14 +62,19 @@ class Landmarks(Live):
     )
 
     def files(self):
-        """The moving surfaces, each with its sulci's ends, LD-Net's curves between them, and the true ones."""
+        """The moving surfaces, each with its sulci's ends, LD-Net's curves between them, and the
+        true ones."""
         listed, files = {}, {}
         for name in CORTICES:
             pair, file = cortices(name), f"moving-{name}.bin"
             curvature, depth, deep = fundus_terms(pair.moving.surface)
             files[file] = hemisphere_file(pair.moving, curvature=curvature, depth=depth, deep=deep)
             order = [pair.names.index(sulcus) for sulcus in SULCI]
-            listed[name] = {"file": file, "order": order, **self.curves(pair, [pair.paths[0][k] for k in order])}
+            listed[name] = {
+                "file": file,
+                "order": order,
+                **self.curves(pair, [pair.paths[0][k] for k in order]),
+            }
         return files | {"landmarks.json": json.dumps(listed).encode()}
 
     @staticmethod
@@ -95,7 +109,8 @@ class Landmarks(Live):
         return {"path": path.tolist(), "cost": cost}
 
     def picture(self, state):
-        """A Matplotlib figure of the curvature on the disk with the path along the floor, and a description."""
+        """A Matplotlib figure of the curvature on the disk with the path along the floor, and a
+        description."""
         pair, (path, _) = cortices(state["hemisphere"]), self.path(state)
         surface, z, figure = pair.moving.surface, pair.moving.disk.z, Figure(figsize=(4.6, 4.6))
         radius, ax = area_radius(surface, z), figure.subplots()
@@ -103,4 +118,8 @@ class Landmarks(Live):
         disk_plot(ax, radius.to_image(z), surface.faces, shades, "gray", -80, 335)
         curves_plot(ax, [radius.to_image(z[path])], "detected")
         name = SULCI[int(state["sulcus"])]
-        return figure, f"The curvature of {pair.name} on the disk, and the path along the floor of the {name}."
+        return (
+            figure,
+            f"The curvature of {pair.name} on the disk, and the path along the floor of the "
+            f"{name}.",
+        )

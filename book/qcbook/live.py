@@ -1,8 +1,8 @@
 """Explorables in notebooks: the book's browser modules as widgets whose state Python sees and sets.
 
-An executed page holds a picture and an element of class `qc-live`, which the site's script brings to life. JupyterLab
-runs the same modules through anywidget: it imports a widget from a blob, where relative addresses lead nowhere, so the
-modules are joined here, and files travel as bytes.
+An executed page holds a picture and an element of class `qc-live`, which the site's script brings
+to life. JupyterLab runs the same modules through anywidget: it imports a widget from a blob, where
+relative addresses lead nowhere, so the modules are joined here, and files travel as bytes.
 """
 
 import base64
@@ -43,7 +43,8 @@ export default {
 };
 """
 NOTE = (
-    "This figure computes in your browser once its scripts have loaded. They need JavaScript and a web server: opened "
+    "This figure computes in your browser once its scripts have loaded. They need JavaScript and "
+    "a web server: opened "
     "as a file, or without scripts, the page shows the picture alone. In JupyterLab, run the cell."
 )
 
@@ -54,13 +55,17 @@ def given():
     classes = [getattr(pages, name) for name in pages.EXPLORABLES]
     initial = {live.page: dict(live.initial) for live in classes}
     constants = {"POWER": POWER, "FINE": FINE, "COARSE": COARSE, "INITIAL": initial}
-    return "".join(f"export const {name} = {json.dumps(value)};\n" for name, value in constants.items())
+    return "".join(
+        f"export const {name} = {json.dumps(value)};\n" for name, value in constants.items()
+    )
 
 
 def modules(names):
     """Browser modules and all their imports, name -> text, imported ones first."""
     if not MODULES.exists():
-        raise FileNotFoundError(f"no explorables in {MODULES}, a link to book/_assets/live; install the package again")
+        raise FileNotFoundError(
+            f"no explorables in {MODULES}, a link to book/_assets/live; install the package again"
+        )
     found = {}
 
     def add(name):
@@ -112,7 +117,9 @@ class Explorer(anywidget.AnyWidget):
 
     def __init__(self, live):
         css = (MODULES / "live.css").read_text(encoding="utf-8")
-        super().__init__(_esm=joined(), _css=css, page=live.page, state=dict(live.initial), files=live.files())
+        super().__init__(
+            _esm=joined(), _css=css, page=live.page, state=dict(live.initial), files=live.files()
+        )
         self.live = live
         self.on_msg(self.asked)
 

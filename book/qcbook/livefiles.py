@@ -1,4 +1,5 @@
-"""Files as the browser reads them: networks with weights in half precision and tables, and surfaces."""
+"""Files as the browser reads them: networks with weights in half precision and tables, and
+surfaces."""
 
 import json
 import struct
@@ -13,7 +14,8 @@ KINDS = {"float16": "half", "float32": "single", "uint16": "short", "uint8": "by
 
 
 def packed(config, arrays):
-    """A file for `readNetwork` of unet.js: uint32 length of a JSON header, the header, the arrays' numbers.
+    """A file for `readNetwork` of unet.js: uint32 length of a JSON header, the header, the arrays'
+    numbers.
 
     arrays: name -> array, made float32 if not of `KINDS`; complex ones get a last axis of two.
     """
@@ -31,13 +33,16 @@ def packed(config, arrays):
 
 
 def half_weights(module):
-    """The parameters of a U-Net in half precision, "unet.<name>" -> array. Convolutions lie as layers.wasm reads them,
-    (outputs / 8, kernel, kernel, inputs, 8), made up with zeros to multiples of 8 outputs and 4 inputs."""
+    """The parameters of a U-Net in half precision, "unet.<name>" -> array. Convolutions lie as
+    layers.wasm reads them, (outputs / 8, kernel, kernel, inputs, 8), made up with zeros to
+    multiples of 8 outputs and 4 inputs."""
     values, found = {name: value.half().numpy() for name, value in module.state_dict().items()}, {}
     for name, value in values.items():
         layer, kind = name.rsplit(".", 1)
         if values[f"{layer}.weight"].ndim == 4:
-            value = np.pad(value, [(0, -length % step) for length, step in zip(value.shape, (8, 4, 1, 1))])
+            value = np.pad(
+                value, [(0, -length % step) for length, step in zip(value.shape, (8, 4, 1, 1))]
+            )
             if kind == "weight":
                 value = value.reshape(-1, 8, *value.shape[1:]).transpose(0, 3, 4, 2, 1)
         found[f"unet.{name}"] = value
@@ -45,9 +50,13 @@ def half_weights(module):
 
 
 def cpnet_file(network):
-    """CP-Net `best` with its tables. The browser carries nu on the network's own mesh, however close landmarks are."""
+    """CP-Net `best` with its tables. The browser carries nu on the network's own mesh, however
+    close landmarks are."""
     config, born = network.config, network.born
-    sizes = {name: getattr(config, name) for name in ("rings", "spokes", "looks", "most", "smooth", "match")}
+    sizes = {
+        name: getattr(config, name)
+        for name in ("rings", "spokes", "looks", "most", "smooth", "match")
+    }
     spectrum, _ = network.carrier(config.rings)
     tables = {
         "one": born.one.conj().resolve_conj().numpy(),
@@ -63,14 +72,17 @@ def cpnet_file(network):
 def dbsnet_file(network):
     """DBS-Net `best`."""
     config = network.config
-    return packed({"rings": config.rings, "spokes": config.spokes, "power": 1.0}, half_weights(network.unet))
+    return packed(
+        {"rings": config.rings, "spokes": config.spokes, "power": 1.0}, half_weights(network.unet)
+    )
 
 
 def hemisphere_file(side, **values):
-    """A `Side` as `Hemisphere` of hemisphere.js reads it; values: (V,) arrays or plain numbers.
+    """A `ParameterizedSurface` as `Hemisphere` of hemisphere.js reads it; values: (V,) arrays or
+    plain numbers.
 
-    Positions in mm, places in the disk with a radius by area, and values per vertex are rounded to 1/65,535 of their
-    range. shade: grey levels from 0 (sulci) to 255 (gyri).
+    Positions in mm, places in the disk with a radius by area, and values per vertex are rounded to
+    1/65,535 of their range. shade: grey levels from 0 (sulci) to 255 (gyri).
     """
     surface, z = side.surface, side.disk.z
     radius = area_radius(surface, z)
@@ -81,7 +93,10 @@ def hemisphere_file(side, **values):
         if name in plain:
             continue
         low, step = array.min(), np.ptp(array) / STEPS or 1.0
-        ranges[name], arrays[name] = [float(low), float(step)], np.round((array - low) / step).astype(np.uint16)
+        ranges[name], arrays[name] = (
+            [float(low), float(step)],
+            np.round((array - low) / step).astype(np.uint16),
+        )
     boundary = surface.vertices[np.concatenate(surface.boundary_loops)]
     config = {
         **plain,

@@ -1,4 +1,5 @@
-"""The landmark problems that a reader changes in an explorable: as the browser and the library have them."""
+"""The landmark problems that a reader changes in an explorable: as the browser and the library have
+them."""
 
 import json
 from functools import cache
@@ -24,7 +25,11 @@ DRAWN = ("twist", "anew", "neighbours")
 
 def example(name):
     """The problem of a name: an `Example`."""
-    return courses_problem(cortices(name)) if name in CORTICES else dict(zip(DRAWN, example_problems()))[name]
+    return (
+        courses_problem(cortices(name))
+        if name in CORTICES
+        else dict(zip(DRAWN, example_problems()))[name]
+    )
 
 
 @cache
@@ -36,13 +41,16 @@ def problems_file():
 def as_json(example):
     """An `Example` as the browser reads it."""
     problem, radius = example.problem, example.radius
-    knots = None if radius is None else {"disk": radius.disk.tolist(), "image": radius.image.tolist()}
+    knots = (
+        None if radius is None else {"disk": radius.disk.tolist(), "image": radius.image.tolist()}
+    )
     sides = {"moving": as_pairs(problem.moving), "target": as_pairs(problem.target)}
     return {"label": example.name, **sides, "curve": problem.curve.tolist(), "radius": knots}
 
 
 def as_moved(problem, state, mesh):
-    """A `Problem` with the landmarks and targets that the reader has moved, on a polar mesh of (rings, spokes)."""
+    """A `Problem` with the landmarks and targets that the reader has moved, on a polar mesh of
+    (rings, spokes)."""
     sides = problem.moving.copy(), problem.target.copy()
     for points, moves in zip(sides, (state["starts"], state["targets"])):
         for place, (x, y) in moves.items():

@@ -1,4 +1,5 @@
-"""The paper line by line: what `book/paper.toml` says of each equation, figure and claim, with its measured verdict."""
+"""The paper line by line: what `book/paper.toml` says of each equation, figure and claim, with its
+measured verdict."""
 
 import operator
 import os
@@ -18,8 +19,24 @@ KINDS = ("equation", "figure", "table", "contribution", "claim", "erratum")
 PROVED = ("def-", "lem-", "prop-", "thm-", "rem-")  # how labels of theorems and their kin begin
 BOUNDS = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
 VERDICTS = {
-    *("right", "right, mended", "wrong as printed", "undecided", "overstated", "made", "made otherwise", "not made"),
-    *("holds", "holds here", "does not hold here", "holds for one control", "a slip", "changes results"),
+    *(
+        "right",
+        "right, mended",
+        "wrong as printed",
+        "undecided",
+        "overstated",
+        "made",
+        "made otherwise",
+        "not made",
+    ),
+    *(
+        "holds",
+        "holds here",
+        "does not hold here",
+        "holds for one control",
+        "a slip",
+        "changes results",
+    ),
     *("the saving holds", "the saving does not hold"),
     *("agrees", "agrees in direction only", "turned round", "not settled"),
 }
@@ -33,40 +50,53 @@ def cohort():
 
 @cache
 def figures_of(file):
-    """The figures of a kept file, nested dicts: of "sizes" seconds by chain, of "benchmark" the cohort's summary, with
-    the maps of all runs of the paper's networks counted as "paper's networks"."""
+    """The figures of a kept file, nested dicts: of "sizes" seconds by chain, of "benchmark" the
+    cohort's summary, with the maps of all runs of the paper's networks counted as "paper's
+    networks"."""
     if file == "benchmark":
         found = summary(cohort())
         own = [line for run, line in found.items() if run.startswith("paper's networks")]
-        return found | {"paper's networks": {key: sum(line[key] for line in own) for key in ("certified", "pairs")}}
+        return found | {
+            "paper's networks": {
+                key: sum(line[key] for line in own) for key in ("certified", "pairs")
+            }
+        }
     figures = read_measured(file)
     return chain_seconds(figures["rows"]) if file == "sizes" else figures
 
 
 def kept_figure(name):
-    """The number in a kept file under a name like "networks/dbsnet/best/latency_ms" or "sizes/largest/networks/map"."""
+    """The number in a kept file under a name like "networks/dbsnet/best/latency_ms" or
+    "sizes/largest/networks/map"."""
     file, *keys = name.split("/")
     return reduce(operator.getitem, keys, figures_of(file))
 
 
 def interval(one, other):
-    """(low, high) of the ratio of a figure's means of two runs over resampled subjects, as on the benchmark's page."""
+    """(low, high) of the ratio of a figure's means of two runs over resampled subjects, as on the
+    benchmark's page."""
     (_, run, key), (_, base, _) = one.split("/"), other.split("/")
     _, low, high = compare_runs(cohort(), run, base, key, np.random.default_rng(0))
     return 1 + low / kept_figure(other), 1 + high / kept_figure(other)
 
 
 def decided(line):
-    """A line of the file with its verdict. Where it names measured figures, `value` is the one, or the ratio of two.
+    """A line of the file with its verdict. Where it names measured figures, `value` is the one, or
+    the ratio of two.
 
-    The verdict is then the first of two where the value meets `limit`; with the limit "printed", that of `judge_ratio`.
+    The verdict is then the first of two where the value meets `limit`; with the limit "printed",
+    that of `judge_ratio`.
     """
     if "measured" not in line:
         return line
     value = reduce(operator.truediv, map(kept_figure, line["measured"]))
     sign, bound = line["limit"]
     ends = interval(*line["measured"]) if sign == "printed" else ()
-    verdict = judge_ratio(bound, value, *ends) if ends else line["verdict"][0 if BOUNDS[sign](value, bound) else 1]
+    verdict = (
+        judge_ratio(bound, value, *ends)
+        if ends
+        else line["verdict"][0 if BOUNDS[sign](value, bound) else 1]
+    )
     rule = line["rule"].format(limit=f"{bound:.3g}")
     return line | {"value": value, "interval": ends, "verdict": verdict, "rule": rule}
 
@@ -79,14 +109,25 @@ def paper_lines(path="paper.toml"):
 
 def paper_table(lines):
     """A Markdown table of lines of one kind, one row a line."""
-    head = ["", "in print", "rule, and verdict", "in the book", "changed, compute, and how to repeat it"]
+    head = [
+        "",
+        "in print",
+        "rule, and verdict",
+        "in the book",
+        "changed, compute, and how to repeat it",
+    ]
     return table(
-        head, [[str(line["number"]), line["printed"], judged(line), placed(line), repeated(line)] for line in lines]
+        head,
+        [
+            [str(line["number"]), line["printed"], judged(line), placed(line), repeated(line)]
+            for line in lines
+        ],
     )
 
 
 def judged(line):
-    """The rule, the number, the verdict, and what the number was read from, with its interval where the rule asks."""
+    """The rule, the number, the verdict, and what the number was read from, with its interval where
+    the rule asks."""
     if "value" not in line:
         return f"{line['rule']} **{line['verdict']}**"
     ends = "interval {:.3g} to {:.3g}; ".format(*line["interval"]) if line["interval"] else ""
@@ -107,7 +148,9 @@ def placed(line):
 
 def repeated(line):
     """What was changed from print, the compute that went in, and the command that repeats it."""
-    return "<br>".join([f"Changed: {line['changed']}.", f"Compute: {spent(line)}.", f"`{line['command']}`"])
+    return "<br>".join(
+        [f"Changed: {line['changed']}.", f"Compute: {spent(line)}.", f"`{line['command']}`"]
+    )
 
 
 def spent(line):
@@ -116,7 +159,9 @@ def spent(line):
         return line["compute"]
     from qclearn.nets.weights import FOLDER, read_weights
 
-    minutes = [read_weights(FOLDER / f"{name}.safetensors")[0]["seconds"] / 60 for name in line["weights"]]
+    minutes = [
+        read_weights(FOLDER / f"{name}.safetensors")[0]["seconds"] / 60 for name in line["weights"]
+    ]
     return f"{line['compute']}; trained for {sum(minutes):.0f} minutes of one thread"
 
 

@@ -1,4 +1,5 @@
-"""The training lab: a small network trained while the reader watches, with losses and weights of the reader's own."""
+"""The training lab: a small network trained while the reader watches, with losses and weights of
+the reader's own."""
 
 import html
 import os
@@ -18,7 +19,10 @@ from .examples import Example
 from .fitstates import fit_state, sentences, states_figure
 from .live import two_disks
 
-WIDE = {"width": "34em", "max_width": "calc(100% - 4px)"}  # within its margins, where the page is narrow
+WIDE = {
+    "width": "34em",
+    "max_width": "calc(100% - 4px)",
+}  # within its margins, where the page is narrow
 EVERY = 0.7  # seconds between two pictures of the curves
 WAITS = "The lab trains in JupyterLab, where a kernel runs. This is what {seconds:g} seconds of it look like."
 
@@ -57,7 +61,8 @@ def landmarks_answer(lesson):
 
 
 def map_answer(lesson):
-    """The network's map of a coefficient beside the exact one, as grids: how far they are apart, and folds."""
+    """The network's map of a coefficient beside the exact one, as grids: how far they are apart,
+    and folds."""
     f, z, faces = lesson.answer(lesson.mu), lesson.z, lesson.faces
     figure, axes = two_disks("exact map", "DBS-Net in training in red")
     for ax in axes:
@@ -65,7 +70,8 @@ def map_answer(lesson):
     grid_plot(axes[1], z, faces, f, color="#B22222")
     away, folds = abs(f - lesson.exact), len(Disk(f, faces).flipped)
     words = (
-        f"<p>For an unseen coefficient the network's map is {away.mean():.3g} from the exact one on average, at most "
+        f"<p>For an unseen coefficient the network's map is {away.mean():.3g} from the exact one "
+        "on average, at most "
         f"{away.max():.3g}; {folds} of its {len(faces)} triangles are folded.</p>"
     )
     return figure, words
@@ -83,14 +89,17 @@ def image(figure, words):
 
 
 class TrainingLab(ipywidgets.VBox):
-    """Choose a network, its losses and their weights; start, stop and go on; see its answer beside the exact one.
+    """Choose a network, its losses and their weights; start, stop and go on; see its answer beside
+    the exact one.
 
     A thread trains the `lesson` in hand, `seconds` at a time; settings hold from the next start.
     """
 
     def __init__(self):
         self.lesson, self.thread, self.stopped = None, None, threading.Event()
-        self.network = ipywidgets.Dropdown(options=["CP-Net", "DBS-Net"], description="network", layout=WIDE)
+        self.network = ipywidgets.Dropdown(
+            options=["CP-Net", "DBS-Net"], description="network", layout=WIDE
+        )
         self.alpha = power_slider("α", 1.0, -2, 2, "weight of |μ|²")
         self.beta = power_slider("β", 1e-2, -4, 1, "weight of |∇μ|²")
         self.gamma = power_slider("γ", 1e3, 0, 5, "weight of the landmark mismatch")
@@ -98,9 +107,13 @@ class TrainingLab(ipywidgets.VBox):
         self.equation = ipywidgets.Dropdown(options=equations, description="L_LBS", layout=WIDE)
         self.rho = power_slider("ρ", 1e-6, -9, -3, "weight of the boundary's angles")
         self.rate = power_slider("rate", 3e-3, -5, -1, "step of Adam")
-        self.seconds = ipywidgets.IntSlider(value=10, min=1, max=60, description="seconds", layout=WIDE)
+        self.seconds = ipywidgets.IntSlider(
+            value=10, min=1, max=60, description="seconds", layout=WIDE
+        )
         labels = "Start anew", "Stop", "Go on"
-        self.start, self.stop, self.go_on = (ipywidgets.Button(description=words) for words in labels)
+        self.start, self.stop, self.go_on = (
+            ipywidgets.Button(description=words) for words in labels
+        )
         self.curves, self.picture, self.text = (ipywidgets.HTML() for _ in range(3))
         own = {"CP-Net": [self.alpha, self.beta, self.gamma], "DBS-Net": [self.equation, self.rho]}
         self.own = {name: ipywidgets.VBox(settings) for name, settings in own.items()}
@@ -112,7 +125,10 @@ class TrainingLab(ipywidgets.VBox):
         self.stop.on_click(lambda _: self.stopped.set())
         self.go_on.on_click(lambda _: self.train())
         self.choose()
-        self.say("Choose losses and weights, guess where the curves will be after that many seconds, and start.")
+        self.say(
+            "Choose losses and weights, guess where the curves will be after that many seconds, "
+            "and start."
+        )
 
     def choose(self):
         """Show the settings of the chosen network alone."""
@@ -129,7 +145,9 @@ class TrainingLab(ipywidgets.VBox):
 
         names = "alpha", "beta", "gamma", "equation", "rho", "rate"
         self.halt()
-        self.lesson = lesson(self.network.value, {name: getattr(self, name).value for name in names})
+        self.lesson = lesson(
+            self.network.value, {name: getattr(self, name).value for name in names}
+        )
         self.train()
 
     def train(self):
@@ -167,7 +185,9 @@ class TrainingLab(ipywidgets.VBox):
             return
         self.show_curves(lesson)
         picture, words = answer_of(lesson)
-        self.picture.value = image(picture, "The network's answer beside the exact one, words below.")
+        self.picture.value = image(
+            picture, "The network's answer beside the exact one, words below."
+        )
         self.say(f"{len(lesson.history)} steps. {words}")
 
     def show_curves(self, lesson):
@@ -191,8 +211,13 @@ class LabPicture:
     def _repr_html_(self):
         picture, words = answer_of(self.lesson)
         waits = html.escape(WAITS.format(seconds=self.seconds))
-        curves = image(curves_figure(self.lesson), "The loss and an unseen example over the steps of a short run.")
-        answer = "Landmarks, grid and coefficient of the exact fit above, of the trained network below."
+        curves = image(
+            curves_figure(self.lesson),
+            "The loss and an unseen example over the steps of a short run.",
+        )
+        answer = (
+            "Landmarks, grid and coefficient of the exact fit above, of the trained network below."
+        )
         return f"<p>{waits}</p>{curves}{image(picture, answer)}{words}"
 
 

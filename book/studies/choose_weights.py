@@ -1,15 +1,18 @@
-"""Measure which weights of the fit bring a map nearest to the truth on real cortex, and what they do to areas.
+"""Measure which weights of the fit bring a map nearest to the truth on real cortex, and what they
+do to areas.
 
     python -m book.studies.choose_weights --out qclearn/benchmark/results/weights.json [--individual SURFACE LANDMARKS]
 
-Real problems judge first: either side of fsaverage5 and of conte69 onto the other, by the curves that took no part,
-with the other half of the curves and by folds alone; warps of fsaverage5, by the truth; and one person's surface onto
-fsaverage5's left side by folds alone, if its file is given. The synthetic cohort, of the generation whose true maps
-change areas as little as real ones, judges second. Each kind is parted in two halves: one chooses, the other tells.
+Real problems judge first: either side of fsaverage5 and of conte69 onto the other, by the curves
+that took no part, with the other half of the curves and by folds alone; warps of fsaverage5, by the
+truth; and one person's surface onto fsaverage5's left side by folds alone, if its file is given.
+The synthetic cohort, of the generation whose true maps change areas as little as real ones, judges
+second. Each kind is parted in two halves: one chooses, the other tells.
 
-The rule: of the settings whose landmarks end at most ALLOWED from their targets, whose figure on real problems (the
-geometric mean, mm) is within CLOSE of the least, and whose figure on the cohort is within COHORT of the least, the one
-that changes areas least (95 % of |log2 J|, mean over the real problems). The page 'Registration' reads the file.
+The rule: of the settings whose landmarks end at most ALLOWED from their targets, whose figure on
+real problems (the geometric mean, mm) is within CLOSE of the least, and whose figure on the cohort
+is within COHORT of the least, the one that changes areas least (95 % of |log2 J|, mean over the
+real problems). The page 'Registration' reads the file.
 """
 
 import argparse
@@ -37,17 +40,27 @@ from qclearn.benchmark.methods.folds import with_folds
 from qclearn.benchmark.pairs import CONTROL, Pair, cohort_pair, mapped, mapped_subject, prepare
 from qclearn.benchmark.trial import map_figures
 from qclearn.io.provenance import provenance
-from qclearn.registration.checked import bijective_fit
-from qclearn.registration.preparation import laid_upon, sampled
+from qclearn.registration.networks import fit_with_fallbacks
+from qclearn.registration.pair import align_disks, sample_landmarks
 from qclearn.registration.problem import BY_DISKS, DELTA, ETA, INDIVIDUAL, Weights
 
 GENERATION = 4  # of the cohort: its true maps keep areas about as well as maps of real cortex do
 SEEDS = range(3001, 3007)  # not those of the benchmark or of the training sets
-ALLOWED = 1.0, 2.0  # mm of landmark error: mean over all problems, and over the worst one's landmarks
+ALLOWED = (
+    1.0,
+    2.0,
+)  # mm of landmark error: mean over all problems, and over the worst one's landmarks
 CLOSE, COHORT = 0.03, 0.05
-KEPT = ("held_out_mm", "worst_held_out_mm", "correspondence_mm", "correspondence_sulci_mm", "landmark_error_mm")
+KEPT = (
+    "held_out_mm",
+    "worst_held_out_mm",
+    "correspondence_mm",
+    "correspondence_sulci_mm",
+    "landmark_error_mm",
+)
 KEPT += ("r_depth", "p95_log2_area", "p95_log2_shape", "mean_abs_mu", "flipped")
-# (beta, gamma, delta, eta) at alpha = 1, which sets the unit of the others, and whether inner points slide.
+# (beta, gamma, delta, eta) at alpha = 1, which sets the unit of the others, and whether inner
+# points slide.
 FOLDED = (
     (1e-2, 1e3, BY_DISKS, 0.0, False),
     (1e-2, 1e3, 1.0, 0.25, False),
@@ -70,30 +83,50 @@ ALONE = (
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--out", type=Path, help="JSON file to write")
-    parser.add_argument("--individual", nargs=2, metavar=("SURFACE", "LANDMARKS"), help="onto fsaverage5's left side")
+    parser.add_argument(
+        "--individual",
+        nargs=2,
+        metavar=("SURFACE", "LANDMARKS"),
+        help="onto fsaverage5's left side",
+    )
     parser.add_argument("--workers", type=int, default=2)
     options, made = parser.parse_args(), provenance()
     names = [*problems(), *(["individual"] if options.individual else [])]
     with ProcessPoolExecutor(options.workers) as pool:
         found = list(pool.map(measured, names, [options.individual] * len(names)))
     rows = [row for part in found for row in part]
-    table = [line(setting, [row for row in rows if row["setting"] == setting]) for setting in FOLDED + ALONE]
+    table = [
+        line(setting, [row for row in rows if row["setting"] == setting])
+        for setting in FOLDED + ALONE
+    ]
     taken = chosen(table)
-    for row in sorted(table, key=lambda row: (row["delta"] == 0, not row["allowed"], row["figure_mm"])):
+    for row in sorted(
+        table, key=lambda row: (row["delta"] == 0, not row["allowed"], row["figure_mm"])
+    ):
         print(
             "*" if row is taken else " ",
             {k: v if isinstance(v, bool) else round(v, 3) for k, v in row.items() if k != "each"},
         )
     if options.out:
-        rules = {"allowed_mm": ALLOWED, "close": CLOSE, "close_cohort": COHORT, "chosen": table.index(taken)}
+        rules = {
+            "allowed_mm": ALLOWED,
+            "close": CLOSE,
+            "close_cohort": COHORT,
+            "chosen": table.index(taken),
+        }
         subjects = {"seeds": list(SEEDS), "control": CONTROL, "generation": GENERATION}
-        write_measured("weights", options.out, {"table": table, **subjects, **rules, "provenance": made})
+        write_measured(
+            "weights", options.out, {"table": table, **subjects, **rules, "provenance": made}
+        )
 
 
 def problems():
-    """Names of the problems, their `kind, ..., part`; every other one of a kind chooses, the others tell."""
+    """Names of the problems, their `kind, ..., part`; every other one of a kind chooses, the others
+    tell."""
     sides = [f"heldout, {side}, {part}" for side in ("right", "left") for part in HALVES]
     both = [f"conte69, {part}" for part in HALVES]
     warps = [f"warp, {amplitude:g}" for amplitude in AMPLITUDES]
@@ -103,7 +136,9 @@ def problems():
 def chooses(name):
     """Whether a problem takes part in the choice."""
     *_, part = name.split(", ")
-    return part == HALVES[0] or (part.isdigit() and int(part) % 2 == 0 and int(part) != AMPLITUDES[1])
+    return part == HALVES[0] or (
+        part.isdigit() and int(part) % 2 == 0 and int(part) != AMPLITUDES[1]
+    )
 
 
 def pair_of(name, individual):
@@ -117,34 +152,53 @@ def pair_of(name, individual):
     if kind == "warp":
         return warp_pair(fsaverage_side("left"), float(given[0]))
     if kind == "cohort":
-        subject, control = (mapped_subject(seed, 10_000, None, GENERATION) for seed in (int(given[0]), CONTROL))
+        subject, control = (
+            mapped_subject(seed, 10_000, None, GENERATION) for seed in (int(given[0]), CONTROL)
+        )
         return cohort_pair(subject, control)
     surface, landmarks = individual
     curves = tuple(json.loads(Path(landmarks).read_text())["curves"])
-    return Pair(mapped(qc.read_surface(surface)), mapped(qc.fsaverage5("left")), curves, held=curves)
+    return Pair(
+        mapped(qc.read_surface(surface)), mapped(qc.fsaverage5("left")), curves, held=curves
+    )
 
 
 def measured(name, individual):
-    """Rows of one problem, a setting each, with landmarks and, from every first half, by folds alone."""
+    """Rows of one problem, a setting each, with landmarks and, from every first half, by folds
+    alone."""
     with threadpool_limits(1):
         pair = pair_of(name, individual)
         prepared, rows = prepare(pair), []
         sides = with_folds(prepared.problem)
-        free = laid_upon(replace(sides, entries=[], held=[]))
+        free = align_disks(replace(sides, entries=[], held=[]))
         given = replace(
-            prepared.problem, sides=replace(sides, moving=replace(sides.moving, disk=prepared.problem.disk))
+            prepared.problem,
+            sides=replace(sides, moving=replace(sides.moving, disk=prepared.problem.disk)),
         )
-        ways = {"individual": ["free"], "warp": ["landmarks"]}.get(name.split(",")[0], ["landmarks", "free"])
+        ways = {"individual": ["free"], "warp": ["landmarks"]}.get(
+            name.split(",")[0], ["landmarks", "free"]
+        )
         ways = ways[:1] if name.endswith(HALVES[1]) else ways
         for setting in FOLDED + ALONE:
             beta, gamma, delta, eta, sliding = setting
             for way in [one for one in ways if delta or one == "landmarks"]:
-                problem = replace(given, sliding=sliding) if way == "landmarks" else sampled(free).problem
-                start = time.process_time()
-                fit = bijective_fit(
-                    problem, Weights(1.0, beta, gamma, delta, eta), features=sides.features if delta else None
+                problem = (
+                    replace(given, sliding=sliding)
+                    if way == "landmarks"
+                    else sample_landmarks(free).problem
                 )
-                row = {"setting": setting, "problem": name, "way": way, "seconds": time.process_time() - start}
+                start = time.process_time()
+                fit = fit_with_fallbacks(
+                    problem,
+                    Weights(1.0, beta, gamma, delta, eta),
+                    features=sides.features if delta else None,
+                )
+                row = {
+                    "setting": setting,
+                    "problem": name,
+                    "way": way,
+                    "seconds": time.process_time() - start,
+                }
                 figures = map_figures(pair, prepared, fit.f, pair.control.disk.lookup, False)
                 row |= {key: figures[key] for key in KEPT} | {"fallbacks": len(fit.fallbacks)}
                 print(json.dumps(row), flush=True)
@@ -170,16 +224,26 @@ def line(setting, rows):
     return {
         **asdict(Weights(1.0, beta, gamma, delta, eta)),
         "sliding": sliding,
-        **{key: mean([row[key] for row in with_curves if row[key] is not None]) for key in (*KEPT, "seconds")},
+        **{
+            key: mean([row[key] for row in with_curves if row[key] is not None])
+            for key in (*KEPT, "seconds")
+        },
         **judged,
         "figure_mm": judged["real_chosen_mm"],
         "real_log2_area": mean([row["p95_log2_area"] for row in real]),
-        "cohort_free_mm": mean([row["correspondence_mm"] for row in cohort if row["way"] == "free"]),
-        "cohort_mm": mean([row["correspondence_mm"] for row in cohort if row["way"] == "landmarks"]),
+        "cohort_free_mm": mean(
+            [row["correspondence_mm"] for row in cohort if row["way"] == "free"]
+        ),
+        "cohort_mm": mean(
+            [row["correspondence_mm"] for row in cohort if row["way"] == "landmarks"]
+        ),
         "worst_landmark_error_mm": max(errors),
         "allowed": mean(errors) <= ALLOWED[0] and max(errors) <= ALLOWED[1],
         "fallbacks": sum(row["fallbacks"] > 0 for row in rows),
-        "each": [{key: row[key] for key in ("problem", "way", *KEPT[:3], "p95_log2_area")} for row in rows],
+        "each": [
+            {key: row[key] for key in ("problem", "way", *KEPT[:3], "p95_log2_area")}
+            for row in rows
+        ],
     }
 
 
@@ -191,10 +255,15 @@ def judge(row):
 def chosen(table):
     """The row of the rule."""
     allowed = [row for row in table if row["delta"] and row["allowed"]]
-    near = [row for row in allowed if row["figure_mm"] <= (1 + CLOSE) * min(one["figure_mm"] for one in allowed)]
+    near = [
+        row
+        for row in allowed
+        if row["figure_mm"] <= (1 + CLOSE) * min(one["figure_mm"] for one in allowed)
+    ]
     cohort = min(one["cohort_chosen_mm"] for one in allowed)
     return min(
-        (row for row in near if row["cohort_chosen_mm"] <= (1 + COHORT) * cohort), key=lambda row: row["real_log2_area"]
+        (row for row in near if row["cohort_chosen_mm"] <= (1 + COHORT) * cohort),
+        key=lambda row: row["real_log2_area"],
     )
 
 

@@ -1,9 +1,11 @@
-"""Count the maps and products that good landmark problems need at each level: what `EFFORT` in ladder.py rests on.
+"""Count the maps and products that good landmark problems need at each level: what `EFFORT` in
+multiresolution.py rests on.
 
     python -m book.studies.effort [--count 20] [--folds]
 
-Pairs are fsaverage5's hemispheres, the right one mirrored, by four to eleven of its sulci, given by their ends or
-traced; each is fitted at every gamma. Prints one line a fit, and the most of each level at each gamma.
+Pairs are fsaverage5's hemispheres, the right one mirrored, by four to eleven of its sulci, given by
+their ends or traced; each is fitted at every gamma. Prints one line a fit, and the most of each
+level at each gamma.
 """
 
 from collections import defaultdict
@@ -14,7 +16,7 @@ import click
 import numpy as np
 
 import qclearn as qc
-from qclearn.registration import engine, ladder, steps
+from qclearn.registration import gauss_newton, multiresolution
 
 GAMMAS = (1e3, 1e5, 1e6, 1e7, 1e8)
 
@@ -25,7 +27,7 @@ def counted(fit):
 
     def level(*given, **options):
         levels.append([0, 0])
-        return climbed(*given, **options)
+        return run_level(*given, **options)
 
     def at(self, *given):
         if levels:
@@ -36,18 +38,24 @@ def counted(fit):
         levels[-1][1] += 1
         return product(self, x)
 
-    climbed, solve, product = ladder.climbed, engine.Engine.at, steps.ProductStep.forward
+    run_level, solve, product = (
+        multiresolution.run_level,
+        gauss_newton.GaussNewtonObjective.at,
+        gauss_newton.ProductStep.forward,
+    )
     with (
-        patch.object(ladder, "climbed", level),
-        patch.object(engine.Engine, "at", at),
-        patch.object(steps.ProductStep, "forward", forward),
+        patch.object(multiresolution, "run_level", level),
+        patch.object(gauss_newton.GaussNewtonObjective, "at", at),
+        patch.object(gauss_newton.ProductStep, "forward", forward),
     ):
         fit()
     return [tuple(one) for one in levels]
 
 
 @click.command()
-@click.option("--count", default=20, show_default=True, help="Problems, each fitted at every gamma.")
+@click.option(
+    "--count", default=20, show_default=True, help="Problems, each fitted at every gamma."
+)
 @click.option("--folds", is_flag=True, help="With folds, the default of `register`.")
 def main(count, folds):
     rng, most = np.random.default_rng(1), defaultdict(lambda: (0, 0))
@@ -58,7 +66,9 @@ def main(count, folds):
         given = [curve | {"detect": bool(rng.random() < 0.8)} for curve in chosen]
         for gamma in GAMMAS:
             options = {} if folds else {"features": None}
-            fit = partial(qc.register, moving, control, given, gamma=gamma, accept_suspect=True, **options)
+            fit = partial(
+                qc.register, moving, control, given, gamma=gamma, accept_suspect=True, **options
+            )
             levels = counted(fit)
             click.echo(f"{number} {gamma:g} {len(given)} {levels}")
             for k, (maps, products) in enumerate(levels):

@@ -1,9 +1,11 @@
-"""Measure the polar solver and the shipped networks against their exact twins, on seeds of your choice.
+"""Measure the polar solver and the shipped networks against their exact twins, on seeds of your
+choice.
 
     python -m book.studies.evaluate_networks --seeds 1001-1024 --out qclearn/benchmark/results/networks.json
 
-One thread throughout, so that the times compare. Each part of the file carries its own provenance; parts that are not
-run again are kept. The pages of the book read their figures from qclearn/benchmark/results/networks.json.
+One thread throughout, so that the times compare. Each part of the file carries its own provenance;
+parts that are not run again are kept. The pages of the book read their figures from
+qclearn/benchmark/results/networks.json.
 """
 
 import argparse
@@ -46,9 +48,15 @@ def main():
 
 
 def read_options():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=seed_list, default=seed_list("1001-1024"), help="default: 1001-1024")
-    parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS, help="parts to run (default: all)")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--seeds", type=seed_list, default=seed_list("1001-1024"), help="default: 1001-1024"
+    )
+    parser.add_argument(
+        "--only", nargs="+", choices=PARTS, default=PARTS, help="parts to run (default: all)"
+    )
     parser.add_argument("--quick", action="store_true", help="few samples, to see that all works")
     parser.add_argument("--out", type=Path, help="JSON file to write or to renew")
     return parser.parse_args()

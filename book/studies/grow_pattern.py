@@ -1,4 +1,5 @@
-"""Grow the template itself and keep where it folds: data_synth/pattern.json, to which subjects lean.
+"""Grow the template itself and keep where it folds: data_synth/pattern.json, to which subjects
+lean.
 
     python -m book.studies.grow_pattern
 
@@ -20,12 +21,20 @@ from qclearn.io.meshes import write_whole
 from qclearn.surfaces.curvature import sulcal_depth
 
 VERTICES = 10_000
-LEAST, MOST = -0.5, 1.5  # in standard deviations: crowns pushed out hard would be flat, the deepest folds too deep
-OWN = {"variability": 0.0, "pattern": 0.0, "companions": (0.75, 0.75)}  # where the template differs from a subject
+LEAST, MOST = (
+    -0.5,
+    1.5,
+)  # in standard deviations: crowns pushed out hard would be flat, the deepest folds too deep
+OWN = {
+    "variability": 0.0,
+    "pattern": 0.0,
+    "companions": (0.75, 0.75),
+}  # where the template differs from a subject
 
 
 class Template(Individual):
-    """The template as a subject: not deformed, its sulci without gaps and branches, with no short furrows between."""
+    """The template as a subject: not deformed, its sulci without gaps and branches, with no short
+    furrows between."""
 
     def __init__(self):
         super().__init__(0, "right", Guidance(**OWN))
@@ -41,7 +50,8 @@ class Template(Individual):
 
 
 def template_depth(n_vertices=VERTICES):
-    """Depth (COUNT,) of the folded template at even directions: standard deviations from its mean, LEAST to MOST."""
+    """Depth (COUNT,) of the folded template at even directions: standard deviations from its mean,
+    LEAST to MOST."""
     surface, template = grown(Template(), n_vertices)
     depth, area = sulcal_depth(surface), surface.vertex_areas
     mean = np.average(depth, weights=area)
@@ -52,7 +62,10 @@ def template_depth(n_vertices=VERTICES):
 
 def main():
     percent = np.round(100 * template_depth()).astype(int).tolist()
-    kept = {"of": "depth of the folded template, percent of its standard deviation", "guidance": asdict(Guidance())}
+    kept = {
+        "of": "depth of the folded template, percent of its standard deviation",
+        "guidance": asdict(Guidance()),
+    }
     text = json.dumps(kept | {"vertices": VERTICES, "percent": percent})
     write_whole(FILE, lambda place: place.write_text(text + "\n", encoding="utf-8"))
 

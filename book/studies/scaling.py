@@ -1,4 +1,5 @@
-"""Measure how much sooner two worker processes finish the benchmark than one: several times each, in turns.
+"""Measure how much sooner two worker processes finish the benchmark than one: several times each,
+in turns.
 
     python -m book.studies.scaling --out qclearn/benchmark/results/scaling.json
 
@@ -23,7 +24,9 @@ SUBJECTS, VERTICES, REPETITIONS = 1, 2500, 3
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()
     hemispheres([*SEEDS[:SUBJECTS], CONTROL], VERTICES)

@@ -1,11 +1,13 @@
-"""Measure whole chains of registration at three sizes: fsaverage5 as it is, and with its faces split once and twice.
+"""Measure whole chains of registration at three sizes: fsaverage5 as it is, and with its faces
+split once and twice.
 
     python -m book.studies.sizes --out qclearn/benchmark/results/sizes.json
 
-CPU seconds of one thread, the least of the repetitions. All chains begin with the two disk maps and LD-Net's landmarks.
-Then come the paper's networks; the exact solver in DBS-Net's place; and the harmonic map at two weights, with the plain
-factorisation and with nested dissection. The paper's CP-Net knows its own control alone: it is given that control's
-landmarks, moved as far as fsaverage5's lie apart. All landmarks are vertices of fsaverage5, the same at each size.
+CPU seconds of one thread, the least of the repetitions. All chains begin with the two disk maps and
+LD-Net's landmarks. Then come the paper's networks; the exact solver in DBS-Net's place; and the
+harmonic map at two weights, with the plain factorisation and with nested dissection. The paper's
+CP-Net knows its own control alone: it is given that control's landmarks, moved as far as
+fsaverage5's lie apart. All landmarks are vertices of fsaverage5, the same at each size.
 """
 
 import argparse
@@ -27,10 +29,10 @@ from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.disk import Disk
 from qclearn.plane.linear import elimination_order
 from qclearn.plane.mobius import best_mobius, mobius
+from qclearn.registration.curves import fundus_metric, fundus_path
 from qclearn.registration.fit import exact_map, moved_map
-from qclearn.registration.landmarks import fundus_metric, fundus_path
 from qclearn.registration.problem import Problem, Weights
-from qclearn.surfaces.conformal import laid_out
+from qclearn.surfaces.conformal import parameterize
 from qclearn.surfaces.surface import Surface, mirror
 
 REPETITIONS = {0: 5, 1: 3, 2: 2}  # by the number of splits
@@ -38,14 +40,27 @@ GAMMA, WEIGHTS = 2e5, (0.1, 5.0)  # of the paper's CP-Net, and lambda of the har
 POINTS = 10  # of a curve
 SULCI = (  # in the order that the paper's networks were trained on
     *("central sulcus", "sylvian fissure", "superior temporal sulcus", "calcarine sulcus"),
-    *("parieto-occipital sulcus", "intraparietal sulcus", "cingulate sulcus", "superior frontal sulcus"),
+    *(
+        "parieto-occipital sulcus",
+        "intraparietal sulcus",
+        "cingulate sulcus",
+        "superior frontal sulcus",
+    ),
 )
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--out", type=Path, help="JSON file to write")
-    parser.add_argument("--cuts", type=int, nargs="+", default=list(REPETITIONS), help="how often each face is split")
+    parser.add_argument(
+        "--cuts",
+        type=int,
+        nargs="+",
+        default=list(REPETITIONS),
+        help="how often each face is split",
+    )
     options = parser.parse_args()
     torch.set_num_threads(1)
     surfaces = mirror(fsaverage5("right")), fsaverage5("left")
@@ -61,12 +76,24 @@ def main():
             vertices = len(sides[0].vertices)
             repetitions[vertices] = REPETITIONS[cuts]
             rows += [row(vertices, *key, seconds) for key, seconds in clock.least.items()]
-            maps += [{"vertices": vertices, "chain": chain, **figures} for chain, figures in found.items()]
+            maps += [
+                {"vertices": vertices, "chain": chain, **figures}
+                for chain, figures in found.items()
+            ]
             print(
-                *(f"{line['chain']:24}{line['stage']:16}{line['seconds']:9.3f}" for line in rows[-len(clock.least) :]),
+                *(
+                    f"{line['chain']:24}{line['stage']:16}{line['seconds']:9.3f}"
+                    for line in rows[-len(clock.least) :]
+                ),
                 sep="\n",
             )
-    figures = {"rows": rows, "maps": maps, "landmarks": POINTS * len(SULCI), "repetitions": repetitions, "threads": 1}
+    figures = {
+        "rows": rows,
+        "maps": maps,
+        "landmarks": POINTS * len(SULCI),
+        "repetitions": repetitions,
+        "threads": 1,
+    }
     if options.out:
         write_measured("sizes", options.out, figures | {"provenance": provenance()})
 
@@ -79,7 +106,9 @@ def landmarks(surface, hemisphere):
     """Vertices (curves, points) of a side of fsaverage5 along its shortest fundus paths."""
     ends, metric = named_sulci(hemisphere, surface.original_vertices), fundus_metric(surface)
     paths = [fundus_path(surface, *ends[name], metric) for name in SULCI]
-    return np.array([path[np.linspace(0, len(path) - 1, POINTS).round().astype(int)] for path in paths])
+    return np.array(
+        [path[np.linspace(0, len(path) - 1, POINTS).round().astype(int)] for path in paths]
+    )
 
 
 def cut(surface, times):
@@ -87,12 +116,18 @@ def cut(surface, times):
     for _ in range(times):
         n, edges = len(surface.vertices), surface.edges
         keys = edges[:, 0] * n + edges[:, 1]
-        ends = np.sort(np.stack([surface.faces, np.roll(surface.faces, -1, axis=1)], axis=-1), axis=-1)
+        ends = np.sort(
+            np.stack([surface.faces, np.roll(surface.faces, -1, axis=1)], axis=-1), axis=-1
+        )
         middle = n + np.searchsorted(keys, ends[..., 0] * n + ends[..., 1])
         a, b, c = surface.faces.T
         ab, bc, ca = middle.T
-        faces = np.concatenate([np.stack(f, axis=1) for f in ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))])
-        surface = Surface(np.concatenate([surface.vertices, surface.vertices[edges].mean(1)]), faces)
+        faces = np.concatenate(
+            [np.stack(f, axis=1) for f in ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))]
+        )
+        surface = Surface(
+            np.concatenate([surface.vertices, surface.vertices[edges].mean(1)]), faces
+        )
     return surface
 
 
@@ -112,7 +147,9 @@ class Clock:
         return found
 
     def keep_the_least(self):
-        self.least = {key: min(seconds, self.least.get(key, np.inf)) for key, seconds in self.now.items()}
+        self.least = {
+            key: min(seconds, self.least.get(key, np.inf)) for key, seconds in self.now.items()
+        }
         self.now = {}
 
 
@@ -132,7 +169,7 @@ EVERY = NETWORKS, EXACT, *HARMONIC
 
 def chains(surfaces, marks, clock):
     """All chains on two surfaces once: chain -> figures of its map."""
-    sides = [clock(EVERY, "disk maps", laid_out, surface) for surface in surfaces]
+    sides = [clock(EVERY, "disk maps", parameterize, surface) for surface in surfaces]
     detect = load("ldnet", "paper").detect
     for side, vertices in zip(sides, marks):
         clock(EVERY, "landmarks", detect, side.surface, side.disk.z, vertices[:, [0, -1]])
@@ -149,11 +186,14 @@ def chains(surfaces, marks, clock):
 
 def fresh(problem):
     """The problem on a mesh of which nothing is known yet."""
-    return Problem(Disk(problem.disk.z, problem.disk.faces), problem.moving, problem.target, problem.curve)
+    return Problem(
+        Disk(problem.disk.z, problem.disk.faces), problem.moving, problem.target, problem.curve
+    )
 
 
 def networks(problem, predict, clock):
-    """CP-Net, DBS-Net between two resamplings, the certificate, and the exact solver's map where that refuses."""
+    """CP-Net, DBS-Net between two resamplings, the certificate, and the exact solver's map where
+    that refuses."""
     problem, solve, own = fresh(problem), load("dbsnet", "paper"), [NETWORKS]
     mu = clock(own, "CP-Net", predict.answer, problem, Weights(1.0, 1.0, GAMMA))
     image = clock(own, "resampling", lambda: mu[problem.disk.locate(solve.pixels)[0]])
@@ -176,7 +216,9 @@ def harmonic(problem, chain, weight, dissected, clock):
     """The harmonic map with soft landmarks, its overlap correction and the certificate."""
     problem, own = fresh(problem), [chain]
     solver = clock(own, "harmonic map", prepared, problem, dissected)
-    first = clock(own, "harmonic map", solver.solve, np.zeros(len(problem.disk.faces), complex), weight)
+    first = clock(
+        own, "harmonic map", solver.solve, np.zeros(len(problem.disk.faces), complex), weight
+    )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RepairWarning)
         last = clock(own, "correction", unfold, solver, first, np.exp(-np.sqrt(weight) / 4))
@@ -185,7 +227,8 @@ def harmonic(problem, chain, weight, dissected, clock):
 
 
 def prepared(problem, dissected):
-    """The harmonic maps' solver with or without an order of elimination, whatever the size of the mesh."""
+    """The harmonic maps' solver with or without an order of elimination, whatever the size of the
+    mesh."""
     solver, disk = LandmarkSolver(problem), problem.disk
     solver.order = elimination_order(disk.laplace, disk.z, disk.loop) if dissected else None
     return solver

@@ -1,12 +1,13 @@
-"""Measure what suspect.py decides by: good registrations, and ones with mistakes made on purpose.
+"""Measure what diagnose.py decides by: good registrations, and ones with mistakes made on purpose.
 
     python -m book.studies.suspect [--also FILE.npz ...] [--out FILE.json]
 
-Pairs are drawn from the two hemispheres of fsaverage5 (the right one mirrored) with the surfaces of --also, which carry
-curves of the same names, and from synthetic subjects, for which whole surfaces are made up that they were cut from.
-Four to eleven curves a pair, by their ends or whole, either method; or one or two, or the folds alone, the other curves
-held out and the nearest curve's name an annotation. All are registered. Writes qclearn/benchmark/results/suspect.json,
-every case with its values, and prints how often the right word was said and the range of each value. Finished cases are
+Pairs are drawn from the two hemispheres of fsaverage5 (the right one mirrored) with the surfaces of
+--also, which carry curves of the same names, and from synthetic subjects, for which whole surfaces
+are made up that they were cut from. Four to eleven curves a pair, by their ends or whole, either
+method; or one or two, or the folds alone, the other curves held out and the nearest curve's name an
+annotation. All are registered. Writes qclearn/benchmark/results/suspect.json, every case with its
+values, and prints how often the right word was said and the range of each value. Finished cases are
 kept and not run again.
 """
 
@@ -27,25 +28,37 @@ from qclearn.benchmark.measured import KEPT, plain, read_measured, write_measure
 from qclearn.io.checkpoint import Checkpoint
 from qclearn.io.provenance import commit
 from qclearn.plane.disk import Disk
-from qclearn.registration import suspect
-from qclearn.registration.features import FOLDS, mirrored_gain
-from qclearn.registration.landmarkfile import check_curves, held_apart
-from qclearn.registration.landmarks import edge_graph, fundus_metric, fundus_path, weigh_edges
-from qclearn.registration.preparation import Sides
-from qclearn.registration.readings import (
+from qclearn.registration import diagnose
+from qclearn.registration.curves import (
+    check_curves,
+    edge_graph,
+    fundus_metric,
+    fundus_path,
+    held_apart,
+    weigh_edges,
+)
+from qclearn.registration.diagnose import (
     compared,
-    decisive,
-    given_reading,
+    diagnose_landmarks,
+    given_hypothesis,
     laid_by_folds,
-    mistakes,
     of_order,
     of_surfaces,
+    rotation_contrast,
     with_folds,
 )
-from qclearn.surfaces.conformal import Side, laid_out
+from qclearn.registration.features import FOLDS, mirrored_gain
+from qclearn.registration.pair import SurfacePair
+from qclearn.surfaces.conformal import ParameterizedSurface, parameterize
 
-VERTICES, CASES = 3000, 20  # of the synthetic subjects; of each mistake, and ten times as many good ones
-FEW, ALONE = ", one or two", ", folds alone"  # ends of kinds: with so few curves, the others held out
+VERTICES, CASES = (
+    3000,
+    20,
+)  # of the synthetic subjects; of each mistake, and ten times as many good ones
+FEW, ALONE = (
+    ", one or two",
+    ", folds alone",
+)  # ends of kinds: with so few curves, the others held out
 # kind of case with a mistake -> the word that it is to be met by
 WORDS = {
     "mirrored": "mirror",
@@ -75,7 +88,7 @@ VALUES = {
     "order plausible": "plausible",
     "surface plausible": "plausible",
     "hand": "hand",
-    "decisive": "decisive",
+    "rotation_contrast": "rotation_contrast",
     "worse": "worse",
     "worse_mm": "worse_mm",
     "worse_curve_mm": "worse_curve_mm",
@@ -93,13 +106,19 @@ def uncut(surface, rng):
     """The surface with the numbers that its vertices might have had in a whole one of 5 % more."""
     count = len(surface.vertices)
     return qc.Surface(
-        surface.vertices, surface.faces, surface.curves, np.sort(rng.choice(count + count // 20, count, replace=False))
+        surface.vertices,
+        surface.faces,
+        surface.curves,
+        np.sort(rng.choice(count + count // 20, count, replace=False)),
     )
 
 
 def draw(rng, groups, kind):
-    """A random pair: (names, moving, control, curves as in a landmarks file), of which some are held out."""
-    group = groups[int(rng.random() < 0.75)]  # synthetic ones are smaller, and there are more of them
+    """A random pair: (names, moving, control, curves as in a landmarks file), of which some are
+    held out."""
+    group = groups[
+        int(rng.random() < 0.75)
+    ]  # synthetic ones are smaller, and there are more of them
     names = rng.choice(sorted(group), 2, replace=False).tolist()
     moving, control = (group[name] for name in names)
     shared = [name for name in control.curves if name in moving.curves]
@@ -112,7 +131,10 @@ def draw(rng, groups, kind):
         return (surface.curves[name] if whole else surface.curves[name][[0, -1]]).tolist()
 
     held = [name for name in shared if (few or alone) and name not in chosen]
-    curves = [{"name": name, "moving": path(moving, name), "control": path(control, name)} for name in chosen + held]
+    curves = [
+        {"name": name, "moving": path(moving, name), "control": path(control, name)}
+        for name in chosen + held
+    ]
     return names, moving, control, [curve | {"hold_out": curve["name"] in held} for curve in curves]
 
 
@@ -132,7 +154,9 @@ def spoil(kind, rng, moving, control, curves):
     if kind == "two swapped":
         one, other = (curves[k] for k in picked)
         one["moving"], other["moving"] = other["moving"], one["moving"]
-    for curve in {"all reversed": curves, "one reversed": [curves[k] for k in picked[:1]]}.get(kind, []):
+    for curve in {"all reversed": curves, "one reversed": [curves[k] for k in picked[:1]]}.get(
+        kind, []
+    ):
         curve["moving"].reverse()
     return moving, control
 
@@ -149,19 +173,30 @@ def parcels(surface, curves, side):
 
 def readings(sides):
     """What decides about mistakes: of each kind of reading the one that fits best, dict of dicts."""
-    found, given = {}, given_reading(sides)
+    found, given = {}, given_hypothesis(sides)
     for other in [*of_surfaces(given, sides), *of_order(given)]:
         word = other.reason.split(":")[0] or ("reversed" if other.backwards.any() else "swapped")
-        found[word] = min(found.get(word, {"better": np.inf}), compared(given, other), key=lambda one: one["better"])
+        found[word] = min(
+            found.get(word, {"better": np.inf}),
+            compared(given, other),
+            key=lambda one: one["better"],
+        )
     return found
 
 
 def folds_say(moving, control, entries, result):
-    """What decides with fewer than three curves, the moving side laid upon the control's as it was for the fit."""
+    """What decides with fewer than three curves, the moving side laid upon the control's as it was
+    for the fit."""
     z = {"moving": result.disk_moving, "control": result.disk_control}
-    here, there = (Side(s, Disk(z[side], s.faces)) for side, s in (("moving", moving), ("control", control)))
-    laid = laid_by_folds(with_folds(Sides(here, there, entries, [])))
-    case = {"hand": mirrored_gain(laid.moving, laid.control), "decisive": decisive(laid)}
+    here, there = (
+        ParameterizedSurface(s, Disk(z[side], s.faces))
+        for side, s in (("moving", moving), ("control", control))
+    )
+    laid = laid_by_folds(with_folds(SurfacePair(here, there, entries, [])))
+    case = {
+        "hand": mirrored_gain(laid.moving, laid.control),
+        "rotation_contrast": rotation_contrast(laid),
+    }
     return case | ({"readings": readings(laid)} if entries else {})
 
 
@@ -174,7 +209,7 @@ def outcome(result, moving):
         "suspect": report["suspect"],
         "bijective": report["bijective"],
         "rows": max(switched, default=0) / len(moving.vertices),
-        "strong_area": suspect.strong_share(moving, result.mu),
+        "strong_area": diagnose.strong_share(moving, result.mu),
     }
     if report["curves"]:
         millimetres = [row["landmark_error_mm"] for row in report["curves"]]
@@ -186,8 +221,14 @@ def outcome(result, moving):
         }
     if report["held_out_mm"]:
         before, after = np.transpose(list(report["held_out_mm"].values()))
-        case |= {"held_out_mm": report["held_out_mm"], "worse": float(after.mean() / before.mean() - 1)}
-        case |= {"worse_mm": float((after - before).mean()), "worse_curve_mm": float((after - before).max())}
+        case |= {
+            "held_out_mm": report["held_out_mm"],
+            "worse": float(after.mean() / before.mean() - 1),
+        }
+        case |= {
+            "worse_mm": float((after - before).mean()),
+            "worse_curve_mm": float((after - before).max()),
+        }
     if report["dice"]:
         overlap = [report["dice"][when] for when in ("before", "after")]
         case |= {"dice": overlap, "worse_dice": 1 - overlap[1] / overlap[0]}
@@ -218,14 +259,25 @@ def measure(kind, number, groups):
     try:
         entries = held_apart(check_curves(curves, moving, control), [])[0]
         if not (few or alone):
-            sides = Sides(laid_out(moving), laid_out(control), entries, held=[])
-            case |= {"readings": readings(sides), "mistakes": mistakes(sides)}
-            result = qc.register(moving, control, curves, method=method, features=None, accept_suspect=True)
+            sides = SurfacePair(parameterize(moving), parameterize(control), entries, held=[])
+            case |= {"readings": readings(sides), "mistakes": diagnose_landmarks(sides)}
+            result = qc.register(
+                moving, control, curves, method=method, features=None, accept_suspect=True
+            )
         else:
             result = qc.register(
-                moving, control, curves, features=features, annotations=annotations, accept_suspect=True
+                moving,
+                control,
+                curves,
+                features=features,
+                annotations=annotations,
+                accept_suspect=True,
             )
-            said = [reason for reason in result.report["suspect"] if reason.split(":")[0] in WORDS.values()]
+            said = [
+                reason
+                for reason in result.report["suspect"]
+                if reason.split(":")[0] in WORDS.values()
+            ]
             case |= {"mistakes": said} | folds_say(moving, control, entries, result)
         case |= outcome(result, moving)
     except ValueError as error:
@@ -236,7 +288,9 @@ def measure(kind, number, groups):
 def recognised(case):
     """Whether a wrong case was met by its word: as a reason, or in the message it was refused with."""
     word = WORDS[case["kind"]] + ":"
-    return word in case.get("refused", "") or any(reason.startswith(word) for reason in case.get("mistakes", []))
+    return word in case.get("refused", "") or any(
+        reason.startswith(word) for reason in case.get("mistakes", [])
+    )
 
 
 def any_word(case):
@@ -258,23 +312,25 @@ def found_in(case, name):
 
 
 def table(cases):
-    """Lines: how often each mistake was recognised, and the range of each value in good cases and in each wrong
-    kind."""
+    """Lines: how often each mistake was recognised, and the range of each value in good cases and
+    in each wrong kind."""
     for kind in COUNTS:
         own = [case for case in cases if case["kind"] == kind]
         right = f", {sum(map(recognised, own))} of them by the right word" if kind in WORDS else ""
         yield (f"{kind:26} {len(own):3} cases: {sum(map(any_word, own)):3} suspect{right}")
     for name, limit in VALUES.items():
-        yield f"{name} (limit {suspect.LIMITS[limit]:.3g})"
+        yield f"{name} (limit {diagnose.LIMITS[limit]:.3g})"
         for kind in COUNTS:
-            found = [value for case in cases if case["kind"] == kind for value in found_in(case, name)]
+            found = [
+                value for case in cases if case["kind"] == kind for value in found_in(case, name)
+            ]
             if found:
                 yield f"    {kind:26} {min(found):.3g} to {max(found):.3g}"
 
 
 @click.command(help=__doc__)
 @click.option("--also", multiple=True, help="npz surface with curves named as those of fsaverage5.")
-@click.option("--out", default=str(KEPT / "suspect.json"), show_default=False)
+@click.option("--out", default=str(KEPT / "diagnose.json"), show_default=False)
 def main(also, out):
     warnings.simplefilter("ignore", qc.RepairWarning)
     rng = np.random.default_rng(0)
@@ -286,16 +342,19 @@ def main(also, out):
     real |= {Path(path).stem: uncut(qc.read_surface(path), rng) for path in also}
     # Kinds mixed, so that a run that is stopped has some of each.
     wanted = sorted(
-        ((kind, k) for kind, count in COUNTS.items() for k in range(count)), key=lambda c: c[1] / COUNTS[c[0]]
+        ((kind, k) for kind, count in COUNTS.items() for k in range(count)),
+        key=lambda c: c[1] / COUNTS[c[0]],
     )
     done = read_measured("suspect", out)["cases"] if Path(out).is_file() else []
     done = {(case["kind"], case["number"]): case for case in done}
     settings = {"vertices": VERTICES, "also": list(also)}
     checkpoint = Checkpoint(f"{out}.partial", settings, click.ClickException)
     for kind, number in tqdm([task for task in wanted if task not in done]):
-        done[kind, number] = checkpoint.json(f"{kind} {number}.json", partial(measure, kind, number, (real, synthetic)))
+        done[kind, number] = checkpoint.json(
+            f"{kind} {number}.json", partial(measure, kind, number, (real, synthetic))
+        )
     cases = [done[key] for key in sorted(done)]
-    figures = {"commit": commit(), "vertices": VERTICES, "limits": suspect.LIMITS, "cases": cases}
+    figures = {"commit": commit(), "vertices": VERTICES, "limits": diagnose.LIMITS, "cases": cases}
     write_measured("suspect", out, figures)
     shutil.rmtree(checkpoint.path)
     print("\n".join(table(list(done.values()))))

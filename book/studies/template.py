@@ -1,11 +1,13 @@
-"""Measure the template of the synthetic cohort beside Möbius maps alone and registration to one control.
+"""Measure the template of the synthetic cohort beside Möbius maps alone and registration to one
+control.
 
     python -m book.studies.template --out qclearn/benchmark/results/template.json
 
-What is averaged: the maps of all subjects after each way. What is compared with the truth: where the same way takes
-each subject's vertices and named sulci, which take no part, on the control's surface; through the template by its own
-map to the template and back by the control's. The page 'From pairs to a group' reads the file. CPU seconds are those of
-this process and of its workers, once they have ended.
+What is averaged: the maps of all subjects after each way. What is compared with the truth: where
+the same way takes each subject's vertices and named sulci, which take no part, on the control's
+surface; through the template by its own map to the template and back by the control's. The page
+'From pairs to a group' reads the file. CPU seconds are those of this process and of its workers,
+once they have ended.
 """
 
 import argparse
@@ -31,11 +33,11 @@ from qclearn.group.subject import alone
 from qclearn.group.workers import client_of
 from qclearn.io.provenance import provenance
 from qclearn.plane.disk import Disk
+from qclearn.registration.curves import curve_distance, curves_in_space
 from qclearn.registration.features import FOLDS
-from qclearn.registration.landmarks import curve_distance, curves_in_space
 from qclearn.registration.metrics import correspondence_measures, near_curves
 from qclearn.registration.problem import BY_DISKS, Weights
-from qclearn.surfaces.conformal import Side
+from qclearn.surfaces.conformal import ParameterizedSurface
 from qclearn.surfaces.curvature import curvature_image
 
 ROUNDS = 6
@@ -44,7 +46,9 @@ PIXELS, GREYS = 96, 100  # of the pictures, and steps from 0 to their largest va
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, required=True, help="JSON file to write")
     options = parser.parse_args()
@@ -56,7 +60,9 @@ def measure(options, folder):
     subjects = {str(cortex.seed): cortex for cortex in cohort()}
     seconds = {}
     with clock(seconds, "template"):
-        made = qc.template(subjects, rounds=ROUNDS, folder=folder, workers=options.workers, progress=True)
+        made = qc.template(
+            subjects, rounds=ROUNDS, folder=folder, workers=options.workers, progress=True
+        )
     start = qc.template(subjects, rounds=0, folder=folder, workers=1)
     with clock(seconds, "one control"):
         control, single, fits = one_control(subjects, folder, options.workers)
@@ -104,8 +110,8 @@ def processor_seconds():
 
 
 def one_control(subjects, folder, workers):
-    """The subject of median area, whose mesh the template has; the `Mean` of all that are registered to it as to a
-    template that stays as it is, and their disk maps, name -> (V,)."""
+    """The subject of median area, whose mesh the template has; the `Mean` of all that are
+    registered to it as to a template that stays as it is, and their disk maps, name -> (V,)."""
     members, features = members_of(subjects, FOLDS)
     laid = Folder(folder, json.loads((folder / "settings.json").read_text(encoding="utf-8")))
     with client_of(None, workers) as client:
@@ -119,10 +125,11 @@ def one_control(subjects, folder, workers):
 
 
 def against_truth(subjects, control, maps, back):
-    """Means over the subjects of how far their vertices end from their true partners on the control, in mm, and their
-    sulci from the control's. maps: name -> disk map; back: that of the control itself."""
+    """Means over the subjects of how far their vertices end from their true partners on the
+    control, in mm, and their sulci from the control's. maps: name -> disk map; back: that of the
+    control itself."""
     there, rows = subjects[control], []
-    side = Side(there.surface, Disk(back, there.surface.faces))
+    side = ParameterizedSurface(there.surface, Disk(back, there.surface.faces))
     wanted = curves_in_space(side, [back[path] for path in there.curves.values()])
     for name, f in maps.items():
         if name == control:
@@ -131,13 +138,16 @@ def against_truth(subjects, control, maps, back):
         near = near_curves(one.surface, list(one.curves.values()), NEAR)
         row = correspondence_measures(side.lift(f), correspondence(one, there), near)
         ends = curves_in_space(side, [f[one.curves[curve]] for curve in there.curves])
-        rows.append(row | {"sulci_mm": float(np.mean([curve_distance(*pair) for pair in zip(ends, wanted)]))})
+        rows.append(
+            row
+            | {"sulci_mm": float(np.mean([curve_distance(*pair) for pair in zip(ends, wanted)]))}
+        )
     return {key: float(np.mean([row[key] for row in rows])) for key in rows[0]}
 
 
 def pictures(control, start, single, made):
-    """Mean curvature on the disk, whose radius follows the area, in whole steps of the largest value shown; null
-    outside. All ways in one scale."""
+    """Mean curvature on the disk, whose radius follows the area, in whole steps of the largest
+    value shown; null outside. All ways in one scale."""
     kinds = {
         "one subject": (control, single.disk.z, qc.mean_curvature(control)),
         "Möbius maps": (start.surface, start.disk, start.maps["curvature"]),

@@ -1,4 +1,5 @@
-"""Every method on the same problems: pairs of surfaces, runs, measures, and the files that keep the figures."""
+"""Every method on the same problems: pairs of surfaces, runs, measures, and the files that keep the
+figures."""
 
 import lazy_loader as lazy
 
@@ -6,7 +7,15 @@ TABLE = {
     "cortex": ["AMPLITUDES"],
     "images": ["carried"],
     "measured": ["BenchmarkError", "read_measured"],
-    "pairs": ["CONTROL", "cohort_pair", "displacement_pair", "fsaverage_pair", "mapped", "mapped_subject", "prepare"],
+    "pairs": [
+        "CONTROL",
+        "cohort_pair",
+        "displacement_pair",
+        "fsaverage_pair",
+        "mapped",
+        "mapped_subject",
+        "prepare",
+    ],
     "problems": ["DISTANCES"],
     "rows": [
         "chain_seconds",

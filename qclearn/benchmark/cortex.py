@@ -1,8 +1,9 @@
-"""The benchmark's problems on real cortex, where a small landmark error does not prove a good map. Three sets:
+"""The benchmark's problems on real cortex, where a small landmark error does not prove a good map.
+Three sets:
 
-"heldout": fsaverage5, either side onto the other, with half of its curves held out. "warp": fsaverage5's left side or a
-synthetic one with another mesh, warped in space, onto itself: the truth is known. "conte69": sides that correspond by
-vertex index and carry maps that take no part.
+"heldout": fsaverage5, either side onto the other, with half of its curves held out. "warp":
+fsaverage5's left side or a synthetic one with another mesh, warped in space, onto itself: the truth
+is known. "conte69": sides that correspond by vertex index and carry maps that take no part.
 """
 
 import numpy as np
@@ -12,11 +13,15 @@ from scipy.spatial import cKDTree
 from ..io.conte69 import conte69
 from ..io.fsaverage import fsaverage5, named_sulci
 from ..plane.grids import joined
-from ..registration.landmarks import curves_of_both, fundus_metric, fundus_path
+from ..registration.curves import curves_of_both, fundus_metric, fundus_path
 from ..surfaces.surface import Surface, mirror
 from .pairs import Pair, fsaverage_sphere, fsaverage_surface, mapped
 
-PARTS = {"first half": slice(0, None, 2), "second half": slice(1, None, 2), "all": slice(None)}  # of the curves: fitted
+PARTS = {
+    "first half": slice(0, None, 2),
+    "second half": slice(1, None, 2),
+    "all": slice(None),
+}  # of the curves: fitted
 HALVES = tuple(PARTS)[:2]
 AMPLITUDES = (6.0, 9.0, 12.0)  # of the warps, mm: root mean square over the vertices
 BUMPS, WIDTH = 40, 22.0  # number and standard deviation (mm) of the Gaussians of a warp
@@ -31,7 +36,8 @@ def fsaverage_side(hemisphere):
 
 
 def with_curves(surface, ends):
-    """A surface whose curves are the shortest fundus paths between ends, name -> (start, end) vertices."""
+    """A surface whose curves are the shortest fundus paths between ends, name -> (start, end)
+    vertices."""
     metric = fundus_metric(surface)
     curves = {name: fundus_path(surface, *pair, metric) for name, pair in ends.items()}
     return Surface(surface.vertices, surface.faces, curves)
@@ -50,19 +56,27 @@ def parted(curves, part):
 
 
 def warp_pair(control, amplitude):
-    """A surface with another mesh and another shape onto itself: the true map of every vertex is known."""
+    """A surface with another mesh and another shape onto itself: the true map of every vertex is
+    known."""
     faces, weights, curves = other_mesh(control)
     surface = control.surface
     truth = weights @ surface.vertices
     moving = Surface(warped(truth, amplitude) * STRETCH, faces, curves)
-    return Pair(mapped(moving), control, tuple(curves_of_both(moving, surface)), truth, weights @ control.disk.z)
+    return Pair(
+        mapped(moving),
+        control,
+        tuple(curves_of_both(moving, surface)),
+        truth,
+        weights @ control.disk.z,
+    )
 
 
 def other_mesh(control):
-    """Another mesh of a `Mapped` surface: faces (G, 3), its vertices as sparse weights (W, V) of the old, its curves.
+    """Another mesh of a `Mapped` surface: faces (G, 3), its vertices as sparse weights (W, V) of
+    the old, its curves.
 
-    Vertices of boundary and curves stay; the centre of a face beside it replaces every other one. Delaunay's faces in
-    the disk, where angles are those in space.
+    Vertices of boundary and curves stay; the centre of a face beside it replaces every other one.
+    Delaunay's faces in the disk, where angles are those in space.
     """
     surface, rng = control.surface, np.random.default_rng(0)
     stay = np.unique(np.concatenate([surface.boundary, *surface.curves.values()]))
@@ -92,18 +106,27 @@ def warped(points, amplitude):
 
 
 def conte69_sides():
-    """conte69's mirrored right side and its left one, `Mapped` with named sulci, and its maps, right before left."""
-    brain, sides = conte69(), []  # in the same space as fsaverage5, whose ends of curves lie next to theirs
+    """conte69's mirrored right side and its left one, `Mapped` with named sulci, and its maps,
+    right before left."""
+    brain, sides = (
+        conte69(),
+        [],
+    )  # in the same space as fsaverage5, whose ends of curves lie next to theirs
     for hemisphere, surface in (("right", brain.right), ("left", brain.left)):
         template = fsaverage5(hemisphere)
         ends, tree = named_sulci(hemisphere, template.original_vertices), cKDTree(surface.vertices)
-        nearest = {name: tree.query(template.vertices[list(pair)])[1] for name, pair in ends.items()}
-        sides.append(mapped(with_curves(surface if hemisphere == "left" else mirror(surface), nearest)))
+        nearest = {
+            name: tree.query(template.vertices[list(pair)])[1] for name, pair in ends.items()
+        }
+        sides.append(
+            mapped(with_curves(surface if hemisphere == "left" else mirror(surface), nearest))
+        )
     return *sides, {name: pair[::-1] for name, pair in brain.maps.items()}
 
 
 def conte69_pair(sides, part):
-    """The mirrored right side of conte69 onto its left, whose vertex of the same number is the truth."""
+    """The mirrored right side of conte69 onto its left, whose vertex of the same number is the
+    truth."""
     right, left, maps = sides
     fitted, held = parted(curves_of_both(right.surface, left.surface), part)
     return Pair(right, left, fitted, left.surface.vertices, left.disk.z, held=held, maps=maps)

@@ -12,10 +12,11 @@ from .methods.spheres import inward
 
 
 class OnDisk:
-    """The control `Side` as the aim of maps into its disk. lookup: of its `Disk`.
+    """The control `ParameterizedSurface` as the aim of maps into its disk. lookup: of its `Disk`.
 
-    `locate(f)`: places (face, weights) of points (P,) complex; `at(v, places)`: values (W, ...) of the aim's vertices
-    there; `values(v, places)`: the same of the open surface's; `lift(places)`: points (P, 3) of the surface.
+    `locate(f)`: places (face, weights) of points (P,) complex; `at(v, places)`: values (W, ...) of
+    the aim's vertices there; `values(v, places)`: the same of the open surface's; `lift(places)`:
+    points (P, 3) of the surface.
     """
 
     def __init__(self, control, lookup):
@@ -31,7 +32,8 @@ class OnDisk:
 
 
 class OnSphere:
-    """The same for maps onto its sphere, points (P, 3); places are on the whole control, whose wall has no values."""
+    """The same for maps onto its sphere, points (P, 3); places are on the whole control, whose wall
+    has no values."""
 
     def __init__(self, control):
         self.sphere = control.sphere
@@ -45,7 +47,10 @@ class OnSphere:
 
     def values(self, values, places):
         wall = len(self.sphere.points) - len(values)
-        return self.at(np.pad(values, ((0, wall), *((0, 0),) * (np.ndim(values) - 1)), constant_values=np.nan), places)
+        return self.at(
+            np.pad(values, ((0, wall), *((0, 0),) * (np.ndim(values) - 1)), constant_values=np.nan),
+            places,
+        )
 
     def lift(self, places):
         return self.at(self.sphere.whole.vertices, places)
@@ -61,13 +66,15 @@ def image_of(control, f, lookup):
 
 
 def carried(pair, f):
-    """Where a map f (V,) into the control's disk, or (V', 3) onto its sphere, takes the moving vertices: (V, 3), mm."""
+    """Where a map f (V,) into the control's disk, or (V', 3) onto its sphere, takes the moving
+    vertices: (V, 3), mm."""
     image = image_of(pair.control, f, pair.control.disk.lookup)
     return image.lift(image.locate(f[: len(pair.moving.surface.vertices)]))
 
 
 def reversed_on_sphere(pair, places, f):
-    """Faces of the moving cortex that look inward once a map (V,) or (V, 3) has carried them onto the control's sphere.
+    """Faces of the moving cortex that look inward once a map (V,) or (V, 3) has carried them onto
+    the control's sphere.
 
     None where the control has no sphere and none can be made here.
     """

@@ -9,7 +9,8 @@ from ..io.extras import require
 from ..io.meshes import write_whole
 from ..surfaces.surface import SurfaceError
 
-SCHEMA_VERSION = 2  # of the benchmark: raise it when a field's meaning changes, so that old files are not read as new
+# Of the benchmark: raise it when a field's meaning changes, so that old files are not read as new.
+SCHEMA_VERSION = 2
 KEPT = Path(__file__).with_name("results")
 RESULTS = "benchmark", "peers"  # files that the benchmark itself writes
 WRITERS = {  # of the files that come with the package
@@ -48,29 +49,41 @@ def plain(value):
 
 
 def write_measured(name, path, figures):
-    """Write figures, whole or not at all; BenchmarkError if they do not fit their schema or cannot be written."""
+    """Write figures, whole or not at all; BenchmarkError if they do not fit their schema or cannot
+    be written."""
     figures = plain(figures)
     check_schema(path, figures, name)
     try:
-        write_whole(Path(path), lambda place: place.write_text(laid_out(name, figures), encoding="utf-8"))
+        write_whole(
+            Path(path),
+            lambda place: place.write_text(parameterize(name, figures), encoding="utf-8"),
+        )
     except SurfaceError as error:
         raise BenchmarkError(str(error)) from None
 
 
-def laid_out(name, figures):
+def parameterize(name, figures):
     """The text of a file: a row, a case or a training a line; else a number a line."""
     if name in DENSE:
-        lines = ",\n".join(f"{json.dumps(key)}: {json.dumps(value)}" for key, value in figures.items())
+        lines = ",\n".join(
+            f"{json.dumps(key)}: {json.dumps(value)}" for key, value in figures.items()
+        )
         return f"{{\n{lines}\n}}\n"
     if name not in LISTED:
         return json.dumps(figures, indent=1) + "\n"
     many = LISTED[name]
     lines = ",\n  ".join(json.dumps(entry) for entry in figures[many])
-    return json.dumps(figures | {many: []}, indent=1).replace(f'"{many}": []', f'"{many}": [\n  {lines}\n ]') + "\n"
+    return (
+        json.dumps(figures | {many: []}, indent=1).replace(
+            f'"{many}": []', f'"{many}": [\n  {lines}\n ]'
+        )
+        + "\n"
+    )
 
 
 def read_measured(name, path=None):
-    """The measured figures `name` ("benchmark", "networks", "template", ...) of the package or of a file `path`: dict.
+    """The measured figures `name` ("benchmark", "networks", "template", ...) of the package or of a
+    file `path`: dict.
 
     BenchmarkError where they are missing or do not fit their schema.
     """
@@ -88,13 +101,19 @@ def read_json(path, name):
     except OSError as error:
         raise BenchmarkError(f"{path}: cannot be read ({error.strerror}); check the name") from None
     except (ValueError, RecursionError) as error:
-        raise BenchmarkError(f"{path}: not a JSON file ({error}); give a file that `{WRITERS[name]}` wrote") from None
+        raise BenchmarkError(
+            f"{path}: not a JSON file ({error}); give a file that `{WRITERS[name]}` wrote"
+        ) from None
 
 
 def check_version(path, results):
     version = results.get("schema_version") if isinstance(results, dict) else None
     if version != SCHEMA_VERSION:
-        content = "no results of this program" if version is None else f"results of schema version {version}"
+        content = (
+            "no results of this program"
+            if version is None
+            else f"results of schema version {version}"
+        )
         advice = "run the benchmark again, or use the version that wrote the file"
         raise BenchmarkError(f"{path}: {content}; this version reads {SCHEMA_VERSION}: {advice}")
 
@@ -116,4 +135,6 @@ def check_schema(path, figures, name):
     error = next(Draft202012Validator(schema(name)).iter_errors(figures), None)
     if error:
         fault = f"{error.json_path}: {error.message[:200]}"
-        raise BenchmarkError(f"{path}: not a valid results file: {fault}; run `{WRITERS[name]}` again")
+        raise BenchmarkError(
+            f"{path}: not a valid results file: {fault}; run `{WRITERS[name]}` again"
+        )

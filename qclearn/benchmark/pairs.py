@@ -1,7 +1,9 @@
-"""The benchmark's problems: pairs of surfaces with landmark curves and, where it is known, the true dense map.
+"""The benchmark's problems: pairs of surfaces with landmark curves and, where it is known, the true
+dense map.
 
-"cohort": synthetic subjects against one control. "displacement": one surface whose landmarks a known map moves farther
-and farther. "fsaverage5": its mirrored right side against its left, truth unknown. cortex.py has the other sets.
+"cohort": synthetic subjects against one control. "displacement": one surface whose landmarks a
+known map moves farther and farther. "fsaverage5": its mirrored right side against its left, truth
+unknown. cortex.py has the other sets.
 """
 
 import time
@@ -15,19 +17,18 @@ from data_synth.correspondence import locate_on_sphere
 
 from ..io.fsaverage import demo_landmarks, fsaverage5, whole_fsaverage5
 from ..plane.mobius import mobius, mobius_inverse
-from ..registration.features import FOLDS
-from ..registration.landmarkfile import check_curves
-from ..registration.landmarks import POINTS_PER_CURVE, curves_of_both
-from ..registration.preparation import Sides, align, distinct_landmarks, sample_side
+from ..registration.curves import POINTS_PER_CURVE, check_curves, curves_of_both
+from ..registration.features import FINEST, FOLDS, Smoothing
+from ..registration.pair import SurfacePair, align, distinct_landmarks, sample_curves
 from ..registration.problem import Problem
 from ..registration.register import load
-from ..registration.smoothing import FINEST, Smoothing
-from ..surfaces.conformal import Side, laid_out
+from ..surfaces.conformal import ParameterizedSurface, parameterize
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import Surface, mirror
 from .methods.spheres import Sphere
 
-# The seed of the control that the paper's CP-Net is trained for. The networks have seen it, but not the cohort.
+# The seed of the control that the paper's CP-Net is trained for. The networks have seen it, but not
+# the cohort.
 CONTROL = 2001
 DETECTORS = {"ldnet": "best", "ldnet_paper": "paper"}  # source of landmarks -> preset
 SOURCES = ("given", "exact", "path", *DETECTORS)
@@ -35,11 +36,12 @@ TWISTS, REACH = 3, 0.5  # of a known map: their number, and their centres' large
 
 
 @dataclass(frozen=True, eq=False)
-class Mapped(Side):
-    """A `Side` and what the benchmark knows of it.
+class Mapped(ParameterizedSurface):
+    """A `ParameterizedSurface` and what the benchmark knows of it.
 
-    template (V, 3): template points of a synthetic side's vertices; seconds: of its disk map; folds: depth and
-    curvature (positive on gyri) at the scale FINEST, mean 0 and variance 1 by area, name -> (V,).
+    template (V, 3): template points of a synthetic side's vertices; seconds: of its disk map;
+    folds: depth and curvature (positive on gyri) at the scale FINEST, mean 0 and variance 1 by
+    area, name -> (V,).
     """
 
     template: np.ndarray | None = None
@@ -51,10 +53,11 @@ class Mapped(Side):
 class Pair:
     """A moving and a control surface with their landmark curves, as a landmarks file holds them.
 
-    truth (V, 3): the moving vertices' true places on the control, mm, and truth_disk (V,) complex in its disk, or None.
-    given: landmarks if not detected: "given" (both sides' curves, matched by arc length) or "exact" (the moving ones
-    and their true images). held: curves that are measured only; maps: name -> (moving (V,), control (W,)), compared
-    only; there_and_back: whether the way back is computed.
+    truth (V, 3): the moving vertices' true places on the control, mm, and truth_disk (V,) complex
+    in its disk, or None. given: landmarks if not detected: "given" (both sides' curves, matched by
+    arc length) or "exact" (the moving ones and their true images). held: curves that are measured
+    only; maps: name -> (moving (V,), control (W,)), compared only; there_and_back: whether the way
+    back is computed.
     """
 
     moving: Mapped
@@ -72,8 +75,8 @@ class Pair:
 class Prepared:
     """A `Problem` for the methods, and what judges their maps.
 
-    samples (M, V): sparse, vertices -> all landmarks, shared ones once a curve; target (M,) complex and target_mm
-    (M, 3): their targets; seconds, notes: of alignment and detection.
+    samples (M, V): sparse, vertices -> all landmarks, shared ones once a curve; target (M,) complex
+    and target_mm (M, 3): their targets; seconds, notes: of alignment and detection.
     """
 
     problem: Problem
@@ -86,15 +89,21 @@ class Prepared:
 
 def mapped_subject(seed, n_vertices, folder=None, generation=GENERATION):
     """The synthetic left hemisphere of a seed, grown or read from `folder`, `Mapped`."""
-    (subject,) = hemispheres([seed], n_vertices, folder, progress=False, workers=1, generation=generation)
+    (subject,) = hemispheres(
+        [seed], n_vertices, folder, progress=False, workers=1, generation=generation
+    )
     return replace(mapped(subject.surface), template=subject.template)
 
 
 def mapped(surface, whole=None):
-    """A surface with its disk conformal map, timed on the second, warm run: `Mapped`. whole: of its `Sphere`."""
-    side, fresh = laid_out(surface), Surface(surface.vertices, surface.faces)  # which keeps no stiffness yet
+    """A surface with its disk conformal map, timed on the second, warm run: `Mapped`. whole: of its
+    `Sphere`."""
+    side, fresh = (
+        parameterize(surface),
+        Surface(surface.vertices, surface.faces),
+    )  # which keeps no stiffness yet
     start = time.perf_counter()
-    laid_out(fresh)
+    parameterize(fresh)
     seconds = time.perf_counter() - start
     values = np.stack([sulcal_depth(surface), mean_curvature(surface)], axis=1)
     folds = dict(zip(FOLDS, Smoothing(surface, FOLDS, values).at(FINEST).T))
@@ -111,14 +120,17 @@ def cohort_pair(moving, control):
 
 
 def displacement_pair(control, distance, n_curves, seed):
-    """One surface against itself: a random known map of the disk, the answer, moves its first n_curves.
+    """One surface against itself: a random known map of the disk, the answer, moves its first
+    n_curves.
 
     distance: the landmarks' mean distance from their targets in the unit disk, before alignment.
     """
     curves = tuple(curves_of_both(control.surface, control.surface)[:n_curves])
     p = control.disk.z[np.concatenate([curve["moving"] for curve in curves])]
     rng = np.random.default_rng([seed, n_curves])
-    centres = REACH * np.sqrt(rng.uniform(size=TWISTS)) * np.exp(2j * np.pi * rng.uniform(size=TWISTS))
+    centres = (
+        REACH * np.sqrt(rng.uniform(size=TWISTS)) * np.exp(2j * np.pi * rng.uniform(size=TWISTS))
+    )
     turns = rng.uniform(0.5, 1, TWISTS) * rng.choice([-1, 1], TWISTS)
 
     def excess(strength):
@@ -131,7 +143,8 @@ def displacement_pair(control, distance, n_curves, seed):
 
 
 def twisted(z, centres, turns):
-    """z after twists `w exp(i c (1 - |w|^2))` about several centres of the unit disk, one after the other."""
+    """z after twists `w exp(i c (1 - |w|^2))` about several centres of the unit disk, one after the
+    other."""
     for a, c in zip(centres, turns):
         w = mobius(z, a)
         z = mobius_inverse(w * np.exp(1j * c * (1 - abs(w) ** 2)), a)
@@ -139,7 +152,8 @@ def twisted(z, centres, turns):
 
 
 def fsaverage_pair():
-    """fsaverage5's mirrored right side against its left, sulci given by their ends; the true map is unknown."""
+    """fsaverage5's mirrored right side against its left, sulci given by their ends; the true map is
+    unknown."""
     sides = [mapped(fsaverage_surface(side), fsaverage_sphere(side)) for side in ("right", "left")]
     return Pair(*sides, tuple(demo_landmarks()["curves"]), there_and_back=True)
 
@@ -150,7 +164,8 @@ def fsaverage_surface(hemisphere):
 
 
 def fsaverage_sphere(hemisphere):
-    """That side whole, the open one's vertices first, and its own sphere's points (V', 3), as a `Sphere` takes them."""
+    """That side whole, the open one's vertices first, and its own sphere's points (V', 3), as a
+    `Sphere` takes them."""
     open_vertices = fsaverage5(hemisphere).original_vertices
     surface, ball = (whole_fsaverage5(hemisphere, kind) for kind in ("pial", "sphere"))
     order = np.append(open_vertices, np.setdiff1d(np.arange(len(surface.vertices)), open_vertices))
@@ -161,38 +176,52 @@ def fsaverage_sphere(hemisphere):
 
 def reverse(pair):
     """The pair for the way back: sides exchanged, no truth, nothing held out."""
-    curves = tuple({**curve, "moving": curve["control"], "control": curve["moving"]} for curve in pair.curves)
+    curves = tuple(
+        {**curve, "moving": curve["control"], "control": curve["moving"]} for curve in pair.curves
+    )
     return Pair(pair.control, pair.moving, curves)
 
 
 def prepare(pair, source="given"):
     """A pair's landmarks as a `Prepared` problem; they align the moving disk as in `register`.
 
-    source: "given"; "exact" (the moving curves and their true images); or moving curves detected between their ends:
-    "path" (the shortest), "ldnet" or "ldnet_paper". The control keeps its curves where it has more than ends.
+    source: "given"; "exact" (the moving curves and their true images); or moving curves detected
+    between their ends: "path" (the shortest), "ldnet" or "ldnet_paper". The control keeps its
+    curves where it has more than ends.
     """
     source = pair.given if source == "given" else source
     moving, control = pair.moving.surface, pair.control.surface
-    curves = pair.curves if source in ("given", "exact") else [ends_only(curve) for curve in pair.curves]
+    curves = (
+        pair.curves if source in ("given", "exact") else [ends_only(curve) for curve in pair.curves]
+    )
     detect = load("ldnet", DETECTORS[source]).detect if source in DETECTORS else None
     start = time.perf_counter()
     entries = check_curves(list(curves), moving, control)
     own = align(pair.moving, pair.control, entries)
-    samples, _, notes = sample_side(own, entries, "moving", detect)
+    samples, _, notes = sample_curves(own, entries, "moving", detect)
     if source == "exact":
         target = samples @ pair.truth_disk
         target_mm = pair.control.lift(target)
     else:
-        samples_control, _, more = sample_side(pair.control, entries, "control", detect)
+        samples_control, _, more = sample_curves(pair.control, entries, "control", detect)
         notes = notes + more
-        target, target_mm = samples_control @ pair.control.disk.z, samples_control @ control.vertices
+        target, target_mm = (
+            samples_control @ pair.control.disk.z,
+            samples_control @ control.vertices,
+        )
     p = samples @ own.disk.z
     once = distinct_landmarks(entries, p, target)
-    sides = Sides(pair.moving, pair.control, entries, check_curves(list(pair.held), moving, control, 0))
+    sides = SurfacePair(
+        pair.moving, pair.control, entries, check_curves(list(pair.held), moving, control, 0)
+    )
     problem = Problem(own.disk, p[once], target[once], once // POINTS_PER_CURVE, sides=sides)
     return Prepared(problem, samples, target, target_mm, time.perf_counter() - start, notes)
 
 
 def ends_only(curve):
     """A curve with only the two ends of its moving side."""
-    return {"name": curve["name"], "moving": [curve["moving"][0], curve["moving"][-1]], "control": curve["control"]}
+    return {
+        "name": curve["name"],
+        "moving": [curve["moving"][0], curve["moving"][-1]],
+        "control": curve["control"],
+    }

@@ -6,7 +6,16 @@ from dataclasses import dataclass
 from data_synth.cohort import SEEDS
 
 from ..io.conte69 import installed_folder
-from .cortex import AMPLITUDES, HALVES, PARTS, conte69_pair, conte69_sides, fsaverage_side, heldout_pair, warp_pair
+from .cortex import (
+    AMPLITUDES,
+    HALVES,
+    PARTS,
+    conte69_pair,
+    conte69_sides,
+    fsaverage_side,
+    heldout_pair,
+    warp_pair,
+)
 from .measured import BenchmarkError
 from .pairs import CONTROL, cohort_pair, displacement_pair, fsaverage_pair, mapped_subject
 from .runs import SETS
@@ -34,10 +43,13 @@ class Spec:
 
 
 def problems(subjects, sets):
-    """The problems of the sets, list of Spec; BenchmarkError for bad arguments, ImportError without a set's files."""
+    """The problems of the sets, list of Spec; BenchmarkError for bad arguments, ImportError without
+    a set's files."""
     unknown = sorted(set(sets) - set(SETS))
     if unknown or not sets:
-        raise BenchmarkError(f"no set of problems {', '.join(unknown) or 'given'}; there are {', '.join(SETS)}")
+        raise BenchmarkError(
+            f"no set of problems {', '.join(unknown) or 'given'}; there are {', '.join(SETS)}"
+        )
     if not isinstance(subjects, int) or not 1 <= subjects <= len(SEEDS):
         raise BenchmarkError(f"{subjects!r} subjects: the cohort has 1 to {len(SEEDS)}")
     if "conte69" in sets:
@@ -47,7 +59,11 @@ def problems(subjects, sets):
 
 def every_problem(subjects):
     """Every Spec of all sets, in their order."""
-    control, left, right = (mapped_subject, CONTROL), (fsaverage_side, "left"), (fsaverage_side, "right")
+    control, left, right = (
+        (mapped_subject, CONTROL),
+        (fsaverage_side, "left"),
+        (fsaverage_side, "right"),
+    )
     for seed in SEEDS[:subjects]:
         yield Spec("cohort", f"{seed} to {CONTROL}", cohort_pair, ((mapped_subject, seed), control))
     for curves in CURVE_COUNTS:
@@ -57,7 +73,9 @@ def every_problem(subjects):
     yield Spec("fsaverage5", "right to left", fsaverage_pair)
     for sides in ((right, left), (left, right)):
         for part in HALVES:
-            yield Spec("heldout", f"{sides[0][1]} to {sides[1][1]}, {part}", heldout_pair, sides, (part,))
+            yield Spec(
+                "heldout", f"{sides[0][1]} to {sides[1][1]}, {part}", heldout_pair, sides, (part,)
+            )
     for name, side in (("fsaverage5", left), ("synthetic", control)):
         for amplitude in AMPLITUDES:
             yield Spec("warp", f"{name}, {amplitude:g} mm", warp_pair, (side,), (amplitude,))

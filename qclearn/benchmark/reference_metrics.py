@@ -3,32 +3,54 @@
 import numpy as np
 import scipy
 
-from ..registration.landmarks import POINTS_PER_CURVE, SAMPLES, curve_distance, curves_in_space, sample_curve
+from ..registration.curves import (
+    POINTS_PER_CURVE,
+    SAMPLES,
+    curve_distance,
+    curves_in_space,
+    sample_curve,
+)
+from ..registration.features import standardised
 from ..registration.metrics import distortion_maps, log2_distortions, quantile
-from ..registration.preparation import sample_side
-from ..registration.smoothing import standardised
+from ..registration.pair import sample_curves
 from .images import OnDisk
 
-HELD_OUT = ("held_out", "held_out_mm", "worst_held_out_mm", "held_out_points_mm", "held_out_middle_mm")
-OWN = ("r_depth", "r_curvature", "r_maps", "log2_area", "log2_shape")  # figures of the true map itself
+HELD_OUT = (
+    "held_out",
+    "held_out_mm",
+    "worst_held_out_mm",
+    "held_out_points_mm",
+    "held_out_middle_mm",
+)
+OWN = (
+    "r_depth",
+    "r_curvature",
+    "r_maps",
+    "log2_area",
+    "log2_shape",
+)  # figures of the true map itself
 TRUE_MAP = ("floor_mm", "floor_curve_mm", *(f"true_{name}" for name in OWN))
 
 
 def curve_errors(pair, curves, f, image):
-    """Distances of curves' mapped points from the control's of equal arc length, disk (None elsewhere) and mm: each
-    (10 K,)."""
+    """Distances of curves' mapped points from the control's of equal arc length, disk (None
+    elsewhere) and mm: each (10 K,)."""
     moving, control = pair.moving.surface, pair.control.surface
-    mapped = np.concatenate([sample_curve(moving, curve["moving"], POINTS_PER_CURVE) @ f for curve in curves])
+    mapped = np.concatenate(
+        [sample_curve(moving, curve["moving"], POINTS_PER_CURVE) @ f for curve in curves]
+    )
     there = [sample_curve(control, curve["control"], POINTS_PER_CURVE) for curve in curves]
     target, target_mm = (
-        np.concatenate([samples @ data for samples in there]) for data in (pair.control.disk.z, control.vertices)
+        np.concatenate([samples @ data for samples in there])
+        for data in (pair.control.disk.z, control.vertices)
     )
     in_disk = abs(mapped - target) if f.ndim == 1 else None
     return in_disk, np.linalg.norm(image.lift(image.locate(mapped)) - target_mm, axis=1)
 
 
 class Carried:
-    """A moving `Side` whose points are lifted to where a map f (V, ...) takes them on the control."""
+    """A moving `ParameterizedSurface` whose points are lifted to where a map f (V, ...) takes them
+    on the control."""
 
     def __init__(self, side, f, image):
         self.disk, self.f, self.image = side.disk, f, image
@@ -38,13 +60,16 @@ class Carried:
 
 
 def held_out(pair, sides, f, image):
-    """The held-out curves' distances from the control's, mm, by the names of HELD_OUT: each curve's, mean over both
-    ways, their mean and worst; point to point by arc length; and the mean of `middle_distance`. None without any."""
+    """The held-out curves' distances from the control's, mm, by the names of HELD_OUT: each
+    curve's, mean over both ways, their mean and worst; point to point by arc length; and the mean
+    of `middle_distance`. None without any."""
     if not pair.held:
         return dict.fromkeys(HELD_OUT)
     names = [entry["name"] for entry in sides.held]
-    images = curves_in_space(Carried(sides.moving, f, image), sample_side(sides.moving, sides.held, "moving")[1])
-    wanted = curves_in_space(sides.control, sample_side(sides.control, sides.held, "control")[1])
+    images = curves_in_space(
+        Carried(sides.moving, f, image), sample_curves(sides.moving, sides.held, "moving")[1]
+    )
+    wanted = curves_in_space(sides.control, sample_curves(sides.control, sides.held, "control")[1])
     each = {name: float(curve_distance(*both)) for name, both in zip(names, zip(images, wanted))}
     middle = np.mean([middle_distance(*both) for both in zip(images, wanted)])
     figures = (
@@ -57,7 +82,8 @@ def held_out(pair, sides, f, image):
 
 
 def middle_distance(one, other):
-    """Mean distance from the middle three fifths of either curve (n, 3), (m, 3) to the nearest point of the other.
+    """Mean distance from the middle three fifths of either curve (n, 3), (m, 3) to the nearest
+    point of the other.
 
     The ends of a curve are less certain than its course.
     """
@@ -80,7 +106,8 @@ def maps_agree(pair, image, places):
 
 
 def correlations(pair, target, here, there):
-    """r by moving area of each map here (V,) with the one there (W,) where both are known: name -> r.
+    """r by moving area of each map here (V,) with the one there (W,) where both are known: name ->
+    r.
 
     target: the image of a map and its places there.
     """
@@ -104,15 +131,16 @@ def log2_means(surface, points):
 
 
 def area_and_shape(surface, points):
-    """log2 J and log2 R at the vertices, (V,) each, of surface -> points (V, 3), both total areas made equal: those of
-    `wb_command -surface-distortion -local-affine-method -log2`."""
+    """log2 J and log2 R at the vertices, (V,) each, of surface -> points (V, 3), both total areas
+    made equal: those of `wb_command -surface-distortion -local-affine-method -log2`."""
     a, b, c = (points[corner] for corner in surface.faces.T)
     share = np.sqrt(2 * surface.area / np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
     return distortion_maps(surface.vertices, surface.faces, share * points)
 
 
 def tails(surface, points):
-    """ "areal_95" and "shape_95": 95th percentiles of |log2 J| and of log2 R of `area_and_shape`, by area."""
+    """ "areal_95" and "shape_95": 95th percentiles of |log2 J| and of log2 R of `area_and_shape`, by
+    area."""
     areas = surface.vertex_areas / surface.area
     log2_j, log2_r = area_and_shape(surface, points)
     return {"areal_95": quantile(abs(log2_j), areas), "shape_95": quantile(abs(log2_r), areas)}
@@ -128,10 +156,11 @@ def true_map(pair, lookup):
 
 
 def floors(pair):
-    """How far the true images of the curves lie from the control's curves, mm: a dict of two figures.
+    """How far the true images of the curves lie from the control's curves, mm: a dict of two
+    figures.
 
-    A sulcus forms beside its course on the template, so a map that takes curves to curves is off by this much:
-    "floor_mm" by points of equal arc length, "floor_curve_mm" by distance of curves.
+    A sulcus forms beside its course on the template, so a map that takes curves to curves is off by
+    this much: "floor_mm" by points of equal arc length, "floor_curve_mm" by distance of curves.
     """
     if pair.given == "exact":
         return {"floor_mm": 0.0, "floor_curve_mm": 0.0}
@@ -142,6 +171,8 @@ def floors(pair):
             there = sample_curve(control, curve["control"], count) @ control.vertices
             yield sample_curve(moving, curve["moving"], count) @ pair.truth, there
 
-    off = [np.linalg.norm(image - there, axis=1).mean() for image, there in images(POINTS_PER_CURVE)]
+    off = [
+        np.linalg.norm(image - there, axis=1).mean() for image, there in images(POINTS_PER_CURVE)
+    ]
     apart = [curve_distance(image, there) for image, there in images(SAMPLES)]
     return {"floor_mm": float(np.mean(off)), "floor_curve_mm": float(np.mean(apart))}

@@ -16,11 +16,13 @@ SETS = ("cohort", "displacement", "fsaverage5", "heldout", "warp", "conte69")
 
 @dataclass(frozen=True)
 class Run:
-    """One row's recipe: its name in the tables, the method and its parameters, the landmarks' source (`SOURCES`).
+    """One row's recipe: its name in the tables, the method and its parameters, the landmarks'
+    source (`SOURCES`).
 
-    sets: the sets of problems it is run on; keep_field: keep |mu| on the control's disk, for pictures over subjects;
-    alone: run it once more in a process of its own, for the CPU seconds and the memory of the whole process; sure:
-    where the truth is known, judge the radius that `register` gives with the same settings.
+    sets: the sets of problems it is run on; keep_field: keep |mu| on the control's disk, for
+    pictures over subjects; alone: run it once more in a process of its own, for the CPU seconds and
+    the memory of the whole process; uncertainty: where the truth is known, judge the radius that
+    `register` gives with the same settings.
     """
 
     name: str
@@ -30,23 +32,37 @@ class Run:
     sets: tuple = SETS
     keep_field: bool = False
     alone: bool = False
-    sure: bool = False
+    uncertainty: bool = False
 
 
 KNOWN = ("cohort",)  # the set with true curves and a true map
-DETECTED = (*KNOWN, "fsaverage5")  # sets of real or synthetic cortex, whose curves have ends to detect them from
-WEIGHED = (*KNOWN, "displacement", "fsaverage5")  # sets on which every weight of a method has its line
+DETECTED = (
+    *KNOWN,
+    "fsaverage5",
+)  # sets of real or synthetic cortex, whose curves have ends to detect them from
+WEIGHED = (
+    *KNOWN,
+    "displacement",
+    "fsaverage5",
+)  # sets on which every weight of a method has its line
 HELD_OUT = ("heldout", "conte69")  # sets with curves that take no part
 FOLDED = (*DETECTED, *HELD_OUT, "warp")  # all sets on which folds say where to go
 COARSE = (*WEIGHED, "heldout", "warp")  # all but conte69 with its 29,000 vertices: for slow methods
-USUAL = {"alpha": Weights.alpha, "beta": Weights.beta, "gamma": Weights.gamma}  # named where a run differs
+USUAL = {
+    "alpha": Weights.alpha,
+    "beta": Weights.beta,
+    "gamma": Weights.gamma,
+}  # named where a run differs
 HYBRID = USUAL | {"delta": DELTA}
 EQUAL = {"alpha": 1.0, "beta": 1.0}
 PRINTED = {"preset": "paper"} | EQUAL
 
 RUNS = (
     Run("Möbius", "mobius_only"),
-    *(Run(f"harmonic {weight:g}", "harmonic", {"weight": weight}, sets=WEIGHED) for weight in (0.1, 0.5, 1.0)),
+    *(
+        Run(f"harmonic {weight:g}", "harmonic", {"weight": weight}, sets=WEIGHED)
+        for weight in (0.1, 0.5, 1.0)
+    ),
     Run("harmonic 5", "harmonic", {"weight": 5.0}),
     Run("thin plate", "thin_plate", sets=COARSE),
     Run("QC iteration", "qc_iteration", sets=COARSE),
@@ -54,21 +70,39 @@ RUNS = (
     Run("Gauss-Newton (1, 1, 1e4)", "gauss_newton", EQUAL | {"gamma": 1e4}, sets=WEIGHED),
     Run("Gauss-Newton (1, 1, 1e5)", "gauss_newton", EQUAL | {"gamma": 1e5}, sets=WEIGHED),
     Run("Gauss-Newton (1, 1, 2e5)", "gauss_newton", EQUAL | {"gamma": 2e5}, sets=WEIGHED),
-    Run("Gauss-Newton", "gauss_newton", USUAL, keep_field=True, sure=True),
+    Run("Gauss-Newton", "gauss_newton", USUAL, keep_field=True, uncertainty=True),
     Run("Gauss-Newton, sliding", "gauss_newton", USUAL | {"sliding": True}, sets=WEIGHED),
     Run("Gauss-Newton (1, 0.01, 1e5)", "gauss_newton", USUAL | {"gamma": 1e5}),
-    Run("hybrid", "hybrid", HYBRID, sets=FOLDED, keep_field=True, sure=True),
+    Run("hybrid", "hybrid", HYBRID, sets=FOLDED, keep_field=True, uncertainty=True),
     Run("hybrid (1, 0.01, 1e5)", "hybrid", HYBRID | {"gamma": 1e5}, sets=("fsaverage5", *HELD_OUT)),
     Run("dense", "dense", {"delta": DELTA}, sets=FOLDED),
-    Run("landmark-free", "landmark_free", {"delta": DELTA}, sets=FOLDED, sure=True),
+    Run("landmark-free", "landmark_free", {"delta": DELTA}, sets=FOLDED, uncertainty=True),
     Run("Gauss-Newton, path", "gauss_newton", USUAL, "path", KNOWN),
     Run("Gauss-Newton, exact landmarks", "gauss_newton", USUAL, "exact", KNOWN),
     # The paper's CP-Net has weights for one control and each gamma.
     Run("paper's networks (1, 1, 1e4)", "cpnet_dbsnet", PRINTED | {"gamma": 1e4}, sets=KNOWN),
-    Run("paper's networks (1, 1, 1e5)", "cpnet_dbsnet", PRINTED | {"gamma": 1e5}, sets=KNOWN, keep_field=True),
+    Run(
+        "paper's networks (1, 1, 1e5)",
+        "cpnet_dbsnet",
+        PRINTED | {"gamma": 1e5},
+        sets=KNOWN,
+        keep_field=True,
+    ),
     Run("paper's networks (1, 1, 2e5)", "cpnet_dbsnet", PRINTED | {"gamma": 2e5}, sets=KNOWN),
-    Run("paper's networks (1, 1, 1e5), LD-Net", "cpnet_dbsnet", PRINTED | {"gamma": 1e5}, "ldnet_paper", KNOWN),
-    Run("paper's networks (1, 1, 1e5), path", "cpnet_dbsnet", PRINTED | {"gamma": 1e5}, "path", KNOWN),
+    Run(
+        "paper's networks (1, 1, 1e5), LD-Net",
+        "cpnet_dbsnet",
+        PRINTED | {"gamma": 1e5},
+        "ldnet_paper",
+        KNOWN,
+    ),
+    Run(
+        "paper's networks (1, 1, 1e5), path",
+        "cpnet_dbsnet",
+        PRINTED | {"gamma": 1e5},
+        "path",
+        KNOWN,
+    ),
     Run("CP-Net and DBS-Net", "cpnet_dbsnet", USUAL, sets=WEIGHED, keep_field=True),
     Run("CP-Net and DBS-Net, LD-Net", "cpnet_dbsnet", USUAL, "ldnet", DETECTED),
     Run("CP-Net, exact solver", "cpnet_exact", USUAL, sets=WEIGHED),
@@ -92,10 +126,16 @@ PEERS = (
     Run("rotation", "rotation", sets=FOLDED, alone=True),
     Run("Spherical Demons", "spherical_demons", sets=FOLDED),
 )
-BESIDE = "Möbius", "Gauss-Newton", "hybrid", "landmark-free"  # of ours, whose whole processes stand beside theirs
+BESIDE = (
+    "Möbius",
+    "Gauss-Newton",
+    "hybrid",
+    "landmark-free",
+)  # of ours, whose whole processes stand beside theirs
 
 
-# For comparisons at the harmonic maps' distortion, some on a mesh like the subject's: a third of all runs' time.
+# For comparisons at the harmonic maps' distortion, some on a mesh like the subject's: a third of
+# all runs' time.
 FRONT = (
     *(along_front("1e-4", gamma) for gamma in (0.5, 2.0, 8.0)),
     *(along_front("1e-5", gamma, rings=64) for gamma in (0.25, 1.0, 4.0, 16.0, 64.0)),
@@ -103,11 +143,15 @@ FRONT = (
 
 
 def table_of(peers, fronts):
-    """The runs of the table: ours, with FRONT if `fronts`, and with `peers` PEERS beside them; "only": those and what
-    stands BESIDE them."""
+    """The runs of the table: ours, with FRONT if `fronts`, and with `peers` PEERS beside them;
+    "only": those and what stands BESIDE them."""
     own = RUNS + FRONT * fronts
     if peers:
-        own = tuple(replace(run, alone=run.name in BESIDE) for run in own if peers != "only" or run.name in BESIDE)
+        own = tuple(
+            replace(run, alone=run.name in BESIDE)
+            for run in own
+            if peers != "only" or run.name in BESIDE
+        )
     return own + PEERS * bool(peers)
 
 
@@ -119,7 +163,9 @@ def program_of(text, limit):
     except ValueError as error:
         raise BenchmarkError(f"--program {text!r}: {error}") from None
     if not name.strip() or not limit > 0:
-        raise BenchmarkError(f"--program {text!r}, --limit {limit}: write NAME=COMMAND, and seconds above 0")
+        raise BenchmarkError(
+            f"--program {text!r}, --limit {limit}: write NAME=COMMAND, and seconds above 0"
+        )
     return Run(name.strip(), "program", {"command": command, "limit": limit}, sets=FOLDED)
 
 
@@ -134,31 +180,40 @@ def run_of(text):
         except ValueError:
             parameters[name.strip()] = value.strip()
         if not equals:
-            raise BenchmarkError(f"{text}: {pair!r} is no parameter; write {method}:NAME=VALUE,NAME=VALUE")
+            raise BenchmarkError(
+                f"{text}: {pair!r} is no parameter; write {method}:NAME=VALUE,NAME=VALUE"
+            )
     source = parameters.pop("landmarks", "given")
     return Run(text, method, parameters, source)
 
 
 def check_runs(runs, methods):
-    """The runs as a tuple, or BenchmarkError for an unknown method, parameter or source, or a name used twice."""
+    """The runs as a tuple, or BenchmarkError for an unknown method, parameter or source, or a name
+    used twice."""
     for run in runs:
         if run.method not in methods:
-            raise BenchmarkError(f"{run.name}: there is no method {run.method!r}; there are {', '.join(methods)}")
+            raise BenchmarkError(
+                f"{run.name}: there is no method {run.method!r}; there are {', '.join(methods)}"
+            )
         known = list(inspect.signature(methods[run.method]).parameters)[1:]
         unknown = sorted(set(run.parameters) - set(known))
         if unknown:
             raise BenchmarkError(
-                f"{run.name}: {run.method} has no parameter {', '.join(unknown)}; it has {', '.join(known) or 'none'}"
+                f"{run.name}: {run.method} has no parameter {', '.join(unknown)}; it has "
+                f"{', '.join(known) or 'none'}"
             )
         if run.landmarks not in SOURCES or not set(run.sets) <= set(SETS):
             raise BenchmarkError(
-                f"{run.name}: no landmarks {run.landmarks!r} or sets {run.sets}; landmarks are one of "
+                f"{run.name}: no landmarks {run.landmarks!r} or sets {run.sets}; landmarks are "
+                "one of "
                 f"{', '.join(SOURCES)}, sets some of {', '.join(SETS)}"
             )
     names = [run.name for run in runs]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice or not names:
-        raise BenchmarkError(f"runs named twice: {twice}; give each a name of its own" if twice else "no runs given")
+        raise BenchmarkError(
+            f"runs named twice: {twice}; give each a name of its own" if twice else "no runs given"
+        )
     return tuple(runs)
 
 

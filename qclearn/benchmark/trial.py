@@ -1,4 +1,5 @@
-"""One run on one problem, in one thread: the map, its time and memory, and all that is measured of it."""
+"""One run on one problem, in one thread: the map, its time and memory, and all that is measured of
+it."""
 
 import ctypes
 import sys
@@ -29,19 +30,38 @@ from .methods.networks import networks_of
 from .methods.programs import Answer, costs_alone
 from .methods.spheres import inward
 from .pairs import prepare, reverse
-from .reference_metrics import TRUE_MAP, curve_errors, folds_agree, held_out, log2_means, maps_agree, tails, true_map
+from .reference_metrics import (
+    TRUE_MAP,
+    curve_errors,
+    folds_agree,
+    held_out,
+    log2_means,
+    maps_agree,
+    tails,
+    true_map,
+)
 
-LONG, REPETITIONS = 2.0, 3  # a map is computed again for its time, at most so often, within so many seconds
+LONG, REPETITIONS = (
+    2.0,
+    3,
+)  # a map is computed again for its time, at most so often, within so many seconds
 NEAR = 10.0  # largest distance from a sulcus along the surface, mm
 ON_CIRCLE = 1e-6
 SURE = "coverage", "rank"  # of a radius
 WITHOUT_TRUTH = dict.fromkeys(
-    ("correspondence_mm", "median_correspondence_mm", "p95_correspondence_mm", "correspondence_sulci_mm", *TRUE_MAP)
+    (
+        "correspondence_mm",
+        "median_correspondence_mm",
+        "p95_correspondence_mm",
+        "correspondence_sulci_mm",
+        *TRUE_MAP,
+    )
 )
 
 
 def trial(pair, run, method):
-    """The figures of one run on one pair, dict: `status` "done" and the results schema's, or "failed" and a message."""
+    """The figures of one run on one pair, dict: `status` "done" and the results schema's, or
+    "failed" and a message."""
     try:
         with threadpool_limits(1):
             prepared = prepare(pair, run.landmarks)
@@ -62,15 +82,22 @@ def trial(pair, run, method):
             of_disks = [f"{side}: {note}" for side, notes in sides.items() for note in notes]
             costs["notes"] = [*of_disks, *prepared.notes, *costs["notes"]]
             figures = map_figures(pair, prepared, f, lookup, run.keep_field) | how_sure(pair, run)
-            return {"status": "done", **figures, "there_and_back_mm": way_back(pair, run, method, places), **costs}
+            return {
+                "status": "done",
+                **figures,
+                "there_and_back_mm": way_back(pair, run, method, places),
+                **costs,
+            }
     except Exception as error:
         return {"status": "failed", "message": f"{type(error).__name__}: {error}"}
 
 
 def timed(method, problem, parameters):
-    """(f, costs): the map, its median time over the warm ones of up to REPETITIONS, in one thread, and its memory.
+    """(f, costs): the map, its median time over the warm ones of up to REPETITIONS, in one thread,
+    and its memory.
 
-    Each knows nothing of the problem. The first is measured for memory; its time counts only from LONG on.
+    Each knows nothing of the problem. The first is measured for memory; its time counts only from
+    LONG on.
     """
     seconds, whole = [], {}
     while not seconds or (sum(seconds) < LONG and len(seconds) < REPETITIONS):
@@ -86,7 +113,11 @@ def timed(method, problem, parameters):
             seconds.append(time.perf_counter() - start)
         if len(seconds) == 1:
             peak = memory("VmHWM")
-        notes = [str(warning.message) for warning in caught if issubclass(warning.category, RepairWarning)]
+        notes = [
+            str(warning.message)
+            for warning in caught
+            if issubclass(warning.category, RepairWarning)
+        ]
         if isinstance(f, Answer):  # whose own process took the time
             f, whole, seconds = f.points, of_process(f.costs), [f.costs.seconds]
             break
@@ -106,7 +137,10 @@ def of_process(costs):
 
 def forgotten(problem):
     """The problem as it is before anything is asked of its disks."""
-    moving, control = (replace(side, disk=unknown(side.disk)) for side in (problem.sides.moving, problem.sides.control))
+    moving, control = (
+        replace(side, disk=unknown(side.disk))
+        for side in (problem.sides.moving, problem.sides.control)
+    )
     sides = replace(problem.sides, moving=moving, control=control)
     return replace(problem, disk=unknown(problem.disk), sides=sides)
 
@@ -117,20 +151,24 @@ def unknown(disk):
 
 
 def checked(f, problem):
-    """A method's answer as points of the disk (V,) complex or of the control's sphere (V', 3), or ValueError."""
+    """A method's answer as points of the disk (V,) complex or of the control's sphere (V', 3), or
+    ValueError."""
     f = np.asarray(f)
     f = f.astype(float if f.ndim == 2 and not np.iscomplexobj(f) else complex)
     sphere = problem.sides.moving.sphere if f.ndim == 2 else None
     shape = problem.disk.z.shape if sphere is None else sphere.points.shape
     if f.shape != shape or not np.isfinite(f).all():
-        given = f"an array of shape {f.shape} with {(~np.isfinite(f)).sum()} values that are not finite"
+        given = (
+            f"an array of shape {f.shape} with {(~np.isfinite(f)).sum()} values that are not finite"
+        )
         wanted = f"{shape}, one point of the {'disk' if sphere is None else 'sphere'} a vertex"
         raise ValueError(f"the method returned {given}; expected {wanted}")
     return f
 
 
 def way_back(pair, run, method, places):
-    """Mean distance, mm, that the run's maps to `places` on the control and back move vertices; None if not asked."""
+    """Mean distance, mm, that the run's maps to `places` on the control and back move vertices;
+    None if not asked."""
     if not pair.there_and_back:
         return None
     problem = prepare(reverse(pair), run.landmarks).problem
@@ -144,36 +182,51 @@ def way_back(pair, run, method, places):
 
 
 def how_sure(pair, run):
-    """Of the 90 % radius that `register` gives with a run's settings: the share of the moving area whose true places
-    lie within it of `register`'s, and Spearman's correlation of radius and error; None where nothing is to judge."""
-    if not run.sure or pair.truth is None or (run.landmarks, pair.given) != ("given", "given"):
+    """Of the 90 % radius that `register` gives with a run's settings: the share of the moving area
+    whose true places lie within it of `register`'s, and Spearman's correlation of radius and error;
+    None where nothing is to judge."""
+    if (
+        not run.uncertainty
+        or pair.truth is None
+        or (run.landmarks, pair.given) != ("given", "given")
+    ):
         return dict.fromkeys(SURE)
     moving, curves = pair.moving.surface, () if run.method == "landmark_free" else pair.curves
     folds = {"features": None} if run.method == "gauss_newton" else {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RepairWarning)
-        registration = register(moving, pair.control.surface, list(curves), sure=True, **folds, **run.parameters)
-    if registration.sure is None:  # wrong landmarks, which are not fitted
+        registration = register(
+            moving, pair.control.surface, list(curves), uncertainty=True, **folds, **run.parameters
+        )
+    if registration.uncertainty is None:  # wrong landmarks, which are not fitted
         return dict.fromkeys(SURE)
-    off = np.linalg.norm(registration.points - pair.truth, axis=1)
-    inside = np.average(off <= registration.sure, weights=moving.vertex_areas)
-    return dict(zip(SURE, map(float, (inside, spearmanr(registration.sure, off)[0]))))
+    off = np.linalg.norm(registration.curves - pair.truth, axis=1)
+    inside = np.average(off <= registration.uncertainty, weights=moving.vertex_areas)
+    return dict(zip(SURE, map(float, (inside, spearmanr(registration.uncertainty, off)[0]))))
 
 
 def memory(name, reset_peak=False):
     """This process' resident memory now ("VmRSS") or at its peak ("VmHWM"), MB; None outside Linux."""
     try:
         if reset_peak:
-            ctypes.CDLL(None).malloc_trim(0)  # hand back what earlier tasks freed: to use that again would not show
+            ctypes.CDLL(None).malloc_trim(
+                0
+            )  # hand back what earlier tasks freed: to use that again would not show
             Path("/proc/self/clear_refs").write_text("5")
         lines = Path("/proc/self/status").read_text().splitlines()
         return next(int(line.split()[1]) / 1024 for line in lines if line.startswith(name))
-    except (AttributeError, OSError, StopIteration, TypeError):  # a C library without malloc_trim, or none by this name
+    except (
+        AttributeError,
+        OSError,
+        StopIteration,
+        TypeError,
+    ):  # a C library without malloc_trim, or none by this name
         return None
 
 
 def map_figures(pair, prepared, f, lookup, keep_field):
-    """All figures of a map f (V,) complex or, onto the control's sphere, (V', 3); lookup: in the control's disk."""
+    """All figures of a map f (V,) complex or, onto the control's sphere, (V', 3); lookup: in the
+    control's disk."""
     moving, problem = pair.moving.surface, prepared.problem
     whole, f, image = f, f[: len(moving.vertices)], image_of(pair.control, f, lookup)
     disk, before = OnDisk(pair.control, lookup), mobius(problem.disk.z, *problem.mobius)
@@ -204,7 +257,8 @@ def map_figures(pair, prepared, f, lookup, keep_field):
 
 
 def in_disk(moving, problem, f):
-    """Figures of a map f (V,) of the disks alone: its coefficient, whether it is a bijection, and what it folds."""
+    """Figures of a map f (V,) of the disks alone: its coefficient, whether it is a bijection, and
+    what it folds."""
     mu = problem.disk.coefficient(f)
     certificate = problem.disk.certify(f)
     off_circle = float(abs(abs(f[moving.boundary]) - 1).max())
@@ -219,7 +273,8 @@ def in_disk(moving, problem, f):
 
 
 def on_sphere(pair, f):
-    """The same of a map of the spheres f (V', 3), which has no coefficient in the disk: its flipped faces, anywhere."""
+    """The same of a map of the spheres f (V', 3), which has no coefficient in the disk: its flipped
+    faces, anywhere."""
     flipped = inward(f[pair.moving.sphere.whole.faces])
     sizes = ("mean_abs_mu", "sd_abs_mu", "p95_abs_mu", "max_abs_mu")
     weighed = (f"{kind}_abs_mu_{areas}" for kind in ("mean", "sd") for areas in ("disk", "area"))
@@ -228,7 +283,8 @@ def on_sphere(pair, f):
 
 
 def true_errors(pair, f, image):
-    """A map's errors on the true curves, whatever its landmarks were; None where a side has ends only."""
+    """A map's errors on the true curves, whatever its landmarks were; None where a side has ends
+    only."""
     whole = [curve for curve in pair.curves if min(len(curve["moving"]), len(curve["control"])) > 2]
     if not whole or pair.given == "exact":
         return {"landmark_error_true": None, "landmark_error_true_mm": None}

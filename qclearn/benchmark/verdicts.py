@@ -1,8 +1,8 @@
 """Verdicts: how pages judge a printed claim. A rule tests the direction of the claim and its size.
 
-`judge_ratio` is for a quotient of two methods' figures, `judge_size` for a figure with a unit, `judge_order` for
-figures that should rise or fall, `judge_bound` for 'more than', `judge_all` for 'all', `judge_start` for a map that is
-worse than what it began from. `side` reads an interval, and
+`judge_ratio` is for a quotient of two methods' figures, `judge_size` for a figure with a unit,
+`judge_order` for figures that should rise or fall, `judge_bound` for 'more than', `judge_all` for
+'all', `judge_start` for a map that is worse than what it began from. `side` reads an interval, and
 `compared` two figures of one study.
 """
 
@@ -18,11 +18,12 @@ def of_one_size(here, printed):
 
 
 def judge_ratio(printed, here, low=None, high=None):
-    """The verdict on a printed quotient of two methods: is ours on the same side of 1, and of the same size?
+    """The verdict on a printed quotient of two methods: is ours on the same side of 1, and of the
+    same size?
 
     low, high: the interval of ours, where there is one; it has to lie on one side of 1 as a whole.
-    "agrees": direction and size hold. "agrees in direction only": the size is off by more than `FACTOR`.
-    "turned round": ours lies on the other side of 1. "not settled": our interval holds 1.
+    "agrees": direction and size hold. "agrees in direction only": the size is off by more than
+    `FACTOR`. "turned round": ours lies on the other side of 1. "not settled": our interval holds 1.
     """
     ours = side(here if low is None else low, here if high is None else high, of=1)
     if ours == "level":
@@ -33,14 +34,20 @@ def judge_ratio(printed, here, low=None, high=None):
 
 
 def judge_size(printed, here):
-    """The verdict on a printed figure with a unit: "agrees" within `FACTOR`, else how many times larger or smaller."""
+    """The verdict on a printed figure with a unit: "agrees" within `FACTOR`, else how many times
+    larger or smaller."""
     if of_one_size(here, printed):
         return "agrees"
-    return f"{printed / here:.0f} times smaller" if here < printed else f"{here / printed:.0f} times larger"
+    return (
+        f"{printed / here:.0f} times smaller"
+        if here < printed
+        else f"{here / printed:.0f} times larger"
+    )
 
 
 def judge_order(values, rising):
-    """The verdict on an order: "agrees" where each value lies above (or, not `rising`, below) the one before it."""
+    """The verdict on an order: "agrees" where each value lies above (or, not `rising`, below) the
+    one before it."""
     steps = [later - earlier for earlier, later in pairwise(values)]
     return holds(all(step > 0 if rising else step < 0 for step in steps))
 
@@ -56,8 +63,9 @@ def judge_all(count, total):
 
 
 def judge_start(row, start):
-    """The verdict on a map by the row of the one that it, or its like, begins from: "failed here" where it ends farther
-    from the truth or, where none is known, from the curves that took no part; else "". Such a row is nobody's win.
+    """The verdict on a map by the row of the one that it, or its like, begins from: "failed here"
+    where it ends farther from the truth or, where none is known, from the curves that took no part;
+    else "". Such a row is nobody's win.
     """
     key = "held_out_mm" if row.get("correspondence_mm") is None else "correspondence_mm"
     known = row.get(key) is not None and start.get(key) is not None
@@ -75,5 +83,6 @@ def side(low, high, of=0.0):
 
 
 def compared(one, other):
-    """One figure beside another of the same study: "below", "above", or "level" within `MARGIN` of it."""
+    """One figure beside another of the same study: "below", "above", or "level" within `MARGIN` of
+    it."""
     return side(one / other - MARGIN, one / other + MARGIN, of=1)

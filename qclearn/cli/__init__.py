@@ -1,6 +1,7 @@
 """The command line: `qclearn register`, `open`, `transfer`, `demo`, ...
 
-One line on stderr and exit code 2 for bad input; exit code 3 for a registration that is written, but suspect.
+One line on stderr and exit code 2 for bad input; exit code 3 for a registration that is written,
+but suspect.
 """
 
 import sys
@@ -17,7 +18,9 @@ def main(arguments=None):
     """Run a command; bad input becomes one line on stderr and exit code 2."""
     try:
         command = Command(["qclearn", *(sys.argv[1:] if arguments is None else arguments)])
-        command.begun = time.perf_counter() - (time.process_time() if arguments is None else 0)  # Python's own start
+        command.begun = time.perf_counter() - (
+            time.process_time() if arguments is None else 0
+        )  # Python's own start
         cli.main(arguments, prog_name="qclearn", standalone_mode=False, obj=command)
     except click.exceptions.Exit as stop:
         sys.exit(stop.exit_code)
@@ -26,8 +29,15 @@ def main(arguments=None):
     except click.ClickException as error:
         fail(f"{error.format_message()} (qclearn --help lists the commands)")
     except MemoryError:
-        fail("there is not enough memory for this; close other programs, use a machine with more, or coarser surfaces")
-    except (ValueError, OSError, ImportError) as error:  # ours are ValueErrors; torch may be missing
+        fail(
+            "there is not enough memory for this; close other programs, use a machine with more, "
+            "or coarser surfaces"
+        )
+    except (
+        ValueError,
+        OSError,
+        ImportError,
+    ) as error:  # ours are ValueErrors; torch may be missing
         fail(str(error))
 
 
@@ -37,12 +47,15 @@ def cli():
     """Quasi-conformal registration of cortical surfaces."""
 
 
-@click.command(hidden=True, add_help_option=False, context_settings={"ignore_unknown_options": True})
+@click.command(
+    hidden=True, add_help_option=False, context_settings={"ignore_unknown_options": True}
+)
 @click.argument("words", nargs=-1, type=click.UNPROCESSED)
 def grade(words):
     """Version 0.1 graded hand-ins by itself."""
     raise click.UsageError(
-        "grade: nbgrader grades hand-ins now: `make course` writes its folder, and the guide for teachers"
+        "grade: nbgrader grades hand-ins now: `make course` writes its folder, and the guide for "
+        "teachers"
         " (book/teaching.md) has the commands"
     )
 

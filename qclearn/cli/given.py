@@ -1,4 +1,5 @@
-"""What options of `qclearn register` give: weights, and features and regions from files, of whole surfaces too."""
+"""What options of `qclearn register` give: weights, and features and regions from files, of whole
+surfaces too."""
 
 from pathlib import Path
 
@@ -39,7 +40,9 @@ def given_feature(pair, moving, control):
         weight = 1.0
     if moving == control and moving in FOLDS:
         return moving, weight
-    return Feature(Path(moving).name, feature_of(pair.moving, moving), feature_of(pair.control, control)), weight
+    return Feature(
+        Path(moving).name, feature_of(pair.moving, moving), feature_of(pair.control, control)
+    ), weight
 
 
 def feature_of(hemisphere, path):
@@ -47,9 +50,13 @@ def feature_of(hemisphere, path):
     given = read_map(path)
     require_side(path, given.side, hemisphere.frame.side, hemisphere.path)
     values = hemisphere.numbering.on_disk(given.values, path)
-    if len(given.values) > len(values) and not np.isfinite(values).all():  # `register` would give the disk's numbers
+    if (
+        len(given.values) > len(values) and not np.isfinite(values).all()
+    ):  # `register` would give the disk's numbers
         bad = hemisphere.numbering.table[~np.isfinite(values.reshape(len(values), -1)).all(axis=1)]
-        raise FeatureError(f"{path}: not finite on the cortex at vertices {bad[:5].tolist()}; fill them in first")
+        raise FeatureError(
+            f"{path}: not finite on the cortex at vertices {bad[:5].tolist()}; fill them in first"
+        )
     return values
 
 

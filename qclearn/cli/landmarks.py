@@ -1,4 +1,5 @@
-"""`qclearn landmarks`: a landmarks file from FreeSurfer labels, points in mm, or fsaverage5's own curves."""
+"""`qclearn landmarks`: a landmarks file from FreeSurfer labels, points in mm, or fsaverage5's own
+curves."""
 
 import json
 from pathlib import Path
@@ -12,8 +13,14 @@ from ..io.frames import TKR, side_of_name
 from ..io.hemisphere import read_hemisphere, require_side
 from ..io.safe import write_whole
 from ..io.values import read_label
-from ..registration.landmarkfile import SIDES, check_curves
-from ..registration.points import SCANNER, nearest_vertices, read_points, spaces
+from ..registration.curves import (
+    SCANNER,
+    SIDES,
+    check_curves,
+    nearest_vertices,
+    read_points,
+    spaces,
+)
 from ..registration.tracing import carried, ends_apart, laid_by_folds, ordered, threaded
 from ..surfaces.checks import counted
 from .output import say
@@ -25,7 +32,9 @@ DOUBT = 0.6  # of the ends' distance when reversed: 0.02 to 0.42 on known curves
 @click.argument("moving")
 @click.argument("control")
 @click.option(
-    "--cortex", metavar="FILE", help="lh.cortex.label of a whole MOVING; vertices get the whole one's numbers."
+    "--cortex",
+    metavar="FILE",
+    help="lh.cortex.label of a whole MOVING; vertices get the whole one's numbers.",
 )
 @click.option("--control-cortex", metavar="FILE", help="The same of a whole CONTROL.")
 @click.option(
@@ -36,22 +45,42 @@ DOUBT = 0.6  # of the ends' distance when reversed: 0.02 to 0.42 on known curves
     metavar="NAME MOVING.label CONTROL.label",
     help="A sulcus as FreeSurfer labels, their vertices in any order; repeatable.",
 )
-@click.option("--points", help="A csv file: name, side (moving, control), order (numbers, or begin and end), x, y, z.")
-@click.option("--space", type=click.Choice([TKR, SCANNER]), help="Of --points  [default: the surface file's own].")
-@click.option("--carry", type=click.Choice(["fsaverage5"]), help="Its eleven curves, found by folds on both surfaces.")
-@click.option("--mirror", is_flag=True, help="As for `register`: the moving surface is of the other hemisphere.")
-@click.option("--out", required=True, help="The landmarks file to write, for `register --landmarks`.")
+@click.option(
+    "--points",
+    help="A csv file: name, side (moving, control), order (numbers, or begin and end), x, y, z.",
+)
+@click.option(
+    "--space",
+    type=click.Choice([TKR, SCANNER]),
+    help="Of --points  [default: the surface file's own].",
+)
+@click.option(
+    "--carry",
+    type=click.Choice(["fsaverage5"]),
+    help="Its eleven curves, found by folds on both surfaces.",
+)
+@click.option(
+    "--mirror",
+    is_flag=True,
+    help="As for `register`: the moving surface is of the other hemisphere.",
+)
+@click.option(
+    "--out", required=True, help="The landmarks file to write, for `register --landmarks`."
+)
 def landmarks(moving, control, cortex, control_cortex, labels, points, space, carry, mirror, out):
     """Write a landmarks file for MOVING and CONTROL from what people have.
 
-    Both are given as to `register`, and the file has the numbers of the surfaces as given. Two points are the ends of a
-    sulcus, which `register` finds between them. Labels have the whole surface's numbers where it is known.
+    Both are given as to `register`, and the file has the numbers of the surfaces as given. Two
+    points are the ends of a sulcus, which `register` finds between them. Labels have the whole
+    surface's numbers where it is known.
     """
     if not (labels or points or carry):
         raise click.UsageError("landmarks needs --label, --points or --carry")
     if space and not points:
         raise click.UsageError("--space belongs to --points")
-    sides = dict(zip(SIDES, (read_hemisphere(moving, cortex), read_hemisphere(control, control_cortex))))
+    sides = dict(
+        zip(SIDES, (read_hemisphere(moving, cortex), read_hemisphere(control, control_cortex)))
+    )
     for one in sides.values():
         qc.require_disk(one.disk)
         qc.require_outward(one.disk)
@@ -62,7 +91,11 @@ def landmarks(moving, control, cortex, control_cortex, labels, points, space, ca
     if carry:
         found, more["off_fundus_mm"] = from_template(sides, told)
         curves += found
-    contents = {"surfaces": {side: one.given.fingerprint for side, one in sides.items()}, "curves": curves, **more}
+    contents = {
+        "surfaces": {side: one.given.fingerprint for side, one in sides.items()},
+        "curves": curves,
+        **more,
+    }
     for curve in curves:
         curve |= {side: as_given(one, curve[side]) for side, one in sides.items()}
     check_curves(contents, *(one.given for one in sides.values()))
@@ -72,7 +105,8 @@ def landmarks(moving, control, cortex, control_cortex, labels, points, space, ca
 
 
 def as_given(one, path):
-    """The numbers that vertices of a `Hemisphere`'s disk have in the surface as it was given, a list."""
+    """The numbers that vertices of a `Hemisphere`'s disk have in the surface as it was given, a
+    list."""
     path = np.asarray(path)
     return (one.numbering.table[path] if one.is_whole else path).tolist()
 
@@ -82,12 +116,18 @@ def require_hands(sides, mirror):
     hands = [one.frame.side for one in sides.values()]
     if None not in hands and (hands[0] != hands[1]) != mirror:
         remedy = "leave out --mirror" if mirror else "add --mirror, here and to `register`"
-        raise qc.LandmarkError(f"the moving surface is a {hands[0]} hemisphere, the control a {hands[1]} one: {remedy}")
+        raise qc.LandmarkError(
+            f"the moving surface is a {hands[0]} hemisphere, the control a {hands[1]} one: {remedy}"
+        )
 
 
 def from_labels(labels, sides, mirror, told):
-    """Curves from pairs of labels; which end is first is decided by where the folds lay them. told: lines to say."""
-    paths = [[label_path(name, file, sides[side]) for side, file in zip(SIDES, files)] for name, *files in labels]
+    """Curves from pairs of labels; which end is first is decided by where the folds lay them. told:
+    lines to say."""
+    paths = [
+        [label_path(name, file, sides[side]) for side, file in zip(SIDES, files)]
+        for name, *files in labels
+    ]
     moving, control = (one.disk for one in sides.values())
     laid = laid_by_folds(qc.mirror(moving) if mirror else moving, control)
     curves = []
@@ -97,7 +137,8 @@ def from_labels(labels, sides, mirror, told):
         near, far = sorted((straight, crossed))
         doubt = "; check which end is first" if near > DOUBT * far else ""
         told.append(
-            f"{name}: {len(here)} and {len(there)} vertices, ends {near:.1f} mm apart ({far:.1f} if reversed){doubt}"
+            f"{name}: {len(here)} and {len(there)} vertices, ends {near:.1f} mm apart ({far:.1f} "
+            f"if reversed){doubt}"
         )
         curves.append({"name": name, "moving": here, "control": there, "detect": False})
     return curves
@@ -113,14 +154,16 @@ def label_path(name, file, one):
 
 
 def own_numbers(surface, numbers):
-    """Vertices of a surface that have these numbers (n,) in the whole one, if it was cut; those cut away drop out."""
+    """Vertices of a surface that have these numbers (n,) in the whole one, if it was cut; those cut
+    away drop out."""
     whole = surface.original_vertices
     if whole is not None:
         return np.flatnonzero(np.isin(whole, numbers))
     bad = numbers[(numbers < 0) | (numbers >= len(surface.vertices))]
     if len(bad):
         raise qc.LandmarkError(
-            f"names vertex {bad[0]}, and the surface has {len(surface.vertices)}: if it was cut open, give the npz "
+            f"names vertex {bad[0]}, and the surface has {len(surface.vertices)}: if it was cut "
+            "open, give the npz "
             "that `qclearn open` writes, or the whole surface and --cortex"
         )
     return numbers
@@ -134,7 +177,8 @@ def from_points(file, sides, space, told):
         known, distances = spaces(one.frame), []
         if space and space not in known:
             raise qc.LandmarkError(
-                f"{one.path} does not say how {space} coordinates become its own; give the FreeSurfer file, or points "
+                f"{one.path} does not say how {space} coordinates become its own; give the "
+                "FreeSurfer file, or points "
                 "in the surface's own coordinates without --space"
             )
         for name, both in table.items():
@@ -145,18 +189,28 @@ def from_points(file, sides, space, told):
             found[name][side] = threaded(one.disk, vertices)
             distances += distance.tolist()
         told.append(
-            f"{side}: points {np.mean(distances):.1f} mm from the nearest vertices, at most {max(distances):.1f}"
+            f"{side}: points {np.mean(distances):.1f} mm from the nearest vertices, at most "
+            f"{max(distances):.1f}"
         )
     return [{"name": name, **paths} for name, paths in found.items()]
 
 
 def from_template(sides, told):
-    """fsaverage5's curves on both sides, and each one's distance from the nearest fundus: name -> side -> mm."""
+    """fsaverage5's curves on both sides, and each one's distance from the nearest fundus: name ->
+    side -> mm."""
     carry = {side: carried(one.disk, one.frame.side) for side, one in sides.items()}
     for side, one in carry.items():
         told.append(f"{side}: curves of fsaverage5's {one.hemisphere} hemisphere")
-    off = {name: {side: one.off[name] for side, one in carry.items()} for name in carry["moving"].ends}
+    off = {
+        name: {side: one.off[name] for side, one in carry.items()} for name in carry["moving"].ends
+    }
     for name, distances in off.items():
-        there = [f"{side} {far:.1f} mm from the fundus" for side, far in distances.items() if far is not None]
+        there = [
+            f"{side} {far:.1f} mm from the fundus"
+            for side, far in distances.items()
+            if far is not None
+        ]
         told.append(f"{name}: {', '.join(there) or 'as it is'}")
-    return [{"name": name, **{side: one.ends[name] for side, one in carry.items()}} for name in off], off
+    return [
+        {"name": name, **{side: one.ends[name] for side, one in carry.items()}} for name in off
+    ], off

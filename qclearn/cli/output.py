@@ -1,4 +1,5 @@
-"""What the commands say and where they write: lines harmless to the terminal, and a folder as a whole."""
+"""What the commands say and where they write: lines harmless to the terminal, and a folder as a
+whole."""
 
 import os
 import sys
@@ -34,9 +35,9 @@ def say(line):
 def output_folder(path, instead=()):
     """A temporary folder that takes its place at `path` once the block has ended without an error.
 
-    A new folder appears in one step, whole. Into one that is there files move one by one, its report.json away first
-    and the new one in last, so that a folder with a report.json is whole; instead: names of files that an earlier run
-    may have left there, which go if this one has none.
+    A new folder appears in one step, whole. Into one that is there files move one by one, its
+    report.json away first and the new one in last, so that a folder with a report.json is whole;
+    instead: names of files that an earlier run may have left there, which go if this one has none.
     """
     path = Path(path)
     there = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
@@ -46,7 +47,9 @@ def output_folder(path, instead=()):
     except OSError as error:
         if is_full(error):
             raise OSError(f"{path}: {full_disk(there, 0)}") from None
-        raise OSError(f"{path}: not a folder that can be written to ({error.strerror}); give another --out") from None
+        raise OSError(
+            f"{path}: not a folder that can be written to ({error.strerror}); give another --out"
+        ) from None
     with temporary as parent:
         folder = Path(parent, "new")  # with the permissions of a folder that the user makes
         try:
@@ -65,8 +68,8 @@ def output_folder(path, instead=()):
 
 
 def move_into(path, folder, instead):
-    """Move the files of a folder into the one at `path`; where they replace its SEAL, it is not whole in the meantime
-    and has none."""
+    """Move the files of a folder into the one at `path`; where they replace its SEAL, it is not
+    whole in the meantime and has none."""
     for name in (*[SEAL] * (folder / SEAL).exists(), *instead):
         (path / name).unlink(missing_ok=True)
     for file in sorted(folder.iterdir(), key=lambda file: file.name == SEAL):

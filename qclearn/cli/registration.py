@@ -1,4 +1,5 @@
-"""`qclearn register` and `demo`: a pair of surfaces to a folder with the map, the report and the figure."""
+"""`qclearn register` and `demo`: a pair of surfaces to a folder with the map, the report and the
+figure."""
 
 import json
 import time
@@ -12,28 +13,44 @@ import qclearn as qc
 
 from ..io.hemisphere import Hemisphere, read_hemisphere
 from ..io.provenance import origin
-from ..registration.landmarkfile import on_disks, read_landmarks
-from ..registration.landmarks import curves_of_both
-from ..registration.mapfile import side_arrays, write_registration
+from ..registration.curves import curves_of_both, on_disks, read_landmarks
 from ..registration.problem import BY_DISKS, DELTA, ETA, INDIVIDUAL, Weights
 from ..registration.register import Stages
 from ..registration.register import register as run_registration
+from ..registration.transfer import side_arrays, write_registration
 from .given import given_features, given_weights, regions_of
 from .output import fail, output_folder
 from .sphere import FILES as SPHERES
 from .sphere import ControlSphere, sphere_of, write_sphere
 
-MAPS = ("points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving", "faces_control")  # that are written
-SURE = "sure.shape.gii"
+MAPS = (
+    "points",
+    "disk_moving",
+    "disk_control",
+    "disk_map",
+    "mu",
+    "faces_moving",
+    "faces_control",
+)  # that are written
+SURE = "uncertainty.shape.gii"
 
 
 @click.command()
 @click.argument("moving")
 @click.argument("control")
-@click.option("--cortex", metavar="FILE", help="lh.cortex.label of a whole MOVING, which is cut open by it.")
+@click.option(
+    "--cortex", metavar="FILE", help="lh.cortex.label of a whole MOVING, which is cut open by it."
+)
 @click.option("--control-cortex", metavar="FILE", help="The same of a whole CONTROL.")
-@click.option("--landmarks", help="JSON file of curves; without it, those that both npz surfaces carry, or none.")
-@click.option("--out", required=True, help="Folder for registration.npz, report.json, registered.surf.gii, figure.png.")
+@click.option(
+    "--landmarks",
+    help="JSON file of curves; without it, those that both npz surfaces carry, or none.",
+)
+@click.option(
+    "--out",
+    required=True,
+    help="Folder for registration.npz, report.json, registered.surf.gii, figure.png.",
+)
 @click.option(
     "--method",
     type=click.Choice(["exact", "network"]),
@@ -42,17 +59,33 @@ SURE = "sure.shape.gii"
     help="network: LD-Net, CP-Net, DBS-Net, with the exact method where they fall short.",
 )
 @click.option(
-    "--tolerance", type=float, help="Refine a network's map above this landmark error (inf: never)  [default: 0.005]"
+    "--tolerance",
+    type=float,
+    help="Refine a network's map above this landmark error (inf: never)  [default: 0.005]",
 )
-@click.option("--alpha", type=float, default=Weights.alpha, show_default=True, help="Weight of |mu|^2.")
-@click.option("--beta", type=float, default=Weights.beta, show_default=True, help="Weight of |grad mu|^2.")
-@click.option("--gamma", type=float, default=Weights.gamma, show_default=True, help="Weight of the landmark mismatch.")
+@click.option(
+    "--alpha", type=float, default=Weights.alpha, show_default=True, help="Weight of |mu|^2."
+)
+@click.option(
+    "--beta", type=float, default=Weights.beta, show_default=True, help="Weight of |grad mu|^2."
+)
+@click.option(
+    "--gamma",
+    type=float,
+    default=Weights.gamma,
+    show_default=True,
+    help="Weight of the landmark mismatch.",
+)
 @click.option(
     "--delta",
     type=float,
     help=f"Weight of the features' mismatch  [default: {DELTA:g}, or {BY_DISKS:g} with --eta 0]",
 )
-@click.option("--eta", type=float, help=f"Weight of areas, mean (log J)^2  [default: {ETA:g} with features, else 0]")
+@click.option(
+    "--eta",
+    type=float,
+    help=f"Weight of areas, mean (log J)^2  [default: {ETA:g} with features, else 0]",
+)
 @click.option(
     "--individual",
     is_flag=True,
@@ -70,18 +103,31 @@ SURE = "sure.shape.gii"
 )
 @click.option("--no-features", is_flag=True, help="Landmarks alone, the paper's setting.")
 @click.option("--no-landmarks", is_flag=True, help="Features alone.")
-@click.option("--hold-out", multiple=True, metavar="NAME", help="A curve that is measured and not fitted; repeatable.")
+@click.option(
+    "--hold-out",
+    multiple=True,
+    metavar="NAME",
+    help="A curve that is measured and not fitted; repeatable.",
+)
 @click.option(
     "--annot",
     nargs=2,
     metavar="MOVING CONTROL",
     help="Annotations (.annot, .label.gii), compared by their regions' names; they take no part in the fit.",
 )
-@click.option("--sure", is_flag=True, help="Also how far the map may be off at each vertex: sure.shape.gii, in mm.")
+@click.option(
+    "--uncertainty",
+    is_flag=True,
+    help="Also how far the map may be off at each vertex: uncertainty.shape.gii, in mm.",
+)
 @click.option("--sliding", is_flag=True, help="Let inner points slide along their target curves.")
 @click.option("--mirror", is_flag=True, help="Mirror the moving surface first (right onto left).")
-@click.option("--report", is_flag=True, help="Write report.html, too: one page to look at, without a network.")
-@click.option("--sphere", metavar="FILE", help="The control's sphere: also writes what `qclearn sphere` does.")
+@click.option(
+    "--report", is_flag=True, help="Write report.html, too: one page to look at, without a network."
+)
+@click.option(
+    "--sphere", metavar="FILE", help="The control's sphere: also writes what `qclearn sphere` does."
+)
 @click.option(
     "--accept-suspect",
     is_flag=True,
@@ -101,19 +147,20 @@ def register(
     individual,
     **options,
 ):
-    """Register MOVING to CONTROL by their folds and along landmark curves; writes a certified point-to-point map.
+    """Register MOVING to CONTROL by their folds and along landmark curves; writes a certified
+    point-to-point map.
 
-    Each is a surface file, or fsaverage5:left or fsaverage5:right. Landmarks and per-vertex files belong to the
-    surfaces as given: to a whole one, those of the whole one.
+    Each is a surface file, or fsaverage5:left or fsaverage5:right. Landmarks and per-vertex files
+    belong to the surfaces as given: to a whole one, those of the whole one.
 
     \b
     Exit codes: 0  registered
                 2  refused: one line on stderr says what, where and what to do; nothing is written
                 3  written, but suspect: one line on stderr, and "suspect" in report.json, say why
 
-    \b
-    The first five words below are said before the fit, which is then not made: what is written is the map that aligns
-    the curves' ends, and "stopped" in report.json says so. --accept-suspect fits all the same.
+    \b The first five words below are said before the fit, which is then not made: what is written
+    is the map that aligns the curves' ends, and "stopped" in report.json says so. --accept-suspect
+    fits all the same.
 
     \b
     A registration is suspect where
@@ -132,27 +179,45 @@ def register(
     """
     if no_landmarks and landmarks:
         raise qc.LandmarkError("--landmarks and --no-landmarks exclude each other; drop one")
-    cortex = {side: options.pop(name) for side, name in (("moving", "cortex"), ("control", "control_cortex"))}
-    pair = Pair(read_hemisphere(moving, cortex["moving"]), read_hemisphere(control, cortex["control"]), mirror)
+    cortex = {
+        side: options.pop(name)
+        for side, name in (("moving", "cortex"), ("control", "control_cortex"))
+    }
+    pair = Pair(
+        read_hemisphere(moving, cortex["moving"]),
+        read_hemisphere(control, cortex["control"]),
+        mirror,
+    )
     sphere = options.pop("sphere")
     pair = replace(pair, sphere=sphere and sphere_of(pair, sphere))
     features = given_features(pair, given, no_features, options["delta"])
-    curves = read_landmarks(landmarks) if landmarks else [] if no_landmarks else shared_curves(pair, features)
-    options["annotations"] = [regions_of(*one) for one in zip(pair.given.values(), annot)] if annot else None
+    curves = (
+        read_landmarks(landmarks)
+        if landmarks
+        else []
+        if no_landmarks
+        else shared_curves(pair, features)
+    )
+    options["annotations"] = (
+        [regions_of(*one) for one in zip(pair.given.values(), annot)] if annot else None
+    )
     options |= given_weights(no_features) if individual else {}
     register_into(out, pair, curves, accept_suspect, features=features, **options)
 
 
 @click.command()
 @click.option("--out", default="qclearn-demo", show_default=True, help="Folder to write to.")
-@click.option("--report", is_flag=True, help="Write report.html, too: one page to look at, without a network.")
+@click.option(
+    "--report", is_flag=True, help="Write report.html, too: one page to look at, without a network."
+)
 @click.option(
     "--accept-suspect",
     is_flag=True,
     help="Fit wrong landmarks, too, and end with exit code 0 where the registration is suspect.",
 )
 def demo(out, accept_suspect, report):
-    """Register real cortex: fsaverage5's right hemisphere, mirrored, onto its left one along six named sulci.
+    """Register real cortex: fsaverage5's right hemisphere, mirrored, onto its left one along six
+    named sulci.
 
     Five more take no part and are measured.
     """
@@ -165,7 +230,8 @@ def demo(out, accept_suspect, report):
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """The two `Hemisphere`s of a call, whether the moving one is mirrored, and the control's sphere if it is wanted."""
+    """The two `Hemisphere`s of a call, whether the moving one is mirrored, and the control's sphere
+    if it is wanted."""
 
     moving: Hemisphere
     control: Hemisphere
@@ -184,7 +250,8 @@ class Pair:
 
     @property
     def other_hand(self):
-        """`mirror:` where the files of both sides say their hemisphere and `mirrored` does not go with that, list."""
+        """`mirror:` where the files of both sides say their hemisphere and `mirrored` does not go
+        with that, list."""
         one, other = (side.frame.side for side in self.given.values())
         if None in (one, other) or (one != other) == self.mirrored:
             return []
@@ -196,20 +263,30 @@ class Pair:
     def arrays(self):
         """What registration.npz keeps of the surfaces."""
         moving, control = self.disks
-        sides = side_arrays("moving", moving, self.moving.frame) | side_arrays("control", control, self.control.frame)
+        sides = side_arrays("moving", moving, self.moving.frame) | side_arrays(
+            "control", control, self.control.frame
+        )
         return sides | {"mirrored": np.array(self.mirrored)}
 
 
 def register_into(out, pair, curves, accept_suspect, **options):
-    """Run the pipeline on a `Pair`, write its files, with option `report` a page too, and print the report; exit code 3
-    if suspect."""
+    """Run the pipeline on a `Pair`, write its files, with option `report` a page too, and print the
+    report; exit code 3 if suspect."""
     from ..plot import registration_figure
 
-    command, stages, paged = click.get_current_context().obj, Stages(2, False), options.pop("report")
+    command, stages, paged = (
+        click.get_current_context().obj,
+        Stages(2, False),
+        options.pop("report"),
+    )
     read = time.perf_counter() - command.begun
     with output_folder(out, instead=["report.html", SURE, *SPHERES]) as folder:
         result = run_registration(
-            *pair.disks, on_disks(curves, pair.given), progress=True, accept_suspect=accept_suspect, **options
+            *pair.disks,
+            on_disks(curves, pair.given),
+            progress=True,
+            accept_suspect=accept_suspect,
+            **options,
         )
         with stages("figure"):
             registration_figure(result, *pair.disks).savefig(folder / "figure.png", dpi=150)
@@ -232,11 +309,12 @@ def register_into(out, pair, curves, accept_suspect, **options):
 
 
 def write_maps(folder, result, pair):
-    """Write the maps of a `Registration`, and its sphere if the `Pair` has the control's; a line on that, or None."""
+    """Write the maps of a `Registration`, and its sphere if the `Pair` has the control's; a line on
+    that, or None."""
     arrays = {name: getattr(result, name) for name in MAPS} | pair.arrays
     write_registration(folder / "registration.npz", arrays)
     qc.write_surface(folder / "registered.surf.gii", result.surface, frame=pair.control.frame)
-    if result.sure is not None:
+    if result.uncertainty is not None:
         numbering = pair.moving.numbering
         radius = result.sure.astype(np.float32)
         whole = numbering.on_whole(radius, np.nan) if numbering.known else radius
@@ -245,16 +323,18 @@ def write_maps(folder, result, pair):
 
 
 def told_by(result, pair, curves, command):
-    """The report of a `Registration` with its origin; what files say of their hands counts before what folds say, and
-    vertices are told by their numbers in the surface as given."""
+    """The report of a `Registration` with its origin; what files say of their hands counts before
+    what folds say, and vertices are told by their numbers in the surface as given."""
     wrong = pair.other_hand
-    words = [word for word in result.report["suspect"] if not (wrong and word.startswith("mirror:"))]
+    words = [
+        word for word in result.report["suspect"] if not (wrong and word.startswith("mirror:"))
+    ]
     inputs = {side: (one.path, one.given) for side, one in pair.given.items()}
     report = result.report | {"suspect": [*wrong, *words]} | origin(inputs, curves, command)
-    if result.sure is not None and pair.moving.given is not pair.moving.disk:
-        further = report["sure"]["next"]
+    if result.uncertainty is not None and pair.moving.given is not pair.moving.disk:
+        further = report["uncertainty"]["next"]
         told = further | {"vertex": int(pair.moving.numbering.table[further["vertex"]])}
-        report["sure"] = report["sure"] | {"next": told}
+        report["uncertainty"] = report["uncertainty"] | {"next": told}
     return report
 
 
@@ -272,7 +352,10 @@ def print_report(report, out):
         line("landmarks", f"none; registered by {' and '.join(report['features'])} alone")
     if report["held_out_mm"]:
         before, after = np.mean(list(report["held_out_mm"].values()), axis=0)
-        line("held out", f"{after:.2f} mm, mean of the curves ({before:.2f} after the best Möbius map)")
+        line(
+            "held out",
+            f"{after:.2f} mm, mean of the curves ({before:.2f} after the best Möbius map)",
+        )
     if report["dice"]:
         before, after = report["dice"]["before"], report["dice"]["after"]
         line("Dice", f"{after:.3f} of the annotations ({before:.3f} after the best Möbius map)")
@@ -282,11 +365,12 @@ def print_report(report, out):
     line("|mu|", f"mean {mean:.3f}, SD {deviation:.3f}, maximum {most:.3f}")
     faces = f"{report['flipped']} faces flipped, {report['degenerate']} without area on the control"
     line("bijective", f"{'yes' if report['bijective'] else 'no'}, {faces}")
-    if "sure" in report:
-        least, _, most = report["sure"]["quantiles_mm"].values()
+    if "uncertainty" in report:
+        least, _, most = report["uncertainty"]["quantiles_mm"].values()
         line(
             "sure",
-            f"within {report['sure']['mean_mm']:.1f} mm on average, 9 in 10 vertices ({least:.1f} to {most:.1f})",
+            f"within {report['sure']['mean_mm']:.1f} mm on average, 9 in 10 vertices ({least:.1f} "
+            f"to {most:.1f})",
         )
     if report["stopped"]:
         line("stopped", report["stopped"])
@@ -297,8 +381,11 @@ def print_report(report, out):
 
 
 def shared_curves(pair, features):
-    """Landmarks from the curves that both surfaces carry under the same name, or none, where there are features."""
+    """Landmarks from the curves that both surfaces carry under the same name, or none, where there
+    are features."""
     curves = curves_of_both(pair.moving.disk, pair.control.disk)
     if not curves and features is None:
-        raise qc.LandmarkError("the surfaces share no curve names (curve_<name> in their npz files); give --landmarks")
+        raise qc.LandmarkError(
+            "the surfaces share no curve names (curve_<name> in their npz files); give --landmarks"
+        )
     return {"curves": curves}

@@ -1,4 +1,5 @@
-"""`qclearn sphere`: the registered hemisphere, whole, on the control's sphere, for Workbench and FreeSurfer."""
+"""`qclearn sphere`: the registered hemisphere, whole, on the control's sphere, for Workbench and
+FreeSurfer."""
 
 from typing import NamedTuple
 
@@ -11,26 +12,36 @@ from ..io.frames import Frame
 from ..io.fsaverage import whole_fsaverage5
 from ..io.hemisphere import NAMED, require_side
 from ..io.meshes import frame_of
-from ..registration.mapfile import frame_of_side, numbering_of_side, read_registration
 from ..registration.metrics import distortion_maps
 from ..registration.sphere import RINGS, registered_sphere, require_whole, unit_sphere
+from ..registration.transfer import frame_of_side, numbering_of_side, read_registration
 from .output import output_folder, say
 
 OTHER = {"left": "right", "right": "left", None: None}
 
 
-FILES = ["sphere.reg", "sphere.reg.surf.gii", "ArealDistortion.shape.gii", "ShapeDistortion.shape.gii"]
+FILES = [
+    "sphere.reg",
+    "sphere.reg.surf.gii",
+    "ArealDistortion.shape.gii",
+    "ShapeDistortion.shape.gii",
+]
 
 
 @click.command()
 @click.argument("registration")
 @click.argument("control_sphere")
-@click.option("--out", required=True, help="Folder for sphere.reg, sphere.reg.surf.gii and two maps of distortion.")
+@click.option(
+    "--out",
+    required=True,
+    help="Folder for sphere.reg, sphere.reg.surf.gii and two maps of distortion.",
+)
 def sphere(registration, control_sphere, out):
     """Lay the moving hemisphere of a REGISTRATION (registration.npz), whole, on the CONTROL_SPHERE.
 
-    CONTROL_SPHERE is lh.sphere or lh.sphere.reg of the control, or fsaverage5:left, fsaverage5:right; any radius is
-    scaled to 100. If the control is a person, take its sphere.reg, which leads on to fsaverage.
+    CONTROL_SPHERE is lh.sphere or lh.sphere.reg of the control, or fsaverage5:left,
+    fsaverage5:right; any radius is scaled to 100. If the control is a person, take its sphere.reg,
+    which leads on to fsaverage.
 
     \b
     Workbench, values from the moving surface to the control and back:
@@ -41,19 +52,24 @@ def sphere(registration, control_sphere, out):
       mri_surf2surf --srcsubject SUBJECT --trgsubject fsaverage5 --hemi lh --srcsurfreg qclearn.sphere.reg
         --trgsurfreg sphere.reg --sval lh.thickness --tval OUT.mgh --cortex
 
-    The sphere lies on the control's hemisphere, and says so: of a right surface registered with --mirror it is a left
-    one, with the faces of the mirrored surface. Workbench takes maps of the right one with it as they are, and a map
-    keeps its structure when it is resampled (-set-structure tells where it lies now). FreeSurfer keeps such a surface
-    as lh in SUBJECT/xhemi/surf, where the sphere and the right one's maps are named lh, too.
+    The sphere lies on the control's hemisphere, and says so: of a right surface registered with
+    --mirror it is a left one, with the faces of the mirrored surface. Workbench takes maps of the
+    right one with it as they are, and a map keeps its structure when it is resampled
+    (-set-structure tells where it lies now). FreeSurfer keeps such a surface as lh in
+    SUBJECT/xhemi/surf, where the sphere and the right one's maps are named lh, too.
 
-    ArealDistortion.shape.gii is log2 of the area around each vertex on the registered surface, by that on the moving
-    one, as wb_command -surface-distortion has it, and ShapeDistortion.shape.gii log2 of the ratio of the principal
-    stretches; both are of the moving hemisphere, 0 on its wall.
+    ArealDistortion.shape.gii is log2 of the area around each vertex on the registered surface, by
+    that on the moving one, as wb_command -surface-distortion has it, and ShapeDistortion.shape.gii
+    log2 of the ratio of the principal stretches; both are of the moving hemisphere, 0 on its wall.
     """
     arrays = read_registration(registration, surfaces=True)
     for side in ("moving", "control"):
-        require_whole_of(registration, side, arrays.get(f"table_{side}"), arrays.get(f"whole_faces_{side}"))
-    given = read_sphere(control_sphere, arrays["whole_faces_control"], frame_of_side(arrays, "control").side)
+        require_whole_of(
+            registration, side, arrays.get(f"table_{side}"), arrays.get(f"whole_faces_{side}")
+        )
+    given = read_sphere(
+        control_sphere, arrays["whole_faces_control"], frame_of_side(arrays, "control").side
+    )
     with output_folder(out) as folder:
         line = write_sphere(folder, arrays, given)
     say(f"{out}: {line}")
@@ -75,8 +91,9 @@ class ControlSphere(NamedTuple):
 
 
 def read_sphere(path, faces, side):
-    """The `ControlSphere` of a file or of a name such as fsaverage5:left; SurfaceError, with the path, where it cannot
-    be that of a control with these whole `faces` (F, 3) of the hemisphere `side`."""
+    """The `ControlSphere` of a file or of a name such as fsaverage5:left; SurfaceError, with the
+    path, where it cannot be that of a control with these whole `faces` (F, 3) of the hemisphere
+    `side`."""
     named = NAMED.fullmatch(str(path))
     own = named[1] if named else frame_of(path).side
     surface = whole_fsaverage5(own) if named else qc.read_surface(path)
@@ -110,8 +127,13 @@ def write_sphere(folder, arrays, given):
     for name, values in zip(FILES[2:], maps):
         whole = numbering_of_side(arrays, "moving").on_whole(values, 0)
         qc.write_values(folder / name, whole, own, names=[name.split(".")[0]])
-    wall, cortex, far = ((rings[moved] == 0).sum(), (rings[moved] > 0).sum(), (rings[moved] > RINGS).sum())
+    wall, cortex, far = (
+        (rings[moved] == 0).sum(),
+        (rings[moved] > 0).sum(),
+        (rings[moved] > RINGS).sum(),
+    )
     return (
-        f"{len(surface.vertices)} vertices on the control's sphere, no face flipped; untangling moved {wall} on the "
+        f"{len(surface.vertices)} vertices on the control's sphere, no face flipped; untangling "
+        f"moved {wall} on the "
         f"wall and {cortex} on the cortex, {far} of them more than {RINGS - 1} rings from its rim"
     )

@@ -25,20 +25,31 @@ FIGURES = {  # of the benchmark's table: key of a run's summary -> head of the c
 @click.command()
 @click.argument("network", type=click.Choice(["ldnet", "cpnet", "dbsnet"]))
 @click.option("--preset", type=click.Choice(["best", "paper"]), default="best", show_default=True)
-@click.option("--gamma", type=float, help="The paper's CP-Net alone: the weight it is trained for (1e4, 1e5 or 2e5).")
-@click.option("--out", required=True, help="Folder of the run; one that was interrupted goes on from its checkpoint.")
+@click.option(
+    "--gamma",
+    type=float,
+    help="The paper's CP-Net alone: the weight it is trained for (1e4, 1e5 or 2e5).",
+)
+@click.option(
+    "--out",
+    required=True,
+    help="Folder of the run; one that was interrupted goes on from its checkpoint.",
+)
 @click.option("--data", help="Folder where training sets are kept (default: the user's cache).")
 @click.option("--steps", type=int, help="Fewer or more steps than the recipe.")
 @click.option("--seed", type=int, help="Another seed than the recipe's.")
 @click.option("--quick", is_flag=True, help="A tiny training set, to see that all works.")
 @click.option("--threads", type=int, help="Threads of torch (default: all cores).")
 def train(network, preset, gamma, out, data, steps, seed, quick, threads):
-    """Train a network by the recipe of its shipped weights; writes log, checkpoint and weights. `torchrun` runs it on
-    several processes or machines: torchrun --nproc-per-node 2 -m qclearn train dbsnet --out run."""
+    """Train a network by the recipe of its shipped weights; writes log, checkpoint and weights.
+    `torchrun` runs it on several processes or machines: torchrun --nproc-per-node 2 -m qclearn
+    train dbsnet --out run."""
     from ..nets.run import run_training, use_threads
 
     use_threads(threads)
-    changes = {name: value for name, value in (("steps", steps), ("seed", seed)) if value is not None}
+    changes = {
+        name: value for name, value in (("steps", steps), ("seed", seed)) if value is not None
+    }
     path, row = run_training(network, preset, gamma, Path(out), data, quick, **changes)
     if path:
         click.echo(
@@ -48,8 +59,18 @@ def train(network, preset, gamma, out, data, steps, seed, quick, threads):
 
 
 @click.command()
-@click.option("--out", required=True, help="JSON file to write; a run that was stopped goes on from FILE.partial.")
-@click.option("--subjects", type=int, default=24, show_default=True, help="How many of the synthetic cohort's 24.")
+@click.option(
+    "--out",
+    required=True,
+    help="JSON file to write; a run that was stopped goes on from FILE.partial.",
+)
+@click.option(
+    "--subjects",
+    type=int,
+    default=24,
+    show_default=True,
+    help="How many of the synthetic cohort's 24.",
+)
 @click.option("--vertices", type=int, default=10_000, show_default=True)
 @click.option(
     "--set",
@@ -60,7 +81,10 @@ def train(network, preset, gamma, out, data, steps, seed, quick, threads):
     help="cohort, displacement, fsaverage5, heldout, warp or conte69; may be repeated.",
 )
 @click.option(
-    "--method", "methods", multiple=True, help="Instead of all: harmonic, harmonic:weight=2,landmarks=path; repeatable."
+    "--method",
+    "methods",
+    multiple=True,
+    help="Instead of all: harmonic, harmonic:weight=2,landmarks=path; repeatable.",
 )
 @click.option(
     "--program",
@@ -69,7 +93,13 @@ def train(network, preset, gamma, out, data, steps, seed, quick, threads):
     help="A method that is a program, NAME='COMMAND' with {moving}, {moving_sphere}, {control}, {control_sphere} and "
     "{out}: GIFTI surfaces and spheres in, the moving sphere on the control's out; repeatable.",
 )
-@click.option("--limit", type=float, default=3600, show_default=True, help="Seconds that a --program may take.")
+@click.option(
+    "--limit",
+    type=float,
+    default=3600,
+    show_default=True,
+    help="Seconds that a --program may take.",
+)
 @click.option(
     "--peers",
     type=click.Choice(["with", "without", "only"]),
@@ -77,16 +107,29 @@ def train(network, preset, gamma, out, data, steps, seed, quick, threads):
     show_default=True,
     help="Competitors: beside ours, not at all, or with those of ours alone that the page 'Peers' shows.",
 )
-@click.option("--fronts", is_flag=True, help="Also fits along a front of weights, to compare at equal distortion.")
-@click.option("--scheduler", help="Address of a dask scheduler, tcp://HOST:8786 (default: processes of this machine).")
-@click.option("--workers", type=int, default=2, show_default=True, help="Processes, without --scheduler.")
-@click.option("--data", help="Folder where synthetic subjects are kept (default: the user's cache).")
-def benchmark(out, subjects, vertices, sets, methods, programs, limit, peers, fronts, scheduler, workers, data):
+@click.option(
+    "--fronts",
+    is_flag=True,
+    help="Also fits along a front of weights, to compare at equal distortion.",
+)
+@click.option(
+    "--scheduler",
+    help="Address of a dask scheduler, tcp://HOST:8786 (default: processes of this machine).",
+)
+@click.option(
+    "--workers", type=int, default=2, show_default=True, help="Processes, without --scheduler."
+)
+@click.option(
+    "--data", help="Folder where synthetic subjects are kept (default: the user's cache)."
+)
+def benchmark(
+    out, subjects, vertices, sets, methods, programs, limit, peers, fronts, scheduler, workers, data
+):
     """Run registration methods on the same problems and write all figures to one file.
 
-    heldout and warp measure on real cortex, by curves that take no part and by the same folds in another shape; conte69
-    does so where the package brainspace is installed: `pip install 'qclearn[conte69]'`. Competitors on spheres need
-    cat-surf: `pip install 'qclearn[peers]'`.
+    heldout and warp measure on real cortex, by curves that take no part and by the same folds in
+    another shape; conte69 does so where the package brainspace is installed: `pip install
+    'qclearn[conte69]'`. Competitors on spheres need cat-surf: `pip install 'qclearn[peers]'`.
     """
     from ..benchmark.run import benchmark as run_benchmark
     from ..benchmark.runs import program_of, run_of
@@ -121,9 +164,13 @@ def lines_of(rows):
     table = summary(rows)
     for run, line in table.items():
         failed = failures(rows, run)
-        words = f"  failed here on {len(failed)}: ends farther off than the rotation" if failed else ""
+        words = (
+            f"  failed here on {len(failed)}: ends farther off than the rotation" if failed else ""
+        )
         figures = [(len(head), line.get(key)) for key, head in FIGURES.items()]
-        cells = [" " * width if value is None else f"{value:{width}.2g}" for width, value in figures]
+        cells = [
+            " " * width if value is None else f"{value:{width}.2g}" for width, value in figures
+        ]
         counts = f"{line['pairs'] - line['failed']:2}/{line['pairs']:<2}  {line['certified']:9}"
         yield f"{run:38} {counts}  " + "  ".join(cells) + words
     failed = {}
@@ -135,6 +182,7 @@ def lines_of(rows):
     line = next((line for line in table.values() if "floor_mm" in line), None)
     if line:
         yield (
-            f"the true map itself: curves {line['floor_curve_mm']:.1f} mm apart, {line['floor_mm']:.1f} mm by arc "
+            f"the true map itself: curves {line['floor_curve_mm']:.1f} mm apart, "
+            f"{line['floor_mm']:.1f} mm by arc "
             f"length, r depth {line['true_r_depth']:.2f}"
         )

@@ -17,7 +17,8 @@ class TemplateError(ValueError):
 
 
 class Folder:
-    """The registrations of finished rounds, by round and subject's key; path, settings: those of `Checkpoint`."""
+    """The registrations of finished rounds, by round and subject's key; path, settings: those of
+    `Checkpoint`."""
 
     def __init__(self, path, settings):
         self.checkpoint = Checkpoint(path, settings, TemplateError)

@@ -1,4 +1,5 @@
-"""Who belongs to a group: surfaces of one side with their features, checked once and sorted by what they hold."""
+"""Who belongs to a group: surfaces of one side with their features, checked once and sorted by what
+they hold."""
 
 import hashlib
 from collections.abc import Mapping
@@ -15,7 +16,8 @@ TRAITS = ("hemisphere", "generation")  # of synthetic subjects, which all of a g
 
 @dataclass(frozen=True, eq=False)
 class Member:
-    """A subject as given: name, surface, own maps (feature -> (V,)), and a hash of surface and maps, its key."""
+    """A subject as given: name, surface, own maps (feature -> (V,)), and a hash of surface and
+    maps, its key."""
 
     name: str
     surface: Surface
@@ -24,27 +26,43 @@ class Member:
 
 
 def members_of(subjects, features):
-    """The `Member`s by their keys, and the features' names; TemplateError, FeatureError, SurfaceError with a name."""
+    """The `Member`s by their keys, and the features' names; TemplateError, FeatureError,
+    SurfaceError with a name."""
     named = check_subjects(subjects)
     names, maps = check_features(features, named)
-    members = [Member(name, surface, given, key_of(surface, given)) for (name, surface), given in zip(named, maps)]
+    members = [
+        Member(name, surface, given, key_of(surface, given))
+        for (name, surface), given in zip(named, maps)
+    ]
     return sorted(members, key=lambda member: member.key), names
 
 
 def check_subjects(subjects):
     """Pairs (name, surface) of a dict or a list of surfaces, or of subjects that have one."""
     if not isinstance(subjects, (Mapping, list, tuple)):
-        raise TemplateError(f"subjects are {subjects!r:.60}: give a list of surfaces, or a dict of them by name")
+        raise TemplateError(
+            f"subjects are {subjects!r:.60}: give a list of surfaces, or a dict of them by name"
+        )
     if not isinstance(subjects, Mapping):
         subjects = {f"subject {number}": subject for number, subject in enumerate(subjects, 1)}
     if len(subjects) < 2:
-        raise TemplateError(f"{len(subjects)} subjects: a template is what several have in common; give at least two")
+        raise TemplateError(
+            f"{len(subjects)} subjects: a template is what several have in common; give at least "
+            "two"
+        )
     for trait in TRAITS:
-        check_trait(trait, {name: getattr(one, trait) for name, one in subjects.items() if hasattr(one, trait)})
-    named = [(str(name), getattr(subject, "surface", subject)) for name, subject in subjects.items()]
+        check_trait(
+            trait,
+            {name: getattr(one, trait) for name, one in subjects.items() if hasattr(one, trait)},
+        )
+    named = [
+        (str(name), getattr(subject, "surface", subject)) for name, subject in subjects.items()
+    ]
     for name, surface in named:
         if not isinstance(surface, Surface):
-            raise TemplateError(f"{name}: {surface!r:.60} is no Surface; read files with read_surface first")
+            raise TemplateError(
+                f"{name}: {surface!r:.60} is no Surface; read files with read_surface first"
+            )
         try:
             require_disk(surface)
             require_outward(surface)
@@ -58,25 +76,40 @@ def check_trait(trait, found):
     a = next(iter(found), None)
     b = next((name for name in found if found[name] != found[a]), None)
     if b is not None:
-        raise TemplateError(f"subjects of more than one {trait} ({a}: {found[a]}, {b}: {found[b]}); give those of one")
+        raise TemplateError(
+            f"subjects of more than one {trait} ({a}: {found[a]}, {b}: {found[b]}); give those of "
+            "one"
+        )
 
 
 def check_features(features, named):
     """The features' names, and for each subject its own maps, dict."""
     if not isinstance(features, (list, tuple)) or not features:
-        raise FeatureError(f"features are {features!r}: give a list of them, {' and '.join(FOLDS)} for instance")
+        raise FeatureError(
+            f"features are {features!r}: give a list of them, {' and '.join(FOLDS)} for instance"
+        )
     names, maps = [], [{} for _ in named]
     for given in features:
         if isinstance(given, str):
             if given not in FOLDS:
                 raise FeatureError(
-                    f"unknown feature {given!r}: {' and '.join(FOLDS)} are computed, others (name, arrays)"
+                    f"unknown feature {given!r}: {' and '.join(FOLDS)} are computed, others "
+                    "(name, arrays)"
                 )
             names.append(given)
             continue
-        name, arrays = given if isinstance(given, (list, tuple)) and len(given) == 2 else (None, None)
-        if not isinstance(name, str) or not isinstance(arrays, (list, tuple)) or len(arrays) != len(named):
-            raise FeatureError(f"feature {given!r:.60}: give a name and a list of {len(named)} arrays, one a subject")
+        name, arrays = (
+            given if isinstance(given, (list, tuple)) and len(given) == 2 else (None, None)
+        )
+        if (
+            not isinstance(name, str)
+            or not isinstance(arrays, (list, tuple))
+            or len(arrays) != len(named)
+        ):
+            raise FeatureError(
+                f"feature {given!r:.60}: give a name and a list of {len(named)} arrays, one a "
+                "subject"
+            )
         names.append(name)
         for own, values, (subject, surface) in zip(maps, arrays, named):
             own[name] = check_values(values, f"{name}, {subject}", surface)

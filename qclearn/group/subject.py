@@ -7,16 +7,25 @@ import numpy as np
 
 from ..plane.bijectivity import BijectivityError
 from ..plane.disk import Disk
-from ..registration.checked import bijective_fit
-from ..registration.features import FOLDS, SCALE, FeatureError, Features, mobius_by_features
-from ..registration.ladder import LEVELS
+from ..registration.diagnose import disagreeing, strong_distortion, switched_rows
+from ..registration.features import (
+    FOLDS,
+    SCALE,
+    FeatureError,
+    Features,
+    Smoothing,
+    mobius_by_features,
+    standardised,
+)
+from ..registration.multiresolution import LEVELS
+from ..registration.networks import fit_with_fallbacks
 from ..registration.problem import Problem
-from ..registration.smoothing import Smoothing, standardised
-from ..registration.suspect import disagreeing, strong_distortion, switched_rows
-from ..surfaces.conformal import laid_out, mended, apply_mobius
+from ..surfaces.conformal import apply_mobius, parameterize, repair_folds
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 
-SCALES = sorted({level.sigma for level in LEVELS if level.sigma} | {SCALE})  # of the features that are compared
+SCALES = sorted(
+    {level.sigma for level in LEVELS if level.sigma} | {SCALE}
+)  # of the features that are compared
 COMPUTED = dict(zip(FOLDS, (sulcal_depth, mean_curvature)))
 
 
@@ -24,8 +33,8 @@ COMPUTED = dict(zip(FOLDS, (sulcal_depth, mean_curvature)))
 class Shared:
     """What a subject, or the average of many, has at the vertices of the template's mesh.
 
-    points (N, 3): on its surface, turned and shifted onto the mean's; values (N, C), levels: of its features;
-    areas (N,): of the vertices on its surface.
+    points (N, 3): on its surface, turned and shifted onto the mean's; values (N, C), levels: of its
+    features; areas (N,): of the vertices on its surface.
     """
 
     points: np.ndarray
@@ -59,13 +68,15 @@ class Mean(Shared):
 
     @property
     def unit(self):
-        """Length of the disk's unit at each vertex (N,), in the surfaces' unit: the root of the areas' ratio."""
+        """Length of the disk's unit at each vertex (N,), in the surfaces' unit: the root of the
+        areas' ratio."""
         return np.sqrt(self.areas / vertex_areas(self.disk.faces, self.disk.areas))
 
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """A subject's registration: disk map f (V,) or None, reasons to leave it out, repairs, correlations by feature."""
+    """A subject's registration: disk map f (V,) or None, reasons to leave it out, repairs,
+    correlations by feature."""
 
     f: np.ndarray | None
     reasons: list = field(default_factory=list)
@@ -74,25 +85,31 @@ class Fitted:
 
 
 def prepared(surface, names, given):
-    """The subject of a surface: a `Side` with features; given: name -> values (V,) of those not computed."""
+    """The subject of a surface: a `ParameterizedSurface` with features; given: name -> values (V,)
+    of those not computed."""
     columns = [given[name] if name in given else COMPUTED[name](surface) for name in names]
     features = Smoothing(surface, names, np.stack(columns, axis=1))
     for sigma in SCALES:
         features.at(sigma)
-    return replace(laid_out(surface), features=features)
+    return replace(parameterize(surface), features=features)
 
 
 def alone(subject):
     """A subject as the mean of itself, on its own mesh."""
     surface, features = subject.surface, subject.features
-    return Mean(surface.vertices, features.values, features.levels, surface.vertex_areas, subject.disk)
+    return Mean(
+        surface.vertices, features.values, features.levels, surface.vertex_areas, subject.disk
+    )
 
 
 def laid(subject, mean, near=False):
-    """The subject laid upon the mean by the Möbius map that matches their features best; near: a local search."""
+    """The subject laid upon the mean by the Möbius map that matches their features best; near: a
+    local search."""
     found = apply_mobius(subject, mobius_by_features(Features(subject, mean), subject.disk.z, near))
     if not found.whole:
-        raise FeatureError("the features pull its disk onto the rim; check that they are those of the others")
+        raise FeatureError(
+            "the features pull its disk onto the rim; check that they are those of the others"
+        )
     return found
 
 
@@ -105,11 +122,22 @@ def fitted(subject, mean, weights):
     """Register a laid subject to the mean by features alone: `Fitted`."""
     features, surface, z = Features(subject, mean), subject.surface, subject.disk.z
     try:
-        fit = bijective_fit(Problem(subject.disk, [], [], fewest=0), weights, None, 0.0, features)
+        fit = fit_with_fallbacks(
+            Problem(subject.disk, [], [], fewest=0), weights, None, 0.0, features
+        )
     except BijectivityError as error:
         return Fitted(None, [f"folds: {error}"])
-    reasons = [*switched_rows(fit, surface), *strong_distortion(surface, fit.mu), *disagreeing(features, z)]
-    return Fitted(fit.f, reasons, [*subject.words, *fit.fallbacks], {name: after for name, (_, after) in fit.r.items()})
+    reasons = [
+        *switched_rows(fit, surface),
+        *strong_distortion(surface, fit.mu),
+        *disagreeing(features, z),
+    ]
+    return Fitted(
+        fit.f,
+        reasons,
+        [*subject.words, *fit.fallbacks],
+        {name: after for name, (_, after) in fit.r.items()},
+    )
 
 
 def inverse(subject, f, points):
@@ -118,7 +146,8 @@ def inverse(subject, f, points):
 
 
 def carried(subject, f, points, mean):
-    """What a subject has where its disk map f (V,) reaches points (N,) of the mean's disk: `Shared`."""
+    """What a subject has where its disk map f (V,) reaches points (N,) of the mean's disk:
+    `Shared`."""
     image, own, faces = subject.disk.at(f), subject.features, mean.disk.faces
     places = image.locate(points)
     space = onto(image.interpolate(subject.surface.vertices, places), mean.points, mean.areas)
@@ -129,13 +158,15 @@ def carried(subject, f, points, mean):
 
 
 def composed(subject, f, mean, centre):
-    """f (V,) followed by centre (N,), mended where that folds: (map (V,), whether it is a bijection, inverse (N,))."""
-    f = mended(subject.surface, mean.disk.interpolate(centre, mean.disk.locate(f))).z
+    """f (V,) followed by centre (N,), mended where that folds: (map (V,), whether it is a
+    bijection, inverse (N,))."""
+    f = repair_folds(subject.surface, mean.disk.interpolate(centre, mean.disk.locate(f))).z
     return f, subject.disk.certify(f).bijective, inverse(subject, f, mean.disk.z)
 
 
 def onto(points, target, weights):
-    """Points (N, 3) turned and shifted so that `sum_k weights_k |points_k - target_k|^2` is least (Kabsch 1976)."""
+    """Points (N, 3) turned and shifted so that `sum_k weights_k |points_k - target_k|^2` is least
+    (Kabsch 1976)."""
     centre, there = (np.average(side, axis=0, weights=weights) for side in (points, target))
     left, _, right = np.linalg.svd(((points - centre) * weights[:, None]).T @ (target - there))
     flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])  # a turn, not a reflection
@@ -151,10 +182,14 @@ def mean_of(shares, count, before):
     """The `Mean` of `count` shares, added up one at a time, on the mesh of the mean before."""
     total = reduce(added, shares)
     levels = {sigma: values / count for sigma, values in total.levels.items()}
-    return Mean(total.points / count, total.values / count, levels, total.areas / count, before.disk)
+    return Mean(
+        total.points / count, total.values / count, levels, total.areas / count, before.disk
+    )
 
 
 def added(one, other):
     """The sums of two `Shared`."""
     levels = {sigma: one.levels[sigma] + other.levels[sigma] for sigma in one.levels}
-    return Shared(one.points + other.points, one.values + other.values, levels, one.areas + other.areas)
+    return Shared(
+        one.points + other.points, one.values + other.values, levels, one.areas + other.areas
+    )

@@ -1,8 +1,10 @@
-"""An unbiased template: what subjects have in common, after all are registered to it, round after round.
+"""An unbiased template: what subjects have in common, after all are registered to it, round after
+round.
 
-A round registers each subject to the mean by features, f_k from its disk to the mean's. With the inverses' average,
-`c = mean f_k^-1`, the inverses of the maps `c o f_k` have the identity as average, and nobody's shape is preferred
-(Guimond, Meunier and Thirion 2000; Joshi and others 2004). The next mean averages features, positions, areas there.
+A round registers each subject to the mean by features, f_k from its disk to the mean's. With the
+inverses' average, `c = mean f_k^-1`, the inverses of the maps `c o f_k` have the identity as
+average, and nobody's shape is preferred (Guimond, Meunier and Thirion 2000; Joshi and others 2004).
+The next mean averages features, positions, areas there.
 """
 
 from dataclasses import dataclass
@@ -30,9 +32,10 @@ CHANGED = "folds: its map, once the average of all is taken off"
 class Template:
     """Result of `template`.
 
-    surface: the mean shape; disk: its disk map; maps: feature -> the subjects' mean at its vertices, in their units;
-    disks: name -> a subject's disk map, laid upon the others by a Möbius map; disk_maps: name -> its vertices' places
-    in the template's disk, certified; left_out: name -> why a subject takes no part; report: dict for JSON.
+    surface: the mean shape; disk: its disk map; maps: feature -> the subjects' mean at its
+    vertices, in their units; disks: name -> a subject's disk map, laid upon the others by a Möbius
+    map; disk_maps: name -> its vertices' places in the template's disk, certified; left_out: name
+    -> why a subject takes no part; report: dict for JSON.
     """
 
     surface: Surface
@@ -54,20 +57,26 @@ def template(
     workers: int = 2,
     progress: bool = False,
 ) -> Template:
-    """Register surfaces to their mean by features, without landmarks: a Template, unbiased and certified.
+    """Register surfaces to their mean by features, without landmarks: a Template, unbiased and
+    certified.
 
-    subjects: at least two outward disks of one side, a list or name -> surface (or `data_synth.make_cortex`'s result);
-    their order changes nothing. features: "depth", "curvature", or the user's own (name, [one array (V,) a subject]).
-    rounds: at most so many, until the template moves less than SETTLED on average (`report["settled"]`); 0: the mean
-    after Möbius maps alone. delta: the features' weight, as in `register`. folder: keeps each registration, so that a
-    stopped run goes on. scheduler: address of a dask scheduler, None for `workers` processes of this machine (1: this
-    process itself). A subject whose registration folds or is suspect takes no part in the mean: see `left_out`.
-    Errors: TemplateError, SurfaceError, FeatureError, WorkersError; ImportError for several workers without dask.
+    subjects: at least two outward disks of one side, a list or name -> surface (or
+    `data_synth.make_cortex`'s result); their order changes nothing. features: "depth", "curvature",
+    or the user's own (name, [one array (V,) a subject]). rounds: at most so many, until the
+    template moves less than SETTLED on average (`report["settled"]`); 0: the mean after Möbius maps
+    alone. delta: the features' weight, as in `register`. folder: keeps each registration, so that a
+    stopped run goes on. scheduler: address of a dask scheduler, None for `workers` processes of
+    this machine (1: this process itself). A subject whose registration folds or is suspect takes no
+    part in the mean: see `left_out`. Errors: TemplateError, SurfaceError, FeatureError,
+    WorkersError; ImportError for several workers without dask.
     """
     members, names = members_of(subjects, features)
     weights = Weights(delta=check_delta(delta, features))
     if not isinstance(rounds, int) or rounds < 0 or not isinstance(workers, int) or workers < 1:
-        raise TemplateError(f"{rounds!r} rounds, {workers!r} workers: give 0 rounds or more, and at least one worker")
+        raise TemplateError(
+            f"{rounds!r} rounds, {workers!r} workers: give 0 rounds or more, and at least one "
+            "worker"
+        )
     settings = {"subjects": [member.key for member in members], "features": names, "delta": delta}
     kept = Folder(folder, settings | {"version": version("qclearn"), "commit": commit()})
     with (
@@ -77,9 +86,15 @@ def template(
         group = Group(client, members, names, kept, bar)
         mean, centre, fits, rows = group.run(rounds, weights)
         ends, off = group.finish(mean, centre, fits)
-        laid = {member.name: group.result(disk, member) for disk, member in zip(group.disks(), members)}
+        laid = {
+            member.name: group.result(disk, member) for disk, member in zip(group.disks(), members)
+        }
     maps = {members[k].name: f for k, (f, bijective, _) in ends.items() if bijective}
-    left_out = {member.name: fit.reasons or [CHANGED] for member, fit in zip(members, fits) if member.name not in maps}
+    left_out = {
+        member.name: fit.reasons or [CHANGED]
+        for member, fit in zip(members, fits)
+        if member.name not in maps
+    }
     report = {
         "subjects": sorted(member.name for member in members),
         "features": names,

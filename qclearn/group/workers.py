@@ -1,4 +1,5 @@
-"""Where tasks run: in this process, in processes of this machine, or on the workers of a dask scheduler."""
+"""Where tasks run: in this process, in processes of this machine, or on the workers of a dask
+scheduler."""
 
 import gc
 from contextlib import contextmanager, nullcontext
@@ -8,7 +9,12 @@ from ..io.extras import require
 from ..io.provenance import versions as versions_of
 
 PATIENCE = 20  # seconds for a scheduler to answer and to have a worker
-LOCAL = {"threads_per_worker": 1, "host": "127.0.0.1", "dashboard_address": "127.0.0.1:0", "silence_logs": 50}
+LOCAL = {
+    "threads_per_worker": 1,
+    "host": "127.0.0.1",
+    "dashboard_address": "127.0.0.1:0",
+    "silence_logs": 50,
+}
 
 
 class WorkersError(ValueError):
@@ -29,7 +35,9 @@ class Here:
     """In place of a dask client: each task runs in this process when it is submitted."""
 
     def submit(self, function, *arguments, **_):
-        return Done(function(*[given.value if isinstance(given, Done) else given for given in arguments]))
+        return Done(
+            function(*[given.value if isinstance(given, Done) else given for given in arguments])
+        )
 
     def scatter(self, value, **_):
         return Done(value)
@@ -45,13 +53,17 @@ def client_of(scheduler, workers):
 
 @contextmanager
 def connect(scheduler, workers):
-    """A dask client of the scheduler, or of `workers` processes of this machine; WorkersError if there is none."""
+    """A dask client of the scheduler, or of `workers` processes of this machine; WorkersError if
+    there is none."""
     import dask
     from distributed import Client, LocalCluster
 
-    gc.collect()  # a client that failed, thrown away while the next one is made, would wait for its lock for ever
+    # A client that failed, thrown away while the next one is made, would wait for its lock for
+    # ever.
+    gc.collect()
     if scheduler is None:
-        # dask has its workers hand memory back at once, and methods then wait for pages: up to a third of their time.
+        # dask has its workers hand memory back at once, and methods then wait for pages: up to a
+        # third of their time.
         with (
             dask.config.set({"distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None}),
             LocalCluster(n_workers=workers, **LOCAL) as cluster,
@@ -63,7 +75,8 @@ def connect(scheduler, workers):
         client = Client(scheduler, timeout=PATIENCE)
     except (OSError, ValueError, TypeError) as error:  # TypeError: an address without a port
         raise WorkersError(
-            f"{scheduler}: no dask scheduler answers there ({error}); start `dask scheduler`, give its tcp://HOST:8786"
+            f"{scheduler}: no dask scheduler answers there ({error}); start `dask scheduler`, "
+            "give its tcp://HOST:8786"
         ) from None
     with client:
         check_workers(client, scheduler)
@@ -71,14 +84,19 @@ def connect(scheduler, workers):
 
 
 def check_workers(client, scheduler):
-    """WorkersError unless the scheduler has workers, each with one thread and this version of qclearn."""
+    """WorkersError unless the scheduler has workers, each with one thread and this version of
+    qclearn."""
     try:
         client.wait_for_workers(1, timeout=PATIENCE)
     except TimeoutError:
-        raise WorkersError(f"{scheduler} has no workers; start some: `dask worker {scheduler} --nthreads 1`") from None
+        raise WorkersError(
+            f"{scheduler} has no workers; start some: `dask worker {scheduler} --nthreads 1`"
+        ) from None
     many = sorted(address for address, threads in client.nthreads().items() if threads != 1)
     if many:
-        raise WorkersError(f"workers {', '.join(many[:5])} have several threads: start them with --nthreads 1")
+        raise WorkersError(
+            f"workers {', '.join(many[:5])} have several threads: start them with --nthreads 1"
+        )
     own = versions()
     differ = [
         f"{address} has {name} {theirs.get(name, 'none')}, here {own.get(name, 'none')}"
@@ -87,7 +105,9 @@ def check_workers(client, scheduler):
         if theirs.get(name) != own.get(name)
     ]
     if differ:
-        raise WorkersError(f"workers have other versions ({'; '.join(differ[:5])}): install the same on all")
+        raise WorkersError(
+            f"workers have other versions ({'; '.join(differ[:5])}): install the same on all"
+        )
 
 
 def versions():
@@ -95,7 +115,8 @@ def versions():
 
 
 def result_of(future, name):
-    """A task's result; its ValueError with the name of whose task it was, WorkersError where its worker is lost."""
+    """A task's result; its ValueError with the name of whose task it was, WorkersError where its
+    worker is lost."""
     try:
         return future.result()
     except ValueError as error:
@@ -104,5 +125,6 @@ def result_of(future, name):
         if not type(error).__module__.startswith(("distributed", "concurrent")):
             raise
         raise WorkersError(
-            f"{name}: lost with its worker ({type(error).__name__}); run it again: it goes on with what its folder has"
+            f"{name}: lost with its worker ({type(error).__name__}); run it again: it goes on "
+            "with what its folder has"
         ) from None

@@ -23,7 +23,9 @@ def parts(path, data):
     given = colours != 0
     missing = np.count_nonzero(given & ~np.isin(colours, table[:, 4]))
     if missing or not 0 < len(table) == len(names):
-        raise FormatError(f"{missing} vertices have a colour that is not in its table of {len(names)} names")
+        raise FormatError(
+            f"{missing} vertices have a colour that is not in its table of {len(names)} names"
+        )
     order = np.argsort(table[:, 4], kind="stable")
     labels = np.full(n_vertices, -1)
     place = order[np.searchsorted(table[order, 4], colours[given])]
@@ -35,7 +37,9 @@ def labels_of(table, names):
     """Key -> (name, (r, g, b, a) from 0 to 1) of an annotation's table, and -1 for none."""
     colours = np.column_stack([table[:, :3], 255 - table[:, 3]]) / 255
     names = [name.decode(errors="replace") for name in names]
-    return {-1: NONE} | {key: (name, tuple(colours[key].tolist())) for key, name in enumerate(names)}
+    return {-1: NONE} | {
+        key: (name, tuple(colours[key].tolist())) for key, name in enumerate(names)
+    }
 
 
 def write(path, values, labels):

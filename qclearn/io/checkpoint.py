@@ -27,10 +27,15 @@ class Checkpoint:
         settings = json.loads(json.dumps(settings))
         stored = self._stored_settings()
         if stored is None and not shared and self.names():
-            raise error(f"{path}: holds files, but no {record} of a run; empty it, or give another folder")
+            raise error(
+                f"{path}: holds files, but no {record} of a run; empty it, or give another folder"
+            )
         differing = ", ".join(_differing(stored or settings, settings))
         if differing:
-            raise error(f"{path}: begun with other settings ({differing} differ): give the same or another place")
+            raise error(
+                f"{path}: begun with other settings ({differing} differ): give the same or "
+                "another place"
+            )
         self.write(record, json.dumps(settings, indent=1).encode())
 
     def _stored_settings(self):

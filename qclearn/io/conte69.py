@@ -46,15 +46,26 @@ def conte69(folder=None):
     package; SurfaceError where a file is missing or does not fit the others.
     """
     folder = installed_folder() if folder is None else Path(folder)
-    closed = {side: read_surface(folder / "surfaces" / f"conte69_32k_{word}.gii") for side, word in SIDES.items()}
+    closed = {
+        side: read_surface(folder / "surfaces" / f"conte69_32k_{word}.gii")
+        for side, word in SIDES.items()
+    }
     if not np.array_equal(*(np.sort(surface.edges, axis=1) for surface in closed.values())):
-        raise SurfaceError(f"{folder}: the two sides of conte69 differ in their mesh; install brainspace again")
+        raise SurfaceError(
+            f"{folder}: the two sides of conte69 differ in their mesh; install brainspace again"
+        )
     count = len(closed["left"].vertices)
-    masks = [numbers(folder / "surfaces" / f"conte69_32k_{word}_mask.csv", count) for word in SIDES.values()]
+    masks = [
+        numbers(folder / "surfaces" / f"conte69_32k_{word}_mask.csv", count)
+        for word in SIDES.values()
+    ]
     wall = ~np.all(masks, axis=0)
     (left, vertices), (right, same) = (open_surface(closed[side], wall) for side in SIDES)
     if not np.array_equal(vertices, same):
-        raise SurfaceError(f"{folder}: the masks open the two sides of conte69 differently; install brainspace again")
+        raise SurfaceError(
+            f"{folder}: the masks open the two sides of conte69 differently; install brainspace "
+            "again"
+        )
     maps = {}
     for name, word in MAPS.items():
         values = numbers(folder / "matrices" / "main_group" / f"conte69_32k_{word}.csv", 2 * count)
@@ -75,5 +86,7 @@ def numbers(path, count):
     except (OSError, ValueError) as error:
         raise SurfaceError(f"{path}: cannot be read ({error}); install brainspace again") from None
     if len(values) != count:
-        raise SurfaceError(f"{path}: {len(values)} numbers for {count} vertices; install brainspace again")
+        raise SurfaceError(
+            f"{path}: {len(values)} numbers for {count} vertices; install brainspace again"
+        )
     return values

@@ -22,5 +22,7 @@ def require(extra, what):
     """
     missing = [package for package in EXTRAS[extra] if find_spec(package) is None]
     if missing:
-        raise ImportError(f"{what} need {missing[0]}, which is not installed: pip install 'qclearn[{extra}]'")
+        raise ImportError(
+            f"{what} need {missing[0]}, which is not installed: pip install 'qclearn[{extra}]'"
+        )
     return nullcontext()

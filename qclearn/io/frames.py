@@ -50,7 +50,10 @@ class Frame:
         """All but the whole surface's faces, as JSON."""
         space = self.space
         if isinstance(space, GiftiCoordSystem):
-            codes = {name: xform_codes.label[getattr(space, name)] for name in ("dataspace", "xformspace")}
+            codes = {
+                name: xform_codes.label[getattr(space, name)]
+                for name in ("dataspace", "xformspace")
+            }
             space = codes | {"xform": np.asarray(space.xform).tolist()}
         entries = {
             "side": self.side,
@@ -92,7 +95,9 @@ def frame_of_text(text, whole=None):
             space = GiftiCoordSystem(*codes, np.array(space["xform"], dtype=float).reshape(4, 4))
         volume = volume and sound_volume(volume)
     except (KeyError, TypeError, ValueError, RecursionError):
-        raise FormatError("what it says of the file a surface came from cannot be understood") from None
+        raise FormatError(
+            "what it says of the file a surface came from cannot be understood"
+        ) from None
     sound = (
         side in (None, "left", "right")
         and (space is None or space == TKR or isinstance(space, GiftiCoordSystem))

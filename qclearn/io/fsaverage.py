@@ -33,7 +33,8 @@ def whole_fsaverage5(hemisphere="left", kind="sphere"):
     """The closed hemisphere of fsaverage5 with its medial wall, kinds as of `fsaverage5`, in mm."""
     if hemisphere not in ("left", "right") or kind not in _FILES:
         raise SurfaceError(
-            f"fsaverage5 has no '{hemisphere}' '{kind}' surface; hemispheres left and right, kinds {', '.join(_FILES)}"
+            f"fsaverage5 has no '{hemisphere}' '{kind}' surface; hemispheres left and right, "
+            f"kinds {', '.join(_FILES)}"
         )
     return read_surface(_folder() / f"{_FILES[kind]}_{hemisphere}.gii.gz")
 
@@ -47,10 +48,14 @@ def named_sulci(hemisphere, original_indices):
     SurfaceError where an endpoint was cut away.
     """
     if hemisphere not in ("left", "right"):
-        raise SurfaceError(f"fsaverage5 has no hemisphere '{hemisphere}'; hemispheres are left and right")
+        raise SurfaceError(
+            f"fsaverage5 has no hemisphere '{hemisphere}'; hemispheres are left and right"
+        )
     original_indices = np.asarray(original_indices)
     text = files(__package__).joinpath("fsaverage5_sulci.json").read_text(encoding="utf-8")
-    ends = {name: entry[hemisphere]["vertices"] for name, entry in json.loads(text)["sulci"].items()}
+    ends = {
+        name: entry[hemisphere]["vertices"] for name, entry in json.loads(text)["sulci"].items()
+    }
     return {name: _renumbered(name, pair, original_indices) for name, pair in ends.items()}
 
 
@@ -61,7 +66,10 @@ def demo_landmarks() -> dict:
     `{"curves": [{"name", "moving": [start, end], "control": [start, end]}]}`: endpoints only.
     """
     moving, control = (named_sulci(side, _opening(side)[0]) for side in ("right", "left"))
-    curves = [{"name": name, "moving": list(moving[name]), "control": list(control[name])} for name in control]
+    curves = [
+        {"name": name, "moving": list(moving[name]), "control": list(control[name])}
+        for name in control
+    ]
     return {"curves": curves}
 
 
@@ -88,5 +96,7 @@ def _opening(hemisphere):
 def _folder():
     nilearn = find_spec("nilearn")  # finds it without importing it, which takes seconds
     if nilearn is None:
-        raise SurfaceError("fsaverage5 comes with nilearn, which is not installed; install it: pip install nilearn")
+        raise SurfaceError(
+            "fsaverage5 comes with nilearn, which is not installed; install it: pip install nilearn"
+        )
     return Path(nilearn.submodule_search_locations[0], "datasets", "data", "fsaverage5")

@@ -68,7 +68,9 @@ class _Sizes:
             unpacked = len(zlib.decompressobj().decompress(packed, self.expected + 1))
             if unpacked != self.expected:
                 more = "more" if unpacked > self.expected else unpacked
-                raise FormatError(f"an array of {self.expected} bytes is announced, {more} are there")
+                raise FormatError(
+                    f"an array of {self.expected} bytes is announced, {more} are there"
+                )
             self.text = None
 
 
@@ -76,7 +78,9 @@ def _announced(attributes):
     """Number of bytes that a DataArray's attributes announce."""
     dimensions = attributes.get("Dimensionality", "")
     if not re.fullmatch("[1-6]", dimensions):
-        raise FormatError(f"an array has {dimensions[:20] or 'no'} dimensions, where 1 or 2 are needed")
+        raise FormatError(
+            f"an array has {dimensions[:20] or 'no'} dimensions, where 1 or 2 are needed"
+        )
     sides = [attributes.get(f"Dim{k}", "") for k in range(int(dimensions))]
     if not all(re.fullmatch("[0-9]{1,12}", side) for side in sides):
         raise FormatError("an array's sides are no whole numbers of vertices or faces")
@@ -86,7 +90,8 @@ def _announced(attributes):
         raise FormatError(f"an array has the unknown type {kind[:40]}")
     if attributes.get("Encoding") == "ExternalFileBinary":
         raise SurfaceError(
-            "keeps its data in another file; convert it: wb_command -gifti-convert GZIP_BASE64_BINARY IN OUT"
+            "keeps its data in another file; convert it: wb_command -gifti-convert "
+            "GZIP_BASE64_BINARY IN OUT"
         )
     return math.prod(map(int, sides)) * nibabel.nifti1.data_type_codes.dtype[kind].itemsize
 
@@ -122,7 +127,9 @@ def surface_arrays(image):
     points = image.get_arrays_from_intent("NIFTI_INTENT_POINTSET")
     triangles = image.get_arrays_from_intent("NIFTI_INTENT_TRIANGLE")
     if len(points) != 1 or len(triangles) != 1:
-        raise SurfaceError("is GIFTI, but not one surface; give a .surf.gii with one point set and its triangles")
+        raise SurfaceError(
+            "is GIFTI, but not one surface; give a .surf.gii with one point set and its triangles"
+        )
     return points[0].data, triangles[0].data, {}, _table_of(points[0].meta, len(points[0].data))
 
 
@@ -147,7 +154,9 @@ def values_of(image):
     arrays = [array.data for array in image.darrays]
     meshes = map(image.get_arrays_from_intent, ("NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE"))
     if any(meshes) or not arrays or len({array.shape for array in arrays}) > 1:
-        raise SurfaceError("holds no maps of one value a vertex; give a .func.gii, .shape.gii or .label.gii")
+        raise SurfaceError(
+            "holds no maps of one value a vertex; give a .func.gii, .shape.gii or .label.gii"
+        )
     return arrays[0] if len(arrays) == 1 else np.stack(arrays, axis=-1)
 
 
@@ -178,7 +187,9 @@ def frame_of_image(path, image):
 def _volume_of(meta):
     """FreeSurfer's volume geometry in a point set's metadata, or None."""
     try:
-        geometry = {key: [float(meta[f"VolGeom{end}"]) for end in ends] for key, ends in _VOLUME.items()}
+        geometry = {
+            key: [float(meta[f"VolGeom{end}"]) for end in ends] for key, ends in _VOLUME.items()
+        }
     except (KeyError, ValueError):  # none, or a part, as fMRIPrep leaves it
         return None
     named = {"valid": "1  # volume info valid", "filename": meta.get("VolGeomFname", "")}
@@ -260,7 +271,9 @@ def _from_zero(values, table):
     """The same labels without key -1: it becomes 0, which shows nothing; where 0 is a region,
     all are raised by one."""
     if min(table) < -1:
-        raise SurfaceError(f"label {min(table)}: keys below 0 are not allowed in a .label.gii; number them from 1")
+        raise SurfaceError(
+            f"label {min(table)}: keys below 0 are not allowed in a .label.gii; number them from 1"
+        )
     if min(table) >= 0:
         return values, table
     name, colour = table.get(0, NONE)

@@ -97,7 +97,9 @@ def read_hemisphere(path, cortex=None):
     """
     if named := NAMED.fullmatch(str(path)):
         if cortex is not None:
-            raise SurfaceError(f"{cortex}: {path} is cut at its own medial wall; leave the label out")
+            raise SurfaceError(
+                f"{cortex}: {path} is cut at its own medial wall; leave the label out"
+            )
         whole, disk = (make(named[1], "pial") for make in (whole_fsaverage5, fsaverage5))
         return Hemisphere(path, whole, disk, frame_of_whole(Frame(named[1], kind="Pial"), whole))
     surface = read_surface(path)
@@ -105,7 +107,9 @@ def read_hemisphere(path, cortex=None):
     if cortex is None:
         return Hemisphere(path, surface, surface, frame)
     if surface.boundary_loops:
-        raise SurfaceError(f"{cortex}: {path} is open already; leave the label out, or give the whole surface")
+        raise SurfaceError(
+            f"{cortex}: {path} is open already; leave the label out, or give the whole surface"
+        )
     require_side(cortex, frame_of(cortex).side, frame.side, path)
     return Hemisphere(path, surface, cut_out(surface, cortex), frame_of_whole(frame, surface))
 
@@ -123,10 +127,13 @@ def cut_out(surface, cortex):
     advice = "repair the label, or cut with `qclearn open`, which"
     if apart > LOOSE * len(table):
         raise SurfaceError(
-            f"{cortex}: is in pieces: {apart} of its {size} vertices lie apart; {advice} keeps the largest alone"
+            f"{cortex}: is in pieces: {apart} of its {size} vertices lie apart; {advice} keeps "
+            "the largest alone"
         )
     if filled > LOOSE * len(table):
-        raise SurfaceError(f"{cortex}: has holes of {filled} vertices beside the medial wall; {advice} fills them")
+        raise SurfaceError(
+            f"{cortex}: has holes of {filled} vertices beside the medial wall; {advice} fills them"
+        )
     return disk
 
 

@@ -148,7 +148,9 @@ def write_surface(
     side_named = path.name.startswith(("lh.", "rh.")) and last not in FOREIGN_SUFFIXES
     freesurfer = side_named or last in _FREESURFER_SUFFIXES
     if suffix not in (".npz", ".gii", *_WRITERS) and not freesurfer:
-        raise SurfaceError(f"{path}: {_unknown_format('nor is the name one of FreeSurfer, such as lh.pial')}")
+        raise SurfaceError(
+            f"{path}: {_unknown_format('nor is the name one of FreeSurfer, such as lh.pial')}"
+        )
     write_whole(path, write, size=surface.vertices.nbytes + surface.faces.nbytes)
 
 
@@ -174,12 +176,17 @@ def _read_npz(_, data):
     arrays = npz_arrays(data, lambda key: key in names or key.startswith("curve_"))
     missing = {"vertices", "faces"} - set(arrays)
     if missing:
-        raise SurfaceError(f"lacks the array {' and '.join(sorted(missing))}; save vertices (V, 3), faces (F, 3)")
+        raise SurfaceError(
+            f"lacks the array {' and '.join(sorted(missing))}; save vertices (V, 3), faces (F, 3)"
+        )
     curve_keys = [key for key in arrays if key.startswith("curve_")]
     curves = {key.removeprefix("curve_"): arrays[key] for key in curve_keys}
     bad = next((name for name in curves if not is_plain_name(name)), None)
     if bad is not None:
-        raise SurfaceError(f"has a curve whose name is too long or holds control characters, {bad[:40]!r}; rename it")
+        raise SurfaceError(
+            f"has a curve whose name is too long or holds control characters, {bad[:40]!r}; "
+            "rename it"
+        )
     return arrays["vertices"], arrays["faces"], curves, arrays.get("original_vertices")
 
 
@@ -196,7 +203,9 @@ def _write_npz(path, surface, original_vertices, frame):
 
 def _read_freesurfer(path, data):
     if data.startswith(_FREESURFER_QUADS):
-        raise SurfaceError("holds quadrangles (FreeSurfer's old format); convert it with mris_convert to triangles")
+        raise SurfaceError(
+            "holds quadrangles (FreeSurfer's old format); convert it with mris_convert to triangles"
+        )
     _check_freesurfer(data)
     return nibabel.freesurfer.read_geometry(path)
 

@@ -33,7 +33,9 @@ def read_ply(path, data):
     face = elements.get("face", ())
     name = next((name for name in _TRIANGLES["face"] if name in face), None)
     if name is None or not all(axis in vertex for axis in "xyz"):
-        raise FormatError("the PLY file lacks vertices with x, y, z, or faces with a list vertex_indices")
+        raise FormatError(
+            "the PLY file lacks vertices with x, y, z, or faces with a list vertex_indices"
+        )
     corners = np.asarray(face[name])
     if corners.dtype == object:  # lists of any length
         require_triangles(np.array([len(row) for row in corners]))
@@ -189,4 +191,7 @@ def require_triangles(sides):
     """FormatError, with the first of them, where faces have other than 3 corners; sides: (F,)."""
     bad = np.flatnonzero(sides != 3)
     if bad.size:
-        raise FormatError(f"face {bad[0]} has {sides[bad[0]]} corners, only triangles are read (triangulate the mesh)")
+        raise FormatError(
+            f"face {bad[0]} has {sides[bad[0]]} corners, only triangles are read (triangulate the "
+            "mesh)"
+        )

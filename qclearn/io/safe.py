@@ -57,13 +57,17 @@ def read_bytes(path):
         if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):  # reading it might never end
             pipe_or_socket = "a pipe" if stat.S_ISFIFO(mode) else "a socket"
             kind = "a device" if stat.S_ISCHR(mode) or stat.S_ISBLK(mode) else pipe_or_socket
-            raise SurfaceError(f"{path}: is {kind}, not a regular file; save what it gives in a file first")
+            raise SurfaceError(
+                f"{path}: is {kind}, not a regular file; save what it gives in a file first"
+            )
         data = path.read_bytes()
         if path.suffix.lower() in (".gz", ".mgz"):
             data = _unzipped(path, data)
     except (OSError, EOFError, zlib.error) as error:
         reason = getattr(error, "strerror", None) or error  # damaged gzip has none
-        raise SurfaceError(f"{path}: cannot be read ({reason}); check the name and copy the file again") from None
+        raise SurfaceError(
+            f"{path}: cannot be read ({reason}); check the name and copy the file again"
+        ) from None
     except MemoryError:
         raise out_of_memory(path) from None
     if not data:
@@ -77,14 +81,17 @@ def _unzipped(path, data):
         unzipped = file.read(most + 1)
     if len(unzipped) > most:
         raise SurfaceError(
-            f"{path}: {len(data)} bytes unzip to more than {most}, as no surface does; if it is sound, gunzip it first"
+            f"{path}: {len(data)} bytes unzip to more than {most}, as no surface does; if it is "
+            "sound, gunzip it first"
         )
     return unzipped
 
 
 def out_of_memory(path):
     """The SurfaceError for a file that the memory has no room for."""
-    return SurfaceError(f"{path}: there is not enough memory; close other programs or give a coarser surface")
+    return SurfaceError(
+        f"{path}: there is not enough memory; close other programs or give a coarser surface"
+    )
 
 
 @contextmanager
@@ -135,7 +142,9 @@ def npz_arrays(data, wanted):
         size = sum(info.file_size for info in members)
         most = allowance(len(data))
         if size > most:
-            raise FormatError(f"its arrays would unpack to {size} bytes, and those of a surface to {most} at most")
+            raise FormatError(
+                f"its arrays would unpack to {size} bytes, and those of a surface to {most} at most"
+            )
         names = [info.filename.removesuffix(".npy") for info in members]
         return {name: npy_array(archive.read(info)) for name, info in zip(names, members)}
 
@@ -170,7 +179,9 @@ def npy_array(data):
     announced = math.prod(shape) * dtype.itemsize
     there = len(data) - file.tell()
     if min(shape, default=0) < 0 or announced != there:
-        raise FormatError(f"an array of the shape {shape} takes {announced} bytes, {there} are there")
+        raise FormatError(
+            f"an array of the shape {shape} takes {announced} bytes, {there} are there"
+        )
     numbers = np.frombuffer(data, dtype, offset=file.tell())
     array = numbers.reshape(shape, order="F" if fortran else "C")
     return array.astype(dtype.newbyteorder("="))
@@ -201,14 +212,17 @@ def write_whole(path, write, size=None):
         if is_full(error, free):
             raise SurfaceError(f"{path}: {full_disk(path.parent, written, size)}") from None
         raise SurfaceError(
-            f"{path}: cannot be written ({error.strerror or error}); choose a folder that exists and is writable"
+            f"{path}: cannot be written ({error.strerror or error}); choose a folder that exists "
+            "and is writable"
         ) from None
 
 
 def is_full(error, free=None):
     """Whether an OSError says that a disk is full; NumPy's says only how much was written, then
     `free` bytes decide."""
-    return error.errno in (errno.ENOSPC, errno.EDQUOT) or (error.errno is None and free is not None and free < 1 << 16)
+    return error.errno in (errno.ENOSPC, errno.EDQUOT) or (
+        error.errno is None and free is not None and free < 1 << 16
+    )
 
 
 def full_disk(folder, written, size=None):

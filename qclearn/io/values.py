@@ -50,19 +50,28 @@ def read_mask(path: str | Path, surface: Surface, keep: bool = False) -> Bool[nd
         values = read_label(path)
         bad = values[(values < 0) | (values >= n_vertices)]
         if bad.size:
-            raise SurfaceError(f"{path}: names vertices that do not exist, the first {bad[0]}; {_other(n_vertices)}")
+            raise SurfaceError(
+                f"{path}: names vertices that do not exist, the first {bad[0]}; "
+                f"{_other(n_vertices)}"
+            )
         mask = np.bincount(values, minlength=n_vertices) > 0
     elif suffix_of(path) == ".annot":
         raise SurfaceError(
-            f"{path}: an annotation does not say which regions to cut; give lh.cortex.label with --keep, or a mask"
+            f"{path}: an annotation does not say which regions to cut; give lh.cortex.label with "
+            "--keep, or a mask"
         )
     else:
         values = read_values(path)
         if values.shape != (n_vertices,):
-            raise SurfaceError(f"{path}: holds values of the shape {values.shape}; {_other(n_vertices)}")
+            raise SurfaceError(
+                f"{path}: holds values of the shape {values.shape}; {_other(n_vertices)}"
+            )
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
-            raise SurfaceError(f"{path}: is NaN or infinite at {len(bad)} vertices, the first {bad[0]}; use 0 and 1")
+            raise SurfaceError(
+                f"{path}: is NaN or infinite at {len(bad)} vertices, the first {bad[0]}; use 0 "
+                "and 1"
+            )
         mask = values != 0
     if keep:
         return ~mask
@@ -118,9 +127,13 @@ def read_map(path):
         result = result if isinstance(result, Map) else Map(result, side_of_name(path))
         values = np.asarray(result.values)
         if values.dtype.kind not in "biuf":
-            raise SurfaceError(f"holds {values.dtype}, not real numbers; save one real number a vertex")
+            raise SurfaceError(
+                f"holds {values.dtype}, not real numbers; save one real number a vertex"
+            )
         if values.ndim not in (1, 2) or not values.size:
-            raise SurfaceError(f"holds the shape {values.shape}, not (V,) or (V, k); save one number a vertex")
+            raise SurfaceError(
+                f"holds the shape {values.shape}, not (V,) or (V, k); save one number a vertex"
+            )
     return result._replace(values=values.astype(values.dtype.newbyteorder("=")))
 
 
@@ -170,7 +183,8 @@ def write_values(
     _require_known(path, suffix, "written")
     if values.dtype.kind not in "biuf" or values.ndim not in (1, 2):
         raise SurfaceError(
-            f"{path}: {values.dtype} {values.shape} cannot be written; give (V,) or (V, k), real and imaginary apart"
+            f"{path}: {values.dtype} {values.shape} cannot be written; give (V,) or (V, k), real "
+            "and imaginary apart"
         )
     if suffix == ".gii":
         side = side or side_of_name(path)
@@ -191,12 +205,16 @@ def write_values(
         write_whole(path, lambda place: annotations.write(place, keys, table), 8 * keys.nbytes)
     elif suffix in (".npy", ".txt"):
         write_whole(path, lambda place: _WRITERS[suffix](place, values), values.nbytes)
-    elif suffix in _MAP_SUFFIXES or (path.name.startswith(("lh.", "rh.")) and suffix not in FOREIGN_SUFFIXES):
+    elif suffix in _MAP_SUFFIXES or (
+        path.name.startswith(("lh.", "rh.")) and suffix not in FOREIGN_SUFFIXES
+    ):
         numbers = _fitting(path, values, whole=False)
         write = nibabel.freesurfer.write_morph_data
         write_whole(path, lambda place: write(place, numbers), numbers.nbytes)
     else:
-        raise SurfaceError(f"{path}: not a format that is written here: {_FORMATS}; choose another name")
+        raise SurfaceError(
+            f"{path}: not a format that is written here: {_FORMATS}; choose another name"
+        )
 
 
 def _require_known(path, suffix, done):
@@ -209,7 +227,9 @@ def _fitting(path, values, whole=True):
     """Values as int32 or float32; SurfaceError where one would change. whole=False: the format
     has float32 alone."""
     if values.ndim == 2 and not whole:
-        raise SurfaceError(f"{path}: morphometry holds one map, not {values.shape[1]}; choose .mgh or .func.gii")
+        raise SurfaceError(
+            f"{path}: morphometry holds one map, not {values.shape[1]}; choose .mgh or .func.gii"
+        )
     integers = values.dtype.kind in "biu"
     largest = np.iinfo(np.int32).max if whole else 1 << 24  # float32 has every integer up to there
     largest = largest if integers else float(np.finfo(np.float32).max)
@@ -217,7 +237,8 @@ def _fitting(path, values, whole=True):
     if bad.size:
         value = values[tuple(bad[0])]
         raise SurfaceError(
-            f"{path}: {value} at vertex {bad[0][0]} does not fit the format (up to {largest:.10g}); choose .npy or .txt"
+            f"{path}: {value} at vertex {bad[0][0]} does not fit the format (up to "
+            f"{largest:.10g}); choose .npy or .txt"
         )
     return values.astype(np.int32 if integers and whole else np.float32)
 
@@ -229,7 +250,10 @@ def _is_metric(path):
 def _keys(path, values):
     """Values as an annotation's keys, or SurfaceError."""
     if values.dtype.kind not in "biu" or values.ndim != 1 or values.min() < -1:
-        raise SurfaceError(f"{path}: an annotation holds one label a vertex, a whole number from 0 on, or -1 for none")
+        raise SurfaceError(
+            f"{path}: an annotation holds one label a vertex, a whole number from 0 on, or -1 for "
+            "none"
+        )
     return values.astype(np.int64)
 
 
@@ -253,7 +277,9 @@ def _read_morphometry(path, data):
         raise FormatError(f"it holds {header[2]} values a vertex, where one is read")
     require_all("value", (len(data) - 15) // 4, header[0])
     if len(data) != 15 + 4 * header[0]:
-        raise FormatError(f"{header[0]} value records are announced, {len(data) - 15} bytes are there")
+        raise FormatError(
+            f"{header[0]} value records are announced, {len(data) - 15} bytes are there"
+        )
     return nibabel.freesurfer.read_morph_data(path)
 
 
@@ -265,7 +291,8 @@ def _read_mgh(_, data):
         raise FormatError("its header is none of MGH")
     if sum(side > 1 for side in shape[:3]) > 1:
         raise SurfaceError(
-            f"holds a volume of {' x '.join(map(str, shape[:3]))}, not a map on a surface; use mri_vol2surf"
+            f"holds a volume of {' x '.join(map(str, shape[:3]))}, not a map on a surface; use "
+            "mri_vol2surf"
         )
     require_all("value", (len(data) - 284) // size, math.prod(shape))
     values = np.asarray(nibabel.MGHImage.from_bytes(data).dataobj).reshape(-1, shape[3], order="F")

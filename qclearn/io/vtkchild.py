@@ -25,13 +25,20 @@ def read(path):
     reader.Update()
     mesh = reader.GetOutput()
     if complaints.GetOutput():
-        raise ValueError("VTK finds it damaged, or no polygonal data in it (unstructured grid: extract its surface)")
+        raise ValueError(
+            "VTK finds it damaged, or no polygonal data in it (unstructured grid: extract its "
+            "surface)"
+        )
     if not mesh.GetNumberOfPolys() or mesh.GetNumberOfStrips():
-        raise ValueError("it holds no faces, or triangle strips (split them: pyvista's triangulate)")
+        raise ValueError(
+            "it holds no faces, or triangle strips (split them: pyvista's triangulate)"
+        )
     sides = np.diff(vtk_to_numpy(mesh.GetPolys().GetOffsetsArray()))
     if (sides != 3).any():
         bad = np.flatnonzero(sides != 3)[0]
-        raise ValueError(f"face {bad} has {sides[bad]} corners, only triangles are read (triangulate the mesh)")
+        raise ValueError(
+            f"face {bad} has {sides[bad]} corners, only triangles are read (triangulate the mesh)"
+        )
     faces = vtk_to_numpy(mesh.GetPolys().GetConnectivityArray()).reshape(-1, 3)
     return vtk_to_numpy(mesh.GetPoints().GetData()), faces
 

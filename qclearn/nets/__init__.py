@@ -25,7 +25,15 @@ TABLE = {
     "pictures": ["picture", "stamp"],
     "polar": ["PolarSolver"],
     "run": ["header"],
-    "train": ["Objective", "Process", "TrainConfig", "TrainingError", "rate_at", "take_step", "train"],
+    "train": [
+        "Objective",
+        "Process",
+        "TrainConfig",
+        "TrainingError",
+        "rate_at",
+        "take_step",
+        "train",
+    ],
     "weights": ["FOLDER", "build", "load", "load_file", "read_weights", "save_weights"],
 }
 

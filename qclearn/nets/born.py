@@ -1,4 +1,5 @@
-"""What a coefficient does to the disk, to first order: the derivative of the map at the identity, as a fixed layer."""
+"""What a coefficient does to the disk, to first order: the derivative of the map at the identity,
+as a fixed layer."""
 
 import numpy as np
 import torch
@@ -9,7 +10,8 @@ from .polargrid import as_tensor
 
 
 class Born(nn.Module):
-    """Displacements `df = sum conj(one) c + two conj(c)` of the nodes of a polar grid by coefficients c of nu.
+    """Displacements `df = sum conj(one) c + two conj(c)` of the nodes of a polar grid by
+    coefficients c of nu.
 
     one, two (nr, modes): at the first spoke's nodes; a turn of the disk turns them.
     """
@@ -25,7 +27,9 @@ class Born(nn.Module):
     def moved(self, nu):
         """Displacements (B, nr, nt) of the nodes by a field nu (B, nr, nt), to first order."""
         c = self.grid.coefficients(nu)
-        parts = torch.cat([c[:, None] * self.one, c.conj()[:, None] * self.two], 2)  # (B, nr, 2 modes)
+        parts = torch.cat(
+            [c[:, None] * self.one, c.conj()[:, None] * self.two], 2
+        )  # (B, nr, 2 modes)
         waves = parts.new_zeros(*parts.shape[:2], self.grid.nt).index_add(2, self.waves, parts)
         return torch.fft.ifft(waves, norm="forward")
 

@@ -1,7 +1,9 @@
-"""CP-Net, the coefficient prediction network: landmarks and the weights of `L_CP` to the Beltrami coefficient mu.
+"""CP-Net, the coefficient prediction network: landmarks and the weights of `L_CP` to the Beltrami
+coefficient mu.
 
-Preset `best` corrects the first Gauss-Newton step (the Born step) by a U-Net that has learned from fits, and looks at
-the map of its answer on the caller's mesh (`registration.looks`). Preset `paper` is the paper's, mended.
+Preset `best` corrects the first Gauss-Newton step (the Born step) by a U-Net that has learned from
+fits, and looks at the map of its answer on the caller's mesh (`registration.refinement`). Preset
+`paper` is the paper's, mended.
 """
 
 from dataclasses import dataclass
@@ -11,18 +13,19 @@ import numpy as np
 import torch
 from threadpoolctl import threadpool_limits
 
-from ..plane.spectrum import Spectrum
-from ..registration.link import Link
-from ..registration.looks import Looks
+from ..plane.grids import Spectrum
+from ..plane.tangent import CoefficientMesh
 from ..registration.problem import LandmarkError
+from ..registration.refinement import CoefficientRefinement
 from .born import Born
 from .cpnet_paper import PaperCPNet, PaperCPNetConfig
 from .layers import CoefficientNetwork, ConditionedUNet, inference
 from .polargrid import PolarGrid
 from .train import TrainConfig
 
-# What the correction sees on the grid, in order: name -> (how often its frame turns with the spoke, scale that brings
-# it to the size of 1, why it is shown). Complex ones make two channels; nu is scaled by its own size.
+# What the correction sees on the grid, in order: name -> (how often its frame turns with the spoke,
+# scale that brings it to the size of 1, why it is shown). Complex ones make two channels; nu is
+# scaled by its own size.
 SEEN = {
     "nu": (2, 0.3, "the Born step, which is corrected"),
     "moved": (1, 5, "what it does to the nodes, to first order"),
@@ -46,7 +49,8 @@ class BestCPNetConfig:
     looks: int = 2  # at the exact map
     finer: int = 32  # rings, where landmarks are closer than `close` cells
     close: float = 0.5
-    stiff: float = 1e6  # gamma / beta from which on nu has the `finest` rings, and more looks begin at the Born step
+    # Gamma / beta from which on nu has the `finest` rings, and more looks begin at the Born step.
+    stiff: float = 1e6
     finest: int = 48
     stiff_looks: int = 7
     most: int = 128  # landmarks
@@ -54,14 +58,16 @@ class BestCPNetConfig:
     match: tuple = (0.0, 6.0)  # of gamma / alpha
 
 
-link_of = lru_cache(maxsize=8)(Link)  # of the last few disks that were looked at
+link_of = lru_cache(maxsize=8)(CoefficientMesh)  # of the last few disks that were looked at
 
 
 class BestCPNet(CoefficientNetwork):
-    """nu on a polar grid, the start of the looks, from landmarks p (B, M) with a mask (B, M) and the Born step.
+    """nu on a polar grid, the start of the looks, from landmarks p (B, M) with a mask (B, M) and
+    the Born step.
 
-    wanted, left (B, M): where the landmarks should go, and what the Born step nu (B, rings, spokes) leaves of that;
-    logs (B, 2): log10 of beta / alpha and gamma / alpha, since only ratios decide the minimiser.
+    wanted, left (B, M): where the landmarks should go, and what the Born step nu (B, rings, spokes)
+    leaves of that; logs (B, 2): log10 of beta / alpha and gamma / alpha, since only ratios decide
+    the minimiser.
     """
 
     def __init__(self, config):
@@ -77,13 +83,17 @@ class BestCPNet(CoefficientNetwork):
     def forward(self, p, wanted, left, mask, logs, nu):
         with torch.autocast(p.device.type, enabled=False), torch.no_grad():
             size = self.grid.mean_square(nu).sqrt() + SMALL
-            features, conditions = self.features(p, wanted, left, mask, nu, size), self.conditions(mask, logs, size)
+            features, conditions = (
+                self.features(p, wanted, left, mask, nu, size),
+                self.conditions(mask, logs, size),
+            )
         change = self.unet(features, conditions).float()
         factor, more = torch.complex(change[:, ::2], change[:, 1::2]).unbind(1)
         return nu * (1 + factor) + size[:, None, None] * more * self.spoke**2
 
     def features(self, p, wanted, left, mask, nu, size):
-        """SEEN as channels (B, 10, rings, spokes), the number at a node after `wanted`, and the radius."""
+        """SEEN as channels (B, 10, rings, spokes), the number at a node after `wanted`, and the
+        radius."""
         places = self.grid.locate(p)
         (wanted, count), (left, _) = (self.landmarks(places, x, mask) for x in (wanted, left))
         fields = zip(SEEN.values(), (nu / size[:, None, None], self.born.moved(nu), wanted, left))
@@ -93,13 +103,15 @@ class BestCPNet(CoefficientNetwork):
         return torch.stack([*channels[:6], count, *channels[6:], radius], 1)
 
     def landmarks(self, places, values, mask):
-        """Complex values at the landmarks as a field (B, rings, spokes), and their number at each node."""
+        """Complex values at the landmarks as a field (B, rings, spokes), and their number at each
+        node."""
         values = torch.stack([values.real, values.imag, torch.ones_like(mask)], 1) * mask[:, None]
         spread = self.grid.splat(values, places)[:, :, 1:].unflatten(2, self.grid.z.shape)
         return torch.complex(spread[:, 0], spread[:, 1]), spread[:, 2]
 
     def conditions(self, mask, logs, size):
-        """The weights, cut to the configuration's ranges, the number of landmarks and the size of nu: (B, 4)."""
+        """The weights, cut to the configuration's ranges, the number of landmarks and the size of
+        nu: (B, 4)."""
         low, high = torch.tensor([self.config.smooth, self.config.match]).to(logs).T
         sizes = torch.log10(torch.stack([mask.sum(1) / 100, size], 1))
         return torch.cat([logs.clamp(low, high) - logs.new_tensor([0, 4]), sizes], 1)
@@ -107,10 +119,10 @@ class BestCPNet(CoefficientNetwork):
     def answer(self, problem, weights, looks=None):
         """mu (F,) of a `Problem`.
 
-        looks: how many exact maps of its mesh are made, each followed by one Gauss-Newton step (default:
-        `looks_at(weights)`). The U-Net is trained for weights within `config.smooth` and
-        `config.match`, and takes others for the nearest of those; the looks take them for what they are. LandmarkError
-        for more than `config.most` landmarks.
+        looks: how many exact maps of its mesh are made, each followed by one Gauss-Newton step
+        (default: `looks_at(weights)`). The U-Net is trained for weights within `config.smooth` and
+        `config.match`, and takes others for the nearest of those; the looks take them for what they
+        are. LandmarkError for more than `config.most` landmarks.
         """
         *_, mu = self.stages(problem, weights, looks)
         return mu
@@ -118,9 +130,11 @@ class BestCPNet(CoefficientNetwork):
     @inference
     @threadpool_limits.wrap(limits=1)
     def answers(self, problem, weights, looks=3):
-        """The answers mu (F,) to a `Problem` after 0 to `looks` looks from either start, dict name -> mu, in order.
+        """The answers mu (F,) to a `Problem` after 0 to `looks` looks from either start, dict name
+        -> mu, in order.
 
-        "Born step" has learned nothing, "CP-Net" begins where the U-Net says; `predict` returns one of these.
+        "Born step" has learned nothing, "CP-Net" begins where the U-Net says; `predict` returns one
+        of these.
         """
         found = {}
         for learned, name in ((False, "Born step"), (True, "CP-Net")):
@@ -132,13 +146,15 @@ class BestCPNet(CoefficientNetwork):
     def stages(self, problem, weights, looks=None, learned=None):
         """The answers mu (F,) before any look and after each, one after the other.
 
-        learned: whether the looks begin where the U-Net says. By default they do unless the weights are stiff: then
-        the Born step is as good a start, and the answer is the best of the looks, as the last step may lead astray.
+        learned: whether the looks begin where the U-Net says. By default they do unless the weights
+        are stiff: then the Born step is as good a start, and the answer is the best of the looks,
+        as the last step may lead astray.
         """
         points = p, q = problem.moving, problem.target
         if len(p) > (most := self.config.most):
             raise LandmarkError(
-                f"{len(p)} landmarks, and CP-Net takes at most {most}: thin the curves, or use fit_landmarks"
+                f"{len(p)} landmarks, and CP-Net takes at most {most}: thin the curves, or use "
+                "fit_landmarks"
             )
         ratios = weights.beta / weights.alpha, weights.gamma / weights.alpha
         looks, stiff = self.looks_at(weights) if looks is None else looks, self.is_stiff(weights)
@@ -146,17 +162,30 @@ class BestCPNet(CoefficientNetwork):
         spectrum, spread = self.carrier(self.rings(p, q, weights))
         link = link_of(problem.disk, spectrum.mesh)
         start = spread @ self.start(points, ratios) if learned else None
-        for number, (proposal, best) in enumerate(Looks(link, spectrum, points, *ratios).run(start, looks)):
+        for number, (proposal, best) in enumerate(
+            CoefficientRefinement(link, spectrum, points, *ratios).run(start, looks)
+        ):
             said = best.proposal if number and stiff else proposal
             yield link.coefficient(said.nu)
 
     def start(self, points, ratios):
         """nu (N,) at the vertices of the network's mesh, before any look."""
         own, _ = self.carrier(self.config.rings)
-        born, wanted, left = Looks(link_of(own.mesh, own.mesh), own, points, *ratios).born()
+        born, wanted, left = CoefficientRefinement(
+            link_of(own.mesh, own.mesh), own, points, *ratios
+        ).born()
         logs, nu = np.log10(np.maximum(ratios, 1e-12)), born[1:].reshape(self.grid.z.shape)
-        p, wanted, left, nu = (torch.from_numpy(x)[None].to(self.grid.z) for x in (points[0], wanted, left, nu))
-        found = self(p, wanted, left, torch.ones_like(p.real), torch.from_numpy(logs)[None].to(self.grid.area), nu)
+        p, wanted, left, nu = (
+            torch.from_numpy(x)[None].to(self.grid.z) for x in (points[0], wanted, left, nu)
+        )
+        found = self(
+            p,
+            wanted,
+            left,
+            torch.ones_like(p.real),
+            torch.from_numpy(logs)[None].to(self.grid.area),
+            nu,
+        )
         return self.grid.with_centre(found)[0].cpu().numpy().astype(complex)
 
     def is_stiff(self, weights):
@@ -176,14 +205,16 @@ class BestCPNet(CoefficientNetwork):
         return config.finer if apart < config.close / config.rings else config.rings
 
     def carrier(self, rings):
-        """The `Spectrum` of so many rings, and the sparse matrix to its vertices from those of the network's mesh."""
+        """The `Spectrum` of so many rings, and the sparse matrix to its vertices from those of the
+        network's mesh."""
         if rings not in self.carriers:
             spectrum = Spectrum(rings, rings * self.config.spokes // self.config.rings)
             self.carriers[rings] = spectrum, self.grid.mesh.sampling(spectrum.mesh.z)
         return self.carriers[rings]
 
     def loss(self, batch, generator):
-        """Mean log of the answer's squared distance from the field of a fit over the Born step's, without a look."""
+        """Mean log of the answer's squared distance from the field of a fit over the Born step's,
+        without a look."""
         with torch.autocast(batch[0].device.type, enabled=False):
             *given, target = self.draw(batch, generator)
         nu = self(*given)
@@ -201,7 +232,9 @@ class BestCPNet(CoefficientNetwork):
             spokes = self.config.spokes
             by = torch.randint(spokes, (len(mask), 1), generator=generator)
             mirror = torch.rand(len(mask), 1, generator=generator) < 0.5
-            places = (torch.where(mirror, -1, 1) * (torch.arange(spokes) - by)) % spokes  # whose values come here
+            places = (
+                torch.where(mirror, -1, 1) * (torch.arange(spokes) - by)
+            ) % spokes  # whose values come here
             places = places.to(mask.device)[:, None].expand(born.shape)
             turn, mirror = torch.exp(2j * torch.pi * by / spokes).to(born), mirror.to(mask.device)
             points = [torch.where(mirror, x.conj(), x) * turn for x in points]

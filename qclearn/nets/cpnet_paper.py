@@ -1,5 +1,5 @@
-"""The paper's CP-Net, mended: the control's landmarks fixed, those of a subject in, one network for each
-(alpha, beta, gamma)."""
+"""The paper's CP-Net, mended: the control's landmarks fixed, those of a subject in, one network for
+each (alpha, beta, gamma)."""
 
 from dataclasses import dataclass
 
@@ -39,10 +39,12 @@ class PaperCPNetConfig:
 
 
 class PaperCPNet(CoefficientNetwork):
-    """Landmarks (B, M) on a subject's disk to mu (B, size, size), rows upwards, on the square of the paper's DBS-Net.
+    """Landmarks (B, M) on a subject's disk to mu (B, size, size), rows upwards, on the square of
+    the paper's DBS-Net.
 
-    Each curve passes through an MLP of its own and is reshaped into channels; all are concatenated, and transposed
-    convolutions make the image. The last layer is linear, so that nu may point anywhere; `mu = tanh(|nu|) nu / |nu|`.
+    Each curve passes through an MLP of its own and is reshaped into channels; all are concatenated,
+    and transposed convolutions make the image. The last layer is linear, so that nu may point
+    anywhere; `mu = tanh(|nu|) nu / |nu|`.
     """
 
     def __init__(self, config):
@@ -53,7 +55,8 @@ class PaperCPNet(CoefficientNetwork):
         self.side = config.size // 2 ** (len(config.widths) - 1)
         self.split = first // groups
         self.groups = nn.ModuleList(
-            perceptron(2 * config.points, 128, 128, self.split * self.side**2) for _ in range(groups)
+            perceptron(2 * config.points, 128, 128, self.split * self.side**2)
+            for _ in range(groups)
         )
         pairs = list(zip([groups * self.split, *config.widths[1:-1]], config.widths[1:]))
         self.up = nn.ModuleList(nn.ConvTranspose2d(a, b, 4, stride=2, padding=1) for a, b in pairs)
@@ -66,7 +69,9 @@ class PaperCPNet(CoefficientNetwork):
     def forward(self, p):
         """mu (B, size, size) of landmarks (B, M), curve by curve."""
         p = p - self.targets  # the network need not learn where the control is
-        curves = torch.view_as_real(SCALE * p).unflatten(1, (self.config.curves, -1)).flatten(2)  # (B, K, 2 points)
+        curves = (
+            torch.view_as_real(SCALE * p).unflatten(1, (self.config.curves, -1)).flatten(2)
+        )  # (B, K, 2 points)
         channels = [
             group(curve).unflatten(1, (self.split, self.side, self.side))
             for group, curve in zip(self.groups, curves.unbind(1))
@@ -80,7 +85,8 @@ class PaperCPNet(CoefficientNetwork):
     def loss(self, batch, generator):
         """The `distance` of the maps that the configured solver makes.
 
-        With a generator, of combinations of two of the batch's displacements, no smaller than they are.
+        With a generator, of combinations of two of the batch's displacements, no smaller than they
+        are.
         """
         p, targets = batch
         self.targets.copy_(targets[0])
@@ -99,18 +105,23 @@ class PaperCPNet(CoefficientNetwork):
         return loss.mean(), {"error": error.item(), "mu": mu.abs().mean().item()}
 
     def distance(self, mesh, mu, w, targets):
-        """The loss (B,) of coefficients mu (B, F) whose maps take the landmarks to w (B, M), by `config.loss`.
+        """The loss (B,) of coefficients mu (B, F) whose maps take the landmarks to w (B, M), by
+        `config.loss`.
 
-        "mended": `L_CP` with means over the area, of landmarks after the best Möbius map, as in `register`; "whole":
-        what its averages lose is counted, too; "printed": means over faces, of landmarks where the map leaves them.
+        "mended": `L_CP` with means over the area, of landmarks after the best Möbius map, as in
+        `register`; "whole": what its averages lose is counted, too; "printed": means over faces, of
+        landmarks where the map leaves them.
         """
         shares = None if self.config.loss == "printed" else mesh.areas / mesh.areas.sum()
         weights = Weights(1.0, 1.0, self.config.gamma)
         loss = L_CP(mesh, mu, w, targets, weights, shares=shares)
-        return loss + weights.beta * L_lost(mesh, mu, shares) if self.config.loss == "whole" else loss
+        return (
+            loss + weights.beta * L_lost(mesh, mu, shares) if self.config.loss == "whole" else loss
+        )
 
     def twin(self, device):
-        """The square's mesh, and what gives maps (B, V) on it of images mu: fixed, no part of this network's own."""
+        """The square's mesh, and what gives maps (B, V) on it of images mu: fixed, no part of this
+        network's own."""
         if self.solver is None:
             mesh = LossMesh(Disk(*square_disk(self.config.size))).to(device)
             self.solver = [mesh, maps_through(self.config.through, self.config.size, device)]
@@ -137,16 +148,22 @@ class PaperCPNet(CoefficientNetwork):
         ratios = weights.beta / weights.alpha, weights.gamma / weights.alpha
         if not np.allclose(ratios, [1.0, self.config.gamma], rtol=1e-3):
             raise LandmarkError(
-                f"this network is trained for the weights (1, 1, {self.config.gamma:g}) and was given "
-                f"({weights.alpha:g}, {weights.beta:g}, {weights.gamma:g}); use the preset best for others"
+                f"this network is trained for the weights (1, 1, {self.config.gamma:g}) and was "
+                "given "
+                f"({weights.alpha:g}, {weights.beta:g}, {weights.gamma:g}); use the preset best "
+                "for others"
             )
         moved = torch.from_numpy(p)[None].to(self.targets)
         a, theta = (parameter.item() for parameter in fit_mobius(moved, self.targets[None]))
         aligned = torch.from_numpy(mobius(p, a, theta))[None].to(self.targets)
         mu = self(aligned)
-        places = square_places(torch.from_numpy(mobius(disk.centroids, a, theta)).to(self.targets))[None, None]
+        places = square_places(torch.from_numpy(mobius(disk.centroids, a, theta)).to(self.targets))[
+            None, None
+        ]
         image = torch.stack([mu.real, mu.imag], 1)
-        found = functional.grid_sample(image, places, align_corners=False, padding_mode="border")[0, :, 0]
+        found = functional.grid_sample(image, places, align_corners=False, padding_mode="border")[
+            0, :, 0
+        ]
         slope = mobius_slope(disk.centroids, a, theta)  # mu of f after M is mu(M) conj(M') / M'
         return torch.complex(*found).cpu().numpy() * np.conj(slope) / slope
 
@@ -157,17 +174,19 @@ class PaperCPNet(CoefficientNetwork):
         nearest = away.argmin(1)
         if away.min(1).max() > NEAR or away.min(0).max() > NEAR:
             raise LandmarkError(
-                f"the {len(target)} targets are not the {len(control)} landmarks of the control that this "
+                f"the {len(target)} targets are not the {len(control)} landmarks of the control "
+                "that this "
                 'network was trained for; the preset best takes any: load("cpnet")'
             )
         return moving[nearest]
 
 
 def maps_through(name, size, device):
-    """From images mu (B, size, size) to maps on the square's vertices: by "exact", the polar solver, or a DBS-Net.
+    """From images mu (B, size, size) to maps on the square's vertices: by "exact", the polar
+    solver, or a DBS-Net.
 
-    Differentiable. The closed forms that preset "best" starts from are not: its maps are its own, their derivative that
-    of the exact solver.
+    Differentiable. The closed forms that preset "best" starts from are not: its maps are its own,
+    their derivative that of the exact solver.
     """
     from .weights import load
 

@@ -1,4 +1,5 @@
-"""The paper's DBS-Net, mended: the square in place of the disk, a Fourier layer, an inner and a boundary route."""
+"""The paper's DBS-Net, mended: the square in place of the disk, a Fourier layer, an inner and a
+boundary route."""
 
 from dataclasses import dataclass
 
@@ -17,7 +18,9 @@ from .losses import L_LBS, L_DBSNet, L_Energy, L_LBS_printed, L_Maps, LossMesh
 from .squaremaps import SquareMaps
 
 LOSSES = ("printed", "rows", "energy", "maps")  # see `PaperDBSNet.distance`
-TOLERANCE = 1e-3  # of the exact maps of the loss "maps": a tenth of what lies between two discretisations
+TOLERANCE = (
+    1e-3  # of the exact maps of the loss "maps": a tenth of what lies between two discretisations
+)
 FURTHEST = 0.95  # from 0 that f(0) is believed to be before the Möbius map that takes it there
 
 
@@ -31,17 +34,20 @@ class PaperDBSNetConfig:
     frequencies: int = 8  # the low ones: at most this, either way
     shortcut: bool = True
     loss: str = "energy"  # one of LOSSES
-    rho: float = (
-        1e-8  # of "printed" and "rows", for this size: the right weight falls with the fourth power of the pixels
-    )
+    # Of "printed" and "rows", for this size: the right weight falls with the fourth power of the
+    # pixels.
+    rho: float = 1e-8
 
 
 class FourierLayer(nn.Module):
-    """`M mu N` (B, 2k + 1, 2k + 1) of images mu (B, size, size), M and N learnable, at the start the truncated DFT."""
+    """`M mu N` (B, 2k + 1, 2k + 1) of images mu (B, size, size), M and N learnable, at the start
+    the truncated DFT."""
 
     def __init__(self, size, k):
         super().__init__()
-        start = torch.from_numpy(fourier_matrix(size, k)).to(torch.complex64) * size  # entries of modulus 1
+        start = (
+            torch.from_numpy(fourier_matrix(size, k)).to(torch.complex64) * size
+        )  # entries of modulus 1
         self.M = nn.Parameter(torch.view_as_real(start))
         self.N = nn.Parameter(torch.view_as_real(start.T.contiguous()))
 
@@ -51,16 +57,20 @@ class FourierLayer(nn.Module):
 
 
 class InnerRoute(nn.Module):
-    """Low frequencies (and, by the shortcut, the image itself) to the inner vertices' (B, 2, size - 1, size - 1).
+    """Low frequencies (and, by the shortcut, the image itself) to the inner vertices' (B, 2, size -
+    1, size - 1).
 
-    The coefficients are first transformed back, to an image of 2k + 1 pixels a side. The paper does not say so, but
-    convolutions and bilinear upsampling mean something for neighbours in space, not in frequency.
+    The coefficients are first transformed back, to an image of 2k + 1 pixels a side. The paper does
+    not say so, but convolutions and bilinear upsampling mean something for neighbours in space, not
+    in frequency.
     """
 
     def __init__(self, size, k, shortcut):
         super().__init__()
         self.size, wide, narrow = size, 64, 16
-        back = torch.from_numpy(fourier_matrix(2 * k + 1, k)).to(torch.complex64).conj().T * (2 * k + 1)
+        back = torch.from_numpy(fourier_matrix(2 * k + 1, k)).to(torch.complex64).conj().T * (
+            2 * k + 1
+        )
         self.register_buffer("back", back, persistent=False)
 
         def conv(channels_in, channels_out):
@@ -92,13 +102,16 @@ class InnerRoute(nn.Module):
 
 
 class BoundaryRoute(nn.Module):
-    """Low frequencies as a vector (B, n) to boundary angles (B, 4 size), positive and of sum 2 pi, by an MLP."""
+    """Low frequencies as a vector (B, n) to boundary angles (B, 4 size), positive and of sum 2 pi,
+    by an MLP."""
 
     def __init__(self, inputs, usual, hidden=512):
         super().__init__()
         self.layers = perceptron(inputs, hidden, hidden, len(usual))
         zero(self.layers[-1])
-        self.register_buffer("usual", torch.log(usual), persistent=False)  # of the mesh itself, where the MLP says 0
+        self.register_buffer(
+            "usual", torch.log(usual), persistent=False
+        )  # of the mesh itself, where the MLP says 0
 
     def forward(self, coefficients):
         return 2 * torch.pi * torch.softmax(self.usual + self.layers(coefficients), -1)
@@ -107,9 +120,10 @@ class BoundaryRoute(nn.Module):
 class PaperDBSNet(DiskNetwork):
     """The two routes joined in one map of `square_disk(size)`.
 
-    The paper leaves two things open. Here the routes are joined by carrying the turn of the boundary inwards
-    harmonically and adding what the inner route gives; and a Möbius map after that holds f(0) = 0 and f(1) = 1, as in
-    the exact solver. (A shift would put a spike at the vertex 0, which no loss of first derivatives feels.)
+    The paper leaves two things open. Here the routes are joined by carrying the turn of the
+    boundary inwards harmonically and adding what the inner route gives; and a Möbius map after that
+    holds f(0) = 0 and f(1) = 1, as in the exact solver. (A shift would put a spike at the vertex 0,
+    which no loss of first derivatives feels.)
     """
 
     def __init__(self, config):
@@ -134,16 +148,23 @@ class PaperDBSNet(DiskNetwork):
             self.register_buffer(name, torch.from_numpy(table), persistent=False)
         self.fourier = FourierLayer(config.size, config.frequencies)
         self.inner_route = InnerRoute(config.size, config.frequencies, config.shortcut)
-        self.boundary_route = BoundaryRoute(2 * (2 * config.frequencies + 1) ** 2, torch.from_numpy(usual).float())
+        self.boundary_route = BoundaryRoute(
+            2 * (2 * config.frequencies + 1) ** 2, torch.from_numpy(usual).float()
+        )
 
     def forward(self, mu):
-        """(f (B, V), angles (B, 4 size)) of images mu (B, size, size), rows upwards, a pixel a cell of the mesh."""
+        """(f (B, V), angles (B, 4 size)) of images mu (B, size, size), rows upwards, a pixel a cell
+        of the mesh."""
         with torch.autocast(mu.device.type, enabled=False):
             low = self.fourier(mu)
             back = self.inner_route.back
-            low, small, image = (torch.stack([x.real, x.imag], 1) for x in (10 * low, back @ low @ back.T, mu))
+            low, small, image = (
+                torch.stack([x.real, x.imag], 1) for x in (10 * low, back @ low @ back.T, mu)
+            )
         shift = self.inner_route(small, image)
-        with torch.autocast(mu.device.type, enabled=False):  # the loss differentiates, so all digits count
+        with torch.autocast(
+            mu.device.type, enabled=False
+        ):  # the loss differentiates, so all digits count
             angles = self.boundary_route(low.flatten(1))
             shift = 0.1 * self.inner_route.last(shift.float()).flatten(2)
             shift = torch.complex(shift[:, 0], shift[:, 1])
@@ -163,7 +184,8 @@ class PaperDBSNet(DiskNetwork):
 
     @property
     def pixels(self):
-        """Where the pixels of the square lie in the disk, (size^2,): mu is resampled, not pulled back."""
+        """Where the pixels of the square lie in the disk, (size^2,): mu is resampled, not pulled
+        back."""
         return square_to_disk(pixel_centres(self.config.size)).ravel()
 
     def run(self, mu):
@@ -183,7 +205,8 @@ class PaperDBSNet(DiskNetwork):
         return mu.flatten(1).repeat(1, 2)
 
     def loss(self, batch, generator):
-        """The configured loss of the fields batch[0]; with a generator also mixed and turned in phase.
+        """The configured loss of the fields batch[0]; with a generator also mixed and turned in
+        phase.
 
         Figures: `gauge_errors`, where the batch brings exact maps as well.
         """
@@ -201,15 +224,19 @@ class PaperDBSNet(DiskNetwork):
     def distance(self, mu, f, angles):
         """How far maps f (B, V) are from those of mu.
 
-        "printed": L_DBSNet with L_LBS_printed, in thousandths, where one boundary point is all that a map f holds;
-        "rows": the same with its rows mended, and with f(0) = 0; "energy": L_Energy; "maps": L_Maps against exact maps.
+        "printed": L_DBSNet with L_LBS_printed, in thousandths, where one boundary point is all that
+        a map f holds; "rows": the same with its rows mended, and with f(0) = 0; "energy": L_Energy;
+        "maps": L_Maps against exact maps.
         """
         given, config = self.on_faces(mu), self.config
         if config.loss == "energy":
             return L_Energy(self.mesh, given, f).mean()
         if config.loss in ("printed", "rows"):
             equation = L_LBS if config.loss == "rows" else L_LBS_printed
-            return 1e3 * L_DBSNet(self.mesh, given, f, angles, rho=config.rho, equation=equation).mean()
+            return (
+                1e3
+                * L_DBSNet(self.mesh, given, f, angles, rho=config.rho, equation=equation).mean()
+            )
         self.exact = self.exact or SquareMaps(config.size)
         with torch.no_grad():
             exact = self.exact(mu, TOLERANCE)
@@ -217,10 +244,11 @@ class PaperDBSNet(DiskNetwork):
 
 
 def poisson_matrix(z, boundary):
-    """Matrix (B, V) of the harmonic extension of values at B boundary points, in order, to the points z (V,).
+    """Matrix (B, V) of the harmonic extension of values at B boundary points, in order, to the
+    points z (V,).
 
-    Poisson's kernel, its rows normalised; points nearer to the circle than the boundary points to one another are
-    taken back to that distance, where the sum still resolves the kernel.
+    Poisson's kernel, its rows normalised; points nearer to the circle than the boundary points to
+    one another are taken back to that distance, where the sum still resolves the kernel.
     """
     following = np.roll(boundary, -1)
     spans = abs(following - boundary) + abs(boundary - np.roll(boundary, 1))
@@ -230,9 +258,11 @@ def poisson_matrix(z, boundary):
 
 
 def mixed(mu, order, draw, max_abs):
-    """Coefficients (B, ...) of which half are sums with another of the batch; phase and largest |mu| are drawn too.
+    """Coefficients (B, ...) of which half are sums with another of the batch; phase and largest
+    |mu| are drawn too.
 
-    order (B,): a permutation, the other ones; draw (5, B): uniform in 0..1; max_abs: the range of the largest |mu|.
+    order (B,): a permutation, the other ones; draw (5, B): uniform in 0..1; max_abs: the range of
+    the largest |mu|.
     """
     draw, other = draw.to(mu.real).view(5, -1, *[1] * (mu.ndim - 1)), mu[order.to(mu.device)]
     share = draw[0] * (draw[1] < 0.5)

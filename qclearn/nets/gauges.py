@@ -8,10 +8,17 @@ ROUNDS = 12  # of the fit of Möbius maps, which begins at the best rotation
 
 
 def gauge_errors(maps, exact, z):
-    """`mean|f - f*| / mean|z - f*|` over the vertices z (V,): the ratio of both sums over maps and exact maps (B, V).
+    """`mean|f - f*| / mean|z - f*|` over the vertices z (V,): the ratio of both sums over maps and
+    exact maps (B, V).
 
-    A dict: "comes", both as they come (f(0) = 0 and f(1) = 1), and "mobius", after the best Möbius map for f and for z.
+    A dict: "comes", both as they come (f(0) = 0 and f(1) = 1), and "mobius", after the best Möbius
+    map for f and for z.
     """
     identity = np.tile(z, (len(exact), 1))
-    off, still = (mobius_misfits(np.asarray(f, complex), exact, 1, ROUNDS).sum() for f in (maps, identity))
-    return {"comes": float(abs(maps - exact).sum() / abs(identity - exact).sum()), "mobius": float(off / still)}
+    off, still = (
+        mobius_misfits(np.asarray(f, complex), exact, 1, ROUNDS).sum() for f in (maps, identity)
+    )
+    return {
+        "comes": float(abs(maps - exact).sum() / abs(identity - exact).sum()),
+        "mobius": float(off / still),
+    }

@@ -1,4 +1,5 @@
-"""What several networks share: small stacks of layers, convolutions on the polar mesh, and calls from NumPy."""
+"""What several networks share: small stacks of layers, convolutions on the polar mesh, and calls
+from NumPy."""
 
 from functools import lru_cache, wraps
 from itertools import pairwise
@@ -21,7 +22,8 @@ FIRST_SCALE = 0.1  # of a conditioned U-Net's outputs, before the conditions cha
 def inference(method):
     """Let a network's call run without gradients and on one thread of torch.
 
-    The work is small: on a busy machine threads that wait for each other cost far more than they save.
+    The work is small: on a busy machine threads that wait for each other cost far more than they
+    save.
     """
 
     @wraps(method)
@@ -40,7 +42,9 @@ def inference(method):
 def perceptron(*sizes, activation=nn.SiLU):
     """Linear layers from each of these sizes to the next, with activations between them."""
     linear = [nn.Linear(*pair) for pair in pairwise(sizes)]
-    return nn.Sequential(linear[0], *(part for layer in linear[1:] for part in (activation(), layer)))
+    return nn.Sequential(
+        linear[0], *(part for layer in linear[1:] for part in (activation(), layer))
+    )
 
 
 def convolution(channels_in, channels_out, **options):
@@ -57,17 +61,21 @@ def zero(layer):
 
 
 class PolarPad(torch.autograd.Function):
-    """x (B, C, rings, spokes) with one more ring and spoke on every side, for a 3 x 3 convolution on the disk.
+    """x (B, C, rings, spokes) with one more ring and spoke on every side, for a 3 x 3 convolution
+    on the disk.
 
-    The angle is periodic, the disk goes on at the opposite spoke beyond the centre, and the last ring is repeated
-    beyond the circle. This is right for functions, and for components of mu in the frame that turns with the spoke.
-    The adjoint is written out, because slices and `cat` lose the channels-last layout on the way back.
+    The angle is periodic, the disk goes on at the opposite spoke beyond the centre, and the last
+    ring is repeated beyond the circle. This is right for functions, and for components of mu in the
+    frame that turns with the spoke. The adjoint is written out, because slices and `cat` lose the
+    channels-last layout on the way back.
     """
 
     @staticmethod
     def forward(ctx, x):
         rings, spokes = x.shape[-2:]
-        wide = x.new_empty(*x.shape[:2], rings + 2, spokes + 2).contiguous(memory_format=torch.channels_last)
+        wide = x.new_empty(*x.shape[:2], rings + 2, spokes + 2).contiguous(
+            memory_format=torch.channels_last
+        )
         wide[..., 1:-1, 1:-1] = x
         wide[..., 0, 1:-1] = x[..., 0, :].roll(spokes // 2, -1)
         wide[..., -1, 1:-1] = x[..., -1, :]
@@ -88,7 +96,8 @@ class PolarPad(torch.autograd.Function):
 
 
 class PolarConv(nn.Conv2d):
-    """3 x 3 convolution on the grid of rings and spokes with the neighbours of the disk (`PolarPad`)."""
+    """3 x 3 convolution on the grid of rings and spokes with the neighbours of the disk
+    (`PolarPad`)."""
 
     def __init__(self, channels_in, channels_out):
         super().__init__(channels_in, channels_out, 3)
@@ -98,7 +107,8 @@ class PolarConv(nn.Conv2d):
 
 
 class PolarBlock(nn.Module):
-    """x + conv(act(conv(act(x)))). The last convolution begins at zero, and so the block as the identity."""
+    """x + conv(act(conv(act(x)))). The last convolution begins at zero, and so the block as the
+    identity."""
 
     def __init__(self, channels):
         super().__init__()
@@ -109,10 +119,12 @@ class PolarBlock(nn.Module):
 
 
 class PolarUNet(nn.Module):
-    """U-Net on the grid of rings and spokes: (B, inputs, rings, spokes) -> (B, outputs, rings, spokes).
+    """U-Net on the grid of rings and spokes: (B, inputs, rings, spokes) -> (B, outputs, rings,
+    spokes).
 
-    channels: one number a level; each level is half as fine as the one before, and 2^(levels - 1) must divide rings and
-    spokes. blocks: residual blocks on the coarsest level; the other levels have one down and one up.
+    channels: one number a level; each level is half as fine as the one before, and 2^(levels - 1)
+    must divide rings and spokes. blocks: residual blocks on the coarsest level; the other levels
+    have one down and one up.
     """
 
     def __init__(self, inputs, outputs, channels, blocks=3):
@@ -138,7 +150,8 @@ class PolarUNet(nn.Module):
 
 
 class ConditionedUNet(PolarUNet):
-    """The polar U-Net with FiLM layers: conditions (B, n) scale and shift every channel of every level."""
+    """The polar U-Net with FiLM layers: conditions (B, n) scale and shift every channel of every
+    level."""
 
     def __init__(self, inputs, outputs, conditions, channels, blocks):
         super().__init__(inputs, outputs, channels, blocks)
@@ -158,7 +171,8 @@ class ConditionedUNet(PolarUNet):
 
 
 def disk_of(z, faces):
-    """The `Disk` of z (V,) and faces (F, 3); the last four are kept, with all that was found out about them."""
+    """The `Disk` of z (V,) and faces (F, 3); the last four are kept, with all that was found out
+    about them."""
     return _disk_of(np.asarray(z, complex).tobytes(), np.asarray(faces, np.int64).tobytes())
 
 
@@ -176,18 +190,21 @@ def holding(disk, network):
 
 
 class DiskNetwork(nn.Module):
-    """A network that maps coefficients to maps on a mesh of its own, and serves any disk mesh by resampling both.
+    """A network that maps coefficients to maps on a mesh of its own, and serves any disk mesh by
+    resampling both.
 
-    A subclass offers `pixels`, the points (P,) where it takes mu, and `run(mu (P,), **options)`, which returns the map
-    as a function of points of the disk.
+    A subclass offers `pixels`, the points (P,) where it takes mu, and `run(mu (P,), **options)`,
+    which returns the map as a function of points of the disk.
     """
 
     @inference
     def solve(self, z, faces, mu, **options):
-        """The map f (V,) that the network gives for mu (F,) on a disk mesh z (V,), faces (F, 3); deterministic.
+        """The map f (V,) that the network gives for mu (F,) on a disk mesh z (V,), faces (F, 3);
+        deterministic.
 
-        f(0) = 0, and boundary vertices lie on the circle. Not certified: ask `check_bijective`. BeltramiError for NaN
-        or |mu| >= 1, or faces that are no disk; SurfaceError where the boundary is off the unit circle.
+        f(0) = 0, and boundary vertices lie on the circle. Not certified: ask `check_bijective`.
+        BeltramiError for NaN or |mu| >= 1, or faces that are no disk; SurfaceError where the
+        boundary is off the unit circle.
         """
         mu = check_coefficient(mu, len(faces))
         disk = disk_of(z, faces)
@@ -199,23 +216,28 @@ class DiskNetwork(nn.Module):
 class CoefficientNetwork(nn.Module):
     """A network that maps landmarks on any disk mesh to mu on its faces.
 
-    A subclass offers `answer(problem, weights, **options)`, which returns mu (F,) of a `Problem`, and `usual(alpha)`,
-    the `Weights` of calls that name no others.
+    A subclass offers `answer(problem, weights, **options)`, which returns mu (F,) of a `Problem`,
+    and `usual(alpha)`, the `Weights` of calls that name no others.
     """
 
     usual = Weights
 
     @inference
     @threadpool_limits.wrap(limits=1)
-    def predict(self, z, faces, moving, target, alpha=1.0, beta=None, gamma=None, curve=None, **options):
-        """mu (F,) on a disk mesh z (V,), faces (F, 3) whose map takes `moving` to `target` (M,), as `fit_landmarks`.
+    def predict(
+        self, z, faces, moving, target, alpha=1.0, beta=None, gamma=None, curve=None, **options
+    ):
+        """mu (F,) on a disk mesh z (V,), faces (F, 3) whose map takes `moving` to `target` (M,), as
+        `fit_landmarks`.
 
-        The map is `solve_beltrami_disk(z, faces, mu)` and the best Möbius map after it. curve is checked, not used.
-        LandmarkError for landmarks or weights that the network cannot take; BeltramiError or SurfaceError where the
-        mesh is no disk. options: of the network's `answer`.
+        The map is `solve_beltrami_disk(z, faces, mu)` and the best Möbius map after it. curve is
+        checked, not used. LandmarkError for landmarks or weights that the network cannot take;
+        BeltramiError or SurfaceError where the mesh is no disk. options: of the network's `answer`.
         """
         usual = self.usual(alpha)
-        weights = Weights(alpha, usual.beta if beta is None else beta, usual.gamma if gamma is None else gamma)
+        weights = Weights(
+            alpha, usual.beta if beta is None else beta, usual.gamma if gamma is None else gamma
+        )
         return self.answer(Problem(disk_of(z, faces), moving, target, curve), weights, **options)
 
     def gamma_used(self, weights):
@@ -224,9 +246,11 @@ class CoefficientNetwork(nn.Module):
 
 
 class PolarFunction:
-    """The map f(z) = z q(z) of values q (rings, spokes) at the radii 1/rings ... 1, bilinear in radius and angle.
+    """The map f(z) = z q(z) of values q (rings, spokes) at the radii 1/rings ... 1, bilinear in
+    radius and angle.
 
-    Inside the first ring q has that ring's values. Cubic interpolation is no more accurate and takes longer.
+    Inside the first ring q has that ring's values. Cubic interpolation is no more accurate and
+    takes longer.
     """
 
     def __init__(self, q):
@@ -240,11 +264,14 @@ class PolarFunction:
 
 
 def output_shapes(parts, run):
-    """A row (name, module, shape in words) for each output of `parts`, pairs (name, module), during run(), in order."""
+    """A row (name, module, shape in words) for each output of `parts`, pairs (name, module), during
+    run(), in order."""
     rows = []
 
     def note(name):
-        return lambda part, _, output: rows.append((name, part, " × ".join(map(str, output.shape[1:]))))
+        return lambda part, _, output: rows.append(
+            (name, part, " × ".join(map(str, output.shape[1:])))
+        )
 
     hooks = [part.register_forward_hook(note(name)) for name, part in parts]
     with torch.no_grad():

@@ -1,7 +1,9 @@
-"""LD-Net: the course of sulci between given endpoints, from the curvature image of a surface on its disk.
+"""LD-Net: the course of sulci between given endpoints, from the curvature image of a surface on its
+disk.
 
-Preset `paper` (`ldnet_paper`) predicts a set number of points on a fixed list of curves. Preset `best`
-shows where sulci run and lets the shortest path on the surface follow. Source: paper, section 'Landmark Detection'.
+Preset `paper` (`ldnet_paper`) predicts a set number of points on a fixed list of curves. Preset
+`best` shows where sulci run and lets the shortest path on the surface follow. Source: paper,
+section 'Landmark Detection'.
 """
 
 from dataclasses import dataclass
@@ -12,20 +14,25 @@ import torch
 import torch.nn.functional as F
 from torch import nn
 
-from ..registration.landmarks import fundus_cost, fundus_path, weigh_edges
+from ..registration.curves import fundus_cost, fundus_path, weigh_edges
 from .layers import convolution, inference
 from .ldnet_paper import PaperLDNet, PaperLDNetConfig
 from .pictures import check_input, picture, stamp, turn
 from .train import TrainConfig
 
-CURVATURE_WEIGHT, DEPTH_WEIGHT, FLOOR, ROUNDS = 0.5, 1.0, 0.3, 2  # of `heat_metric`, chosen on the validation subjects
+CURVATURE_WEIGHT, DEPTH_WEIGHT, FLOOR, ROUNDS = (
+    0.5,
+    1.0,
+    0.3,
+    2,
+)  # of `heat_metric`, chosen on the validation subjects
 ENDS, CHORDS, FINER = 1.0, 64, 3  # pixels; points on a chord; points on a curve's segment
 
 
 @dataclass(frozen=True)
 class BestLDNetConfig:
-    """Sizes of the better LD-Net. size: of the image, a power of two; widths: channels at 1/2, 1/4, ... of the size;
-    band: standard deviation of the soft band around a curve, in pixels."""
+    """Sizes of the better LD-Net. size: of the image, a power of two; widths: channels at 1/2, 1/4,
+    ... of the size; band: standard deviation of the soft band around a curve, in pixels."""
 
     preset: str = "best"
     size: int = 128
@@ -34,8 +41,11 @@ class BestLDNetConfig:
 
 
 def refine(curves, finer=FINER):
-    """Points (B, K, n) along polylines (B, K, P), `finer` on each segment, and where they lie, (n,) in 0..P-1."""
-    place = torch.linspace(0, curves.shape[-1] - 1, finer * (curves.shape[-1] - 1) + 1, device=curves.device)
+    """Points (B, K, n) along polylines (B, K, P), `finer` on each segment, and where they lie, (n,)
+    in 0..P-1."""
+    place = torch.linspace(
+        0, curves.shape[-1] - 1, finer * (curves.shape[-1] - 1) + 1, device=curves.device
+    )
     first = place.floor().long().clamp(max=curves.shape[-1] - 2)
     share = place - first
     return curves[..., first] * (1 - share) + curves[..., first + 1] * share, place
@@ -53,10 +63,12 @@ class Residual(nn.Module):
 
 
 class BestLDNet(nn.Module):
-    """A U-Net that shows where the sulci between the given endpoints run; the curve is the shortest path on that map.
+    """A U-Net that shows where the sulci between the given endpoints run; the curve is the shortest
+    path on that map.
 
-    It sees the curvature, the disk, the endpoints and the chords between them; any number of curves at once, with no
-    names. Endpoints are exact by construction, and curves are paths on the surface.
+    It sees the curvature, the disk, the endpoints and the chords between them; any number of curves
+    at once, with no names. Endpoints are exact by construction, and curves are paths on the
+    surface.
     """
 
     def __init__(self, config):
@@ -72,8 +84,13 @@ class BestLDNet(nn.Module):
         self.head = nn.Sequential(nn.Conv2d(widths[0], 4, 1), nn.PixelShuffle(2))
 
     def from_images(self, images, ends):
-        """Logits (B, S, S) from what `CurveDataset` gives: images (B, 2, S, S), ends (B, K, 2), all curves shown."""
-        return self(self.channels(images[:, 0], ends, torch.ones(ends.shape[:2], dtype=torch.bool, device=ends.device)))
+        """Logits (B, S, S) from what `CurveDataset` gives: images (B, 2, S, S), ends (B, K, 2), all
+        curves shown."""
+        return self(
+            self.channels(
+                images[:, 0], ends, torch.ones(ends.shape[:2], dtype=torch.bool, device=ends.device)
+            )
+        )
 
     def forward(self, channels):
         """Logits (B, S, S) of lying on one of the sulci, from `channels` (B, 4, S, S)."""
@@ -87,8 +104,8 @@ class BestLDNet(nn.Module):
         return self.head(x)[:, 0]
 
     def channels(self, grey, ends, shown):
-        """What the network sees, (B, 4, S, S), of images (B, S, S) in 0..255 and endpoints (B, K, 2) where shown (B,
-        K)."""
+        """What the network sees, (B, 4, S, S), of images (B, S, S) in 0..255 and endpoints (B, K,
+        2) where shown (B, K)."""
         size = self.config.size
         centre = (2 * torch.arange(size, device=grey.device) + 1) / size - 1
         disk = ((centre[:, None] ** 2 + centre**2) <= 1).to(grey.dtype)
@@ -101,10 +118,11 @@ class BestLDNet(nn.Module):
         return torch.stack([(grey / 127.5 - 1) * disk, disk.expand_as(grey), marks, chords], 1)
 
     def loss(self, batch, generator):
-        """Binary cross-entropy with the soft band around the shown curves, a hit counting four times; the overlap.
+        """Binary cross-entropy with the soft band around the shown curves, a hit counting four
+        times; the overlap.
 
-        batch: images (B, 2, S, S), ends (B, K, 2), curves (B, K, P) as `CurveDataset` gives them. Augmentation: the
-        symmetries of the square, contrast, some of the curves, parts of curves.
+        batch: images (B, 2, S, S), ends (B, K, 2), curves (B, K, P) as `CurveDataset` gives them.
+        Augmentation: the symmetries of the square, contrast, some of the curves, parts of curves.
         """
         images, _, curves = batch
         with torch.autocast(images.device.type, enabled=False):
@@ -118,7 +136,9 @@ class BestLDNet(nn.Module):
             points, place = refine(curves)
             seen = shown[..., None] & (place >= first[..., None]) & (place <= last[..., None])
             band = stamp(points.flatten(1), seen.flatten(1), self.config.size, self.config.band)
-            channels = self.channels(grey[:, 0], ends, shown).contiguous(memory_format=torch.channels_last)
+            channels = self.channels(grey[:, 0], ends, shown).contiguous(
+                memory_format=torch.channels_last
+            )
         logits = self(channels).float()
         disk = channels[:, 1]
         error = (
@@ -132,34 +152,40 @@ class BestLDNet(nn.Module):
 
     @inference
     def heat(self, surface, z, endpoints):
-        """Probability (V,) of lying on one of the sulci between the endpoints, the mean curvature (V,) beside it."""
+        """Probability (V,) of lying on one of the sulci between the endpoints, the mean curvature
+        (V,) beside it."""
         z, endpoints = check_input(surface, z, endpoints)
         grey, radius, H = picture(surface, z, self.config.size)
         w = torch.as_tensor(radius.to_image(z)).to(next(self.parameters()).device, torch.complex64)
         grey = torch.as_tensor(grey, dtype=torch.float32, device=w.device)[None, None]
         logits = self.from_images(grey, w[torch.as_tensor(endpoints, device=w.device)][None])
         place = torch.view_as_real(w)[None, None]  # (1, 1, V, 2): x, y, as grid_sample takes them
-        sampled = F.grid_sample(logits[None], place, padding_mode="border", align_corners=False)[0, 0, 0]
+        sampled = F.grid_sample(logits[None], place, padding_mode="border", align_corners=False)[
+            0, 0, 0
+        ]
         return sampled.sigmoid().double().cpu().numpy(), H
 
     def detect(self, surface, z, endpoints):
-        """The sulci between pairs of endpoints (K, 2) as curves in the disk map z: list of (k,) complex, vertices'
-        images.
+        """The sulci between pairs of endpoints (K, 2) as curves in the disk map z: list of (k,)
+        complex, vertices' images.
 
-        The shortest paths in `heat_metric`. SurfaceError for a surface that is not a disk or another's z; LandmarkError
-        for endpoints out of range or equal.
+        The shortest paths in `heat_metric`. SurfaceError for a surface that is not a disk or
+        another's z; LandmarkError for endpoints out of range or equal.
         """
         heat, H = self.heat(surface, z, endpoints)
         metric = heat_metric(surface, heat, H)
-        return [np.asarray(z)[fundus_path(surface, start, end, metric)] for start, end in np.asarray(endpoints)]
+        return [
+            np.asarray(z)[fundus_path(surface, start, end, metric)]
+            for start, end in np.asarray(endpoints)
+        ]
 
 
 def heat_metric(surface, heat, H):
     """Length of every edge of `surface.edges` in the metric of `BestLDNet.detect`, (E,).
 
-    An edge's length in space times the mean over its ends of `exp(H/(2 s) - d/m) (FLOOR + 1 - heat)`: that of
-    `landmarks.fundus_metric` with half the weight on the sulcal depth d and the mean curvature H smoothed, times how
-    little the network believes in the place.
+    An edge's length in space times the mean over its ends of `exp(H/(2 s) - d/m) (FLOOR + 1 -
+    heat)`: that of `landmarks.fundus_metric` with half the weight on the sulcal depth d and the
+    mean curvature H smoothed, times how little the network believes in the place.
     """
     cost = fundus_cost(surface, smoothed(surface, H), CURVATURE_WEIGHT, DEPTH_WEIGHT)
     return weigh_edges(surface, cost * (FLOOR + 1 - heat))
@@ -175,7 +201,8 @@ def smoothed(surface, values, rounds=ROUNDS):
 
 
 def whole(curves):
-    """First and last point of each curve, (B, K) int, and which curves are shown, (B, K): all of all."""
+    """First and last point of each curve, (B, K) int, and which curves are shown, (B, K): all of
+    all."""
     first = torch.zeros(curves.shape[:2], dtype=torch.long, device=curves.device)
     return first, first + curves.shape[2] - 1, first == 0
 
@@ -194,8 +221,11 @@ def some(curves, generator):
 
 
 def contrast(grey, generator):
-    """Images (B, 1, S, S) in 0..255 with another gamma, 0.6 to 1.6, some smoothed: surfaces differ in both."""
-    gamma, blur = (torch.rand(len(grey), 1, 1, 1, generator=generator).to(grey.device) for _ in range(2))
+    """Images (B, 1, S, S) in 0..255 with another gamma, 0.6 to 1.6, some smoothed: surfaces differ
+    in both."""
+    gamma, blur = (
+        torch.rand(len(grey), 1, 1, 1, generator=generator).to(grey.device) for _ in range(2)
+    )
     smooth = F.avg_pool2d(grey, 3, stride=1, padding=1)
     grey = torch.lerp(grey, smooth, (2 * blur - 1).clamp(min=0))
     return 255 * (grey / 255) ** (2 ** (1.4 * gamma - 0.7))

@@ -14,9 +14,9 @@ from .pictures import check_input, picture, turn
 
 @dataclass(frozen=True)
 class PaperLDNetConfig:
-    """Sizes of the paper's LD-Net, mended. size: of the image, a power of two; widths: channels of the convolutions,
-    which halve the image one by one; curves, points: how many curves and points on each, ends included; hidden: width
-    of the perceptrons."""
+    """Sizes of the paper's LD-Net, mended. size: of the image, a power of two; widths: channels of
+    the convolutions, which halve the image one by one; curves, points: how many curves and points
+    on each, ends included; hidden: width of the perceptrons."""
 
     preset: str = "paper"
     size: int = 128
@@ -27,10 +27,12 @@ class PaperLDNetConfig:
 
 
 class PaperLDNet(nn.Module):
-    """The image through convolutions, starting and ending points through a perceptron each, concatenated.
+    """The image through convolutions, starting and ending points through a perceptron each,
+    concatenated.
 
-    For a fixed list of curves, in the order it was trained on; `points` on each, the inner ones predicted, the
-    endpoints as given. The curves are polylines of the image and need not lie on edges of the surface.
+    For a fixed list of curves, in the order it was trained on; `points` on each, the inner ones
+    predicted, the endpoints as given. The curves are polylines of the image and need not lie on
+    edges of the surface.
     """
 
     def __init__(self, config):
@@ -38,44 +40,63 @@ class PaperLDNet(nn.Module):
         self.config = config
         pairs = list(zip((2, *config.widths), config.widths))
         side = config.size >> len(pairs)  # of the last image
-        self.image = nn.Sequential(*(layer for pair in pairs for layer in convolution(*pair, stride=2)))
-        self.flat = nn.Sequential(nn.Flatten(), nn.Linear(config.widths[-1] * side**2, config.hidden), nn.ReLU())
+        self.image = nn.Sequential(
+            *(layer for pair in pairs for layer in convolution(*pair, stride=2))
+        )
+        self.flat = nn.Sequential(
+            nn.Flatten(), nn.Linear(config.widths[-1] * side**2, config.hidden), nn.ReLU()
+        )
         ends = 2 * config.curves, config.hidden, config.hidden
-        self.start, self.end = (nn.Sequential(*perceptron(*ends, activation=nn.ReLU), nn.ReLU()) for _ in range(2))
+        self.start, self.end = (
+            nn.Sequential(*perceptron(*ends, activation=nn.ReLU), nn.ReLU()) for _ in range(2)
+        )
         inner = 2 * config.curves * (config.points - 2)
         self.joined = perceptron(3 * config.hidden, 2 * config.hidden, inner, activation=nn.ReLU)
 
     def forward(self, images, ends):
-        """Curves (B, K, points), complex, from images (B, 2, S, S) in 0..255 and ends (B, K, 2), complex."""
+        """Curves (B, K, points), complex, from images (B, 2, S, S) in 0..255 and ends (B, K, 2),
+        complex."""
         seen = self.flat(self.image(images / 255))  # (B, hidden)
         start, end = (
-            route(torch.view_as_real(ends[..., k].contiguous()).flatten(1))  # (B, 2K) -> (B, hidden)
+            route(
+                torch.view_as_real(ends[..., k].contiguous()).flatten(1)
+            )  # (B, 2K) -> (B, hidden)
             for k, route in enumerate((self.start, self.end))
         )
         inner = self.joined(torch.cat([seen, start, end], 1)).float()
-        inner = torch.view_as_complex(inner.view(len(images), self.config.curves, -1, 2))  # (B, K, points - 2)
+        inner = torch.view_as_complex(
+            inner.view(len(images), self.config.curves, -1, 2)
+        )  # (B, K, points - 2)
         return torch.cat([ends[..., :1], inner, ends[..., 1:]], 2)
 
     def loss(self, batch, generator):
-        """Mean `L_LD` of the batch under random symmetries of the square; the points' mean distance in the image."""
+        """Mean `L_LD` of the batch under random symmetries of the square; the points' mean distance
+        in the image."""
         images, _, curves = batch
-        every = (curves.shape[2] - 1) // (self.config.points - 1)  # the set has more points, equally spaced too
+        every = (curves.shape[2] - 1) // (
+            self.config.points - 1
+        )  # the set has more points, equally spaced too
         curves = curves[..., ::every]
         if generator is not None:
             images, curves = turn(images, curves, generator)
         found = self(images, curves[..., [0, -1]])
-        return L_LD(found, curves).mean(), {"distance": abs(found - curves)[..., 1:-1].mean().item()}
+        return L_LD(found, curves).mean(), {
+            "distance": abs(found - curves)[..., 1:-1].mean().item()
+        }
 
     @inference
     def detect(self, surface, z, endpoints):
-        """The curves between pairs of endpoints (K, 2) in the disk map z: list of (points,) complex.
+        """The curves between pairs of endpoints (K, 2) in the disk map z: list of (points,)
+        complex.
 
-        LandmarkError unless K is the number it was trained on; the pairs in that order. Others as `BestLDNet.detect`.
+        LandmarkError unless K is the number it was trained on; the pairs in that order. Others as
+        `BestLDNet.detect`.
         """
         z, endpoints = check_input(surface, z, endpoints)
         if len(endpoints) != self.config.curves:
             raise LandmarkError(
-                f"{len(endpoints)} pairs of endpoints; this network was trained on {self.config.curves} "
+                f"{len(endpoints)} pairs of endpoints; this network was trained on "
+                f"{self.config.curves} "
                 "curves in a fixed order: give all of them, or use preset 'best'"
             )
         grey, radius, _ = picture(surface, z, self.config.size)
@@ -83,7 +104,9 @@ class PaperLDNet(nn.Module):
         ends = torch.as_tensor(radius.to_image(z[endpoints]))
         marks = nearest_pixels(ends.flatten(), self.config.size)
         images = torch.stack([torch.as_tensor(grey), marks])[None].to(device, torch.float32)
-        curves = self(images, ends[None].to(device, torch.complex64))[0].cpu().numpy().astype(complex)
+        curves = (
+            self(images, ends[None].to(device, torch.complex64))[0].cpu().numpy().astype(complex)
+        )
         curves = radius.from_image(curves / np.maximum(abs(curves), 1))
         curves[:, [0, -1]] = z[endpoints]
         return list(curves)
@@ -91,7 +114,9 @@ class PaperLDNet(nn.Module):
 
 def nearest_pixels(points, size):
     """Image (size, size): 255 at the pixels nearest the points (n,), complex, elsewhere 0."""
-    column, row = (((part + 1) * size / 2).long().clamp(0, size - 1) for part in (points.real, points.imag))
+    column, row = (
+        ((part + 1) * size / 2).long().clamp(0, size - 1) for part in (points.real, points.imag)
+    )
     image = torch.zeros(size, size, dtype=torch.float64)
     image[row, column] = 255
     return image

@@ -1,7 +1,7 @@
 """The losses of the paper in its order, each named after its equation, with what had to be mended.
 
-All are batched and return one value a sample, (B,): take the mean. Points and maps are complex, (B, N) and (B, V);
-coefficients complex, (B, F), |mu| < 1. Losses on a mesh take its `LossMesh` first.
+All are batched and return one value a sample, (B,): take the mean. Points and maps are complex, (B,
+N) and (B, V); coefficients complex, (B, F), |mu| < 1. Losses on a mesh take its `LossMesh` first.
 """
 
 import numpy as np
@@ -10,11 +10,14 @@ from torch import nn
 
 
 class LossMesh(nn.Module):
-    """A `Disk` as tables on a network's device: the matrix K(mu), the boundary, and gradients of mu."""
+    """A `Disk` as tables on a network's device: the matrix K(mu), the boundary, and gradients of
+    mu."""
 
     def __init__(self, disk, precision=torch.float32):
         super().__init__()
-        tables = {name: getattr(disk, name) for name in ("z", "faces", "loop", "areas", "gradients")}
+        tables = {
+            name: getattr(disk, name) for name in ("z", "faces", "loop", "areas", "gradients")
+        }
         around = np.bincount(disk.faces.ravel(), np.repeat(disk.areas, 3), len(disk.z))[disk.faces]
         tables["shares"] = disk.areas[:, None] / around  # of the faces round each corner
         kinds = {"f": precision, "c": precision.to_complex(), "i": torch.int64}
@@ -24,7 +27,8 @@ class LossMesh(nn.Module):
             self.register_buffer(name, table.to(kind), persistent=False)
 
     def gradient(self, values):
-        """Gradients (B, F), complex `d/dx + i d/dy`, of real vertex values (B, V), linear on each face."""
+        """Gradients (B, F), complex `d/dx + i d/dy`, of real vertex values (B, V), linear on each
+        face."""
         return (values[:, self.faces] * self.gradients).sum(-1)
 
     def wirtinger(self, f):
@@ -39,7 +43,8 @@ class LossMesh(nn.Module):
         return total.index_add(1, self.faces.flatten(), corners.flatten(1))
 
     def apply(self, mu, f):
-        """K(mu) f, complex (B, V): `A grad u = ((1 + |mu|^2) grad u - 2 mu conj(grad u)) / (1 - |mu|^2)`."""
+        """K(mu) f, complex (B, V): `A grad u = ((1 + |mu|^2) grad u - 2 mu conj(grad u)) / (1 -
+        |mu|^2)`."""
         size = mu.real**2 + mu.imag**2
         parts = []
         for u in (f.real, f.imag):
@@ -54,7 +59,8 @@ class LossMesh(nn.Module):
 
 
 def energy(mesh, mu, f):
-    """Dirichlet energy `1/2 int grad f . A grad f` (B,) of the map; no smaller than `area`, equal for the right map."""
+    """Dirichlet energy `1/2 int grad f . A grad f` (B,) of the map; no smaller than `area`, equal
+    for the right map."""
     return 0.5 * (f.conj() * mesh.apply(mu, f)).real.sum(-1)
 
 
@@ -65,10 +71,11 @@ def area(mesh, f):
 
 
 def L_Energy(mesh, mu, f):
-    """`2 int |f_zbar - mu f_z|^2 / (1 - |mu|^2)` (B,), which is `energy - area`: 0 for the maps with coefficient mu.
+    """`2 int |f_zbar - mu f_z|^2 / (1 - |mu|^2)` (B,), which is `energy - area`: 0 for the maps
+    with coefficient mu.
 
-    The square of an H1 norm of the error, face by face, where `L_LBS` is an L1 norm of second differences; and blind to
-    Möbius maps after f.
+    The square of an H1 norm of the error, face by face, where `L_LBS` is an L1 norm of second
+    differences; and blind to Möbius maps after f.
     """
     f_z, f_zbar = mesh.wirtinger(f)
     gap = f_zbar - mu * f_z
@@ -76,24 +83,28 @@ def L_Energy(mesh, mu, f):
 
 
 def L_Maps(f, exact, z):
-    """`sum |f - f*| / sum |z - f*|`, for maps and exact maps (B, V): what is left of the identity's error."""
+    """`sum |f - f*| / sum |z - f*|`, for maps and exact maps (B, V): what is left of the identity's
+    error."""
     return (f - exact).abs().sum() / (z - exact).abs().sum()
 
 
 def L_LD(points, target):
     """`sum_i |x_i - x^_i|^2` (B,) over the points (B, ...) of the curves of a sample.
 
-    Printed from i = 0 to N with 'N points': the sum over all points, the endpoints included, is meant.
+    Printed from i = 0 to N with 'N points': the sum over all points, the endpoints included, is
+    meant.
     """
     return ((points - target).abs() ** 2).flatten(1).sum(1)
 
 
 def L_LBS(mesh, mu, f):
-    """`1/(2N) sum_i |Re R_i| + |Im R_i|` (B,), R the gradient of energy minus area: 0 at the map with coefficient mu.
+    """`1/(2N) sum_i |Re R_i| + |Im R_i|` (B,), R the gradient of energy minus area: 0 at the map
+    with coefficient mu.
 
-    `R_i = (K(mu) f)_i` at interior vertices and `(K(mu) f)_i + (i/2)(f_next - f_previous)` on the boundary; f must hold
-    f(0) = 0 and f(1) = 1. Mended (eqs central_coeff, cv_coeff, LBS_loss): the weight Area(T) of each face, A and B of
-    the neighbour itself, the rows of the boundary, and 1/(2N) for the mean of 2N terms.
+    `R_i = (K(mu) f)_i` at interior vertices and `(K(mu) f)_i + (i/2)(f_next - f_previous)` on the
+    boundary; f must hold f(0) = 0 and f(1) = 1. Mended (eqs central_coeff, cv_coeff, LBS_loss): the
+    weight Area(T) of each face, A and B of the neighbour itself, the rows of the boundary, and
+    1/(2N) for the mean of 2N terms.
     """
     residual = mesh.apply(mu, f)
     boundary = f[:, mesh.loop]
@@ -102,10 +113,12 @@ def L_LBS(mesh, mu, f):
 
 
 def L_LBS_printed(mesh, mu, f):
-    """`1/(2N) sum_i |(K s)_i| + |(K t)_i|` (B,) over all rows, as eq. LBS_loss has them: it is 0 where f is constant.
+    """`1/(2N) sum_i |(K s)_i| + |(K t)_i|` (B,) over all rows, as eq. LBS_loss has them: it is 0
+    where f is constant.
 
-    Weights and neighbours are mended as in `L_LBS`, the rows are not: on the boundary that of the right map is not 0,
-    that of the collapse onto the point 1 is. This, not the freedom of Möbius maps, is why points cluster there.
+    Weights and neighbours are mended as in `L_LBS`, the rows are not: on the boundary that of the
+    right map is not 0, that of the collapse onto the point 1 is. This, not the freedom of Möbius
+    maps, is why points cluster there.
     """
     return _mean_size(mesh.apply(mu, f))
 
@@ -115,7 +128,8 @@ def _mean_size(residual):
 
 
 def L_Boundary(angles):
-    """`sum_i 1/theta_i` (B,) of the angles (B, N) between neighbouring boundary points, theta_i > 0, sum 2 pi.
+    """`sum_i 1/theta_i` (B,) of the angles (B, N) between neighbouring boundary points, theta_i >
+    0, sum 2 pi.
 
     At its smallest, `N^2 / (2 pi)`, for equal angles: its weight rho belongs to one N.
     """
@@ -123,30 +137,37 @@ def L_Boundary(angles):
 
 
 def L_DBSNet(mesh, mu, f, angles, eta=1.0, rho=1e-8, equation=L_LBS):
-    """`eta L_LBS + rho L_Boundary` (B,), eq. BSnetLoss; equation: `L_LBS`, or `L_LBS_printed` to see it collapse."""
+    """`eta L_LBS + rho L_Boundary` (B,), eq. BSnetLoss; equation: `L_LBS`, or `L_LBS_printed` to
+    see it collapse."""
     return eta * equation(mesh, mu, f) + rho * L_Boundary(angles)
 
 
 def L_mu(mu, shares=None):
-    """`1/N sum_i |mu_i|^2` (B,) over the faces of mu (B, F), eq. muloss; shares (F,): of the faces, sum 1."""
+    """`1/N sum_i |mu_i|^2` (B,) over the faces of mu (B, F), eq. muloss; shares (F,): of the faces,
+    sum 1."""
     return _mean(mu.abs() ** 2, shares)
 
 
 def L_grad_mu(mesh, mu, shares=None):
     """`1/N sum_i |grad mu_i|^2` (B,) over faces, eq. musmooth; shares (F,): of the faces, sum 1.
 
-    The gradient of values that are constant on faces is not defined as printed: here mu is averaged to the vertices by
-    area, and |grad mu|^2 is the squares of the four partial derivatives of its linear interpolant.
+    The gradient of values that are constant on faces is not defined as printed: here mu is averaged
+    to the vertices by area, and |grad mu|^2 is the squares of the four partial derivatives of its
+    linear interpolant.
     """
     nodal = mesh.to_vertices(mu)
-    return _mean(mesh.gradient(nodal.real).abs() ** 2 + mesh.gradient(nodal.imag).abs() ** 2, shares)
+    return _mean(
+        mesh.gradient(nodal.real).abs() ** 2 + mesh.gradient(nodal.imag).abs() ** 2, shares
+    )
 
 
 def L_lost(mesh, mu, shares=None):
-    """`1/N sum_i 4 |mu_i - m_i|^2 / |T_i|` (B,) over faces T_i, m_i the mean of the averages at the corners.
+    """`1/N sum_i 4 |mu_i - m_i|^2 / |T_i|` (B,) over faces T_i, m_i the mean of the averages at the
+    corners.
 
-    What the averages of `L_grad_mu` lose, in its measure: where mu is +-a by turns and the averages are 0, it is
-    `4 a^2 / |T|`, the squares of the differences of neighbouring pixels over their side, in both directions.
+    What the averages of `L_grad_mu` lose, in its measure: where mu is +-a by turns and the averages
+    are 0, it is `4 a^2 / |T|`, the squares of the differences of neighbouring pixels over their
+    side, in both directions.
     """
     means = mesh.to_vertices(mu)[:, mesh.faces].mean(-1)
     return _mean(4 * (mu - means).abs() ** 2 / mesh.areas, shares)
@@ -162,6 +183,7 @@ def L_Landmark(points, target):
 
 
 def L_CP(mesh, mu, points, target, weights, shares=None):
-    """`alpha L_mu + beta L_grad_mu + gamma L_Landmark` (B,), eq. RegLoss, with the three of a `Weights`."""
+    """`alpha L_mu + beta L_grad_mu + gamma L_Landmark` (B,), eq. RegLoss, with the three of a
+    `Weights`."""
     terms = L_mu(mu, shares), L_grad_mu(mesh, mu, shares), L_Landmark(points, target)
     return weights.alpha * terms[0] + weights.beta * terms[1] + weights.gamma * terms[2]

@@ -1,4 +1,5 @@
-"""The table of networks. To add one: a module of its own with `PRESETS` and `TRAINING`, and a row here."""
+"""The table of networks. To add one: a module of its own with `PRESETS` and `TRAINING`, and a row
+here."""
 
 import importlib
 import pkgutil
@@ -15,10 +16,10 @@ class WeightsError(ValueError):
 class Network:
     """Where one network's parts are.
 
-    module: has PRESETS, preset -> (class, default config), and TRAINING, preset -> TrainConfig; call: what it answers,
-    "detect", "predict" or "solve" as in `qclearn.registration.checked`; data: "module:function" that gives
-    (config, folder, quick) -> (training, validation) sets; gammas: preset -> weights gamma that it is trained for, one
-    file each.
+    module: has PRESETS, preset -> (class, default config), and TRAINING, preset -> TrainConfig;
+    call: what it answers, "detect", "predict" or "solve" as in `qclearn.registration.networks`;
+    data: "module:function" that gives (config, folder, quick) -> (training, validation) sets;
+    gammas: preset -> weights gamma that it is trained for, one file each.
     """
 
     module: str
@@ -41,7 +42,9 @@ class Network:
 
 NETWORKS = {
     "ldnet": Network("qclearn.nets.ldnet", "detect", "data_synth.training:ldnet"),
-    "cpnet": Network("qclearn.nets.cpnet", "predict", "data_synth.training:cpnet", {"paper": PAPER_GAMMAS}),
+    "cpnet": Network(
+        "qclearn.nets.cpnet", "predict", "data_synth.training:cpnet", {"paper": PAPER_GAMMAS}
+    ),
     "dbsnet": Network("qclearn.nets.dbsnet", "solve", "data_synth.training:dbsnet"),
 }
 

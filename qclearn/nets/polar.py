@@ -1,12 +1,14 @@
-"""The exact disk solver without a matrix: batched conjugate gradients on a polar mesh, preconditioned at mu = 0.
+"""The exact disk solver without a matrix: batched conjugate gradients on a polar mesh,
+preconditioned at mu = 0.
 
-The stiffness matrix of mu = 0 on a polar mesh does not change under a turn by one spoke. An FFT in the angle therefore
-leaves one tridiagonal system over the rings for each mode, which cyclic reduction solves with factors computed once.
-(The quads are isosceles trapezia, hence cyclic: the weights of their diagonals vanish.) The preconditioned matrix has a
-condition number of at most `((1 + k)/(1 - k))^2` for |mu| <= k at any resolution, so that a solve costs O(n log n).
+The stiffness matrix of mu = 0 on a polar mesh does not change under a turn by one spoke. An FFT in
+the angle therefore leaves one tridiagonal system over the rings for each mode, which cyclic
+reduction solves with factors computed once. (The quads are isosceles trapezia, hence cyclic: the
+weights of their diagonals vanish.) The preconditioned matrix has a condition number of at most `((1
++ k)/(1 - k))^2` for |mu| <= k at any resolution, so that a solve costs O(n log n).
 
-The solver treats the centre as a ring: nt copies of its value, and equal shares of its load. Every vector is then a
-grid (nr, nt) of the rings inside the circle.
+The solver treats the centre as a ring: nt copies of its value, and equal shares of its load. Every
+vector is then a grid (nr, nt) of the rings inside the circle.
 """
 
 from itertools import pairwise
@@ -20,18 +22,21 @@ from ..plane.grids import polar_disk
 from ..plane.solver import LOST_STEP, SMALLEST_STEP
 from .polarcg import Preconditioner, Solve, Stencil
 
-# Corners of a face at the ends of its spoke, its arc and its diagonal edge, see the order of faces in `polar_disk`.
+# Corners of a face at the ends of its spoke, its arc and its diagonal edge, see the order of faces
+# in `polar_disk`.
 POINTING_IN, POINTING_OUT = ((0, 1), (1, 2), (0, 2)), ((1, 2), (2, 0), (0, 1))
 IDENTITY = torch.pi**0.5  # energy norm of x and of y on the unit disk
 
 
 class PolarSolver:
-    """Disk self-maps with Beltrami coefficients mu and a free boundary on `mesh`, that of `polar_disk(nr, nt, power)`.
+    """Disk self-maps with Beltrami coefficients mu and a free boundary on `mesh`, that of
+    `polar_disk(nr, nt, power)`.
 
-    The same map as `BeltramiDiskSolver(z, faces).solve(mu)` up to the tolerance, for a batch at once and
-    differentiable, on the device and in the precision of mu. Not certified: ask `check_bijective`.
-    After `solve`, `iterations` (B, 3) counts the steps of conjugate gradients for U, Re f and Im f, and `floored` (B,)
-    the boundary steps that had to be raised to stay positive. Source: paper, theorem 1.
+    The same map as `BeltramiDiskSolver(z, faces).solve(mu)` up to the tolerance, for a batch at
+    once and differentiable, on the device and in the precision of mu. Not certified: ask
+    `check_bijective`. After `solve`, `iterations` (B, 3) counts the steps of conjugate gradients
+    for U, Re f and Im f, and `floored` (B,) the boundary steps that had to be raised to stay
+    positive. Source: paper, theorem 1.
     """
 
     def __init__(self, nr, nt, power=1.0):
@@ -39,9 +44,15 @@ class PolarSolver:
             raise ValueError(f"PolarSolver needs at least 2 rings; got {nr}")
         self.nr, self.nt = nr, nt
         self.mesh = Disk(*polar_disk(nr, nt, power))
-        edges = _edge_tables(self.mesh.gradients[::nt], self.mesh.areas[::nt])  # a face a ring, the others are turned
+        edges = _edge_tables(
+            self.mesh.gradients[::nt], self.mesh.areas[::nt]
+        )  # a face a ring, the others are turned
         turn = np.exp(-4j * np.pi * np.arange(nt) / nt)
-        tables = {"edges": edges, "turn": np.stack([turn.real, turn.imag]), **_reduction(edges[:, 0, :, 0], nt)}
+        tables = {
+            "edges": edges,
+            "turn": np.stack([turn.real, turn.imag]),
+            **_reduction(edges[:, 0, :, 0], nt),
+        }
         self._tables = {None: {name: torch.from_numpy(table) for name, table in tables.items()}}
 
     def tables(self, like):
@@ -52,12 +63,14 @@ class PolarSolver:
         return self._tables[key]
 
     def solve(self, mu, tolerance=1e-5, limit=100, start=None):
-        """The maps f (B, V) with coefficients mu (B, F), f(0) = 0 and f(1) = 1; or (V,) from (F,). Differentiable.
+        """The maps f (B, V) with coefficients mu (B, F), f(0) = 0 and f(1) = 1; or (V,) from (F,).
+        Differentiable.
 
-        Flux form: `K_ii U = -2 pi e_0`; the boundary fluxes of U give the angles of f_b; `K_ii f_i = -K_ib f_b`.
-        Conjugate gradients stop for each sample and system alone, after `limit` steps, or where the residual in the
-        norm of the inverse preconditioner is below `tolerance` times the energy norm of the identity (backwards: of
-        the gradient). start: maps f to begin with, in place of those of mu = 0. BeltramiError unless |mu| < 1.
+        Flux form: `K_ii U = -2 pi e_0`; the boundary fluxes of U give the angles of f_b; `K_ii f_i
+        = -K_ib f_b`. Conjugate gradients stop for each sample and system alone, after `limit`
+        steps, or where the residual in the norm of the inverse preconditioner is below `tolerance`
+        times the energy norm of the identity (backwards: of the gradient). start: maps f to begin
+        with, in place of those of mu = 0. BeltramiError unless |mu| < 1.
         """
         if mu.ndim == 1:
             return self.solve(mu[None], tolerance, limit, None if start is None else start[None])[0]
@@ -72,33 +85,42 @@ class PolarSolver:
         return self.finish(f, boundary)
 
     def _begin(self, f, spoke):
-        """(U, f, f on the circle) to begin with from maps f (B, V): U = log|f|, at the centre what its row asks for."""
+        """(U, f, f on the circle) to begin with from maps f (B, V): U = log|f|, at the centre what
+        its row asks for."""
         rings = f.detach()[:, 1:].view(len(f), self.nr, self.nt)
         U = rings[:, :-1].abs().clamp(min=torch.finfo(spoke.dtype).tiny).log()
         fan = spoke.detach()[:, 0]
         pole = ((fan * U[:, 0]).sum(1) - 2 * torch.pi) / fan.sum(1)
         U = torch.cat([pole[:, None, None].expand(-1, 1, self.nt), U], 1)
         centre = f.detach()[:, :1, None].expand(-1, 1, self.nt)
-        parts = torch.view_as_real(torch.cat([centre, rings], 1)).movedim(-1, 1)  # (B, 2, nr + 1, nt)
+        parts = torch.view_as_real(torch.cat([centre, rings], 1)).movedim(
+            -1, 1
+        )  # (B, 2, nr + 1, nt)
         return U[:, None], parts[:, :, :-1].contiguous(), parts[:, :, -1:]
 
     def finish(self, f, boundary):
-        """The normalised maps (B, V) from Re f and Im f (B, 2, nr, nt) inside and (B, 2, 1, nt) on the circle."""
+        """The normalised maps (B, V) from Re f and Im f (B, 2, nr, nt) inside and (B, 2, 1, nt) on
+        the circle."""
         inner = torch.cat([f[:, :, 0].mean(-1, keepdim=True), f[:, :, 1:].flatten(2)], 2)
-        return _normalise(torch.complex(*inner.unbind(1)), torch.complex(*boundary[:, :, 0].unbind(1)))
+        return _normalise(
+            torch.complex(*inner.unbind(1)), torch.complex(*boundary[:, :, 0].unbind(1))
+        )
 
 
 class PolarSystem:
-    """K(mu) and the loads of one batch mu (B, F) on the mesh of a `PolarSolver`, for fields (B, S, nr, nt).
+    """K(mu) and the loads of one batch mu (B, F) on the mesh of a `PolarSolver`, for fields (B, S,
+    nr, nt).
 
-    spoke, arc, diagonal (B, nr, nt): edge weights -K_ab of the spokes outwards from each ring, the arcs on it and the
-    diagonals outwards from it; pole: the load of U; floored (B,): how many steps `boundary` had to raise.
+    spoke, arc, diagonal (B, nr, nt): edge weights -K_ab of the spokes outwards from each ring, the
+    arcs on it and the diagonals outwards from it; pole: the load of U; floored (B,): how many steps
+    `boundary` had to raise.
     """
 
     def __init__(self, solver, mu):
         if mu.shape[1:] != (len(solver.mesh.faces),) or not mu.is_complex():
             raise BeltramiError(
-                f"mu has shape {tuple(mu.shape)} and type {mu.dtype}: give complex (B, F) or (F,) with "
+                f"mu has shape {tuple(mu.shape)} and type {mu.dtype}: give complex (B, F) or (F,) "
+                "with "
                 f"F = {len(solver.mesh.faces)}, one value a face"
             )
         rows = mu.reshape(len(mu), -1, solver.nt)
@@ -111,8 +133,8 @@ class PolarSystem:
         return self.spoke.new_zeros(len(self.spoke), copies, self.nr - 1, self.nt)
 
     def solve(self, load, start, tolerance, limit):
-        """(x, steps): K x = load from start (None: from 0), 0 on the circle; see `PolarSolver.solve`.
-        Differentiable."""
+        """(x, steps): K x = load from start (None: from 0), 0 on the circle; see
+        `PolarSolver.solve`. Differentiable."""
         return Solve.apply(*self.weights, load, start, IDENTITY, self.tables, tolerance, limit)
 
     def precondition(self, load):
@@ -126,7 +148,9 @@ class PolarSystem:
     def boundary(self, U):
         """cos and sin (B, 2, 1, nt) of the boundary angles from U (B, nr, nt)."""
         spoke, diagonal, U = self.spoke[:, -1], self.diagonal[:, -1], U[:, -1]
-        density = -(spoke * U + (diagonal * U).roll(1, -1)) / 2  # over two edges of the one length, which cancels
+        density = (
+            -(spoke * U + (diagonal * U).roll(1, -1)) / 2
+        )  # over two edges of the one length, which cancels
         steps, mean = density + density.roll(-1, -1), 2 * torch.pi / self.nt
         lost = steps.amin(1, keepdim=True) <= LOST_STEP * mean
         raised = lost & (steps < SMALLEST_STEP * mean)
@@ -138,7 +162,9 @@ class PolarSystem:
 
     def pull(self, boundary):
         """The load (B, 2, nr, nt) of values (B, 2, 1, nt) on the circle, `-K_ib f_b`."""
-        pull = self.spoke[:, None, -1:] * boundary + self.diagonal[:, None, -1:] * boundary.roll(-1, -1)
+        pull = self.spoke[:, None, -1:] * boundary + self.diagonal[:, None, -1:] * boundary.roll(
+            -1, -1
+        )
         return torch.cat([self._zeros(2), pull], 2)
 
     def harmonic(self, boundary):
@@ -151,11 +177,15 @@ def _edge_weights(mu, rows, tables):
     if not (m < 1).all():
         _refuse(mu, ~(m.flatten(1) < 1))
     cos, sin = tables["turn"]
-    re, im = rows.real * cos - rows.imag * sin, rows.real * sin + rows.imag * cos  # in the frame of the spoke
+    re, im = (
+        rows.real * cos - rows.imag * sin,
+        rows.real * sin + rows.imag * cos,
+    )  # in the frame of the spoke
     scale = 1 / (1 - m)
     parts = (1 + m) * scale, 2 * scale * re, 2 * scale * im
     spoke, arc, diagonal = (
-        torch.addcmul(torch.addcmul(a * parts[0], b, parts[1]), c, parts[2]) for a, b, c in tables["edges"]
+        torch.addcmul(torch.addcmul(a * parts[0], b, parts[1]), c, parts[2])
+        for a, b, c in tables["edges"]
     )
     fan = spoke[:, :1] + diagonal[:, :1].roll(1, -1)
     none = torch.zeros_like(fan)
@@ -176,7 +206,9 @@ def _refuse(mu, bad):
 def _normalise(inner, boundary):
     """The Möbius map after f to f(0) = 0 and f(1) = 1."""
     a = inner[:, :1]
-    a = torch.where(a.abs() < 1, a, torch.zeros_like(a))  # beyond, f is folded and the circle must not turn over
+    a = torch.where(
+        a.abs() < 1, a, torch.zeros_like(a)
+    )  # beyond, f is folded and the circle must not turn over
     inner, boundary = ((w - a) / (1 - a.conj() * w) for w in (inner, boundary))
     turn = (boundary[:, :1] / boundary[:, :1].abs()).conj()
     boundary = boundary[:, 1:] * turn
@@ -184,7 +216,8 @@ def _normalise(inner, boundary):
 
 
 def _edge_tables(gradients, areas):
-    """Coefficients (edge, 3, face, 1) of (1 + |mu|^2, 2 Re mu, 2 Im mu)/(1 - |mu|^2) in each face's edge weights."""
+    """Coefficients (edge, 3, face, 1) of (1 + |mu|^2, 2 Re mu, 2 Im mu)/(1 - |mu|^2) in each face's
+    edge weights."""
     inward = np.arange(len(areas)) % 2 == 1
     inward[0] = True
     tables = []
@@ -196,10 +229,12 @@ def _edge_tables(gradients, areas):
 
 
 def _reduction(plain, nt):
-    """Cyclic reduction of the modes at mu = 0, from the edge weights (3, faces) of each ring of faces.
+    """Cyclic reduction of the modes at mu = 0, from the edge weights (3, faces) of each ring of
+    faces.
 
-    Every second of the remaining rings is eliminated from its neighbours until the centre alone is left: `K = L D L^T`,
-    `lower` holds the entries of -L level by level, `pivots` 1 / D; all twice, for real and imaginary parts.
+    Every second of the remaining rings is eliminated from its neighbours until the centre alone is
+    left: `K = L D L^T`, `lower` holds the entries of -L level by level, `pivots` 1 / D; all twice,
+    for real and imaginary parts.
     """
     spoke, arc, diagonal = plain
     spoke = np.concatenate([spoke[:1] + diagonal[:1], spoke[1::2] + spoke[2::2]])
@@ -227,16 +262,20 @@ def _reduction(plain, nt):
 
 
 def two_steps(solver, mu):
-    """Maps (f1, f2, f3), potentials (U1, U2) of log|f|, (B, nr - 1, nt), and boundary angles (d1, d2), (B, nt).
+    """Maps (f1, f2, f3), potentials (U1, U2) of log|f|, (B, nr - 1, nt), and boundary angles (d1,
+    d2), (B, nt).
 
-    1 and 2 are of first and second order in mu: two preconditioned steps from mu = 0 for U (the very first step of
-    conjugate gradients only scales its potential), and from the harmonic map with the boundary of U2 for f. f3 - f2 and
-    d2 are the preconditioned residuals of f2 and U2; d1 is the change of the boundary from U1 to U2.
+    1 and 2 are of first and second order in mu: two preconditioned steps from mu = 0 for U (the
+    very first step of conjugate gradients only scales its potential), and from the harmonic map
+    with the boundary of U2 for f. f3 - f2 and d2 are the preconditioned residuals of f2 and U2; d1
+    is the change of the boundary from U1 to U2.
     """
     system = PolarSystem(solver, mu)
     potentials = [system.solve(system.pole, None, 0.0, 2)[0]]
     potentials.append(system.solve(system.pole, potentials[0], 0.0, 1)[0])
-    beyond = potentials[1] + system.precondition(system.pole)(system.residual(system.pole, potentials[1]))
+    beyond = potentials[1] + system.precondition(system.pole)(
+        system.residual(system.pole, potentials[1])
+    )
     circle = [system.boundary(U[:, 0]) for U in (*potentials, beyond)]
     angles = [
         torch.atan2(a[:, 0, 0] * b[:, 1, 0] - a[:, 1, 0] * b[:, 0, 0], (a * b).sum(1)[:, 0])
@@ -254,7 +293,10 @@ def two_steps(solver, mu):
 
 
 def harmonic_extension(solver, values):
-    """Harmonic functions (B, C, nr, nt) on the rings outside the centre with values (B, C, nt) on the circle."""
+    """Harmonic functions (B, C, nr, nt) on the rings outside the centre with values (B, C, nt) on
+    the circle."""
     tables, values = solver.tables(values), values[:, :, None]
-    load = torch.cat([values.new_zeros(*values.shape[:2], solver.nr - 1, solver.nt), tables["rim"] * values], 2)
+    load = torch.cat(
+        [values.new_zeros(*values.shape[:2], solver.nr - 1, solver.nt), tables["rim"] * values], 2
+    )
     return torch.cat([Preconditioner(load, tables)(load)[:, :, 1:], values], 2)

@@ -1,13 +1,15 @@
-"""Systems K x = load on a polar mesh without a matrix: a stencil, a preconditioner by FFT, conjugate gradients,
-their adjoint."""
+"""Systems K x = load on a polar mesh without a matrix: a stencil, a preconditioner by FFT,
+conjugate gradients, their adjoint."""
 
 import torch
 
 
 class Preconditioner:
-    """The inverse of the matrix of mu = 0, values 0 on the circle, for loads of one shape (B, S, nr, nt).
+    """The inverse of the matrix of mu = 0, values 0 on the circle, for loads of one shape (B, S,
+    nr, nt).
 
-    It keeps the array of modes and all views of it: on small meshes to make them would cost more than to use them.
+    It keeps the array of modes and all views of it: on small meshes to make them would cost more
+    than to use them.
     """
 
     def __init__(self, load, tables):
@@ -18,7 +20,10 @@ class Preconditioner:
             kept, gone = self.x[..., :: 2 * stride, :], self.x[..., stride :: 2 * stride, :]
             n_left, n_right = gone.shape[-2], kept.shape[-2] - 1
             left, right, lower = lower.split([n_left, n_right, len(lower) - n_left - n_right])
-            self.steps += [(kept[..., :n_left, :], gone, left), (kept[..., 1:, :], gone[..., :n_right, :], right)]
+            self.steps += [
+                (kept[..., :n_left, :], gone, left),
+                (kept[..., 1:, :], gone[..., :n_right, :], right),
+            ]
             stride *= 2
 
     def __call__(self, r):
@@ -34,8 +39,9 @@ class Preconditioner:
 class Stencil:
     """K(mu) inside the circle, values on it held at 0, from the edge weights of `PolarSystem`.
 
-    Vertices are numbered ring by ring, so that neighbours lie 1, nt and nt + 1 places apart. The diagonal that closes
-    a ring, from its last vertex to the first of the next ring, spans one place; the arc that closes it spans nt - 1.
+    Vertices are numbered ring by ring, so that neighbours lie 1, nt and nt + 1 places apart. The
+    diagonal that closes a ring, from its last vertex to the first of the next ring, spans one
+    place; the arc that closes it spans nt - 1.
     """
 
     def __init__(self, spoke, arc, diagonal):
@@ -62,13 +68,15 @@ class Stencil:
         v = v.view(x.shape)
         v[..., 0].addcmul_(self.closing, x[..., -1])
         v[..., -1].addcmul_(self.closing, x[..., 0])
-        # Unequal shares would never decay in the residual, and their rounding would outgrow what does.
+        # Unequal shares would never decay in the residual, and their rounding would outgrow what
+        # does.
         v[..., 0, :] = v[..., 0, :].mean(-1, keepdim=True)
         return v
 
 
 def conjugate_gradients(stencil, load, start, size, tables, tolerance, limit):
-    """Solutions of K x = load (B, S, nr, nt) and the number of steps (B, S); `size` None measures against the load."""
+    """Solutions of K x = load (B, S, nr, nt) and the number of steps (B, S); `size` None measures
+    against the load."""
     precondition = Preconditioner(load, tables)
     x = torch.zeros_like(load) if start is None else start.clone()
     r = load.clone() if start is None else load - stencil.apply(start)
@@ -97,7 +105,8 @@ def _dot(a, b):
 
 
 class Solve(torch.autograd.Function):
-    """x with K x = load by conjugate gradients; its adjoint: `K lam = grad_x`, then `-(lam_a - lam_b)(x_a - x_b)`."""
+    """x with K x = load by conjugate gradients; its adjoint: `K lam = grad_x`, then `-(lam_a -
+    lam_b)(x_a - x_b)`."""
 
     @staticmethod
     def forward(ctx, spoke, arc, diagonal, load, start, size, *stopping):

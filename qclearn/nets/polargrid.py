@@ -1,12 +1,12 @@
-"""Points and complex fields on a polar mesh, batched: interpolation in closed form, and the mesh's eigenvectors."""
+"""Points and complex fields on a polar mesh, batched: interpolation in closed form, and the mesh's
+eigenvectors."""
 
 import numpy as np
 import torch
 from torch import nn
 
 from ..plane.disk import Disk
-from ..plane.grids import POWER, polar_disk
-from ..plane.spectrum import Spectrum
+from ..plane.grids import POWER, Spectrum, polar_disk
 
 
 class PolarMesh(nn.Module):
@@ -16,29 +16,42 @@ class PolarMesh(nn.Module):
         super().__init__()
         self.nr, self.nt, self.power = nr, nt, power
         self.mesh = Disk(*polar_disk(nr, nt, power))
-        self.register_buffer("radius", as_tensor((np.arange(nr + 1) / nr) ** power), persistent=False)
+        self.register_buffer(
+            "radius", as_tensor((np.arange(nr + 1) / nr) ** power), persistent=False
+        )
 
     def locate(self, points):
-        """Corners (..., 3), as vertices of the mesh, and barycentric weights (..., 3) of points of the disk."""
+        """Corners (..., 3), as vertices of the mesh, and barycentric weights (..., 3) of points of
+        the disk."""
         step = 2 * torch.pi / self.nt
-        k = torch.floor(torch.remainder(points.angle(), 2 * torch.pi) / step).long().clamp(max=self.nt - 1)
+        k = (
+            torch.floor(torch.remainder(points.angle(), 2 * torch.pi) / step)
+            .long()
+            .clamp(max=self.nt - 1)
+        )
         turned = points * torch.exp(-1j * step * k)
         y = turned.imag / np.sin(step)  # point = x spoke_k + y spoke_(k + 1)
         x = turned.real - y * np.cos(step)
         shrink = 1 / (x + y).clamp(min=1)  # beyond the last chord: onto it
         x, y = x * shrink, y * shrink
-        j = (torch.bucketize((x + y).contiguous(), self.radius, right=True) - 1).clamp(0, self.nr - 1)
+        j = (torch.bucketize((x + y).contiguous(), self.radius, right=True) - 1).clamp(
+            0, self.nr - 1
+        )
         inner, outer = self.radius[j], self.radius[j + 1]
         out = (x + y - inner) / (outer - inner)
         lower = (y <= outer * out) | (j == 0)
         first = torch.where(lower, 1 - out, x / inner.clamp(min=1e-9))
         far = torch.where(lower, y / outer, out)
-        ring, spoke = torch.stack([j, j + 1, j + lower.long()], -1), torch.stack([k, k + 1, k + 1 - lower.long()], -1)
+        ring, spoke = (
+            torch.stack([j, j + 1, j + lower.long()], -1),
+            torch.stack([k, k + 1, k + 1 - lower.long()], -1),
+        )
         corners = torch.where(ring > 0, 1 + (ring - 1) * self.nt + spoke % self.nt, 0)
         return corners, torch.stack([first, far, 1 - first - far], -1)
 
     def sample(self, values, places):
-        """Values (B, V) at the mesh's vertices, interpolated linearly at places (B, P) that `locate` found."""
+        """Values (B, V) at the mesh's vertices, interpolated linearly at places (B, P) that
+        `locate` found."""
         corners, weights = places
         return (values.gather(1, corners.flatten(1)).view(corners.shape) * weights).sum(-1)
 
@@ -51,7 +64,8 @@ class PolarMesh(nn.Module):
 
 
 class PolarGrid(PolarMesh):
-    """Complex fields nu (B, nr, nt) on the rings of a polar mesh; the centre takes the first ring's mean.
+    """Complex fields nu (B, nr, nt) on the rings of a polar mesh; the centre takes the first ring's
+    mean.
 
     modes: how many eigenvectors E of a `Spectrum` are kept, the smoothest: `E^* A E = pi`.
     """

@@ -1,4 +1,5 @@
-"""What `qclearn train` does: a recipe's training set, the loop, and a weights file that says where it comes from."""
+"""What `qclearn train` does: a recipe's training set, the loop, and a weights file that says where
+it comes from."""
 
 import os
 import platform
@@ -17,13 +18,16 @@ from .networks import network as row_of
 from .weights import digest, stem
 
 
-def run_training(network, preset="best", gamma=None, out=Path("run"), data=None, quick=False, **changes):
-    """Train `network` by its recipe: (path of its weights file, last row of the log); (None, row) off the first
-    process.
+def run_training(
+    network, preset="best", gamma=None, out=Path("run"), data=None, quick=False, **changes
+):
+    """Train `network` by its recipe: (path of its weights file, last row of the log); (None, row)
+    off the first process.
 
-    The recipe is the network's row in `nets.networks`: `TRAINING[preset]` of its module and the function of its data;
-    changes replace fields of its `TrainConfig`, as in steps=100. preset: its name, or as `build` a dict with fields of
-    the network's configuration beside it. TrainingError as `train`.
+    The recipe is the network's row in `nets.networks`: `TRAINING[preset]` of its module and the
+    function of its data; changes replace fields of its `TrainConfig`, as in steps=100. preset: its
+    name, or as `build` a dict with fields of the network's configuration beside it. TrainingError
+    as `train`.
     """
     given = {"preset": preset} if isinstance(preset, str) else dict(preset)
     row, preset = row_of(network), given["preset"]

@@ -1,4 +1,5 @@
-"""The square's exact twin: maps of images of mu by a solver on a polar mesh, at the vertices of the square."""
+"""The square's exact twin: maps of images of mu by a solver on a polar mesh, at the vertices of the
+square."""
 
 import numpy as np
 import torch
@@ -10,10 +11,12 @@ RINGS, SPOKES = 48, 144
 
 
 class SquareMaps:
-    """From images mu (B, size, size) to maps (B, (size + 1)^2) of `square_disk(size)` through maps of a polar mesh.
+    """From images mu (B, size, size) to maps (B, (size + 1)^2) of `square_disk(size)` through maps
+    of a polar mesh.
 
-    solve: (B, F) -> (B, V) on a `Disk`, by default the exact one; what it is differentiable for, this is.
-    Two discretisations of one map: between this one and the square's own lie 0.3 % of the displacement at size 64.
+    solve: (B, F) -> (B, V) on a `Disk`, by default the exact one; what it is differentiable for,
+    this is. Two discretisations of one map: between this one and the square's own lie 0.3 % of the
+    displacement at size 64.
     """
 
     def __init__(self, size, disk=None, solve=None):
@@ -22,7 +25,9 @@ class SquareMaps:
             disk, solve = solver.mesh, solver.solve
         self.solve = solve
         places = (disk_to_square(disk.centroids) + 1 + 1j) * size / 2
-        column, row = (np.clip(part.astype(int), 0, size - 1) for part in (places.real, places.imag))
+        column, row = (
+            np.clip(part.astype(int), 0, size - 1) for part in (places.real, places.imag)
+        )
         self.pixels = torch.from_numpy(row * size + column)  # of each face's centroid
         face, weights = disk.locate(square_disk(size)[0])
         self.corners, self.weights = torch.from_numpy(disk.faces[face]), torch.from_numpy(weights)

@@ -1,7 +1,9 @@
-"""One plain training loop for the three networks: seeded, resumable, in one process or in many (torchrun).
+"""One plain training loop for the three networks: seeded, resumable, in one process or in many
+(torchrun).
 
-Everything random in step k is drawn from generators seeded by (seed, k), and the order of the items by (seed, epoch):
-a run that was killed goes on from its checkpoint to the same losses, bit for bit on the same machine.
+Everything random in step k is drawn from generators seeded by (seed, k), and the order of the items
+by (seed, epoch): a run that was killed goes on from its checkpoint to the same losses, bit for bit
+on the same machine.
 """
 
 import csv
@@ -25,7 +27,9 @@ from tqdm import tqdm
 from ..io.checkpoint import Checkpoint
 from ..io.safe import write_whole
 
-CHECKPOINT_SECONDS = 10  # of training between two checkpoints at most; one takes a tenth of a second
+CHECKPOINT_SECONDS = (
+    10  # of training between two checkpoints at most; one takes a tenth of a second
+)
 
 
 class TrainingError(ValueError):
@@ -34,11 +38,13 @@ class TrainingError(ValueError):
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """How a network is trained: AdamW, the rate warmed up over `warmup` steps and then lowered to 0 along a cosine.
+    """How a network is trained: AdamW, the rate warmed up over `warmup` steps and then lowered to 0
+    along a cosine.
 
-    batch: items a step, over all processes; bfloat16: convolutions and matrix products in that precision; clip: largest
-    norm of the gradient; validate_every: steps between two rows of the log, each with a checkpoint (and one every
-    CHECKPOINT_SECONDS, so that little of a slow or short run is lost).
+    batch: items a step, over all processes; bfloat16: convolutions and matrix products in that
+    precision; clip: largest norm of the gradient; validate_every: steps between two rows of the
+    log, each with a checkpoint (and one every CHECKPOINT_SECONDS, so that little of a slow or short
+    run is lost).
     """
 
     steps: int
@@ -53,7 +59,8 @@ class TrainConfig:
 
 
 class Process(NamedTuple):
-    """One of the processes that train together: its number, how many there are, and where its tensors are."""
+    """One of the processes that train together: its number, how many there are, and where its
+    tensors are."""
 
     rank: int = 0
     world: int = 1
@@ -74,10 +81,11 @@ class Objective(nn.Module):
 def train(model, training, validation, config, folder, progress=True):
     """Train a network in place; the last row of its log as a dict.
 
-    model: offers `loss(batch, generator) -> (loss, figures)`; training, validation: TensorDatasets whose items are what
-    it expects. folder: gets `config.json`, `log.csv` (a row every `validate_every` steps) and `checkpoint.safetensors`;
-    a run of the same configuration in it is resumed. Under `torchrun` the batch is shared among the processes.
-    TrainingError for an impossible configuration, a folder of another run, or a loss that is not finite.
+    model: offers `loss(batch, generator) -> (loss, figures)`; training, validation: TensorDatasets
+    whose items are what it expects. folder: gets `config.json`, `log.csv` (a row every
+    `validate_every` steps) and `checkpoint.safetensors`; a run of the same configuration in it is
+    resumed. Under `torchrun` the batch is shared among the processes. TrainingError for an
+    impossible configuration, a folder of another run, or a loss that is not finite.
     """
     folder = Path(folder)
     with process_group() as process:
@@ -90,7 +98,9 @@ def train(model, training, validation, config, folder, progress=True):
         for layer in model.modules():
             if isinstance(layer, (torch.nn.Conv2d, torch.nn.ConvTranspose2d)):
                 layer.to(memory_format=torch.channels_last)  # what convolutions are fast in
-        optimiser = torch.optim.AdamW(model.parameters(), config.rate, weight_decay=config.weight_decay)
+        optimiser = torch.optim.AdamW(
+            model.parameters(), config.rate, weight_decay=config.weight_decay
+        )
         step, seconds, sums = read_checkpoint(folder, model, optimiser, device)
         log = Log(folder, step, seconds, sums)
         objective = Objective(model)
@@ -105,7 +115,9 @@ def train(model, training, validation, config, folder, progress=True):
             bar.update()
             if step % config.validate_every == 0 or step == config.steps:
                 row = log.row(step, validate(model, validation, config, device), write=rank == 0)
-                bar.set_postfix(loss=f"{row['loss']:.4g}", validation=f"{row['validation_loss']:.4g}")
+                bar.set_postfix(
+                    loss=f"{row['loss']:.4g}", validation=f"{row['validation_loss']:.4g}"
+                )
                 kept = -inf
             if rank == 0 and time.perf_counter() - kept > CHECKPOINT_SECONDS:
                 write_checkpoint(folder, model, optimiser, step, log)
@@ -128,7 +140,8 @@ def take_step(objective, optimiser, training, config, step, process):
         loss, figures = objective(batch, generator)
     if not torch.isfinite(loss):
         raise TrainingError(
-            f"the loss is {loss.item()} at step {step}; lower the rate (now {config.rate:g}) and start "
+            f"the loss is {loss.item()} at step {step}; lower the rate (now {config.rate:g}) and "
+            "start "
             "in another folder"
         )
     loss.backward()
@@ -138,10 +151,16 @@ def take_step(objective, optimiser, training, config, step, process):
 
 
 def batch_items(count, step, config):
-    """Which items (batch,) step `step` takes: every epoch is a permutation of its own, joined end to end."""
+    """Which items (batch,) step `step` takes: every epoch is a permutation of its own, joined end
+    to end."""
     places = np.arange(step * config.batch, (step + 1) * config.batch)
-    orders = {epoch: np.random.default_rng([config.seed, epoch]).permutation(count) for epoch in set(places // count)}
-    return torch.tensor([orders[epoch][place] for epoch, place in zip(places // count, places % count)])
+    orders = {
+        epoch: np.random.default_rng([config.seed, epoch]).permutation(count)
+        for epoch in set(places // count)
+    }
+    return torch.tensor(
+        [orders[epoch][place] for epoch, place in zip(places // count, places % count)]
+    )
 
 
 def seed_of(*numbers):
@@ -162,17 +181,23 @@ def validate(model, validation, config, device):
     model.eval()
     rows, counts = [], []
     for first in range(0, len(validation), config.batch):
-        batch = tuple(tensor[first : first + config.batch].to(device) for tensor in validation.tensors)
+        batch = tuple(
+            tensor[first : first + config.batch].to(device) for tensor in validation.tensors
+        )
         with torch.autocast(device.type, torch.bfloat16, enabled=config.bfloat16):
             loss, figures = model.loss(batch, None)
         rows.append({"loss": loss.item(), **figures})
         counts.append(len(batch[0]))
     model.train()
-    return {f"validation_{name}": float(np.average([row[name] for row in rows], weights=counts)) for name in rows[0]}
+    return {
+        f"validation_{name}": float(np.average([row[name] for row in rows], weights=counts))
+        for name in rows[0]
+    }
 
 
 class Log:
-    """`log.csv`: means over the steps since the last row, the validation's figures, and seconds of training so far."""
+    """`log.csv`: means over the steps since the last row, the validation's figures, and seconds of
+    training so far."""
 
     def __init__(self, folder, step, seconds, sums):
         self.path, self.start, self.sums = folder / "log.csv", time.perf_counter() - seconds, sums
@@ -208,7 +233,9 @@ class Log:
 @contextmanager
 def process_group():
     """A `Process`: what torchrun has set, or one alone."""
-    accelerator = torch.accelerator.current_accelerator() if torch.accelerator.is_available() else None
+    accelerator = (
+        torch.accelerator.current_accelerator() if torch.accelerator.is_available() else None
+    )
     if "RANK" not in os.environ:
         yield Process(device=accelerator or torch.device("cpu"))
         return
@@ -229,13 +256,16 @@ def check_config(config, training, world):
     if not config.rate > 0:
         raise TrainingError(f"the rate is {config.rate}; give a positive number")
     if config.batch % world:
-        raise TrainingError(f"a batch of {config.batch} cannot be shared by {world} processes; make it a multiple")
+        raise TrainingError(
+            f"a batch of {config.batch} cannot be shared by {world} processes; make it a multiple"
+        )
     if len(training) == 0:
         raise TrainingError("the training set is empty")
 
 
 def write_checkpoint(folder, model, optimiser, step, log):
-    """Write parameters, optimiser, step and the log's sums since its last row as one file, whole or not at all."""
+    """Write parameters, optimiser, step and the log's sums since its last row as one file, whole or
+    not at all."""
     tensors = {f"model.{name}": tensor for name, tensor in model.state_dict().items()}
     for number, state in optimiser.state_dict()["state"].items():
         tensors |= {f"optimiser.{number}.{key}": value for key, value in state.items()}
@@ -245,7 +275,8 @@ def write_checkpoint(folder, model, optimiser, step, log):
 
 
 def read_checkpoint(folder, model, optimiser, device):
-    """(step, seconds, the log's sums) of the checkpoint after loading it, (0, 0, []) where there is none."""
+    """(step, seconds, the log's sums) of the checkpoint after loading it, (0, 0, []) where there is
+    none."""
     path = folder / "checkpoint.safetensors"
     if not path.exists():
         return 0, 0.0, []
@@ -255,7 +286,9 @@ def read_checkpoint(folder, model, optimiser, device):
     except SafetensorError as error:
         raise TrainingError(f"{path} is damaged ({error}); remove it to start again") from None
     part = "model."
-    model.load_state_dict({name[len(part) :]: value for name, value in tensors.items() if name.startswith(part)})
+    model.load_state_dict(
+        {name[len(part) :]: value for name, value in tensors.items() if name.startswith(part)}
+    )
     state = {}
     for name, value in tensors.items():
         if name.startswith("optimiser."):

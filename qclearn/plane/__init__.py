@@ -1,4 +1,5 @@
-"""The complex plane: meshes of the disk, Beltrami coefficients and their maps, Möbius maps, the certificate."""
+"""The complex plane: meshes of the disk, Beltrami coefficients and their maps, Möbius maps, the
+certificate."""
 
 import lazy_loader as lazy
 
@@ -19,9 +20,8 @@ TABLE = {
         "to_square",
     ],
     "grids": ["pixel_centres", "polar"],
-    "linear": ["Dirichlet"],
+    "linear": ["Dirichlet", "corner_angles", "edge_lengths"],
     "mobius": ["centring_mobius"],
-    "triangles": ["corner_angles", "edge_lengths"],
 }
 
 __getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=TABLE)

@@ -1,21 +1,25 @@
-"""Piecewise linear quasi-conformal geometry in complex arithmetic, and the Linear Beltrami Solver: the public doors.
+"""Piecewise linear quasi-conformal geometry in complex arithmetic, and the Linear Beltrami Solver:
+the public doors.
 
-Points, maps and gradients of real functions are complex numbers. On a triangle a map is affine: its Wirtinger
-derivatives and its Beltrami coefficient are constants. Each door makes a `Disk` of arrays and asks that.
+Points, maps and gradients of real functions are complex numbers. On a triangle a map is affine: its
+Wirtinger derivatives and its Beltrami coefficient are constants. Each door makes a `Disk` of arrays
+and asks that.
 """
 
 import warnings
+
+import numpy as np
 from jaxtyping import Complex, Float, Integer
 from numpy import ndarray
 from scipy import sparse
+
 from .bijectivity import RepairWarning, unfold
-from .checks import check_pins, check_used, planar_points
+from .checks import check_coefficient, check_pins, check_used, planar_points
+from .coefficients import diffuse
 from .disk import Disk, Faces, PerFace, PerVertex
 from .linear import Dirichlet
 from .solver import DiskSolver
-import numpy as np
-from .checks import check_coefficient
-from .coefficients import diffuse
+
 
 def signed_areas(z: PerVertex, faces: Faces) -> Float[ndarray, " F"]:
     """Signed area of each triangle, positive when counter-clockwise: `Im(conj(b - a)(c - a)) / 2`."""
@@ -23,10 +27,11 @@ def signed_areas(z: PerVertex, faces: Faces) -> Float[ndarray, " F"]:
 
 
 def hat_gradients(z: PerVertex, faces: Faces) -> Complex[ndarray, " F 3"]:
-    """Gradients of each triangle's hat functions, in 1/length: `grad phi_i = i (z_k - z_j) / (2 |T|)`.
+    """Gradients of each triangle's hat functions, in 1/length: `grad phi_i = i (z_k - z_j) / (2
+    |T|)`.
 
-    The triangle (i, j, k) is counter-clockwise, else BeltramiError. The pair (A_i, B_i) of the paper's section on the
-    LBS, its factor mended (divided by twice the area).
+    The triangle (i, j, k) is counter-clockwise, else BeltramiError. The pair (A_i, B_i) of the
+    paper's section on the LBS, its factor mended (divided by twice the area).
     """
     return Disk(z, faces).gradients
 
@@ -34,31 +39,38 @@ def hat_gradients(z: PerVertex, faces: Faces) -> Complex[ndarray, " F 3"]:
 def wirtinger(
     z: PerVertex, faces: Faces, f: PerVertex | Float[ndarray, " V 3"]
 ) -> tuple[Complex[ndarray, " F *c"], Complex[ndarray, " F *c"]]:
-    """`f_z = (f_x - i f_y)/2` and `f_zbar = (f_x + i f_y)/2` of a map; one column a coordinate where f is in space."""
+    """`f_z = (f_x - i f_y)/2` and `f_zbar = (f_x + i f_y)/2` of a map; one column a coordinate
+    where f is in space."""
     return Disk(z, faces).wirtinger(f)
 
 
 def jacobian(z: PerVertex, faces: Faces, f: PerVertex) -> Float[ndarray, " F"]:
-    """Jacobian determinant of a planar map on each triangle, `|f_z|^2 - |f_zbar|^2`; negative where it folds."""
+    """Jacobian determinant of a planar map on each triangle, `|f_z|^2 - |f_zbar|^2`; negative where
+    it folds."""
     f = planar_points(f, "f")  # a surface (V, 3) has no sign to tell
     f_z, f_zbar = Disk(z, faces).wirtinger(f)
     return abs(f_z) ** 2 - abs(f_zbar) ** 2
 
 
-def beltrami_coefficient(z: PerVertex, faces: Faces, f: PerVertex | Float[ndarray, " V 3"]) -> PerFace:
+def beltrami_coefficient(
+    z: PerVertex, faces: Faces, f: PerVertex | Float[ndarray, " V 3"]
+) -> PerFace:
     """The Beltrami coefficient `mu = f_zbar / f_z` of a map on each triangle.
 
-    f complex: a planar map; |mu| > 1 where it reverses orientation, infinite where it is anti-conformal. f real: a
-    surface; `mu = (E - G + 2iF) / (E + G + 2 sqrt(EG - F^2))` of the induced metric never exceeds 1 and shows no fold.
-    Source: paper, section 'Quasi-Conformal Theory'.
+    f complex: a planar map; |mu| > 1 where it reverses orientation, infinite where it is
+    anti-conformal. f real: a surface; `mu = (E - G + 2iF) / (E + G + 2 sqrt(EG - F^2))` of the
+    induced metric never exceeds 1 and shows no fold. Source: paper, section 'Quasi-Conformal
+    Theory'.
     """
     return Disk(z, faces).coefficient(f)
 
 
 def stiffness(z: PerVertex, faces: Faces, mu: PerFace) -> Float[sparse.csc_array, " V V"]:
-    """The positive semi-definite matrix `K(mu)_ij = sum_T |T| grad phi_i . A(mu_T) grad phi_j`, |mu| < 1.
+    """The positive semi-definite matrix `K(mu)_ij = sum_T |T| grad phi_i . A(mu_T) grad phi_j`,
+    |mu| < 1.
 
-    `(K u)_i = 0` is the mended form (with the area weight) of the paper's eqs. linear_system_x and linear_system_y.
+    `(K u)_i = 0` is the mended form (with the area weight) of the paper's eqs. linear_system_x and
+    linear_system_y.
     """
     return Disk(z, faces).stiffness(mu)
 
@@ -68,20 +80,27 @@ def locate(
 ) -> tuple[Integer[ndarray, " P"], Float[ndarray, " P 3"]]:
     """Where finite points lie in a disk mesh: (face, barycentric coordinates, non-negative, sum 1).
 
-    A point beyond the boundary polygon (between a chord and its arc, say) is first moved radially onto the polygon;
-    one inside the circle stays short of it by up to INSET of its radius, so that triangles there keep an area.
+    A point beyond the boundary polygon (between a chord and its arc, say) is first moved radially
+    onto the polygon; one inside the circle stays short of it by up to INSET of its radius, so that
+    triangles there keep an area.
     """
     return Disk(z, faces).locate(points)
 
 
 def solve_beltrami(
-    z: PerVertex, faces: Faces, mu: PerFace, pinned: Integer[ndarray, " K"], values: Complex[ndarray, " K"]
+    z: PerVertex,
+    faces: Faces,
+    mu: PerFace,
+    pinned: Integer[ndarray, " K"],
+    values: Complex[ndarray, " K"],
 ) -> PerVertex:
-    """The Linear Beltrami Solver: `div(A(mu) grad u) = 0` for both coordinates, `f = values` at the vertices `pinned`.
+    """The Linear Beltrami Solver: `div(A(mu) grad u) = 0` for both coordinates, `f = values` at the
+    vertices `pinned`.
 
-    Not certified: with the whole boundary pinned the result's own coefficient differs from mu, and pins inside can fold
-    it; ask `check_bijective`. BeltramiError for |mu| >= 1, a folded source or unusable pins. Source: paper, section
-    'Linear Beltrami Solver', with the errata of the chapter on it.
+    Not certified: with the whole boundary pinned the result's own coefficient differs from mu, and
+    pins inside can fold it; ask `check_bijective`. BeltramiError for |mu| >= 1, a folded source or
+    unusable pins. Source: paper, section 'Linear Beltrami Solver', with the errata of the chapter
+    on it.
     """
     disk = Disk(z, faces)
     check_used(disk)
@@ -90,13 +109,15 @@ def solve_beltrami(
 
 
 def solve_beltrami_disk(z: PerVertex, faces: Faces, mu: PerFace, repair: bool = False) -> PerVertex:
-    """The disk self-map with Beltrami coefficient mu (F,) and a free boundary, f(0) = 0 and f(1) = 1: complex (V,).
+    """The disk self-map with Beltrami coefficient mu (F,) and a free boundary, f(0) = 0 and f(1) =
+    1: complex (V,).
 
-    z: its boundary on the unit circle. The flux form: exact up to discretisation, one factorisation for the mesh
-    (boundary steps are calibrated at mu = 0 where they are off by more than 1 %) and one for mu. Not certified: f can
-    fold where mu varies within few triangles and at slivers; ask `check_bijective`. repair: where f folds, switch rows
-    to mean-value weights, which moves f there and nearby. A RepairWarning tells of raised boundary steps, switched
-    rows and faces that stay flipped. Errors: BeltramiError, SurfaceError. Source: paper, theorem 1.
+    z: its boundary on the unit circle. The flux form: exact up to discretisation, one factorisation
+    for the mesh (boundary steps are calibrated at mu = 0 where they are off by more than 1 %) and
+    one for mu. Not certified: f can fold where mu varies within few triangles and at slivers; ask
+    `check_bijective`. repair: where f folds, switch rows to mean-value weights, which moves f there
+    and nearby. A RepairWarning tells of raised boundary steps, switched rows and faces that stay
+    flipped. Errors: BeltramiError, SurfaceError. Source: paper, theorem 1.
     """
     solver = DiskSolver(Disk(z, faces))
     f, words = solver.solve(mu), []
@@ -106,14 +127,17 @@ def solve_beltrami_disk(z: PerVertex, faces: Faces, mu: PerFace, repair: bool = 
         f, rows, _ = unfold(solver, f)
         if len(rows):
             left = len(solver.disk.at(f).reversed)
-            words.append(f"{len(rows)} rows switched to mean-value weights, {left} faces stay flipped")
+            words.append(
+                f"{len(rows)} rows switched to mean-value weights, {left} faces stay flipped"
+            )
     if words:
         warnings.warn("; ".join(words), RepairWarning, stacklevel=2)
     return f
 
 
 class BeltramiDiskSolver(DiskSolver):
-    """`DiskSolver` of a mesh given as arrays: z (V,) complex with its boundary on the unit circle, faces (F, 3)."""
+    """`DiskSolver` of a mesh given as arrays: z (V,) complex with its boundary on the unit circle,
+    faces (F, 3)."""
 
     def __init__(self, z: PerVertex, faces: Faces):
         super().__init__(Disk(z, faces))
@@ -122,11 +146,12 @@ class BeltramiDiskSolver(DiskSolver):
 def solve_beltrami_disk_log(z: PerVertex, faces: Faces, mu: PerFace) -> PerVertex:
     """The disk self-map with Beltrami coefficient mu, free boundary, f(0) = 0 and f(1) = 1.
 
-    Away from the pole `F = log f` solves `F_zbar = mu F_z`. With `L = z + mu0 conj(z)`, mu0 the mean of mu around the
-    pole, `F = log L + u + iv` with bounded u (Dirichlet, `u = -log|L|` on the circle) and v (natural condition):
-    `int A grad u . grad phi = -int A grad log|L| . grad phi - 2 pi phi(0)`, the same with arg L and without the pole
-    for v; then `f = L exp(u + iv)`. Not certified: twice the work of `solve_beltrami_disk`, and the boundary can run
-    backwards on ragged meshes. Errors: BeltramiError, SurfaceError.
+    Away from the pole `F = log f` solves `F_zbar = mu F_z`. With `L = z + mu0 conj(z)`, mu0 the
+    mean of mu around the pole, `F = log L + u + iv` with bounded u (Dirichlet, `u = -log|L|` on the
+    circle) and v (natural condition): `int A grad u . grad phi = -int A grad log|L| . grad phi - 2
+    pi phi(0)`, the same with arg L and without the pole for v; then `f = L exp(u + iv)`. Not
+    certified: twice the work of `solve_beltrami_disk`, and the boundary can run backwards on ragged
+    meshes. Errors: BeltramiError, SurfaceError.
     """
     disk = Disk(z, faces)
     solver = DiskSolver(disk)
@@ -134,7 +159,8 @@ def solve_beltrami_disk_log(z: PerVertex, faces: Faces, mu: PerFace) -> PerVerte
     around = (disk.faces == pole).any(1)
     mu0 = np.average(mu[around], weights=disk.areas[around])
     L = z - z[pole] + mu0 * np.conj(z - z[pole])
-    # d(log L) = ((1 + mu0) dx + i (1 - mu0) dy) / L: real part for log|L|, imaginary part for arg L.
+    # d(log L) = ((1 + mu0) dx + i (1 - mu0) dy) / L: real part for log|L|, imaginary part for arg
+    # L.
     x, y = np.array([1 + mu0, 1j * (1 - mu0)])[:, None] * mean_reciprocal(disk.at(L))
 
     def load(gradient):
@@ -148,15 +174,19 @@ def solve_beltrami_disk_log(z: PerVertex, faces: Faces, mu: PerFace) -> PerVerte
     source[pole] -= 2 * np.pi
     dirichlet = Dirichlet(matrix, loop)
     u[dirichlet.free] = dirichlet.solve_free(source[dirichlet.free] - dirichlet.coupling @ u[loop])
-    dirichlet = Dirichlet(matrix, loop[:1])  # a constant in v is a rotation, which the normalisation removes
+    dirichlet = Dirichlet(
+        matrix, loop[:1]
+    )  # a constant in v is a rotation, which the normalisation removes
     v[dirichlet.free] = dirichlet.solve_free(load(x.imag + 1j * y.imag)[dirichlet.free])
     return solver.normalise(L * np.exp(u + 1j * v))
 
 
 def mean_reciprocal(picture):
-    """Exact mean of 1/L over each triangle, (F,), of the picture under L, affine there; at most a corner lies at 0.
+    """Exact mean of 1/L over each triangle, (F,), of the picture under L, affine there; at most a
+    corner lies at 0.
 
-    Stokes: `int dA / L = (1/2i) sum over edges of (conj(a) - a conj(b - a)/(b - a)) log(b / a)`, a, b = L at its ends.
+    Stokes: `int dA / L = (1/2i) sum over edges of (conj(a) - a conj(b - a)/(b - a)) log(b / a)`, a,
+    b = L at its ends.
     """
     a = picture.z[picture.faces]
     b = np.roll(a, -1, axis=1)

@@ -12,32 +12,38 @@ class BijectivityError(ValueError):
 
 
 class RepairWarning(UserWarning):
-    """The result is certified, but only after steps that depart from the plain method; the message says which."""
+    """The result is certified, but only after steps that depart from the plain method; the message
+    says which."""
 
 
 def check_bijective(z: PerVertex, faces: Faces, f: PerVertex) -> Certificate:
-    """Decide whether the piecewise linear map z -> f of a triangulated disk is a bijection onto its image.
+    """Decide whether the piecewise linear map z -> f of a triangulated disk is a bijection onto its
+    image.
 
-    It is one when every triangle keeps its positive orientation and the boundary's image is a simple polygon run once
-    counter-clockwise. Decided without rounding, in exact arithmetic where in doubt; a triangle without area counts as
-    flipped. BeltramiError where the source mesh is folded or is not a disk.
+    It is one when every triangle keeps its positive orientation and the boundary's image is a
+    simple polygon run once counter-clockwise. Decided without rounding, in exact arithmetic where
+    in doubt; a triangle without area counts as flipped. BeltramiError where the source mesh is
+    folded or is not a disk.
     """
     return Disk(z, faces).certify(f)
 
 
 def check_embedding(faces: Faces, f: PerVertex) -> Certificate:
-    """The certificate of a planar picture f of a triangulated disk, whatever its source (a surface, say)."""
+    """The certificate of a planar picture f of a triangulated disk, whatever its source (a surface,
+    say)."""
     return Disk(f, faces).certificate
 
 
 def mean_value_matrix(disk, lengths):
-    """Floater's mean-value matrix (V, V) of edge lengths (F, 3) opposite the corners: u_i - an average of neighbours.
+    """Floater's mean-value matrix (V, V) of edge lengths (F, 3) opposite the corners: u_i - an
+    average of neighbours.
 
-    The weights `(tan(a/2) + tan(b/2)) / |e_ij|`, normalised, are positive: where all rows are of this kind and the
-    boundary is convex, the map is a bijection (Tutte, Floater).
+    The weights `(tan(a/2) + tan(b/2)) / |e_ij|`, normalised, are positive: where all rows are of
+    this kind and the boundary is convex, the map is a bijection (Tutte, Floater).
     """
     opposite, left, right = lengths, np.roll(lengths, -1, axis=1), np.roll(lengths, -2, axis=1)
-    # tan(a/2) = sqrt((o^2 - (l - r)^2) / ((l + r)^2 - o^2)); in a sliver rounding can make either part negative.
+    # tan(a/2) = sqrt((o^2 - (l - r)^2) / ((l + r)^2 - o^2)); in a sliver rounding can make either
+    # part negative.
     smallest = 1e-24 * (left + right) ** 2
     upper, lower = opposite**2 - (left - right) ** 2, (left + right) ** 2 - opposite**2
     half = np.sqrt(np.maximum(upper, smallest) / np.maximum(lower, smallest))
@@ -54,19 +60,21 @@ def mean_value_matrix(disk, lengths):
 
 
 def repair(matrix, disk, lengths, before=()):
-    """Unfold a Dirichlet solution, a `Disk`, by row switching: (`Disk`, switched vertices, last Dirichlet or None, how
-    often it was solved again).
+    """Unfold a Dirichlet solution, a `Disk`, by row switching: (`Disk`, switched vertices, last
+    Dirichlet or None, how often it was solved again).
 
-    The interior vertices of flipped faces get mean-value rows, and the problem is solved again with the same boundary
-    values; where a flip survives on switched rows, the next ring is switched. With all rows switched and a convex
-    boundary this is Floater's theorem. Not certified. before: rows switched already. The Dirichlet problem is None
-    where no face is flipped.
+    The interior vertices of flipped faces get mean-value rows, and the problem is solved again with
+    the same boundary values; where a flip survives on switched rows, the next ring is switched.
+    With all rows switched and a convex boundary this is Floater's theorem. Not certified. before:
+    rows switched already. The Dirichlet problem is None where no face is flipped.
     """
     average, dirichlet, switched, rounds = None, None, np.zeros(len(disk.z), bool), 0
     switched[np.asarray(before, int)] = True
     for _ in range(30):
         wanted, reached = _interior(disk, disk.flipped), 0
-        while wanted.sum() > reached and not (wanted & ~switched).any():  # one ring more, as long as there is one
+        while (
+            wanted.sum() > reached and not (wanted & ~switched).any()
+        ):  # one ring more, as long as there is one
             wanted, reached = _interior(disk, wanted[disk.faces].any(1)), wanted.sum()
         if not (wanted & ~switched).any():
             break
@@ -89,8 +97,8 @@ def _interior(disk, some):
 
 
 def unfold(solver, f):
-    """A solver's last map f (V,), or a Möbius map after it, repaired in the metric of mu: (f, switched vertices,
-    rounds of the repair)."""
+    """A solver's last map f (V,), or a Möbius map after it, repaired in the metric of mu: (f,
+    switched vertices, rounds of the repair)."""
     disk = solver.disk
     picture = disk.at(f)
     if not len(picture.flipped):

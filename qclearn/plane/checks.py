@@ -4,18 +4,22 @@ import numpy as np
 
 
 class BeltramiError(ValueError):
-    """A Beltrami coefficient, a planar mesh or a constraint that admits no quasi-conformal solution."""
+    """A Beltrami coefficient, a planar mesh or a constraint that admits no quasi-conformal
+    solution."""
 
 
 class SurfaceError(ValueError):
-    """A surface, or a file of one, that cannot be used: says what was found, where (indices) and what to do."""
+    """A surface, or a file of one, that cannot be used: says what was found, where (indices) and
+    what to do."""
 
 
 def complex_numbers(values, name):
     """An array as complex128, or BeltramiError."""
     try:
         values = np.asarray(values)
-        if values.dtype.kind not in "biufcO":  # no text and no dates, which NumPy would read or count
+        if (
+            values.dtype.kind not in "biufcO"
+        ):  # no text and no dates, which NumPy would read or count
             raise TypeError(f"they have type {values.dtype}")
         return values.astype(complex, copy=False)
     except (TypeError, ValueError) as error:
@@ -26,7 +30,9 @@ def planar_points(points, name="z"):
     """Points of the plane as complex128, (P,) or one of them alone, or BeltramiError."""
     points = complex_numbers(points, name)
     if points.ndim > 1:
-        raise BeltramiError(f"{name} has shape {points.shape}: give complex numbers (V,), x + iy, one a point")
+        raise BeltramiError(
+            f"{name} has shape {points.shape}: give complex numbers (V,), x + iy, one a point"
+        )
     return points
 
 
@@ -35,16 +41,20 @@ def check_faces(faces, n_vertices=np.inf):
     try:
         faces = np.asarray(faces)
     except ValueError:
-        raise BeltramiError("faces have rows of unequal lengths; split polygons into triangles (F, 3)") from None
+        raise BeltramiError(
+            "faces have rows of unequal lengths; split polygons into triangles (F, 3)"
+        ) from None
     if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu" or not len(faces):
         raise BeltramiError(
-            f"faces have shape {faces.shape} and type {faces.dtype}: give integers (F, 3), at least one triangle"
+            f"faces have shape {faces.shape} and type {faces.dtype}: give integers (F, 3), at "
+            "least one triangle"
         )
     faces = faces.astype(np.int64, copy=False)  # products of indices leave the smaller types
     if faces.min() < 0 or faces.max() >= n_vertices:
         outside = np.flatnonzero(((faces < 0) | (faces >= n_vertices)).any(1))[:5].tolist()
         raise BeltramiError(
-            f"faces {outside} name vertices outside 0..{n_vertices - 1}; do the mesh and the vertices belong together?"
+            f"faces {outside} name vertices outside 0..{n_vertices - 1}; do the mesh and the "
+            "vertices belong together?"
         )
     return faces
 
@@ -60,7 +70,10 @@ def check_map(f, n_vertices):
     surface = np.ndim(f) == 2 and np.shape(f)[1] == 3 and np.asarray(f).dtype.kind in "biuf"
     f = np.asarray(f, float) if surface else np.atleast_1d(planar_points(f, "f"))
     if len(f) != n_vertices:
-        raise BeltramiError(f"f has shape {f.shape}, but the mesh has {n_vertices} vertices: give one value a vertex")
+        raise BeltramiError(
+            f"f has shape {f.shape}, but the mesh has {n_vertices} vertices: give one value a "
+            "vertex"
+        )
     return f
 
 
@@ -68,11 +81,14 @@ def check_coefficient(mu, n_faces):
     """mu (F,) as complex128, or BeltramiError unless |mu| < 1 everywhere."""
     mu = complex_numbers(mu, "mu")
     if mu.shape != (n_faces,):
-        raise BeltramiError(f"mu has shape {mu.shape}, but the mesh has {n_faces} faces: give one value a face")
+        raise BeltramiError(
+            f"mu has shape {mu.shape}, but the mesh has {n_faces} faces: give one value a face"
+        )
     bad = np.flatnonzero(~(abs(mu) < 1))
     if len(bad):
         raise BeltramiError(
-            f"|mu| < 1 fails on {len(bad)} faces (first: {bad[:5].tolist()}, mu = {mu[bad[0]]:.3g}); "
+            f"|mu| < 1 fails on {len(bad)} faces (first: {bad[:5].tolist()}, mu = "
+            f"{mu[bad[0]]:.3g}); "
             "no orientation-preserving map has such a coefficient: truncate or mend mu there"
         )
     return mu
@@ -83,25 +99,38 @@ def check_used(disk):
     unused = np.flatnonzero(np.bincount(disk.faces.ravel(), minlength=len(disk.z)) == 0)
     if len(unused):
         raise BeltramiError(
-            f"vertices {unused[:5].tolist()} are in no face; do the mesh and the vertices belong together?"
+            f"vertices {unused[:5].tolist()} are in no face; do the mesh and the vertices belong "
+            "together?"
         )
 
 
 def check_pins(pinned, values, n_vertices):
     """`pinned` as integers and `values` as complex numbers, or BeltramiError."""
-    pinned, values = np.atleast_1d(np.asarray(pinned)), np.atleast_1d(complex_numbers(values, "values"))
+    pinned, values = (
+        np.atleast_1d(np.asarray(pinned)),
+        np.atleast_1d(complex_numbers(values, "values")),
+    )
     if pinned.ndim != 1 or pinned.shape != values.shape or len(pinned) == 0:
         raise BeltramiError(
-            f"{pinned.shape} pinned vertices with {values.shape} values: give one value a vertex, for at least one"
+            f"{pinned.shape} pinned vertices with {values.shape} values: give one value a vertex, "
+            "for at least one"
         )
     if not np.issubdtype(pinned.dtype, np.integer):
-        raise BeltramiError(f"pinned vertices have type {pinned.dtype}: give integer vertex indices")
+        raise BeltramiError(
+            f"pinned vertices have type {pinned.dtype}: give integer vertex indices"
+        )
     outside = pinned[(pinned < 0) | (pinned >= n_vertices)]
     if len(outside):
-        raise BeltramiError(f"pinned vertices out of range 0..{n_vertices - 1}: {outside[:5].tolist()}")
+        raise BeltramiError(
+            f"pinned vertices out of range 0..{n_vertices - 1}: {outside[:5].tolist()}"
+        )
     unique, count = np.unique(pinned, return_counts=True)
     if (count > 1).any():
-        raise BeltramiError(f"vertices pinned more than once: {unique[count > 1][:5].tolist()}; keep one value each")
+        raise BeltramiError(
+            f"vertices pinned more than once: {unique[count > 1][:5].tolist()}; keep one value each"
+        )
     if not np.isfinite(values).all():
-        raise BeltramiError(f"values not finite at pins {np.flatnonzero(~np.isfinite(values))[:5].tolist()}")
+        raise BeltramiError(
+            f"values not finite at pins {np.flatnonzero(~np.isfinite(values))[:5].tolist()}"
+        )
     return pinned, values

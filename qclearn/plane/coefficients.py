@@ -1,4 +1,5 @@
-"""The algebra of Beltrami coefficients: of compositions and inverses, the matrix A(mu), and the paper's activation."""
+"""The algebra of Beltrami coefficients: of compositions and inverses, the matrix A(mu), and the
+paper's activation."""
 
 import numpy as np
 from jaxtyping import Complex
@@ -10,26 +11,34 @@ LARGEST = 1 - 1e-10  # of |mu|: tanh rounds to 1 from 19 on, where a step that i
 def compose_coefficients(
     mu_f: Complex[ndarray, " *F"], f_z: Complex[ndarray, " *F"], mu_g: Complex[ndarray, " *F"]
 ) -> Complex[ndarray, " *F"]:
-    """Coefficient of g after f, mu_g at f(z): `(mu_f + t mu_g) / (1 + conj(mu_f) t mu_g)`, `t = conj(f_z)/f_z`."""
+    """Coefficient of g after f, mu_g at f(z): `(mu_f + t mu_g) / (1 + conj(mu_f) t mu_g)`, `t =
+    conj(f_z)/f_z`."""
     turned = np.conj(f_z) / f_z * mu_g
     return (mu_f + turned) / (1 + np.conj(mu_f) * turned)
 
 
-def inverse_coefficient(mu: Complex[ndarray, " *F"], f_z: Complex[ndarray, " *F"]) -> Complex[ndarray, " *F"]:
+def inverse_coefficient(
+    mu: Complex[ndarray, " *F"], f_z: Complex[ndarray, " *F"]
+) -> Complex[ndarray, " *F"]:
     """Coefficient of the inverse of f at the image points f(z): `-mu f_z / conj(f_z)`."""
     return -np.asarray(mu) * f_z / np.conj(f_z)
 
 
 def diffuse(mu, gradient):
-    """A(mu) applied to gradients: `((1 + |mu|^2) g - 2 mu conj(g)) / (1 - |mu|^2)`; A is SPD with determinant 1."""
+    """A(mu) applied to gradients: `((1 + |mu|^2) g - 2 mu conj(g)) / (1 - |mu|^2)`; A is SPD with
+    determinant 1."""
     m = abs(mu) ** 2
     return ((1 + m) * gradient - 2 * mu * np.conj(gradient)) / (1 - m)
 
 
 def bounded(nu):
-    """The paper's activation `T(nu) = tanh(|nu|) nu / |nu|`: any complex field becomes one with |mu| < 1."""
+    """The paper's activation `T(nu) = tanh(|nu|) nu / |nu|`: any complex field becomes one with
+    |mu| < 1."""
     size = abs(nu)
-    return np.divide(np.minimum(np.tanh(size), LARGEST), size, out=np.ones_like(size), where=size > 0) * nu
+    return (
+        np.divide(np.minimum(np.tanh(size), LARGEST), size, out=np.ones_like(size), where=size > 0)
+        * nu
+    )
 
 
 def unbounded(mu):

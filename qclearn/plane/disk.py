@@ -1,27 +1,41 @@
 """Where points lie in a mesh of the disk, and values there."""
 
+from dataclasses import dataclass
 from functools import cached_property
+
 import numpy as np
 import scipy
 import shapely
-from dataclasses import dataclass
 from jaxtyping import Complex, Float, Integer
 from numpy import ndarray
 from scipy import sparse
-from .checks import BeltramiError, check_coefficient, check_faces, check_map, check_mesh, planar_points
+
+from .checks import (
+    BeltramiError,
+    check_coefficient,
+    check_faces,
+    check_map,
+    check_mesh,
+    planar_points,
+)
 from .coefficients import diffuse
 from .linear import LARGE, assemble, elimination_order
 
 WALK = 12  # faces that a point may lie away from where it is looked for first
-LOST, BEYOND = -1, -2  # in place of a face: not found on the way there; across the boundary of a convex polygon
+LOST, BEYOND = (
+    -1,
+    -2,
+)  # in place of a face: not found on the way there; across the boundary of a convex polygon
 FEW = 0.25  # share of the faces of which polygons are built at once
 INSET = 1e-4  # share of the radius that points moved onto the boundary polygon stay inside it
 
 
 class Lookup:
-    """Where points lie in one `Disk`: (face, barycentric coordinates), its search trees kept. Nothing is checked.
+    """Where points lie in one `Disk`: (face, barycentric coordinates), its search trees kept.
+    Nothing is checked.
 
-    `lookup(points, guess)` begins at the faces `guess` (P,), else at the nearest vertices. `once`: a single question.
+    `lookup(points, guess)` begins at the faces `guess` (P,), else at the nearest vertices. `once`:
+    a single question.
     """
 
     def __init__(self, disk):
@@ -31,7 +45,9 @@ class Lookup:
         inside = self._walk(points, self._nearby(points) if guess is None else guess)
         lost = np.flatnonzero(inside == LOST)
         if len(lost):
-            hit, face = self._tree.query(shapely.points(pairs(points[lost])), predicate="intersects")
+            hit, face = self._tree.query(
+                shapely.points(pairs(points[lost])), predicate="intersects"
+            )
             inside[lost[hit]] = face
         return self._weighed(points, inside)
 
@@ -43,12 +59,15 @@ class Lookup:
         if len(near) >= FEW * len(self.faces):
             return self(points)
         inside = np.full(len(points), LOST)
-        hit, face = shapely.STRtree(shapely.polygons(corners[near])).query(shapely.points(wanted), "intersects")
+        hit, face = shapely.STRtree(shapely.polygons(corners[near])).query(
+            shapely.points(wanted), "intersects"
+        )
         inside[hit] = near[face]
         return self._weighed(points, inside)
 
     def _weighed(self, points, inside):
-        """The faces and weights of points (P,); those in no face are first moved onto the boundary polygon."""
+        """The faces and weights of points (P,); those in no face are first moved onto the boundary
+        polygon."""
         outside = np.flatnonzero(inside < 0)
         if len(outside):
             points = points.copy()
@@ -61,7 +80,8 @@ class Lookup:
         return shapely.STRtree(shapely.polygons(pairs(self.z[self.faces])))
 
     def _walk(self, points, face):
-        """The faces that hold points (P,), found from `face` (P,) in a few steps across edges; or LOST, or BEYOND."""
+        """The faces that hold points (P,), found from `face` (P,) in a few steps across edges; or
+        LOST, or BEYOND."""
         face, at = face.copy(), np.arange(len(points))
         for _ in range(WALK):
             sides = _edge_distances(self.z[self.faces[face[at]]], points[at])
@@ -88,7 +108,9 @@ class Lookup:
         """The search tree of the vertices, and a face at each."""
         at, face = np.flatnonzero(np.bincount(self.faces.ravel())), np.empty(len(self.z), int)
         face[self.faces.ravel()] = np.repeat(np.arange(len(self.faces)), 3)
-        return scipy.spatial.cKDTree(pairs(self.z[at]), balanced_tree=False, compact_nodes=False), face[at]
+        return scipy.spatial.cKDTree(
+            pairs(self.z[at]), balanced_tree=False, compact_nodes=False
+        ), face[at]
 
     @cached_property
     def _out(self):
@@ -101,7 +123,10 @@ class Lookup:
     @cached_property
     def _rim(self):
         """The boundary vertices by angle, and the face at each one's edge to the next."""
-        loop, rim = self.disk.loop, self.disk.open_halfedges  # each boundary vertex begins one half-edge of it
+        loop, rim = (
+            self.disk.loop,
+            self.disk.open_halfedges,
+        )  # each boundary vertex begins one half-edge of it
         face = np.empty(len(self.z), int)
         face[self.faces.ravel()[rim]] = rim // 3
         loop = loop[np.argsort(np.angle(self.z[loop]))]
@@ -109,13 +134,19 @@ class Lookup:
 
     def _project_radially(self, points):
         loop, face = self._rim
-        k = (np.searchsorted(np.angle(self.z[loop]), np.angle(points), side="right") - 1) % len(loop)
+        k = (np.searchsorted(np.angle(self.z[loop]), np.angle(points), side="right") - 1) % len(
+            loop
+        )
         a, b = self.z[loop[k]], self.z[loop[(k + 1) % len(loop)]]
         # The ray s p meets the chord a + t (b - a) where Im(conj(b - a)(s p - a)) = 0.
         s = ((b - a).conj() * a).imag / ((b - a).conj() * points).imag
         radius = abs(points)
         gap = 1 - s * radius  # between the chord and the arc: none at a boundary vertex
-        s = s * (1 - INSET * np.clip(np.divide(1 - radius, gap, out=np.zeros_like(gap), where=gap > 0), 0, 1))
+        s = s * (
+            1
+            - INSET
+            * np.clip(np.divide(1 - radius, gap, out=np.zeros_like(gap), where=gap > 0), 0, 1)
+        )
         return face[k], s * points
 
 
@@ -124,25 +155,34 @@ def pairs(z):
 
 
 def _edge_distances(corners, points):
-    """Twice the signed areas of a point with each edge of a triangle, (P, 3), column k across from corner k."""
+    """Twice the signed areas of a point with each edge of a triangle, (P, 3), column k across from
+    corner k."""
     a, b, c = (corners[:, k] - points for k in range(3))
     return np.stack([(b.conj() * c).imag, (c.conj() * a).imag, (a.conj() * b).imag], axis=1)
 
 
 def _barycentric(corners, points):
     weights = _edge_distances(corners, points)
-    weights = np.maximum(weights * np.sign(weights.sum(1, keepdims=True)), 0)  # a face turned over; rounding at an edge
+    weights = np.maximum(
+        weights * np.sign(weights.sum(1, keepdims=True)), 0
+    )  # a face turned over; rounding at an edge
     return weights / weights.sum(1, keepdims=True)
 
 
 PerVertex, PerFace, Faces = Complex[ndarray, " V"], Complex[ndarray, " F"], Integer[ndarray, " F 3"]
 TINY = 1e-300
-OF_FACES = ("loop", "open_halfedges", "across", "order")  # what depends on the faces alone, and pictures share
+OF_FACES = (
+    "loop",
+    "open_halfedges",
+    "across",
+    "order",
+)  # what depends on the faces alone, and pictures share
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """Outcome of `check_bijective`: `bijective`, the `flipped` faces, and whether the `boundary` is simple."""
+    """Outcome of `check_bijective`: `bijective`, the `flipped` faces, and whether the `boundary` is
+    simple."""
 
     bijective: bool
     flipped: Integer[ndarray, " k"]
@@ -153,8 +193,8 @@ class Certificate:
 class Disk:
     """A triangulated disk in the plane: vertices z (V,) complex and faces (F, 3) int64, read-only.
 
-    Making a Disk checks the arrays; `gradients` asks for counter-clockwise triangles, `loop` for one simple boundary.
-    BeltramiError says what is wrong.
+    Making a Disk checks the arrays; `gradients` asks for counter-clockwise triangles, `loop` for
+    one simple boundary. BeltramiError says what is wrong.
     """
 
     z: PerVertex
@@ -168,7 +208,8 @@ class Disk:
         return Disk, (self.z, self.faces)  # what was found stays in the process that found it
 
     def at(self, f: PerVertex) -> "Disk":
-        """The picture of this mesh under a planar map f (V,): the same faces with their vertices at f."""
+        """The picture of this mesh under a planar map f (V,): the same faces with their vertices at
+        f."""
         f = check_map(planar_points(f, "f"), len(self.z))
         picture = object.__new__(Disk)
         known = {name: vars(self)[name] for name in OF_FACES if name in vars(self)}
@@ -177,21 +218,27 @@ class Disk:
 
     @cached_property
     def areas(self) -> Float[ndarray, " F"]:
-        """Signed area of each triangle, positive when counter-clockwise: `Im(conj(b - a)(c - a)) / 2`."""
+        """Signed area of each triangle, positive when counter-clockwise: `Im(conj(b - a)(c - a)) /
+        2`."""
         a, b, c = self.z[self.faces].T
         return 0.5 * ((b - a).conj() * (c - a)).imag
 
     @cached_property
     def gradients(self) -> Complex[ndarray, " F 3"]:
-        """Gradients of the hat functions, `grad phi_i = i (z_k - z_j) / (2 |T|)` on a triangle (i, j, k)."""
+        """Gradients of the hat functions, `grad phi_i = i (z_k - z_j) / (2 |T|)` on a triangle (i,
+        j, k)."""
         unknown = np.flatnonzero(~np.isfinite(self.z))
         if len(unknown):
-            raise BeltramiError(f"z is not finite at vertices {unknown[:5].tolist()}; mend the map that made it")
+            raise BeltramiError(
+                f"z is not finite at vertices {unknown[:5].tolist()}; mend the map that made it"
+            )
         bad = np.flatnonzero(~(self.areas > 0))
         if len(bad):
             raise BeltramiError(
-                f"{len(bad)} source triangles are not counter-clockwise (first: {bad[:5].tolist()}); "
-                "use a planar mesh without folds, or reverse every face if all of them are clockwise"
+                f"{len(bad)} source triangles are not counter-clockwise (first: "
+                f"{bad[:5].tolist()}); "
+                "use a planar mesh without folds, or reverse every face if all of them are "
+                "clockwise"
             )
         corners = self.z[self.faces]
         opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
@@ -204,7 +251,8 @@ class Disk:
 
     @cached_property
     def loop(self) -> Integer[ndarray, " B"]:
-        """The boundary vertices, counter-clockwise, from the smallest index; BeltramiError unless it is one loop."""
+        """The boundary vertices, counter-clockwise, from the smallest index; BeltramiError unless
+        it is one loop."""
         alone = self.open_halfedges
         tails, heads = self.faces.ravel()[alone], np.roll(self.faces, -1, axis=1).ravel()[alone]
         following = dict(zip(tails.tolist(), heads.tolist()))
@@ -230,7 +278,9 @@ class Disk:
         twins = (edge[one] == edge[two]) & (tails[one] == heads[two])
         across = np.full(len(order), -1)
         across[one[twins]], across[two[twins]] = two[twins] // 3, one[twins] // 3
-        return np.roll(across.reshape(-1, 3), -1, axis=1)  # the edge from corner k lies across from corner k + 2
+        return np.roll(
+            across.reshape(-1, 3), -1, axis=1
+        )  # the edge from corner k lies across from corner k + 2
 
     @cached_property
     def order(self):
@@ -242,12 +292,17 @@ class Disk:
         """`lookup(points)` as `locate`, its search trees kept for many questions."""
         return Lookup(self)
 
-    def locate(self, points: Complex[ndarray, " P"]) -> tuple[Integer[ndarray, " P"], Float[ndarray, " P 3"]]:
-        """Where points lie, as `qclearn.locate`: (face, barycentric coordinates, non-negative, sum 1)."""
+    def locate(
+        self, points: Complex[ndarray, " P"]
+    ) -> tuple[Integer[ndarray, " P"], Float[ndarray, " P 3"]]:
+        """Where points lie, as `qclearn.locate`: (face, barycentric coordinates, non-negative, sum
+        1)."""
         points = np.atleast_1d(planar_points(points, "points"))
         unknown = np.flatnonzero(~np.isfinite(points))
         if len(unknown):
-            raise BeltramiError(f"points {unknown[:5].tolist()} are not finite: they lie nowhere; leave them out")
+            raise BeltramiError(
+                f"points {unknown[:5].tolist()} are not finite: they lie nowhere; leave them out"
+            )
         return self.lookup.once(points)
 
     def sampling(self, points: Complex[ndarray, " P"]) -> Float[sparse.csr_array, " P V"]:
@@ -257,7 +312,8 @@ class Disk:
         return sparse.csr_array((weights.ravel(), places), shape=(len(weights), len(self.z)))
 
     def interpolate(self, values, places):
-        """Values (V, ...) of the vertices at places (face, weights) that `locate` found, linear in each face."""
+        """Values (V, ...) of the vertices at places (face, weights) that `locate` found, linear in
+        each face."""
         face, weights = places
         return np.einsum("pk,pk...->p...", weights, np.asarray(values)[self.faces[face]])
 
@@ -265,7 +321,10 @@ class Disk:
         """`K(mu)_ij = sum_T |T| grad phi_i . A(mu_T) grad phi_j`, positive semi-definite; |mu| < 1."""
         mu = check_coefficient(mu, len(self.faces))
         turned = diffuse(mu[:, None], self.gradients)
-        blocks = self.areas[:, None, None] * (self.gradients.conj()[:, :, None] * turned[:, None, :]).real
+        blocks = (
+            self.areas[:, None, None]
+            * (self.gradients.conj()[:, :, None] * turned[:, None, :]).real
+        )
         return assemble(self.faces, blocks, len(self.z))
 
     @cached_property
@@ -283,17 +342,22 @@ class Disk:
     def to_vertices(self) -> Float[sparse.csr_array, " V F"]:
         """From values of the faces to their averages by area around each vertex."""
         places = self.faces.ravel(), np.repeat(np.arange(len(self.faces)), 3)
-        around = sparse.csr_array((np.repeat(self.areas, 3), places), shape=(len(self.z), len(self.faces)))
+        around = sparse.csr_array(
+            (np.repeat(self.areas, 3), places), shape=(len(self.z), len(self.faces))
+        )
         return sparse.diags_array(1 / around.sum(1)) @ around
 
     @cached_property
     def to_faces(self) -> Float[sparse.csr_array, " F V"]:
         """From values of the vertices to the value at each face's centroid."""
         places = np.repeat(np.arange(len(self.faces)), 3), self.faces.ravel()
-        return sparse.csr_array((np.full(self.faces.size, 1 / 3), places), shape=(len(self.faces), len(self.z)))
+        return sparse.csr_array(
+            (np.full(self.faces.size, 1 / 3), places), shape=(len(self.faces), len(self.z))
+        )
 
     def wirtinger(self, f):
-        """`f_z` and `f_zbar` on each face of a map f, complex (V,) or real (V, 3): (F,) or (F, 3) each."""
+        """`f_z` and `f_zbar` on each face of a map f, complex (V,) or real (V, 3): (F,) or (F, 3)
+        each."""
         corners = check_map(f, len(self.z))[self.faces]
         f_z = 0.5 * np.einsum("fk,fk...->f...", self.gradients.conj(), corners)
         return f_z, 0.5 * np.einsum("fk,fk...->f...", self.gradients, corners)
@@ -304,7 +368,8 @@ class Disk:
         with np.errstate(divide="ignore", invalid="ignore"):
             if f_z.ndim == 1:
                 return f_zbar / f_z
-            # Summed over the three coordinates: f_zbar^2 is (E - G + 2iF)/4 and |f_z|^2 is (E + G)/4.
+            # Summed over the three coordinates: f_zbar^2 is (E - G + 2iF)/4 and |f_z|^2 is (E +
+            # G)/4.
             difference, total = (f_zbar**2).sum(1), (abs(f_z) ** 2).sum(1)
             area_element = np.sqrt(np.maximum(total**2 - abs(difference) ** 2, 0.0))
             return difference / (total + area_element)
@@ -315,8 +380,9 @@ class Disk:
         a, b, c = self.z[self.faces].T
         with np.errstate(all="ignore"):  # what overflows, or is not finite, stays in doubt
             left, right = (b - a).real * (c - a).imag, (b - a).imag * (c - a).real
-            # A determinant of rounded differences is safe in sign once it exceeds this part of its terms (Shewchuk
-            # 1997 has 3.3e-16); TINY stands for what products lose below the smallest normal number.
+            # A determinant of rounded differences is safe in sign once it exceeds this part of its
+            # terms (Shewchuk 1997 has 3.3e-16); TINY stands for what products lose below the
+            # smallest normal number.
             return np.flatnonzero(~(left - right > 1e-15 * (abs(left) + abs(right)) + TINY))
 
     @cached_property
@@ -343,7 +409,8 @@ class Disk:
         """The `Certificate` of a map f (V,); BeltramiError where the mesh itself is folded."""
         if len(self.reversed):
             raise BeltramiError(
-                f"{len(self.reversed)} triangles of the source mesh are folded or without area (first: "
+                f"{len(self.reversed)} triangles of the source mesh are folded or without area "
+                "(first: "
                 f"{self.reversed[:5].tolist()}): a map of it cannot be certified"
             )
         return self.at(f).certificate
@@ -364,7 +431,8 @@ def boundary_loop(faces):
 
 
 def integers(x):
-    """Finite doubles (n,) times the power of two that makes all of them integers, as Python's, object (n,)."""
+    """Finite doubles (n,) times the power of two that makes all of them integers, as Python's,
+    object (n,)."""
     mantissa, exponent = np.frexp(x)
     mantissa = np.ldexp(mantissa, 53).astype(np.int64)
     exponent -= exponent.min(initial=0, where=mantissa != 0)  # of 0 it says nothing

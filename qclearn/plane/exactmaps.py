@@ -1,4 +1,5 @@
-"""Catalogue of quasi-conformal maps in closed form: the map, both Wirtinger derivatives and so its exact mu."""
+"""Catalogue of quasi-conformal maps in closed form: the map, both Wirtinger derivatives and so its
+exact mu."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,7 +9,8 @@ import numpy as np
 
 @dataclass(frozen=True)
 class ExactMap:
-    """`f`, `f_z` and `f_zbar` as functions of z; `largest` is the supremum of |mu| over the unit disk."""
+    """`f`, `f_z` and `f_zbar` as functions of z; `largest` is the supremum of |mu| over the unit
+    disk."""
 
     name: str
     f: Callable
@@ -23,14 +25,19 @@ class ExactMap:
         return self.f_zbar(z) / self.f_z(z)
 
     def on_faces(self, disk):
-        """Exact mu at the centroids of a `Disk` (a convergence test would learn nothing of the interpolant's)."""
+        """Exact mu at the centroids of a `Disk` (a convergence test would learn nothing of the
+        interpolant's)."""
         return self.mu(disk.centroids)
 
 
 def affine(a, b, c=0.0):
     """`a z + b conj(z) + c`, mu = b / a."""
     return ExactMap(
-        "affine", lambda z: a * z + b * np.conj(z) + c, lambda z: a + 0 * z, lambda z: b + 0 * z, abs(b / a)
+        "affine",
+        lambda z: a * z + b * np.conj(z) + c,
+        lambda z: a + 0 * z,
+        lambda z: b + 0 * z,
+        abs(b / a),
     )
 
 
@@ -62,7 +69,12 @@ def turn(name, h, h_z, largest):
 
 def twist(c):
     """`z exp(i c (1 - |z|^2))`: the boundary stays; its inverse is the twist by -c."""
-    return turn("twist", lambda z: c * (1 - abs(z) ** 2), lambda z: -c * np.conj(z), abs(c) / np.sqrt(1 + c**2))
+    return turn(
+        "twist",
+        lambda z: c * (1 - abs(z) ** 2),
+        lambda z: -c * np.conj(z),
+        abs(c) / np.sqrt(1 + c**2),
+    )
 
 
 def sliding(c):

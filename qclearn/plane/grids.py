@@ -1,24 +1,32 @@
-"""Meshes of the unit disk that are made, not mapped: polar and square ones, and the square beside the disk."""
+"""Meshes of the unit disk that are made, not mapped: polar and square ones, and the square beside
+the disk."""
 
 from functools import lru_cache
+
 import numpy as np
 import scipy
 from jaxtyping import Complex, Integer
 from numpy import ndarray
+
 from .disk import Disk
 
 POWER = 1.4  # by which the rings of the usual polar meshes crowd towards the centre
-COARSE, FINE = (24, 72), (32, 96)  # rings and spokes: of what CP-Net answers on, and of its exact twins
+COARSE, FINE = (
+    (24, 72),
+    (32, 96),
+)  # rings and spokes: of what CP-Net answers on, and of its exact twins
 
 
 def square_to_disk(w: Complex[ndarray, " *P"]) -> Complex[ndarray, " *P"]:
-    """Radial map of the square [-1, 1]^2 onto the unit disk, `w max(|cos t|, |sin t|)`, t = arg w; 0 to 0."""
+    """Radial map of the square [-1, 1]^2 onto the unit disk, `w max(|cos t|, |sin t|)`, t = arg w;
+    0 to 0."""
     w = np.asarray(w, complex)
     return w * _radius_ratio(w)
 
 
 def disk_to_square(z: Complex[ndarray, " *P"]) -> Complex[ndarray, " *P"]:
-    """Inverse of `square_to_disk`: `z / max(|cos t|, |sin t|)` (the paper's formula with its absolute values)."""
+    """Inverse of `square_to_disk`: `z / max(|cos t|, |sin t|)` (the paper's formula with its
+    absolute values)."""
     z = np.asarray(z, complex)
     return z / _radius_ratio(z)
 
@@ -32,14 +40,19 @@ def _radius_ratio(w):
 def square_disk(n: int) -> tuple[Complex[ndarray, " V"], Integer[ndarray, " F 3"]]:
     """Disk mesh (z, faces) with the topology of an n x n square grid, n even.
 
-    The diagonal of a cell runs into the square's corner of its quadrant; the other would put a triangle with three
-    boundary vertices at each corner, which carries no boundary flux.
+    The diagonal of a cell runs into the square's corner of its quadrant; the other would put a
+    triangle with three boundary vertices at each corner, which carries no boundary flux.
     """
     if n < 2 or n % 2:
         raise ValueError(f"square_disk needs an even number of cells a side, at least 2; got {n}")
     x, y = np.meshgrid(np.linspace(-1, 1, n + 1), np.linspace(-1, 1, n + 1))
     corner = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
-    a, b, c, d = corner, corner + 1, corner + n + 2, corner + n + 1  # counter-clockwise from the lower left
+    a, b, c, d = (
+        corner,
+        corner + 1,
+        corner + n + 2,
+        corner + n + 1,
+    )  # counter-clockwise from the lower left
     row, column = np.divmod(np.arange(n * n), n)
     rising = ((row >= n // 2) == (column >= n // 2))[:, None]
     first = np.where(rising, np.stack([a, b, c], 1), np.stack([a, b, d], 1))
@@ -47,8 +60,11 @@ def square_disk(n: int) -> tuple[Complex[ndarray, " V"], Integer[ndarray, " F 3"
     return square_to_disk((x + 1j * y).ravel()), np.concatenate([first, second])
 
 
-def polar_disk(nr: int, nt: int, power: float = 1.0) -> tuple[Complex[ndarray, " V"], Integer[ndarray, " F 3"]]:
-    """Graded polar disk mesh (z (1 + nr nt,), faces): vertex 0 at 0, then nr rings of nt at radius (j / nr)^power.
+def polar_disk(
+    nr: int, nt: int, power: float = 1.0
+) -> tuple[Complex[ndarray, " V"], Integer[ndarray, " F 3"]]:
+    """Graded polar disk mesh (z (1 + nr nt,), faces): vertex 0 at 0, then nr rings of nt at radius
+    (j / nr)^power.
 
     The mesh is invariant under rotation by 2 pi / nt. Vertex `1 + (nr - 1) nt` lies at 1.
     """
@@ -70,12 +86,14 @@ def polar_disk(nr: int, nt: int, power: float = 1.0) -> tuple[Complex[ndarray, "
 
 @lru_cache(maxsize=16)
 def polar(rings, spokes=None):
-    """The polar `Disk` crowded by POWER, made once; three times as many spokes as rings unless given."""
+    """The polar `Disk` crowded by POWER, made once; three times as many spokes as rings unless
+    given."""
     return Disk(*polar_disk(rings, spokes or 3 * rings, POWER))
 
 
 def pixel_centres(size):
-    """Pixel centres of the image of [-1, 1]^2, complex (size, size): x grows with the column, y with the row."""
+    """Pixel centres of the image of [-1, 1]^2, complex (size, size): x grows with the column, y
+    with the row."""
     axis = (2 * np.arange(size) + 1) / size - 1
     return axis[None, :] + 1j * axis[:, None]
 
@@ -87,13 +105,17 @@ def joined(z: Complex[ndarray, " V"]) -> Disk:
 
 
 def thinned(disk, shares, count):
-    """The rim and `count` vertices of a `Disk`, chosen by shares (V,) of 1 (None: equal): numbers (N,), `joined`."""
-    some = np.union1d(disk.loop, np.random.default_rng(0).choice(len(disk.z), count, replace=False, p=shares))
+    """The rim and `count` vertices of a `Disk`, chosen by shares (V,) of 1 (None: equal): numbers
+    (N,), `joined`."""
+    some = np.union1d(
+        disk.loop, np.random.default_rng(0).choice(len(disk.z), count, replace=False, p=shares)
+    )
     return some, joined(disk.z[some])
 
 
 class Spectrum:
-    """Fields nu on a polar mesh of rings and spokes in all eigenvectors E of (Laplace, lumped mass A), `E^* A E = pi`.
+    """Fields nu on a polar mesh of rings and spokes in all eigenvectors E of (Laplace, lumped mass
+    A), `E^* A E = pi`.
 
     values (spokes rings,): the eigenvalues, by angular mode, then radial, as the coefficients.
     """
@@ -110,14 +132,17 @@ class Spectrum:
         """`E^* fields` (n, modes) of gradients (n, 1 + rings spokes) by nu at the mesh's vertices."""
         nodal = fields[:, 1:].reshape(-1, self.rings, self.spokes)
         waves = scipy.fft.fft(nodal, norm="ortho").transpose(2, 0, 1)  # (spokes, n, rings)
-        waves[0, :, 0] += fields[:, 0] / np.sqrt(self.spokes)  # the centre is the mean of the first ring
+        waves[0, :, 0] += fields[:, 0] / np.sqrt(
+            self.spokes
+        )  # the centre is the mean of the first ring
         parts = np.concatenate([waves.real, waves.imag], 1) @ self.radial.astype(waves.real.dtype)
         found = np.empty((len(fields), self.spokes, self.rings), waves.dtype)
         found.real, found.imag = parts.transpose(1, 0, 2).reshape(2, *found.shape)
         return found.reshape(len(fields), -1)
 
     def coefficients(self, nu):
-        """`E^* A nu / pi` of a field (1 + rings spokes,) with the mean of its first ring in the centre."""
+        """`E^* A nu / pi` of a field (1 + rings spokes,) with the mean of its first ring in the
+        centre."""
         return self.gradients(np.concatenate([[0], self.areas * nu[1:]])[None])[0] / np.pi
 
     def field(self, coefficients):
@@ -128,7 +153,8 @@ class Spectrum:
 
 
 def ring_tables(mesh, nt):
-    """Of the rings of a polar `Disk`: lumped areas (nr,), Laplace's weights along spokes (nr - 1,) and rings (nr,)."""
+    """Of the rings of a polar `Disk`: lumped areas (nr,), Laplace's weights along spokes (nr - 1,)
+    and rings (nr,)."""
     nr = (len(mesh.z) - 1) // nt
     area = np.bincount(mesh.faces.ravel(), np.repeat(mesh.areas, 3))[1::nt] / 3
     K, first = mesh.laplace, np.arange(nr) * nt + 1
@@ -137,7 +163,8 @@ def ring_tables(mesh, nt):
 
 
 def eigenvectors(area, spokes, arcs, nt, count):
-    """Radial parts (nt, nr, nr) of all eigenvectors by angular mode; values and places of the smoothest, (count,)."""
+    """Radial parts (nt, nr, nr) of all eigenvectors by angular mode; values and places of the
+    smoothest, (count,)."""
     nr, inner = len(area), np.arange(len(area) - 1)
     radial = np.zeros((nr, nr))
     radial[inner, inner + 1] = radial[inner + 1, inner] = -spokes

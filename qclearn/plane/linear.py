@@ -1,11 +1,13 @@
-"""Sparse systems on triangle meshes: assembled from element matrices, factored, solved with some values held."""
+"""Sparse systems on triangle meshes: assembled from element matrices, factored, solved with some
+values held."""
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.linalg import splu
-from .checks import BeltramiError
 from jaxtyping import Float, Integer
 from numpy import ndarray
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from .checks import BeltramiError
 
 LARGE = 20_000  # vertices from which on the order of elimination is worth its own search
 LEAF = 16  # vertices of a part that is halved no further
@@ -14,7 +16,9 @@ LEAF = 16  # vertices of a part that is halved no further
 def assemble(faces, blocks, n_vertices):
     """Sum of element matrices (F, 3, 3), sparse (V, V)."""
     rows, columns = np.repeat(faces, 3, axis=1).ravel(), np.tile(faces, (1, 3)).ravel()
-    return sparse.coo_array((blocks.ravel(), (rows, columns)), shape=(n_vertices, n_vertices)).tocsc()
+    return sparse.coo_array(
+        (blocks.ravel(), (rows, columns)), shape=(n_vertices, n_vertices)
+    ).tocsc()
 
 
 def three_a_row(values, columns, width):
@@ -26,21 +30,29 @@ def three_a_row(values, columns, width):
 def factorise(matrix, ordering="MMD_AT_PLUS_A"):
     """SuperLU factors of a matrix with symmetric pattern, pivots on the diagonal.
 
-    For SPD matrices and rows of averages: with slivers, pivots off the diagonal fill the factors up to 35 times as much
-    and are no more accurate; with the default of `relax` some meshes (fsaverage5, subdivided) fill twice as much.
+    For SPD matrices and rows of averages: with slivers, pivots off the diagonal fill the factors up
+    to 35 times as much and are no more accurate; with the default of `relax` some meshes
+    (fsaverage5, subdivided) fill twice as much.
     """
     try:
-        return splu(matrix.tocsc(), ordering, diag_pivot_thresh=0.0, relax=1, options={"SymmetricMode": True})
+        return splu(
+            matrix.tocsc(),
+            ordering,
+            diag_pivot_thresh=0.0,
+            relax=1,
+            options={"SymmetricMode": True},
+        )
     except RuntimeError as error:
         raise BeltramiError(
-            f"the system of equations cannot be solved ({str(error).lower()}): some vertex is in no "
+            f"the system of equations cannot be solved ({str(error).lower()}): some vertex is in "
+            "no "
             "face, or triangles are too thin or too small for double precision; remesh"
         ) from None
 
 
 def heat_flow(mass, stiffness, load, steps):
-    """Values u (V, ...) after implicit steps `(A + K) u = A u_before` of the heat flow, A the mass, K the stiffness
-    times the length of a step; load: A u at the beginning."""
+    """Values u (V, ...) after implicit steps `(A + K) u = A u_before` of the heat flow, A the mass,
+    K the stiffness times the length of a step; load: A u at the beginning."""
     factors = factorise(mass + stiffness)
     for _ in range(steps):
         values = factors.solve(load)
@@ -49,7 +61,8 @@ def heat_flow(mass, stiffness, load, steps):
 
 
 class Dirichlet:
-    """A stiffness matrix with values prescribed at some vertices, factored once; order: of eliminating the others."""
+    """A stiffness matrix with values prescribed at some vertices, factored once; order: of
+    eliminating the others."""
 
     def __init__(self, matrix, pinned, order=None):
         self.pinned, self.size = np.asarray(pinned), matrix.shape[0]
@@ -63,13 +76,17 @@ class Dirichlet:
         """Free values (len(free), ...) for a real or complex load there and zero at the pins."""
         if self.factors is None:
             return np.zeros(load.shape, load.dtype)
-        if np.iscomplexobj(load):  # casting the real matrix to complex would cost many times as much
+        if np.iscomplexobj(
+            load
+        ):  # casting the real matrix to complex would cost many times as much
             pairs = np.ascontiguousarray(load).reshape(len(load), -1).view(float)
             return self.solve_free(pairs).view(complex).reshape(load.shape)
         nonzero = load.reshape(len(load), -1).any(0)
         solution = np.zeros((len(load), len(nonzero)))
         if nonzero.any():
-            solution[:, nonzero] = self.factors.solve(np.ascontiguousarray(load.reshape(len(load), -1)[:, nonzero]))
+            solution[:, nonzero] = self.factors.solve(
+                np.ascontiguousarray(load.reshape(len(load), -1)[:, nonzero])
+            )
         return solution.reshape(load.shape)
 
     def solve(self, values):
@@ -81,10 +98,11 @@ class Dirichlet:
 
 
 def elimination_order(matrix, points, loop):
-    """The vertices but the boundary loop, ordered for small factors of a mesh's matrix; points (V,) complex or (V, d).
+    """The vertices but the boundary loop, ordered for small factors of a mesh's matrix; points (V,)
+    complex or (V, d).
 
-    A part is halved across its longer side; the vertices of one half with a neighbour in the other come last. Source:
-    George (1973), Nested dissection of a regular element mesh.
+    A part is halved across its longer side; the vertices of one half with a neighbour in the other
+    come last. Source: George (1973), Nested dissection of a regular element mesh.
     """
     inner = np.setdiff1d(np.arange(len(points)), loop)
     matrix, points = matrix.tocsr()[inner][:, inner], points[inner]
@@ -99,7 +117,9 @@ def elimination_order(matrix, points, loop):
         halves, middle = np.argpartition(along, len(part) // 2), len(part) // 2
         one, two = part[halves[:middle]], part[halves[middle:]]
         counts = starts[one + 1] - starts[one]
-        entries = np.arange(counts.sum()) + np.repeat(starts[one] - np.cumsum(counts) + counts, counts)
+        entries = np.arange(counts.sum()) + np.repeat(
+            starts[one] - np.cumsum(counts) + counts, counts
+        )
         other[two] = True
         touching = np.zeros(len(one), bool)
         touching[np.repeat(np.arange(len(one)), counts)[other[neighbours[entries]]]] = True
@@ -110,7 +130,8 @@ def elimination_order(matrix, points, loop):
 
 
 def edge_lengths(corners):
-    """Length of the edge opposite each corner, (F, 3), of corners in the plane, (F, 3) complex, or space, (F, 3, 3)."""
+    """Length of the edge opposite each corner, (F, 3), of corners in the plane, (F, 3) complex, or
+    space, (F, 3, 3)."""
     side = np.roll(corners, -1, axis=1) - np.roll(corners, -2, axis=1)
     return abs(side) if np.iscomplexobj(side) else np.linalg.norm(side, axis=2)
 
@@ -135,9 +156,12 @@ def corner_angles(lengths):
 def cotangent_stiffness(
     vertices: Float[ndarray, " V 3"], faces: Integer[ndarray, " F 3"]
 ) -> Float[sparse.csc_array, " V V"]:
-    """The surface's stiffness matrix, off-diagonal `-(cot a + cot b)/2`: K(mu) of any embedding with coefficient mu."""
+    """The surface's stiffness matrix, off-diagonal `-(cot a + cot b)/2`: K(mu) of any embedding
+    with coefficient mu."""
     corners = np.asarray(vertices, float)[faces]
-    edges = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)  # edge k lies opposite corner k
+    edges = np.roll(corners, -2, axis=1) - np.roll(
+        corners, -1, axis=1
+    )  # edge k lies opposite corner k
     area = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     blocks = np.einsum("fia,fja->fij", edges, edges) / (4 * area[:, None, None])
     return assemble(np.asarray(faces), blocks, len(vertices))

@@ -1,7 +1,8 @@
 """Maps of a triangulated disk onto the unit disk with a free boundary: the exact solver.
 
-The boundary slides along the circle while 0 and 1 are held, and yet the map with a given Beltrami coefficient solves
-linear problems: the boundary moves by the harmonic measure of A(mu) seen from 0 (the flux form).
+The boundary slides along the circle while 0 and 1 are held, and yet the map with a given Beltrami
+coefficient solves linear problems: the boundary moves by the harmonic measure of A(mu) seen from 0
+(the flux form).
 """
 
 from functools import cached_property
@@ -16,12 +17,17 @@ from .disk import Disk, PerFace, PerVertex
 from .linear import Dirichlet, three_a_row
 from .mobius import mobius, mobius_inverse
 
-SMALLEST_STEP = 1e-3  # of the mean boundary step, where a negative weight makes the boundary run backwards
-LOST_STEP = 1e-8  # of the mean: below, at the end of a long peninsula, coordinates round triangles away
+SMALLEST_STEP = (
+    1e-3  # of the mean boundary step, where a negative weight makes the boundary run backwards
+)
+LOST_STEP = (
+    1e-8  # of the mean: below, at the end of a long peninsula, coordinates round triangles away
+)
 
 
 class FreeBoundary:
-    """The flux form for one stiffness matrix K, before normalisation: the map `f` sends the pole near 0.
+    """The flux form for one stiffness matrix K, before normalisation: the map `f` sends the pole
+    near 0.
 
     1. `K_ii U_i = -2 pi e_o`, U = 0 on the boundary; 2. the fluxes `F = (K U)_b` sum to 2 pi, their densities
     `q_k = F_k / (l_{k-1/2} + l_{k+1/2})` give the angle over each boundary edge, `l_{k+1/2} (q_k + q_{k+1})`;
@@ -38,23 +44,30 @@ class FreeBoundary:
         self.raw_steps = steps = lengths * (density + np.roll(density, -1))
         if calibration is not None:
             steps = calibration @ steps
-        # Negative weights can make a step negative: then the smallest steps are raised, and the caller is told.
+        # Negative weights can make a step negative: then the smallest steps are raised, and the
+        # caller is told.
         self.floored, mean = np.zeros(len(lengths), bool), 2 * np.pi / len(lengths)
         if steps.min() <= LOST_STEP * mean:
-            self.floored, steps = steps < SMALLEST_STEP * mean, np.maximum(steps, SMALLEST_STEP * mean)
+            self.floored, steps = (
+                steps < SMALLEST_STEP * mean,
+                np.maximum(steps, SMALLEST_STEP * mean),
+            )
         self.scale = 2 * np.pi / steps.sum()
         self.steps = self.scale * steps
         self.f = dirichlet.solve(np.exp(1j * np.concatenate([[0.0], np.cumsum(self.steps[:-1])])))
 
     def pullback(self, grad_f, solution=None):
-        """Three lam (V, B) with `dL = sum lam . dK x`, x = Re f, Im f, U; solution: `K_ii^-1 grad_f`, if known."""
+        """Three lam (V, B) with `dL = sum lam . dK x`, x = Re f, Im f, U; solution: `K_ii^-1
+        grad_f`, if known."""
         free, loop, f = self.dirichlet.free, self.loop, self.f
         adjoint = np.zeros(grad_f.shape, complex)
         adjoint[free] = -(self.dirichlet.solve_free(grad_f[free]) if solution is None else solution)
         del solution
         grad_boundary = grad_f[loop] + self.dirichlet.coupling.T @ adjoint[free]
         grad_theta = (grad_boundary * f[loop, None].conj()).imag
-        grad_step = np.cumsum(grad_theta[::-1], axis=0)[::-1] - grad_theta  # a step moves every later angle
+        grad_step = (
+            np.cumsum(grad_theta[::-1], axis=0)[::-1] - grad_theta
+        )  # a step moves every later angle
         grad_step = self.scale * (grad_step - (self.steps @ grad_step) / (2 * np.pi))
         grad_step[self.floored] = 0
         if self.calibration is not None:
@@ -86,11 +99,12 @@ class FreeBoundary:
 
 
 class DiskSolver:
-    """The self-map of a `Disk` with coefficient mu and a free boundary, f(0) = 0 and f(1) = 1, and its adjoint.
+    """The self-map of a `Disk` with coefficient mu and a free boundary, f(0) = 0 and f(1) = 1, and
+    its adjoint.
 
-    `solve(mu)` keeps its factorisation for `pullback(grad_f)` and `pushforward(dmu)`. `floored` counts the boundary
-    steps that were raised to stay positive. Not certified. f(0) is the value in the face that holds 0; f(1) the angle,
-    linear along the boundary edge.
+    `solve(mu)` keeps its factorisation for `pullback(grad_f)` and `pushforward(dmu)`. `floored`
+    counts the boundary steps that were raised to stay positive. Not certified. f(0) is the value in
+    the face that holds 0; f(1) the angle, linear along the boundary edge.
     """
 
     def __init__(self, disk: Disk):
@@ -105,7 +119,9 @@ class DiskSolver:
                 "map the mesh onto the disk first (disk_conformal_map)"
             )
         angle = np.angle(z[loop]) % (2 * np.pi)
-        first = int(np.argmax(np.where(angle > np.pi, angle, -1)))  # the edge loop[0], loop[1] now holds 1 inside
+        first = int(
+            np.argmax(np.where(angle > np.pi, angle, -1))
+        )  # the edge loop[0], loop[1] now holds 1 inside
         self.loop = np.roll(loop, -(first + 1) if angle.min() == 0 else -first)
         before, after = np.angle(z[self.loop[:2]])
         self.share = -before / (after - before)  # 1 lies at this share of the edge
@@ -114,7 +130,8 @@ class DiskSolver:
         steps = np.angle(following / z[self.loop])
         if steps.min() <= 0:  # a chord spans half of the circle or more
             raise SurfaceError(
-                f"the mesh does not cover 0: boundary vertex {self.loop[steps.argmin()]} and the next "
+                f"the mesh does not cover 0: boundary vertex {self.loop[steps.argmin()]} and the "
+                "next "
                 "are half a turn apart or more; refine the boundary, or centre the mesh by `mobius`"
             )
         face, weights = disk.locate([0j])
@@ -126,24 +143,31 @@ class DiskSolver:
 
     @cached_property
     def calibration(self) -> Float[sparse.csr_array, " B B"] | None:
-        """Sparse (B, B): scales the angle steps so that mu = 0 gives back the mesh itself; None where they do anyway.
+        """Sparse (B, B): scales the angle steps so that mu = 0 gives back the mesh itself; None
+        where they do anyway.
 
-        An ear (a triangle with three boundary vertices) carries no flux and a sliver a wrong one. The error is much the
-        same for every mu: its ratio at mu = 0 takes most of it out.
+        An ear (a triangle with three boundary vertices) carries no flux and a sliver a wrong one.
+        The error is much the same for every mu: its ratio at mu = 0 takes most of it out.
         """
-        raw = FreeBoundary(self._problem(np.zeros(len(self.disk.faces), complex)), self.lengths, self.pole).raw_steps
+        raw = FreeBoundary(
+            self._problem(np.zeros(len(self.disk.faces), complex)), self.lengths, self.pole
+        ).raw_steps
         moved = mobius(self.disk.z[self.loop], self.disk.z[self.pole])
         exact = np.angle(np.roll(moved, -1) / moved)
         if np.allclose(raw, exact, rtol=0.01, atol=0):
             return None
         valid = np.flatnonzero((raw > 0.2 * exact) & (raw < 5 * exact))
-        # Where the discrete flux is no measure of the step, the ratio of the neighbouring steps is taken.
+        # Where the discrete flux is no measure of the step, the ratio of the neighbouring steps is
+        # taken.
         middle = np.concatenate([[0.0], np.cumsum(self.lengths)])[:-1] + self.lengths / 2
         ring = self.lengths.sum()
         knots = np.concatenate([middle[valid] - ring, middle[valid], middle[valid] + ring])
         after = np.searchsorted(knots, middle, side="right")
         share = (middle - knots[after - 1]) / (knots[after] - knots[after - 1])
-        columns, n = np.concatenate([valid[(after - 1) % len(valid)], valid[after % len(valid)]]), len(raw)
+        columns, n = (
+            np.concatenate([valid[(after - 1) % len(valid)], valid[after % len(valid)]]),
+            len(raw),
+        )
         weights = np.concatenate([(1 - share) * exact, share * exact]) / raw[columns]
         return sparse.csr_array((weights, (np.tile(np.arange(n), 2), columns)), shape=(n, n))
 
@@ -155,20 +179,30 @@ class DiskSolver:
         return problem
 
     def solve(self, mu: PerFace) -> PerVertex:
-        """The map f (V,) with Beltrami coefficient mu (F,); BeltramiError unless |mu| < 1 everywhere."""
+        """The map f (V,) with Beltrami coefficient mu (F,); BeltramiError unless |mu| < 1
+        everywhere."""
         self.mu = check_coefficient(mu, len(self.disk.faces))
         self.free_boundary = self._sensitivities = None  # the last factors make room
-        calibration = self.calibration  # the first problem of a mesh, so that the order is the same for every mu
-        self.free_boundary = FreeBoundary(self._problem(self.mu), self.lengths, self.pole, calibration)
+        calibration = (
+            self.calibration
+        )  # the first problem of a mesh, so that the order is the same for every mu
+        self.free_boundary = FreeBoundary(
+            self._problem(self.mu), self.lengths, self.pole, calibration
+        )
         self.floored = int(self.free_boundary.floored.sum())
         return self.normalise(self.free_boundary.f)
 
     def normalise(self, raw: PerVertex) -> PerVertex:
-        """The map `raw` (V,), which keeps the circle, moved by a Möbius map to f(0) = 0 and f(1) = 1."""
+        """The map `raw` (V,), which keeps the circle, moved by a Möbius map to f(0) = 0 and f(1) =
+        1."""
         self.a = 0j
-        for _ in range(50):  # the vertex values move by a Möbius map, the value at 0 between them not quite
+        for _ in range(
+            50
+        ):  # the vertex values move by a Möbius map, the value at 0 between them not quite
             centre = self.weights @ mobius(raw[self.origin], self.a)
-            if abs(centre) < 1e-15 or abs(centre) >= 1:  # out of the disk: folded, and the boundary must not turn over
+            if (
+                abs(centre) < 1e-15 or abs(centre) >= 1
+            ):  # out of the disk: folded, and the boundary must not turn over
                 break
             self.a = mobius_inverse(centre, self.a)
         w = mobius(raw, self.a)
@@ -179,20 +213,27 @@ class DiskSolver:
         return self.f.copy()  # the pullback refers to self.f
 
     def pullback(self, grad_f: Complex[ndarray, " *B V"]) -> Complex[ndarray, " *B F"]:
-        """Gradients `dL/dRe + i dL/dIm` by mu, (F,) or (B, F), from those by the last f, (V,) or (B, V): two solves."""
+        """Gradients `dL/dRe + i dL/dIm` by mu, (F,) or (B, F), from those by the last f, (V,) or
+        (B, V): two solves."""
         grad_f = np.asarray(grad_f, complex)
-        grad_raw, origin, grad_centre = self._unnormalise(np.atleast_2d(grad_f).T, np.arange(len(self.disk.z)))
+        grad_raw, origin, grad_centre = self._unnormalise(
+            np.atleast_2d(grad_f).T, np.arange(len(self.disk.z))
+        )
         grad_raw += origin[:, None] * grad_centre
         grad_mu = np.zeros((len(self.disk.faces), grad_raw.shape[1]), complex)
         for matrix, lam in zip(self.sensitivities, self.free_boundary.pullback(grad_raw)):
-            some = lam.any(0)  # gradients of Re f(p) alone have no part in Im f, and the other way round
+            some = lam.any(
+                0
+            )  # gradients of Re f(p) alone have no part in Im f, and the other way round
             grad_mu[:, some] += matrix @ lam[:, some]
         return grad_mu.T.reshape(*grad_f.shape[:-1], len(self.disk.faces))
 
     def adjoints(self, grad_f: Complex[sparse.csr_array, " B V"]) -> list[Float[ndarray, " V 2*B"]]:
-        """Three adjoints of B gradients and i times each: by mu these are `sum_k sensitivities[k] @ adjoint_k`.
+        """Three adjoints of B gradients and i times each: by mu these are `sum_k sensitivities[k] @
+        adjoint_k`.
 
-        The system is real: solutions for i times a gradient are i times its own, up to the origin's.
+        The system is real: solutions for i times a gradient are i times its own, up to the
+        origin's.
         """
         count, free = grad_f.shape[0], self.free_boundary.dirichlet.free
         at = np.unique(np.concatenate([grad_f.indices, self.origin, self.loop[:2]]))
@@ -202,7 +243,10 @@ class DiskSolver:
         load[at] = np.column_stack([direct[:, :count], origin])
         solution = self.free_boundary.dirichlet.solve_free(load[free])
         del load
-        solution = np.concatenate([solution[:, :-1], 1j * solution[:, :-1]], 1) + solution[:, -1:] * grad_centre
+        solution = (
+            np.concatenate([solution[:, :-1], 1j * solution[:, :-1]], 1)
+            + solution[:, -1:] * grad_centre
+        )
         grad_raw = np.zeros((len(self.disk.z), 2 * count), complex)
         grad_raw[at] = direct + origin[:, None] * grad_centre
         return self.free_boundary.pullback(grad_raw, solution)
@@ -216,16 +260,21 @@ class DiskSolver:
         return self._sensitivities
 
     def pushforward(self, dmu: Complex[ndarray, " *B F"]) -> Complex[ndarray, " *B V"]:
-        """Change of the last f, (V,) or (B, V), with a change of mu, (F,) or (B, F): three real solves.
+        """Change of the last f, (V,) or (B, V), with a change of mu, (F,) or (B, F): three real
+        solves.
 
-        The transpose of `pullback`: `Re sum conj(grad_f) pushforward(dmu) = Re sum conj(pullback(grad_f)) dmu`.
+        The transpose of `pullback`: `Re sum conj(grad_f) pushforward(dmu) = Re sum
+        conj(pullback(grad_f)) dmu`.
         """
         dmu = np.asarray(dmu, complex)
         changes = [(matrix.T @ np.atleast_2d(dmu).conj().T).real for matrix in self.sensitivities]
-        return self._renormalise(self.free_boundary.pushforward(changes)).T.reshape(*dmu.shape[:-1], len(self.disk.z))
+        return self._renormalise(self.free_boundary.pushforward(changes)).T.reshape(
+            *dmu.shape[:-1], len(self.disk.z)
+        )
 
     def _unnormalise(self, grad_f, at):
-        """Gradients `direct + origin grad_centre` by the raw map at sorted vertices `at`, as a tuple of the three.
+        """Gradients `direct + origin grad_centre` by the raw map at sorted vertices `at`, as a
+        tuple of the three.
 
         Inside the disk `direct` is complex linear in grad_f.
         """
@@ -233,7 +282,9 @@ class DiskSolver:
         w, by_a, slope, by_conj_a = self._derivatives(at)
         grad_w = grad_f * np.exp(1j * self.turn)
         grad_turn = (grad_f.conj() * self.f[at, None]).imag.sum(0)
-        grad_w[edge] += np.array([1 - self.share, self.share])[:, None] * 1j * w[edge, None] * grad_turn
+        grad_w[edge] += (
+            np.array([1 - self.share, self.share])[:, None] * 1j * w[edge, None] * grad_turn
+        )
         grad_a = (by_a.conj()[:, None] * grad_w + by_conj_a[:, None] * grad_w.conj()).sum(0)
         P, Q = self.weights @ by_a[inner], self.weights @ by_conj_a[inner]
         grad_centre = -(grad_a * P - grad_a.conj() * Q) / (abs(P) ** 2 - abs(Q) ** 2)
@@ -246,13 +297,16 @@ class DiskSolver:
         w, by_a, slope, by_conj_a = (part[:, None] for part in self._derivatives(slice(None)))
         dw, at, edge = slope * change, self.origin, self.loop[:2]
         P, Q, centre = self.weights @ by_a[at], self.weights @ by_conj_a[at], self.weights @ dw[at]
-        da = (Q * centre.conj() - P.conj() * centre) / (abs(P) ** 2 - abs(Q) ** 2)  # keeps the value at 0
+        da = (Q * centre.conj() - P.conj() * centre) / (
+            abs(P) ** 2 - abs(Q) ** 2
+        )  # keeps the value at 0
         dw += by_a * da + by_conj_a * da.conj()
         dturn = np.array([1 - self.share, self.share]) @ (dw[edge] / w[edge]).imag
         return (dw - 1j * w * dturn) * np.exp(-1j * self.turn)
 
     def _derivatives(self, at):
-        """At vertices `at`: w = (raw - a) / (1 - conj(a) raw), its derivatives by a, by raw and by conj(a)."""
+        """At vertices `at`: w = (raw - a) / (1 - conj(a) raw), its derivatives by a, by raw and by
+        conj(a)."""
         raw, w = self.free_boundary.f[at], self.f[at] * np.exp(1j * self.turn)
         s = 1 / (1 - np.conj(self.a) * raw)
         return w, -s, (1 - abs(self.a) ** 2) * s**2, w * raw * s

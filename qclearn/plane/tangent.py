@@ -1,4 +1,5 @@
-"""The derivative of a disk map in closed form: what a change of its coefficient does to some points, without a solve.
+"""The derivative of a disk map in closed form: what a change of its coefficient does to some
+points, without a solve.
 
 For the map f of the unit disk with coefficient mu, f(0) = 0 and f(1) = 1, a change dmu moves f(p) by
     `df(p) = k(p) - k(0) + conj(k(0)) f(p)^2 + i f(p) (2 Im k(0) - Im k(1))`,
@@ -7,15 +8,16 @@ integrals over the disk: the first variation at the identity, carried by f, in w
 Ahlfors, Lectures on Quasiconformal Mappings, chapter V.
 """
 
+from functools import cached_property
+
 import numpy as np
 import scipy
 from scipy import sparse
-from .coefficients import bounded_pullback
-from .linear import three_a_row
-from .triangles import middles
-from functools import cached_property
+
 from ..plane.coefficients import bounded
 from ..plane.solver import DiskSolver
+from .coefficients import bounded_pullback
+from .linear import middles, three_a_row
 
 REACH = 1.8  # cells: from where on a node stands for its cell in the integral
 FINER = 3  # nearer than that, a triangle is cut into so many squared
@@ -24,8 +26,9 @@ FINER = 3  # nearer than that, a triangle is cut into so many squared
 class Carrier:
     """The polar `Disk` of nu beside the disk that a `DiskSolver` maps, for any points.
 
-    z (N,), areas (N,): the nodes and their cells; values (N, V): from the mapped mesh to the nodes; slope (V, V): f_z
-    at the mapped vertices; hats (9 T, N): nu on the parts of the triangles; areas_fine, values_fine: of these parts.
+    z (N,), areas (N,): the nodes and their cells; values (N, V): from the mapped mesh to the nodes;
+    slope (V, V): f_z at the mapped vertices; hats (9 T, N): nu on the parts of the triangles;
+    areas_fine, values_fine: of these parts.
     """
 
     def __init__(self, solver, mesh):
@@ -37,10 +40,13 @@ class Carrier:
         self.tree = scipy.spatial.cKDTree(np.stack([self.z.real, self.z.imag], axis=1))
         self.hats = hats_inside(triangles, len(self.z))
         self.areas_fine = np.repeat(mesh.areas, FINER**2) / FINER**2
-        self.values_fine, _ = self.values_at(self.hats @ self.z, at[np.repeat(triangles[:, 0], FINER**2)])
+        self.values_fine, _ = self.values_at(
+            self.hats @ self.z, at[np.repeat(triangles[:, 0], FINER**2)]
+        )
 
     def values_at(self, points, guess=None):
-        """Sparse (P, V) from values on the mapped mesh to those at points (P,), and the faces that hold them."""
+        """Sparse (P, V) from values on the mapped mesh to those at points (P,), and the faces that
+        hold them."""
         face, weights = self.mapped.lookup(points, guess)
         return three_a_row(weights, self.mapped.faces[face], len(self.mapped.z)), face
 
@@ -48,17 +54,22 @@ class Carrier:
 class Tangent:
     """Derivatives of maps at points `samples @ z` by a field nu on a polar mesh, mu = T(nu).
 
-    solver: a `DiskSolver` of the mapped mesh; mesh: the polar `Disk` of nu; samples (P, V): sparse, three entries a
-    row; carrier: made unless given. Near a point the integral is taken over parts of triangles, and for the corners of
-    the triangle that holds the point, as the discrete map is linear between them.
+    solver: a `DiskSolver` of the mapped mesh; mesh: the polar `Disk` of nu; samples (P, V): sparse,
+    three entries a row; carrier: made unless given. Near a point the integral is taken over parts
+    of triangles, and for the corners of the triangle that holds the point, as the discrete map is
+    linear between them.
     """
 
     def __init__(self, solver, mesh, samples, carrier=None):
         self.carrier = carrier or Carrier(solver, mesh)
         (first, second), order = solver.loop[:2], np.argsort(solver.origin)
         at_0_and_1 = [solver.weights[order], [1 - solver.share, solver.share, 0]]
-        self.shares = np.concatenate([samples.data.reshape(-1, 3), at_0_and_1])  # (P + 2, 3), of the corners
-        self.corners = np.concatenate([samples.indices.reshape(-1, 3), [solver.origin[order], [first, second, second]]])
+        self.shares = np.concatenate(
+            [samples.data.reshape(-1, 3), at_0_and_1]
+        )  # (P + 2, 3), of the corners
+        self.corners = np.concatenate(
+            [samples.indices.reshape(-1, 3), [solver.origin[order], [first, second, second]]]
+        )
         self.points = three_a_row(self.shares, self.corners, len(solver.disk.z))
         self.close = self.close_pairs(solver.disk.z)
         self.find_parts()
@@ -66,18 +77,27 @@ class Tangent:
         self.mirrored, self.replaced = self.near_the_circle(solver.disk.z)
 
     def close_pairs(self, z):
-        """Sparse (P + 2, N), 1 where a node lies within its reach, and the size of the point's triangle, of a point."""
+        """Sparse (P + 2, N), 1 where a node lies within its reach, and the size of the point's
+        triangle, of a point."""
         carrier, centre = self.carrier, self.points @ z
         size = abs(z[self.corners] - centre[:, None]).max(1)
         reach = REACH * np.sqrt(carrier.areas)
-        near = carrier.tree.query_ball_point(np.stack([centre.real, centre.imag], axis=1), 2 * size + reach.max())
-        rows, columns = np.repeat(np.arange(len(near)), [len(some) for some in near]), np.concatenate(near).astype(int)
+        near = carrier.tree.query_ball_point(
+            np.stack([centre.real, centre.imag], axis=1), 2 * size + reach.max()
+        )
+        rows, columns = (
+            np.repeat(np.arange(len(near)), [len(some) for some in near]),
+            np.concatenate(near).astype(int),
+        )
         inside = abs(carrier.z[columns] - centre[rows]) <= 2 * size[rows] + reach[columns]
         shape = len(centre), len(carrier.z)
-        return sparse.csr_array((np.ones(inside.sum()), (rows[inside], columns[inside])), shape=shape)
+        return sparse.csr_array(
+            (np.ones(inside.sum()), (rows[inside], columns[inside])), shape=shape
+        )
 
     def find_parts(self):
-        """Of the close pairs' nodes, the parts: hats, areas, values; point, part (E,): which point needs which part."""
+        """Of the close pairs' nodes, the parts: hats, areas, values; point, part (E,): which point
+        needs which part."""
         needed = (self.close @ self.carrier.hats.T).tocoo()
         used, self.part = np.unique(needed.col, return_inverse=True)
         self.point, self.hats = needed.row, self.carrier.hats[used]
@@ -87,14 +107,19 @@ class Tangent:
         """Sparse (pairs, E): the share of each needed part that belongs to each close pair."""
         number = np.full(self.close.shape, -1)
         number[self.close.nonzero()] = np.arange(self.close.nnz)
-        node, share = (table.reshape(-1, 3)[self.part] for table in (self.hats.indices, self.hats.data))
+        node, share = (
+            table.reshape(-1, 3)[self.part] for table in (self.hats.indices, self.hats.data)
+        )
         pair = number[self.point[:, None], node]
         counted = pair >= 0
         starts = np.concatenate([[0], np.cumsum(counted.sum(1))])
-        return sparse.csc_array((share[counted], pair[counted], starts), shape=(self.close.nnz, len(self.point)))
+        return sparse.csc_array(
+            (share[counted], pair[counted], starts), shape=(self.close.nnz, len(self.point))
+        )
 
     def near_the_circle(self, z):
-        """Which needed parts and which close pairs belong to points whose mirror images are near, too."""
+        """Which needed parts and which close pairs belong to points whose mirror images are near,
+        too."""
         (row, node), centre = self.close.nonzero(), self.points @ z
         reach = np.zeros(len(centre))
         np.maximum.at(reach, row, abs(self.carrier.z[node] - centre[row]))
@@ -102,7 +127,8 @@ class Tangent:
         return np.flatnonzero(rim[self.point]), np.flatnonzero(rim[row])
 
     def gradients(self, nu, f):
-        """Gradients of Re f(p) and Im f(p) by nu (N,), complex (2, P, N), for the solver's map f (V,)."""
+        """Gradients of Re f(p) and Im f(p) by nu (N,), complex (2, P, N), for the solver's map f
+        (V,)."""
         at, (P, Q) = self.points @ f, self.variation(nu, f)
         moved = np.stack([P.conj() + Q, 1j * (P.conj() - Q)])  # gradients of Re k and Im k
         (zero_re, _), (zero_im, one_im) = moved[:, -2:]
@@ -113,12 +139,16 @@ class Tangent:
         return moved
 
     def variation(self, nu, f, dtype=complex):
-        """P, Q (P + 2, N), `dk(p) = sum P dnu + Q conj(dnu)`, 0 and 1 last; complex64: four digits in half the time."""
+        """P, Q (P + 2, N), `dk(p) = sum P dnu + Q conj(dnu)`, 0 and 1 last; complex64: four digits
+        in half the time."""
         both = np.stack([f, self.carrier.slope @ f], axis=1)
         P, Q = self.kernel(nu, both, dtype)
         self.mend((P, Q), nu, both, dtype)
         along, across = (bounded_pullback(nu, unit) for unit in (1.0, 1j))
-        a, b = ((along - 1j * across) / 2).real, (along + 1j * across) / 2  # dmu = a dnu + b conj(dnu)
+        a, b = (
+            ((along - 1j * across) / 2).real,
+            (along + 1j * across) / 2,
+        )  # dmu = a dnu + b conj(dnu)
         a, b = a.astype(P.real.dtype), b.astype(dtype)
         return P * a + Q * b.conj(), P * b + Q * a
 
@@ -133,23 +163,29 @@ class Tangent:
         w, size, mass = cells(self.areas, self.hats @ nu, self.values @ both, dtype)
         at, share, (P, Q) = both[self.corners, 0].astype(dtype), self.shares.astype(size.dtype), PQ
         (row, node), part, point = self.close.nonzero(), self.part, self.point
-        average = np.einsum("ek,ek->e", share[point], inverse(w[part, None] - at[point], size[part, None]))
+        average = np.einsum(
+            "ek,ek->e", share[point], inverse(w[part, None] - at[point], size[part, None])
+        )
         P[row, node] = self.spread @ (mass[part] * average)
         part, point = self.part[self.mirrored], self.point[self.mirrored]
         turned = inverse(1 - at[point] * w[part, None].conj(), size[part, None])
         average = np.zeros(len(self.part), complex)
-        average[self.mirrored] = mass[part].conj() * np.einsum("ek,ek->e", (share * at**3)[point], turned)
+        average[self.mirrored] = mass[part].conj() * np.einsum(
+            "ek,ek->e", (share * at**3)[point], turned
+        )
         Q[row[self.replaced], node[self.replaced]] = (self.spread @ average)[self.replaced]
 
 
 def hats_inside(triangles, n_vertices):
-    """Sparse (FINER^2 T, V): from vertex values to means over the FINER^2 parts of each triangle (T, 3)."""
+    """Sparse (FINER^2 T, V): from vertex values to means over the FINER^2 parts of each triangle
+    (T, 3)."""
     shares = np.tile(middles(FINER), (len(triangles), 1))
     return three_a_row(shares, np.repeat(triangles, FINER**2, axis=0), n_vertices)
 
 
 def cells(areas, nu, places, dtype):
-    """Of cells at places (n, 2), f and f_z: f, the images' size as disks (radius squared), the mass in the integral."""
+    """Of cells at places (n, 2), f and f_z: f, the images' size as disks (radius squared), the mass
+    in the integral."""
     w, slope = places.astype(dtype).T
     square = slope**2
     areas = (areas / np.pi).astype(square.real.dtype)
@@ -159,16 +195,22 @@ def cells(areas, nu, places, dtype):
 
 def inverse(d, size):
     """`1 / d`, no larger than at the rim of a disk of this radius squared."""
-    return d.conj() * (1 / np.maximum(d.real**2 + d.imag**2, size))  # NumPy divides by a real in complex numbers
+    return d.conj() * (
+        1 / np.maximum(d.real**2 + d.imag**2, size)
+    )  # NumPy divides by a real in complex numbers
 
 
-class Link:
-    """A polar `Disk` mesh, which carries nu (N,) at its vertices, beside the `Disk` that is mapped, maybe itself."""
+class CoefficientMesh:
+    """A polar `Disk` mesh, which carries nu (N,) at its vertices, beside the `Disk` that is mapped,
+    maybe itself."""
 
     def __init__(self, disk, mesh):
         self.disk, self.mesh, self.solver = disk, mesh, DiskSolver(disk)
         _ = self.solver.calibration  # cached, so that copies of the solver need not find it again
-        self.mass, self.laplace = mesh.mass / np.pi, mesh.laplace / np.pi  # so that terms are means over the disk
+        self.mass, self.laplace = (
+            mesh.mass / np.pi,
+            mesh.laplace / np.pi,
+        )  # so that terms are means over the disk
         self.to_faces = mesh.to_faces if disk is mesh else mesh.sampling(disk.centroids)
 
     @cached_property

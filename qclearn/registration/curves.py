@@ -1,26 +1,32 @@
-"""Landmark curves: sampled by arc length, detected between endpoints, read from a landmarks file or a table of points."""
+"""Landmark curves: sampled by arc length, detected between endpoints, read from a landmarks file or
+a table of points."""
+
+import csv
+import io
+import json
+from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 import scipy
+import shapely
 from jaxtyping import Complex, Float, Integer
 from numpy import ndarray
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
-from ..surfaces.curvature import mean_curvature, sulcal_depth
-from ..surfaces.surface import Surface
-from .problem import LandmarkError
-import json
-from pathlib import Path
-from ..io.safe import is_plain_name, read_bytes
-from ..surfaces.surface import SurfaceError, mirror
-import csv
-import io
 from scipy.spatial import cKDTree
+
 from ..io.frames import TKR
-from ..io.safe import read_bytes
-from .landmarkfile import SIDES
+from ..io.safe import is_plain_name, read_bytes
+from ..surfaces.curvature import mean_curvature, sulcal_depth
+from ..surfaces.surface import Surface, SurfaceError, mirror
+from .problem import LandmarkError
 
 POINTS_PER_CURVE = 10
+ON_VERTEX = 1e-6  # in the unit disk: a curve that ends no farther off its endpoint ends there
+POINTS = (
+    256  # that a detected curve is filled up to, so that its length in space is that on the surface
+)
 SAMPLES = 400  # on a curve whose distance to another is measured
 CURVATURE_WEIGHT, DEPTH_WEIGHT = 0.5, 2.0  # exponents of the fundus metric
 
@@ -28,34 +34,44 @@ CURVATURE_WEIGHT, DEPTH_WEIGHT = 0.5, 2.0  # exponents of the fundus metric
 def sample_curve(
     surface: Surface, path: Integer[ndarray, " k"], count: int = 10
 ) -> Float[sparse.csr_array, " count V"]:
-    """Sparse (count, V): per-vertex data at points of a vertex path, equally spaced by arc length in space, ends
-    included.
+    """Sparse (count, V): per-vertex data at points of a vertex path, equally spaced by arc length
+    in space, ends included.
 
-    `sample_curve(s, p) @ s.vertices` are the points, `sample_curve(s, p) @ z` their images in the disk (linear along
-    each segment). LandmarkError for fewer than two distinct points or vertices out of range.
+    `sample_curve(s, p) @ s.vertices` are the points, `sample_curve(s, p) @ z` their images in the
+    disk (linear along each segment). LandmarkError for fewer than two distinct points or vertices
+    out of range.
     """
     path = check_path(surface, path)
     return resample(surface, sparse.eye_array(len(surface.vertices), format="csr")[path], count)
 
 
 def curves_of_both(moving, control):
-    """The curves that both surfaces carry under one name, as entries of a landmarks file, not to be detected."""
+    """The curves that both surfaces carry under one name, as entries of a landmarks file, not to be
+    detected."""
     return [
-        {"name": name, "moving": path.tolist(), "control": control.curves[name].tolist(), "detect": False}
+        {
+            "name": name,
+            "moving": path.tolist(),
+            "control": control.curves[name].tolist(),
+            "detect": False,
+        }
         for name, path in moving.curves.items()
         if name in control.curves
     ]
 
 
 def resample(surface, corners, count=10):
-    """Equally spaced points by arc length in space on the polyline through `corners @ vertices`: sparse (count, V)."""
+    """Equally spaced points by arc length in space on the polyline through `corners @ vertices`:
+    sparse (count, V)."""
     lengths = np.linalg.norm(np.diff(corners @ surface.vertices, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(lengths)])
     if not along[-1] > 0:
         raise LandmarkError("a curve has no length: its points coincide; give its endpoints apart")
     wanted = np.linspace(0, along[-1], count)
     segment = np.clip(np.searchsorted(along, wanted, side="right") - 1, 0, len(lengths) - 1)
-    share = sparse.diags_array(np.clip((wanted - along[segment]) / lengths[segment], 0, 1))  # rounding, at the end
+    share = sparse.diags_array(
+        np.clip((wanted - along[segment]) / lengths[segment], 0, 1)
+    )  # rounding, at the end
     return (corners[segment] + share @ (corners[segment + 1] - corners[segment])).tocsr()
 
 
@@ -64,25 +80,34 @@ def check_path(surface, path):
     try:
         path = np.asarray(path)
     except ValueError:
-        raise LandmarkError("a curve must be a list of vertex indices; got lists of unequal lengths") from None
+        raise LandmarkError(
+            "a curve must be a list of vertex indices; got lists of unequal lengths"
+        ) from None
     if path.ndim != 1 or len(path) < 2 or not np.issubdtype(path.dtype, np.integer):
         found = f"{path.dtype} of the shape {path.shape}"
         raise LandmarkError(f"a curve must be a list of at least two vertex indices; got {found}")
     outside = path[(path < 0) | (path >= len(surface.vertices))]
     if len(outside):
-        found = f"curve vertices out of range 0..{len(surface.vertices) - 1}: {outside[:5].tolist()}"
-        raise LandmarkError(f"{found}; were the indices taken from another mesh (before it was cut open, say)?")
+        found = (
+            f"curve vertices out of range 0..{len(surface.vertices) - 1}: {outside[:5].tolist()}"
+        )
+        raise LandmarkError(
+            f"{found}; were the indices taken from another mesh (before it was cut open, say)?"
+        )
     repeated = np.flatnonzero(path[1:] == path[:-1])
     if len(repeated):
-        raise LandmarkError(f"a curve repeats vertex {path[repeated[0]]} at position {repeated[0]}; drop the repeat")
+        raise LandmarkError(
+            f"a curve repeats vertex {path[repeated[0]]} at position {repeated[0]}; drop the repeat"
+        )
     return path
 
 
 def fundus_metric(surface: Surface) -> Float[ndarray, " E"]:
     """Length of every edge of `surface.edges` in a metric that is short along the floor of sulci.
 
-    An edge's length in space times the mean over its ends of `exp(H/(2 s) - 2 d/m)`, with H the mean curvature (limited
-    to two of its standard deviations s) and d the sulcal depth (limited to 1.5 times m, its 95th percentile).
+    An edge's length in space times the mean over its ends of `exp(H/(2 s) - 2 d/m)`, with H the
+    mean curvature (limited to two of its standard deviations s) and d the sulcal depth (limited to
+    1.5 times m, its 95th percentile).
     """
     return weigh_edges(surface, fundus_cost(surface, mean_curvature(surface)))
 
@@ -110,11 +135,13 @@ def edge_graph(surface, lengths):
 def fundus_path(
     surface: Surface, start: int, end: int, metric: Float[ndarray, " E"] | None = None
 ) -> Integer[ndarray, " k"]:
-    """Vertex path of a sulcus between two endpoints: the shortest one in `fundus_metric` (computed if not given), or
-    LandmarkError where they coincide or are out of range."""
+    """Vertex path of a sulcus between two endpoints: the shortest one in `fundus_metric` (computed
+    if not given), or LandmarkError where they coincide or are out of range."""
     check_path(surface, np.array([start, end]))
     graph = edge_graph(surface, fundus_metric(surface) if metric is None else metric)
-    return walked(dijkstra(graph, directed=False, indices=int(start), return_predecessors=True)[1], end)
+    return walked(
+        dijkstra(graph, directed=False, indices=int(start), return_predecessors=True)[1], end
+    )
 
 
 def walked(previous, end):
@@ -128,22 +155,30 @@ def walked(previous, end):
 def detect_curves(
     surface: Surface, z: Complex[ndarray, " V"], endpoints: Integer[ndarray, " K 2"]
 ) -> list[Complex[ndarray, " _"]]:
-    """The sulci between pairs of endpoints as curves in the disk z: shortest paths in `fundus_metric`, as LD-Net's."""
+    """The sulci between pairs of endpoints as curves in the disk z: shortest paths in
+    `fundus_metric`, as LD-Net's."""
     metric = fundus_metric(surface)
     return [z[fundus_path(surface, start, end, metric)] for start, end in np.asarray(endpoints)]
 
 
 def curves_in_space(side, curves, count=SAMPLES):
-    """Points (count, 3), equally spaced by arc length, on a `Side`'s surface for each curve (k,) in its disk."""
+    """Points (count, 3), equally spaced by arc length, on a `ParameterizedSurface`'s surface for
+    each curve (k,) in its disk."""
     fine = [_subdivide(np.asarray(curve, complex), count) for curve in curves]
     points = side.lift(np.concatenate(fine))
-    return [_equally_spaced(part, count) for part in np.split(points, np.cumsum([len(part) for part in fine])[:-1])]
+    return [
+        _equally_spaced(part, count)
+        for part in np.split(points, np.cumsum([len(part) for part in fine])[:-1])
+    ]
 
 
 def _subdivide(points, count):
     """At least `count` points on the polyline through `points` (k, ...), the corners among them."""
     per_segment = -(-count // (len(points) - 1))
-    return np.append(np.linspace(points[:-1], points[1:], per_segment, endpoint=False, axis=1).ravel(), points[-1])
+    return np.append(
+        np.linspace(points[:-1], points[1:], per_segment, endpoint=False, axis=1).ravel(),
+        points[-1],
+    )
 
 
 def _equally_spaced(points, count):
@@ -153,20 +188,23 @@ def _equally_spaced(points, count):
 
 
 def curve_distance(one, other):
-    """Mean distance in space from the points of either curve (n, 3), (m, 3) to the nearest of the other."""
+    """Mean distance in space from the points of either curve (n, 3), (m, 3) to the nearest of the
+    other."""
     trees = scipy.spatial.cKDTree(one), scipy.spatial.cKDTree(other)
     return (trees[0].query(other)[0].mean() + trees[1].query(one)[0].mean()) / 2
 
 
 FORMAT = "see 'Files, formats and exit codes' in the book"
 CURVE_KEYS = {"name", "moving", "control", "detect", "hold_out"}
-# Lists and objects. Where a program has raised Python's limit of recursion, json.loads goes on until the stack ends.
+# Lists and objects. Where a program has raised Python's limit of recursion, json.loads goes on
+# until the stack ends.
 MOST_NESTED = 64
 SIDES = {"moving": "control", "control": "moving"}  # each side and the other
 
 
 def read_landmarks(path):
-    """The contents of a landmarks file; LandmarkError, naming it, if it is no sound JSON or a curve's name is bad."""
+    """The contents of a landmarks file; LandmarkError, naming it, if it is no sound JSON or a
+    curve's name is bad."""
     try:
         data = read_bytes(Path(path))
     except SurfaceError as error:
@@ -182,7 +220,9 @@ def read_landmarks(path):
         name = curve.get("name") if isinstance(curve, dict) else None
         if isinstance(name, str) and not is_plain_name(name):
             fault = "is longer than 200 characters or holds control characters"
-            raise LandmarkError(f"{path}: the name of curve {number} {fault}: {name[:40]!r}; rename it")
+            raise LandmarkError(
+                f"{path}: the name of curve {number} {fault}: {name[:40]!r}; rename it"
+            )
     return contents
 
 
@@ -194,12 +234,17 @@ def nesting(data):
 
 
 def on_disks(landmarks, hemispheres):
-    """A landmarks file's curves in the numbers of the cut-open surfaces, of those of the whole ones where such were
-    given. hemispheres: side -> `Hemisphere`. LandmarkError where a vertex lies on the medial wall."""
+    """A landmarks file's curves in the numbers of the cut-open surfaces, of those of the whole ones
+    where such were given. hemispheres: side -> `Hemisphere`. LandmarkError where a vertex lies on
+    the medial wall."""
     if not any(one.is_whole for one in hemispheres.values()):
         return landmarks
     given = (hemispheres[side].given for side in SIDES)
-    return {"curves": [_on_disks(entry, hemispheres) for entry in check_curves(landmarks, *given, fewest=0)]}
+    return {
+        "curves": [
+            _on_disks(entry, hemispheres) for entry in check_curves(landmarks, *given, fewest=0)
+        ]
+    }
 
 
 def _on_disks(entry, hemispheres):
@@ -212,23 +257,34 @@ def _on_disks(entry, hemispheres):
         if min(moved[side]) < 0:
             away = path[np.array(moved[side]) < 0][:5].tolist()
             raise LandmarkError(
-                f"curve {entry['name']!r}, {side} side: vertices {away} lie on the medial wall, which is cut away; "
+                f"curve {entry['name']!r}, {side} side: vertices {away} lie on the medial wall, "
+                "which is cut away; "
                 "give vertices of the cortex"
             )
     return moved
 
 
 def check_curves(curves, moving, control, fewest=1):
-    """The landmarks file's curves, `fewest` at least, as dicts with arrays and `detect` per side, or LandmarkError."""
+    """The landmarks file's curves, `fewest` at least, as dicts with arrays and `detect` per side,
+    or LandmarkError."""
     if isinstance(curves, dict):
-        unknown = set(curves) - {"curves", "surfaces", "off_fundus_mm"}  # the last is for the reader's eyes
+        unknown = set(curves) - {
+            "curves",
+            "surfaces",
+            "off_fundus_mm",
+        }  # the last is for the reader's eyes
         if unknown or "curves" not in curves:
             found = sorted(map(str, curves))
-            raise LandmarkError(f"landmarks need the one key 'curves'; found {found} ('surfaces' may stand beside it)")
+            raise LandmarkError(
+                f"landmarks need the one key 'curves'; found {found} ('surfaces' may stand beside "
+                "it)"
+            )
         check_surfaces(curves.get("surfaces", {}), moving, control)
         curves = curves["curves"]
     if not isinstance(curves, (list, tuple)) or len(curves) < fewest:
-        raise LandmarkError('landmarks hold no curves: give at least one {"name", "moving", "control"}')
+        raise LandmarkError(
+            'landmarks hold no curves: give at least one {"name", "moving", "control"}'
+        )
     entries = [_check_entry(number, entry, moving, control) for number, entry in enumerate(curves)]
     names = [entry["name"] for entry in entries]
     twice = sorted({name for name in names if names.count(name) > 1})
@@ -241,32 +297,44 @@ def held_apart(entries, names):
     """Checked curves as (to be fitted, held out by these names or by their entry)."""
     if isinstance(names, str):
         names = [names]
-    if not isinstance(names, (list, tuple, set)) or not all(isinstance(name, str) for name in names):
+    if not isinstance(names, (list, tuple, set)) or not all(
+        isinstance(name, str) for name in names
+    ):
         raise LandmarkError(f"hold_out is {names!r:.60}: give a list of names of curves")
     unknown = sorted(set(names) - {entry["name"] for entry in entries})
     if unknown:
         known = ", ".join(repr(entry["name"]) for entry in entries) or "none"
-        raise LandmarkError(f"no curve is called {', '.join(map(repr, unknown))}, to be held out; there are {known}")
+        raise LandmarkError(
+            f"no curve is called {', '.join(map(repr, unknown))}, to be held out; there are {known}"
+        )
     names = {*names, *(entry["name"] for entry in entries if entry["hold_out"])}
-    return tuple([entry for entry in entries if (entry["name"] in names) == held] for held in (False, True))
+    return tuple(
+        [entry for entry in entries if (entry["name"] in names) == held] for held in (False, True)
+    )
 
 
 def check_surfaces(stated, moving, control):
-    """LandmarkError unless the surfaces, or their mirrors, are those stated: `{"moving": {"vertices", "sha256"}, ...}`,
-    each side and key optional."""
+    """LandmarkError unless the surfaces, or their mirrors, are those stated: `{"moving":
+    {"vertices", "sha256"}, ...}`, each side and key optional."""
     if not isinstance(stated, dict) or not set(stated) <= set(SIDES):
-        raise LandmarkError('landmarks: \'surfaces\' must be {"moving": {"vertices", "sha256"}, "control": {...}}')
+        raise LandmarkError(
+            'landmarks: \'surfaces\' must be {"moving": {"vertices", "sha256"}, "control": {...}}'
+        )
     surfaces = {"moving": moving, "control": control}
     for side, wanted in stated.items():
         if not isinstance(wanted, dict) or not set(wanted) <= {"vertices", "sha256"}:
-            raise LandmarkError(f'landmarks: surfaces, {side}: give "vertices" and "sha256", and nothing else')
+            raise LandmarkError(
+                f'landmarks: surfaces, {side}: give "vertices" and "sha256", and nothing else'
+            )
         if not _is_one(wanted, surfaces[side]):
             other = SIDES[side]
             hint = "numbers of one mesh mean nothing on another: give the surface they belong to, or make them anew"
             if wanted and _is_one(wanted, surfaces[other]):
                 hint = f"exchanged: they fit the {other} surface; exchange MOVING and CONTROL"
             found = f"{_stated(wanted)}; this one has {_stated(surfaces[side].fingerprint)}"
-            raise LandmarkError(f"the landmarks were made for another {side} surface ({found}): {hint}")
+            raise LandmarkError(
+                f"the landmarks were made for another {side} surface ({found}): {hint}"
+            )
 
 
 def _is_one(wanted, surface):
@@ -283,10 +351,15 @@ def _stated(mark):
 def _check_entry(number, entry, moving, control):
     if not isinstance(entry, dict) or not {"name", "moving", "control"} <= set(entry) <= CURVE_KEYS:
         keys = sorted(map(str, entry)) if isinstance(entry, dict) else type(entry).__name__
-        raise LandmarkError(f"curve {number} has {keys}; it needs name, moving, control and may have detect, hold_out")
+        raise LandmarkError(
+            f"curve {number} has {keys}; it needs name, moving, control and may have detect, "
+            "hold_out"
+        )
     flags = [entry.get("detect", True), entry.get("hold_out", False)]
     if not isinstance(entry["name"], str) or not all(isinstance(flag, bool) for flag in flags):
-        raise LandmarkError(f"curve {number}: name must be text, and detect and hold_out true or false")
+        raise LandmarkError(
+            f"curve {number}: name must be text, and detect and hold_out true or false"
+        )
     checked = {"name": entry["name"], "detect": {}, "hold_out": flags[1]}
     surfaces = {"moving": moving, "control": control}
     for side, surface in surfaces.items():
@@ -309,7 +382,9 @@ def _other_numbers(path, surface, other_side, other):
     if not numbers or path.min() < 0 or path.max() < len(surface.vertices):
         return ""
     if surface.original_vertices is not None and np.isin(path, surface.original_vertices).all():
-        return " numbering: all are vertices of the whole surface; give their numbers on the cut one"
+        return (
+            " numbering: all are vertices of the whole surface; give their numbers on the cut one"
+        )
     if path.max() < len(other.vertices):
         return f" exchanged: or of the {other_side} surface, which has so many? then exchange MOVING and CONTROL"
     return ""
@@ -322,31 +397,44 @@ SCANNER = "scanner"
 
 
 def read_points(path):
-    """Points of a csv file with the COLUMNS: dict name -> side -> (n, 3), each in its order, numbers or begin and end.
-    LandmarkError, naming file and line, where a column, a side, a number or a place in the order is missing."""
+    """Points of a csv file with the COLUMNS: dict name -> side -> (n, 3), each in its order,
+    numbers or begin and end. LandmarkError, naming file and line, where a column, a side, a number
+    or a place in the order is missing."""
     try:
         text = read_bytes(Path(path)).decode("utf-8-sig")
     except UnicodeDecodeError:
         raise LandmarkError(f"{path}: not a text file; export the table as csv in UTF-8") from None
-    rows = csv.DictReader(io.StringIO(text), delimiter=max(",;\t", key=text.partition("\n")[0].count))
+    rows = csv.DictReader(
+        io.StringIO(text), delimiter=max(",;\t", key=text.partition("\n")[0].count)
+    )
     missing = [column for column in COLUMNS if column not in (rows.fieldnames or ())]
     if missing:
-        raise LandmarkError(f"{path}: no column {', '.join(missing)}; the first line names {', '.join(COLUMNS)}")
+        raise LandmarkError(
+            f"{path}: no column {', '.join(missing)}; the first line names {', '.join(COLUMNS)}"
+        )
     found = {}
     for row in rows:
         name, side, place, point = _point(row, f"{path}, line {rows.line_num}")
         along = found.setdefault(name, {one: {} for one in SIDES})[side]
         if place in along:
-            raise LandmarkError(f"{path}, line {rows.line_num}: {name!r} has this place twice on the {side} side")
+            raise LandmarkError(
+                f"{path}, line {rows.line_num}: {name!r} has this place twice on the {side} side"
+            )
         along[place] = point
     if not found:
         raise LandmarkError(f"{path}: holds no points; give a line for each")
     for name, sides in found.items():
         few = [side for side in SIDES if len(sides[side]) < 2]
         if few:
-            raise LandmarkError(f"{path}: {name!r} has fewer than two points on the {few[0]} side; give begin and end")
+            raise LandmarkError(
+                f"{path}: {name!r} has fewer than two points on the {few[0]} side; give begin and "
+                "end"
+            )
     return {
-        name: {side: np.array([along[place] for place in sorted(along)]) for side, along in sides.items()}
+        name: {
+            side: np.array([along[place] for place in sorted(along)])
+            for side, along in sides.items()
+        }
         for name, sides in found.items()
     }
 
@@ -359,15 +447,18 @@ def _point(row, where):
         place = PLACES[order] if order in PLACES else float(order)
         point = [float(row[axis]) for axis in "xyz"]
     except (TypeError, ValueError):
-        raise LandmarkError(f"{where}: order must be a number, begin or end, and x, y, z numbers in mm") from None
+        raise LandmarkError(
+            f"{where}: order must be a number, begin or end, and x, y, z numbers in mm"
+        ) from None
     if np.isnan(place) or not np.isfinite(point).all():
         raise LandmarkError(f"{where}: not a finite number")
     return row["name"].strip(), side, place, point
 
 
 def spaces(frame):
-    """What brings points (n, 3) into the coordinates of a surface's file with this `Frame`: dict space -> function, the
-    file's own first; without the other one where no volume is known, and empty where the file says nothing."""
+    """What brings points (n, 3) into the coordinates of a surface's file with this `Frame`: dict
+    space -> function, the file's own first; without the other one where no volume is known, and
+    empty where the file says nothing."""
     if frame.space is None:
         return {}
     if frame.in_scanner or not frame.volume:
@@ -376,14 +467,70 @@ def spaces(frame):
 
 
 def nearest_vertices(surface, points, space, known):
-    """Vertices (n,) nearest points (n, 3), and their distances in mm; LandmarkError where one is over NEAR, which names
-    the space of `known`, a result of `spaces`, in which all are near. space: one of them, or None: the file's own."""
+    """Vertices (n,) nearest points (n, 3), and their distances in mm; LandmarkError where one is
+    over NEAR, which names the space of `known`, a result of `spaces`, in which all are near. space:
+    one of them, or None: the file's own."""
     tree = cKDTree(surface.vertices)
     distance, vertices = tree.query(known[space](points) if space else points)
     worst = distance.argmax()
     if distance[worst] > NEAR:
         near = [one for one, place in known.items() if tree.query(place(points))[0].max() <= NEAR]
-        hint = f"in {near[0]} coordinates all are near it: --space {near[0]}" if near else "check the coordinates"
+        hint = (
+            f"in {near[0]} coordinates all are near it: --space {near[0]}"
+            if near
+            else "check the coordinates"
+        )
         place = ", ".join(f"{number:g}" for number in points[worst])
-        raise LandmarkError(f"the point ({place}) is {distance[worst]:.1f} mm from the surface; {hint}")
+        raise LandmarkError(
+            f"the point ({place}) is {distance[worst]:.1f} mm from the surface; {hint}"
+        )
     return vertices, distance
+
+
+def checked_curves(detect, own, entries, side):
+    """The curves (k,) of a `ParameterizedSurface`, "moving" or "control", in its disk, as given or
+    by `detect`: two lists, curves and words. The shortest path replaces a detected curve that has
+    an `own_fault`, or crosses or touches another one."""
+    surface, z = own.surface, own.disk.z
+    lines, names = [z[entry[side]] for entry in entries], [entry["name"] for entry in entries]
+    wanted = [k for k, entry in enumerate(entries) if entry["detect"][side]]
+    found = detect(surface, z, np.array([entries[k][side] for k in wanted])) if wanted else []
+    for k, line in zip(wanted, found, strict=True):
+        lines[k] = np.asarray(line, complex)
+    faults = {k: fault for k in wanted if (fault := own_fault(lines[k], z[entries[k][side]]))}
+    for pair in combinations([k for k in range(len(lines)) if k not in faults], 2):
+        if path_of(lines[pair[0]]).crosses(path_of(lines[pair[1]])):
+            faults |= {
+                k: f"crosses or touches {names[other]!r}"
+                for k, other in (pair, pair[::-1])
+                if k in wanted
+            }
+    shortest = iter(
+        detect_curves(surface, z, [entries[k][side] for k in sorted(faults)]) if faults else []
+    )
+    lines = [
+        next(shortest) if k in faults else fill(line) if k in wanted else line
+        for k, line in enumerate(lines)
+    ]
+    return lines, [
+        f"LD-Net's {side} curve {names[k]!r} {fault}: shortest path" for k, fault in faults.items()
+    ]
+
+
+def own_fault(line, ends):
+    """Why a detected curve cannot be used, in words, or None."""
+    if len(line) < 2 or not (np.isfinite(line).all() and abs(line).max() <= 1 + ON_VERTEX):
+        return "leaves the disk"
+    if abs(line[[0, -1]] - ends).max() > ON_VERTEX:
+        return "misses its endpoints"
+    return None if path_of(line).is_simple else "crosses itself"
+
+
+def fill(line):
+    """The polyline with equally many points added to each piece, to POINTS at least."""
+    pieces = -(-POINTS // (len(line) - 1))
+    return np.interp(np.arange((len(line) - 1) * pieces + 1) / pieces, np.arange(len(line)), line)
+
+
+def path_of(line):
+    return shapely.linestrings(np.stack([line.real, line.imag], axis=1))

@@ -1,27 +1,35 @@
-"""Per-vertex values of one surface at any scale, standardised, and its density: its area over that of its disk."""
+"""Per-vertex values of one surface at any scale, standardised, and its density: its area over that
+of its disk."""
 
+from dataclasses import dataclass, replace
 from functools import cached_property
+
 import numpy as np
 from scipy import sparse
+
 from ..plane.grids import thinned
 from ..plane.linear import LARGE, heat_flow
-from dataclasses import dataclass, replace
 from ..plane.mobius import centring_mobius, compose_mobius, mobius, mobius_fields
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import SurfaceError
 from .problem import is_finite
 
-OUTLIERS, SMOOTH_OUTLIERS = 2.5, 3.0  # standard deviations to which a map is clipped, before and after it is smoothed
+OUTLIERS, SMOOTH_OUTLIERS = (
+    2.5,
+    3.0,
+)  # standard deviations to which a map is clipped, before and after it is smoothed
 TAIL = 0.01  # of the vertices at either end, which do not count in these
 HEAT_STEPS = 4  # implicit steps of the heat flow to one scale
 COARSE = 12_000  # vertices of a large surface on which coarser scales are smoothed
-HEMISPHERE = 9e4  # mm^2: of a surface on which a scale is in mm; on others in proportion, whatever their unit
+# Mm^2: of a surface on which a scale is in mm; on others in proportion, whatever their unit.
+HEMISPHERE = 9e4
 FINEST = 4.0  # the scale at which features are compared in reports
 
 
 class Smoothing:
-    """Named per-vertex values (V, C) of one surface at any scale sigma: the standard deviation of the smoothing kernel,
-    in mm on a surface with the area of a HEMISPHERE; with its `Disk`, if known, also the density there.
+    """Named per-vertex values (V, C) of one surface at any scale sigma: the standard deviation of
+    the smoothing kernel, in mm on a surface with the area of a HEMISPHERE; with its `Disk`, if
+    known, also the density there.
 
     Scales above FINEST are smoothed on a coarse mesh of the disk of a large surface.
     """
@@ -29,27 +37,39 @@ class Smoothing:
     def __init__(self, surface, names, values, disk=None):
         self.names, self.values, self.disk = names, values, disk
         self.mass, self.stiffness = sparse.diags_array(surface.vertex_areas), surface.stiffness
-        self.areas, self.unit = surface.vertex_areas / surface.area, np.sqrt(surface.area / HEMISPHERE)
+        self.areas, self.unit = (
+            surface.vertex_areas / surface.area,
+            np.sqrt(surface.area / HEMISPHERE),
+        )
         self.levels, self.densities = {}, {}
 
     def at(self, sigma):
         """The smoothed values, outliers clipped, standardised; kept in `levels`."""
         if sigma not in self.levels:
             values = self.heat(sigma)
-            self.levels[sigma] = standardised(clipped(values, self.areas, SMOOTH_OUTLIERS), self.areas)
+            self.levels[sigma] = standardised(
+                clipped(values, self.areas, SMOOTH_OUTLIERS), self.areas
+            )
         return self.levels[sigma]
 
     def density(self, sigma, disk):
-        """log of the share of the surface's area over that of the disk's (V,), smoothed, on any of its `Disk`s.
+        """log of the share of the surface's area over that of the disk's (V,), smoothed, on any of
+        its `Disk`s.
 
-        What two of its disk maps differ by, a Möbius map's slope say, is smooth and is not smoothed again.
+        What two of its disk maps differ by, a Möbius map's slope say, is smooth and is not smoothed
+        again.
         """
         if sigma not in self.densities:
             self.heat(sigma)
-        return self.densities[sigma] + log_density(self.areas, disk) - log_density(self.areas, self.disk)
+        return (
+            self.densities[sigma]
+            + log_density(self.areas, disk)
+            - log_density(self.areas, self.disk)
+        )
 
     def heat(self, sigma):
-        """The values after the heat flow `A u' = -K u` for the time sigma^2 / 2; the density's are kept."""
+        """The values after the heat flow `A u' = -K u` for the time sigma^2 / 2; the density's are
+        kept."""
         columns = [clipped(scaled(self.values), self.areas, OUTLIERS)] if len(self.names) else []
         if self.disk is not None:
             columns.append(log_density(self.areas, self.disk)[:, None])
@@ -67,7 +87,8 @@ class Smoothing:
 
     @cached_property
     def coarse(self):
-        """Functions linear on the triangles of few vertices: (V, N) to values at all, mass and stiffness."""
+        """Functions linear on the triangles of few vertices: (V, N) to values at all, mass and
+        stiffness."""
         spread = thinned(self.disk, self.areas, COARSE)[1].sampling(self.disk.z)
         spread = spread[:, spread.sum(0) > 0]  # a point on the rim may be in no triangle
         return spread, spread.T @ self.mass @ spread, spread.T @ self.stiffness @ spread
@@ -80,19 +101,22 @@ def log_density(areas, disk):
 
 
 def standardised(values, areas):
-    """Values (V, C) with mean 0 and variance 1 over shares of the area (V,); 0 where they are constant."""
+    """Values (V, C) with mean 0 and variance 1 over shares of the area (V,); 0 where they are
+    constant."""
     values = values - areas @ values
     deviation = np.sqrt(areas @ values**2)
     return np.divide(values, deviation, out=np.zeros_like(values), where=deviation > 0)
 
 
 def scaled(values):
-    """Values (V, C), not all 0, with 1 as each map's largest size, so that squares neither vanish nor overflow."""
+    """Values (V, C), not all 0, with 1 as each map's largest size, so that squares neither vanish
+    nor overflow."""
     return values / abs(values).max(0)
 
 
 def clipped(values, areas, limit):
-    """Values (V, C) cut to `limit` standard deviations from the mean, both over the area of all but the TAIL."""
+    """Values (V, C) cut to `limit` standard deviations from the mean, both over the area of all but
+    the TAIL."""
     core = np.clip(values, *np.quantile(values, [TAIL, 1 - TAIL], axis=0))
     mean = areas @ core
     reach = limit * np.sqrt(areas @ (core - mean) ** 2)
@@ -102,8 +126,8 @@ def clipped(values, areas, limit):
 FOLDS = ("depth", "curvature")  # the features that a surface has by itself
 # Where a Möbius map by features alone is sought.
 SCALE = 16.0  # mm, of the features that are compared
-# The maps to begin with: how many angles, and which points they send to 0, by radii and directions; how many of them
-# are refined. Places in space are smooth and lead from afar.
+# The maps to begin with: how many angles, and which points they send to 0, by radii and directions;
+# how many of them are refined. Places in space are smooth and lead from afar.
 FOLDED, PLACED = (24, (0.25, 0.5), 8, 6), (12, (0.35,), 6, 2)
 SCOUTS, POINTS = 300, 1500  # vertices that judge these maps, and those that the best are refined by
 ROUNDS = 15  # of refinement, at most
@@ -116,7 +140,8 @@ class FeatureError(SurfaceError):
 
 @dataclass(frozen=True, eq=False)
 class Feature:
-    """A per-vertex map of both sides, moving (V,) and control (W,), and its weight among the features."""
+    """A per-vertex map of both sides, moving (V,) and control (W,), and its weight among the
+    features."""
 
     name: str
     moving: np.ndarray
@@ -125,13 +150,19 @@ class Feature:
 
 
 class Features:
-    """The features of a moving `Side` compared with those of a control: a `Side` or a group's mean.
+    """The features of a moving `ParameterizedSurface` compared with those of a control: a
+    `ParameterizedSurface` or a group's mean.
 
-    names (C,); shares (C,): weights of sum 1; areas (V,): moving vertices' shares of the area; disk: the control's.
+    names (C,); shares (C,): weights of sum 1; areas (V,): moving vertices' shares of the area;
+    disk: the control's.
     """
 
     def __init__(self, moving, control, weights=None):
-        self.sides, self.names, self.disk = (moving.features, control.features), moving.features.names, control.disk
+        self.sides, self.names, self.disk = (
+            (moving.features, control.features),
+            moving.features.names,
+            control.disk,
+        )
         weights = np.ones(len(self.names)) if weights is None else np.array(weights)
         self.shares, self.areas = weights / weights.sum(), moving.features.areas
 
@@ -140,20 +171,25 @@ class Features:
         return tuple(side.at(sigma) for side in self.sides)
 
     def correlation(self, f, sigma=FINEST):
-        """r (C,) over the moving area between features of scale sigma and the control's where f (V,) takes them."""
+        """r (C,) over the moving area between features of scale sigma and the control's where f
+        (V,) takes them."""
         here, there = self.at(sigma)
         there = standardised(self.disk.interpolate(there, self.disk.lookup(f)), self.areas)
         return np.clip(self.areas @ (here * there), -1, 1)
 
 
 class Placed(Features):
-    """Features and, as three more of weight 1, the vertices' places in space, which are smooth enough as they are."""
+    """Features and, as three more of weight 1, the vertices' places in space, which are smooth
+    enough as they are."""
 
     def __init__(self, features, moving, control):
         self.features, self.disk, self.areas = features, features.disk, features.areas
         surfaces = moving.surface, control.surface
         self.places = [standardised(one.vertices, one.vertex_areas / one.area) for one in surfaces]
-        self.names, weights = [*features.names, *"xyz"], [*(len(features.names) * features.shares), 1, 1, 1]
+        self.names, weights = (
+            [*features.names, *"xyz"],
+            [*(len(features.names) * features.shares), 1, 1, 1],
+        )
         self.shares = weights / np.sum(weights)
 
     def at(self, sigma):
@@ -162,9 +198,12 @@ class Placed(Features):
 
 
 def featured(moving, control, maps):
-    """Two `Side`s with `Feature`s of `check_features`, and the `Features` that compare them."""
+    """Two `ParameterizedSurface`s with `Feature`s of `check_features`, and the `Features` that
+    compare them."""
     names = [feature.name for feature in maps]
-    here, there = (np.stack([getattr(one, side) for one in maps], axis=1) for side in ("moving", "control"))
+    here, there = (
+        np.stack([getattr(one, side) for one in maps], axis=1) for side in ("moving", "control")
+    )
     moving = replace(moving, features=Smoothing(moving.surface, names, here, moving.disk))
     control = replace(control, features=Smoothing(control.surface, names, there, control.disk))
     return moving, control, Features(moving, control, [feature.weight for feature in maps])
@@ -175,8 +214,11 @@ class Image:
 
     def __init__(self, disk, values):
         self.disk, self.values = disk, values
-        # Slopes are averaged to the vertices: not the derivative of the interpolant, but one without its jumps.
-        self.by_vertex = disk.to_vertices @ np.einsum("fk,fkc->fc", disk.gradients, values[disk.faces])
+        # Slopes are averaged to the vertices: not the derivative of the interpolant, but one
+        # without its jumps.
+        self.by_vertex = disk.to_vertices @ np.einsum(
+            "fk,fkc->fc", disk.gradients, values[disk.faces]
+        )
 
     def at(self, places):
         """Values (P, C)."""
@@ -188,8 +230,9 @@ class Image:
 
 
 def mobius_by_features(features, z, near=False, search=FOLDED):
-    """(a, theta) of the disk Möbius map after which the features of a moving disk z (V,) match best, at SCALE; the best
-    of many maps on a few vertices are refined on more, or with `near` the identity alone."""
+    """(a, theta) of the disk Möbius map after which the features of a moving disk z (V,) match
+    best, at SCALE; the best of many maps on a few vertices are refined on more, or with `near` the
+    identity alone."""
     turns, radii, directions, best = search
     inner = np.flatnonzero(abs(z) < 0.999)  # the others leave the control's polygon
     share = features.areas[inner] / features.areas[inner].sum()
@@ -197,7 +240,10 @@ def mobius_by_features(features, z, near=False, search=FOLDED):
     match = Match(features, z, some)
     if near:
         return match.refined((0j, 0.0))
-    centres = [0j, *np.multiply.outer(radii, np.exp(2j * np.pi * np.arange(directions) / directions)).ravel()]
+    centres = [
+        0j,
+        *np.multiply.outer(radii, np.exp(2j * np.pi * np.arange(directions) / directions)).ravel(),
+    ]
     starts = [(a, turn) for a in centres for turn in 2 * np.pi * np.arange(turns) / turns]
     found = Match(features, z, some[:SCOUTS]).misfits(starts)
     refined = [match.refined(starts[k]) for k in np.argsort(found, kind="stable")[:best]]
@@ -205,21 +251,25 @@ def mobius_by_features(features, z, near=False, search=FOLDED):
 
 
 def best_by_features(features, z, search=FOLDED):
-    """(a, theta) of the disk Möbius map after which the features of z (V,) match best, wherever z was laid before."""
+    """(a, theta) of the disk Möbius map after which the features of z (V,) match best, wherever z
+    was laid before."""
     centring = centring_mobius(z, features.areas)
-    return compose_mobius((centring, 0.0), mobius_by_features(features, mobius(z, centring), search=search))
+    return compose_mobius(
+        (centring, 0.0), mobius_by_features(features, mobius(z, centring), search=search)
+    )
 
 
-def laid_by_features(features, z):
+def align_by_features(features, z):
     """The picture (V,) of a moving disk z (V,) under that map."""
     return mobius(z, *best_by_features(features, z))
 
 
 def mirrored_gain(moving, control):
-    """Gain of the features' mean correlation at SCALE if a moving `Side`, laid upon the control's or a group's mean by
-    the Möbius map that suits them best, is mirrored and laid upon it anew: positive where it is of the other hand."""
+    """Gain of the features' mean correlation at SCALE if a moving `ParameterizedSurface`, laid upon
+    the control's or a group's mean by the Möbius map that suits them best, is mirrored and laid
+    upon it anew: positive where it is of the other hand."""
     features, laid = Features(moving, control), moving.disk.z
-    other = laid_by_features(features, laid.conj())
+    other = align_by_features(features, laid.conj())
     return float((features.correlation(other, SCALE) - features.correlation(laid, SCALE)).mean())
 
 
@@ -254,7 +304,9 @@ class Match:
             slopes = self.shares * self.image.slopes(places)
             J = -(slopes.conj()[:, :, None] * mobius_fields(w)[:, None]).real.reshape(-1, 3)
             normal = J.T @ J
-            step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), -J.T @ self.residual(places))
+            step = np.linalg.solve(
+                normal + damping * np.diag(np.diag(normal)), -J.T @ self.residual(places)
+            )
             shift = complex(step[1], step[2])
             found = compose_mobius(parameters, (shift / np.sqrt(1 + abs(shift) ** 2), step[0]))
             lower = (now := self.misfit(found)) < cost
@@ -265,15 +317,20 @@ class Match:
 
 
 def check_features(features, moving, control):
-    """The features of a call as a list of `Feature`s, or FeatureError, naming the map that cannot be used; each is a
-    name of FOLDS, a pair of arrays (V,) and (W,), a `Feature`, or a pair of one of these and a weight."""
+    """The features of a call as a list of `Feature`s, or FeatureError, naming the map that cannot
+    be used; each is a name of FOLDS, a pair of arrays (V,) and (W,), a `Feature`, or a pair of one
+    of these and a weight."""
     if not isinstance(features, (list, tuple)) or not len(features):
-        raise FeatureError(f"features are {features!r}: give a list of them, or None for landmarks alone")
+        raise FeatureError(
+            f"features are {features!r}: give a list of them, or None for landmarks alone"
+        )
     maps = [_feature(number, given, moving, control) for number, given in enumerate(features, 1)]
     names = [feature.name for feature in maps]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise FeatureError(f"features named twice: {twice}; rename or drop one of each, or raise its weight")
+        raise FeatureError(
+            f"features named twice: {twice}; rename or drop one of each, or raise its weight"
+        )
     return maps
 
 
@@ -281,12 +338,16 @@ def _feature(number, given, moving, control):
     given, weight = given if _has_weight(given) else (given, None)
     if isinstance(given, str):
         if given not in FOLDS:
-            raise FeatureError(f"unknown feature {given!r}: {' and '.join(FOLDS)} are computed, others are arrays")
+            raise FeatureError(
+                f"unknown feature {given!r}: {' and '.join(FOLDS)} are computed, others are arrays"
+            )
         compute = sulcal_depth if given == "depth" else mean_curvature
         given = Feature(given, compute(moving), compute(control))
     elif not isinstance(given, Feature):
         if not isinstance(given, (list, tuple)) or len(given) != 2:
-            raise FeatureError(f"feature {number} is neither a name nor a pair of maps, one a side: {given!r:.60}")
+            raise FeatureError(
+                f"feature {number} is neither a name nor a pair of maps, one a side: {given!r:.60}"
+            )
         given = Feature(f"feature {number}", *given)
     if not isinstance(given.name, str):
         raise FeatureError(f"feature {number}: its name {given.name!r} is not text")
@@ -316,12 +377,19 @@ def check_values(values, name, surface):
         raise FeatureError(f"{name}: values of type {values.dtype}; {hint}")
     if values.shape != (len(surface.vertices),):
         found = f"{name}: shape {values.shape} for {len(surface.vertices)} vertices"
-        raise FeatureError(f"{found}; give one value a vertex of the surface as registered (cut open, if it was cut)")
+        raise FeatureError(
+            f"{found}; give one value a vertex of the surface as registered (cut open, if it was "
+            "cut)"
+        )
     unknown = np.flatnonzero(~np.isfinite(values))
     if len(unknown):
-        raise FeatureError(f"{name}: not finite at vertices {unknown[:5].tolist()}; fill them in first")
+        raise FeatureError(
+            f"{name}: not finite at vertices {unknown[:5].tolist()}; fill them in first"
+        )
     if not np.ptp(values) > 1e-9 * abs(values).max():
-        raise FeatureError(f"{name}: the same value everywhere, {values[0]:g}; leave this feature out")
+        raise FeatureError(
+            f"{name}: the same value everywhere, {values[0]:g}; leave this feature out"
+        )
     values = values.astype(float)
     core = clipped(scaled(values[:, None]), surface.vertex_areas / surface.area, OUTLIERS)
     if not np.ptp(core) > 1e-9:

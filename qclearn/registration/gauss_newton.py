@@ -1,42 +1,54 @@
-"""Gauss-Newton steps: linearisations of a fit, each made at a state of an `Engine`; `propose(damping)` gives a change.
+"""Gauss-Newton steps: linearisations of a fit, each made at a state of a `GaussNewtonObjective`;
+`propose(damping)` gives a change.
 
-Landmarks and features are one residual r of the mapped mesh, `dr = Re(conj(R) dw)`. A `DirectStep` holds its whole
-derivative J by nu. The others multiply by J through `pushforward` and by its transpose through `pullback`, two rounds
-of solves a product, in conjugate gradients that the landmarks' rows in closed form precondition; what a step learns of
-its exact products, `learnt`, helps the next.
+Landmarks and features are one residual r of the mapped mesh, `dr = Re(conj(R) dw)`. A `DirectStep`
+holds its whole derivative J by nu. The others multiply by J through `pushforward` and by its
+transpose through `pullback`, two rounds of solves a product, in conjugate gradients that the
+landmarks' rows in closed form precondition; what a step learns of its exact products,
+`preconditioner`, helps the next.
 """
 
-from typing import NamedTuple
-import numpy as np
-from scipy import sparse
-from ..plane.coefficients import bounded_pullback
-from ..plane.mobius import mobius_fields, mobius_slope
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
 from operator import itemgetter
+from typing import NamedTuple
+
+import numpy as np
+from scipy import sparse
+
 from ..plane.bijectivity import unfold
+from ..plane.coefficients import bounded_pullback
 from ..plane.linear import factorise
-from ..plane.mobius import compose_mobius, mobius, mobius_slope
+from ..plane.mobius import compose_mobius, mobius, mobius_fields, mobius_slope
 from ..plane.solver import DiskSolver
 from ..plane.tangent import Tangent
-from .terms import LandmarkTerm
+from .residuals import LandmarkTerm
 
 MOBIUS_PRIOR = 1e-6  # weak, keeps the step of the three Möbius parameters bounded
 RELIEF = 1e-3  # share of the landmarks' part on the Möbius parameters that P counts twice
-STEPS, DUAL_STEPS = 80, 200  # of conjugate gradients, at most; the dual's are few, unless gamma is extreme
+STEPS, DUAL_STEPS = (
+    80,
+    200,
+)  # of conjugate gradients, at most; the dual's are few, unless gamma is extreme
 WORTH = 1e-3  # the share of the objective that a step has to promise
-FORCING = 0.1  # share of its gain by which a step of landmarks alone may miss the model's least objective
-ACCURACY = 0.1  # the residual that they leave, in the preconditioner's norm, up to gamma = 1e3; beyond, less by decades
-WITH_AREAS = 0.01  # the same with areas: steps that are less exact promise too little, and the fit ends early
+FORCING = (
+    0.1  # share of its gain by which a step of landmarks alone may miss the model's least objective
+)
+# The residual that they leave, in the preconditioner's norm, up to gamma = 1e3; beyond, less by
+# decades.
+ACCURACY = 0.1
+# The same with areas: steps that are less exact promise too little, and the fit ends early.
+WITH_AREAS = 0.01
 PRODUCT = 0.35  # work of a product, in parts of one exact map
-INDEPENDENT = 1e-6  # singular values of the directions learnt from, in parts of the largest
+INDEPENDENT = 1e-6  # singular values of the directions preconditioner from, in parts of the largest
 
 
 class Change(NamedTuple):
-    """What `propose(d)` says: changes of nu (N,) and of the Möbius parameters, and the model's objective there; d adds
-    `d (change^* W change)` to what is minimised, and its like for the Möbius part."""
+    """What `propose(d)` says: changes of nu (N,) and of the Möbius parameters, and the model's
+    objective there; d adds `d (change^* W change)` to what is minimised, and its like for the
+    Möbius part."""
 
     nu: np.ndarray
     da: complex
@@ -45,15 +57,18 @@ class Change(NamedTuple):
 
 
 class DirectStep:
-    """Landmarks alone with their Jacobian, by the dual equations `S y = r - J nu`, `S = 1 + J W^-1 J^T`."""
+    """Landmarks alone with their Jacobian, by the dual equations `S y = r - J nu`, `S = 1 + J W^-1
+    J^T`."""
 
-    learnt = None
+    preconditioner = None
 
     def __init__(self, engine, state, gamma):
         self.nu, landmarks, solve = state.nu, engine.landmarks, engine.factors.solve
         self.residual, self.J = engine.residual(state, gamma), engine.jacobian(state, gamma)
         self.Jm = landmarks.components(engine.samples @ mobius_fields(state.f), gamma)
-        real, imaginary = (solve(np.ascontiguousarray(part.T)) for part in (self.J.real, self.J.imag))
+        real, imaginary = (
+            solve(np.ascontiguousarray(part.T)) for part in (self.J.real, self.J.imag)
+        )
         self.lifted = real + 1j * imaginary
         self.gram = (self.J.conj() @ self.lifted).real
 
@@ -64,20 +79,29 @@ class DirectStep:
         constant = self.residual - share * (self.J.conj() @ self.nu).real
         y = np.linalg.solve(S, constant)  # undamped, the model's least objective is constant . y
         turn, real, imaginary = -self.Jm.T @ y / weight
-        return Change(-share * (self.lifted @ y + self.nu), complex(real, imaginary), turn, constant @ y)
+        return Change(
+            -share * (self.lifted @ y + self.nu), complex(real, imaginary), turn, constant @ y
+        )
 
 
 class ProductStep:
-    """Products with J, the residuals' derivative at a state, by changes x of nu and M's parameters, real (2 N + 3,)."""
+    """Products with J, the residuals' derivative at a state, by changes x of nu and M's parameters,
+    real (2 N + 3,)."""
 
     def __init__(self, engine, state, gamma):
         self.engine, self.state, self.gamma, solution = engine, state, gamma, state.solution
-        self.learnt, self.to_faces = state.learnt, engine.link.to_faces
+        self.preconditioner, self.to_faces = state.preconditioner, engine.link.to_faces
         self.slope, self.fields = mobius_slope(solution.f, *state.mobius), mobius_fields(state.f)
-        self.nu, nu_faces = np.concatenate([state.nu.view(float), np.zeros(3)]), self.to_faces @ state.nu
+        self.nu, nu_faces = (
+            np.concatenate([state.nu.view(float), np.zeros(3)]),
+            self.to_faces @ state.nu,
+        )
         along, across = (bounded_pullback(nu_faces, unit) for unit in (1.0, 1j))
         self.activation = (along - 1j * across) / 2, (along + 1j * across) / 2
-        self.landmarks, self.residual = engine.landmarks.rows(engine.samples, gamma), engine.residual(state, gamma)
+        self.landmarks, self.residual = (
+            engine.landmarks.rows(engine.samples, gamma),
+            engine.residual(state, gamma),
+        )
         self.by_mobius = (self.landmarks.conj() @ self.fields).real
         self.use(self.landmarks)
 
@@ -112,7 +136,9 @@ class ProductStep:
 
     def prior(self, x):
         """W x, and the weak prior of the Möbius parameters."""
-        return np.concatenate([(self.engine.W @ x[:-3].view(complex)).view(float), MOBIUS_PRIOR * x[-3:]])
+        return np.concatenate(
+            [(self.engine.W @ x[:-3].view(complex)).view(float), MOBIUS_PRIOR * x[-3:]]
+        )
 
     def model(self):
         """The model's objective without a step."""
@@ -123,29 +149,35 @@ class ProductStep:
 
 
 class DualStep(ProductStep):
-    """Landmarks alone: `S y = r - J nu`, `S = 1 + J diag(W, B)^-1 J^T`, for the residual y that the step leaves.
+    """Landmarks alone: `S y = r - J nu`, `S = 1 + J diag(W, B)^-1 J^T`, for the residual y that the
+    step leaves.
 
-    A matrix near S preconditions well at any gamma; one near `W + J^T J` does not, because that is large where J is not
-    quite 0. learnt: about `J W^-1 J^T` at gamma = 1, (2 M, 2 M).
+    A matrix near S preconditions well at any gamma; one near `W + J^T J` does not, because that is
+    large where J is not quite 0. preconditioner: about `J W^-1 J^T` at gamma = 1, (2 M, 2 M).
     """
 
     def __init__(self, engine, state, gamma):
         super().__init__(engine, state, gamma)
-        if self.learnt is None:  # of rows in closed form, at the first state
+        if self.preconditioner is None:  # of rows in closed form, at the first state
             J = np.ascontiguousarray(engine.jacobian(state, 1.0))
-            lifted = engine.factors.solve(np.ascontiguousarray(J.T).view(float).reshape(len(state.nu), -1))
-            self.learnt = (J.conj() @ np.ascontiguousarray(lifted).view(complex)).real
+            lifted = engine.factors.solve(
+                np.ascontiguousarray(J.T).view(float).reshape(len(state.nu), -1)
+            )
+            self.preconditioner = (J.conj() @ np.ascontiguousarray(lifted).view(complex)).real
 
     def propose(self, damping=0.0):
         """The `Change`, by conjugate gradients of four rounds of solves each."""
         share, weight, Jm = 1 / (1 + damping), MOBIUS_PRIOR + damping, self.by_mobius
         before = self.model()
-        S = np.eye(len(Jm)) + share * (self.gamma * self.learnt) + Jm @ Jm.T / weight
+        S = np.eye(len(Jm)) + share * (self.gamma * self.preconditioner) + Jm @ Jm.T / weight
         inverse, B = np.linalg.inv(S), share * weight * np.eye(3)
         wanted = rest = self.residual - share * self.forward(self.nu)
         x, y, p, size, tried = -share * self.nu, np.zeros(len(rest)), 0.0, 1.0, []
         for _ in range(DUAL_STEPS):
-            least, left = y @ wanted + y @ rest, rest @ rest  # the model's least objective is no less
+            least, left = (
+                y @ wanted + y @ rest,
+                rest @ rest,
+            )  # the model's least objective is no less
             z, last = inverse @ rest, size
             size = rest @ z
             done = before - least < WORTH * before or left <= FORCING * (before - least - left)
@@ -158,12 +190,13 @@ class DualStep(ProductStep):
             length = size / (p @ Sp)
             x, y, rest = x - length * lifted, y + length * p, rest - length * Sp
         if tried:
-            self.learnt = corrected(self.learnt, tried, self.gamma)
+            self.preconditioner = corrected(self.preconditioner, tried, self.gamma)
         return self.change(x, least + left)
 
 
 def corrected(gram, products, gamma):
-    """A matrix (n, n) corrected (BFGS) by pairs of y (n,) and gamma times the exact matrix's product with y."""
+    """A matrix (n, n) corrected (BFGS) by pairs of y (n,) and gamma times the exact matrix's
+    product with y."""
     one = np.eye(len(gram)) / gamma  # with it, as in S, nothing is singular
     Y, exact = (np.stack(side, axis=1) for side in zip(*products))
     sizes = np.linalg.norm(Y, axis=0)
@@ -176,10 +209,12 @@ def corrected(gram, products, gamma):
 
 
 class PrimalStep(ProductStep):
-    """`(W + J^T J) x = -(W nu + J^T r)` with features or areas, x = change of nu and of the Möbius parameters, real.
+    """`(W + J^T J) x = -(W nu + J^T r)` with features or areas, x = change of nu and of the Möbius
+    parameters, real.
 
-    `P = diag(W, B) + J_L^T J_L`, by Woodbury's formula, preconditions it: landmarks' rows J_L of a large gamma would
-    else cost a step each; B: the other terms' part on M's parameters. learnt: the last directions, products and sizes.
+    `P = diag(W, B) + J_L^T J_L`, by Woodbury's formula, preconditions it: landmarks' rows J_L of a
+    large gamma would else cost a step each; B: the other terms' part on M's parameters.
+    preconditioner: the last directions, products and sizes.
     """
 
     def __init__(self, engine, state, gamma):
@@ -191,16 +226,20 @@ class PrimalStep(ProductStep):
         by_mobius = (surface.conj() @ self.fields).real
         self.B = MOBIUS_PRIOR * np.eye(3) + by_mobius.T @ by_mobius
         self.use(sparse.vstack([self.landmarks, surface]))
-        self.J = np.hstack([np.ascontiguousarray(engine.jacobian(state, gamma)).view(float), self.by_mobius])
-        self.B += RELIEF * self.by_mobius.T @ self.by_mobius  # else Woodbury's formula would lose all digits
+        self.J = np.hstack(
+            [np.ascontiguousarray(engine.jacobian(state, gamma)).view(float), self.by_mobius]
+        )
+        self.B += (
+            RELIEF * self.by_mobius.T @ self.by_mobius
+        )  # else Woodbury's formula would lose all digits
         self.lifted = self.lift(self.J.T, self.B)
         self.S = np.linalg.inv(np.eye(len(self.J)) + self.J @ self.lifted)
 
     def precondition(self, g):
-        """`P^-1 g`, exact in the directions that were learnt (BFGS)."""
-        if self.learnt is None:
+        """`P^-1 g`, exact in the directions that were preconditioner (BFGS)."""
+        if self.preconditioner is None:
             return self.plain(g)
-        Y, HY, sizes = self.learnt
+        Y, HY, sizes = self.preconditioner
         along = Y.T @ g / sizes
         x = self.plain(g - HY @ along)
         return x + Y @ (along - HY.T @ x / sizes)
@@ -211,7 +250,11 @@ class PrimalStep(ProductStep):
 
     def propose(self, damping=0.0):
         """The `Change`, by conjugate gradients of two rounds of solves each."""
-        x, rest, tried = np.zeros(len(self.nu)), -self.prior(self.nu) - self.adjoint(self.residual), []
+        x, rest, tried = (
+            np.zeros(len(self.nu)),
+            -self.prior(self.nu) - self.adjoint(self.residual),
+            [],
+        )
         promised, z = self.model(), self.precondition(rest)
         p, size = z, rest @ z
         first = size
@@ -228,18 +271,21 @@ class PrimalStep(ProductStep):
             size = rest @ z
             p = z + size / before * p
         if tried:
-            self.learnt = [np.stack(part, axis=-1) for part in zip(*tried)]
+            self.preconditioner = [np.stack(part, axis=-1) for part in zip(*tried)]
         return self.change(x, promised)
 
 
 SHARES = (1.0, 0.5, 0.25, 0.125)  # of a step, tried in turn by the line search
 SUFFICIENT_DECREASE = 0.3  # share of what the quadratic model promises that a step has to gain
 LANDMARKS_AT_ONCE = 16  # bounds the memory of the adjoint solves
-DAMPINGS = 10.0 ** np.arange(-1, 10)  # of the steps that are tried where the line search fails, in parts of W
+DAMPINGS = 10.0 ** np.arange(
+    -1, 10
+)  # of the steps that are tried where the line search fails, in parts of W
 TRUST, TRIES = 0.3, 4  # the largest change of nu in a damped step, and how many of them are tried
-# Work in parts of one exact map, and how much of it one level on the problem's own mesh may take: up to LOW_GAMMA, and
-# growing by the power GROWTH above. The slowest good problems (book/studies/effort.py) took 8, 30, 94, 164 and 290 at
-# gamma = 1e3, 1e5, 1e6, 1e7 and 1e8, with folds 70.
+# Work in parts of one exact map, and how much of it one level on the problem's own mesh may take:
+# up to LOW_GAMMA, and growing by the power GROWTH above. The slowest good problems
+# (book/studies/effort.py) took 8, 30, 94, 164 and 290 at gamma = 1e3, 1e5, 1e6, 1e7 and 1e8, with
+# folds 70.
 REPAIR = 1.4
 MOST_WORK, LOW_GAMMA, GROWTH = 120.0, 1e5, 0.25
 
@@ -248,8 +294,9 @@ MOST_WORK, LOW_GAMMA, GROWTH = 120.0, 1e5, 0.25
 class State:
     """nu (N,) and Möbius parameters, and the map that they give.
 
-    f (V,): M after the solver's map on the mapped mesh; points (M,): the mapped landmarks; solution: the solver with
-    its factors; switched: how many rows were; learnt: what earlier steps know of the linearisation (steps.py).
+    f (V,): M after the solver's map on the mapped mesh; points (M,): the mapped landmarks;
+    solution: the solver with its factors; switched: how many rows were; preconditioner: what
+    earlier steps know of the linearisation (steps.py).
     """
 
     nu: np.ndarray
@@ -258,7 +305,7 @@ class State:
     points: np.ndarray
     solution: DiskSolver
     switched: int = 0
-    learnt: object = None
+    preconditioner: object = None
 
     @cached_property
     def folded(self):
@@ -266,8 +313,9 @@ class State:
         return self.switched > 0 and len(self.solution.disk.at(self.f).flipped) > 0
 
 
-class Setting:
-    """What no weight changes of a `Problem` on a `Link`; own: the problem's disk is mapped, not the polar mesh."""
+class Discretization:
+    """What no weight changes of a `Problem` on a `CoefficientMesh`; own: the problem's disk is
+    mapped, not the polar mesh."""
 
     def __init__(self, problem, link, own):
         self.problem, self.link, self.own = problem, link, own
@@ -276,21 +324,32 @@ class Setting:
 
     @cached_property
     def mass_by_area(self):
-        """`S^T diag(w) S`, S from nu's mesh to the moving vertices, w their shares of the moving surface's area."""
+        """`S^T diag(w) S`, S from nu's mesh to the moving vertices, w their shares of the moving
+        surface's area."""
         moving = self.problem.sides.moving
         S = self.link.mesh.sampling(moving.disk.z)
-        return (S.T @ sparse.diags_array(moving.surface.vertex_areas / moving.surface.area) @ S).tocsc()
+        return (
+            S.T @ sparse.diags_array(moving.surface.vertex_areas / moving.surface.area) @ S
+        ).tocsc()
 
     @cached_property
     def shares(self):
-        """Sparse (F, G): the G moving faces' shares of their area, in the F faces of the mapped mesh that hold them."""
+        """Sparse (F, G): the G moving faces' shares of their area, in the F faces of the mapped
+        mesh that hold them."""
         moving = self.problem.sides.moving
         shares, count = moving.surface.face_areas / moving.surface.area, len(self.link.disk.faces)
-        inside = np.arange(count) if self.link.disk is moving.disk else self.link.disk.locate(moving.disk.centroids)[0]
-        return sparse.csr_array((shares, (inside, np.arange(len(shares)))), shape=(count, len(shares)))
+        inside = (
+            np.arange(count)
+            if self.link.disk is moving.disk
+            else self.link.disk.locate(moving.disk.centroids)[0]
+        )
+        return sparse.csr_array(
+            (shares, (inside, np.arange(len(shares)))), shape=(count, len(shares))
+        )
 
     def by_area(self, values):
-        """The moving area's shares (F,) in the mapped faces, and means (F,) there of values (V,) of its vertices."""
+        """The moving area's shares (F,) in the mapped faces, and means (F,) there of values (V,) of
+        its vertices."""
         shares = self.shares.sum(1)
         sums = self.shares @ values[self.problem.sides.moving.disk.faces].mean(1)
         return shares, np.divide(sums, shares, out=np.zeros(len(sums)), where=shares > 0)
@@ -301,12 +360,13 @@ class Setting:
         return Tangent(self.link.solver, self.link.mesh, self.samples, self.link.carrier)
 
 
-class Engine:
-    """The fit of a `Setting` with `Weights`, maybe a `FeatureTerm` and an `AreaTerm`: `at(nu, mobius)`, `step(state)`.
+class GaussNewtonObjective:
+    """The fit of a `Discretization` with `Weights`, maybe a `FeatureTerm` and an `AreaTerm`:
+    `at(nu, mobius)`, `step(state)`.
 
-    closed: take the derivative by nu in closed form, a few percent off and without a solve, to precondition exact
-    products; else from adjoint solves, which cost little on a polar mesh. Rows are switched where a face of the
-    problem's own mesh is flipped.
+    closed: take the derivative by nu in closed form, a few percent off and without a solve, to
+    precondition exact products; else from adjoint solves, which cost little on a polar mesh. Rows
+    are switched where a face of the problem's own mesh is flipped.
     """
 
     def __init__(self, setting, weights, features=None, areas=None, closed=None):
@@ -336,10 +396,13 @@ class Engine:
 
     def with_mobius(self, state, parameters):
         """The state with the same nu and other Möbius parameters: no solve."""
-        return self.finished(state.nu, parameters, state.solution, mobius(state.solution.f, *parameters))
+        return self.finished(
+            state.nu, parameters, state.solution, mobius(state.solution.f, *parameters)
+        )
 
-    def mobius_alone(self, parameters):
-        """The state with nu = 0 and the Möbius map itself at each vertex, mended where it folds triangles."""
+    def at_mobius(self, parameters):
+        """The state with nu = 0 and the Möbius map itself at each vertex, mended where it folds
+        triangles."""
         solution = copy(self.link.solver)
         solution.mu, solution.floored = np.zeros(len(solution.disk.faces), complex), 0
         f = mobius(solution.disk.z, *parameters)
@@ -363,7 +426,8 @@ class Engine:
         return self.prior(state.nu) + (self.residual(state, gamma) ** 2).sum()
 
     def merit(self, found, state, gamma):
-        """The objective of a state that may follow another; infinite where its map folds and that one's does not."""
+        """The objective of a state that may follow another; infinite where its map folds and that
+        one's does not."""
         return np.inf if found.folded and not state.folded else self.objective(found, gamma)
 
     def error(self, state):
@@ -376,7 +440,10 @@ class Engine:
             return self.landmarks.jacobian(*self.gradients(state), gamma)
         real, imaginary = self.setting.tangent.gradients(state.nu, state.solution.f)
         slope = (self.samples @ mobius_slope(state.solution.f, *state.mobius))[:, None]
-        turned = slope.real * real - slope.imag * imaginary, slope.imag * real + slope.real * imaginary
+        turned = (
+            slope.real * real - slope.imag * imaginary,
+            slope.imag * real + slope.real * imaginary,
+        )
         return self.landmarks.jacobian(*turned, gamma)
 
     def gradients(self, state):
@@ -387,15 +454,20 @@ class Engine:
         chains = [self.chain(state, by_mu) for by_mu in solution.sensitivities]
         for rows in range(0, points.shape[0], LANDMARKS_AT_ONCE):
             adjoints = solution.adjoints(points[rows : rows + LANDMARKS_AT_ONCE])
-            real, imaginary = np.split(sum(chain @ adjoint for chain, adjoint in zip(chains, adjoints)), 2)
+            real, imaginary = np.split(
+                sum(chain @ adjoint for chain, adjoint in zip(chains, adjoints)), 2
+            )
             parts.append((real + 1j * imaginary).T.reshape(2, -1, len(state.nu)))
         return np.concatenate(parts, axis=1)
 
     def chain(self, state, sensitivity):
-        """Sparse real (2 N, V): an adjoint of a potential to the gradient by nu, Re above Im, without a dense array."""
+        """Sparse real (2 N, V): an adjoint of a potential to the gradient by nu, Re above Im,
+        without a dense array."""
         by_mu, to_faces = sensitivity.tocoo(), self.link.to_faces
         data = bounded_pullback((to_faces @ state.nu)[by_mu.row], by_mu.data)
-        chain = to_faces.T.tocsr() @ sparse.csr_array((data, (by_mu.row, by_mu.col)), shape=by_mu.shape)
+        chain = to_faces.T.tocsr() @ sparse.csr_array(
+            (data, (by_mu.row, by_mu.col)), shape=by_mu.shape
+        )
         return sparse.vstack([chain.real, chain.imag]).tocsr()
 
     def linearise(self, state, gamma):
@@ -404,21 +476,25 @@ class Engine:
         return (PrimalStep if self.terms else kind)(self, state, gamma)
 
     def step(self, state, gamma, min_predicted_decrease=0.0):
-        """The state after one step; None where none lowers the objective or the model promises less than `worth` of it.
+        """The state after one step; None where none lowers the objective or the model promises less
+        than that share of it.
 
-        A share s of the Gauss-Newton step is taken once it brings a sufficient part of the model's `(2s - s^2)` of the
-        full step's gain; if none does, the best of these and, with landmarks alone, of some damped steps.
+        A share s of the Gauss-Newton step is taken once it brings a sufficient part of the model's
+        `(2s - s^2)` of the full step's gain; if none does, the best of these and, with landmarks
+        alone, of some damped steps.
         """
         before, linearised = self.objective(state, gamma), self.linearise(state, gamma)
         *whole, promised = linearised.propose()
-        if before - promised < worth * before:
+        if before - promised < min_predicted_decrease * before:
             return None
         tried = []  # (objective, state)
         for share in SHARES:
             found = self.after(state, *(share * part for part in whole))
             tried.append((self.merit(found, state, gamma), found))
-            if before - tried[-1][0] > SUFFICIENT_DECREASE * (2 * share - share**2) * (before - promised):
-                return replace(found, learnt=linearised.learnt)
+            if before - tried[-1][0] > SUFFICIENT_DECREASE * (2 * share - share**2) * (
+                before - promised
+            ):
+                return replace(found, preconditioner=linearised.preconditioner)
             if self.spent:
                 break
         if (
@@ -430,7 +506,7 @@ class Engine:
                 if self.spent:
                     break
         least, best = min(tried, key=itemgetter(0))
-        return replace(best, learnt=linearised.learnt) if least < before else None
+        return replace(best, preconditioner=linearised.preconditioner) if least < before else None
 
     def after(self, state, change, da, dtheta):
         """The state after a change of nu and of the Möbius parameters."""

@@ -1,10 +1,11 @@
-"""What reports and tables say about a map: its coefficient, its errors, its distortion, the paper's losses."""
+"""What reports and tables say about a map: its coefficient, its errors, its distortion, the paper's
+losses."""
 
 import numpy as np
 from scipy.sparse.csgraph import dijkstra
 
-from ..plane.triangles import corner_angles, edge_lengths
-from .landmarks import edge_graph, weigh_edges
+from ..plane.linear import corner_angles, edge_lengths
+from .curves import edge_graph, weigh_edges
 
 SMALLEST_RATIO = 1e-6  # of a face's area to its share, where it is measured
 SMALLEST_IN_FILES = 1e-9  # of areas that coordinates of float32 bear out
@@ -13,13 +14,19 @@ SMALLEST_IN_FILES = 1e-9  # of areas that coordinates of float32 bear out
 def coefficient_statistics(mu):
     """Mean, standard deviation and maximum of |mu| over the faces of the moving mesh."""
     size = abs(mu)
-    return {"mean_abs_mu": float(size.mean()), "sd_abs_mu": float(size.std()), "max_abs_mu": float(size.max())}
+    return {
+        "mean_abs_mu": float(size.mean()),
+        "sd_abs_mu": float(size.std()),
+        "max_abs_mu": float(size.max()),
+    }
 
 
 def curve_rows(names, before, after, millimetres):
-    """Per curve, dict: its name and mean errors before (best Möbius map) and after, in the disk and in mm; the errors
-    of the landmarks are (10 K,) each, curve after curve."""
-    means = [errors.reshape(len(names), -1).mean(1).tolist() for errors in (before, after, millimetres)]
+    """Per curve, dict: its name and mean errors before (best Möbius map) and after, in the disk and
+    in mm; the errors of the landmarks are (10 K,) each, curve after curve."""
+    means = [
+        errors.reshape(len(names), -1).mean(1).tolist() for errors in (before, after, millimetres)
+    ]
     keys = "name", "landmark_error_before", "landmark_error", "landmark_error_mm"
     return [dict(zip(keys, row)) for row in zip(names, *means)]
 
@@ -32,11 +39,12 @@ def mean_rows(rows):
 
 
 def measured_losses(problem, weights, mu, mapped):
-    """The paper's loss and its terms, L_mu, L_grad_mu, L_Landmark, L_CP, of a map's measured mu (F,) and its landmarks
-    `mapped` (M,).
+    """The paper's loss and its terms, L_mu, L_grad_mu, L_Landmark, L_CP, of a map's measured mu
+    (F,) and its landmarks `mapped` (M,).
 
-    `L_mu = (1/pi) sum |T| |mu_T|^2`; for `L_grad_mu = (1/pi) int |grad mu|^2` mu is made piecewise linear by averages
-    over the faces around each vertex, by area. Source: paper, eqs. muloss, musmooth, lmloss, RegLoss.
+    `L_mu = (1/pi) sum |T| |mu_T|^2`; for `L_grad_mu = (1/pi) int |grad mu|^2` mu is made piecewise
+    linear by averages over the faces around each vertex, by area. Source: paper, eqs. muloss,
+    musmooth, lmloss, RegLoss.
     """
     disk = problem.disk
     nodal = disk.to_vertices @ mu
@@ -49,9 +57,13 @@ def measured_losses(problem, weights, mu, mapped):
 
 
 def coefficient_measures(surface, disk, mu):
-    """Statistics of |mu| over the faces of the moving mesh: each face counts once, as in the paper's table; by its area
-    in the disk for `_disk`, in space for `_area`. Infinite where a face's orientation is exactly reversed."""
-    size, result = abs(mu), {**coefficient_statistics(mu), "p95_abs_mu": float(np.percentile(abs(mu), 95))}
+    """Statistics of |mu| over the faces of the moving mesh: each face counts once, as in the
+    paper's table; by its area in the disk for `_disk`, in space for `_area`. Infinite where a
+    face's orientation is exactly reversed."""
+    size, result = (
+        abs(mu),
+        {**coefficient_statistics(mu), "p95_abs_mu": float(np.percentile(abs(mu), 95))},
+    )
     for name, areas in (("disk", disk.areas), ("area", surface.face_areas)):
         mean = np.average(size, weights=areas)
         result[f"mean_abs_mu_{name}"] = float(mean)
@@ -65,7 +77,8 @@ def coefficient_histogram(mu, bins=50):
 
 
 def landmark_measures(mapped, target, off_mm):
-    """Mean and standard deviation over landmarks of their distance from the target: in the disk, and in mm (M,)."""
+    """Mean and standard deviation over landmarks of their distance from the target: in the disk,
+    and in mm (M,)."""
     off = abs(mapped - target)
     return {
         "landmark_error": float(off.mean()),
@@ -76,14 +89,16 @@ def landmark_measures(mapped, target, off_mm):
 
 
 def near_curves(surface, curves, reach):
-    """Whether vertices (V,) lie within `reach` of one of the curves (vertex paths) along the surface's edges."""
+    """Whether vertices (V,) lie within `reach` of one of the curves (vertex paths) along the
+    surface's edges."""
     graph = edge_graph(surface, weigh_edges(surface, np.ones(len(surface.vertices))))
     starts = np.unique(np.concatenate(curves))
     return dijkstra(graph, directed=False, indices=starts, limit=reach, min_only=True) <= reach
 
 
 def correspondence_measures(points, truth, near):
-    """Distance in mm of points (V, 3) from the true ones; the last mean is over `near` (V,), near primary sulci."""
+    """Distance in mm of points (V, 3) from the true ones; the last mean is over `near` (V,), near
+    primary sulci."""
     off = np.linalg.norm(points - truth, axis=1)
     return {
         "correspondence_mm": float(off.mean()),
@@ -96,10 +111,13 @@ def correspondence_measures(points, truth, near):
 def distortion_measures(surface, points):
     """Distortion of the registration in space, moving surface -> points (V, 3) on the control.
 
-    `angle_distortion`: mean over corners of |angle there - angle here|, degrees; `area_distortion`: mean over the
-    area of |log2 of the area ratio|, total areas made equal, the ratio at least `SMALLEST_RATIO`.
+    `angle_distortion`: mean over corners of |angle there - angle here|, degrees; `area_distortion`:
+    mean over the area of |log2 of the area ratio|, total areas made equal, the ratio at least
+    `SMALLEST_RATIO`.
     """
-    here, there = (corner_angles(own) for own in (surface.edge_lengths, edge_lengths(points[surface.faces])))
+    here, there = (
+        corner_angles(own) for own in (surface.edge_lengths, edge_lengths(points[surface.faces]))
+    )
     a, b, c = (points[corner] for corner in surface.faces.T)
     areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
     ratio = np.maximum((areas / areas.sum()) / (surface.face_areas / surface.area), SMALLEST_RATIO)
@@ -110,10 +128,11 @@ def distortion_measures(surface, points):
 
 
 def log2_distortions(surface, points):
-    """How much the registration stretches, moving surface -> points (V, 3): [mean, 95 %] over the surface's area.
+    """How much the registration stretches, moving surface -> points (V, 3): [mean, 95 %] over the
+    surface's area.
 
-    `log2_area`: |log2 J|, J the ratio of areas, at least `SMALLEST_RATIO`, total areas made equal; `log2_shape`: log2
-    of the ratio of the principal stretches, `(1 + |mu|) / (1 - |mu|)`.
+    `log2_area`: |log2 J|, J the ratio of areas, at least `SMALLEST_RATIO`, total areas made equal;
+    `log2_shape`: log2 of the ratio of the principal stretches, `(1 + |mu|) / (1 - |mu|)`.
     """
     weights = surface.face_areas / surface.area
     return {
@@ -138,21 +157,27 @@ def _log2_stretches(surface, points):
 
 
 def distortion_maps(vertices, faces, images):
-    """Areal and shape distortion at the vertices (V, 3) that go to `images` (V, 3), (V,) each, as Workbench has them.
+    """Areal and shape distortion at the vertices (V, 3) that go to `images` (V, 3), (V,) each, as
+    Workbench has them.
 
-    Areal: log2 J, J the ratio of the areas around a vertex, at least `SMALLEST_IN_FILES` (`wb_command
-    -surface-distortion`); shape: log2 of the mean, over the faces around a vertex, of the ratio of the principal
-    stretches (its `-local-affine-method -log2`). Total areas are left as they are.
+    Areal: log2 J, J the ratio of the areas around a vertex, at least `SMALLEST_IN_FILES`
+    (`wb_command -surface-distortion`); shape: log2 of the mean, over the faces around a vertex, of
+    the ratio of the principal stretches (its `-local-affine-method -log2`). Total areas are left as
+    they are.
     """
     area, shape = stretches(vertices, faces, images)
     a, b, c = (vertices[corner] for corner in faces.T)
     before = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    sums = [np.bincount(faces.ravel(), np.repeat(value, 3)) for value in (before * area, before, shape, 0 * shape + 1)]
+    sums = [
+        np.bincount(faces.ravel(), np.repeat(value, 3))
+        for value in (before * area, before, shape, 0 * shape + 1)
+    ]
     return np.log2(np.maximum(sums[0] / sums[1], SMALLEST_IN_FILES)), np.log2(sums[2] / sums[3])
 
 
 def stretches(vertices, faces, images):
-    """Ratios of the areas, and of the principal stretches, `(1 + |mu|) / (1 - |mu|)`, of a map of faces, (F,) each."""
+    """Ratios of the areas, and of the principal stretches, `(1 + |mu|) / (1 - |mu|)`, of a map of
+    faces, (F,) each."""
     p, q = (_flattened(corners[faces]) for corners in (vertices, images))
     # On each face the map is w -> a w + b conj(w).
     double_area = p[0] * p[1].conj() - p[1] * p[0].conj()
@@ -174,15 +199,20 @@ def _flattened(corners):
 def quantile(values, shares, share=0.95):
     """The value below which `share` of the area lies, of values (F,) with shares of the area (F,)."""
     order = np.argsort(values)
-    return float(values[order][min(np.searchsorted(np.cumsum(shares[order]), share), len(order) - 1)])
+    return float(
+        values[order][min(np.searchsorted(np.cumsum(shares[order]), share), len(order) - 1)]
+    )
 
 
 def paired_difference(one, other, rng, draws=10_000, level=0.95):
-    """(mean, low, high) of one - other over the same subjects, low and high of its bootstrap interval; pairs with
-    a NaN are left out, and without any pair all three are NaN."""
+    """(mean, low, high) of one - other over the same subjects, low and high of its bootstrap
+    interval; pairs with a NaN are left out, and without any pair all three are NaN."""
     differences = np.asarray(one, float) - np.asarray(other, float)
     differences = differences[np.isfinite(differences)]
     if not len(differences):
         return (np.nan,) * 3
     means = differences[rng.integers(len(differences), size=(draws, len(differences)))].mean(1)
-    return (float(differences.mean()), *np.quantile(means, [(1 - level) / 2, (1 + level) / 2]).tolist())
+    return (
+        float(differences.mean()),
+        *np.quantile(means, [(1 - level) / 2, (1 + level) / 2]).tolist(),
+    )

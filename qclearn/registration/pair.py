@@ -7,19 +7,20 @@ import numpy as np
 from scipy.sparse import vstack
 
 from ..plane.mobius import best_mobius
-from ..surfaces.conformal import Side, apply_mobius
-from .checked import guarded_curves
+from ..surfaces.conformal import ParameterizedSurface, apply_mobius
+from .curves import POINTS_PER_CURVE, checked_curves, detect_curves, resample, sample_curve
 from .features import FeatureError, Features, mobius_by_features
-from .landmarks import POINTS_PER_CURVE, detect_curves, resample, sample_curve
+
 from .problem import LandmarkError, Problem, distinct, meeting
 
 
 @dataclass(frozen=True, eq=False)
-class Sides:
-    """Two `Side`s, the curves to fit and those held out, as `check_curves` returns them, and features or None."""
+class SurfacePair:
+    """Two `ParameterizedSurface`s, the curves to fit and those held out, as `check_curves` returns
+    them, and features or None."""
 
-    moving: Side
-    control: Side
+    moving: ParameterizedSurface
+    control: ParameterizedSurface
     entries: list
     held: list
     features: Features | None = None
@@ -27,13 +28,18 @@ class Sides:
     @property
     def words(self):
         """What was repaired when the two were laid out."""
-        return [f"{name}: {word}" for name in ("moving", "control") for word in getattr(self, name).words]
+        return [
+            f"{name}: {word}"
+            for name in ("moving", "control")
+            for word in getattr(self, name).words
+        ]
 
 
 @dataclass(frozen=True, eq=False)
-class Sampled:
-    """The landmarks of two `Sides`, ten a curve, and the `Problem` of the distinct ones; samples: sparse (10 K, V),
-    moving and control; lines: name -> (moving, control) curve; words: on failed detection."""
+class SampledLandmarks:
+    """The landmarks of two `SurfacePair`, ten a curve, and the `Problem` of the distinct ones;
+    samples: sparse (10 K, V), moving and control; lines: name -> (moving, control) curve; words: on
+    failed detection."""
 
     samples: tuple
     lines: dict
@@ -41,32 +47,37 @@ class Sampled:
     words: list
 
 
-def laid_upon(sides):
-    """The sides with the moving disk laid upon the control's by a Möbius map of given points, or of features alone."""
+def align_disks(sides):
+    """The sides with the moving disk laid upon the control's by a Möbius map of given points, or of
+    features alone."""
     if sides.entries:
         return replace(sides, moving=align(sides.moving, sides.control, sides.entries))
     laid = apply_mobius(sides.moving, mobius_by_features(sides.features, sides.moving.disk.z))
     if not laid.whole:
-        raise FeatureError("the features pull the moving disk onto its rim; give a landmark curve or two")
+        raise FeatureError(
+            "the features pull the moving disk onto its rim; give a landmark curve or two"
+        )
     return replace(sides, moving=laid)
 
 
-def sampled(sides, detect=None, sliding=False):
-    """The landmarks of two `Sides`, `Sampled`; where only ends are given, by `detect` or else shortest paths."""
+def sample_landmarks(sides, detect=None, sliding=False):
+    """The landmarks of two `SurfacePair`, `SampledLandmarks`; where only ends are given, by
+    `detect` or else shortest paths."""
     moving, control, entries = sides.moving, sides.control, sides.entries
     if not entries:
-        return Sampled((), {}, Problem(moving.disk, [], [], fewest=0, sides=sides), [])
-    samples_moving, lines_moving, words = sample_side(moving, entries, "moving", detect)
-    samples_control, lines_control, more = sample_side(control, entries, "control", detect)
+        return SampledLandmarks((), {}, Problem(moving.disk, [], [], fewest=0, sides=sides), [])
+    samples_moving, lines_moving, words = sample_curves(moving, entries, "moving", detect)
+    samples_control, lines_control, more = sample_curves(control, entries, "control", detect)
     p, q = samples_moving @ moving.disk.z, samples_control @ control.disk.z
     once = distinct_landmarks(entries, p, q)
     problem = Problem(moving.disk, p[once], q[once], once // POINTS_PER_CURVE, sliding, sides=sides)
     lines = {entry["name"]: pair for entry, pair in zip(entries, zip(lines_moving, lines_control))}
-    return Sampled((samples_moving, samples_control), lines, problem, words + more)
+    return SampledLandmarks((samples_moving, samples_control), lines, problem, words + more)
 
 
 def align(moving, control, entries):
-    """The moving `Side` after the Möbius map that best carries given points (ends or whole curves) to the control's."""
+    """The moving `ParameterizedSurface` after the Möbius map that best carries given points (ends
+    or whole curves) to the control's."""
     p, q = [], []
     for entry in entries:
         whole = min(len(entry["moving"]), len(entry["control"])) > 2
@@ -76,44 +87,58 @@ def align(moving, control, entries):
     laid = apply_mobius(moving, best_mobius(np.concatenate(p), np.concatenate(q)))
     if not laid.whole:
         raise LandmarkError(
-            f"curve {farthest_curve(entries, p, q)!r} pulls the moving disk onto its rim: no room is left for the "
-            "rest; check this curve's ends on both sides, keep them off the rim, or give curves elsewhere as well"
+            f"curve {farthest_curve(entries, p, q)!r} pulls the moving disk onto its rim: no room "
+            "is left for the "
+            "rest; check this curve's ends on both sides, keep them off the rim, or give curves "
+            "elsewhere as well"
         )
     return laid
 
 
 def farthest_curve(entries, p, q):
-    """The name of the curve without which the best Möbius map of the others' points p, q moves 0 the least."""
+    """The name of the curve without which the best Möbius map of the others' points p, q moves 0
+    the least."""
 
     def shift(left_out):
         kept = [k for k in range(len(entries)) if k != left_out]
-        return abs(best_mobius(*(np.concatenate([side[k] for k in kept]) for side in (p, q)))[0]) if kept else 0.0
+        return (
+            abs(best_mobius(*(np.concatenate([side[k] for k in kept]) for side in (p, q)))[0])
+            if kept
+            else 0.0
+        )
 
     return entries[int(np.argmin([shift(k) for k in range(len(entries))]))]["name"]
 
 
-def sample_side(own, entries, side, detect=None):
-    """The landmarks of a `Side`, "moving" or "control": sampling matrix (10 K, V), K curves in the disk, words."""
+def sample_curves(own, entries, side, detect=None):
+    """The landmarks of a `ParameterizedSurface`, "moving" or "control": sampling matrix (10 K, V),
+    K curves in the disk, words."""
     surface, z, words = own.surface, own.disk.z, []
     if detect:
-        lines, words = guarded_curves(detect, own, entries, side)
+        lines, words = checked_curves(detect, own, entries, side)
     else:
         ends = [entry[side] for entry in entries if entry["detect"][side]]
         found = iter(detect_curves(surface, z, ends) if ends else [])
         lines = [next(found) if entry["detect"][side] else z[entry[side]] for entry in entries]
     stops = np.cumsum([0, *map(len, lines)])
     corners = own.disk.sampling(np.concatenate(lines))  # of all at once: looking up places is slow
-    matrices = [resample(surface, corners[start:stop], POINTS_PER_CURVE) for start, stop in pairwise(stops)]
+    matrices = [
+        resample(surface, corners[start:stop], POINTS_PER_CURVE) for start, stop in pairwise(stops)
+    ]
     return vstack(matrices).tocsr(), lines, words
 
 
 def distinct_landmarks(entries, p, q):
-    """The landmarks of (10 K,) to fit, (k,) int: `distinct`, or LandmarkError where two meet on one side only."""
+    """The landmarks of (10 K,) to fit, (k,) int: `distinct`, or LandmarkError where two meet on one
+    side only."""
     meet_p, meet_q = meeting(p), meeting(q)
     torn = np.argwhere(meet_p != meet_q)
     if len(torn):
         first, second = (entries[k // POINTS_PER_CURVE]["name"] for k in torn[0])
         side = "moving" if meet_p[tuple(torn[0])] else "control"
         found = f"curves {first!r} and {second!r} share a point on the {side} side only"
-        raise LandmarkError(f"{found}, and a bijection cannot part points; let them meet on both sides or on neither")
+        raise LandmarkError(
+            f"{found}, and a bijection cannot part points; let them meet on both sides or on "
+            "neither"
+        )
     return distinct(p, q)

@@ -9,9 +9,16 @@ from ..plane.checks import BeltramiError, complex_numbers
 from ..plane.disk import Disk
 from ..plane.mobius import best_mobius
 
-DELTA, ETA = 2.0, 1.0  # weights of features and, beside them, of areas, unless a call says otherwise
+DELTA, ETA = (
+    2.0,
+    1.0,
+)  # weights of features and, beside them, of areas, unless a call says otherwise
 BY_DISKS = 1.0  # weight of features without areas; in a group, whose mean is no surface
-INDIVIDUAL = {"beta": 3e-3, "delta": 3.0, "eta": 3.5}  # for one person's brain onto a template: areas change less
+INDIVIDUAL = {
+    "beta": 3e-3,
+    "delta": 3.0,
+    "eta": 3.5,
+}  # for one person's brain onto a template: areas change less
 MEETING = 1e-9  # in the unit disk: landmarks closer than this are one point
 
 
@@ -21,12 +28,13 @@ class LandmarkError(ValueError):
 
 @dataclass(frozen=True)
 class Weights:
-    """alpha of |mu|^2, beta of its gradient, gamma of the landmarks' mismatch (paper, eq. RegLoss), delta of features',
-    eta of the areal term; with eta > 0 alpha's mean, too, is over the moving surface's area, else over its disk's.
+    """alpha of |mu|^2, beta of its gradient, gamma of the landmarks' mismatch (paper, eq. RegLoss),
+    delta of features', eta of the areal term; with eta > 0 alpha's mean, too, is over the moving
+    surface's area, else over its disk's.
 
-    The defaults, DELTA and ETA were chosen on real pairs and known truths: book/studies/choose_weights.py,
-    results/weights.json.
-    LandmarkError unless alpha > 0, beta >= 0, gamma > 0, delta >= 0 and eta >= 0 are finite.
+    The defaults, DELTA and ETA were chosen on real pairs and known truths:
+    book/studies/choose_weights.py, results/weights.json. LandmarkError unless alpha > 0, beta >= 0,
+    gamma > 0, delta >= 0 and eta >= 0 are finite.
     """
 
     alpha: float = 1.0
@@ -42,9 +50,13 @@ class Weights:
             if not (is_finite(value) and (value > 0 or (value == 0 and name == "beta"))):
                 raise LandmarkError(f"{name} = {value!r}: {rule}")
         if not (is_finite(self.delta) and self.delta >= 0):
-            raise LandmarkError(f"delta = {self.delta!r}: must be finite and not negative (0.1 to 1 is usual)")
+            raise LandmarkError(
+                f"delta = {self.delta!r}: must be finite and not negative (0.1 to 1 is usual)"
+            )
         if not (is_finite(self.eta) and self.eta >= 0):
-            raise LandmarkError(f"eta = {self.eta!r}: must be finite and not negative (0: areas are left out)")
+            raise LandmarkError(
+                f"eta = {self.eta!r}: must be finite and not negative (0: areas are left out)"
+            )
 
     def at(self, gamma, delta=None):
         """The same with another gamma, and delta if given."""
@@ -60,11 +72,13 @@ class Weights:
 class Problem:
     """Landmarks of one moving disk to be carried to their targets in the control's disk.
 
-    disk: the moving surface's `Disk`, its boundary on the unit circle; moving, target (M,) complex: landmarks p in that
-    disk and q in the control's; curve (M,) int: which curve each belongs to, in order; sliding: inner points of a curve
-    may move along their target curve, where a method can let them; fewest: how many landmarks there must be; sides: the
-    `Sides` of preparation.py for methods that look at folds or areas, or None; its moving surface is the disk's.
-    A method returns f (V,) complex: where each vertex lies in the control's disk. LandmarkError for unusable landmarks.
+    disk: the moving surface's `Disk`, its boundary on the unit circle; moving, target (M,) complex:
+    landmarks p in that disk and q in the control's; curve (M,) int: which curve each belongs to, in
+    order; sliding: inner points of a curve may move along their target curve, where a method can
+    let them; fewest: how many landmarks there must be; sides: the `SurfacePair` of preparation.py
+    for methods that look at folds or areas, or None; its moving surface is the disk's. A method
+    returns f (V,) complex: where each vertex lies in the control's disk. LandmarkError for unusable
+    landmarks.
     """
 
     disk: Disk
@@ -87,7 +101,8 @@ class Problem:
 
     @cached_property
     def mobius(self):
-        """(a, theta) of the disk Möbius map that brings landmarks nearest to their targets; without any, identity."""
+        """(a, theta) of the disk Möbius map that brings landmarks nearest to their targets; without
+        any, identity."""
         return best_mobius(self.moving, self.target) if len(self.moving) else (0j, 0.0)
 
 
@@ -99,23 +114,35 @@ def check_landmarks(moving, target, curve, sliding, fewest=1):
     except BeltramiError as error:
         raise LandmarkError(str(error)) from None
     if moving.ndim != 1 or moving.shape != target.shape or len(moving) < fewest:
-        raise LandmarkError(f"{moving.shape} moving and {target.shape} target landmarks: give one target a landmark")
+        raise LandmarkError(
+            f"{moving.shape} moving and {target.shape} target landmarks: give one target a landmark"
+        )
     for name, points in (("moving", moving), ("target", target)):
         outside = np.flatnonzero(~(abs(points) <= 1 + 1e-9))
         if len(outside):
-            found = f"{outside[:5].tolist()} are not in the closed unit disk ({points[outside[0]]:.4g})"
-            raise LandmarkError(f"{name} landmarks {found}; map them with the surface's disk map first")
+            found = (
+                f"{outside[:5].tolist()} are not in the closed unit disk ({points[outside[0]]:.4g})"
+            )
+            raise LandmarkError(
+                f"{name} landmarks {found}; map them with the surface's disk map first"
+            )
         order = np.lexsort((points.imag, points.real))
         twice = np.flatnonzero(abs(np.diff(points[order])) < 1e-12)
         if len(twice):
             pair = sorted(order[twice[0] : twice[0] + 2].tolist())
             found = f"{name} landmarks {pair[0]} and {pair[1]} coincide at {points[pair[0]]:.4g}"
-            raise LandmarkError(f"{found}; drop one of them (a bijection cannot part or merge points)")
+            raise LandmarkError(
+                f"{found}; drop one of them (a bijection cannot part or merge points)"
+            )
     if curve is None and sliding:
-        raise LandmarkError("sliding landmarks need the curve each belongs to: give curve (M,) of integer labels")
+        raise LandmarkError(
+            "sliding landmarks need the curve each belongs to: give curve (M,) of integer labels"
+        )
     curve = np.zeros(len(moving), int) if curve is None else label_array(curve)
     if curve.shape != moving.shape:
-        raise LandmarkError(f"{curve.shape} curve labels for {len(moving)} landmarks: give one label a landmark")
+        raise LandmarkError(
+            f"{curve.shape} curve labels for {len(moving)} landmarks: give one label a landmark"
+        )
     return moving, target, curve
 
 
@@ -124,7 +151,9 @@ def label_array(curve):
     try:
         labels = np.asarray(curve)
     except ValueError:
-        raise LandmarkError("curve labels are lists of unequal lengths: give integers (M,)") from None
+        raise LandmarkError(
+            "curve labels are lists of unequal lengths: give integers (M,)"
+        ) from None
     if labels.dtype.kind not in "iu":
         raise LandmarkError(f"curve labels have type {labels.dtype}: give integers (M,)")
     return labels

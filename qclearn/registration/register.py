@@ -1,4 +1,5 @@
-"""The pipeline: two cortical surfaces and their landmark curves in, a certified point-to-point map out."""
+"""The pipeline: two cortical surfaces and their landmark curves in, a certified point-to-point map
+out."""
 
 import time
 from collections.abc import Mapping
@@ -12,22 +13,29 @@ from jaxtyping import Complex, Float, Integer
 from numpy import ndarray
 from tqdm import tqdm
 
-from ..surfaces.conformal import laid_out
+from ..surfaces.conformal import parameterize
 from ..surfaces.surface import Surface, require_disk, require_outward
-from .annotations import check_annotations
-from .checked import TOLERANCE, bijective_fit, gamma_words, guarded_map, predicted
+from .curves import check_curves, held_apart
+from .diagnose import FEWEST, diagnose_landmarks
 from .features import FOLDS, check_features, featured
 from .fit import certified
-from .landmarkfile import check_curves, held_apart
-from .preparation import Sides, laid_upon, sampled
+from .networks import (
+    TOLERANCE,
+    certified_network_map,
+    fit_with_fallbacks,
+    gamma_messages,
+    predicted,
+)
+from .pair import SurfacePair, align_disks, sample_landmarks
 from .problem import BY_DISKS, DELTA, ETA, LandmarkError, Weights
-from .readings import FEWEST, mistakes
-from .report import report_of
-from .sure import check_sure, sure_of, sure_report
+from .report import check_annotations, report_of
+from .uncertainty import check_uncertainty, uncertainty_of, uncertainty_report
 
 STOPPED = (
-    "the landmarks are wrong (see suspect), so nothing was fitted: this is the Möbius map that aligns the ends of the "
-    "curves, or the folds; features, held-out curves, annotations and the radius were not computed; correct the "
+    "the landmarks are wrong (see suspect), so nothing was fitted: this is the Möbius map that "
+    "aligns the ends of the "
+    "curves, or the folds; features, held-out curves, annotations and the radius were not "
+    "computed; correct the "
     "landmarks, or fit them as they are by accept_suspect=True, --accept-suspect"
 )
 STAGES = {"exact": (6, 7), "network": (10, 9)}  # how many run without and with features
@@ -37,10 +45,11 @@ STAGES = {"exact": (6, 7), "network": (10, 9)}  # how many run without and with 
 class Registration:
     """Result of `register`.
 
-    points: the moving vertices on the control surface, in its length unit; disk_map: the same in the control's disk;
-    mu: measured coefficient of disk_moving -> disk_map; report: dict for JSON; disk_moving, disk_control: the disk
-    maps; curves: name -> (moving, control) curves in their disks, (k,) complex each; sure: the radius, mm, within which
-    nine in ten vertices' true points lie, if it was asked for.
+    points: the moving vertices on the control surface, in its length unit; disk_map: the same in
+    the control's disk; mu: measured coefficient of disk_moving -> disk_map; report: dict for JSON;
+    disk_moving, disk_control: the disk maps; curves: name -> (moving, control) curves in their
+    disks, (k,) complex each; uncertainty: the radius, mm, within which nine in ten vertices' true
+    points lie, if it was asked for.
     """
 
     points: Float[ndarray, " V 3"]
@@ -52,7 +61,7 @@ class Registration:
     curves: dict
     faces_moving: Integer[ndarray, " F 3"]
     faces_control: Integer[ndarray, " G 3"]
-    sure: Float[ndarray, " V"] | None = None
+    uncertainty: Float[ndarray, " V"] | None = None
 
     @property
     def surface(self) -> "Unchecked":
@@ -61,7 +70,8 @@ class Registration:
 
 
 class Unchecked(NamedTuple):
-    """A surface without `Surface`'s rules: a face that lands on one edge of the control has no area."""
+    """A surface without `Surface`'s rules: a face that lands on one edge of the control has no
+    area."""
 
     vertices: np.ndarray
     faces: np.ndarray
@@ -109,41 +119,48 @@ def register(
     hold_out: list | tuple = (),
     annotations: tuple | list | None = None,
     eta: float | None = None,
-    sure: bool = False,
+    uncertainty: bool = False,
     accept_suspect: bool = False,
 ) -> Registration:
-    """Register the moving surface to the control by landmark curves and folds: a Registration, certified bijective.
+    """Register the moving surface to the control by landmark curves and folds: a Registration,
+    certified bijective.
 
-    curves: the landmarks file as read from JSON, `{"curves": [{"name", "moving", "control"}, ...]}` with vertex
-    indices (two on a side are endpoints and that side's curve is detected, unless "detect" is false), or its list. A
-    file that names its "surfaces" by `Surface.fingerprint` is refused for others.
-    features: per-vertex maps that shall lie on each other between the curves: "depth" and "curvature" are computed, a
-    pair of arrays (V,) and (W,) is the user's own, and (pair, weight) counts otherwise than 1; None: landmarks alone,
-    the paper's setting. With features, curves may be empty. hold_out: names of curves (or `"hold_out": true` in the
-    file) that are measured and take no part in the fit. annotations: both sides' names of each vertex's region, a pair
-    (V,) and (W,) of text, also of the whole surfaces that these were cut from; their Dice is measured.
-    alpha, beta, gamma: weights of |mu|, of its gradient and of the landmark mismatch (paper, eq. RegLoss); delta: of
-    the features' mismatch, sum of squared differences of standardised maps over the area, 2 (1 - r) a map; eta: of
-    the areal term mean (log J)^2, J the map's areal scale from surface to surface; 0: only areas in the disks are seen,
-    as in the paper. None: DELTA and ETA with features, BY_DISKS where eta is 0; without features 0. For one person's
-    brain onto a template `**qclearn.registration.INDIVIDUAL` has weights under which areas change less.
-    sure: also a radius in mm at each moving vertex, calibrated where the truth is known (sure.py): `result.sure` and
-    `report["sure"]`; LandmarkError for settings in which it was not measured.
-    accept_suspect: fit landmarks that are wrong, too. By default those that are swapped, reversed, mirrored, exchanged
-    or of another numbering are told before the fit, and the result is the aligned map (`report["stopped"]`).
-    method: "exact" (shortest paths, Gauss-Newton fit, exact solver) or "network" (LD-Net, CP-Net, DBS-Net; the exact
-    solver replaces a map that folds, and Gauss-Newton steps refine one whose landmark error in the disk exceeds
-    `tolerance`: 5e-3 unless given, inf to take what comes; with features, the fit starts from CP-Net's answer).
-    `report["fallbacks"]` lists what was done, `report["suspect"]` why not to trust the result (see suspect.py).
-    Both surfaces must be outward-oriented disks of the same handedness (`mirror` one of them otherwise).
-    Errors: SurfaceError, LandmarkError, FeatureError; BijectivityError if no map is bijective at any gamma; ImportError
-    if the networks are asked for and torch is not installed.
+    curves: the landmarks file as read from JSON, `{"curves": [{"name", "moving", "control"}, ...]}`
+    with vertex indices (two on a side are endpoints and that side's curve is detected, unless
+    "detect" is false), or its list. A file that names its "surfaces" by `Surface.fingerprint` is
+    refused for others. features: per-vertex maps that shall lie on each other between the curves:
+    "depth" and "curvature" are computed, a pair of arrays (V,) and (W,) is the user's own, and
+    (pair, weight) counts otherwise than 1; None: landmarks alone, the paper's setting. With
+    features, curves may be empty. hold_out: names of curves (or `"hold_out": true` in the file)
+    that are measured and take no part in the fit. annotations: both sides' names of each vertex's
+    region, a pair (V,) and (W,) of text, also of the whole surfaces that these were cut from; their
+    Dice is measured. alpha, beta, gamma: weights of |mu|, of its gradient and of the landmark
+    mismatch (paper, eq. RegLoss); delta: of the features' mismatch, sum of squared differences of
+    standardised maps over the area, 2 (1 - r) a map; eta: of the areal term mean (log J)^2, J the
+    map's areal scale from surface to surface; 0: only areas in the disks are seen, as in the paper.
+    None: DELTA and ETA with features, BY_DISKS where eta is 0; without features 0. For one person's
+    brain onto a template `**qclearn.registration.INDIVIDUAL` has weights under which areas change
+    less. uncertainty: also a radius in mm at each moving vertex, calibrated where the truth is
+    known (uncertainty.py): `result.uncertainty` and `report["uncertainty"]`; LandmarkError for
+    settings in which it was not measured. accept_suspect: fit landmarks that are wrong, too. By
+    default those that are swapped, reversed, mirrored, exchanged or of another numbering are told
+    before the fit, and the result is the aligned map (`report["stopped"]`). method: "exact"
+    (shortest paths, Gauss-Newton fit, exact solver) or "network" (LD-Net, CP-Net, DBS-Net; the
+    exact solver replaces a map that folds, and Gauss-Newton steps refine one whose landmark error
+    in the disk exceeds `tolerance`: 5e-3 unless given, inf to take what comes; with features, the
+    fit starts from CP-Net's answer). `report["fallbacks"]` lists what was done, `report["suspect"]`
+    why not to trust the result (see suspect.py). Both surfaces must be outward-oriented disks of
+    the same handedness (`mirror` one of them otherwise). Errors: SurfaceError, LandmarkError,
+    FeatureError; BijectivityError if no map is bijective at any gamma; ImportError if the networks
+    are asked for and torch is not installed.
     """
     tolerance = check_method(method, sliding, tolerance, features)
     eta = check_eta(eta, method, features)
-    weights = Weights(alpha, beta, gamma, check_delta(delta, features, DELTA if eta else BY_DISKS), eta)
-    if sure:
-        check_sure(features, method, sliding, weights)
+    weights = Weights(
+        alpha, beta, gamma, check_delta(delta, features, DELTA if eta else BY_DISKS), eta
+    )
+    if uncertainty:
+        check_uncertainty(features, method, sliding, weights)
     entries, held = given_curves(moving, control, curves, features, hold_out)
     regions = check_annotations(annotations, moving, control)
     stages = Stages(STAGES[method][features is not None], progress)
@@ -157,8 +174,8 @@ def register(
 
     # Wrong landmarks are recognised by the curves' ends, before anything is fitted.
     with stages("align"):
-        aligned = laid_upon(pair)
-        wrong = mistakes(aligned)
+        aligned = align_disks(pair)
+        wrong = diagnose_landmarks(aligned)
     if wrong and not accept_suspect:
         aligned = replace(aligned, held=[], features=None)
         return stopped(aligned, weights, wrong, sliding, stages, method)
@@ -168,31 +185,44 @@ def register(
         aligned = replace(featured_pair, moving=laid)
 
     with stages("detect"):
-        landmarks = sampled(aligned, networks["ldnet"].detect if networks else None, sliding)
+        landmarks = sample_landmarks(
+            aligned, networks["ldnet"].detect if networks else None, sliding
+        )
     if networks:
-        fit = fit_by_networks(networks, aligned.features, landmarks.problem, weights, tolerance, stages)
+        fit = fit_by_networks(
+            networks, aligned.features, landmarks.problem, weights, tolerance, stages
+        )
     else:
         with stages("map"):
-            fit = bijective_fit(landmarks.problem, weights, None, 0.0, aligned.features)
+            fit = fit_with_fallbacks(landmarks.problem, weights, None, 0.0, aligned.features)
     with stages("pull_back"):
         points = aligned.control.lift(fit.f)
         report = report_of(aligned, landmarks, weights, fit, points, regions)
     report["suspect"] = [*wrong, *report["suspect"]]
-    words = gamma_words(networks["cpnet"], weights) if networks else []
-    report |= {"fallbacks": words + report["fallbacks"], "seconds": stages.report(), "method": method}
+    words = gamma_messages(networks["cpnet"], weights) if networks else []
+    report |= {
+        "fallbacks": words + report["fallbacks"],
+        "seconds": stages.report(),
+        "method": method,
+    }
     if networks and features is None:
-        report["tolerance"] = tolerance if np.isfinite(tolerance) else None  # JSON knows no infinity
+        report["tolerance"] = (
+            tolerance if np.isfinite(tolerance) else None
+        )  # JSON knows no infinity
     result = registration_of(aligned, landmarks, fit, points, report)
-    if not sure:
+    if not uncertainty:
         return result
-    radius, report["sure"] = sure_report(sure_of(aligned, landmarks.problem, weights, fit), aligned)
-    return replace(result, sure=radius)
+    radius, report["uncertainty"] = uncertainty_report(
+        uncertainty_of(aligned, landmarks.problem, weights, fit), aligned
+    )
+    return replace(result, uncertainty=radius)
 
 
 def stopped(pair, weights, wrong, sliding, stages, method):
-    """The Registration of an aligned pair whose landmarks are wrong, reasons `wrong`: the aligned map, certified."""
+    """The Registration of an aligned pair whose landmarks are wrong, reasons `wrong`: the aligned
+    map, certified."""
     with stages("detect"):
-        landmarks = sampled(pair, None, sliding)
+        landmarks = sample_landmarks(pair, None, sliding)
         fit = certified(landmarks.problem, pair.moving.disk.z, (0j, 0.0))
     with stages("pull_back"):
         points = pair.control.lift(fit.f)
@@ -204,7 +234,9 @@ def stopped(pair, weights, wrong, sliding, stages, method):
 def registration_of(pair, landmarks, fit, points, report):
     """The Registration of an aligned pair, without a radius."""
     here, there = pair.moving.disk, pair.control.disk
-    return Registration(points, fit.f, fit.mu, report, here.z, there.z, landmarks.lines, here.faces, there.faces)
+    return Registration(
+        points, fit.f, fit.mu, report, here.z, there.z, landmarks.lines, here.faces, there.faces
+    )
 
 
 def given_curves(moving, control, curves, features, hold_out):
@@ -212,26 +244,31 @@ def given_curves(moving, control, curves, features, hold_out):
     for surface in (moving, control):
         require_disk(surface)
         require_outward(surface)
-    entries, held = held_apart(check_curves(curves, moving, control, int(features is None)), hold_out)
+    entries, held = held_apart(
+        check_curves(curves, moving, control, int(features is None)), hold_out
+    )
     if not entries and features is None:
         raise LandmarkError("all curves are held out: leave some to be fitted, or give features")
     return entries, held
 
 
 def load_networks(entries, features):
-    """The networks of a registration with or without features, dict; LandmarkError without landmarks."""
+    """The networks of a registration with or without features, dict; LandmarkError without
+    landmarks."""
     if not entries:
-        raise LandmarkError("method 'network' needs landmarks: CP-Net knows nothing else; give method 'exact'")
+        raise LandmarkError(
+            "method 'network' needs landmarks: CP-Net knows nothing else; give method 'exact'"
+        )
     return {name: load(name) for name in ("ldnet", "cpnet", *([] if features else ["dbsnet"]))}
 
 
 def lay_out(moving, control, stages):
-    """Both surfaces on their disks, `Sides` without curves."""
+    """Both surfaces on their disks, `SurfacePair` without curves."""
     with stages("disk_moving"):
-        moving = laid_out(moving)
+        moving = parameterize(moving)
     with stages("disk_control"):
-        control = laid_out(control)
-    return Sides(moving, control, [], [])
+        control = parameterize(control)
+    return SurfacePair(moving, control, [], [])
 
 
 def with_features(pair, features, stages):
@@ -245,43 +282,53 @@ def with_features(pair, features, stages):
 
 
 def fit_by_networks(networks, features, problem, weights, tolerance, stages):
-    """`guarded_map`; with features the fit that starts from CP-Net's answer."""
+    """`certified_network_map`; with features the fit that starts from CP-Net's answer."""
     predict = networks["cpnet"].predict
     if features is None:
-        return guarded_map(predict, networks["dbsnet"].solve, problem, weights, tolerance, stages)
+        return certified_network_map(
+            predict, networks["dbsnet"].solve, problem, weights, tolerance, stages
+        )
     with stages("predict"):
         mu = predicted(predict, problem, weights)
     with stages("map"):
-        return bijective_fit(problem, weights, mu, 0.0, features)
+        return fit_with_fallbacks(problem, weights, mu, 0.0, features)
 
 
 def check_method(method, sliding, tolerance, features):
-    """The tolerance to use, or ValueError where method, sliding, tolerance and features do not go together."""
+    """The tolerance to use, or ValueError where method, sliding, tolerance and features do not go
+    together."""
     if method not in STAGES:
         raise ValueError(f"unknown method {method!r}; this version has: {', '.join(STAGES)}")
     if method == "exact" and tolerance is not None:
-        raise ValueError("tolerance belongs to method 'network': raise gamma for a smaller landmark error")
+        raise ValueError(
+            "tolerance belongs to method 'network': raise gamma for a smaller landmark error"
+        )
     if features is not None and tolerance is not None:
         raise ValueError(
-            "tolerance belongs to the networks' map by landmarks alone, not to features: drop one of the two"
+            "tolerance belongs to the networks' map by landmarks alone, not to features: drop one "
+            "of the two"
         )
     if method == "network" and sliding:
         raise ValueError("sliding belongs to method 'exact': CP-Net takes points to points")
     tolerance = TOLERANCE if tolerance is None else tolerance
     if not tolerance > 0:
-        raise ValueError(f"tolerance = {tolerance}: give a positive landmark error in the unit disk, or inf")
+        raise ValueError(
+            f"tolerance = {tolerance}: give a positive landmark error in the unit disk, or inf"
+        )
     return tolerance
 
 
 def check_delta(delta, features, usual=BY_DISKS):
-    """The weight of the features: delta, the usual one if it is None, or 0 without any; LandmarkError where it would
-    give them none."""
+    """The weight of the features: delta, the usual one if it is None, or 0 without any;
+    LandmarkError where it would give them none."""
     delta = usual if delta is None else delta
     Weights(delta=delta)
     if features is None:
         return 0.0
     if delta == 0:
-        raise LandmarkError("delta = 0: the features would take no part; give 0.1 to 1, or features=None")
+        raise LandmarkError(
+            "delta = 0: the features would take no part; give 0.1 to 1, or features=None"
+        )
     return delta
 
 
@@ -290,12 +337,15 @@ def check_eta(eta, method, features):
     if eta is None:
         return ETA if features is not None else 0.0
     if eta and method == "network" and features is None:
-        raise LandmarkError(f"eta = {eta:g} and the networks alone: they know no areas; give features, or eta=0")
+        raise LandmarkError(
+            f"eta = {eta:g} and the networks alone: they know no areas; give features, or eta=0"
+        )
     return eta
 
 
 def load(name, preset="best", gamma=None):
-    """A network with its shipped weights; WeightsError if there are none, ImportError where torch is not installed."""
+    """A network with its shipped weights; WeightsError if there are none, ImportError where torch
+    is not installed."""
     from ..nets import load as load_network
 
     return load_network(name, preset, gamma)

@@ -1,4 +1,5 @@
-"""What a fit makes small, as residuals of the map: mismatches of landmarks and of features, and changes of area."""
+"""What a fit makes small, as residuals of the map: mismatches of landmarks and of features, and
+changes of area."""
 
 import numpy as np
 from scipy import sparse
@@ -10,8 +11,9 @@ TANGENTIAL_WEIGHT = 0.1  # of a sliding landmark's residual along its target cur
 
 
 class LandmarkTerm:
-    """`sqrt(gamma / M) conj(t) (w - q)` of mapped landmarks w with targets q (M,), t the target curve's tangent, 1 for
-    points that do not slide. Real parts, along t and weighted down for those that do, stand before imaginary ones."""
+    """`sqrt(gamma / M) conj(t) (w - q)` of mapped landmarks w with targets q (M,), t the target
+    curve's tangent, 1 for points that do not slide. Real parts, along t and weighted down for those
+    that do, stand before imaginary ones."""
 
     def __init__(self, target, curve, sliding):
         self.target, self.tangent = target, np.ones(len(target), complex)
@@ -34,16 +36,23 @@ class LandmarkTerm:
         return self.components(points - self.target, gamma)
 
     def rows(self, samples, gamma):
-        """Sparse complex R (2 M, N) for points `samples @ w`: the components change by `Re(conj(R) dw)`."""
-        turns = np.concatenate([self.weights[0] * self.tangent, 1j * self.weights[1] * self.tangent])
+        """Sparse complex R (2 M, N) for points `samples @ w`: the components change by `Re(conj(R)
+        dw)`."""
+        turns = np.concatenate(
+            [self.weights[0] * self.tangent, 1j * self.weights[1] * self.tangent]
+        )
         scale = np.sqrt(gamma / self.count)
         return (sparse.diags_array(scale * turns) @ sparse.vstack([samples, samples])).tocsr()
 
     def jacobian(self, by_re, by_im, gamma):
-        """Components (2 M, ...) from the parts Re w and Im w of changes, or from their gradients, (M, ...) each."""
+        """Components (2 M, ...) from the parts Re w and Im w of changes, or from their gradients,
+        (M, ...) each."""
         shape = (-1,) + (1,) * (by_re.ndim - 1)
         turn, along, across = (part.reshape(shape) for part in (self.tangent.conj(), *self.weights))
-        rows = along * (turn.real * by_re - turn.imag * by_im), across * (turn.imag * by_re + turn.real * by_im)
+        rows = (
+            along * (turn.real * by_re - turn.imag * by_im),
+            across * (turn.imag * by_re + turn.real * by_im),
+        )
         return np.sqrt(gamma / self.count) * np.concatenate(rows)
 
 
@@ -66,10 +75,12 @@ class Places:
 
 
 class FeatureTerm:
-    """`delta sum_c a_c sum_k w_k (I_c(x_k) - J_c(M f(x_k)))^2` over all moving vertices, at scale sigma.
+    """`delta sum_c a_c sum_k w_k (I_c(x_k) - J_c(M f(x_k)))^2` over all moving vertices, at scale
+    sigma.
 
-    I, J: standardised features of both sides; a: their shares; w: the vertices' shares of the moving area; a sum is
-    2 (1 - r) where features keep their variance. places: of the moving vertices, if they are not the mapped mesh's.
+    I, J: standardised features of both sides; a: their shares; w: the vertices' shares of the
+    moving area; a sum is 2 (1 - r) where features keep their variance. places: of the moving
+    vertices, if they are not the mapped mesh's.
     """
 
     def __init__(self, features, sigma, delta, places=None):
@@ -85,24 +96,32 @@ class FeatureTerm:
     def rows(self, f):
         """Sparse complex R (C V, N): the residual changes by `Re(conj(R) df)`."""
         samples = self.places.samples
-        blocks = [sparse.diags_array(column) for column in (-self.scale * self.image.slopes(self.places.at(f))).T]
-        return sparse.vstack([block if samples is None else block @ samples for block in blocks]).tocsr()
+        blocks = [
+            sparse.diags_array(column)
+            for column in (-self.scale * self.image.slopes(self.places.at(f))).T
+        ]
+        return sparse.vstack(
+            [block if samples is None else block @ samples for block in blocks]
+        ).tocsr()
 
 
 class AreaTerm:
-    """`eta sum_T w_T (log J_T)^2`, J the areal scale of the map from surface to surface, total areas made equal.
+    """`eta sum_T w_T (log J_T)^2`, J the areal scale of the map from surface to surface, total
+    areas made equal.
 
-    `log J_T = log(|f(T)| / |T|) + mean l_C(f(x)) - l_M(T)` over the corners x of a face T of the mapped mesh: l_C, l_M,
-    log of the shares of the surfaces' area over those of their disks', are the control's and the moving one's
-    densities; w_T: the share of the moving area in T. With `alpha |nu|^2` by the same area and eta = alpha / 4 the sum
-    is alpha / 2 times that of the squared logs of both principal stretches (Hencky 1928).
-    A face smaller than FLOOR of itself counts as that small: the term is a barrier before a fold, and finite.
+    `log J_T = log(|f(T)| / |T|) + mean l_C(f(x)) - l_M(T)` over the corners x of a face T of the
+    mapped mesh: l_C, l_M, log of the shares of the surfaces' area over those of their disks', are
+    the control's and the moving one's densities; w_T: the share of the moving area in T. With
+    `alpha |nu|^2` by the same area and eta = alpha / 4 the sum is alpha / 2 times that of the
+    squared logs of both principal stretches (Hencky 1928). A face smaller than FLOOR of itself
+    counts as that small: the term is a barrier before a fold, and finite.
     """
 
     FLOOR = 1e-3
 
     def __init__(self, disk, shares, moving, control, eta, places):
-        """disk: the mapped mesh; shares, moving (F,): w and l_M; control (W,): l_C; places: the mapped vertices'."""
+        """disk: the mapped mesh; shares, moving (F,): w and l_M; control (W,): l_C; places: the
+        mapped vertices'."""
         self.disk, self.control, self.places, there = disk, control, places, places.disk
         self.slopes = np.einsum("fk,fk->f", there.gradients, control[there.faces])
         self.scale, self.floor = np.sqrt(eta * shares), self.FLOOR * disk.areas
@@ -111,7 +130,11 @@ class AreaTerm:
     def log_areal(self, f):
         """log J (F,)."""
         there = self.places.disk.interpolate(self.control, self.places.at(f))
-        return np.log(np.maximum(self.disk.at(f).areas, self.floor)) + there[self.disk.faces].mean(1) - self.here
+        return (
+            np.log(np.maximum(self.disk.at(f).areas, self.floor))
+            + there[self.disk.faces].mean(1)
+            - self.here
+        )
 
     def residual(self, f):
         """`sqrt(eta w_T) log J_T` (F,) for a map f (N,)."""

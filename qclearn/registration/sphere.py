@@ -1,24 +1,29 @@
-"""A triangle mesh laid on a sphere, untangled: no face flipped or too small in the float32 that files hold."""
+"""A triangle mesh laid on a sphere, untangled: no face flipped or too small in the float32 that
+files hold."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import scipy
 from jaxtyping import Float, Integer
 from numpy import ndarray
 from scipy import sparse
-from ..plane.triangles import edge_lengths
-from .checks import norms
-from dataclasses import dataclass
-from functools import cached_property
-from typing import NamedTuple
+
 from ..plane.disk import Disk
-from ..plane.linear import Dirichlet, assemble
+from ..plane.linear import Dirichlet, assemble, edge_lengths
 from ..surfaces.checks import norms
 from ..surfaces.surface import Surface, SurfaceError
 
 RADIUS = 100.0  # of the spheres of FreeSurfer and of Workbench, mm
 LEAST_EDGE, LEAST_AREA = 1e-3, 1e-5  # that every edge, mm, and every face, mm^2, has in the end
 BAD, GOOD = 1.2, 3.0  # a face below so many times its least size is mended, to so many times of it
-ROUNDS, PATIENCE, EASE = 80, 10, 4  # at most; after how many one more ring takes part, and neighbours' means are taken
+ROUNDS, PATIENCE, EASE = (
+    80,
+    10,
+    4,
+)  # at most; after how many one more ring takes part, and neighbours' means are taken
 STEP = 0.4  # of the edges around it, or less at random: how far a vertex goes in a round
 PRICE, MISSING = 3.0, 1e4  # of the next rank's moving 1 mm, and of 1 mm of height that stays away
 SOFT = 4  # the least rank that stays when neighbours' means are taken
@@ -31,16 +36,20 @@ class UntanglingError(ValueError):
 def untangled(
     vertices: Float[ndarray, " V 3"], faces: Integer[ndarray, " F 3"], rank: Integer[ndarray, " V"]
 ) -> tuple[Float[ndarray, " V 3"], Integer[ndarray, " k"]]:
-    """The vertices of a closed mesh on the sphere of RADIUS without a flipped or too small face; and which were moved.
+    """The vertices of a closed mesh on the sphere of RADIUS without a flipped or too small face;
+    and which were moved.
 
-    They are those that float32 holds; the faces look outward. Around bad faces the vertices make in each round
-    the shortest moves that give all faces their heights (`least_moves`), those of low `rank` rather than others. Where
-    that does not end, those below rank SOFT go to the means of their neighbours every EASE rounds: long faces on a
-    jagged seam need a detour. UntanglingError, with the faces, where ROUNDS are not enough.
+    They are those that float32 holds; the faces look outward. Around bad faces the vertices make in
+    each round the shortest moves that give all faces their heights (`least_moves`), those of low
+    `rank` rather than others. Where that does not end, those below rank SOFT go to the means of
+    their neighbours every EASE rounds: long faces on a jagged seam need a detour. UntanglingError,
+    with the faces, where ROUNDS are not enough.
     """
     p, moved, rng = stored(vertices), np.zeros(len(vertices), bool), np.random.default_rng(0)
     owners = np.repeat(np.arange(len(faces)), 3)
-    stars = sparse.csr_array((np.ones(faces.size, np.int8), (faces.ravel(), owners)), shape=(len(p), len(faces)))
+    stars = sparse.csr_array(
+        (np.ones(faces.size, np.int8), (faces.ravel(), owners)), shape=(len(p), len(faces))
+    )
     bad = np.flatnonzero(too_small(p, faces))
     for turn in range(ROUNDS):
         if not len(bad):
@@ -53,13 +62,16 @@ def untangled(
             soft = active[rank[active] < SOFT]
             p[soft], moved[soft] = stored(neighbour_sums(p, faces[near])[soft]), True
         # what full steps have not mended goes round in circles with them
-        steps = STEP * 0.1 ** rng.random(len(active)) if turn >= EASE else np.full(len(active), STEP)
+        steps = (
+            STEP * 0.1 ** rng.random(len(active)) if turn >= EASE else np.full(len(active), STEP)
+        )
         shift = least_moves(p, faces[near], active, rank[active], steps)
         going = shift.any(1)
         p[active[going]], moved[active[going]] = stored(p[active[going]] + shift[going]), True
         bad = near[too_small(p, faces[near])]
     raise UntanglingError(
-        f"{len(bad)} faces of the sphere stay flipped or too small, the first {bad[:5].tolist()}; look at the "
+        f"{len(bad)} faces of the sphere stay flipped or too small, the first {bad[:5].tolist()}; "
+        "look at the "
         "registration there, made without a sphere, and at the cortex labels of both sides"
     )
 
@@ -76,8 +88,8 @@ def too_small(p, faces):
 
 
 def doubled_areas(p, faces):
-    """Twice the area of each face, `det(a, b, c) / RADIUS` (F,), negative where it looks inward, and its gradient by
-    each corner, (F, 3, 3)."""
+    """Twice the area of each face, `det(a, b, c) / RADIUS` (F,), negative where it looks inward,
+    and its gradient by each corner, (F, 3, 3)."""
     a, b, c = (p[corner] for corner in faces.T)
     gradient = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], 1) / RADIUS
     return np.einsum("fi,fi->f", a, gradient[:, 0]), gradient
@@ -92,11 +104,13 @@ def neighbour_sums(p, faces):
 
 
 def least_moves(p, faces, active, rank, steps):
-    """The moves (k, 3) of the `active` vertices (k,) across the sphere that give the faces (m, 3) their heights.
+    """The moves (k, 3) of the `active` vertices (k,) across the sphere that give the faces (m, 3)
+    their heights.
 
-    A linear program: `min sum_v PRICE^rank_v |x_v|_1 + MISSING sum_f s_f`, where the height of each face over its
-    longest side, linear in x, is at least what its area and its shortest edge need, less s_f >= 0. A vertex goes at
-    most `steps` (k,) times the length of the edges around it. The sum of the lengths is least, so that few move.
+    A linear program: `min sum_v PRICE^rank_v |x_v|_1 + MISSING sum_f s_f`, where the height of each
+    face over its longest side, linear in x, is at least what its area and its shortest edge need,
+    less s_f >= 0. A vertex goes at most `steps` (k,) times the length of the edges around it. The
+    sum of the lengths is least, so that few move.
     """
     n, m, number = len(active), len(faces), np.full(len(p), -1)
     number[active] = np.arange(n)
@@ -137,8 +151,9 @@ RINGS = 4  # of the cortex that are told apart, its rim the first
 
 @dataclass(frozen=True, eq=False)
 class Whole:
-    """A whole closed surface by its faces (F, 3), outward where it was registered, and the cortex that was cut out of
-    it: the `Disk` of its map, and the numbers `table` (V',) of its vertices in the whole."""
+    """A whole closed surface by its faces (F, 3), outward where it was registered, and the cortex
+    that was cut out of it: the `Disk` of its map, and the numbers `table` (V',) of its vertices in
+    the whole."""
 
     faces: np.ndarray
     disk: Disk
@@ -155,21 +170,27 @@ class Whole:
 
     @cached_property
     def wall(self):
-        """The vertices (W,) of the faces that are not cortex, sorted, and these faces numbered among them."""
+        """The vertices (W,) of the faces that are not cortex, sorted, and these faces numbered
+        among them."""
         cortex = keys(self.table[self.disk.faces], self.count)
         rest = self.faces[~np.isin(keys(self.faces, self.count), cortex)]
         vertices, faces = np.unique(rest, return_inverse=True)
         return vertices, faces.reshape(-1, 3)
 
     def wall_disk(self, angles):
-        """The wall as a `Disk`: its rim at `angles` (B,) complex, each inner vertex the mean of its neighbours."""
+        """The wall as a `Disk`: its rim at `angles` (B,) complex, each inner vertex the mean of its
+        neighbours."""
         vertices, faces = self.wall
-        rim, blocks = np.searchsorted(vertices, self.rim), np.broadcast_to(3 * np.eye(3) - 1, (len(faces), 3, 3))
+        rim, blocks = (
+            np.searchsorted(vertices, self.rim),
+            np.broadcast_to(3 * np.eye(3) - 1, (len(faces), 3, 3)),
+        )
         return Disk(Dirichlet(assemble(faces, blocks, len(vertices)), rim).solve(angles), faces)
 
     @cached_property
     def rings(self):
-        """How far from the wall each vertex lies (V,): 0 on it, 1 on its rim, and so on up to RINGS + 1."""
+        """How far from the wall each vertex lies (V,): 0 on it, 1 on its rim, and so on up to RINGS
+        + 1."""
         rings = np.full(self.count, RINGS + 1)
         rings[np.setdiff1d(self.wall[0], self.rim)] = 0
         rings[self.rim] = 1
@@ -180,8 +201,9 @@ class Whole:
 
 
 class RegisteredSphere(NamedTuple):
-    """A whole hemisphere on a sphere: the `surface` (V vertices), the numbers `moved` (k,) of the vertices that
-    untangling moved, and `rings` (V,), how far each lies from the wall: 0 on it, 1 on its rim, at most RINGS + 1."""
+    """A whole hemisphere on a sphere: the `surface` (V vertices), the numbers `moved` (k,) of the
+    vertices that untangling moved, and `rings` (V,), how far each lies from the wall: 0 on it, 1 on
+    its rim, at most RINGS + 1."""
 
     surface: Surface
     moved: np.ndarray
@@ -189,13 +211,15 @@ class RegisteredSphere(NamedTuple):
 
 
 def registered_sphere(maps: dict, sphere: Surface) -> RegisteredSphere:
-    """The whole moving hemisphere on the control's whole `sphere`, scaled to radius 100, in coordinates of float32.
+    """The whole moving hemisphere on the control's whole `sphere`, scaled to radius 100, in
+    coordinates of float32.
 
-    maps: the arrays of `read_registration`. The cortex goes by the disk map and the control's triangles. Both walls are
-    laid into one disk (Tutte), each vertex of the rim at the length along the control's rim where the cortex puts it,
-    and go by the control's triangles there. Faces follow their vertices, outward; what is then flipped or too small is
-    `untangled`. SurfaceError where the registration does not hold both surfaces whole, or the sphere is not the
-    control's; UntanglingError.
+    maps: the arrays of `read_registration`. The cortex goes by the disk map and the control's
+    triangles. Both walls are laid into one disk (Tutte), each vertex of the rim at the length along
+    the control's rim where the cortex puts it, and go by the control's triangles there. Faces
+    follow their vertices, outward; what is then flipped or too small is `untangled`. SurfaceError
+    where the registration does not hold both surfaces whole, or the sphere is not the control's;
+    UntanglingError.
     """
     moving, control = whole_of(maps, "moving"), whole_of(maps, "control")
     unit = unit_sphere(sphere, control.faces)
@@ -203,22 +227,29 @@ def registered_sphere(maps: dict, sphere: Surface) -> RegisteredSphere:
     points = np.empty((moving.count, 3))
     points[moving.table] = control.disk.interpolate(unit[control.table], places)
     angles = np.zeros(len(control.table), complex)
-    angles[control.disk.loop] = np.exp(-1j * around(unit[control.rim]))  # seen from the wall the rim runs clockwise
+    angles[control.disk.loop] = np.exp(
+        -1j * around(unit[control.rim])
+    )  # seen from the wall the rim runs clockwise
     there = control.wall_disk(angles[control.disk.loop])
     here = moving.wall_disk(control.disk.interpolate(angles, places)[moving.disk.loop])
     inner = ~np.isin(moving.wall[0], moving.rim)
-    points[moving.wall[0][inner]] = there.interpolate(unit[control.wall[0]], there.locate(here.z[inner]))
+    points[moving.wall[0][inner]] = there.interpolate(
+        unit[control.wall[0]], there.locate(here.z[inner])
+    )
     points, moved = untangled(points, moving.faces, moving.rings)
     return RegisteredSphere(Surface(points, moving.faces), moved, moving.rings)
 
 
 def drawn_in(z, rim):
-    """Points z (V,) of the unit disk drawn into the polygon of `rim` (B,) on its circle: by half as much as they come
-    nearer to the circle than two times the polygon's side stays away from it. One to one; what is farther in stays."""
+    """Points z (V,) of the unit disk drawn into the polygon of `rim` (B,) on its circle: by half as
+    much as they come nearer to the circle than two times the polygon's side stays away from it. One
+    to one; what is farther in stays."""
     angles = np.sort(np.angle(rim))
     start = np.searchsorted(angles, np.angle(z), side="right") - 1
     half = np.diff(angles, append=angles[0] + 2 * np.pi)[start] / 2
-    side = np.cos(half) / np.cos(np.angle(z * np.exp(-1j * (angles[start] + half))))  # how far from 0, at z's angle
+    side = np.cos(half) / np.cos(
+        np.angle(z * np.exp(-1j * (angles[start] + half)))
+    )  # how far from 0, at z's angle
     size = abs(z)
     return z * np.minimum(1, (size + 2 * side - 1) / (2 * np.maximum(size, 0.5)))
 
@@ -230,7 +261,8 @@ def around(rim):
 
 
 def whole_of(maps, side):
-    """The `Whole` of the side "moving" or "control" of a registration; SurfaceError where it does not hold one."""
+    """The `Whole` of the side "moving" or "control" of a registration; SurfaceError where it does
+    not hold one."""
     table, faces = (maps.get(f"{name}_{side}") for name in ("table", "whole_faces"))
     require_whole(side, table, faces)
     table, faces = table.astype(np.int64), faces.astype(np.int64)
@@ -240,18 +272,20 @@ def whole_of(maps, side):
 
 
 def require_whole(side, table, faces):
-    """SurfaceError unless the table (V,) of a registered side and its whole surface's faces (F, 3) are known, and that
-    surface is closed and without handles."""
+    """SurfaceError unless the table (V,) of a registered side and its whole surface's faces (F, 3)
+    are known, and that surface is closed and without handles."""
     if table is None or faces is None:
         option = "--cortex" if side == "moving" else "--control-cortex"
         raise SurfaceError(
-            f"the whole {side} surface is not known, and a sphere needs its medial wall: run `qclearn register` with "
+            f"the whole {side} surface is not known, and a sphere needs its medial wall: run "
+            "`qclearn register` with "
             f"the whole surface and {option}, or with the npz that `qclearn open` writes"
         )
     count = faces.max() + 1
     if len(faces) != 2 * count - 4:
         raise SurfaceError(
-            f"the whole {side} surface is no sphere ({count} vertices, {len(faces)} faces): it has a boundary or "
+            f"the whole {side} surface is no sphere ({count} vertices, {len(faces)} faces): it "
+            "has a boundary or "
             "handles; repair the topology where it was made (FreeSurfer: mris_fix_topology)"
         )
 
@@ -263,33 +297,41 @@ def alike(face, faces):
 
 
 def keys(faces, count):
-    """A number for each face (F, 3) of a mesh of `count` vertices, whatever the order of its corners."""
+    """A number for each face (F, 3) of a mesh of `count` vertices, whatever the order of its
+    corners."""
     low, middle, high = np.sort(faces, axis=1).T
     return (low * count + middle) * count + high
 
 
 def unit_sphere(sphere, faces):
-    """The vertices (V, 3) of a sphere that shall have these `faces` (F, 3), at radius 1; SurfaceError where it has
-    others, is no sphere around 0, or looks inward."""
+    """The vertices (V, 3) of a sphere that shall have these `faces` (F, 3), at radius 1;
+    SurfaceError where it has others, is no sphere around 0, or looks inward."""
     count = int(faces.max()) + 1
     if (len(sphere.vertices), len(sphere.faces)) != (count, len(faces)):
         raise SurfaceError(
-            f"{len(sphere.vertices)} vertices and {len(sphere.faces)} faces, where the control has {count} and "
+            f"{len(sphere.vertices)} vertices and {len(sphere.faces)} faces, where the control "
+            f"has {count} and "
             f"{len(faces)}: the sphere of another subject; give the control's own"
         )
-    if not np.array_equal(*(np.sort(keys(mesh.astype(np.int64), count)) for mesh in (faces, sphere.faces))):
-        raise SurfaceError("its faces are not the control's: the sphere of another subject; give the control's own")
+    if not np.array_equal(
+        *(np.sort(keys(mesh.astype(np.int64), count)) for mesh in (faces, sphere.faces))
+    ):
+        raise SurfaceError(
+            "its faces are not the control's: the sphere of another subject; give the control's own"
+        )
     radii = norms(sphere.vertices)
     if not radii.max() < ROUND * radii.min():
         raise SurfaceError(no_sphere(sphere.vertices, radii))
     if sphere.volume < 0:
         raise SurfaceError(
-            "the sphere looks inward: its faces are reversed, or it is mirrored, as one of the other hemisphere; give "
+            "the sphere looks inward: its faces are reversed, or it is mirrored, as one of the "
+            "other hemisphere; give "
             "the control's own as FreeSurfer wrote it"
         )
     if not alike(sphere.faces[0], faces):
         raise SurfaceError(
-            "its faces run the other way round than the control's: it is of the other hemisphere, or mirrored; give "
+            "its faces run the other way round than the control's: it is of the other hemisphere, "
+            "or mirrored; give "
             "the control's own"
         )
     return sphere.vertices / radii[:, None]
@@ -297,15 +339,19 @@ def unit_sphere(sphere, faces):
 
 def no_sphere(vertices, radii):
     """Why vertices (V, 3) at distances `radii` (V,) from 0 are no sphere around it, in words."""
-    centre = np.linalg.lstsq(np.column_stack([2 * vertices, np.ones(len(vertices))]), radii**2)[0][:3]
+    centre = np.linalg.lstsq(np.column_stack([2 * vertices, np.ones(len(vertices))]), radii**2)[0][
+        :3
+    ]
     off = norms(vertices - centre)
     if off.max() <= ROUND * off.min():
         place = ", ".join(f"{x:.1f}" for x in centre.round(1) + 0.0)  # no -0.0
         return (
-            f"a sphere around ({place}), where Workbench and FreeSurfer need one around 0; give it as FreeSurfer wrote "
+            f"a sphere around ({place}), where Workbench and FreeSurfer need one around 0; give "
+            "it as FreeSurfer wrote "
             "it (mris_convert --to-scanner moves it)"
         )
     return (
-        f"not a sphere: its vertices lie {radii.min():.4g} to {radii.max():.4g} from 0; give lh.sphere or "
+        f"not a sphere: its vertices lie {radii.min():.4g} to {radii.max():.4g} from 0; give "
+        "lh.sphere or "
         "lh.sphere.reg of the control (lh.inflated is none)"
     )

@@ -1,4 +1,5 @@
-"""Landmark curves found on a surface: an unordered set of vertices put in order, fsaverage5's curves carried over."""
+"""Landmark curves found on a surface: an unordered set of vertices put in order, fsaverage5's
+curves carried over."""
 
 from itertools import pairwise
 from typing import NamedTuple
@@ -9,8 +10,8 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from ..io.fsaverage import fsaverage5, named_sulci
 from ..plane.disk import Disk
 from ..surfaces.checks import counted
-from ..surfaces.conformal import laid_out
-from .landmarks import (
+from ..surfaces.conformal import parameterize
+from .curves import (
     SAMPLES,
     curve_distance,
     edge_graph,
@@ -20,69 +21,84 @@ from .landmarks import (
     walked,
     weigh_edges,
 )
-from .preparation import Sides, laid_upon
+from .diagnose import diagnose_landmarks, with_folds
+from .pair import SurfacePair, align_disks
 from .problem import LandmarkError
-from .readings import mistakes, with_folds
 from .register import register
 
-# How far members of a set may lie beside the path through it: in parts of its length or in edges, whichever is more,
-# and never farther than the last part of its length.
+# How far members of a set may lie beside the path through it: in parts of its length or in edges,
+# whichever is more, and never farther than the last part of its length.
 BESIDE, EDGES, AT_MOST = 0.1, 2.0, 1 / 3
 HEMISPHERES = ("left", "right")
 
 
 def ordered(surface, vertices):
-    """The path (k,) through an unordered set of vertices (n,), between its two ends: those farthest apart along edges
-    of the set. LandmarkError where the set is too small, in pieces, or no curve: filled, branching, or a ring."""
+    """The path (k,) through an unordered set of vertices (n,), between its two ends: those farthest
+    apart along edges of the set. LandmarkError where the set is too small, in pieces, or no curve:
+    filled, branching, or a ring."""
     vertices = np.unique(vertices)
     if len(vertices) < 2:
-        raise LandmarkError(f"{counted(vertices, 'vertex', 'vertices')} on this surface, where a curve has two or more")
-    graph = edge_graph(surface, weigh_edges(surface, np.ones(len(surface.vertices))))[vertices][:, vertices]
+        raise LandmarkError(
+            f"{counted(vertices, 'vertex', 'vertices')} on this surface, where a curve has two or "
+            "more"
+        )
+    graph = edge_graph(surface, weigh_edges(surface, np.ones(len(surface.vertices))))[vertices][
+        :, vertices
+    ]
     pieces, piece = connected_components(graph, directed=False)
     if pieces > 1:
         sizes = ", ".join(map(str, sorted(np.bincount(piece), reverse=True)[:5]))
-        raise LandmarkError(f"in {pieces} pieces (of {sizes} vertices): join them, or give each a name of its own")
+        raise LandmarkError(
+            f"in {pieces} pieces (of {sizes} vertices): join them, or give each a name of its own"
+        )
     first = dijkstra(graph, directed=False, indices=0).argmax()
     along, previous = dijkstra(graph, directed=False, indices=first, return_predecessors=True)
     path = walked(previous, along.argmax())
     length, beside = along.max(), dijkstra(graph, directed=False, indices=path, min_only=True).max()
     if beside > min(max(BESIDE * length, EDGES * graph.data.mean()), AT_MOST * length):
         raise LandmarkError(
-            f"no curve: its {len(vertices)} vertices reach {beside:.1f} mm beside a path of {length:.1f} mm, as a "
+            f"no curve: its {len(vertices)} vertices reach {beside:.1f} mm beside a path of "
+            f"{length:.1f} mm, as a "
             "filled region, a branching set or a ring does; draw a line along the sulcus"
         )
     return vertices[path]
 
 
 def threaded(surface, vertices):
-    """The path through vertices (n,) in their order, by shortest paths in `fundus_metric`; two stay as they are."""
+    """The path through vertices (n,) in their order, by shortest paths in `fundus_metric`; two stay
+    as they are."""
     if len(vertices) == 2:
         return vertices
     metric = fundus_metric(surface)
-    parts = [fundus_path(surface, *pair, metric)[1:] for pair in pairwise(vertices) if pair[0] != pair[1]]
+    parts = [
+        fundus_path(surface, *pair, metric)[1:] for pair in pairwise(vertices) if pair[0] != pair[1]
+    ]
     return np.concatenate([vertices[:1], *parts])
 
 
 def laid_by_folds(moving, control):
-    """The `Sides` of two surfaces, the moving disk laid upon the control's by depth and curvature alone; LandmarkError
-    where the mirrored one fits better."""
-    sides = laid_upon(with_folds(Sides(laid_out(moving), laid_out(control), [], [])))
-    if words := mistakes(sides):
+    """The `SurfacePair` of two surfaces, the moving disk laid upon the control's by depth and
+    curvature alone; LandmarkError where the mirrored one fits better."""
+    sides = align_disks(
+        with_folds(SurfacePair(parameterize(moving), parameterize(control), [], []))
+    )
+    if words := diagnose_landmarks(sides):
         raise LandmarkError(words[0])
     return sides
 
 
 def ends_apart(sides, path, target):
-    """Mean distance in mm of a moving path's ends, where `sides` lay them, from a control path's: as both paths run,
-    and with one of them reversed."""
+    """Mean distance in mm of a moving path's ends, where `sides` lay them, from a control path's:
+    as both paths run, and with one of them reversed."""
     here = sides.control.lift(sides.moving.disk.z[path[[0, -1]]])
     there = sides.control.surface.vertices[target[[0, -1]]]
     return tuple(float(np.linalg.norm(here - one, axis=1).mean()) for one in (there, there[::-1]))
 
 
 class Carried(NamedTuple):
-    """fsaverage5's curves on a surface. ends: name -> (start, end); off: name -> mean distance in mm between the curve
-    as carried and the fundus between these ends, None on fsaverage5; hemisphere: whose curves they are."""
+    """fsaverage5's curves on a surface. ends: name -> (start, end); off: name -> mean distance in
+    mm between the curve as carried and the fundus between these ends, None on fsaverage5;
+    hemisphere: whose curves they are."""
 
     ends: dict
     off: dict
@@ -90,25 +106,43 @@ class Carried(NamedTuple):
 
 
 def carried(surface, hemisphere=None):
-    """fsaverage5's named curves on a surface, `Carried`, by registering fsaverage5's hemisphere to it by folds alone;
-    where it is not given, the one whose depth agrees better. LandmarkError where the registration is suspect."""
+    """fsaverage5's named curves on a surface, `Carried`, by registering fsaverage5's hemisphere to
+    it by folds alone; where it is not given, the one whose depth agrees better. LandmarkError where
+    the registration is suspect."""
     templates = {name: fsaverage5(name) for name in HEMISPHERES}
-    own = [name for name, template in templates.items() if np.array_equal(template.faces, surface.faces)]
+    own = [
+        name
+        for name, template in templates.items()
+        if np.array_equal(template.faces, surface.faces)
+    ]
     if own:
         ends = named_sulci(own[0], templates[own[0]].original_vertices)
         return Carried(ends, dict.fromkeys(ends), own[0])
-    runs = {name: register(templates[name], surface, []) for name in ([hemisphere] if hemisphere else HEMISPHERES)}
+    runs = {
+        name: register(templates[name], surface, [])
+        for name in ([hemisphere] if hemisphere else HEMISPHERES)
+    }
     # The folds of the wrong hand are told before a fit: then there is no correlation.
     hemisphere = max(runs, key=lambda name: runs[name].report["r"].get("depth", (-1, -1))[1])
     run, template = runs[hemisphere], templates[hemisphere]
     if run.report["suspect"]:
-        raise LandmarkError(f"fsaverage5's {hemisphere} hemisphere does not fit: {'; '.join(run.report['suspect'])}")
+        raise LandmarkError(
+            f"fsaverage5's {hemisphere} hemisphere does not fit: {'; '.join(run.report['suspect'])}"
+        )
     face, weights = Disk(run.disk_control, run.faces_control).locate(run.disk_map)
-    nearest, metrics = run.faces_control[face, weights.argmax(1)], [fundus_metric(one) for one in (template, surface)]
+    nearest, metrics = (
+        run.faces_control[face, weights.argmax(1)],
+        [fundus_metric(one) for one in (template, surface)],
+    )
     ends, off = {}, {}
     for name, pair in named_sulci(hemisphere, template.original_vertices).items():
         ends[name] = tuple(nearest[list(pair)].tolist())
-        line = sample_curve(template, fundus_path(template, *pair, metrics[0]), SAMPLES) @ run.points
-        fundus = sample_curve(surface, fundus_path(surface, *ends[name], metrics[1]), SAMPLES) @ surface.vertices
+        line = (
+            sample_curve(template, fundus_path(template, *pair, metrics[0]), SAMPLES) @ run.points
+        )
+        fundus = (
+            sample_curve(surface, fundus_path(surface, *ends[name], metrics[1]), SAMPLES)
+            @ surface.vertices
+        )
         off[name] = float(curve_distance(line, fundus))
     return Carried(ends, off, hemisphere)

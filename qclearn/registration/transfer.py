@@ -1,15 +1,18 @@
 """Values at vertices, carried from one surface to the other."""
 
+import hashlib
+from pathlib import Path
+
 import numpy as np
 from jaxtyping import Bool, Complex, Integer, Num
 from numpy import ndarray
-from ..plane.disk import Disk
-import hashlib
-from pathlib import Path
+
 from ..io.frames import Frame, frame_of_text
 from ..io.hemisphere import Numbering
 from ..io.safe import FormatError, explain, npz_arrays, npz_bytes, read_bytes, write_whole
+from ..plane.disk import Disk
 from ..surfaces.surface import SurfaceError
+
 
 def transfer(
     values: Num[ndarray, " V *k"] | Bool[ndarray, " V *k"],
@@ -21,19 +24,28 @@ def transfer(
     """Per-vertex values of one disk mesh carried to the points z_to of the same disk.
 
     From control to moving: `transfer(values, disk_control, faces_control, disk_map)`; back:
-    `transfer(values, disk_map, faces_moving, disk_control)`. Linear in each triangle, or with `nearest` the value of
-    the corner with the largest weight (for labels). ValueError if the count of values is not that of the vertices.
+    `transfer(values, disk_map, faces_moving, disk_control)`. Linear in each triangle, or with
+    `nearest` the value of the corner with the largest weight (for labels). ValueError if the count
+    of values is not that of the vertices.
     """
     values = np.asarray(values)
     if len(values) != len(z_from):
         counts = f"{len(values)} values for {len(z_from)} vertices"
-        raise ValueError(f"{counts}: give one a vertex of the surface they come from (the cut-open one, if it was cut)")
+        raise ValueError(
+            f"{counts}: give one a vertex of the surface they come from (the cut-open one, if it "
+            "was cut)"
+        )
     disk = Disk(z_from, faces_from)
     face, weights = disk.locate(z_to)
-    return values[disk.faces[face, weights.argmax(1)]] if nearest else disk.interpolate(values, (face, weights))
+    return (
+        values[disk.faces[face, weights.argmax(1)]]
+        if nearest
+        else disk.interpolate(values, (face, weights))
+    )
 
 
-FORMAT_VERSION = 2  # raise it when an array's meaning changes, so that old programs do not misread new files
+# Raise it when an array's meaning changes, so that old programs do not diagnose_ends new files.
+FORMAT_VERSION = 2
 _REQUIRED = ("disk_map", "faces_moving", "disk_control", "faces_control")
 # (array, the array whose length is its count, shape of one row, kinds of numbers)
 _SHAPES = (
@@ -52,10 +64,12 @@ _SHAPES = (
 
 
 def side_arrays(side, surface, frame):
-    """What registration.npz keeps of a side, "moving" or "control": a surface as registered and its file's `Frame`.
+    """What registration.npz keeps of a side, "moving" or "control": a surface as registered and its
+    file's `Frame`.
 
-    vertices_SIDE (V, 3); about_SIDE, the Frame as JSON; where they are known, table_SIDE (V,), the vertices' numbers in
-    the whole surface, and whole_faces_SIDE (F0, 3), that surface's faces, not mirrored.
+    vertices_SIDE (V, 3); about_SIDE, the Frame as JSON; where they are known, table_SIDE (V,), the
+    vertices' numbers in the whole surface, and whole_faces_SIDE (F0, 3), that surface's faces, not
+    mirrored.
     """
     arrays = {"vertices": surface.vertices.astype(np.float32), "about": np.array(frame.text)}
     if surface.original_vertices is not None:
@@ -66,7 +80,8 @@ def side_arrays(side, surface, frame):
 
 
 def frame_of_side(arrays, side):
-    """The `Frame` of a side's file from the arrays of a registration.npz, an empty one for format 1."""
+    """The `Frame` of a side's file from the arrays of a registration.npz, an empty one for format
+    1."""
     if f"about_{side}" not in arrays:
         return Frame()
     return frame_of_text(arrays[f"about_{side}"], arrays.get(f"whole_faces_{side}"))
@@ -79,17 +94,23 @@ def numbering_of_side(arrays, side):
 
 
 def write_registration(path, arrays):
-    """Write the arrays (dict) of a registration, with their checksum and the format's version; whole or not at all."""
-    arrays = {**{name: np.asarray(array) for name, array in arrays.items()}, "format_version": np.array(FORMAT_VERSION)}
+    """Write the arrays (dict) of a registration, with their checksum and the format's version;
+    whole or not at all."""
+    arrays = {
+        **{name: np.asarray(array) for name, array in arrays.items()},
+        "format_version": np.array(FORMAT_VERSION),
+    }
     data = npz_bytes({**arrays, "checksum": np.array(_checksum(arrays))})
     write_whole(Path(path), lambda place: place.write_bytes(data), len(data))
 
 
 def read_registration(path, surfaces=False):
-    """The arrays of a registration.npz (dict), disk_map (V,), disk_control (W,), faces_moving (F, 3), faces_control
-    (G, 3) at least; SurfaceError, naming the file, where an array, a mesh or the checksum is not sound.
+    """The arrays of a registration.npz (dict), disk_map (V,), disk_control (W,), faces_moving (F,
+    3), faces_control (G, 3) at least; SurfaceError, naming the file, where an array, a mesh or the
+    checksum is not sound.
 
-    surfaces: also those of `side_arrays` and `mirrored`, which format 1 lacks; one of that format is then refused.
+    surfaces: also those of `side_arrays` and `mirrored`, which format 1 lacks; one of that format
+    is then refused.
     """
     path = Path(path)
     data = read_bytes(path)
@@ -111,7 +132,9 @@ def read_registration(path, surfaces=False):
             if given:
                 raise _damaged("its checksum is not that of its arrays")
         if surfaces and not {"about_moving", "about_control", "mirrored"} <= set(arrays):
-            raise SurfaceError("written by an older version, which kept no surfaces; run `qclearn register` again")
+            raise SurfaceError(
+                "written by an older version, which kept no surfaces; run `qclearn register` again"
+            )
     return arrays
 
 
@@ -121,7 +144,9 @@ def _check_version(arrays):
         raise _damaged("its format_version is no number")
     if version > FORMAT_VERSION:
         formats = f"format {version}, here {FORMAT_VERSION}"
-        raise SurfaceError(f"written by a newer version of this program ({formats}); update qclearn")
+        raise SurfaceError(
+            f"written by a newer version of this program ({formats}); update qclearn"
+        )
 
 
 def _check_shape(name, array, shape, kinds):
@@ -137,7 +162,9 @@ def _check_mesh(arrays, name, triangles):
     z, faces = arrays[name], arrays[triangles]
     outside = np.flatnonzero(abs(z) > 1 + 1e-6)
     if outside.size:
-        raise _damaged(f"{name} leaves the unit disk at {outside.size} vertices, the first {outside[0]}")
+        raise _damaged(
+            f"{name} leaves the unit disk at {outside.size} vertices, the first {outside[0]}"
+        )
     if not np.array_equal(np.unique(faces), np.arange(len(z))):
         raise _damaged(f"the faces of {name} do not use its {len(z)} vertices, each at least once")
     flipped = Disk(z, faces).certificate.flipped
@@ -165,11 +192,17 @@ def _check_whole(arrays, side):
 
 
 def _damaged(what):
-    return SurfaceError(f"not a sound registration.npz: {what}; run `qclearn register` again, or copy the file again.")
+    return SurfaceError(
+        f"not a sound registration.npz: {what}; run `qclearn register` again, or copy the file "
+        "again."
+    )
 
 
 def _checksum(arrays):
     digest = hashlib.sha256()
     for name, array in sorted(arrays.items()):
-        digest.update(f"{name} {array.dtype.str} {array.shape} ".encode() + np.ascontiguousarray(array).tobytes())
+        digest.update(
+            f"{name} {array.dtype.str} {array.shape} ".encode()
+            + np.ascontiguousarray(array).tobytes()
+        )
     return digest.hexdigest()

@@ -1,8 +1,10 @@
-"""How far a registration may be off, a radius in mm at each vertex: what a fit's second derivative leaves free, how far
-a stiffer fit goes elsewhere, and how unlike the folds lie on each other, times a factor that known truths gave.
+"""How far a registration may be off, a radius in mm at each vertex: what a fit's second derivative
+leaves free, how far a stiffer fit goes elsewhere, and how unlike the folds lie on each other, times
+a factor that known truths gave.
 
-Laplace's approximation alone is far too sure and hardly ranks: errors are mostly folds that agree and do not
-correspond. book/studies/calibrate_sure.py measures the factors and judges them on pairs that took no part: sure.json.
+Laplace's approximation alone is far too sure and hardly ranks: errors are mostly folds that agree
+and do not correspond. book/studies/calibrate_uncertainty.py measures the factors and judges them on
+pairs that took no part: uncertainty.json.
 """
 
 import json
@@ -14,31 +16,45 @@ from typing import NamedTuple
 import numpy as np
 from scipy import linalg, sparse
 
-from .features import FOLDS
+from .diagnose import with_folds
+from .features import FINEST, FOLDS
 from .fit import rings_for
-from .ladder import LEVELS, Climb, Level, start_field
+from .gauss_newton import MOBIUS_PRIOR, ProductStep
 from .metrics import quantile
+from .multiresolution import LEVELS, Level, MultiresolutionFit, start_field
 from .problem import LandmarkError
-from .readings import with_folds
-from .smoothing import FINEST
-from .steps import MOBIUS_PRIOR, ProductStep
 
-RINGS, BATCH = 16, 256  # of the polar mesh of the posterior; unknowns whose columns are solved for at once
+RINGS, BATCH = (
+    16,
+    256,
+)  # of the polar mesh of the posterior; unknowns whose columns are solved for at once
 STIFFER = 10.0  # times beta: the second fit
-BLUR, NEAR_MM = 8.0, 0.05  # mm over which what is local is averaged; added to the distance of both fits before its log
-# Powers of the posterior's spread, of the distance of the stiffer fit, both in mm, and of the local mismatch. A row
-# times one number keeps the order of the radii: that number makes coverage on the pairs that calibrate even.
+BLUR, NEAR_MM = (
+    8.0,
+    0.05,
+)  # mm over which what is local is averaged; added to the distance of both fits before its log
+# Powers of the posterior's spread, of the distance of the stiffer fit, both in mm, and of the local
+# mismatch. A row times one number keeps the order of the radii: that number makes coverage on the
+# pairs that calibrate even.
 BY_FOLDS, BY_LANDMARKS = (2 / 3, 1 / 3, 1 / 8), (0.48, 0.0, 0.24)
-MOST = {"alpha": 4.0, "beta": 4.0, "gamma": 10.0, "delta": 4.0, "eta": 4.0}  # times a weight may be off the calibrated
+MOST = {
+    "alpha": 4.0,
+    "beta": 4.0,
+    "gamma": 10.0,
+    "delta": 4.0,
+    "eta": 4.0,
+}  # times a weight may be off the calibrated
 VERTICES = 6_000, 20_000  # of a side, between which the factors are calibrated, to a thousand
 BLIND = (
-    "wrong valleys: a gyrus laid on its neighbour fits well, and errors beyond 10 mm mostly lie outside the radius; "
+    "wrong valleys: a gyrus laid on its neighbour fits well, and errors beyond 10 mm mostly lie "
+    "outside the radius; "
     "misses come in patches, so neighbouring vertices are right or wrong together"
 )
 
 
 class Sure(NamedTuple):
-    """radius (V,) at factor 1, mm; vertex: where one more landmark lowers the mean radius most; share: to how much."""
+    """radius (V,) at factor 1, mm; vertex: where one more landmark lowers the mean radius most;
+    share: to how much."""
 
     radius: np.ndarray
     vertex: int
@@ -46,19 +62,25 @@ class Sure(NamedTuple):
 
 
 class Laplace:
-    """The posterior of a fit near its answer, dense on a polar mesh of few rings: covariance `G H^-1 G^T` of the map.
+    """The posterior of a fit near its answer, dense on a polar mesh of few rings: covariance `G
+    H^-1 G^T` of the map.
 
-    H = W + J^T J, W the prior and J the derivative of all residuals of the fit's own objective by nu and by the Möbius
-    parameters, (K, K) with K = 2 N + 3; G (N, K) complex: the derivative of M f at the N nodes. mu (F,), mobius: the
-    fit's.
+    H = W + J^T J, W the prior and J the derivative of all residuals of the fit's own objective by
+    nu and by the Möbius parameters, (K, K) with K = 2 N + 3; G (N, K) complex: the derivative of M
+    f at the N nodes. mu (F,), mobius: the fit's.
     """
 
     def __init__(self, problem, weights, mu, mobius, features=None, rings=RINGS):
         level = Level(rings, None if features is None else FINEST, 0)
-        self.engine = engine = Climb(problem).engine(level, weights, features)
-        self.mesh, self.state = engine.link.mesh, engine.at(start_field(problem.disk, mu, engine.link.mesh), mobius)
+        self.engine = engine = MultiresolutionFit(problem).engine(level, weights, features)
+        self.mesh, self.state = (
+            engine.link.mesh,
+            engine.at(start_field(problem.disk, mu, engine.link.mesh), mobius),
+        )
         step = ProductStep(engine, self.state, weights.gamma)
-        rows = sparse.vstack([step.landmarks, *(term.rows(self.state.f) for term in engine.terms)]).tocsr()
+        rows = sparse.vstack(
+            [step.landmarks, *(term.rows(self.state.f) for term in engine.terms)]
+        ).tocsr()
         self.G, self.noise = self.derivative(step), max(len(problem.moving) + 1, 1) / weights.gamma
         self.H = self.hessian(engine.W.toarray(), rows)
 
@@ -84,9 +106,13 @@ class Laplace:
 
     @cached_property
     def covariance(self):
-        """(N, N) each: covariances of Re with Re, of Re with Im, and of Im with Im of M f between the nodes."""
+        """(N, N) each: covariances of Re with Re, of Re with Im, and of Im with Im of M f between
+        the nodes."""
         factor = linalg.cholesky(self.H, lower=True)
-        re, im = (linalg.solve_triangular(factor, part.T, lower=True) for part in (self.G.real, self.G.imag))
+        re, im = (
+            linalg.solve_triangular(factor, part.T, lower=True)
+            for part in (self.G.real, self.G.imag)
+        )
         return re.T @ re, re.T @ im, im.T @ im
 
     def ellipses(self, points):
@@ -95,7 +121,8 @@ class Laplace:
         return np.moveaxis(np.array([[rr, ri], [ri, ii]]), -1, 0)
 
     def shrunk(self):
-        """Share (N, N) of the mean square at node i that a landmark at node j, as precise as the others, leaves."""
+        """Share (N, N) of the mean square at node i that a landmark at node j, as precise as the
+        others, leaves."""
         rr, ri, ii = self.covariance
         a, b, d = rr.diagonal() + self.noise, ri.diagonal(), ii.diagonal() + self.noise
         det = a * d - b**2
@@ -103,19 +130,26 @@ class Laplace:
         return 1 - less / (rr + ii).diagonal()[:, None]
 
 
-def sure_of(sides, problem, weights, fit):
-    """The `Sure` of a fit of laid `Sides`; where no features took part, the folds judge alone."""
+def uncertainty_of(sides, problem, weights, fit):
+    """The `Sure` of a fit of laid `SurfacePair`; where no features took part, the folds judge
+    alone."""
     judged, features = with_folds(sides), sides.features
     moving, control, areas = judged.moving, judged.control, judged.features.areas
     laplace = Laplace(problem, weights, fit.mu, fit.mobius, features)
     samples = laplace.mesh.sampling(moving.disk.z)
     places = control.disk.lookup(fit.f)
-    scale = np.exp(control.disk.interpolate(control.features.density(FINEST, control.disk), places) / 2)
-    scale *= np.sqrt(control.surface.area / control.disk.areas.sum())  # mm on the control by one unit of its disk
+    scale = np.exp(
+        control.disk.interpolate(control.features.density(FINEST, control.disk), places) / 2
+    )
+    scale *= np.sqrt(
+        control.surface.area / control.disk.areas.sum()
+    )  # mm on the control by one unit of its disk
     here, there = judged.features.at(FINEST)
     off = (here - control.disk.interpolate(there, places)) ** 2 @ judged.features.shares
     local, mean = np.maximum(blurred(moving.features, off), 1e-6), areas @ off
-    noise = mean if features is None else weights.delta * mean  # the objective's own residual, where it has one
+    noise = (
+        mean if features is None else weights.delta * mean
+    )  # the objective's own residual, where it has one
     free = np.sqrt(noise * between(laplace.covariance[0] + laplace.covariance[2], samples)) * scale
     by_posterior, by_fit, by_local = BY_LANDMARKS if features is None else BY_FOLDS
     logs = by_posterior * np.log(free)
@@ -124,13 +158,18 @@ def sure_of(sides, problem, weights, fit):
     radius = np.exp(blurred(moving.features, logs)) * (local / mean) ** by_local
     share = samples.T @ areas
     by_node = samples.T @ (areas * radius) / np.where(share > 0, share, 1)
-    means = (share * by_node) @ np.maximum(laplace.shrunk(), 0) ** (by_posterior / 2) / (share @ by_node)
+    means = (
+        (share * by_node)
+        @ np.maximum(laplace.shrunk(), 0) ** (by_posterior / 2)
+        / (share @ by_node)
+    )
     vertex = int(abs(moving.disk.z - laplace.mesh.z[means.argmin()]).argmin())
     return Sure(radius, vertex, float(means.min()))
 
 
 def between(covariance, samples):
-    """Variances (P,) at points between the nodes, sampled by sparse (P, N) with three nodes a row, from (N, N)."""
+    """Variances (P,) at points between the nodes, sampled by sparse (P, N) with three nodes a row,
+    from (N, N)."""
     node, share = samples.indices.reshape(-1, 3), samples.data.reshape(-1, 3)
     return np.einsum("pi,pij,pj->p", share, covariance[node[:, :, None], node[:, None, :]], share)
 
@@ -143,43 +182,64 @@ def blurred(smoothing, values):
 def stiffer(problem, weights, features):
     """Where a stiffer fit on the polar levels alone takes the vertices, (V,) complex."""
     most = rings_for(problem.disk)
-    levels = [level._replace(rings=min(level.rings, most)) for level in LEVELS if not level.own_mesh]
-    engine, state, _ = Climb(problem).run(levels, replace(weights, beta=STIFFER * weights.beta), None, features)
+    levels = [
+        level._replace(rings=min(level.rings, most)) for level in LEVELS if not level.own_mesh
+    ]
+    engine, state, _ = MultiresolutionFit(problem).run(
+        levels, replace(weights, beta=STIFFER * weights.beta), None, features
+    )
     return engine.link.disk.sampling(problem.disk.z) @ state.f
 
 
 def calibrated():
-    """What book/studies/calibrate_sure.py measured: sure.json."""
-    return json.loads(files(__package__).joinpath("sure.json").read_text())
+    """What book/studies/calibrate_uncertainty.py measured: uncertainty.json."""
+    return json.loads(files(__package__).joinpath("uncertainty.json").read_text())
 
 
-def check_sure(features, method, sliding, weights):
-    """LandmarkError where the factors were not measured: features of one's own, sliding, networks, far weights."""
+def check_uncertainty(features, method, sliding, weights):
+    """LandmarkError where the factors were not measured: features of one's own, sliding, networks,
+    far weights."""
     usual = calibrated()["weights"]["landmarks" if features is None else "folds"]
     for clash, what in (
         (method != "exact", f"method {method!r}"),
         (sliding, "sliding landmarks"),
-        (features is not None and list(features) != list(FOLDS), f"other features than {' and '.join(FOLDS)}"),
+        (
+            features is not None and list(features) != list(FOLDS),
+            f"other features than {' and '.join(FOLDS)}",
+        ),
     ):
         if clash:
-            raise LandmarkError(f"sure: the radius is not calibrated for {what}; leave one of the two out")
+            raise LandmarkError(
+                f"uncertainty: the radius is not calibrated for {what}; leave one of the two out"
+            )
     for name, most in MOST.items():
         given = getattr(weights, name)
         if not usual[name] / most <= given <= usual[name] * most:
             found = f"{name} = {given:g} is far from the {usual[name]:g} that the radius is calibrated for"
-            raise LandmarkError(f"sure: {found}; give {usual[name] / most:g} to {usual[name] * most:g}, or no radius")
+            raise LandmarkError(
+                f"uncertainty: {found}; give {usual[name] / most:g} to {usual[name] * most:g}, or "
+                "no radius"
+            )
 
 
-def sure_report(sure, sides):
-    """The 90 % radius (V,), mm, and report["sure"] of a `Sure` of laid `Sides`."""
+def uncertainty_report(sure, sides):
+    """The 90 % radius (V,), mm, and report["uncertainty"] of a `Sure` of laid `SurfacePair`."""
     moving, of = sides.moving.surface, calibrated()["folds" if sides.features else "landmarks"]
-    areas, counts = moving.vertex_areas / moving.area, [len(s.vertices) for s in (moving, sides.control.surface)]
-    (least, most), beyond = VERTICES, "uncalibrated below {} and beyond {} vertices".format(*VERTICES)
+    areas, counts = (
+        moving.vertex_areas / moving.area,
+        [len(s.vertices) for s in (moving, sides.control.surface)],
+    )
+    (least, most), beyond = (
+        VERTICES,
+        "uncalibrated below {} and beyond {} vertices".format(*VERTICES),
+    )
     known = all(least <= round(count, -3) <= most for count in counts)
     radius = of["factors"]["90"] * sure.radius
     report = {
         "mean_mm": float(areas @ radius),
-        "quantiles_mm": {str(share): quantile(radius, areas, share / 100) for share in (10, 50, 90)},
+        "quantiles_mm": {
+            str(share): quantile(radius, areas, share / 100) for share in (10, 50, 90)
+        },
         "factors": of["factors"],
         "guaranteed": of["guaranteed"],
         "calibrated_on": of["calibrated_on"] if known else beyond,

@@ -9,11 +9,10 @@ import numpy as np
 
 from ..io.safe import read_bytes
 from ..plane.disk import Disk
-from ..registration.features import Features
-from ..registration.mapfile import read_registration
+from ..registration.features import FINEST, Features, Smoothing
 from ..registration.metrics import SMALLEST_RATIO
-from ..registration.smoothing import FINEST, Smoothing
-from ..surfaces.conformal import Side
+from ..registration.transfer import read_registration
+from ..surfaces.conformal import ParameterizedSurface
 from ..surfaces.curvature import mean_curvature
 from ..surfaces.surface import Surface, SurfaceError
 
@@ -59,12 +58,12 @@ class FinishedRegistration:
 
     @cached_property
     def control(self):
-        """The control's `Side` with its curvature."""
+        """The control's `ParameterizedSurface` with its curvature."""
         return self.side("control")
 
     @cached_property
     def moving(self):
-        """The moving `Side`, aligned with the control's disk, with its curvature."""
+        """The moving `ParameterizedSurface`, aligned with the control's disk, with its curvature."""
         return self.side("moving")
 
     def side(self, name):
@@ -73,7 +72,9 @@ class FinishedRegistration:
         except SurfaceError as error:
             raise ReportError(f"{self.folder / FILES[0]}: the {name} surface: {error}") from None
         features = Smoothing(surface, ["curvature"], mean_curvature(surface)[:, None])
-        return Side(surface, Disk(self.arrays[f"disk_{name}"], surface.faces), features)
+        return ParameterizedSurface(
+            surface, Disk(self.arrays[f"disk_{name}"], surface.faces), features
+        )
 
     def names(self):
         """The moving surface and the control, each the last three parts of its path."""

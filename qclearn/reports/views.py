@@ -17,7 +17,7 @@ from matplotlib.tri import Triangulation
 from scipy import sparse
 
 from ..plane.linear import heat_flow
-from ..registration.smoothing import HEAT_STEPS, HEMISPHERE
+from ..registration.features import HEAT_STEPS, HEMISPHERE
 
 SMOOTHING = 24.0  # mm on a surface with the area of a HEMISPHERE: removes folds, keeps lobes
 MOST_VERTICES = 16_000  # drawn: a page of 2 MB holds them and six maps

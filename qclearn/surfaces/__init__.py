@@ -3,7 +3,7 @@
 import lazy_loader as lazy
 
 TABLE = {
-    "conformal": ["Side", "laid_out"],
+    "conformal": ["ParameterizedSurface", "parameterize"],
     "curvature": [
         "CLOSING_CELL",
         "CLOSING_RADIUS",

@@ -21,7 +21,9 @@ def counted(items, one, many=None):
 def some(items):
     """The first five of a list or an array, and how many more, for error messages."""
     items = items if isinstance(items, list) else items.tolist()
-    return ", ".join(map(str, items[:5])) + (f" and {len(items) - 5} more" if len(items) > 5 else "")
+    return ", ".join(map(str, items[:5])) + (
+        f" and {len(items) - 5} more" if len(items) > 5 else ""
+    )
 
 
 def origins(numbers, n_vertices):
@@ -32,24 +34,36 @@ def origins(numbers, n_vertices):
     sound = numbers.shape == (n_vertices,) and np.issubdtype(numbers.dtype, np.integer)
     if not sound or numbers.min() < 0 or (np.diff(np.sort(numbers)) == 0).any():
         raise SurfaceError(
-            f"original_vertices must be {n_vertices} whole numbers, none negative and not one number twice, and not "
-            f"{numbers.dtype} of shape {numbers.shape}; give the second result of open_surface, or leave them out"
+            f"original_vertices must be {n_vertices} whole numbers, none negative and not one "
+            "number twice, and not "
+            f"{numbers.dtype} of shape {numbers.shape}; give the second result of open_surface, "
+            "or leave them out"
         )
     return frozen(numbers.astype(np.int64))
 
 
 def vertex_array(vertices):
     if np.iscomplexobj(vertices):
-        raise SurfaceError("vertices are complex; give a planar mesh as numpy.stack([z.real, z.imag, 0 * z.real], 1)")
+        raise SurfaceError(
+            "vertices are complex; give a planar mesh as numpy.stack([z.real, z.imag, 0 * "
+            "z.real], 1)"
+        )
     try:
         given = np.asarray(vertices).dtype
         vertices = np.array(vertices, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
-        raise SurfaceError(f"vertices must be a (V, 3) array of real numbers, but {error}") from None
+        raise SurfaceError(
+            f"vertices must be a (V, 3) array of real numbers, but {error}"
+        ) from None
     if given.kind not in "fiu":
-        raise SurfaceError(f"vertices must be a (V, 3) array of real numbers, but they are of the type {given}")
+        raise SurfaceError(
+            f"vertices must be a (V, 3) array of real numbers, but they are of the type {given}"
+        )
     if vertices.ndim != 2 or vertices.shape[1] != 3:
-        raise SurfaceError(f"vertices must have the shape (V, 3), not {vertices.shape}; pad planar points with z = 0")
+        raise SurfaceError(
+            f"vertices must have the shape (V, 3), not {vertices.shape}; pad planar points with z "
+            "= 0"
+        )
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if bad.size:
         raise SurfaceError(
@@ -59,7 +73,8 @@ def vertex_array(vertices):
     far = np.flatnonzero((np.abs(vertices) > LARGEST).any(axis=1))
     if far.size:
         raise SurfaceError(
-            f"{counted(far, 'vertex', 'vertices')} with coordinates beyond {LARGEST:g}: {some(far)}. Areas and volumes "
+            f"{counted(far, 'vertex', 'vertices')} with coordinates beyond {LARGEST:g}: "
+            f"{some(far)}. Areas and volumes "
             f"would overflow; give the surface in millimetres, or export it again if it is damaged"
         )
     return frozen(vertices)
@@ -68,9 +83,13 @@ def vertex_array(vertices):
 def face_array(faces):
     faces = np.asarray(faces)
     if faces.ndim != 2 or faces.shape[1] != 3:
-        raise SurfaceError(f"faces must have the shape (F, 3), not {faces.shape}; split polygons into triangles")
+        raise SurfaceError(
+            f"faces must have the shape (F, 3), not {faces.shape}; split polygons into triangles"
+        )
     if faces.dtype.kind not in "iu":
-        raise SurfaceError(f"faces must be integers, not {faces.dtype}; convert them with faces.astype(int)")
+        raise SurfaceError(
+            f"faces must be integers, not {faces.dtype}; convert them with faces.astype(int)"
+        )
     if not len(faces):
         raise SurfaceError("the surface has no faces; give at least one triangle")
     return frozen(np.array(faces, dtype=np.int64, order="C"))
@@ -100,19 +119,23 @@ def check_faces(vertices, faces):
     unused = np.flatnonzero(np.bincount(faces.ravel(), minlength=len(vertices)) == 0)
     if unused.size:
         raise SurfaceError(
-            f"{counted(unused, 'vertex', 'vertices')} in no face: {some(unused)}. Drop them: used, corners = "
-            f"numpy.unique(faces, return_inverse=True); Surface(vertices[used], corners.reshape(-1, 3))"
+            f"{counted(unused, 'vertex', 'vertices')} in no face: {some(unused)}. Drop them: "
+            "used, corners = "
+            "numpy.unique(faces, return_inverse=True); Surface(vertices[used], "
+            "corners.reshape(-1, 3))"
         )
     degenerate = degenerate_faces(vertices, faces)
     if degenerate.size:
         raise SurfaceError(
-            f"{counted(degenerate, 'degenerate face')} (a repeated vertex or zero area): {some(degenerate)}. "
+            f"{counted(degenerate, 'degenerate face')} (a repeated vertex or zero area): "
+            f"{some(degenerate)}. "
             f"Merge coincident vertices and collapse these faces (pyvista.PolyData.clean does both)"
         )
 
 
 def degenerate_faces(vertices, faces):
-    """Indices (k,) of faces with a repeated vertex, or with a height over the longest side below rounding."""
+    """Indices (k,) of faces with a repeated vertex, or with a height over the longest side below
+    rounding."""
     a, b, c = (vertices[corner] for corner in faces.T)
     longest = np.maximum(np.maximum(norms(b - a), norms(c - b)), norms(a - c))
     repeated = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
@@ -131,13 +154,18 @@ def _check_duplicates(faces):
     if same.any():
         pairs = np.sort(np.stack([order[:-1][same], order[1:][same]], axis=1), axis=1)
         raise SurfaceError(
-            f"duplicate faces: {counted(pairs, 'pair')} with the same vertices: {some(pairs)}. Keep one of each pair"
+            f"duplicate faces: {counted(pairs, 'pair')} with the same vertices: {some(pairs)}. "
+            "Keep one of each pair"
         )
 
 
 def check_topology(n_vertices, faces):
-    """Edges (E, 2), their faces (E, 2), boundary half-edges (B, 2) of a manifold, oriented, connected mesh."""
-    tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()  # half-edge 3 f + k leaves corner k of face f
+    """Edges (E, 2), their faces (E, 2), boundary half-edges (B, 2) of a manifold, oriented,
+    connected mesh."""
+    tails, heads = (
+        faces.ravel(),
+        np.roll(faces, -1, axis=1).ravel(),
+    )  # half-edge 3 f + k leaves corner k of face f
     key = np.minimum(tails, heads) * n_vertices + np.maximum(tails, heads)
     order = np.argsort(key, kind="stable")
     first = np.flatnonzero(np.diff(key[order], prepend=-1))
@@ -145,18 +173,23 @@ def check_topology(n_vertices, faces):
     edges = np.stack(np.divmod(key[order[first]], n_vertices), axis=1)
     one, two = order[first[count == 2]], order[first[count == 2] + 1]
     crowded, wrong = edges[count > 2], tails[one] == tails[two]
-    if len(crowded) or wrong.any() or len(faces) == 2:  # where there are twins, one of these holds: a cheap test first
+    if (
+        len(crowded) or wrong.any() or len(faces) == 2
+    ):  # where there are twins, one of these holds: a cheap test first
         _check_duplicates(faces)
     if len(crowded):
         raise SurfaceError(
-            f"not manifold: {counted(crowded, 'edge')} (vertex pairs) with more than two faces: {some(crowded)}. "
+            f"not manifold: {counted(crowded, 'edge')} (vertex pairs) with more than two faces: "
+            f"{some(crowded)}. "
             f"Delete the extra faces or duplicate the vertices along these edges"
         )
     if wrong.any():
         pairs = np.stack([one[wrong] // 3, two[wrong] // 3], axis=1)
         raise SurfaceError(
-            f"inconsistent orientation: {counted(pairs, 'pair')} of faces that run along their common edge in the same "
-            f"direction: {some(pairs)}. Reverse one face of each pair (pyvista.PolyData.compute_normals("
+            f"inconsistent orientation: {counted(pairs, 'pair')} of faces that run along their "
+            "common edge in the same "
+            f"direction: {some(pairs)}. Reverse one face of each pair "
+            "(pyvista.PolyData.compute_normals("
             f"consistent_normals=True) does it for a whole orientable surface)"
         )
     _check_connected(n_vertices, edges)
@@ -180,8 +213,11 @@ def _check_connected(n_vertices, edges):
 
 
 def _check_fans(n_vertices, faces, one, two):
-    """SurfaceError unless the faces around each vertex form one fan; one, two: half-edges beside the inner edges."""
-    after = np.roll(np.arange(faces.size).reshape(-1, 3), -1, axis=1).ravel()  # the corner at each half-edge's head
+    """SurfaceError unless the faces around each vertex form one fan; one, two: half-edges beside
+    the inner edges."""
+    after = np.roll(
+        np.arange(faces.size).reshape(-1, 3), -1, axis=1
+    ).ravel()  # the corner at each half-edge's head
     sides = np.stack([np.r_[one, after[one]], np.r_[after[two], two]], axis=1)
     n_fans, label = components(faces.size, sides)
     if n_fans > n_vertices:
@@ -189,12 +225,14 @@ def _check_fans(n_vertices, faces, one, two):
         vertex_of_fan[label] = faces.ravel()
         bad = np.flatnonzero(np.bincount(vertex_of_fan, minlength=n_vertices) > 1)
         raise SurfaceError(
-            f"not manifold: {counted(bad, 'vertex', 'vertices')} where several fans of faces meet in a point: "
+            f"not manifold: {counted(bad, 'vertex', 'vertices')} where several fans of faces meet "
+            "in a point: "
             f"{some(bad)}. Duplicate the vertex for each fan, or delete all fans but one"
         )
 
 
 def components(size, pairs):
-    """How many parts things 0 ... size - 1 have that pairs (n, 2) join, and the part of each (size,)."""
+    """How many parts things 0 ... size - 1 have that pairs (n, 2) join, and the part of each
+    (size,)."""
     graph = csr_array((np.ones(len(pairs), dtype=np.int8), pairs.T), shape=(size, size))
     return connected_components(graph, directed=False)

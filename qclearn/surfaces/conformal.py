@@ -1,4 +1,5 @@
-"""The conformal map of a disk-like surface onto the unit disk, and `Side`: a surface on its disk, as one value."""
+"""The conformal map of a disk-like surface onto the unit disk, and `ParameterizedSurface`: a
+surface on its disk, as one value."""
 
 import warnings
 from dataclasses import dataclass, replace
@@ -10,24 +11,26 @@ from numpy import ndarray
 
 from ..plane.bijectivity import BijectivityError, RepairWarning, repair
 from ..plane.disk import Disk
-from ..plane.linear import Dirichlet
+from ..plane.linear import Dirichlet, corner_angles, edge_lengths
 from ..plane.mobius import centring_mobius, mobius
 from ..plane.solver import FreeBoundary
-from ..plane.triangles import corner_angles, edge_lengths
 from .surface import Surface, SurfaceError, require_disk
 
 
 def disk_conformal_map(surface: Surface) -> Complex[ndarray, " V"]:
     """The conformal map of a disk-like surface onto the unit disk, boundary exactly on the circle.
 
-    The area centroid goes to 0, the first vertex of `surface.boundary` to 1. The flux form with the cotangent matrix,
-    no iteration. Certified: no triangle is flipped; a RepairWarning tells of boundary steps and rows changed for that.
-    SurfaceError if the surface is not a disk; BijectivityError if the repair fails.
+    The area centroid goes to 0, the first vertex of `surface.boundary` to 1. The flux form with the
+    cotangent matrix, no iteration. Certified: no triangle is flipped; a RepairWarning tells of
+    boundary steps and rows changed for that. SurfaceError if the surface is not a disk;
+    BijectivityError if the repair fails.
     """
     require_disk(surface)
     faces, loop, matrix = surface.faces, surface.boundary, surface.stiffness
     problem = Dirichlet(matrix, loop, surface.order)
-    rim = np.linalg.norm(np.roll(surface.vertices[loop], -1, axis=0) - surface.vertices[loop], axis=1)
+    rim = np.linalg.norm(
+        np.roll(surface.vertices[loop], -1, axis=0) - surface.vertices[loop], axis=1
+    )
     free = FreeBoundary(problem, rim, _central_vertex(surface, problem, rim))
     f, switched = _centre_and_unfold(surface, free.f)
     f = f / f[loop[0]]
@@ -39,7 +42,8 @@ def disk_conformal_map(surface: Surface) -> Complex[ndarray, " V"]:
         )
     if len(switched) or free.floored.any():
         warnings.warn(
-            f"conformal map: {int(free.floored.sum())} boundary steps raised, {len(switched)} rows switched "
+            f"conformal map: {int(free.floored.sum())} boundary steps raised, {len(switched)} "
+            "rows switched "
             "to mean-value weights to keep every triangle positive",
             RepairWarning,
             stacklevel=2,
@@ -48,7 +52,8 @@ def disk_conformal_map(surface: Surface) -> Complex[ndarray, " V"]:
 
 
 def _central_vertex(surface, problem, rim):
-    """The interior vertex nearest the area centroid of the harmonic embedding with boundary by arc length."""
+    """The interior vertex nearest the area centroid of the harmonic embedding with boundary by arc
+    length."""
     if not len(problem.free):
         raise SurfaceError("the surface has no interior vertex; refine it")
     arc = np.concatenate([[0.0], np.cumsum(rim[:-1])]) / rim.sum()
@@ -57,12 +62,15 @@ def _central_vertex(surface, problem, rim):
 
 
 def _centre_and_unfold(surface, f):
-    """The map f with its area centroid at 0 and rows switched until no face is flipped: (f, switched vertices)."""
+    """The map f with its area centroid at 0 and rows switched until no face is flipped: (f,
+    switched vertices)."""
     share = surface.vertex_areas / surface.area
     f = mobius(f, centring_mobius(f, share))
     picture, switched = Disk(f, surface.faces), np.zeros(0, int)
     for _ in range(5):
-        picture, switched, problem, _ = repair(surface.stiffness, picture, surface.edge_lengths, switched)
+        picture, switched, problem, _ = repair(
+            surface.stiffness, picture, surface.edge_lengths, switched
+        )
         f = picture.z
         if problem is None:
             break
@@ -76,16 +84,18 @@ def _centre_and_unfold(surface, f):
 
 def angle_distortion(surface: Surface, z: Complex[ndarray, " V"]) -> Float[ndarray, " F 3"]:
     """Angles in the disk minus angles on the surface, in degrees: column k at vertex `faces[:, k]`."""
-    disk, original = (corner_angles(lengths) for lengths in (edge_lengths(z[surface.faces]), surface.edge_lengths))
+    disk, original = (
+        corner_angles(lengths) for lengths in (edge_lengths(z[surface.faces]), surface.edge_lengths)
+    )
     return np.degrees(disk - original)
 
 
 @dataclass(frozen=True, eq=False)
-class Side:
+class ParameterizedSurface:
     """A surface on its disk, the `Disk` of its faces with the boundary on the unit circle.
 
-    features: its maps at every scale, a `Smoothing`, or None; words: what was repaired when it was laid out; sphere:
-    what methods on spheres need, a `Sphere`, or None.
+    features: its maps at every scale, a `Smoothing`, or None; words: what was repaired when it was
+    laid out; sphere: what methods on spheres need, a `Sphere`, or None.
     """
 
     surface: Surface
@@ -105,12 +115,14 @@ class Side:
         return self.disk.interpolate(self.surface.vertices, self.disk.locate(points))
 
 
-def laid_out(surface):
-    """The `Side` of a surface in its disk conformal map."""
+def parameterize(surface):
+    """The `ParameterizedSurface` of a surface in its disk conformal map."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RepairWarning)
         z = disk_conformal_map(surface)
-    return Side(surface, on_disk(surface, z), words=tuple(str(warning.message) for warning in caught))
+    return ParameterizedSurface(
+        surface, on_disk(surface, z), words=tuple(str(warning.message) for warning in caught)
+    )
 
 
 def on_disk(surface, z):
@@ -122,11 +134,12 @@ def on_disk(surface, z):
 
 def apply_mobius(side, parameters):
     """The side after a disk Möbius map (a, theta) of its disk."""
-    return replace(side, disk=mended(side.surface, mobius(side.disk.z, *parameters)))
+    return replace(side, disk=repair_folds(side.surface, mobius(side.disk.z, *parameters)))
 
 
-def mended(surface, z):
-    """The `Disk` of a surface at z (V,), boundary put back onto the circle, folds repaired. Not certified."""
+def repair_folds(surface, z):
+    """The `Disk` of a surface at z (V,), boundary put back onto the circle, folds repaired. Not
+    certified."""
     z, loop = z.copy(), surface.boundary
     z[loop] /= abs(z[loop])
     disk = on_disk(surface, z)

@@ -12,12 +12,13 @@ from scipy.sparse import coo_array
 
 from ..plane.disk import Disk
 from ..plane.grids import pixel_centres
-from ..plane.linear import LARGE
-from ..plane.triangles import middles
+from ..plane.linear import LARGE, middles
 from .checks import frozen
 from .surface import Surface, SurfaceError
 
-CLOSING_RADIUS = 0.05  # radius of the ball that closes the sulci, in units of sqrt(area of the convex hull)
+CLOSING_RADIUS = (
+    0.05  # radius of the ball that closes the sulci, in units of sqrt(area of the convex hull)
+)
 CLOSING_CELL = 1 / 130  # side of a voxel, same unit
 
 
@@ -36,12 +37,14 @@ def _once(function):
 
 @_once
 def mean_curvature(surface: Surface) -> Float[ndarray, " V"]:
-    """Mean curvature (k1 + k2)/2 of each vertex, 1/length: positive on gyri if the faces look outward.
+    """Mean curvature (k1 + k2)/2 of each vertex, 1/length: positive on gyri if the faces look
+    outward.
 
-    `H = n . (K x) / (2 A)` with the cotangent stiffness K, the mixed Voronoi area A of Meyer et al. (2003) and the
-    vertex normal n of Max (1999). It is exact, 1/r, where the neighbours lie on a sphere of radius r and no triangle
-    around is obtuse; else the mean error falls like h^2, but single vertices of odd valence may keep theirs (Xu 2004).
-    A boundary vertex takes the mean of its neighbours inside, as the rim pulls on it; SurfaceError without an inside.
+    `H = n . (K x) / (2 A)` with the cotangent stiffness K, the mixed Voronoi area A of Meyer et al.
+    (2003) and the vertex normal n of Max (1999). It is exact, 1/r, where the neighbours lie on a
+    sphere of radius r and no triangle around is obtuse; else the mean error falls like h^2, but
+    single vertices of odd valence may keep theirs (Xu 2004). A boundary vertex takes the mean of
+    its neighbours inside, as the rim pulls on it; SurfaceError without an inside.
     """
     vertices, faces = surface.vertices, surface.faces
     area, normal = _mixed_areas(vertices, faces), _max_normals(vertices, faces)
@@ -56,7 +59,8 @@ def _corner_vectors(vertices, faces):
 
 
 def _mixed_areas(vertices, faces):
-    """Voronoi areas (V,), but half of an obtuse triangle's area to its obtuse corner, a quarter to each other one."""
+    """Voronoi areas (V,), but half of an obtuse triangle's area to its obtuse corner, a quarter to
+    each other one."""
     to_next, to_last = _corner_vectors(vertices, faces)
     dot = np.einsum("fck,fck->fc", to_next, to_last)
     double_area = np.linalg.norm(np.cross(to_next[:, 0], to_last[:, 0]), axis=1)[:, None]
@@ -66,27 +70,37 @@ def _mixed_areas(vertices, faces):
         + np.einsum("fck,fck->fc", to_last, to_last) * np.roll(dot, -1, axis=1)
     ) / (8 * double_area)
     obtuse = np.where(dot < 0, double_area / 4, double_area / 8)
-    return np.bincount(faces.ravel(), np.where((dot < 0).any(axis=1)[:, None], obtuse, voronoi).ravel())
+    return np.bincount(
+        faces.ravel(), np.where((dot < 0).any(axis=1)[:, None], obtuse, voronoi).ravel()
+    )
 
 
 def _max_normals(vertices, faces):
-    """Unit vertex normals (V, 3): sum of a x b / (|a|^2 |b|^2) over the corners, exact on any mesh of a sphere."""
+    """Unit vertex normals (V, 3): sum of a x b / (|a|^2 |b|^2) over the corners, exact on any mesh
+    of a sphere."""
     to_next, to_last = _corner_vectors(vertices, faces)
-    squares = np.einsum("fck,fck->fc", to_next, to_next) * np.einsum("fck,fck->fc", to_last, to_last)
+    squares = np.einsum("fck,fck->fc", to_next, to_next) * np.einsum(
+        "fck,fck->fc", to_last, to_last
+    )
     parts = np.cross(to_next, to_last) / squares[..., None]
     normal = np.stack([np.bincount(faces.ravel(), parts[..., k].ravel()) for k in range(3)], axis=1)
     return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
 
 
 def _fill_boundary(surface, values):
-    """The values with those of the boundary replaced by means over known neighbours, from the inside outward."""
+    """The values with those of the boundary replaced by means over known neighbours, from the
+    inside outward."""
     known = np.ones(len(values), bool)
     for loop in surface.boundary_loops:
         known[loop] = False
     if not known.any():
-        raise SurfaceError("all vertices lie on the boundary, so no curvature can be told; subdivide the surface")
+        raise SurfaceError(
+            "all vertices lie on the boundary, so no curvature can be told; subdivide the surface"
+        )
     a, b = surface.edges.T
-    neighbours = coo_array((np.ones(2 * len(a)), (np.r_[a, b], np.r_[b, a])), shape=(len(values),) * 2).tocsr()
+    neighbours = coo_array(
+        (np.ones(2 * len(a)), (np.r_[a, b], np.r_[b, a])), shape=(len(values),) * 2
+    ).tocsr()
     values = np.where(known, values, 0.0)
     while not known.all():
         count = neighbours @ known.astype(float)
@@ -98,31 +112,39 @@ def _fill_boundary(surface, values):
 
 @_once
 def sulcal_depth(surface: Surface) -> Float[ndarray, " V"]:
-    """Depth of each vertex below the outer envelope, >= 0 and 0 on gyral crowns, in the surface's length.
+    """Depth of each vertex below the outer envelope, >= 0 and 0 on gyral crowns, in the surface's
+    length.
 
-    The distance to the outside of the filled surface after its morphological closing by a ball of radius 0.05 L,
-    L = sqrt(area of the convex hull): the envelope of the local gyrification index (Schaer et al. 2008). Openings are
-    capped by fans; the orientation does not matter. On voxels of side L/130 and accurate to about one; below half a
-    voxel it is 0. SurfaceError for a flat surface.
+    The distance to the outside of the filled surface after its morphological closing by a ball of
+    radius 0.05 L, L = sqrt(area of the convex hull): the envelope of the local gyrification index
+    (Schaer et al. 2008). Openings are capped by fans; the orientation does not matter. On voxels of
+    side L/130 and accurate to about one; below half a voxel it is 0. SurfaceError for a flat
+    surface.
     """
     vertices = surface.vertices
     try:
         scale = np.sqrt(scipy.spatial.ConvexHull(vertices).area)
     except scipy.spatial.QhullError:
-        raise SurfaceError("the surface lies in a plane, so it has no depth; use the surface in space") from None
+        raise SurfaceError(
+            "the surface lies in a plane, so it has no depth; use the surface in space"
+        ) from None
     cell, radius = CLOSING_CELL * scale, CLOSING_RADIUS / CLOSING_CELL
     margin = (radius + 4) * cell
     origin = vertices.min(axis=0) - margin
     shape = np.ceil((vertices.max(axis=0) + margin - origin) / cell).astype(int)
-    dilated = scipy.ndimage.binary_fill_holes(_within(radius, _filled(surface, origin, cell, shape)))
+    dilated = scipy.ndimage.binary_fill_holes(
+        _within(radius, _filled(surface, origin, cell, shape))
+    )
     inward = scipy.ndimage.distance_transform_edt(~_within(radius, ~dilated))
     depth = scipy.ndimage.map_coordinates(inward, ((vertices - origin) / cell).T, order=1)
-    # half a voxel: the distance is to the nearest centre outside, the envelope lies between two centres
+    # half a voxel: the distance is to the nearest centre outside, the envelope lies between two
+    # centres
     return cell * np.maximum(depth - 0.5, 0)
 
 
 def _within(radius, mask):
-    """Which voxels have one of the mask within `radius`; periodic, as all or none along the grid's faces are of it."""
+    """Which voxels have one of the mask within `radius`; periodic, as all or none along the grid's
+    faces are of it."""
     size = [scipy.fft.next_fast_len(n, real=True) for n in mask.shape]
     squares = [np.minimum(k, n - k) ** 2 for n, k in zip(size, map(np.arange, size))]
     ball = squares[0][:, None, None] + squares[1][:, None] + squares[2] <= radius**2
@@ -132,7 +154,8 @@ def _within(radius, mask):
 
 
 def _filled(surface, origin, cell, shape):
-    """Which voxel centres, `origin + cell * index`, lie inside the surface with its openings capped by fans."""
+    """Which voxel centres, `origin + cell * index`, lie inside the surface with its openings capped
+    by fans."""
     import pyvista  # slow to import, and nothing else here needs it
 
     points, triangles = [surface.vertices], [surface.faces]
@@ -148,7 +171,8 @@ def _filled(surface, origin, cell, shape):
 
 @dataclass(frozen=True)
 class AreaRadius:
-    """A monotone change of radius of the unit disk, linear between the knots `disk` <-> `image`, both 0 to 1."""
+    """A monotone change of radius of the unit disk, linear between the knots `disk` <-> `image`,
+    both 0 to 1."""
 
     disk: Float[ndarray, " K"]
     image: Float[ndarray, " K"]
@@ -165,14 +189,16 @@ class AreaRadius:
 def _scale_radius(z, radius, new_radius):
     z = np.asarray(z, complex)
     size = abs(z)
-    return z * np.divide(np.interp(size, radius, new_radius), size, out=np.zeros(z.shape), where=size > 0)
+    return z * np.divide(
+        np.interp(size, radius, new_radius), size, out=np.zeros(z.shape), where=size > 0
+    )
 
 
 def area_radius(surface, z, knots=65):
     """The `AreaRadius` with `r_image^2` = share of the surface's area within |z| <= r.
 
-    A conformal map crowds most of a cortex into a small part of its disk (half of the area within r < 0.24 on one
-    hemisphere); equal areas of this image carry equal cortical area, ring by ring.
+    A conformal map crowds most of a cortex into a small part of its disk (half of the area within r
+    < 0.24 on one hemisphere); equal areas of this image carry equal cortical area, ring by ring.
     """
     points, areas = _samples(surface, z, 4 if len(z) <= LARGE else 1)  # many faces need no parts
     order = np.argsort(abs(points))
@@ -183,19 +209,25 @@ def area_radius(surface, z, knots=65):
 
 
 def _samples(surface, z, m):
-    """Centroids in z of the m^2 equal parts of each face, complex (m^2 F,), and their areas on the surface."""
+    """Centroids in z of the m^2 equal parts of each face, complex (m^2 F,), and their areas on the
+    surface."""
     points = z[surface.faces] @ middles(m).T
     return points.ravel(), np.repeat(surface.face_areas / m**2, m**2)
 
 
 def curvature_image(
-    surface: Surface, z: Complex[ndarray, " V"], size: int = 128, values: Float[ndarray, " V"] | None = None
+    surface: Surface,
+    z: Complex[ndarray, " V"],
+    size: int = 128,
+    values: Float[ndarray, " V"] | None = None,
 ) -> tuple[Float[ndarray, " size size"], AreaRadius]:
-    """Image of a per-vertex map on the disk, NaN outside it, and the `AreaRadius` of its coordinates.
+    """Image of a per-vertex map on the disk, NaN outside it, and the `AreaRadius` of its
+    coordinates.
 
-    z: a disk map as `disk_conformal_map` gives. Pixel (i, j) shows `radius.from_image(x + iy)`, x = (2j + 1)/size - 1,
-    y = (2i + 1)/size - 1, linear in its face. values: in their own unit; without them mean curvature as `grey_levels`,
-    0 (sulci) to 255 (gyri). Source: paper, section 'Landmark Detection'; the radius is ours.
+    z: a disk map as `disk_conformal_map` gives. Pixel (i, j) shows `radius.from_image(x + iy)`, x =
+    (2j + 1)/size - 1, y = (2i + 1)/size - 1, linear in its face. values: in their own unit; without
+    them mean curvature as `grey_levels`, 0 (sulci) to 255 (gyri). Source: paper, section 'Landmark
+    Detection'; the radius is ours.
     """
     if values is None:
         values = grey_levels(mean_curvature(surface), surface.vertex_areas)
@@ -208,7 +240,8 @@ def curvature_image(
 
 
 def grey_levels(values, areas, tail=0.02):
-    """Values (V,) scaled to [0, 255], the lowest and highest `tail` of the area clipped; a constant to 127.5."""
+    """Values (V,) scaled to [0, 255], the lowest and highest `tail` of the area clipped; a constant
+    to 127.5."""
     order = np.argsort(values)
     share = (np.cumsum(areas[order]) - 0.5 * areas[order]) / np.sum(areas)
     low, high = np.interp([tail, 1 - tail], share, values[order])
@@ -218,7 +251,8 @@ def grey_levels(values, areas, tail=0.02):
 
 
 def area_under_pixels(surface, z, radius, size=128):
-    """Area of the surface under each pixel of its image, (size, size): each 64th of a face where its centroid falls."""
+    """Area of the surface under each pixel of its image, (size, size): each 64th of a face where
+    its centroid falls."""
     points, areas = _samples(surface, z, 8)
     w = radius.to_image(points)
     column, row = (np.clip(((x + 1) * size / 2).astype(int), 0, size - 1) for x in (w.real, w.imag))

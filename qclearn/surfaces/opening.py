@@ -8,14 +8,19 @@ from .checks import components
 from .surface import Surface, SurfaceError, require_disk
 
 
-def open_surface(surface: Surface, mask: Bool[ndarray, " V"]) -> tuple[Surface, Integer[ndarray, " W"]]:
-    """The disk left when the vertices of mask (True = cut) are cut away, and its vertices' indices in the input.
+def open_surface(
+    surface: Surface, mask: Bool[ndarray, " V"]
+) -> tuple[Surface, Integer[ndarray, " W"]]:
+    """The disk left when the vertices of mask (True = cut) are cut away, and its vertices' indices
+    in the input.
 
-    Of the faces without a cut corner the piece of largest area stays. Its largest gap (the input's own boundary, if
-    there is one) becomes the opening; the others are filled with their own vertices. Where the opening touches itself
-    in a vertex the largest fan stays, and where an inner edge joins two vertices of the rim the larger side. Vertices
-    keep places and order; the indices are also the disk's `original_vertices`. SurfaceError for a mask of wrong shape,
-    or that cuts all, nothing or a curve, or more than half filled, and where no disk with an inner vertex is left.
+    Of the faces without a cut corner the piece of largest area stays. Its largest gap (the input's
+    own boundary, if there is one) becomes the opening; the others are filled with their own
+    vertices. Where the opening touches itself in a vertex the largest fan stays, and where an inner
+    edge joins two vertices of the rim the larger side. Vertices keep places and order; the indices
+    are also the disk's `original_vertices`. SurfaceError for a mask of wrong shape, or that cuts
+    all, nothing or a curve, or more than half filled, and where no disk with an inner vertex is
+    left.
     """
     mask = _checked_mask(surface, mask)
     n_masked = int(mask.sum())
@@ -23,8 +28,10 @@ def open_surface(surface: Surface, mask: Bool[ndarray, " V"]) -> tuple[Surface, 
     kept = _opened(surface, ~cut)
     if kept[cut].all():
         raise SurfaceError(
-            f"the mask only makes holes inside a surface that is open already ({len(surface.boundary)} boundary "
-            f"vertices from vertex {surface.boundary[0]}); let it reach that boundary, or use the surface as it is"
+            "the mask only makes holes inside a surface that is open already "
+            f"({len(surface.boundary)} boundary "
+            f"vertices from vertex {surface.boundary[0]}); let it reach that boundary, or use the "
+            "surface as it is"
         )
     vertices, corners = np.unique(surface.faces[kept], return_inverse=True)
     new_index = np.full(len(surface.vertices), -1)
@@ -32,7 +39,8 @@ def open_surface(surface: Surface, mask: Bool[ndarray, " V"]) -> tuple[Surface, 
     filled = int(mask[vertices].sum())
     if filled > n_masked / 2:
         raise SurfaceError(
-            f"only a pinhole would open: {filled} of the mask's {n_masked} vertices lie in holes away from the largest "
+            f"only a pinhole would open: {filled} of the mask's {n_masked} vertices lie in holes "
+            "away from the largest "
             f"and would be filled; give a mask in one piece (the medial wall), or smooth this one"
         )
     curves = {name: _renumbered(name, path, new_index) for name, path in surface.curves.items()}
@@ -40,8 +48,10 @@ def open_surface(surface: Surface, mask: Bool[ndarray, " V"]) -> tuple[Surface, 
     require_disk(opened)
     if len(opened.boundary) == len(vertices):
         raise SurfaceError(
-            f"the mask shreds the surface: the largest piece (faces left: {len(opened.faces)}) has no inner vertex, "
-            f"only vertices {vertices[:5].tolist()} on its rim; smooth the mask, or give one that cuts less"
+            f"the mask shreds the surface: the largest piece (faces left: {len(opened.faces)}) "
+            "has no inner vertex, "
+            f"only vertices {vertices[:5].tolist()} on its rim; smooth the mask, or give one that "
+            "cuts less"
         )
     return opened, vertices
 
@@ -50,14 +60,17 @@ def _checked_mask(surface, mask):
     mask, n_vertices = np.asarray(mask), len(surface.vertices)
     if mask.dtype != bool or mask.shape != (n_vertices,):
         raise SurfaceError(
-            f"the mask must be {n_vertices} booleans, one a vertex (True = cut), not {mask.dtype} of shape "
-            f"{mask.shape}. From vertex indices: mask = numpy.zeros({n_vertices}, bool); mask[indices] = True"
+            f"the mask must be {n_vertices} booleans, one a vertex (True = cut), not {mask.dtype} "
+            "of shape "
+            f"{mask.shape}. From vertex indices: mask = numpy.zeros({n_vertices}, bool); "
+            "mask[indices] = True"
         )
     if not mask.any():
         raise SurfaceError("the mask cuts nothing; mark the vertices of the medial wall")
     if mask[surface.faces].any(axis=1).all():
         raise SurfaceError(
-            f"the mask cuts everything ({mask.sum()} of {n_vertices} vertices, no face is left); if it marks what to "
+            f"the mask cuts everything ({mask.sum()} of {n_vertices} vertices, no face is left); "
+            "if it marks what to "
             f"keep, give its opposite (~mask, `qclearn open --keep`)"
         )
     return mask
@@ -89,9 +102,13 @@ def _with_holes_filled(surface, kept):
     if not cut.any():
         return kept
     outside = surface.edges[surface.edge_faces[:, 1] < 0]
-    _, label = components(len(surface.vertices), np.concatenate([faces[cut][:, :2], faces[cut][:, 1:], outside]))
+    _, label = components(
+        len(surface.vertices), np.concatenate([faces[cut][:, :2], faces[cut][:, 1:], outside])
+    )
     gap = label[faces[:, 0]]
-    opening = label[outside] if len(outside) else np.bincount(gap[cut], surface.face_areas[cut]).argmax()
+    opening = (
+        label[outside] if len(outside) else np.bincount(gap[cut], surface.face_areas[cut]).argmax()
+    )
     return kept | ~np.isin(gap, opening)
 
 
@@ -100,7 +117,9 @@ def _without_touching_fans(surface, kept):
     rim = _rim(surface, kept)
     for vertex in np.flatnonzero(np.bincount(surface.edges[rim].ravel()) > 2):
         around = kept & (surface.faces == vertex).any(axis=1)
-        kept = kept & ~around | _largest(surface, around, cut=~(surface.edges == vertex).any(axis=1))
+        kept = kept & ~around | _largest(
+            surface, around, cut=~(surface.edges == vertex).any(axis=1)
+        )
     return kept
 
 
@@ -124,7 +143,8 @@ def _renumbered(name, path, new_index):
     lost = path[new_index[path] < 0]
     if lost.size:
         raise SurfaceError(
-            f"curve '{name}' would lose {lost.size} of its {path.size} vertices, the first {lost[0]}; shorten the "
+            f"curve '{name}' would lose {lost.size} of its {path.size} vertices, the first "
+            f"{lost[0]}; shorten the "
             f"curve, leave it out (Surface(vertices, faces)), or cut less"
         )
     return new_index[path]

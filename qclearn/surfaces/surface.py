@@ -1,4 +1,5 @@
-"""Triangulated surfaces: validated once, immutable afterwards, with the topology that everything else asks for."""
+"""Triangulated surfaces: validated once, immutable afterwards, with the topology that everything
+else asks for."""
 
 import hashlib
 from collections.abc import Mapping
@@ -11,17 +12,28 @@ from scipy.sparse import csc_array, csr_array
 from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 
 from ..plane.checks import SurfaceError
-from ..plane.linear import LARGE, elimination_order
-from ..plane.triangles import cotangent_stiffness, edge_lengths
-from .checks import check_faces, check_topology, curve_path, face_array, frozen, norms, origins, some, vertex_array
+from ..plane.linear import LARGE, cotangent_stiffness, edge_lengths, elimination_order
+from .checks import (
+    check_faces,
+    check_topology,
+    curve_path,
+    face_array,
+    frozen,
+    norms,
+    origins,
+    some,
+    vertex_array,
+)
 
 
 class Surface:
-    """An oriented, connected, manifold triangle mesh in space, open or closed; raises SurfaceError if it is not one.
+    """An oriented, connected, manifold triangle mesh in space, open or closed; raises SurfaceError
+    if it is not one.
 
-    vertices: in any length unit; faces: orientation kept as given (outward = positive `volume`); curves: name -> vertex
-    path; edges: sorted; edge_faces: the faces beside each edge, -1 beyond the boundary; original_vertices: the numbers
-    in the whole surface that this was cut out of, or None. float64 and int64, read-only: what was checked stays true.
+    vertices: in any length unit; faces: orientation kept as given (outward = positive `volume`);
+    curves: name -> vertex path; edges: sorted; edge_faces: the faces beside each edge, -1 beyond
+    the boundary; original_vertices: the numbers in the whole surface that this was cut out of, or
+    None. float64 and int64, read-only: what was checked stays true.
     """
 
     vertices: Float[ndarray, " V 3"]
@@ -40,8 +52,13 @@ class Surface:
     ):
         self.vertices, self.faces = vertex_array(vertices), face_array(faces)
         check_faces(self.vertices, self.faces)
-        self.edges, self.edge_faces, self._boundary_halfedges = check_topology(len(self.vertices), self.faces)
-        self.curves = {name: curve_path(name, path, len(self.vertices)) for name, path in (curves or {}).items()}
+        self.edges, self.edge_faces, self._boundary_halfedges = check_topology(
+            len(self.vertices), self.faces
+        )
+        self.curves = {
+            name: curve_path(name, path, len(self.vertices))
+            for name, path in (curves or {}).items()
+        }
         self.original_vertices = origins(original_vertices, len(self.vertices))
 
     def __repr__(self):
@@ -50,7 +67,8 @@ class Surface:
 
     @cached_property
     def boundary_loops(self) -> list[Integer[ndarray, " _"]]:
-        """The boundary's loops by their smallest vertices, where they start; the surface is left, seen from outside."""
+        """The boundary's loops by their smallest vertices, where they start; the surface is left,
+        seen from outside."""
         following = dict(self._boundary_halfedges.tolist())
         loops = []
         for start in sorted(following):
@@ -63,19 +81,26 @@ class Surface:
 
     @cached_property
     def boundary(self) -> Integer[ndarray, " B"]:
-        """The boundary loop, from its smallest vertex index; SurfaceError unless there is exactly one."""
+        """The boundary loop, from its smallest vertex index; SurfaceError unless there is exactly
+        one."""
         loops = self.boundary_loops
         if len(loops) == 1:
             return loops[0]
         if not loops:
             raise SurfaceError(
-                "the surface is closed (no boundary), where a disk is needed; cut it open along the medial wall: "
-                "open_surface(surface, mask), `qclearn open SURFACE --label FILE --out FILE`, or `qclearn register` "
+                "the surface is closed (no boundary), where a disk is needed; cut it open along "
+                "the medial wall: "
+                "open_surface(surface, mask), `qclearn open SURFACE --label FILE --out FILE`, or "
+                "`qclearn register` "
                 "with --cortex FILE (--control-cortex FILE for the control)"
             )
-        listed = [f"{len(loop)} vertices from vertex {loop[0]}" for loop in sorted(loops, key=len, reverse=True)]
+        listed = [
+            f"{len(loop)} vertices from vertex {loop[0]}"
+            for loop in sorted(loops, key=len, reverse=True)
+        ]
         raise SurfaceError(
-            f"the surface has {len(loops)} boundary loops, where a disk has one: {some(listed)}. Fill the inner holes "
+            f"the surface has {len(loops)} boundary loops, where a disk has one: {some(listed)}. "
+            "Fill the inner holes "
             f"with faces, or cut a new opening that takes them in: open_surface(surface, mask)"
         )
 
@@ -83,17 +108,20 @@ class Surface:
     def fingerprint(self) -> dict:
         """`{"vertices": V, "sha256": hex}`, by which landmarks files and reports know the surface.
 
-        The hash of vertices (V, 3) as little-endian float32, as most formats store them, and faces (F, 3) as
-        little-endian int64: the same in all formats that keep the order of the vertices.
+        The hash of vertices (V, 3) as little-endian float32, as most formats store them, and faces
+        (F, 3) as little-endian int64: the same in all formats that keep the order of the vertices.
         """
         with np.errstate(over="ignore"):  # beyond float32 all are infinite
-            digest = hashlib.sha256((self.vertices.astype("<f4") + np.float32(0)).tobytes())  # + 0: one zero, not two
+            digest = hashlib.sha256(
+                (self.vertices.astype("<f4") + np.float32(0)).tobytes()
+            )  # + 0: one zero, not two
         digest.update(self.faces.astype("<i8").tobytes())
         return {"vertices": len(self.vertices), "sha256": digest.hexdigest()}
 
     @property
     def euler_characteristic(self) -> int:
-        """V - E + F: 2 for a sphere, 1 for a disk, less by 1 for each further hole and by 2 for each handle."""
+        """V - E + F: 2 for a sphere, 1 for a disk, less by 1 for each further hole and by 2 for
+        each handle."""
         return len(self.vertices) - len(self.edges) + len(self.faces)
 
     @cached_property
@@ -114,8 +142,13 @@ class Surface:
 
     @cached_property
     def order(self) -> Integer[ndarray, " I"] | None:
-        """The inner vertices in an `elimination_order`, of a large surface with one boundary; made once."""
-        return elimination_order(self.stiffness, self.vertices, self.boundary) if len(self.vertices) > LARGE else None
+        """The inner vertices in an `elimination_order`, of a large surface with one boundary; made
+        once."""
+        return (
+            elimination_order(self.stiffness, self.vertices, self.boundary)
+            if len(self.vertices) > LARGE
+            else None
+        )
 
     @cached_property
     def edge_lengths(self) -> Float[ndarray, " F 3"]:
@@ -123,7 +156,11 @@ class Surface:
         return frozen(edge_lengths(self.vertices[self.faces]))
 
     def __getstate__(self):
-        return {name: value for name, value in vars(self).items() if name not in ("stiffness", "order", "edge_lengths")}
+        return {
+            name: value
+            for name, value in vars(self).items()
+            if name not in ("stiffness", "order", "edge_lengths")
+        }
 
     @property
     def area(self) -> float:
@@ -132,19 +169,23 @@ class Surface:
 
     @cached_property
     def volume(self) -> float:
-        """Signed enclosed volume, each loop capped by a fan from its centroid; positive = the faces look outward."""
+        """Signed enclosed volume, each loop capped by a fan from its centroid; positive = the faces
+        look outward."""
         centred = self.vertices - self.vertices.mean(axis=0)
         six_volumes = np.linalg.det(centred[self.faces]).sum()
         for loop in self.boundary_loops:
             rim = centred[loop]
             centre = np.broadcast_to(rim.mean(axis=0), rim.shape)
             # the cap runs against the loop, as every neighbouring face does
-            six_volumes += np.linalg.det(np.stack([centre, np.roll(rim, -1, axis=0), rim], axis=1)).sum()
+            six_volumes += np.linalg.det(
+                np.stack([centre, np.roll(rim, -1, axis=0), rim], axis=1)
+            ).sum()
         return float(six_volumes / 6)
 
 
 def require_disk(surface: Surface) -> None:
-    """SurfaceError unless the surface is a topological disk: one boundary loop and Euler characteristic 1."""
+    """SurfaceError unless the surface is a topological disk: one boundary loop and Euler
+    characteristic 1."""
     _ = surface.boundary  # one loop
     if surface.euler_characteristic != 1:
         handles = (1 - surface.euler_characteristic) // 2
@@ -152,7 +193,8 @@ def require_disk(surface: Surface) -> None:
             f"the surface has {handles} handle{'s' * (handles > 1)} (Euler characteristic "
             f"{surface.euler_characteristic}, a disk has 1); loops through them cross the edges "
             f"{some(_handle_edges(surface))}. Repair the topology where the surface was made "
-            f"(FreeSurfer: mris_fix_topology) or cut the handles out with open_surface(surface, mask)"
+            "(FreeSurfer: mris_fix_topology) or cut the handles out with open_surface(surface, "
+            "mask)"
         )
 
 
@@ -160,7 +202,8 @@ def require_outward(surface: Surface) -> None:
     """SurfaceError unless the faces look outward: positive `volume`, beyond rounding."""
     if abs(surface.volume) <= 1e-12 * surface.area**1.5:
         raise SurfaceError(
-            "the surface encloses no volume (it lies in a plane), so its orientation cannot be told; "
+            "the surface encloses no volume (it lies in a plane), so its orientation cannot be "
+            "told; "
             "use the surface in space (pial, white or midthickness) instead of a flat patch"
         )
     if surface.volume < 0:
@@ -177,17 +220,23 @@ def mirror(surface: Surface) -> Surface:
 
 
 def _handle_edges(surface):
-    """Edges (2 x handles, 2) that each close one of the shortest loops from vertex 0 through a handle.
+    """Edges (2 x handles, 2) that each close one of the shortest loops from vertex 0 through a
+    handle.
 
-    Those in neither a shortest-path tree nor a tree of faces across the longest loops (Erickson and Whittlesey 2005).
+    Those in neither a shortest-path tree nor a tree of faces across the longest loops (Erickson and
+    Whittlesey 2005).
     """
     n_vertices, n_cells = len(surface.vertices), len(surface.faces) + 1
     one, two = surface.edges.T
     graph = csr_array((np.ones(len(one)), (one, two)), shape=(n_vertices, n_vertices))
-    depth, parent = dijkstra(graph, directed=False, indices=0, unweighted=True, return_predecessors=True)
+    depth, parent = dijkstra(
+        graph, directed=False, indices=0, unweighted=True, return_predecessors=True
+    )
     crossing = np.flatnonzero((parent[one] != two) & (parent[two] != one))
     crossing = crossing[np.argsort(-(depth[one] + depth[two])[crossing], kind="stable")]
-    low, high = np.sort(surface.edge_faces[crossing] % n_cells, axis=1).T  # -1, the outside, is the last cell
+    low, high = np.sort(
+        surface.edge_faces[crossing] % n_cells, axis=1
+    ).T  # -1, the outside, is the last cell
     first = np.unique(low * n_cells + high, return_index=True)[1]
     dual = csr_array((first + 1.0, (low[first], high[first])), shape=(n_cells, n_cells))
     cotree = minimum_spanning_tree(dual).data.astype(np.int64) - 1

@@ -1,4 +1,5 @@
-"""What workers of the tests run; they find this file alone, beside which nothing of the tests need be loaded."""
+"""What workers of the tests run; they find this file alone, beside which nothing of the tests need
+be loaded."""
 
 import time
 
@@ -20,6 +21,7 @@ def pair_of(spec):
 
 
 def trial_of(row, pair, run, method):
-    """A trial that costs a tenth of a second: a row, with an error that tells which pair and run it is of."""
+    """A trial that costs a tenth of a second: a row, with an error that tells which pair and run it
+    is of."""
     time.sleep(0.1)
     return row | {"landmark_error": pair + run.parameters["shift"]}

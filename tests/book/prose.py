@@ -1,4 +1,5 @@
-"""The prose of a page without formulas, code and computed numbers, and the numbers in it that look like results."""
+"""The prose of a page without formulas, code and computed numbers, and the numbers in it that look
+like results."""
 
 import re
 from functools import cache
@@ -7,7 +8,8 @@ from pathlib import Path
 import nbformat
 
 MASK = "\N{WHITE SQUARE}"
-# In this order: what is fenced goes before what is between dollars, that before what is between backticks.
+# In this order: what is fenced goes before what is between dollars, that before what is between
+# backticks.
 NO_PROSE = [
     # code; the fences of directives have braces behind their backticks
     r"(?s)^(?P<f>`{3,})\w*[ \t]*\n.*?^(?P=f)[ \t]*$",
@@ -59,7 +61,9 @@ def typed_results(text, literals):
     unused = [phrase for phrase in literals if phrase not in text]
     for phrase in sorted(literals, key=len, reverse=True):
         text = text.replace(phrase, MASK)
-    return [text[max(0, match.start() - 30) : match.end() + 20] for match in RESULT.finditer(text)], unused
+    return [
+        text[max(0, match.start() - 30) : match.end() + 20] for match in RESULT.finditer(text)
+    ], unused
 
 
 def pages(book):

@@ -1,4 +1,5 @@
-"""The build sees an error that a widget's callback hid from nbmake, and executes what is out of date."""
+"""The build sees an error that a widget's callback hid from nbmake, and executes what is out of
+date."""
 
 import json
 
@@ -46,8 +47,17 @@ def test_only_pages_that_are_out_of_date_are_executed(tmp_path, monkeypatch):
 @pytest.fixture
 def tree(tmp_path, monkeypatch):
     """A small tree with two executed pages: (its root, the pages that a build would execute now)."""
-    for name in ("book/one.ipynb", "book/two.ipynb", "book/three.md", "constraints.txt", "qclearn/pages/plot.py",
-                 "qclearn/nets/weights.safetensors", "book/paper.toml", "tests/test_one.py"):  # fmt: skip
+    for name in (
+        "book/one.ipynb",
+        "book/two.ipynb",
+        "book/three.md",
+        "constraints.txt",
+        "qclearn/pages/plot.py",
+        # Fmt: skip.
+        "qclearn/nets/weights.safetensors",
+        "book/paper.toml",
+        "tests/test_one.py",
+    ):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(name)
     monkeypatch.setattr(execute_pages, "ROOT", tmp_path)
@@ -57,7 +67,9 @@ def tree(tmp_path, monkeypatch):
         monkeypatch.setattr(execute_pages, name, lambda *arguments: [])
     execute_pages.execute_outdated(["one", "two"], 2)
     stamps = json.loads((tmp_path / "build/book/.stamps.json").read_text())
-    return tmp_path, lambda: [page for page in ("one", "two") if stamps.get(page) != execute_pages.stamp(page)]
+    return tmp_path, lambda: [
+        page for page in ("one", "two") if stamps.get(page) != execute_pages.stamp(page)
+    ]
 
 
 @pytest.mark.parametrize(
@@ -66,8 +78,14 @@ def tree(tmp_path, monkeypatch):
         ("tests/test_one.py", []),
         ("book/three.md", []),
         ("book/one.ipynb", ["one"]),
-        *((name, ["one", "two"]) for name in ("qclearn/pages/plot.py", "qclearn/nets/weights.safetensors")),
-        *((name, ["one", "two"]) for name in ("qclearn/new.py", "book/paper.toml", "constraints.txt")),
+        *(
+            (name, ["one", "two"])
+            for name in ("qclearn/pages/plot.py", "qclearn/nets/weights.safetensors")
+        ),
+        *(
+            (name, ["one", "two"])
+            for name in ("qclearn/new.py", "book/paper.toml", "constraints.txt")
+        ),
     ],
 )
 def test_what_makes_a_page_old(tree, file, expected):

@@ -1,4 +1,5 @@
-"""Copies of pages for reading: what JupyterLab does not know becomes text, and what a reader changed is not lost."""
+"""Copies of pages for reading: what JupyterLab does not know becomes text, and what a reader
+changed is not lost."""
 
 import json
 
@@ -41,13 +42,20 @@ def lab(literature):
             "In {numref}`picture %s <fig-there>` and {numref}`fig-there`.",
             "In [picture 3.1](there.ipynb) and [Fig. 3.1](there.ipynb).",
         ),
-        ("See [E3](#erratum-3) and [this](#eq-here).", "See [E3](errata.ipynb) and [this](#eq-here)."),
-        ("A {term}`gyrus`, two {term}`sulci <sulcus>`.", "A [gyrus](glossary.ipynb), two [sulci](glossary.ipynb)."),
+        (
+            "See [E3](#erratum-3) and [this](#eq-here).",
+            "See [E3](errata.ipynb) and [this](#eq-here).",
+        ),
+        (
+            "A {term}`gyrus`, two {term}`sulci <sulcus>`.",
+            "A [gyrus](glossary.ipynb), two [sulci](glossary.ipynb).",
+        ),
         ("{eval}`n` [notes](notation.md)", "{eval}`n` [notes](notation.ipynb)"),
         ("{cite:t}`guo2023automatic` say", "[Guo *et al.* \\[2023\\]](bibliography.ipynb) say"),
         (
             "{cite:p}`guo2023automatic,pinkall1993computing`",
-            "\\[[Guo *et al.*, 2023](bibliography.ipynb), [Pinkall and Polthier, 1993](bibliography.ipynb)\\]",
+            "\\[[Guo *et al.*, 2023](bibliography.ipynb), [Pinkall and Polthier, "
+            "1993](bibliography.ipynb)\\]",
         ),
         ("```text\n{eq}`eq-there`\n```", "```text\n{eq}`eq-there`\n```"),
     ],
@@ -59,7 +67,10 @@ def test_what_jupyterlab_does_not_know_becomes_text_with_a_link(lab, source, cop
 def test_a_reference_that_sphinx_writes_becomes_its_names():
     text = "```{eval-rst}\n.. currentmodule:: qclearn\n.. autofunction:: register\n```\n"
     (cell,) = as_notebook(text).cells
-    assert cell.source.startswith("`register`: the site has the text.") and "{eval-rst}" not in cell.source
+    assert (
+        cell.source.startswith("`register`: the site has the text.")
+        and "{eval-rst}" not in cell.source
+    )
 
 
 def test_the_bibliography_is_listed(lab):
@@ -67,7 +78,9 @@ def test_the_bibliography_is_listed(lab):
     assert "{bibliography}" not in listed and "- Yuchen Guo" in listed
 
 
-@pytest.mark.parametrize("source, says", [("{eq}`eq-nowhere`", "eq-nowhere"), ("{cite:p}`nobody`", "nobody")])
+@pytest.mark.parametrize(
+    "source, says", [("{eq}`eq-nowhere`", "eq-nowhere"), ("{cite:p}`nobody`", "nobody")]
+)
 def test_what_leads_nowhere_is_named(lab, source, says):
     with pytest.raises(KeyError, match=says):
         lab(source)
@@ -76,17 +89,22 @@ def test_what_leads_nowhere_is_named(lab, source, says):
 def executed():
     value = {"status": "ok", "data": {"text/plain": "'0.5'"}}
     text = (
-        "# Here\n\n$$ x $$ (eq-here)\n\nFrom {eq}`eq-here`: {eval}`n` by {cite:t}`guo2023automatic`.\n\n"
+        "# Here\n\n$$ x $$ (eq-here)\n\nFrom {eq}`eq-here`: {eval}`n` by "
+        "{cite:t}`guo2023automatic`.\n\n"
         ":::{prf:theorem} Name\n:label: thm-here\n\nText.\n\n:::\n\n"
         ":::{prf:proof}\n\nShort.\n\n:::\n\n"
         ":::{exercise} Title\n:label: ex-here\n\nDo.\n\n:::\n\n"
         ":::{solution} ex-here\n:class: dropdown\n\n```python\nprint(':::')\n```\n\n:::\n"
     )
-    picture = new_output("display_data", data={"image/png": "aGk=", "text/html": "<img>", "text/plain": "words"})
+    picture = new_output(
+        "display_data", data={"image/png": "aGk=", "text/html": "<img>", "text/plain": "words"}
+    )
     caption = ":::{figure}\n:name: fig-here\n\nA caption.\n\n:::\n\nMore."
     return new_notebook(
         cells=[
-            new_markdown_cell(text, metadata={"user_expressions": [{"expression": "n", "result": value}]}),
+            new_markdown_cell(
+                text, metadata={"user_expressions": [{"expression": "n", "result": value}]}
+            ),
             new_code_cell("keep(n=1)", metadata={"tags": ["hide-input"]}, outputs=[picture]),
             new_markdown_cell(caption),
         ]
@@ -96,7 +114,11 @@ def executed():
 def test_the_lab_copy_counts_as_the_book_and_folds_what_is_hidden(literature):
     notebook = for_jupyterlab(executed(), Readable("here", TARGETS, literature), 2)
     front = notebook.cells[0].source.split("---\n")[1]
-    assert "enumerator: 2.%s" in front and "proof:theorem" in front and "# Here" in notebook.cells[0].source
+    assert (
+        "enumerator: 2.%s" in front
+        and "proof:theorem" in front
+        and "# Here" in notebook.cells[0].source
+    )
     assert ":::{prf:proof}\n:nonumber: true\n" in notebook.cells[0].source
     assert notebook.cells[2].source.startswith(":::{figure}\n:class: not-prose\n:name: fig-here\n")
     assert notebook.cells[1].metadata["jupyter"]["source_hidden"]
@@ -105,9 +127,15 @@ def test_the_lab_copy_counts_as_the_book_and_folds_what_is_hidden(literature):
 
 @pytest.mark.parametrize("make", [for_jupyterlab, for_plain_viewers])
 def test_references_in_tables_that_cells_made_become_links_to_pages(literature, make):
-    output = new_output("execute_result", data={"text/markdown": "| [E3](#erratum-3) |"}, execution_count=1)
-    notebook = new_notebook(cells=[new_markdown_cell("# Here"), new_code_cell("table()", outputs=[output])])
-    made = make(notebook, Readable("here", TARGETS, literature, plain=make is for_plain_viewers), None)
+    output = new_output(
+        "execute_result", data={"text/markdown": "| [E3](#erratum-3) |"}, execution_count=1
+    )
+    notebook = new_notebook(
+        cells=[new_markdown_cell("# Here"), new_code_cell("table()", outputs=[output])]
+    )
+    made = make(
+        notebook, Readable("here", TARGETS, literature, plain=make is for_plain_viewers), None
+    )
     assert made.cells[1].outputs[0].data["text/markdown"] == "| [E3](errata.ipynb) |"
 
 
@@ -144,7 +172,10 @@ def test_what_a_reader_changed_is_kept_beside_the_new_copy(tmp_path, capsys):
         (tmp_path / "a.ipynb").write_text(nbformat.writes(as_notebook(turn)), encoding="utf-8")
         assert copies(tmp_path, {"a": turn}) == ["a"]
         assert f"a-{turn}.ipynb" in capsys.readouterr().err
-        assert text_of(tmp_path / f"a-{turn}.ipynb") == turn and text_of(tmp_path / "a.ipynb") == "page a"
+        assert (
+            text_of(tmp_path / f"a-{turn}.ipynb") == turn
+            and text_of(tmp_path / "a.ipynb") == "page a"
+        )
 
 
 def test_what_a_reader_changed_stays_while_its_page_does(tmp_path, capsys):
@@ -173,4 +204,7 @@ def test_a_deleted_copy_and_a_lost_record_are_no_trouble(tmp_path):
 def test_a_copy_that_is_no_notebook_any_more_is_kept(tmp_path):
     copies(tmp_path, {"a": "1"})
     (tmp_path / "a.ipynb").write_text("half a file", encoding="utf-8")
-    assert copies(tmp_path, {"a": "2"}) == ["a"] and (tmp_path / "a-mine.ipynb").read_text() == "half a file"
+    assert (
+        copies(tmp_path, {"a": "2"}) == ["a"]
+        and (tmp_path / "a-mine.ipynb").read_text() == "half a file"
+    )

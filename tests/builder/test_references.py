@@ -87,7 +87,8 @@ def test_a_page_without_a_chapter_counts_from_one():
 def literature(tmp_path):
     (tmp_path / "some.bib").write_text(
         "@article{one, author={Gödel, Kurt}, title={A}, journal={J}, year={1931}}\n"
-        "@article{two, author={Ahlfors, Lars and Bers, Lipman}, title={B}, journal={J}, year={1960}}\n"
+        "@article{two, author={Ahlfors, Lars and Bers, Lipman}, title={B}, journal={J}, "
+        "year={1960}}\n"
         '@book{many, editor={M{\\"u}ller, A and B, B and C, C}, title={C}, publisher={P}, year={2000}}\n',
         encoding="utf-8",
     )
@@ -113,10 +114,16 @@ def test_an_unknown_citation_is_named(literature):
 
 def test_the_list_of_references_is_sorted_by_author(literature):
     lines = literature.listed(["one", "two"]).splitlines()
-    assert [line.split("\\.")[0] for line in lines] == ["- Lars Ahlfors and Lipman Bers", "- Kurt Gödel"]
+    assert [line.split("\\.")[0] for line in lines] == [
+        "- Lars Ahlfors and Lipman Bers",
+        "- Kurt Gödel",
+    ]
 
 
 def test_every_label_of_the_book_is_numbered_on_its_page():
     found = references.labels()
-    assert found["eq-qc-beltrami"].page == "quasiconformal" and found["eq-qc-beltrami"].kind == "equation"
+    assert (
+        found["eq-qc-beltrami"].page == "quasiconformal"
+        and found["eq-qc-beltrami"].kind == "equation"
+    )
     assert {target.page for target in found.values()} <= set(references.chapters())

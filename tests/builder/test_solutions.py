@@ -1,4 +1,5 @@
-"""The solutions of exercises: their code is found, run in order, and held to what the page says it prints."""
+"""The solutions of exercises: their code is found, run in order, and held to what the page says it
+prints."""
 
 import pytest
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
@@ -41,7 +42,9 @@ quiet = True
 
 def executed(prints, stdout="", stderr=""):
     outputs = [
-        new_output("stream", name=name, text=text) for name, text in (("stdout", stdout), ("stderr", stderr)) if text
+        new_output("stream", name=name, text=text)
+        for name, text in (("stdout", stdout), ("stderr", stderr))
+        if text
     ]
     return new_code_cell("", outputs=outputs, metadata={"exercise": "ex-first", "prints": prints})
 

@@ -1,5 +1,5 @@
-"""What the two fuzzers share: options, a case in a forked process under limits of time and memory, and the count of
-verdicts."""
+"""What the two fuzzers share: options, a case in a forked process under limits of time and memory,
+and the count of verdicts."""
 
 import argparse
 import json
@@ -14,16 +14,21 @@ from pathlib import Path
 
 def read_options(program, kinds):
     """The options of a fuzzer; program: its docstring."""
-    parser = argparse.ArgumentParser(description=program, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=program, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("kind", choices=kinds)
     parser.add_argument("count", type=int)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--out", type=Path, default=Path(os.devnull), help="a line of JSON for each case")
+    parser.add_argument(
+        "--out", type=Path, default=Path(os.devnull), help="a line of JSON for each case"
+    )
     return parser.parse_args()
 
 
 def forked(work, answer, seconds, addresses):
-    """What `work()` returns, (verdict, text), by way of the file `answer`; ("hang", "") or ("crash", "") without it."""
+    """What `work()` returns, (verdict, text), by way of the file `answer`; ("hang", "") or
+    ("crash", "") without it."""
     answer.unlink(missing_ok=True)  # an earlier case's
     child = os.fork()
     if not child:
@@ -42,7 +47,8 @@ def forked(work, answer, seconds, addresses):
 
 
 def tally(found, faults, out):
-    """Write every (label, verdict, text) as a line of JSON, show the faults, and exit with 1 if there are any."""
+    """Write every (label, verdict, text) as a line of JSON, show the faults, and exit with 1 if
+    there are any."""
     count = Counter()
     with out.open("w", encoding="utf-8") as rows:
         for label, verdict, text in found:

@@ -14,8 +14,8 @@ N = len(BALL.vertices)
 
 @pytest.fixture
 def folder(tmp_path):
-    """A data folder as brainspace has it: a ball for the left side, its mirror image for the right; the masks differ,
-    and each map says its side and vertex."""
+    """A data folder as brainspace has it: a ball for the left side, its mirror image for the right;
+    the masks differ, and each map says its side and vertex."""
     for name in ("surfaces", "matrices/main_group"):
         (tmp_path / name).mkdir(parents=True)
     for side, word in SIDES.items():
@@ -48,15 +48,20 @@ def test_sides_of_two_meshes_are_refused(folder):
     order = np.random.default_rng(0).permutation(N)
     shuffled = Surface(BALL.vertices[order], np.argsort(order)[BALL.faces])
     write_surface(folder / "surfaces/conte69_32k_rh.gii", shuffled)
-    with pytest.raises(SurfaceError, match="two sides of conte69 differ in their mesh; install brainspace again"):
+    with pytest.raises(
+        SurfaceError, match="two sides of conte69 differ in their mesh; install brainspace again"
+    ):
         conte69(folder)
 
 
 @pytest.mark.parametrize(
-    "text, message", [("1\n2\n", "2 numbers for 642"), ("thick\n", "cannot be read"), (None, "cannot be read")]
+    "text, message",
+    [("1\n2\n", "2 numbers for 642"), ("thick\n", "cannot be read"), (None, "cannot be read")],
 )
 def test_a_damaged_file_is_named(folder, text, message):
     path = folder / "surfaces/conte69_32k_rh_mask.csv"
     path.unlink() if text is None else path.write_text(text)
-    with pytest.raises(SurfaceError, match=f"conte69_32k_rh_mask.csv: {message}.*install brainspace again"):
+    with pytest.raises(
+        SurfaceError, match=f"conte69_32k_rh_mask.csv: {message}.*install brainspace again"
+    ):
         conte69(folder)

@@ -1,4 +1,5 @@
-"""The named sulci of fsaverage5: the rule that chose them, the paths between them, both sides against each other."""
+"""The named sulci of fsaverage5: the rule that chose them, the paths between them, both sides
+against each other."""
 
 import json
 import warnings
@@ -16,7 +17,7 @@ from scipy.sparse.csgraph import dijkstra
 from qclearn.io.fsaverage import demo_landmarks, fsaverage5, named_sulci
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.mobius import best_mobius, mobius
-from qclearn.registration.landmarks import fundus_metric, fundus_path, sample_curve
+from qclearn.registration.curves import fundus_metric, fundus_path, sample_curve
 from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.opening import open_surface
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror
@@ -36,12 +37,15 @@ RECORD = json.loads(files("qclearn.io").joinpath("fsaverage5_sulci.json").read_t
 
 
 def array(kind, side, number=0):
-    return np.asarray(nibabel.load(fetch_surf_fsaverage("fsaverage5")[f"{kind}_{side}"]).darrays[number].data)
+    return np.asarray(
+        nibabel.load(fetch_surf_fsaverage("fsaverage5")[f"{kind}_{side}"]).darrays[number].data
+    )
 
 
 @cache
 def opened(side):
-    """The pial surface without its medial wall, where FreeSurfer's curvature is 0, and its vertices' old indices."""
+    """The pial surface without its medial wall, where FreeSurfer's curvature is 0, and its
+    vertices' old indices."""
     closed = Surface(array("pial", side), array("pial", side, 1))
     return open_surface(closed, array("curv", side) == 0)
 
@@ -50,15 +54,20 @@ def opened(side):
 def paths(side):
     surface, kept = opened(side)
     metric = fundus_metric(surface)
-    return {name: fundus_path(surface, *ends, metric) for name, ends in named_sulci(side, kept).items()}
+    return {
+        name: fundus_path(surface, *ends, metric) for name, ends in named_sulci(side, kept).items()
+    }
 
 
 @cache
 def samples(side):
-    """Ten points a curve in the conformal disk, the right side mirrored: dict name -> (10,) complex."""
+    """Ten points a curve in the conformal disk, the right side mirrored: dict name -> (10,)
+    complex."""
     surface = opened(side)[0] if side == "left" else mirror(opened(side)[0])
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RepairWarning)  # the rim of the right side needs raised boundary steps
+        warnings.simplefilter(
+            "ignore", RepairWarning
+        )  # the rim of the right side needs raised boundary steps
         z = disk_conformal_map(surface)
     return {name: sample_curve(surface, path) @ z for name, path in paths(side).items()}
 
@@ -110,7 +119,9 @@ def test_both_sides_agree_up_to_a_mobius_map():
     p, q = (np.stack(list(samples(side).values())) for side in ("right", "left"))
     errors = residual(p, q)
     assert errors.mean() < 0.02 and errors.max() < 0.045
-    for k, name in enumerate(samples("left")):  # a curve that runs the other way on one side would show
+    for k, name in enumerate(
+        samples("left")
+    ):  # a curve that runs the other way on one side would show
         turned = p.copy()
         turned[k] = turned[k, ::-1]
         assert residual(turned, q)[k] > 1.5 * errors[k], name
@@ -138,8 +149,13 @@ def test_the_demo_names_the_same_places_on_the_surfaces_it_registers():
     assert [curve["name"] for curve in curves] == list(RECORD["sulci"])
     for curve in curves:
         entry = RECORD["sulci"][curve["name"]]
-        for surface, ends, side in ((moving, curve["moving"], "right"), (control, curve["control"], "left")):
-            np.testing.assert_array_equal(surface.vertices[ends], array("pial", side)[entry[side]["vertices"]])
+        for surface, ends, side in (
+            (moving, curve["moving"], "right"),
+            (control, curve["control"], "left"),
+        ):
+            np.testing.assert_array_equal(
+                surface.vertices[ends], array("pial", side)[entry[side]["vertices"]]
+            )
 
 
 def test_refusals():

@@ -1,4 +1,5 @@
-"""What the book's browser modules are held against: node to run them in, and the library's own answers."""
+"""What the book's browser modules are held against: node to run them in, and the library's own
+answers."""
 
 import functools
 import json
@@ -12,11 +13,10 @@ import pytest
 
 from qcbook.live import GIVEN, given
 from qclearn.plane.grids import POWER, polar
-from qclearn.registration.engine import Engine, Setting
-from qclearn.registration.ladder import FIRST_GAMMA, grid_link
-from qclearn.registration.link import Link
+from qclearn.plane.tangent import CoefficientMesh
+from qclearn.registration.gauss_newton import DirectStep, Discretization, GaussNewtonObjective
+from qclearn.registration.multiresolution import FIRST_GAMMA, polar_coefficient_mesh
 from qclearn.registration.problem import Problem, Weights
-from qclearn.registration.steps import DirectStep
 
 ROOT = Path(__file__).resolve().parents[2]
 MODULES = ROOT / "book" / "_assets" / "live"
@@ -38,9 +38,14 @@ def run_engine(task, **asked):
     """The answer of tests/live/engine.mjs to a task; skips where there is no node."""
     node = shutil.which("node")
     if node is None:
-        pytest.skip("NO NODE: the browser's engine is NOT compared with the library. On Debian: apt-get install nodejs")
+        pytest.skip(
+            "NO NODE: the browser's engine is NOT compared with the library. On Debian: apt-get "
+            "install nodejs"
+        )
     command = [node, Path(__file__).with_name("engine.mjs"), engine_folder().name, task]
-    found = subprocess.run(command, input=json.dumps(asked), capture_output=True, text=True, check=False)
+    found = subprocess.run(
+        command, input=json.dumps(asked), capture_output=True, text=True, check=False
+    )
     assert found.returncode == 0, found.stderr
     return json.loads(found.stdout)
 
@@ -68,26 +73,38 @@ def request(problem, alpha, beta, gamma):
     }
 
 
-class WholeSteps(Engine):
-    """The browser solves a step's equations to the last digit; the library stops where it is near enough."""
+class WholeSteps(GaussNewtonObjective):
+    """The browser solves a step's equations to the last digit; the library stops where it is near
+    enough."""
 
     def linearise(self, state, gamma):
         return DirectStep(self, state, gamma)
 
 
 def fit_in_steps(asked, on_coarse, on_fine):
-    """(engine, state) of so many of the library's Gauss-Newton steps on either mesh for a `request`.
+    """(engine, state) of so many of the library's Gauss-Newton steps on either mesh for a
+    `request`.
 
-    So many, since at the minimum rounding decides whether one more is taken, and its promise says no more.
+    So many, since at the minimum rounding decides whether one more is taken, and its promise says
+    no more.
     """
     points = numbers(asked["moving"]), numbers(asked["target"])
     problem = Problem(FINE_MESH, *points, np.array(asked["curve"]), asked["sliding"])
     weights = Weights(asked["alpha"], asked["beta"], asked["gamma"])
-    coarse = Engine(Setting(problem, grid_link(12), own=False), weights)
-    state, gamma = coarse.at(np.zeros(len(COARSE_MESH.z), complex), problem.mobius), weights.gamma / 10
+    coarse = GaussNewtonObjective(
+        Discretization(problem, polar_coefficient_mesh(12), own=False), weights
+    )
+    state, gamma = (
+        coarse.at(np.zeros(len(COARSE_MESH.z), complex), problem.mobius),
+        weights.gamma / 10,
+    )
     levels = 10.0 ** np.arange(np.log10(min(FIRST_GAMMA, gamma)), np.log10(gamma) - 1e-9)
     state = steps(coarse, state, [*levels, *[gamma] * (on_coarse - len(levels))])
-    fine = WholeSteps(Setting(problem, Link(FINE_MESH, FINE_MESH), own=True), weights, closed=False)
+    fine = WholeSteps(
+        Discretization(problem, CoefficientMesh(FINE_MESH, FINE_MESH), own=True),
+        weights,
+        closed=False,
+    )
     nu = COARSE_MESH.sampling(FINE_MESH.z) @ state.nu
     return fine, steps(fine, fine.at(nu, state.mobius), [weights.gamma] * on_fine)
 

@@ -1,4 +1,5 @@
-"""LD-Net: its pictures, its loss and symmetries, what its curves keep by construction, and bad input."""
+"""LD-Net: its pictures, its loss and symmetries, what its curves keep by construction, and bad
+input."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -11,14 +12,24 @@ from subjects import grown
 
 from data_synth.datasets import CurveDataset
 from qclearn.nets import load
-from qclearn.nets.ldnet import PRESETS, BestLDNet, BestLDNetConfig, contrast, heat_metric, refine, smoothed, some, whole
+from qclearn.nets.ldnet import (
+    PRESETS,
+    BestLDNet,
+    BestLDNetConfig,
+    contrast,
+    heat_metric,
+    refine,
+    smoothed,
+    some,
+    whole,
+)
 from qclearn.nets.ldnet_paper import PaperLDNet, PaperLDNetConfig, nearest_pixels
 from qclearn.nets.pictures import stamp, turn
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import pixel_centres
-from qclearn.registration.landmarks import curve_distance, curves_in_space, detect_curves, weigh_edges
+from qclearn.registration.curves import curve_distance, curves_in_space, detect_curves, weigh_edges
 from qclearn.registration.problem import LandmarkError
-from qclearn.surfaces.conformal import Side, disk_conformal_map, laid_out
+from qclearn.surfaces.conformal import ParameterizedSurface, disk_conformal_map, parameterize
 from qclearn.surfaces.curvature import area_radius, sulcal_depth
 from qclearn.surfaces.surface import SurfaceError
 
@@ -57,20 +68,28 @@ def test_a_stamp_is_the_bell_around_its_nearest_point():
     shown = torch.tensor([[True, True, True, False]])
     image = stamp(points, shown, 32, 1.5)[0].numpy()
     distance = abs(pixel_centres(32)[..., None] - points[0, :3].numpy()).min(-1) * 16
-    np.testing.assert_allclose(image, np.exp(-(distance**2) / (2 * 1.5**2)) * (distance < 4), atol=0.03)
+    np.testing.assert_allclose(
+        image, np.exp(-(distance**2) / (2 * 1.5**2)) * (distance < 4), atol=0.03
+    )
 
 
 def test_symmetries_move_points_with_their_pixels():
-    """A turned image of stamped points is the image of the turned points: fails if one of them turns the other way."""
+    """A turned image of stamped points is the image of the turned points: fails if one of them
+    turns the other way."""
     generator = torch.Generator().manual_seed(0)
     points = torch.complex(*(torch.rand(2, 64, 5, generator=generator) * 1.6 - 0.8))
     images = stamp(points, torch.ones(64, 5, dtype=torch.bool), 32, 1.0)[:, None]
     turned, moved = turn(images, points, generator)
-    torch.testing.assert_close(turned[:, 0], stamp(moved, torch.ones(64, 5, dtype=torch.bool), 32, 1.0))
+    torch.testing.assert_close(
+        turned[:, 0], stamp(moved, torch.ones(64, 5, dtype=torch.bool), 32, 1.0)
+    )
     constant = [
-        abs(ratio - ratio.mean(1, keepdim=True)).amax(1) < 1e-3 for ratio in (moved / points, moved / points.conj())
+        abs(ratio - ratio.mean(1, keepdim=True)).amax(1) < 1e-3
+        for ratio in (moved / points, moved / points.conj())
     ]
-    assert (constant[0] ^ constant[1]).all() and 16 < constant[0].sum() < 48  # turns and reflections
+    assert (constant[0] ^ constant[1]).all() and 16 < constant[
+        0
+    ].sum() < 48  # turns and reflections
     turns = (moved / points)[constant[0]].mean(1)
     assert len(set(np.round(turns.numpy(), 3))) == 4
 
@@ -83,21 +102,32 @@ def test_some_curves_and_parts_of_curves_are_shown():
     assert 0.1 < ((first > 0) | (last < 36)).float().mean() < 0.3
     assert all(
         torch.equal(a[0], b)
-        for a, b in zip(whole(curves), (torch.zeros(8).long(), torch.full((8,), 36), torch.ones(8, dtype=torch.bool)))
+        for a, b in zip(
+            whole(curves),
+            (torch.zeros(8).long(), torch.full((8,), 36), torch.ones(8, dtype=torch.bool)),
+        )
     )
 
 
 def test_contrast_keeps_black_white_and_the_order_of_greys():
     grey = torch.linspace(0, 255, 32).expand(50, 1, 32, 32)
     changed = contrast(grey, torch.Generator().manual_seed(0))
-    assert changed.min() >= 0 and changed.max() <= 255 and (changed[..., 1:-1].diff(dim=-1) > 0).all()
+    assert (
+        changed.min() >= 0 and changed.max() <= 255 and (changed[..., 1:-1].diff(dim=-1) > 0).all()
+    )
     assert changed[:, 0, 16, 16].std() > 10
 
 
 def test_points_between_lie_on_the_polyline():
     curves = torch.tensor([[[0, 1, 1 + 2j]]])
     points, place = refine(curves, 2)
-    assert points[0, 0].tolist() == [0, 0.5, 1, 1 + 1j, 1 + 2j] and place.tolist() == [0, 0.5, 1, 1.5, 2]
+    assert points[0, 0].tolist() == [0, 0.5, 1, 1 + 1j, 1 + 2j] and place.tolist() == [
+        0,
+        0.5,
+        1,
+        1.5,
+        2,
+    ]
 
 
 @pytest.mark.parametrize("network, config", [(BestLDNet, SMALL), (PaperLDNet, PAPER)])
@@ -121,7 +151,9 @@ def test_a_network_learns_one_batch(network, config, batch):
 def test_a_loss_is_its_generators(batch):
     for network, config in ((BestLDNet, SMALL), (PaperLDNet, PAPER)):
         model = untrained(network, config)
-        a, b, c = (model.loss(batch, torch.Generator().manual_seed(seed))[0].item() for seed in (1, 1, 2))
+        a, b, c = (
+            model.loss(batch, torch.Generator().manual_seed(seed))[0].item() for seed in (1, 1, 2)
+        )
         assert a == b != c
 
 
@@ -148,7 +180,8 @@ def test_curves_join_their_endpoints_along_edges(subject):
 
 
 def test_a_path_follows_the_heat_and_the_fundus(subject):
-    """Cheap where the network is sure, and cheaper where the surface is concave: either sign fails if it flips."""
+    """Cheap where the network is sure, and cheaper where the surface is concave: either sign fails
+    if it flips."""
     surface = subject[0]
     zero = np.zeros(len(surface.vertices))
     plain, warm = (heat_metric(surface, zero + heat, zero) for heat in (0, 0.5))
@@ -166,7 +199,9 @@ def test_smoothing_keeps_constants_and_is_the_umbrellas(subject):
     np.testing.assert_allclose(smoothed(surface, np.full(len(z), 3.0)), 3)
     vertex = surface.edges[0, 0]
     around = np.setdiff1d(surface.edges[(surface.edges == vertex).any(1)], vertex)
-    assert smoothed(surface, z.real, 1)[vertex] == pytest.approx((z.real[vertex] + z.real[around].mean()) / 2)
+    assert smoothed(surface, z.real, 1)[vertex] == pytest.approx(
+        (z.real[vertex] + z.real[around].mean()) / 2
+    )
 
 
 def test_the_papers_curves_keep_the_endpoints_and_stay_in_the_disk(subject):
@@ -190,7 +225,9 @@ def test_the_papers_network_sees_the_picture_it_was_trained_on(subject, cortex):
     model, seen = untrained(PaperLDNet, PAPER), []
     model.register_forward_pre_hook(lambda module, inputs: seen.append(inputs))
     turned = dataset.subjects[0][2].solve(np.zeros(len(surface.faces)))
-    turned = turned * (points[0, 0].numpy() / area_radius(surface, turned).to_image(turned[ends[0, 0]]))
+    turned = turned * (
+        points[0, 0].numpy() / area_radius(surface, turned).to_image(turned[ends[0, 0]])
+    )
     turned /= abs(turned).max()
     model.detect(surface, turned, ends)
     torch.testing.assert_close(seen[0][0][0], image, atol=0.2, rtol=0)
@@ -204,8 +241,16 @@ BAD = [
     (lambda s, z, e: (s, z, np.zeros((0, 2), int)), LandmarkError, "at least one curve"),
     (lambda s, z, e: (s, z, e + 0.5), LandmarkError, "vertex indices"),
     (lambda s, z, e: (s, z[:-1], e), SurfaceError, "give the disk map of this surface"),
-    (lambda s, z, e: (s, np.where(np.arange(len(z)) == 3, np.nan, z), e), SurfaceError, "1 of its numbers not finite"),
-    (lambda s, z, e: (sphere(), np.zeros(len(sphere().vertices)), e), SurfaceError, "closed|boundary"),
+    (
+        lambda s, z, e: (s, np.where(np.arange(len(z)) == 3, np.nan, z), e),
+        SurfaceError,
+        "1 of its numbers not finite",
+    ),
+    (
+        lambda s, z, e: (sphere(), np.zeros(len(sphere().vertices)), e),
+        SurfaceError,
+        "closed|boundary",
+    ),
 ]
 
 
@@ -231,10 +276,11 @@ def test_presets_are_of_their_size():
 
 
 def test_the_shipped_weights_find_sulci():
-    """On subjects of no training set, if coarser than those: a mean distance below 2 mm, and below the others'."""
+    """On subjects of no training set, if coarser than those: a mean distance below 2 mm, and below
+    the others'."""
     detectors, found = (load("ldnet").detect, load("ldnet", "paper").detect, detect_curves), []
     for cortex in (grown(4002, 2500), grown(4003, 2500)):
-        side = laid_out(cortex.surface)
+        side = parameterize(cortex.surface)
         surface, z = side.surface, side.disk.z
         paths = list(cortex.curves.values())
         ends = np.array([path[[0, -1]] for path in paths])
@@ -249,7 +295,7 @@ def test_the_shipped_weights_find_sulci():
 def test_distance_between_curves(subject):
     surface, z, ends = subject
     paths = [*surface.curves.values()][:2]
-    side = Side(surface, Disk(z, surface.faces))
+    side = ParameterizedSurface(surface, Disk(z, surface.faces))
     points = curves_in_space(side, [z[path] for path in paths] + [z[paths[0][::-1]]])
     for path, curve in zip(paths, points):
         np.testing.assert_allclose(curve[[0, -1]], surface.vertices[path[[0, -1]]], atol=1e-6)
@@ -257,10 +303,15 @@ def test_distance_between_curves(subject):
         assert step.max() < 1.2 * np.median(step)
         length = np.linalg.norm(np.diff(surface.vertices[path], axis=0), axis=1).sum()
         assert step.sum() == pytest.approx(length, rel=0.02)
-    assert curve_distance(points[0], points[2]) < 0.2 * np.linalg.norm(np.diff(points[0], axis=0), axis=1).max()
+    assert (
+        curve_distance(points[0], points[2])
+        < 0.2 * np.linalg.norm(np.diff(points[0], axis=0), axis=1).max()
+    )
     shift = np.array([0, 0, 3.0])
     line = np.linspace([0, 0, 0], [50.0, 0, 0], 400)
     assert curve_distance(line, line + shift) == pytest.approx(3)
-    assert curve_distance(line, line[:200]) == pytest.approx(50 / 16, rel=0.02)  # half of it by 25/2 on average
+    assert curve_distance(line, line[:200]) == pytest.approx(
+        50 / 16, rel=0.02
+    )  # half of it by 25/2 on average
     twin = curves_in_space(side, detect_curves(surface, z, ends[:1]))[0]
     assert 0 <= curve_distance(points[0], twin) < 20

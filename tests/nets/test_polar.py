@@ -1,4 +1,5 @@
-"""The batched solver on polar meshes: the same map and adjoint as the factored one, its stopping, its normalisation."""
+"""The batched solver on polar meshes: the same map and adjoint as the factored one, its stopping,
+its normalisation."""
 
 import numpy as np
 import pytest
@@ -48,7 +49,9 @@ def assert_same_as_factored(solver, mu):
         np.testing.assert_allclose(f[k].detach().numpy(), factored.solve(mu[k]), atol=1e-11)
         assert floored[k] == factored.floored
         expected = factored.pullback(grad_f[k])
-        np.testing.assert_allclose(given.grad[k].numpy(), expected, atol=1e-10 * abs(expected).max())
+        np.testing.assert_allclose(
+            given.grad[k].numpy(), expected, atol=1e-10 * abs(expected).max()
+        )
     return floored
 
 
@@ -73,7 +76,8 @@ def test_small_positive_steps_are_left_alone():
 
 
 def test_hopeless_coefficient_equals_the_factored_solver():
-    """|mu| up to 0.9999, jumping from face to face: 0 leaves the disk, and rounding must not outgrow the residual."""
+    """|mu| up to 0.9999, jumping from face to face: 0 leaves the disk, and rounding must not
+    outgrow the residual."""
     solver, rng = PolarSolver(2, 6), np.random.default_rng(3)
     size = rng.choice([0.3, 0.9, 0.99, 0.9999], size=len(solver.mesh.faces))
     mu = size * np.exp(2j * np.pi * rng.uniform(size=len(size)))
@@ -128,7 +132,8 @@ def test_one_coefficient_without_a_batch(solver):
 
 
 def test_no_coefficient_needs_no_iteration(solver):
-    """The preconditioner is the inverse at mu = 0: one step for U, which starts at 0, and none for f."""
+    """The preconditioner is the inverse at mu = 0: one step for U, which starts at 0, and none for
+    f."""
     solver.solve(torch.zeros(len(solver.mesh.faces), dtype=torch.complex128))
     assert solver.iterations.tolist() == [[1, 0, 0]]
 
@@ -178,18 +183,26 @@ def test_limit():
 # The adjoint.
 
 
-@pytest.mark.parametrize("size, largest", [((2, 4, 1.0), (0.5, 0.3)), ((3, 4, 1.4), (0.5,))], ids=str)
+@pytest.mark.parametrize(
+    "size, largest", [((2, 4, 1.0), (0.5, 0.3)), ((3, 4, 1.4), (0.5,))], ids=str
+)
 def test_gradcheck(size, largest):
     solver = PolarSolver(*size)
     mu = torch.from_numpy(coefficients(solver, *largest)).requires_grad_()
-    assert torch.autograd.gradcheck(lambda mu: solver.solve(mu, tolerance=1e-14), (mu,), eps=1e-6, atol=1e-8, rtol=1e-6)
+    assert torch.autograd.gradcheck(
+        lambda mu: solver.solve(mu, tolerance=1e-14), (mu,), eps=1e-6, atol=1e-8, rtol=1e-6
+    )
 
 
 def test_sample_without_a_gradient_beside_one_with():
     solver = PolarSolver(6, 18)
     mu = torch.from_numpy(coefficients(solver, 0.5, 0.3)).requires_grad_()
     solver.solve(mu)[1].imag.square().sum().backward()
-    assert (mu.grad[0] == 0).all() and mu.grad[1].abs().min() > 0 and torch.isfinite(mu.grad.abs()).all()
+    assert (
+        (mu.grad[0] == 0).all()
+        and mu.grad[1].abs().min() > 0
+        and torch.isfinite(mu.grad.abs()).all()
+    )
 
 
 # Bad input.

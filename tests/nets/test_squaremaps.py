@@ -1,4 +1,5 @@
-"""Maps of images of mu: the exact ones, those of the shipped networks, and what they pass on of a change of mu."""
+"""Maps of images of mu: the exact ones, those of the shipped networks, and what they pass on of a
+change of mu."""
 
 import numpy as np
 import pytest

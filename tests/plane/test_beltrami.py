@@ -1,4 +1,5 @@
-"""The Beltrami core against closed forms, against LaPy and libigl, and against itself by a second route."""
+"""The Beltrami core against closed forms, against LaPy and libigl, and against itself by a second
+route."""
 
 import igl
 import lapy
@@ -34,7 +35,7 @@ from qclearn.plane.checks import BeltramiError
 from qclearn.plane.coefficients import compose_coefficients, diffuse, inverse_coefficient
 from qclearn.plane.disk import Disk, boundary_loop
 from qclearn.plane.grids import polar_disk, square_disk
-from qclearn.plane.triangles import cotangent_stiffness
+from qclearn.plane.linear import cotangent_stiffness
 
 DISK = random_disk(seed=1)
 below_one = st.builds(lambda r, t: r * np.exp(1j * t), st.floats(0, 0.95), st.floats(0, 2 * np.pi))
@@ -44,7 +45,8 @@ def space(z):
     return np.stack([z.real, z.imag, np.zeros(len(z))], axis=1)
 
 
-# The catalogue itself: derivatives against central differences, largest |mu| against a fine sampling.
+# The catalogue itself: derivatives against central differences, largest |mu| against a fine
+# sampling.
 
 CATALOGUE = DISK_MAPS + [
     affine(2 + 1j, 0.7 - 0.4j, 3),
@@ -113,7 +115,9 @@ def test_affine_map_is_recovered():
     f_z, f_zbar = wirtinger(z, faces, exact(z))
     np.testing.assert_allclose(f_z, 1.2 - 0.5j, atol=1e-12)
     np.testing.assert_allclose(f_zbar, 0.3 + 0.6j, atol=1e-12)
-    np.testing.assert_allclose(beltrami_coefficient(z, faces, exact(z)), exact.mu(z[:1])[0], atol=1e-12)
+    np.testing.assert_allclose(
+        beltrami_coefficient(z, faces, exact(z)), exact.mu(z[:1])[0], atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("exact", DISK_MAPS, ids=lambda exact: exact.name)
@@ -152,7 +156,9 @@ def test_surface_target_of_a_lifted_plane_has_the_planar_coefficient():
     z, faces = DISK
     f = SLIDING(z)
     lifted = 3.0 * space(f) @ turned_in_space().T + [1.0, -2.0, 5.0]
-    np.testing.assert_allclose(beltrami_coefficient(z, faces, lifted), beltrami_coefficient(z, faces, f), atol=1e-12)
+    np.testing.assert_allclose(
+        beltrami_coefficient(z, faces, lifted), beltrami_coefficient(z, faces, f), atol=1e-12
+    )
 
 
 def test_surface_target_of_a_linear_map_into_space():
@@ -172,7 +178,9 @@ def test_surface_target_is_the_papers_formula_and_hides_folds():
     z, faces = DISK
     points = np.stack([z.real, z.imag + z.real**2, np.sin(3 * z.imag)], 1)
     gradients = hat_gradients(z, faces)
-    x, y = (np.einsum("fk,fkc->fc", part, points[faces]) for part in (gradients.real, gradients.imag))
+    x, y = (
+        np.einsum("fk,fkc->fc", part, points[faces]) for part in (gradients.real, gradients.imag)
+    )
     E, F, G = (x * x).sum(1), (x * y).sum(1), (y * y).sum(1)
     expected = (E - G + 2j * F) / (E + G + 2 * np.sqrt(E * G - F**2))
     np.testing.assert_allclose(beltrami_coefficient(z, faces, points), expected, atol=1e-12)
@@ -226,7 +234,9 @@ def test_composition_stays_below_one_and_undoes_itself(mu_f, mu_g, angle):
 
 def test_moebius_after_the_map_leaves_the_coefficient():
     z = DISK[0][abs(DISK[0]) > 0.05]
-    np.testing.assert_allclose(after(moebius(0.6 - 0.2j, 0.7), SLIDING).mu(z), SLIDING.mu(z), atol=1e-13)
+    np.testing.assert_allclose(
+        after(moebius(0.6 - 0.2j, 0.7), SLIDING).mu(z), SLIDING.mu(z), atol=1e-13
+    )
 
 
 # The matrix.
@@ -236,8 +246,12 @@ def test_moebius_after_the_map_leaves_the_coefficient():
 @given(below_one, st.complex_numbers(max_magnitude=10))
 def test_diffusion_is_the_papers_matrix_with_determinant_one(mu, gradient):
     x, y = mu.real, mu.imag
-    matrix = np.array([[(x - 1) ** 2 + y**2, -2 * y], [-2 * y, (x + 1) ** 2 + y**2]]) / (1 - x * x - y * y)
-    columns = np.array([[diffuse(mu, 1).real, diffuse(mu, 1j).real], [diffuse(mu, 1).imag, diffuse(mu, 1j).imag]])
+    matrix = np.array([[(x - 1) ** 2 + y**2, -2 * y], [-2 * y, (x + 1) ** 2 + y**2]]) / (
+        1 - x * x - y * y
+    )
+    columns = np.array(
+        [[diffuse(mu, 1).real, diffuse(mu, 1j).real], [diffuse(mu, 1).imag, diffuse(mu, 1j).imag]]
+    )
     np.testing.assert_allclose(columns, matrix, rtol=1e-11, atol=1e-11)
     assert np.linalg.det(columns) == pytest.approx(1, rel=1e-9)
     assert np.linalg.eigvalsh(columns).min() > 0
@@ -256,7 +270,8 @@ def test_diffused_gradient_of_u_is_the_turned_gradient_of_v():
 
 
 def test_stiffness_equals_the_cotangent_matrix_of_the_metric():
-    """K(mu) is the Laplacian of triangles with edges `e + mu conj(e)`: each laid out alone, then glued."""
+    """K(mu) is the Laplacian of triangles with edges `e + mu conj(e)`: each laid out alone, then
+    glued."""
     z, faces = DISK
     mu = random_mu(np.random.default_rng(0), z, faces, 0.8)
     corners = z[faces] + mu[:, None] * np.conj(z[faces])
@@ -276,12 +291,15 @@ def test_cotangent_stiffness_equals_libigl():
 def test_cotangent_stiffness_equals_the_matrix_of_any_embedding():
     z, faces = DISK
     points = np.stack([z.real, z.imag, np.sin(3 * z.real) * z.imag], 1)
-    difference = cotangent_stiffness(points, faces) - stiffness(z, faces, beltrami_coefficient(z, faces, points))
+    difference = cotangent_stiffness(points, faces) - stiffness(
+        z, faces, beltrami_coefficient(z, faces, points)
+    )
     assert abs(difference).max() < 1e-12
 
 
 def test_stiffness_of_a_composition_and_of_an_inverse_on_the_image_mesh():
-    """The energy of w(f(z)) may be taken in z or in f(z): the same matrix, coefficient by the composition formula."""
+    """The energy of w(f(z)) may be taken in z or in f(z): the same matrix, coefficient by the
+    composition formula."""
     z, faces = DISK
     f = SLIDING(z)
     f_z, mu_f = wirtinger(z, faces, f)[0], beltrami_coefficient(z, faces, f)

@@ -20,7 +20,7 @@ from qclearn.plane.bijectivity import (
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import Disk, boundary_loop, integers
 from qclearn.plane.grids import polar_disk
-from qclearn.plane.triangles import edge_lengths
+from qclearn.plane.linear import edge_lengths
 
 DISK = random_disk(seed=1)
 
@@ -54,7 +54,11 @@ def test_flipped_faces_are_named():
 def test_reflection_flips_every_face():
     z, faces = DISK
     certificate = check_bijective(z, faces, z.conj())
-    assert len(certificate.flipped) == len(faces) and not certificate.boundary and not certificate.bijective
+    assert (
+        len(certificate.flipped) == len(faces)
+        and not certificate.boundary
+        and not certificate.bijective
+    )
 
 
 def test_boundary_wound_twice_is_found_though_every_triangle_is_positive():
@@ -76,7 +80,9 @@ def test_boundary_that_crosses_itself_is_found_though_every_triangle_is_positive
 def test_image_need_not_be_convex():
     w, faces = strip()
     assert check_bijective(w, faces, bent(w, 0.95)).bijective
-    assert check_bijective(w, faces, bent(w, 1.4) * (1 - 0.7 * w.real)).bijective  # a spiral without overlap
+    assert check_bijective(
+        w, faces, bent(w, 1.4) * (1 - 0.7 * w.real)
+    ).bijective  # a spiral without overlap
 
 
 def test_boundary_that_touches_itself_is_found():
@@ -104,7 +110,11 @@ def test_not_finite_is_not_bijective(value, vertex):
 def test_collapsed_face_counts_as_flipped():
     z, faces = polar_disk(2, 8)
     f = z.copy()
-    f[1] = 0  # an inner vertex moved onto the centre, which its first two faces share; a third becomes collinear
+    f[1] = (
+        # An inner vertex moved onto the centre, which its first two faces share; a third becomes
+        # collinear.
+        0
+    )
     flat = np.flatnonzero(abs(signed_areas(f, faces)) < 1e-16)
     assert len(flat) == 3 and check_bijective(z, faces, f).flipped.tolist() == flat.tolist()
 
@@ -134,7 +144,9 @@ def test_embedding_needs_a_disk():
 
 
 def exact_double_area(a, b, c):
-    (ax, ay), (bx, by), (cx, cy) = ((Fraction(float(p.real)), Fraction(float(p.imag))) for p in (a, b, c))
+    (ax, ay), (bx, by), (cx, cy) = (
+        (Fraction(float(p.real)), Fraction(float(p.imag))) for p in (a, b, c)
+    )
     return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
 
 
@@ -168,14 +180,19 @@ STAR = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
 
 
 def stars(count, seed, scales=(-160.0, -9.0, 0.0, 9.0, 150.0)):
-    """Quadrangles with a vertex on one of their sides, to within a few units in the last place: complex (count, 5)."""
+    """Quadrangles with a vertex on one of their sides, to within a few units in the last place:
+    complex (count, 5)."""
     rng = np.random.default_rng(seed)
     rim = np.array([0, 1.3, 1.2 + 1.1j, -0.1 + 1j]) + 0.1 * (
         rng.normal(size=(count, 4)) + 1j * rng.normal(size=(count, 4))
     )
     side, share = rng.integers(0, 4, count), rng.uniform(0.05, 0.95, count)
     a, b = (np.take_along_axis(rim, ((side + k) % 4)[:, None], 1)[:, 0] for k in (0, 1))
-    inner = a + share * (b - a) + 1j * (b - a) * rng.integers(-3, 4, count) * 2.0 ** -rng.integers(51, 56, count)
+    inner = (
+        a
+        + share * (b - a)
+        + 1j * (b - a) * rng.integers(-3, 4, count) * 2.0 ** -rng.integers(51, 56, count)
+    )
     return np.column_stack([rim, inner]) * 10.0 ** rng.choice(scales, count)[:, None]
 
 
@@ -200,7 +217,9 @@ def test_stars_at_the_edge_of_rounding_are_judged_as_in_rational_numbers():
 
 def test_single_precision_is_judged_as_the_doubles_that_it_holds():
     many = stars(200, 4, [-3.0, 0.0]).astype(np.complex64)
-    assert [check_embedding(STAR, star).bijective for star in many] == [sound(star) for star in many]
+    assert [check_embedding(STAR, star).bijective for star in many] == [
+        sound(star) for star in many
+    ]
 
 
 @pytest.mark.parametrize("kind", [np.int8, np.uint8, np.int16, np.uint16, np.int32, np.uint64])
@@ -220,7 +239,9 @@ def test_doubles_become_integers_exactly(values):
         assert Fraction(values[one]) * int(number) == Fraction(value) * int(whole[one])
 
 
-coordinates = st.floats(-1, 1, allow_subnormal=True) | st.sampled_from([0.0, 1.0, 1 + 2**-52, 2**-53, 1e-300, -1e150])
+coordinates = st.floats(-1, 1, allow_subnormal=True) | st.sampled_from(
+    [0.0, 1.0, 1 + 2**-52, 2**-53, 1e-300, -1e150]
+)
 
 
 @given(st.tuples(*[st.tuples(coordinates, coordinates)] * 3))
@@ -233,7 +254,8 @@ def test_a_triangle_turns_over_when_two_corners_are_exchanged(corners):
 
 
 def test_a_whole_mesh_in_doubt_costs_little_a_vertex():
-    """Every triangle on one line, the worst that can be asked: three lines of Python a vertex, none a triangle."""
+    """Every triangle on one line, the worst that can be asked: three lines of Python a vertex, none
+    a triangle."""
     z, faces = polar_disk(40, 60)
     disk = Disk((1 + 0.5j) * z.real, faces)
     assert lines_run(lambda: disk.reversed) < 4 * len(z)
@@ -241,10 +263,12 @@ def test_a_whole_mesh_in_doubt_costs_little_a_vertex():
 
 
 @pytest.mark.parametrize(
-    "scale, shift, height", [(1, 0, 1e-13), (1e-8, 0, 1e-13), (1e8, 0, 1e-13), (1e-6, 0.7 - 0.2j, 1e-8)]
+    "scale, shift, height",
+    [(1, 0, 1e-13), (1e-8, 0, 1e-13), (1e8, 0, 1e-13), (1e-6, 0.7 - 0.2j, 1e-8)],
 )
 def test_thin_triangles_beyond_doubt_are_not_flipped(scale, shift, height):
-    """Wherever a triangle lies, as long as its coordinates resolve its height (in parts of its length)."""
+    """Wherever a triangle lies, as long as its coordinates resolve its height (in parts of its
+    length)."""
     f = shift + scale * np.exp(0.4j) * np.array([0, 1, 0.4 + 1j * height, 0.4 - 1j * height])
     assert Disk(f, np.array([[0, 1, 2], [0, 1, 3]])).flipped.tolist() == [1]
 
@@ -264,7 +288,8 @@ def test_mean_value_rows_are_averages():
 
 
 def test_mean_value_rows_reproduce_linear_functions():
-    """Floater's property at every interior vertex, in the plane of the mesh and in the metric of a constant mu."""
+    """Floater's property at every interior vertex, in the plane of the mesh and in the metric of a
+    constant mu."""
     z, faces = DISK
     inner = np.setdiff1d(np.arange(len(z)), boundary_loop(faces))
     for picture in (z, z + (0.5 - 0.3j) * z.conj()):
@@ -284,17 +309,25 @@ def test_mean_value_rows_of_slivers_stay_positive(height):
 def test_edge_lengths_lie_opposite_their_corners():
     z, faces = np.array([0, 3, 4j]), np.array([[0, 1, 2], [2, 0, 1]])
     assert edge_lengths(z[faces]).tolist() == [[5, 4, 3], [3, 5, 4]]
-    assert edge_lengths(np.stack([z.real, z.imag, 0 * z.real], 1)[faces]).tolist() == [[5, 4, 3], [3, 5, 4]]
+    assert edge_lengths(np.stack([z.real, z.imag, 0 * z.real], 1)[faces]).tolist() == [
+        [5, 4, 3],
+        [3, 5, 4],
+    ]
 
 
 # The repair.
 
 
 def folding_problem(seed):
-    """A coefficient that jumps from face to face and folds the disk map: (z, faces, mu, f, metric edge lengths)."""
+    """A coefficient that jumps from face to face and folds the disk map: (z, faces, mu, f, metric
+    edge lengths)."""
     z, faces = DISK
     rng = np.random.default_rng(seed)
-    mu = 0.93 * np.sqrt(rng.uniform(size=len(faces))) * np.exp(2j * np.pi * rng.uniform(size=len(faces)))
+    mu = (
+        0.93
+        * np.sqrt(rng.uniform(size=len(faces)))
+        * np.exp(2j * np.pi * rng.uniform(size=len(faces)))
+    )
     f = BeltramiDiskSolver(z, faces).solve(mu)
     edges = np.roll(z[faces], -1, axis=1) - np.roll(z[faces], -2, axis=1)
     return z, faces, mu, f, abs(edges + mu[:, None] * edges.conj())
@@ -311,7 +344,8 @@ def test_repair_unfolds(seed):
     assert check_bijective(z, faces, mended).bijective
     loop = boundary_loop(faces)
     assert (mended[loop] == f[loop]).all()
-    # Every interior row is either the Beltrami equation or an average, and the faces that were flipped are switched.
+    # Every interior row is either the Beltrami equation or an average, and the faces that were
+    # flipped are switched.
     kept = np.setdiff1d(np.arange(len(z)), np.concatenate([loop, switched]))
     assert len(kept) > 0.2 * len(z) and len(np.intersect1d(switched, loop)) == 0
     assert abs(matrix @ mended)[kept].max() < 1e-11 * matrix.diagonal().max()
@@ -346,7 +380,8 @@ def test_nothing_to_repair():
 
 @pytest.mark.parametrize("chord", [False, True])
 def test_repair_ends_where_it_cannot_help(chord):
-    """A folded boundary survives every row; with a chord across the mesh the rows beyond it are out of reach."""
+    """A folded boundary survives every row; with a chord across the mesh the rows beyond it are out
+    of reach."""
     z, faces = polar_disk(3, 9)
     first, second = boundary_loop(faces)[:2]
     if chord:

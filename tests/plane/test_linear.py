@@ -1,4 +1,5 @@
-"""Sparse systems: assembled, factored and solved, and an order of elimination that saves work and changes nothing."""
+"""Sparse systems: assembled, factored and solved, and an order of elimination that saves work and
+changes nothing."""
 
 import numpy as np
 import pytest
@@ -18,7 +19,10 @@ def test_assemble_sums_element_matrices():
     blocks = np.arange(18.0).reshape(2, 3, 3)
     matrix = assemble(np.array([[0, 1, 2], [2, 1, 3]]), blocks, 4).toarray()
     assert matrix[0].tolist() == [0, 1, 2, 0]
-    assert matrix[1, 2] == blocks[0, 1, 2] + blocks[1, 1, 0] and matrix[2, 1] == blocks[0, 2, 1] + blocks[1, 0, 1]
+    assert (
+        matrix[1, 2] == blocks[0, 1, 2] + blocks[1, 1, 0]
+        and matrix[2, 1] == blocks[0, 2, 1] + blocks[1, 0, 1]
+    )
 
 
 def test_factored_problem_takes_real_complex_and_many_loads():
@@ -30,14 +34,20 @@ def test_factored_problem_takes_real_complex_and_many_loads():
     load = rng.normal(size=(len(problem.free), 3)) + 1j * rng.normal(size=(len(problem.free), 3))
     load[:, 1] = 0
     np.testing.assert_allclose(problem.solve_free(load), np.linalg.solve(inner, load), atol=1e-10)
-    np.testing.assert_allclose(problem.solve_free(load[:, 0]), np.linalg.solve(inner, load[:, 0]), atol=1e-10)
-    np.testing.assert_allclose(problem.solve_free(load.real), np.linalg.solve(inner, load.real), atol=1e-10)
+    np.testing.assert_allclose(
+        problem.solve_free(load[:, 0]), np.linalg.solve(inner, load[:, 0]), atol=1e-10
+    )
+    np.testing.assert_allclose(
+        problem.solve_free(load.real), np.linalg.solve(inner, load.real), atol=1e-10
+    )
 
 
 # The order of elimination.
 
 
-@pytest.mark.parametrize("mesh", [random_disk(2, 200), polar_disk(40, 120)], ids=["random", "polar"])
+@pytest.mark.parametrize(
+    "mesh", [random_disk(2, 200), polar_disk(40, 120)], ids=["random", "polar"]
+)
 def test_it_is_a_permutation_with_fewer_entries_in_the_factors_than_the_order_of_the_vertices(mesh):
     z, faces = mesh
     matrix, loop = stiffness(z, faces, np.zeros(len(faces))), boundary_loop(faces)
@@ -47,17 +57,29 @@ def test_it_is_a_permutation_with_fewer_entries_in_the_factors_than_the_order_of
     shuffled = np.random.default_rng(0).permutation(inner)
     entries = [
         problem.factors.L.nnz
-        for problem in (Dirichlet(matrix, loop, order), Dirichlet(matrix, loop), Dirichlet(matrix, loop, shuffled))
+        for problem in (
+            Dirichlet(matrix, loop, order),
+            Dirichlet(matrix, loop),
+            Dirichlet(matrix, loop, shuffled),
+        )
     ]
     assert entries[0] < 1.4 * entries[1] and entries[0] < 0.3 * entries[2]
 
 
 def test_the_solution_is_that_of_any_other_order():
     z, faces = random_disk(3, 80)
-    matrix, loop = stiffness(z, faces, random_mu(np.random.default_rng(0), z, faces, 0.6)), boundary_loop(faces)
-    usual, ordered = Dirichlet(matrix, loop), Dirichlet(matrix, loop, elimination_order(matrix, z, loop))
+    matrix, loop = (
+        stiffness(z, faces, random_mu(np.random.default_rng(0), z, faces, 0.6)),
+        boundary_loop(faces),
+    )
+    usual, ordered = (
+        Dirichlet(matrix, loop),
+        Dirichlet(matrix, loop, elimination_order(matrix, z, loop)),
+    )
     np.testing.assert_allclose(ordered.solve(z[loop] ** 2), usual.solve(z[loop] ** 2), atol=1e-13)
-    np.testing.assert_allclose(matrix @ ordered.solve(z[loop]), matrix @ usual.solve(z[loop]), atol=1e-12)
+    np.testing.assert_allclose(
+        matrix @ ordered.solve(z[loop]), matrix @ usual.solve(z[loop]), atol=1e-12
+    )
 
 
 def test_large_meshes_are_solved_and_differentiated_as_small_ones_are(monkeypatch):
@@ -75,14 +97,18 @@ def test_large_meshes_are_solved_and_differentiated_as_small_ones_are(monkeypatc
     assert sorted(large.order) == sorted(small.order) and list(large.order) != list(small.order)
     again = surfaces.Surface(surface.vertices, surface.faces)  # which has sought no order yet
     np.testing.assert_allclose(disk_conformal_map(again), flat, atol=1e-9)
-    assert len(again.order) == len(surface.vertices) - len(surface.boundary) and surface.order is None
+    assert (
+        len(again.order) == len(surface.vertices) - len(surface.boundary) and surface.order is None
+    )
 
 
 @pytest.mark.parametrize("mesh", [random_disk(5, 300), polar_disk(20, 60)], ids=["random", "polar"])
 def test_a_solver_seeks_the_order_once(mesh, monkeypatch):
     mu, sought = random_mu(np.random.default_rng(0), *mesh, 0.6), []
     factorise = linear.factorise
-    monkeypatch.setattr(linear, "factorise", lambda *given: sought.append(given[1]) or factorise(*given))
+    monkeypatch.setattr(
+        linear, "factorise", lambda *given: sought.append(given[1]) or factorise(*given)
+    )
     exact = BeltramiDiskSolver(*mesh)
     first, again = exact.solve(mu), exact.solve(mu)
     assert sought[0] == "MMD_AT_PLUS_A" and set(sought[1:]) == {"NATURAL"}

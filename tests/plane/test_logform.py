@@ -5,11 +5,10 @@ import pytest
 from exactmaps import DISK_MAPS, after, moebius, sliding, twist
 from meshes import random_disk, random_mu
 
-from qclearn.plane.beltrami import solve_beltrami_disk
+from qclearn.plane.beltrami import mean_reciprocal, solve_beltrami_disk, solve_beltrami_disk_log
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import Disk, boundary_loop
 from qclearn.plane.grids import polar_disk, square_disk
-from qclearn.plane.logform import mean_reciprocal, solve_beltrami_disk_log
 from qclearn.plane.mobius import mobius
 
 MEASURED = {  # largest error over the vertices: square grid 32 and 64, polar 32 x 96 and 64 x 192
@@ -24,7 +23,9 @@ MEASURED = {  # largest error over the vertices: square grid 32 and 64, polar 32
 def test_error_and_rate_against_closed_forms(exact):
     errors = []
     for z, faces in (square_disk(32), square_disk(64), polar_disk(32, 96), polar_disk(64, 192)):
-        errors.append(abs(solve_beltrami_disk_log(z, faces, exact.on_faces(Disk(z, faces))) - exact(z)).max())
+        errors.append(
+            abs(solve_beltrami_disk_log(z, faces, exact.on_faces(Disk(z, faces))) - exact(z)).max()
+        )
     assert (np.array(errors) <= 1.05 * np.array(MEASURED[exact.name])).all(), errors
     assert min(np.log2(errors[0] / errors[1]), np.log2(errors[2] / errors[3])) >= 1.5, errors
 
@@ -36,7 +37,8 @@ def bend(z):
 
 @pytest.mark.parametrize("solve", [solve_beltrami_disk, solve_beltrami_disk_log])
 def test_error_estimate_by_refinement_holds_on_an_exact_map(solve):
-    """The estimate that the next test relies on: a third of the change from one grid to the next finer one."""
+    """The estimate that the next test relies on: a third of the change from one grid to the next
+    finer one."""
     exact = sliding(0.5)
     estimate = refined(solve, exact.mu, 32)[1]
     z, faces = polar_disk(32, 96)
@@ -45,7 +47,8 @@ def test_error_estimate_by_refinement_holds_on_an_exact_map(solve):
 
 
 def refined(solve, coefficient, nr):
-    """The map on the polar mesh 2 nr x 6 nr at the vertices of nr x 3 nr, and an estimate of its largest error."""
+    """The map on the polar mesh 2 nr x 6 nr at the vertices of nr x 3 nr, and an estimate of its
+    largest error."""
     maps = []
     for n in (nr, 2 * nr):
         z, faces = polar_disk(n, 3 * n)
@@ -79,7 +82,10 @@ def test_error_with_the_pole_anywhere():
     z, faces = polar_disk(32, 96)
     z = mobius(z, 0.2 - 0.1j, 0.5)
     assert abs(exact.mu(np.array([1e-6 + 0j]))[0]) > 0.05
-    assert abs(solve_beltrami_disk_log(z, faces, exact.on_faces(Disk(z, faces))) - exact(z)).max() < 2.5e-3
+    assert (
+        abs(solve_beltrami_disk_log(z, faces, exact.on_faces(Disk(z, faces))) - exact(z)).max()
+        < 2.5e-3
+    )
 
 
 def test_mean_reciprocal_against_subdivision():

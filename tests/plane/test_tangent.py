@@ -1,4 +1,5 @@
-"""The derivative in closed form against the solver's own: smooth changes by their rate, single nodes by their size."""
+"""The derivative in closed form against the solver's own: smooth changes by their rate, single
+nodes by their size."""
 
 import numpy as np
 import pytest
@@ -20,14 +21,16 @@ def field(z):
 
 
 def solved(mesh, grid):
-    """The solver of a mesh at `field`, its map, and the matrix from nu on the polar mesh `grid` to its faces."""
+    """The solver of a mesh at `field`, its map, and the matrix from nu on the polar mesh `grid` to
+    its faces."""
     solver = DiskSolver(mesh)
     to_faces = grid.to_faces if mesh is grid else grid.sampling(mesh.centroids)
     return solver, solver.solve(bounded(to_faces @ field(grid.z))), to_faces
 
 
 def both(mesh, grid, points):
-    """Gradients of Re f and Im f at points with respect to nu, (2, P, N): in closed form, and by adjoint solves."""
+    """Gradients of Re f and Im f at points with respect to nu, (2, P, N): in closed form, and by
+    adjoint solves."""
     solver, f, to_faces = solved(mesh, grid)
     samples, nu = mesh.sampling(points), field(grid.z)
     grad_f = np.concatenate([samples.toarray(), 1j * samples.toarray()])
@@ -75,7 +78,8 @@ def test_zero_stays_and_one_turns_not():
 
 
 def test_points_that_share_a_triangle_are_told_apart():
-    """Their difference is that of the triangle's corners: a kernel at the points themselves knows nothing of it."""
+    """Their difference is that of the triangle's corners: a kernel at the points themselves knows
+    nothing of it."""
     points = 0.31 + 0.2j + np.array([0, 0.01])
     closed, exact = both(Disk(*square_disk(32)), polar(12), points)
     there, here = (np.linalg.norm(part[:, 1] - part[:, 0]) for part in (exact, closed))
@@ -86,7 +90,9 @@ def test_points_that_share_a_triangle_are_told_apart():
 def test_hats_on_parts_of_triangles_are_their_means():
     z, faces = polar_disk(3, 9)
     inside = hats_inside(faces, len(z)) @ z
-    np.testing.assert_allclose(inside.reshape(len(faces), FINER**2).mean(1), z[faces].mean(1), atol=1e-14)
+    np.testing.assert_allclose(
+        inside.reshape(len(faces), FINER**2).mean(1), z[faces].mean(1), atol=1e-14
+    )
     squares = (abs(inside) ** 2).reshape(len(faces), -1).mean(1)
     exact = (abs(z[faces]) ** 2).sum(1) / 12 + 9 * abs(z[faces].mean(1)) ** 2 / 12
     np.testing.assert_allclose(squares, exact, atol=0.02)

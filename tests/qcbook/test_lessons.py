@@ -1,4 +1,5 @@
-"""Small networks in training: losses fall, a run goes on where it was stopped, and bad rates are refused."""
+"""Small networks in training: losses fall, a run goes on where it was stopped, and bad rates are
+refused."""
 
 import numpy as np
 import pytest
@@ -8,7 +9,14 @@ from qcbook.lessons import CPLesson, DBSLesson, lesson
 from qclearn.nets import TrainingError
 from qclearn.registration.problem import Weights
 
-SETTINGS = {"alpha": 1.0, "beta": 0.01, "gamma": 1e3, "equation": "as corrected", "rho": 1e-6, "rate": 3e-3}
+SETTINGS = {
+    "alpha": 1.0,
+    "beta": 0.01,
+    "gamma": 1e3,
+    "equation": "as corrected",
+    "rho": 1e-6,
+    "rate": 3e-3,
+}
 
 
 def steps(lesson, count):
@@ -53,7 +61,8 @@ def test_its_loss_is_that_of_the_map(one_thread):
 
 
 def test_the_printed_equation_is_another_loss(one_thread):
-    """Its rows on the boundary are not 0 at the right map: the loss of the untrained network is larger."""
+    """Its rows on the boundary are not 0 at the right map: the loss of the untrained network is
+    larger."""
     right, printed = DBSLesson("as corrected", rho=0.0), DBSLesson("as printed", rho=0.0)
     mu = right.draw()
     assert printed.loss(mu).item() > 1.2 * right.loss(mu).item()

@@ -1,4 +1,5 @@
-"""The energy of a surface: areas are measured right, their derivative holds, and a fit that sees them distorts less."""
+"""The energy of a surface: areas are measured right, their derivative holds, and a fit that sees
+them distorts less."""
 
 import json
 import re
@@ -11,14 +12,14 @@ from test_hybrid import CONTROL, MOVING, flat, folds
 from test_register import bowl, entries
 
 from qclearn.plane.mobius import mobius
-from qclearn.registration import checked
+from qclearn.registration import fit as fit_module
 from qclearn.registration.features import Feature, featured
 from qclearn.registration.fit import fit_landmarks, fit_problem, fit_registration
-from qclearn.registration.ladder import Climb, Level
-from qclearn.registration.preparation import Sides
+from qclearn.registration.multiresolution import Level, MultiresolutionFit
+from qclearn.registration.pair import SurfacePair
 from qclearn.registration.problem import LandmarkError, Problem, Weights
 from qclearn.registration.register import register
-from qclearn.surfaces.conformal import Side
+from qclearn.surfaces.conformal import ParameterizedSurface
 from qclearn.surfaces.surface import Surface
 
 WEIGHTS = Weights(beta=1e-3, delta=10.0, eta=0.1)
@@ -26,23 +27,29 @@ GROWTH = 0.4  # of the radius at the rim of `grown`, less at the centre
 
 
 def grown(disk, growth=GROWTH):
-    """A flat `Side` of a disk in which the vertex z lies at z (1 + growth |z|^2): its areas grow with the radius."""
+    """A flat `ParameterizedSurface` of a disk in which the vertex z lies at z (1 + growth |z|^2):
+    its areas grow with the radius."""
     at = disk.z * (1 + growth * abs(disk.z) ** 2)
-    return Side(Surface(np.stack([at.real, at.imag, 0 * at.real], axis=1), disk.faces), disk)
+    return ParameterizedSurface(
+        Surface(np.stack([at.real, at.imag, 0 * at.real], axis=1), disk.faces), disk
+    )
 
 
 def growth_of(z, growth=GROWTH):
-    """log of the share of a `grown` side's area over the disk's: the Jacobian `(1 + g r^2)(1 + 3 g r^2)` of shares."""
+    """log of the share of a `grown` side's area over the disk's: the Jacobian `(1 + g r^2)(1 + 3 g
+    r^2)` of shares."""
     square = abs(z) ** 2
     return np.log((1 + growth * square) * (1 + 3 * growth * square) / (1 + growth) ** 2)
 
 
 def sides_of(moving, control, maps=()):
-    """`Sides` of two flat `Side`s with features, if any."""
+    """`SurfacePair` of two flat `ParameterizedSurface`s with features, if any."""
     if not maps:
-        return Sides(moving, control, [], [])
-    moving, control, features = featured(moving, control, [Feature(f"{k}", *pair) for k, pair in enumerate(maps)])
-    return Sides(moving, control, [], [], features)
+        return SurfacePair(moving, control, [], [])
+    moving, control, features = featured(
+        moving, control, [Feature(f"{k}", *pair) for k, pair in enumerate(maps)]
+    )
+    return SurfacePair(moving, control, [], [], features)
 
 
 def problem_of(sides, p=(), q=()):
@@ -50,7 +57,7 @@ def problem_of(sides, p=(), q=()):
 
 
 def engine_of(problem, level):
-    return Climb(problem).engine(level, Weights(eta=0.5))
+    return MultiresolutionFit(problem).engine(level, Weights(eta=0.5))
 
 
 OWN, ON_GRID = Level(8, 4.0, 4, own_mesh=True), Level(12, 4.0, 4)
@@ -81,18 +88,24 @@ def test_a_mobius_map_of_the_moving_disk_changes_no_area_of_the_surfaces():
 
 @pytest.mark.parametrize("level", [OWN, ON_GRID])
 def test_the_derivative_of_areas_equals_central_differences(level):
-    engine, rng = engine_of(problem_of(sides_of(grown(MOVING, -0.2), grown(CONTROL))), level), np.random.default_rng(5)
+    engine, rng = (
+        engine_of(problem_of(sides_of(grown(MOVING, -0.2), grown(CONTROL))), level),
+        np.random.default_rng(5),
+    )
     f, step = mobius(TWIST(engine.link.disk.z), 0.1 + 0.05j, 0.2), 1e-6
     for _ in range(3):
         a, b, c = rng.normal(size=3) + 1j * rng.normal(size=3)
         change = 0.1 * (1 - abs(f) ** 2) * (a + b * f + c * f.conj() ** 2)
-        expected = (engine.areas.residual(f + step * change) - engine.areas.residual(f - step * change)) / (2 * step)
+        expected = (
+            engine.areas.residual(f + step * change) - engine.areas.residual(f - step * change)
+        ) / (2 * step)
         found = (engine.areas.rows(f).conj() @ change).real
         assert np.linalg.norm(found - expected) < 5e-3 * np.linalg.norm(expected)
 
 
 def test_prior_and_areas_together_are_henckys_energy():
-    """alpha |nu|^2 + alpha/4 (log J)^2 is half of alpha times the squared logs of the principal stretches."""
+    """alpha |nu|^2 + alpha/4 (log J)^2 is half of alpha times the squared logs of the principal
+    stretches."""
     rng = np.random.default_rng(0)
     A = rng.normal(size=(20, 2, 2))
     A[np.linalg.det(A) < 0, 0] *= -1
@@ -109,14 +122,18 @@ def test_a_face_that_folds_costs_much_and_not_infinitely():
     f[np.argmin(abs(f))] += 0.2
     residual, rows = engine.areas.residual(f), engine.areas.rows(f)
     assert np.isfinite(residual).all() and np.isfinite(rows.data).all()
-    assert abs(engine.areas.log_areal(f)).max() == pytest.approx(-np.log(engine.areas.FLOOR), rel=0.1)
+    assert abs(engine.areas.log_areal(f)).max() == pytest.approx(
+        -np.log(engine.areas.FLOOR), rel=0.1
+    )
 
 
 @pytest.fixture(scope="module")
 def pulled():
     """Three landmarks pulled across a disk, with eta 0, 0.3 and 3."""
     p = 0.4 * np.exp(2j * np.pi * np.arange(3) / 3)
-    problem = problem_of(sides_of(flat(MOVING), flat(CONTROL)), p, [0.7, *(0.35 * p[1:] / abs(p[1:]))])
+    problem = problem_of(
+        sides_of(flat(MOVING), flat(CONTROL)), p, [0.7, *(0.35 * p[1:] / abs(p[1:]))]
+    )
     return [(fit_problem(problem, Weights(eta=eta)), eta) for eta in (0.0, 0.3, 3.0)]
 
 
@@ -127,7 +144,10 @@ def test_with_landmarks_alone_a_larger_eta_changes_less_area(pulled):
         spread.append(MOVING.areas @ (ratio - MOVING.areas @ ratio / MOVING.areas.sum()) ** 2)
         assert fit.bijective and fit.fallbacks == () and fit.landmark_error < 0.05
     assert spread[2] < 0.8 * spread[1] < 0.8 * 0.9 * spread[0]
-    assert "L_area" not in pulled[0][0].losses and pulled[2][0].losses["L_area"] < pulled[1][0].losses["L_area"]
+    assert (
+        "L_area" not in pulled[0][0].losses
+        and pulled[2][0].losses["L_area"] < pulled[1][0].losses["L_area"]
+    )
 
 
 def test_without_eta_the_papers_setting_is_met_exactly(monkeypatch):
@@ -137,27 +157,39 @@ def test_without_eta_the_papers_setting_is_met_exactly(monkeypatch):
         seen.append(problem)
         return fit_problem(problem, *given, **options)
 
-    monkeypatch.setattr(checked, "fit_problem", fit)
+    monkeypatch.setattr(fit_module, "fit_problem", fit)
     result = register(bowl(0.6), bowl(0.9), entries(0), features=None, eta=0)
     (problem,) = seen
-    alone = fit_landmarks(problem.disk.z, problem.disk.faces, problem.moving, problem.target, curve=problem.curve)
+    alone = fit_landmarks(
+        problem.disk.z, problem.disk.faces, problem.moving, problem.target, curve=problem.curve
+    )
     np.testing.assert_allclose(result.disk_map, alone.f, rtol=0, atol=1e-9)
-    assert result.report["eta"] == 0 and register(bowl(0.6), bowl(0.9), entries(0), features=None).report["eta"] == 0
+    assert (
+        result.report["eta"] == 0
+        and register(bowl(0.6), bowl(0.9), entries(0), features=None).report["eta"] == 0
+    )
 
 
 def test_the_report_tells_eta_and_distortions():
-    told = [register(bowl(0.6), bowl(1.2), entries(0), eta=eta, features=None).report for eta in (0.0, 2.0)]
+    told = [
+        register(bowl(0.6), bowl(1.2), entries(0), eta=eta, features=None).report
+        for eta in (0.0, 2.0)
+    ]
     areas = [report["distortion"]["log2_area"] for report in told]
     assert [report["eta"] for report in told] == [0.0, 2.0] and json.dumps(told)
-    assert all(list(area) == ["50", "95", "100"] and area["50"] < area["95"] < area["100"] for area in areas)
+    assert all(
+        list(area) == ["50", "95", "100"] and area["50"] < area["95"] < area["100"]
+        for area in areas
+    )
     assert areas[1]["95"] < areas[0]["95"]
 
 
 def tall(disk, height=0.5):
-    """The `Side` of a disk under a hill and a hollow, whose places in space tell a turned map from the right one."""
+    """The `ParameterizedSurface` of a disk under a hill and a hollow, whose places in space tell a
+    turned map from the right one."""
     w = disk.z
     z = height * np.exp(-8 * abs(w - 0.4) ** 2) - height * np.exp(-8 * abs(w - 0.4j) ** 2)
-    return Side(Surface(np.stack([w.real, w.imag, z], axis=1), disk.faces), disk)
+    return ParameterizedSurface(Surface(np.stack([w.real, w.imag, z], axis=1), disk.faces), disk)
 
 
 MAPS = list(zip(folds(TWIST(MOVING.z)), folds(CONTROL.z)))
@@ -183,19 +215,27 @@ def test_fits_from_spoilt_starts_end_where_the_good_one_does(spoilt):
 
 def test_the_start_is_told_in_words(spoilt):
     good, *_, last = spoilt
-    assert re.match(r"by features; with places in space the start lies 0\.\d+ from there", good.start)
-    assert re.match(r"by features and places \(objective \S+\), not by features \(objective \S+\)", last.start)
+    assert re.match(
+        r"by features; with places in space the start lies 0\.\d+ from there", good.start
+    )
+    assert re.match(
+        r"by features and places \(objective \S+\), not by features \(objective \S+\)", last.start
+    )
     taken, left = map(float, re.findall(r"objective ([\d.]+)", last.start))
     assert taken < left
 
 
 def test_places_that_mislead_do_no_harm():
-    """The moving side is turned about in space: its places lead astray, and the way without them is kept."""
+    """The moving side is turned about in space: its places lead astray, and the way without them is
+    kept."""
     side = tall(MOVING)
     turned = replace(side, surface=Surface(side.surface.vertices * [-1, -1, 1], MOVING.faces))
     sides = sides_of(turned, tall(CONTROL), MAPS)
     fit = fit_registration(problem_of(sides), WEIGHTS, sides.features)
-    assert fit.start.startswith("by features (objective") and abs(fit.f - TWIST(MOVING.z)).mean() < 0.02
+    assert (
+        fit.start.startswith("by features (objective")
+        and abs(fit.f - TWIST(MOVING.z)).mean() < 0.02
+    )
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,16 @@ from scipy.special import j0, jn_zeros
 
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk
-from qclearn.registration.features import Feature, FeatureError, check_features, featured
-from qclearn.registration.smoothing import HEMISPHERE, Smoothing
-from qclearn.registration.terms import FeatureTerm
-from qclearn.surfaces.conformal import Side
+from qclearn.registration.features import (
+    HEMISPHERE,
+    Feature,
+    FeatureError,
+    Smoothing,
+    check_features,
+    featured,
+)
+from qclearn.registration.residuals import FeatureTerm
+from qclearn.surfaces.conformal import ParameterizedSurface
 from qclearn.surfaces.curvature import mean_curvature, sulcal_depth
 from qclearn.surfaces.surface import Surface
 
@@ -25,7 +31,7 @@ def flat(unit=1.0):
 
 def compared(surface, maps):
     """The features of a surface laid on the disk, compared with its own others."""
-    side = Side(surface, DISK)
+    side = ParameterizedSurface(surface, DISK)
     return featured(side, side, maps)[-1]
 
 
@@ -35,7 +41,10 @@ def waves(w):
 
 
 def features(unit=1.0, scale=1.0, weights=(1.0, 1.0)):
-    maps = [Feature(f"wave {k}", scale * u + k, 3 * u, w) for k, (u, w) in enumerate(zip(waves(Z), weights))]
+    maps = [
+        Feature(f"wave {k}", scale * u + k, 3 * u, w)
+        for k, (u, w) in enumerate(zip(waves(Z), weights))
+    ]
     return compared(flat(unit), maps)
 
 
@@ -45,7 +54,7 @@ def test_heat_flow_damps_an_eigenfunction_of_the_disk_as_its_eigenvalue_says(mon
     wave = j0(k * abs(Z))[:, None]
     time = sigma**2 / 2 * np.pi / HEMISPHERE
     smoothing = Smoothing(flat(), ["wave"], wave)
-    monkeypatch.setattr("qclearn.registration.smoothing.clipped", lambda values, *_: values)
+    monkeypatch.setattr("qclearn.registration.features.clipped", lambda values, *_: values)
     expected = (1 + k**2 * time / 4) ** -4
     assert 0.6 < expected < 0.9
     np.testing.assert_allclose(smoothing.heat(sigma), expected * wave, atol=1e-2)
@@ -69,24 +78,30 @@ def test_any_scale_will_do(scale):
 def test_outliers_are_clipped():
     values = waves(Z)[0].copy()
     values[[5, 900]] = [1e4, -1e4]
-    smoothed = Smoothing(flat(), ["spiked", "wave"], np.stack([values, waves(Z)[0]], axis=1)).at(4.0)
+    smoothed = Smoothing(flat(), ["spiked", "wave"], np.stack([values, waves(Z)[0]], axis=1)).at(
+        4.0
+    )
     assert abs(smoothed).max() < 4
     areas = flat().vertex_areas / flat().area
     assert areas @ smoothed.prod(1) > 0.3  # unclipped: two spikes alone
 
 
 def test_the_mismatch_is_twice_one_less_the_correlation():
-    """Where the map keeps the variance: the same vertices on both sides, and a feature that is another one there."""
+    """Where the map keeps the variance: the same vertices on both sides, and a feature that is
+    another one there."""
     one, two = waves(Z)
     pair = compared(flat(), [Feature("mixed", one + two, one - 0.3 * two)])
     r = pair.correlation(Z)
     assert 0.1 < r[0] < 0.9
-    assert (FeatureTerm(pair, 4.0, 0.7).residual(Z) ** 2).sum() == pytest.approx(0.7 * 2 * (1 - r[0]), rel=1e-6)
+    assert (FeatureTerm(pair, 4.0, 0.7).residual(Z) ** 2).sum() == pytest.approx(
+        0.7 * 2 * (1 - r[0]), rel=1e-6
+    )
 
 
 def test_weights_are_shares():
     mismatch = [
-        (FeatureTerm(features(weights=w), 8.0, 1.0).residual(0.9 * Z) ** 2).sum() for w in ((1, 3), (1, 1), (0.2, 0.6))
+        (FeatureTerm(features(weights=w), 8.0, 1.0).residual(0.9 * Z) ** 2).sum()
+        for w in ((1, 3), (1, 1), (0.2, 0.6))
     ]
     assert mismatch[0] == pytest.approx(mismatch[2]) != pytest.approx(mismatch[1])
 
@@ -101,7 +116,12 @@ def test_the_folds_are_depth_and_curvature():
 
 def test_maps_of_the_users_own_with_and_without_weights():
     one, two = waves(Z)
-    given = [(one, two), ((two, one), 2), Feature("sulc", one, one, 0.5), (Feature("thickness", one, one), 3.0)]
+    given = [
+        (one, two),
+        ((two, one), 2),
+        Feature("sulc", one, one, 0.5),
+        (Feature("thickness", one, one), 3.0),
+    ]
     found = check_features(given, flat(), flat())
     assert [(feature.name, feature.weight) for feature in found] == [
         ("feature 1", 1.0),
@@ -113,7 +133,8 @@ def test_maps_of_the_users_own_with_and_without_weights():
 
 
 def test_coarse_scales_of_a_large_surface_are_smoothed_on_few_vertices():
-    """With the finest one as it was, bit for bit, and without a disk, or on a small surface, all of them."""
+    """With the finest one as it was, bit for bit, and without a disk, or on a small surface, all of
+    them."""
     large = Disk(*polar_disk(100, 210))
     for disk, same in ((large, [True, False, False]), (DISK, [True, True, True])):
         surface = Surface(np.stack([disk.z.real, disk.z.imag, 0 * disk.z.real], axis=1), disk.faces)
@@ -131,23 +152,41 @@ HOLE = np.where(np.arange(len(Z)) == 7, np.nan, ONE)
 SPIKE = 0.3 + 1.0 * (np.arange(len(Z)) == 900)
 MASK = 1.0 * (np.arange(len(Z)) < len(Z) // 200)
 BAD_FEATURES = [
-    ([(ONE, SPIKE)], "feature 1, control side: the same value everywhere but for outliers; leave it out"),
-    ([(MASK, ONE)], "feature 1, moving side: the same value everywhere but for outliers; leave it out"),
+    (
+        [(ONE, SPIKE)],
+        "feature 1, control side: the same value everywhere but for outliers; leave it out",
+    ),
+    (
+        [(MASK, ONE)],
+        "feature 1, moving side: the same value everywhere but for outliers; leave it out",
+    ),
     ([("wave", ONE)], "^feature 1, moving side: values of type <U4"),
     (["sulc"], "unknown feature 'sulc': depth and curvature are computed"),
     ("depth", "features are 'depth': give a list"),
     ([], r"features are \[\]: give a list of them, or None for landmarks alone"),
     ([ONE], "feature 1 is neither a name nor a pair of maps"),
-    ([(ONE, ONE), (ONE, ONE[:-1])], rf"feature 2, control side: shape \({len(Z) - 1},\) for {len(Z)} vertices"),
+    (
+        [(ONE, ONE), (ONE, ONE[:-1])],
+        rf"feature 2, control side: shape \({len(Z) - 1},\) for {len(Z)} vertices",
+    ),
     ([(ONE, HOLE)], r"feature 1, control side: not finite at vertices \[7\]"),
-    ([(np.full(len(Z), 2.5), ONE)], "feature 1, moving side: the same value everywhere, 2.5; leave"),
+    (
+        [(np.full(len(Z), 2.5), ONE)],
+        "feature 1, moving side: the same value everywhere, 2.5; leave",
+    ),
     ([Feature("sulc", ONE, ONE + 0j)], "sulc, control side: values of type complex128"),
-    ([Feature("areas", np.arange(len(Z)), ONE)], "areas, moving side: values of type int64.*labels have no order"),
+    (
+        [Feature("areas", np.arange(len(Z)), ONE)],
+        "areas, moving side: values of type int64.*labels have no order",
+    ),
     ([(ONE > 0, ONE)], "feature 1, moving side: values of type bool"),
     ([([[1.0], [1.0, 2.0]], ONE)], "feature 1, moving side: lists of unequal lengths"),
     ([(ONE, [[1.0], [1.0, 2.0]])], "feature 1, control side: lists of unequal lengths"),
     ([(ONE.tolist(), [[1.0], [1.0, 2.0]])], "feature 1, control side: lists of unequal lengths"),
-    *[([Feature(name, ONE, ONE)], "feature 1: its name .* is not text") for name in (None, 3, ["a"])],
+    *[
+        ([Feature(name, ONE, ONE)], "feature 1: its name .* is not text")
+        for name in (None, 3, ["a"])
+    ],
     ([((ONE, ONE), 0.0)], "feature 1: weight 0.0 is not positive"),
     ([((ONE, ONE), np.nan)], "feature 1: weight nan is not positive"),
     ([Feature("sulc", ONE, ONE), Feature("sulc", ONE, ONE)], r"features named twice: \['sulc'\]"),

@@ -1,4 +1,5 @@
-"""Looks: the first step is the fit's, two end where the fit does, each makes one exact map, and no step is too long."""
+"""CoefficientRefinement: the first step is the fit's, two end where the fit does, each makes one
+exact map, and no step is too long."""
 
 from itertools import pairwise
 
@@ -6,16 +7,15 @@ import numpy as np
 import pytest
 
 from qclearn.plane.disk import Disk
-from qclearn.plane.grids import polar_disk, square_disk
+from qclearn.plane.grids import Spectrum, polar_disk, square_disk
 from qclearn.plane.mobius import best_mobius, mobius
-from qclearn.plane.spectrum import Spectrum
-from qclearn.registration import looks
-from qclearn.registration.engine import Engine, Setting
+from qclearn.plane.tangent import CoefficientMesh
+from qclearn.registration import refinement
 from qclearn.registration.fit import exact_map, fit_problem
-from qclearn.registration.link import Link
-from qclearn.registration.looks import Looks, refit
+from qclearn.registration.gauss_newton import Discretization, GaussNewtonObjective
 from qclearn.registration.metrics import measured_losses
 from qclearn.registration.problem import Problem, Weights
+from qclearn.registration.refinement import CoefficientRefinement, refit
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +25,7 @@ def spectrum():
 
 @pytest.fixture(scope="module")
 def link(spectrum):
-    return Link(Disk(*polar_disk(16, 48, 1.4)), spectrum.mesh)
+    return CoefficientMesh(Disk(*polar_disk(16, 48, 1.4)), spectrum.mesh)
 
 
 def twisted(turn):
@@ -43,16 +43,23 @@ def test_fields_and_their_coefficients(spectrum):
     assert abs(nu[0] - nu[1:37].mean()) < 1e-14
     assert abs((spectrum.areas * abs(nu[1:]) ** 2).sum() / np.pi - (abs(c) ** 2).sum()) < 1e-9
     g = rng.normal(size=(3, len(nu), 2)) @ [1, 1j]  # gradients: Re conj(g) nu = Re conj(E^* g) c
-    np.testing.assert_allclose((g.conj() @ nu).real, (spectrum.gradients(g).conj() @ c).real, atol=1e-10)
+    np.testing.assert_allclose(
+        (g.conj() @ nu).real, (spectrum.gradients(g).conj() @ c).real, atol=1e-10
+    )
 
 
 def test_the_first_step_is_that_of_the_fit(spectrum):
     p, q = twisted(0.25)
     q = mobius(q, *best_mobius(q, p))
-    link = Link(spectrum.mesh, spectrum.mesh)
-    newton = Engine(Setting(Problem(Disk(*polar_disk(12, 36, 1.4)), p, q), link, own=False), Weights(1.0, 0.1))
-    change, *_ = newton.linearise(newton.at(np.zeros(len(spectrum.mesh.z), complex), (0j, 0.0)), 1e3).propose()
-    nu, wanted, left = Looks(link, spectrum, (p, q), 0.1, 1e3).born()
+    link = CoefficientMesh(spectrum.mesh, spectrum.mesh)
+    newton = GaussNewtonObjective(
+        Discretization(Problem(Disk(*polar_disk(12, 36, 1.4)), p, q), link, own=False),
+        Weights(1.0, 0.1),
+    )
+    change, *_ = newton.linearise(
+        newton.at(np.zeros(len(spectrum.mesh.z), complex), (0j, 0.0)), 1e3
+    ).propose()
+    nu, wanted, left = CoefficientRefinement(link, spectrum, (p, q), 0.1, 1e3).born()
     assert abs(nu - change)[1:].max() < 0.1 * abs(change).max()
     assert np.linalg.norm(left) < 0.8 * np.linalg.norm(wanted)
     assert abs(wanted - (q - p)).max() < 0.01
@@ -64,40 +71,44 @@ def test_two_looks_end_where_the_fit_does(link, spectrum, monkeypatch, turn, bet
     problem, weights = Problem(link.disk, p, q), Weights(1.0, beta, gamma)
     fit, solve, solved = fit_problem(problem, weights), link.solver.solve, []
     monkeypatch.setattr(link.solver, "solve", lambda mu: solved.append(mu) or solve(mu))
-    stages = list(Looks(link, spectrum, (p, q), beta, gamma).run(None, 2))
+    stages = list(CoefficientRefinement(link, spectrum, (p, q), beta, gamma).run(None, 2))
     assert len(solved) == 2  # one exact map a look, and no fit
 
     def loss(found):
         return measured_losses(problem, weights, found.mu, problem.samples @ found.f)["L_CP"]
 
-    losses = [loss(exact_map(problem, link.coefficient(proposal.nu))) / loss(fit) for proposal, _ in stages]
+    losses = [
+        loss(exact_map(problem, link.coefficient(proposal.nu))) / loss(fit)
+        for proposal, _ in stages
+    ]
     assert losses[2] < 1.03 and losses[0] > 1.02 * losses[2], losses
 
 
 def test_no_step_is_longer_than_allowed_and_none_is_kept_that_raises_the_objective(link, spectrum):
-    """Curves that are to change their places: no bijection is near, and the whole step would be of size 100."""
+    """Curves that are to change their places: no bijection is near, and the whole step would be of
+    size 100."""
     p, _ = twisted(0.0)
-    stages = list(Looks(link, spectrum, (p, np.roll(p, 6)), 1e-3, 1e5).run(None, 4))
+    stages = list(CoefficientRefinement(link, spectrum, (p, np.roll(p, 6)), 1e-3, 1e5).run(None, 4))
     best = [look.objective for _, look in stages]
-    assert all(after < looks.RISE * before for before, after in pairwise(best))
+    assert all(after < refinement.RISE * before for before, after in pairwise(best))
     assert all(np.isfinite(proposal.nu).all() for proposal, _ in stages)
-    assert stages[0][0].cut and abs(stages[0][0].nu).max() <= looks.MOST
+    assert stages[0][0].cut and abs(stages[0][0].nu).max() <= refinement.MOST
 
 
 def test_what_raises_the_objective_is_taken_back(link, spectrum):
     p, q = twisted(0.25)
-    found = Looks(link, spectrum, (p, q), 0.1, 1e3)
+    found = CoefficientRefinement(link, spectrum, (p, q), 0.1, 1e3)
     bad = 1.2 * np.exp(3j * spectrum.mesh.z.real)
     (start, before), (taken, after) = found.run(bad, 1)
     assert after is before and taken.cut  # nu = 0 was better
-    np.testing.assert_allclose(taken.x, looks.BACK * start.x)
+    np.testing.assert_allclose(taken.x, refinement.BACK * start.x)
 
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_few_landmarks_need_no_map(link, spectrum, count):
     p, q = (points[:count] for points in twisted(0.3))
     q = mobius(p, 0.1 + 0.2j, 0.4)
-    for proposal, _ in Looks(link, spectrum, (p, q), 1e-2, 1e5).run(None, 1):
+    for proposal, _ in CoefficientRefinement(link, spectrum, (p, q), 1e-2, 1e5).run(None, 1):
         assert abs(proposal.nu).max() < 1e-3
 
 
@@ -105,13 +116,19 @@ def test_refitted_mobius_maps_are_the_best_ones():
     p, _ = twisted(0.0)
     for a, theta in ((0.3 - 0.2j, 2.0), (0.6j, -1.0)):
         q = mobius(p, a, theta) + 0.01 * p**2
-        np.testing.assert_allclose(mobius(p, *refit(p, q)), mobius(p, *best_mobius(p, q)), atol=1e-3)
+        np.testing.assert_allclose(
+            mobius(p, *refit(p, q)), mobius(p, *best_mobius(p, q)), atol=1e-3
+        )
 
 
 def test_the_answer_hardly_depends_on_the_mesh(spectrum):
     p, q = twisted(0.25)
     one, other = (
-        list(Looks(Link(Disk(*mesh), spectrum.mesh), spectrum, (p, q), 0.1, 1e3).run(None, 1))[-1][0].nu
+        list(
+            CoefficientRefinement(
+                CoefficientMesh(Disk(*mesh), spectrum.mesh), spectrum, (p, q), 0.1, 1e3
+            ).run(None, 1)
+        )[-1][0].nu
         for mesh in (polar_disk(16, 48, 1.4), square_disk(32))
     )
     assert abs(one - other).max() < 0.1 * abs(one).max()

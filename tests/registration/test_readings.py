@@ -1,4 +1,5 @@
-"""One or two curves, or none: the folds tell a left from a right, and ends that lie elsewhere. fsaverage5 has both."""
+"""One or two curves, or none: the folds tell a left from a right, and ends that lie elsewhere.
+fsaverage5 has both."""
 
 from dataclasses import replace
 
@@ -9,12 +10,17 @@ import pytest
 from qclearn.io.fsaverage import demo_landmarks, fsaverage5
 from qclearn.plane.disk import Disk
 from qclearn.plane.mobius import mobius
+from qclearn.registration.curves import check_curves
+from qclearn.registration.diagnose import (
+    LIMITS,
+    diagnose_landmarks,
+    laid_by_folds,
+    rotation_contrast,
+    with_folds,
+)
 from qclearn.registration.features import mirrored_gain
-from qclearn.registration.landmarkfile import check_curves
-from qclearn.registration.limits import LIMITS
-from qclearn.registration.preparation import Sides, laid_upon
-from qclearn.registration.readings import decisive, laid_by_folds, mistakes, with_folds
-from qclearn.surfaces.conformal import laid_out
+from qclearn.registration.pair import SurfacePair, align_disks
+from qclearn.surfaces.conformal import parameterize
 from qclearn.surfaces.surface import Surface, mirror
 
 SULCI = demo_landmarks()["curves"]
@@ -23,24 +29,32 @@ SULCI = demo_landmarks()["curves"]
 @pytest.fixture(scope="module")
 def sides():
     """fsaverage5's mirrored right hemisphere and its left one, each on its disk, with their folds."""
-    return with_folds(Sides(laid_out(mirror(fsaverage5("right"))), laid_out(fsaverage5("left")), [], []))
+    return with_folds(
+        SurfacePair(
+            parameterize(mirror(fsaverage5("right"))), parameterize(fsaverage5("left")), [], []
+        )
+    )
 
 
 @pytest.fixture(scope="module")
 def aligned(sides):
-    return laid_upon(sides)
+    return align_disks(sides)
 
 
 def other_hand(side):
-    """A `Side` and its features, which know nothing of hands, seen in a mirror."""
+    """A `ParameterizedSurface` and its features, which know nothing of hands, seen in a mirror."""
     surface = mirror(side.surface)
     return replace(side, surface=surface, disk=Disk(side.disk.z.conj(), surface.faces))
 
 
 def said(sides, curves):
     """The words on curves of two sides, laid upon each other by them."""
-    return mistakes(
-        laid_upon(replace(sides, entries=check_curves(curves, sides.moving.surface, sides.control.surface)))
+    return diagnose_landmarks(
+        align_disks(
+            replace(
+                sides, entries=check_curves(curves, sides.moving.surface, sides.control.surface)
+            )
+        )
     )
 
 
@@ -49,13 +63,13 @@ def backwards(entry):
 
 
 def test_without_landmarks_the_right_hand_is_not_suspect(aligned):
-    assert mistakes(aligned) == []
+    assert diagnose_landmarks(aligned) == []
     assert mirrored_gain(aligned.moving, aligned.control) < -0.3
 
 
 def test_without_landmarks_the_wrong_hand_is_recognised(sides):
-    wrong = laid_upon(replace(sides, moving=other_hand(sides.moving)))
-    (reason,) = mistakes(wrong)
+    wrong = align_disks(replace(sides, moving=other_hand(sides.moving)))
+    (reason,) = diagnose_landmarks(wrong)
     assert reason.startswith("mirror: the folds fit") and "--mirror" in reason
     assert mirrored_gain(wrong.moving, wrong.control) > 0.3
 
@@ -86,7 +100,10 @@ def test_what_the_folds_say_does_not_hang_on_where_the_landmarks_laid_the_disk(s
     entries = check_curves(SULCI[:1], sides.moving.surface, sides.control.surface)
     disk = sides.moving.disk
     aside = replace(sides.moving, disk=disk.at(mobius(disk.z, 0.9 - 0.3j, 2.0)))
-    places = [laid_by_folds(replace(sides, moving=own, entries=entries)).moving.disk.z for own in (sides.moving, aside)]
+    places = [
+        laid_by_folds(replace(sides, moving=own, entries=entries)).moving.disk.z
+        for own in (sides.moving, aside)
+    ]
     assert abs(places[0] - places[1]).max() < 1e-3
 
 
@@ -95,17 +112,23 @@ def test_what_the_folds_say_does_not_hang_on_where_the_landmarks_laid_the_disk(s
 
 @pytest.fixture
 def round_bowls():
-    """Two bowls of revolution with one spoke, which runs from the rim inwards on one side: what is right?"""
+    """Two bowls of revolution with one spoke, which runs from the rim inwards on one side: what is
+    right?"""
     path = np.arange(1, 1 + 24 * 6, 24)
-    moving, control = (laid_out(meshes.bowl(height, curves={"east": path})) for height in (0.6, 0.9))
+    moving, control = (
+        parameterize(meshes.bowl(height, curves={"east": path})) for height in (0.6, 0.9)
+    )
     curves = [{"name": "east", "moving": path[::-1], "control": path}]
-    return Sides(moving, control, check_curves(curves, moving.surface, control.surface), [])
+    return SurfacePair(moving, control, check_curves(curves, moving.surface, control.surface), [])
 
 
 def test_surfaces_of_revolution_judge_no_curve(round_bowls):
-    laid = laid_by_folds(laid_upon(round_bowls))
-    assert decisive(laid) < LIMITS["decisive"]
-    assert abs(mirrored_gain(laid.moving, laid.control)) < LIMITS["hand"] and mistakes(laid_upon(round_bowls)) == []
+    laid = laid_by_folds(align_disks(round_bowls))
+    assert rotation_contrast(laid) < LIMITS["rotation_contrast"]
+    assert (
+        abs(mirrored_gain(laid.moving, laid.control)) < LIMITS["hand"]
+        and diagnose_landmarks(align_disks(round_bowls)) == []
+    )
 
 
 def test_flat_surfaces_judge_no_curve(round_bowls):
@@ -114,4 +137,4 @@ def test_flat_surfaces_judge_no_curve(round_bowls):
         return replace(side, surface=surface)
 
     plain = replace(round_bowls, moving=flat(round_bowls.moving), control=flat(round_bowls.control))
-    assert laid_by_folds(plain) is None and mistakes(plain) == []
+    assert laid_by_folds(plain) is None and diagnose_landmarks(plain) == []

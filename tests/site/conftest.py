@@ -55,11 +55,18 @@ def site_address():
 
 @pytest.fixture(scope="session")
 def lab(browser, tmp_path_factory):
-    """JupyterLab on copies/ (the executed pages), sources/ (book/) and planted/: its address, and the folder."""
+    """JupyterLab on copies/ (the executed pages), sources/ (book/) and planted/: its address, and
+    the folder."""
     home = tmp_path_factory.mktemp("lab")
     root = home / "pages"
-    shutil.copytree(COPIES, root / "copies") if COPIES.exists() else (root / "copies").mkdir(parents=True)
-    shutil.copytree(ROOT / "book", root / "sources", ignore=shutil.ignore_patterns("_assets", ".ipynb_checkpoints"))
+    shutil.copytree(COPIES, root / "copies") if COPIES.exists() else (root / "copies").mkdir(
+        parents=True
+    )
+    shutil.copytree(
+        ROOT / "book",
+        root / "sources",
+        ignore=shutil.ignore_patterns("_assets", ".ipynb_checkpoints"),
+    )
     (root / "planted").mkdir()
     with jupyterlab(home, root) as address:
         yield SimpleNamespace(address=address, home=home, root=root)

@@ -1,5 +1,6 @@
-"""The copies for JupyterLab as files: which kinds of elements each holds, a few pages that hold all kinds between them,
-and what is wrong with a copy. What is planted into a small page shows that each fault is noticed."""
+"""The copies for JupyterLab as files: which kinds of elements each holds, a few pages that hold all
+kinds between them, and what is wrong with a copy. What is planted into a small page shows that each
+fault is noticed."""
 
 import html
 import json
@@ -18,7 +19,8 @@ from book.builder.readable import Readable, for_jupyterlab, stored_values
 
 NUMBER = re.compile(r'<span class="computed">(.*?)</span>', re.DOTALL)
 CAPTION = re.compile(r'<span class="caption-number">(?:Fig\.|Figure)\s*([\d.]*\d)')
-# What a Markdown cell may hold: kind -> what it looks like, outside code; a group names the kind more closely.
+# What a Markdown cell may hold: kind -> what it looks like, outside code; a group names the kind
+# more closely.
 MARKS = {
     "directive": r"^[ \t]*(?::{3,}|`{3,})\{([\w:-]+)\}",
     "option": r"^:(class|nonumber|width|align): ",
@@ -65,7 +67,12 @@ def squeezed(text):
 
 def in_the_book(page):
     """(numbers of the captions, numbers of the text, number of 3-D scenes) of a page of the site."""
-    article = (SITE / f"{page}.html").read_text(encoding="utf-8").split("<article", 1)[1].split("</article>", 1)[0]
+    article = (
+        (SITE / f"{page}.html")
+        .read_text(encoding="utf-8")
+        .split("<article", 1)[1]
+        .split("</article>", 1)[0]
+    )
     article = without_solutions(article)
     numbers = [squeezed(html.unescape(number)) for number in NUMBER.findall(article)]
     return CAPTION.findall(article), numbers, article.count('<iframe class="scene"')
@@ -93,17 +100,28 @@ def kinds(notebook):
     found = set()
     for cell in notebook.cells:
         found |= {f"tag {tag}" for tag in cell.metadata.get("tags", [])}
-        found |= {"input that is hidden"} if cell.metadata.get("jupyter", {}).get("source_hidden") else set()
+        found |= (
+            {"input that is hidden"}
+            if cell.metadata.get("jupyter", {}).get("source_hidden")
+            else set()
+        )
     for cell in prose(notebook):
         text = references.CODE.sub("", cell.source)
         found |= {f"code {language}" for language in CODE_FENCE.findall(cell.source)}
         for kind, mark in MARKS.items():
             found |= {
-                f"{kind} {match[1] if match.re.groups else ''}" for match in re.finditer(mark, text, re.MULTILINE)
+                f"{kind} {match[1] if match.re.groups else ''}"
+                for match in re.finditer(mark, text, re.MULTILINE)
             }
     for output in outputs(notebook):
-        found |= {f"output {output['output_type']}", *(f"data {kind}" for kind in output.get("data", {}))}
-        found |= {f"element {'.'.join(match)}" for match in CLASS.findall(output.get("data", {}).get("text/html", ""))}
+        found |= {
+            f"output {output['output_type']}",
+            *(f"data {kind}" for kind in output.get("data", {})),
+        }
+        found |= {
+            f"element {'.'.join(match)}"
+            for match in CLASS.findall(output.get("data", {}).get("text/html", ""))
+        }
     return found
 
 
@@ -113,7 +131,8 @@ def copy_of(page):
 
 
 def fewest(held):
-    """A few names that hold all kinds between them, given name -> kinds: each next one holds most that is new."""
+    """A few names that hold all kinds between them, given name -> kinds: each next one holds most
+    that is new."""
     wanted, chosen = set().union(*held.values()), []
     while wanted:
         chosen.append(max(held, key=lambda name: len(held[name] & wanted)))
@@ -148,8 +167,16 @@ def unresolved(text):
     for name, label in pointed:
         if name.startswith("cite") or (name not in ("eval", "term") and label not in labels):
             yield f"unresolved: {label}"
-    yield from (f"no such page: {name}" for name in re.findall(r"\]\((\w+)\.ipynb\)", text) if not there(name))
-    yield from (f"no picture: {name}" for name in re.findall(r"!\[[^\]]*\]\((\w[^)]*)\)", text) if not there(name, ""))
+    yield from (
+        f"no such page: {name}"
+        for name in re.findall(r"\]\((\w+)\.ipynb\)", text)
+        if not there(name)
+    )
+    yield from (
+        f"no picture: {name}"
+        for name in re.findall(r"!\[[^\]]*\]\((\w[^)]*)\)", text)
+        if not there(name, "")
+    )
 
 
 def there(name, ending=".ipynb"):
@@ -161,11 +188,21 @@ def misnumbered(text, chapter):
     front = re.match(r"---\n(.*?)\n---\n", text, re.DOTALL)
     told = yaml.safe_load(front[1])["numbering"] if front else {}
     for _, target in references.numbered(text, "", chapter):
-        kind = target.kind if target.kind in ("figure", "table", "equation", "exercise") else f"proof:{target.kind}"
-        if chapter and target.kind != "section" and told.get(kind, {}).get("enumerator") != f"{chapter}.%s":
+        kind = (
+            target.kind
+            if target.kind in ("figure", "table", "equation", "exercise")
+            else f"proof:{target.kind}"
+        )
+        if (
+            chapter
+            and target.kind != "section"
+            and told.get(kind, {}).get("enumerator") != f"{chapter}.%s"
+        ):
             yield f"not numbered as in the book: {target.text}"
     for directive, option in (("prf:proof", ":nonumber: true"), ("figure", ":class: not-prose")):
-        for match in re.finditer(rf"^(?::{{3,}}|`{{3,}})\{{{directive}\}}.*\n(.*)$", text, re.MULTILINE):
+        for match in re.finditer(
+            rf"^(?::{{3,}}|`{{3,}})\{{{directive}\}}.*\n(.*)$", text, re.MULTILINE
+        ):
             if match[1] != option:
                 yield f"{directive} without {option}"
 
@@ -196,12 +233,17 @@ def faults_of_outputs(notebook, figures, scenes):
 
 
 def faults_of_file(notebook, chapter, figures, numbers, scenes=0):
-    """What is wrong with the copy of a page, in words. figures, numbers, scenes: as `in_the_book` gives them."""
+    """What is wrong with the copy of a page, in words. figures, numbers, scenes: as `in_the_book`
+    gives them."""
     text = "\n\n".join(cell.source for cell in prose(notebook))
     yield from unresolved(text)
     yield from misnumbered(text, chapter)
     yield from faults_of_outputs(notebook, figures, scenes)
-    counted = [target.text for _, target in references.numbered(text, "", chapter) if target.kind == "figure"]
+    counted = [
+        target.text
+        for _, target in references.numbered(text, "", chapter)
+        if target.kind == "figure"
+    ]
     if [caption.split()[-1] for caption in counted] != figures:
         yield f"captions: {counted}; in the book {figures}"
     quoted = list(numbers_of(notebook))
@@ -221,21 +263,51 @@ VALUE = {"status": "ok", "data": {"text/plain": "'0.25'"}, "metadata": {}}
 TEXT = "# A page\n\nAs {cite:t}`guo2023automatic` say, {eval}`n`. See {numref}`fig-a`.\n\n:::{prf:proof}\nIt is.\n:::\n"
 DRAWN = f'<img class="page-figure" alt="A square." src="data:image/png;base64,{PNG}">'
 TURNED = '<iframe class="scene" width="100%" srcdoc="a scene"></iframe>'
-# What is planted: name -> (what stands there, what takes its place, what JupyterLab shows, what the file tells).
+# What is planted: name -> (what stands there, what takes its place, what JupyterLab shows, what the
+# file tells).
 FAULTS = {
     "a glue role": ("{eval}`n`", "{glue:text}`n`", "number 1 is n", "0 numbers; in the book 1"),
-    "a glue figure": (":::{figure}", ":::{glue:figure} n", "glue:figure - Unknown Directive", "captions: []"),
+    "a glue figure": (
+        ":::{figure}",
+        ":::{glue:figure} n",
+        "glue:figure - Unknown Directive",
+        "captions: []",
+    ),
     "a missing caption": (":::{figure}", ":::{note}", "captions: []", "captions: []"),
     "a missing description": ('alt="A square."', 'alt=""', *["figure without a description"] * 2),
-    "a stale number": ("'0.25'", "'0.26'", "number 1 is 0.26", "number 1 is 0.26; in the book 0.25"),
+    "a stale number": (
+        "'0.25'",
+        "'0.26'",
+        "number 1 is 0.26",
+        "number 1 is 0.26; in the book 0.25",
+    ),
     "an unanswered number": ("user_expressions", "nothing", "0 numbers", "number 1 is None"),
-    "an unresolved citation": ("As ", "As {cite:p}`lui2013texture` and ", *["unresolved: lui2013texture"] * 2),
+    "an unresolved citation": (
+        "As ",
+        "As {cite:p}`lui2013texture` and ",
+        *["unresolved: lui2013texture"] * 2,
+    ),
     "an unresolved reference": ("See ", "See {eq}`eq-there` and ", *["unresolved: eq-there"] * 2),
-    "a numbered proof": (":nonumber: true", ":class: x", "numbered: Proof 1", "prf:proof without :nonumber: true"),
-    "a small caption": (":class: not-prose", ":class: x", "small caption: Figure", "figure without :class: not-prose"),
+    "a numbered proof": (
+        ":nonumber: true",
+        ":class: x",
+        "numbered: Proof 1",
+        "prf:proof without :nonumber: true",
+    ),
+    "a small caption": (
+        ":class: not-prose",
+        ":class: x",
+        "small caption: Figure",
+        "figure without :class: not-prose",
+    ),
     "a scene that is not shown": ("<iframe", "<ifrome", *["0 scenes; in the book 1"] * 2),
     "a narrow scene": ('width="100%"', 'width="300"', "a scene fills", "a narrow scene"),
-    "an unknown directive": ("# A page", ":::{gallery}\nA\n:::", "gallery - Unknown Directive", "directive gallery"),
+    "an unknown directive": (
+        "# A page",
+        ":::{gallery}\nA\n:::",
+        "gallery - Unknown Directive",
+        "directive gallery",
+    ),
 }
 
 
@@ -245,13 +317,21 @@ def planted(before="", after=""):
     notebook = new_notebook(
         metadata={"kernelspec": {"name": "python3", "display_name": "Python 3"}},
         cells=[
-            new_markdown_cell(TEXT, id="a", metadata={"user_expressions": [{"expression": "n", "result": VALUE}]}),
-            new_code_cell("1", id="b", outputs=[new_output("display_data", data={"text/html": DRAWN + TURNED})]),
+            new_markdown_cell(
+                TEXT, id="a", metadata={"user_expressions": [{"expression": "n", "result": VALUE}]}
+            ),
+            new_code_cell(
+                "1",
+                id="b",
+                outputs=[new_output("display_data", data={"text/html": DRAWN + TURNED})],
+            ),
             new_markdown_cell(caption, id="c"),
         ],
     )
     targets = {"fig-a": references.Target("a", "figure", "Fig. 4.1")}
-    text = nbformat.writes(for_jupyterlab(notebook, Readable("a", targets, references.Literature()), 4))
+    text = nbformat.writes(
+        for_jupyterlab(notebook, Readable("a", targets, references.Literature()), 4)
+    )
     before, after = (json.dumps(part)[1:-1] for part in (before, after))
     assert before in text
     return text.replace(before, after, 1)

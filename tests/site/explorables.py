@@ -1,8 +1,9 @@
-"""An explorable in a tab, on the site or in JupyterLab, and the tests that every explorable passes in each of the two.
+"""An explorable in a tab, on the site or in JupyterLab, and the tests that every explorable passes
+in each of the two.
 
-A subclass of `OnTheSite` or of `InJupyterLab` names an explorable and adds tests of its own; all of them work in the
-one tab, which hears at the end whether anything complained. What all explorables share (undo, links, downloads, ...) is
-tested once, in test_live_mobius.py.
+A subclass of `OnTheSite` or of `InJupyterLab` names an explorable and adds tests of its own; all of
+them work in the one tab, which hears at the end whether anything complained. What all explorables
+share (undo, links, downloads, ...) is tested once, in test_live_mobius.py.
 """
 
 import json
@@ -12,7 +13,8 @@ import pytest
 from places import SITE
 from view import NARROW, WIDE, View, axe_findings
 
-# The number of the answer that each explorable shows, and whether it is the newest, kept where a test can wait for it.
+# The number of the answer that each explorable shows, and whether it is the newest, kept where a
+# test can wait for it.
 LISTEN = """window.answered = {};
 document.addEventListener('qc-live-answer', event => {
   const {number, of} = event.detail;
@@ -66,7 +68,9 @@ class Explorable:
         self.root.locator(f"[role=status]:has-text({json.dumps(words)})").wait_for(timeout=60_000)
 
     def pictures(self):
-        return self.root.locator("canvas").evaluate_all("all => all.map(canvas => canvas.toDataURL())")
+        return self.root.locator("canvas").evaluate_all(
+            "all => all.map(canvas => canvas.toDataURL())"
+        )
 
     def after(self, act):
         """Do something and wait for the answer to it."""
@@ -113,7 +117,9 @@ class Explorable:
 
     def state(self):
         """The state that the page's address carries, of what differs from the start."""
-        found = re.search(r"#live-\w+=(.*)", self.page.evaluate("() => decodeURIComponent(location.hash)"))
+        found = re.search(
+            r"#live-\w+=(.*)", self.page.evaluate("() => decodeURIComponent(location.hash)")
+        )
         return json.loads(found[1]) if found else {}
 
     def download(self, name):
@@ -131,7 +137,9 @@ class Explorable:
         said.evaluate("e => { e.textContent = ''; }")
         self.root.get_by_role("spinbutton").fill(number)
         self.root.get_by_role("button", name="Compare").click()
-        self.root.locator(f".qc-live-truth:has-text('You said {number}; it is')").wait_for(timeout=60_000)
+        self.root.locator(f".qc-live-truth:has-text('You said {number}; it is')").wait_for(
+            timeout=60_000
+        )
         return said.inner_text()
 
     # What a control does, seen from outside.
@@ -140,9 +148,12 @@ class Explorable:
         return self.words, self.pictures()
 
     def moves_each_slider(self, act, silent=()):
-        """`act` on each slider changes its value and the words; of those named `silent` the pictures alone."""
+        """`act` on each slider changes its value and the words; of those named `silent` the
+        pictures alone."""
         for slider in self.root.get_by_role("slider").all():
-            name = slider.evaluate("e => document.querySelector(`label[for='${e.id}']`).textContent")
+            name = slider.evaluate(
+                "e => document.querySelector(`label[for='${e.id}']`).textContent"
+            )
             assert name, "a slider without a name"
             value, (words, pictures) = slider.input_value(), self.seen()
             act(slider)
@@ -150,7 +161,10 @@ class Explorable:
             assert self.pictures() != pictures if name in silent else self.words != words, name
 
     def by_key(self, slider):
-        self.press(slider, "ArrowLeft" if slider.input_value() == slider.get_attribute("max") else "ArrowRight")
+        self.press(
+            slider,
+            "ArrowLeft" if slider.input_value() == slider.get_attribute("max") else "ArrowRight",
+        )
 
     def by_mouse(self, slider):
         share = 0.25 if slider.evaluate("e => (e.value - e.min) / (e.max - e.min)") > 0.6 else 0.75
@@ -159,7 +173,9 @@ class Explorable:
 
     def takes_each_choice(self):
         for select in self.root.get_by_role("combobox").all():
-            for value in select.locator("option").evaluate_all("all => all.map(option => option.value)")[::-1]:
+            for value in select.locator("option").evaluate_all(
+                "all => all.map(option => option.value)"
+            )[::-1]:
                 if value != select.input_value():
                     before = self.seen()
                     self.after(lambda select=select, value=value: select.select_option(value))
@@ -174,8 +190,9 @@ class Explorable:
 
 
 class OnTheSite:
-    """A subclass says: page (of the site), name, and slider, the words of one that changes what is guessed; if need be
-    silent (labels of sliders that change pictures alone) and ready (words of the read-outs to wait for)."""
+    """A subclass says: page (of the site), name, and slider, the words of one that changes what is
+    guessed; if need be silent (labels of sliders that change pictures alone) and ready (words of
+    the read-outs to wait for)."""
 
     silent, ready = (), ""
 
@@ -207,14 +224,22 @@ class OnTheSite:
         shown.tab.resize(WIDE)
 
     def test_its_main_picture_comes_first_and_large_and_in_focus(self, shown):
-        canvas, control = shown.root.locator("canvas").first, shown.root.locator("input, select").first
+        canvas, control = (
+            shown.root.locator("canvas").first,
+            shown.root.locator("input, select").first,
+        )
         main = canvas.bounding_box()
         assert main["width"] >= 360 and main["y"] < control.bounding_box()["y"]
         assert canvas.evaluate("e => e.width / e.clientWidth") >= 1
-        assert all(box["width"] >= 150 for box in map(type(canvas).bounding_box, shown.root.locator("canvas").all()))
+        assert all(
+            box["width"] >= 150
+            for box in map(type(canvas).bounding_box, shown.root.locator("canvas").all())
+        )
 
     def test_pictures_are_described_and_the_guess_is_answered(self, shown):
-        labels = shown.root.locator("canvas").evaluate_all("all => all.map(canvas => canvas.ariaLabel)")
+        labels = shown.root.locator("canvas").evaluate_all(
+            "all => all.map(canvas => canvas.ariaLabel)"
+        )
         assert labels and all(shown.said in label for label in labels)
         text = (SITE / self.page).read_text(encoding="utf-8")
         (alt,) = re.findall(f'data-page="{self.name}"><img alt="([^"]*)"', text)
@@ -223,9 +248,9 @@ class OnTheSite:
 
 
 class InJupyterLab:
-    """A subclass says: name, live (an expression), and sets, {name: value} that Python
-    sets; if need be ready and silent, as above, gap, the most that the kernel's answer may differ, and before, code
-    that `live` needs."""
+    """A subclass says: name, live (an expression), and sets, {name: value} that Python sets; if
+    need be ready and silent, as above, gap, the most that the kernel's answer may differ, and
+    before, code that `live` needs."""
 
     silent, ready, gap, before = (), "", 1e-9, ""
     pytestmark = pytest.mark.xdist_group("widgets in JupyterLab")
@@ -244,7 +269,9 @@ class InJupyterLab:
         shown.reset()
         before = shown.seen()
         for name, value in self.sets.items():
-            shown.after(lambda name=name, value=value: shown.tab.run(f"{self.name}.set({name}={value!r})"))
+            shown.after(
+                lambda name=name, value=value: shown.tab.run(f"{self.name}.set({name}={value!r})")
+            )
         assert shown.words != before[0] and shown.pictures() != before[1]
 
     def test_the_kernel_finds_the_same(self, shown):

@@ -1,4 +1,5 @@
-"""A JupyterLab of the tests' own, and a reader that opens notebooks in it and says what is to be seen."""
+"""A JupyterLab of the tests' own, and a reader that opens notebooks in it and says what is to be
+seen."""
 
 import contextlib
 import os
@@ -17,7 +18,8 @@ from view import Tab
 
 SETTINGS = {
     "apputils-extension/notification": '{"fetchNews": "false", "checkForUpdates": false}',
-    # All cells of a page are built at once, not only those in view; a kernel ends with its notebook.
+    # All cells of a page are built at once, not only those in view; a kernel ends with its
+    # notebook.
     "notebook-extension/tracker": '{"windowingMode": "none", "kernelShutdown": true}',
 }
 IDLE = "#jp-main-statusbar :text-matches('[|] Idle')"
@@ -89,18 +91,21 @@ def jupyterlab(home, root):
             server.terminate()
             try:
                 server.wait(30)
-            except subprocess.TimeoutExpired:  # it waits for a kernel that is busy; the kernel ends with its server
+            except (
+                subprocess.TimeoutExpired
+            ):  # it waits for a kernel that is busy; the kernel ends with its server
                 server.kill()
                 server.wait(30)
 
 
 def wait_until_idle(page, seconds=120):
-    # The status bar tells the truth; the notebook's own indicator says 'idle' before there is a kernel.
+    # The status bar tells the truth; the notebook's own indicator says 'idle' before there is a
+    # kernel.
     page.wait_for_selector(IDLE, timeout=1000 * seconds)
 
 
-# Opens a notebook; with the kernel of the first one where it needs none of its own, since a kernel takes a second to
-# start.
+# Opens a notebook; with the kernel of the first one where it needs none of its own, since a kernel
+# takes a second to start.
 OPEN = """async ([path, own_kernel]) => {
   const kernel = own_kernel || !window.idleKernel ? undefined : window.idleKernel;
   const panel = await window.jupyterapp.commands.execute('docmanager:open', {path, factory: 'Notebook', kernel});
@@ -160,7 +165,8 @@ class Notebook(Tab):
     def __init__(self, window, lab, name, code, script=None):
         """code: the first cell; script: what the page runs before its own scripts."""
         notebook = new_notebook(
-            metadata={"kernelspec": {"name": "python3", "display_name": "Python 3"}}, cells=[new_code_cell(code)]
+            metadata={"kernelspec": {"name": "python3", "display_name": "Python 3"}},
+            cells=[new_code_cell(code)],
         )
         nbformat.write(notebook, lab.root / "planted" / f"{name}.ipynb")
         super().__init__(window, lab.address, "lab?reset", script=script)

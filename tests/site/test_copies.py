@@ -1,9 +1,20 @@
-"""All copies for JupyterLab as files: captions, numbers, references, pictures and scenes are those of the book. What
-JupyterLab makes of each kind of element, `test_lab_pages.py` asks on a few pages that hold all kinds between them."""
+"""All copies for JupyterLab as files: captions, numbers, references, pictures and scenes are those
+of the book. What JupyterLab makes of each kind of element, `test_lab_pages.py` asks on a few pages
+that hold all kinds between them."""
 
 import nbformat
 import pytest
-from copies import FAULTS, all_kinds, copy_of, faults_of_file, fewest, in_the_book, kinds, planted, without_solutions
+from copies import (
+    FAULTS,
+    all_kinds,
+    copy_of,
+    faults_of_file,
+    fewest,
+    in_the_book,
+    kinds,
+    planted,
+    without_solutions,
+)
 
 from book.builder import references
 

@@ -1,6 +1,7 @@
-"""Pages in a real JupyterLab, a few that hold each kind of element between them: nothing unknown, nothing unresolved,
-each figure with its picture, description and caption, and the numbers of the book. `make lab-copies` makes the pages;
-planted faults show that each of these is noticed. The other copies are checked as files, by `test_copies.py`."""
+"""Pages in a real JupyterLab, a few that hold each kind of element between them: nothing unknown,
+nothing unresolved, each figure with its picture, description and caption, and the numbers of the
+book. `make lab-copies` makes the pages; planted faults show that each of these is noticed. The
+other copies are checked as files, by `test_copies.py`."""
 
 import re
 from itertools import islice
@@ -18,8 +19,9 @@ CLOCK = re.compile(r"second|_ms|time")  # numbers that differ from run to run
 
 
 def faults(cells, figures, numbers, scenes=0, unsure=()):
-    """What is wrong with a page as JupyterLab shows it. figures: the numbers of its captions in the book; numbers:
-    those of its text in the book, of which the positions `unsure` may differ; scenes: how many the book has."""
+    """What is wrong with a page as JupyterLab shows it. figures: the numbers of its captions in the
+    book; numbers: those of its text in the book, of which the positions `unsure` may differ;
+    scenes: how many the book has."""
 
     def of(what):
         return [entry for cell in cells for entry in cell[what]]
@@ -28,7 +30,9 @@ def faults(cells, figures, numbers, scenes=0, unsure=()):
     yield from re.findall(r"[^\n]*Unknown (?:Directive|Role)[^\n]*", text)
     yield from (
         f"raw role: {raw}"
-        for raw in re.findall(r"\{(?:eval|glue:\w+|figure|numref|eq|cite:\w|prf:\w+|term)\}\S*", text)
+        for raw in re.findall(
+            r"\{(?:eval|glue:\w+|figure|numref|eq|cite:\w|prf:\w+|term)\}\S*", text
+        )
     )
     yield from (f"numbered: {proof}" for proof in re.findall(r"^Proof \d+", text, re.MULTILINE))
     yield from (f"small caption: {caption}" for caption in of("small"))
@@ -47,7 +51,9 @@ def faults(cells, figures, numbers, scenes=0, unsure=()):
         yield f"{len(of('figures'))} figures below cells; in the book {len(figures)}"
     if len(of("scenes")) != scenes:
         yield f"{len(of('scenes'))} scenes; in the book {scenes}"
-    yield from (f"a scene fills {100 * share:.0f} % of its cell" for share in of("scenes") if share < 0.95)
+    yield from (
+        f"a scene fills {100 * share:.0f} % of its cell" for share in of("scenes") if share < 0.95
+    )
     shown = [squeezed(number) for number in of("numbers")]
     if len(shown) != len(numbers):
         yield f"{len(shown)} numbers; in the book {len(numbers)}"
@@ -59,7 +65,9 @@ def faults(cells, figures, numbers, scenes=0, unsure=()):
 def clock_times(page):
     """Positions, among the numbers of a page's text, of those that a clock gave."""
     cells = nbformat.read(EXECUTED / f"{page}.ipynb", as_version=4).cells
-    asked = [entry["expression"] for cell in cells for entry in cell.metadata.get("user_expressions", [])]
+    asked = [
+        entry["expression"] for cell in cells for entry in cell.metadata.get("user_expressions", [])
+    ]
     return {position for position, expression in enumerate(asked) if CLOCK.search(expression)}
 
 
@@ -73,16 +81,19 @@ def test_the_executed_pages_read_in_jupyterlab(reader, lab):
 
 @pytest.mark.parametrize("page", RUN)
 def test_the_source_reads_in_jupyterlab_after_run_all(reader, page):
-    found = list(faults(reader.run(f"sources/{page}.ipynb"), *in_the_book(page), unsure=clock_times(page)))
-    # The source itself still cites and points to other pages in a notation that only the book resolves, and
-    # JupyterLab has its own way with captions and proofs.
+    found = list(
+        faults(reader.run(f"sources/{page}.ipynb"), *in_the_book(page), unsure=clock_times(page))
+    )
+    # The source itself still cites and points to other pages in a notation that only the book
+    # resolves, and JupyterLab has its own way with captions and proofs.
     foreign = ("unresolved", "captions", "small caption", "numbered")
     assert [fault for fault in found if not fault.startswith(foreign)] == []
 
 
 @pytest.fixture(scope="module")
 def seen(reader, lab):
-    """What JupyterLab shows of the page that is right, "", and of each with a fault: all of them in one notebook."""
+    """What JupyterLab shows of the page that is right, "", and of each with a fault: all of them in
+    one notebook."""
     pages = {name: planted(*FAULTS[name][:2]) if name else planted() for name in ("", *FAULTS)}
     pages = {name: nbformat.reads(text, as_version=4) for name, text in pages.items()}
     whole = pages[""] | {"cells": [cell for page in pages.values() for cell in page.cells]}

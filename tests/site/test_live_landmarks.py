@@ -1,4 +1,5 @@
-"""Endpoints of a sulcus, on the page and in JupyterLab: paths, LD-Net's curves and distances against the library's."""
+"""Endpoints of a sulcus, on the page and in JupyterLab: paths, LD-Net's curves and distances
+against the library's."""
 
 import json
 from urllib.parse import quote, unquote
@@ -10,7 +11,7 @@ from explorables import InJupyterLab, OnTheSite
 from qcbook.examples import cortices
 from qcbook.explore_landmarks import SULCI, Landmarks
 from qclearn.nets import load
-from qclearn.registration.landmarks import sample_curve
+from qclearn.registration.curves import sample_curve
 from qclearn.surfaces.curvature import area_radius
 
 
@@ -39,7 +40,9 @@ class TestOnTheSite(OnTheSite):
         for k in (0, 7):
             shown.choose("sulcus", str(1 - k % 2))
             shown.choose("sulcus", str(k))
-            assert np.array_equal(pair.moving.disk.z[shown.data()["answer"]["network"]], detected[k])
+            assert np.array_equal(
+                pair.moving.disk.z[shown.data()["answer"]["network"]], detected[k]
+            )
 
     def test_ends_are_dragged_and_moved_by_keys(self, shown, live):
         shown.reset()
@@ -50,14 +53,20 @@ class TestOnTheSite(OnTheSite):
         moved = shown.state()["ends"]["1"]
         assert abs(complex(*place_of("first", moved)) - complex(*there)) < 0.03
         assert "Ends of your own" in shown.words and "stored for the named sulci" in shown.words
-        assert shown.data()["answer"]["path"][0] == start and shown.data()["answer"]["path"][-1] == moved
+        assert (
+            shown.data()["answer"]["path"][0] == start
+            and shown.data()["answer"]["path"][-1] == moved
+        )
         shown.press(canvas, "ArrowUp")
         assert place_of("first", shown.state()["ends"]["1"])[1] > place_of("first", moved)[1]
 
     def test_ends_that_meet_are_refused(self, shown, live):
         shown.reset()
         start, _ = live.ends(dict(live.initial))
-        picture, link = shown.pictures(), "#live-landmarks=" + quote(json.dumps({"ends": {"1": start}}))
+        picture, link = (
+            shown.pictures(),
+            "#live-landmarks=" + quote(json.dumps({"ends": {"1": start}})),
+        )
         shown.after(lambda: shown.page.evaluate("link => { location.href = link; }", link))
         assert "both ends are at the same place" in shown.said and shown.pictures() == picture
 
@@ -78,4 +87,6 @@ class TestInJupyterLab(InJupyterLab):
     name, live, gap, sets = "landmarks", "Landmarks()", 1e-3, {"sulcus": 3, "depth": 3.5}
 
     def test_python_reads_path_and_curve(self, shown):
-        shown.tab.until("len(landmarks.found['path']) > 5 and len(landmarks.found['tuner']['starts']) == 5")
+        shown.tab.until(
+            "len(landmarks.found['path']) > 5 and len(landmarks.found['tuner']['starts']) == 5"
+        )

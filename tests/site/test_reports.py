@@ -1,4 +1,5 @@
-"""Pages of `qclearn report` in a browser, from files: silent, without a request, readable, and moved by keys."""
+"""Pages of `qclearn report` in a browser, from files: silent, without a request, readable, and
+moved by keys."""
 
 import json
 import re
@@ -16,22 +17,33 @@ pytestmark = pytest.mark.xdist_group("reports")
 TURNED = [{"name": "east", "moving": list(range(1, 145, 24)), "control": list(range(2, 146, 24))}]
 LIGHT = """canvas => { const gl = canvas.getContext("webgl"), pixel = new Uint8Array(4);
     gl.readPixels(canvas.width / 2, canvas.height / 2, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel); return pixel[0]; }"""
-SHOWN = "() => [...document.querySelectorAll('.stack > div')].map(e => getComputedStyle(e).visibility)"
+SHOWN = (
+    "() => [...document.querySelectorAll('.stack > div')].map(e => getComputedStyle(e).visibility)"
+)
 
 
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory):
-    """A folder with the page of a pair of bowls, and that of a group of three with the first's page in it."""
+    """A folder with the page of a pair of bowls, and that of a group of three with the first's page
+    in it."""
     folder, patch = tmp_path_factory.mktemp("reports"), pytest.MonkeyPatch()
     patch.setattr("qclearn.plot.registration_figure", lambda *_: Figure())  # not on these pages
     write_surface(folder / "control.npz", bowl(0.9, lean=0.4))
     (folder / "east.json").write_text(json.dumps({"curves": TURNED}))
     for name, height in (("one", 0.6), ("two", 0.8), ("six", 1.4)):
         write_surface(folder / f"{name}.npz", bowl(height, lean=0.3))
-        words = ["register", folder / f"{name}.npz", folder / "control.npz", "--landmarks", folder / "east.json"]
+        words = [
+            "register",
+            folder / f"{name}.npz",
+            folder / "control.npz",
+            "--landmarks",
+            folder / "east.json",
+        ]
         run(*words, "--no-features", "--out", folder / name)
     run("report", folder / "one", "--out", folder / "one" / "report.html")
-    run("report", *(folder / name for name in ("one", "two", "six")), "--out", folder / "group.html")
+    run(
+        "report", *(folder / name for name in ("one", "two", "six")), "--out", folder / "group.html"
+    )
     patch.undo()
     return folder
 
@@ -103,7 +115,9 @@ def test_the_surface_is_turned_and_its_map_changed_by_keys_and_mouse(view):
     box = canvas.bounding_box()
     view.page.mouse.move(box["x"] + 200, box["y"] + 100)
     view.page.mouse.wheel(0, -300)
-    view.page.wait_for_function("old => document.querySelector('canvas').toDataURL() != old", arg=seen[0])
+    view.page.wait_for_function(
+        "old => document.querySelector('canvas').toDataURL() != old", arg=seen[0]
+    )
     view.page.mouse.down()
     view.page.mouse.move(box["x"] + 260, box["y"] + 120, steps=3)
     view.page.mouse.up()
@@ -116,11 +130,15 @@ def test_the_surface_is_turned_and_its_map_changed_by_keys_and_mouse(view):
 
 
 def test_the_surface_shows_the_map_that_was_sent(window, pages):
-    """In a page whose map has the lowest tone everywhere the surface is darker than in one with the highest."""
+    """In a page whose map has the lowest tone everywhere the surface is darker than in one with the
+    highest."""
     page, light = (pages / "one" / "report.html").read_text(), []
     for tone in "A/":
         changed = re.sub(
-            r'"tones": "[^"=]*', lambda found, tone=tone: '"tones": "' + tone * (len(found[0]) - 10), page, count=1
+            r'"tones": "[^"=]*',
+            lambda found, tone=tone: '"tones": "' + tone * (len(found[0]) - 10),
+            page,
+            count=1,
         )
         (pages / "toned.html").write_text(changed)
         for view in opened(window, pages, "toned.html"):

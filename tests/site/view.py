@@ -10,9 +10,11 @@ PAGES = sorted(path.name for path in SITE.glob("*.html"))
 WIDE, NARROW = 1280, 390  # a desk, a telephone
 # Warnings of libraries that no setting of ours can answer; no error is among them.
 REMARKS = (
-    'MathJax: Invalid option "menuOptions"',  # a11y/assistive-mml sets it for a menu that is not vendored
+    # A11y/assistive-mml sets it for a menu that is not vendored.
+    'MathJax: Invalid option "menuOptions"',
     "strict mode: ",  # the widgets' checker of schemas, of its own schema
-    "GL Driver Message",  # of a renderer without a graphics card, where a test reads a scene's pixels
+    # Of a renderer without a graphics card, where a test reads a scene's pixels.
+    "GL Driver Message",
 )
 WIDGETS = "script[type='application/vnd.jupyter.widget-view+json']"
 HANDLES = ".jupyter-widgets .noUi-handle"
@@ -44,7 +46,9 @@ class Tab:
         self.page = window.new_page()
         self.page.set_viewport_size({"width": width, "height": 900})
         self.page.on("request", lambda request: self.requests.append(request.url))
-        self.page.on("requestfailed", lambda request: self.complaints.append(f"failed: {request.url}"))
+        self.page.on(
+            "requestfailed", lambda request: self.complaints.append(f"failed: {request.url}")
+        )
         self.page.on("response", self.receive)
         self.page.on("console", self.hear)
         self.page.on("pageerror", lambda error: self.complaints.append(error.message))
@@ -58,14 +62,19 @@ class Tab:
             self.complaints.append(message.text)
 
     def receive(self, answer):
-        """Keep how many bytes an answer has as it is sent, unpacked; what the window had already counts, too."""
+        """Keep how many bytes an answer has as it is sent, unpacked; what the window had already
+        counts, too."""
         self.sizes[answer.url] = int(answer.headers.get("content-length", 0))
         if answer.status >= 400:
             self.complaints.append(f"{answer.status}: {answer.url}")
 
     def from_elsewhere(self):
         """What the page asked for that is not of its own server."""
-        return [url for url in self.requests if not url.startswith((self.address, "data:", "blob:", "about:"))]
+        return [
+            url
+            for url in self.requests
+            if not url.startswith((self.address, "data:", "blob:", "about:"))
+        ]
 
 
 class View(Tab):

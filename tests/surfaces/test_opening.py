@@ -55,7 +55,9 @@ def test_curves_follow_their_vertices_or_are_refused():
     opened, index = open_surface(carrying, cap)
     np.testing.assert_array_equal(index[opened.curves["south"]], low)
     crossing = Surface(sphere().vertices, sphere().faces, {"meridian": [*low, high]})
-    with pytest.raises(SurfaceError, match=f"'meridian' would lose 1 of its 5 vertices, the first {high}.*shorten"):
+    with pytest.raises(
+        SurfaceError, match=f"'meridian' would lose 1 of its 5 vertices, the first {high}.*shorten"
+    ):
         open_surface(crossing, cap)
 
 
@@ -71,7 +73,10 @@ def test_a_mask_of_pinholes_is_refused():
     """Of scattered holes one would open and the others be filled: that is no medial wall."""
     mask = np.zeros(len(sphere().vertices), dtype=bool)
     mask[[3, 200, 400, 600]] = True
-    with pytest.raises(SurfaceError, match="only a pinhole would open: 3 of the mask's 4 vertices.*one piece.*smooth"):
+    with pytest.raises(
+        SurfaceError,
+        match="only a pinhole would open: 3 of the mask's 4 vertices.*one piece.*smooth",
+    ):
         open_surface(sphere(), mask)
 
 
@@ -83,7 +88,8 @@ def test_the_largest_piece_is_kept():
 
 
 def test_a_hole_that_touches_the_opening_in_a_vertex_joins_it():
-    """Beside (3, 4) a hole at (4, 4) is filled; where the wall reaches (2, 4), two fans are left at (3, 4)."""
+    """Beside (3, 4) a hole at (4, 4) is filled; where the wall reaches (2, 4), two fans are left at
+    (3, 4)."""
     surface = closed_grid()
     wall = np.append(block(*[(i, j) for i in (0, 1) for j in range(9)]), True)
     hole, bump = np.append(block((4, 4)), False), np.append(block((2, 4)), False)
@@ -95,7 +101,8 @@ def test_a_hole_that_touches_the_opening_in_a_vertex_joins_it():
 
 
 def test_a_vertex_on_the_rim_of_two_fans_keeps_the_larger():
-    """Two gaps that meet in the tip of a cone of 32 faces leave 10 of them on one side and 18 on the other."""
+    """Two gaps that meet in the tip of a cone of 32 faces leave 10 of them on one side and 18 on
+    the other."""
     surface = closed_grid()
     loop, tip = Surface(*grid(8, 8)).boundary, len(surface.vertices) - 1
     mask = np.zeros(tip + 1, dtype=bool)
@@ -106,7 +113,8 @@ def test_a_vertex_on_the_rim_of_two_fans_keeps_the_larger():
 
 
 def test_teeth_that_hang_by_one_edge_are_cut_off():
-    """A peninsula joined by one edge goes as a whole; a broad one stays, and no inner edge joins rim vertices."""
+    """A peninsula joined by one edge goes as a whole; a broad one stays, and no inner edge joins
+    rim vertices."""
     surface = closed_grid(12)
     wall = block(*[(i, j) for i in range(6) for j in range(13)], n=12)
     broad = [(i, j) for i in (3, 4, 5) for j in range(4, 8)]
@@ -152,7 +160,9 @@ def test_a_second_cut_of_the_rim_of_an_open_surface():
     surface = Surface(*grid(8, 8))
     edge = block(*[(0, j) for j in range(9)], (1, 4))
     opened, index = open_surface(surface, edge)
-    assert not edge[index].any() and opened.area == pytest.approx(56 - 1.5 - 2 * 0.5)  # three faces at (1, 4), two ears
+    assert not edge[index].any() and opened.area == pytest.approx(
+        56 - 1.5 - 2 * 0.5
+    )  # three faces at (1, 4), two ears
     opened, index = open_surface(surface, edge | block((5, 5)))  # the hole is filled again
     assert 5 * 9 + 5 in index
 
@@ -160,7 +170,9 @@ def test_a_second_cut_of_the_rim_of_an_open_surface():
 def test_a_mask_that_leaves_only_shreds_is_refused():
     mask = np.ones(len(sphere().vertices), dtype=bool)
     mask[sphere().faces[[3, 600]]] = False
-    with pytest.raises(SurfaceError, match="shreds.*faces left: 1.*no inner vertex.*smooth the mask"):
+    with pytest.raises(
+        SurfaceError, match="shreds.*faces left: 1.*no inner vertex.*smooth the mask"
+    ):
         open_surface(sphere(), mask)
 
 
@@ -177,7 +189,9 @@ def test_masks_that_cannot_be_used(mask, message):
 
 
 def test_a_hole_inside_an_open_surface_is_refused():
-    with pytest.raises(SurfaceError, match="holes inside.*open already.*32 boundary vertices from vertex 0"):
+    with pytest.raises(
+        SurfaceError, match="holes inside.*open already.*32 boundary vertices from vertex 0"
+    ):
         open_surface(Surface(*grid(8, 8)), block((4, 4)))
 
 
@@ -189,7 +203,9 @@ def test_what_is_no_disk_after_the_cut_is_refused():
         open_surface(Surface(*grid(8, 8, hole=[(5, 5)])), block((0, 0), (0, 1), (1, 0)))
 
 
-@pytest.mark.parametrize("hemisphere, n_vertices, n_rim", [("left", 9970, 108), ("right", 9933, 110)])
+@pytest.mark.parametrize(
+    "hemisphere, n_vertices, n_rim", [("left", 9970, 108), ("right", 9933, 110)]
+)
 def test_fsaverage5_opens_to_corresponding_disks(hemisphere, n_vertices, n_rim):
     kinds = {kind: fsaverage5(hemisphere, kind) for kind in ("pial", "white", "inflated", "sphere")}
     for surface in kinds.values():

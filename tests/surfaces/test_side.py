@@ -1,4 +1,5 @@
-"""`Side`: a surface laid out on its disk, moved by Möbius maps, and what lies on it."""
+"""`ParameterizedSurface`: a surface laid out on its disk, moved by Möbius maps, and what lies on
+it."""
 
 import numpy as np
 import pytest
@@ -7,7 +8,13 @@ from meshes import bowl
 
 from qclearn.plane.disk import Disk
 from qclearn.plane.mobius import mobius
-from qclearn.surfaces.conformal import Side, disk_conformal_map, laid_out, mended, moved
+from qclearn.surfaces.conformal import (
+    ParameterizedSurface,
+    disk_conformal_map,
+    moved,
+    parameterize,
+    repair_folds,
+)
 from qclearn.surfaces.surface import Surface
 
 MOVE = (0.3 - 0.2j, 0.7)
@@ -15,12 +22,17 @@ MOVE = (0.3 - 0.2j, 0.7)
 
 @pytest.fixture(scope="module")
 def side():
-    return laid_out(bowl(0.6, lean=0.3))
+    return parameterize(bowl(0.6, lean=0.3))
 
 
 def test_a_surface_is_laid_out_in_its_conformal_map(side):
     np.testing.assert_array_equal(side.disk.z, disk_conformal_map(side.surface))
-    assert side.whole and side.disk.certificate.bijective and side.features is None and side.words == ()
+    assert (
+        side.whole
+        and side.disk.certificate.bijective
+        and side.features is None
+        and side.words == ()
+    )
     np.testing.assert_array_equal(side.disk.loop, side.surface.boundary)
 
 
@@ -28,7 +40,7 @@ def test_what_was_repaired_stands_in_words_and_warns_nobody(recwarn):
     surface, x, y = sheet(12)
     vertices = surface.vertices.copy()
     vertices[np.hypot(x - 0.5, y - 0.5) < 0.2, 1] *= 1e-4  # slivers
-    found = laid_out(Surface(vertices, surface.faces))
+    found = parameterize(Surface(vertices, surface.faces))
     assert len(found.words) == 1 and "rows switched" in found.words[0] and found.whole
     assert not [one for one in recwarn if "rows switched" in str(one.message)]
 
@@ -44,23 +56,27 @@ def test_moving_gives_another_side_and_leaves_the_first(side):
 
 def test_a_side_is_whole_until_a_face_flips_or_the_boundary_runs_backwards(side):
     inner, z = side.disk.faces[0, 0], side.disk.z
-    flipped = Side(side.surface, side.disk.at(np.where(np.arange(len(z)) == inner, 0.9, z)))
+    flipped = ParameterizedSurface(
+        side.surface, side.disk.at(np.where(np.arange(len(z)) == inner, 0.9, z))
+    )
     assert not flipped.whole
     first, second = side.disk.loop[:2]
     swapped = z.copy()
     swapped[[first, second]] = z[[second, first]]
-    assert not Side(side.surface, side.disk.at(swapped)).whole
+    assert not ParameterizedSurface(side.surface, side.disk.at(swapped)).whole
 
 
 def test_folds_that_a_move_leaves_are_mended(side):
     folded = side.disk.z.copy()
     folded[side.disk.faces[0, 0]] = 0.9
     assert len(Disk(folded, side.surface.faces).flipped)
-    assert mended(side.surface, folded).certificate.bijective
+    assert repair_folds(side.surface, folded).certificate.bijective
 
 
 def test_points_are_lifted_to_the_surface(side):
     some = np.setdiff1d(np.arange(len(side.disk.z)), side.disk.loop)[::7]
-    np.testing.assert_allclose(side.lift(side.disk.z[some]), side.surface.vertices[some], atol=1e-12)
+    np.testing.assert_allclose(
+        side.lift(side.disk.z[some]), side.surface.vertices[some], atol=1e-12
+    )
     middle = side.surface.vertices[side.surface.faces[40]].mean(0)
     np.testing.assert_allclose(side.lift(side.disk.centroids[[40]]), [middle], atol=1e-12)

@@ -1,4 +1,5 @@
-"""A graded exercise is one Python file of `tasks/`; the page, the student's and the teacher's notebook are made of it.
+"""A graded exercise is one Python file of `tasks/`; the page, the student's and the teacher's
+notebook are made of it.
 
     TITLE, PAGE, MINUTES, POINTS   what, on which page, how long, how much
     TASK                           the words, MyST text as on the page
@@ -11,8 +12,9 @@
     MISTAKES                       name -> ((old, new), sentence): an edit of the solution's text, and what names it
     NEAR                           (optional) how near evidence has to come, relative and absolute, to be that mistake's
 
-The last function that the answer defines is asked for, or the last number. A known mistake is recognised by what the
-answer returns: whoever makes the same mistake in other words is told the same.
+The last function that the answer defines is asked for, or the last number. A known mistake is
+recognised by what the answer returns: whoever makes the same mistake in other words is told the
+same.
 """
 
 import ast
@@ -41,16 +43,21 @@ import qclearn as qc
 from . import tasks
 
 _MARKED = re.compile(
-    r"^([ \t]*)### BEGIN SOLUTION[ \t]*\n(.*?)^[ \t]*### END SOLUTION[ \t]*\n", re.DOTALL | re.MULTILINE
+    r"^([ \t]*)### BEGIN SOLUTION[ \t]*\n(.*?)^[ \t]*### END SOLUTION[ \t]*\n",
+    re.DOTALL | re.MULTILINE,
 )
 _MOST_CHARACTERS = 300  # of what a student is told
 _OURS = Path(qc.__file__).parent, Path(__file__).parents[1]
-_ELSEWHERE = (*map(str, _OURS), *(sysconfig.get_path(kind) for kind in ("stdlib", "purelib", "platlib")))
+_ELSEWHERE = (
+    *map(str, _OURS),
+    *(sysconfig.get_path(kind) for kind in ("stdlib", "purelib", "platlib")),
+)
 
 
 @dataclass(frozen=True)
 class Exercise:
-    """One file of `tasks/`: its texts, its solution, its known mistakes, and the check of an answer."""
+    """One file of `tasks/`: its texts, its solution, its known mistakes, and the check of an
+    answer."""
 
     name: str
     title: str
@@ -85,11 +92,13 @@ class Exercise:
 
     @cached_property
     def asks_for(self):
-        """The name of the function or number that is asked for: the last one that the answer defines."""
+        """The name of the function or number that is asked for: the last one that the answer
+        defines."""
         names = [
             node.name if isinstance(node, ast.FunctionDef) else node.targets[0].id
             for node in ast.parse(self.solved).body
-            if isinstance(node, ast.FunctionDef) or (isinstance(node, ast.Assign) and hasattr(node.targets[0], "id"))
+            if isinstance(node, ast.FunctionDef)
+            or (isinstance(node, ast.Assign) and hasattr(node.targets[0], "id"))
         ]
         return names[-1]
 
@@ -108,14 +117,18 @@ class Exercise:
         made = {}
         for name, ((old, new), _) in self.module.MISTAKES.items():
             if self.solved.count(old) != 1:
-                raise ValueError(f"{self.name}, {name}: {old!r} stands {self.solved.count(old)} times in the solution")
+                raise ValueError(
+                    f"{self.name}, {name}: {old!r} stands {self.solved.count(old)} times in the "
+                    "solution"
+                )
             made[name] = self._compiled(self.solved.replace(old, new))
         return made
 
     def check(self, answer, seed=0):
         """Check a function or number on the inputs of a seed.
 
-        AssertionError with one line, at most 300 characters, that names the mistake; nothing where the answer is right.
+        AssertionError with one line, at most 300 characters, that names the mistake; nothing where
+        the answer is right.
         """
         words = self.misfit(answer)
         if not words:
@@ -126,10 +139,13 @@ class Exercise:
             raise AssertionError(_short(words))
 
     def misfit(self, answer):
-        """In words, that an answer is no function or no number; empty where it is what is asked for."""
+        """In words, that an answer is no function or no number; empty where it is what is asked
+        for."""
         asked, given = ("function" if callable(self.solution) else "number"), type(answer).__name__
         fits = callable(answer) if asked == "function" else _is_number(answer)
-        return "" if fits else f"`{self.asks_for}` should be a {asked}; this is {_with_article(given)}"
+        return (
+            "" if fits else f"`{self.asks_for}` should be a {asked}; this is {_with_article(given)}"
+        )
 
     def _mistake(self, answer, seed):
         """What is wrong with an answer, in words; None where nothing is."""
@@ -153,7 +169,9 @@ class Exercise:
         if not isinstance(asked, _Noted):
             return _has_nan(asked)
         rightly = _Noted(self.solution)
-        return _has_nan(asked.returned) and not (self._found(rightly, case) is None and _has_nan(rightly.returned))
+        return _has_nan(asked.returned) and not (
+            self._found(rightly, case) is None and _has_nan(rightly.returned)
+        )
 
     def _found(self, answer, case):
         """The verdict on one input, an exception as words."""
@@ -165,7 +183,8 @@ class Exercise:
             return _told(error, self.asks_for)
 
     def _known(self, answer, cases, seed):
-        """The sentence of the known mistake that gives what the answer gives on all inputs; None where none does."""
+        """The sentence of the known mistake that gives what the answer gives on all inputs; None
+        where none does."""
         mine = functools.cache(lambda number: self._evidence(answer, cases[number]))
 
         def known(name, number):
@@ -183,13 +202,16 @@ class Exercise:
 
     @cached_property
     def _seen(self):
-        """(seed, known mistake, number of the input) -> its evidence, of those that were compared with an answer."""
+        """(seed, known mistake, number of the input) -> its evidence, of those that were compared
+        with an answer."""
         return {}
 
     def _evidence(self, answer, case):
         """What a mistake is recognised by on one input: an array, or the kind of an exception."""
         try:
-            return np.asarray(self.module.evidence(_Noted(answer) if callable(answer) else answer, case))
+            return np.asarray(
+                self.module.evidence(_Noted(answer) if callable(answer) else answer, case)
+            )
         except (Exception, SystemExit) as error:
             return type(error)
 
@@ -213,7 +235,11 @@ class _Noted:
 def _own(value):
     """A copy of arrays, which an answer may write over; anything else as it is."""
     try:
-        return copy.deepcopy(value) if isinstance(value, (np.ndarray, list, tuple, dict)) or issparse(value) else value
+        return (
+            copy.deepcopy(value)
+            if isinstance(value, (np.ndarray, list, tuple, dict)) or issparse(value)
+            else value
+        )
     except Exception:
         return value  # a list of what cannot be copied
 
@@ -234,7 +260,8 @@ def _has_nan(value):
 
 
 def _same(one, other, rtol, atol):
-    """Whether two pieces of evidence are equal up to rounding; NaN equals NaN, an exception one of its kind."""
+    """Whether two pieces of evidence are equal up to rounding; NaN equals NaN, an exception one of
+    its kind."""
     if isinstance(one, type) or isinstance(other, type):
         return one is other
     if one.shape != other.shape:
@@ -253,10 +280,19 @@ def _short(words):
 
 
 def _told(error, name):
-    """Words on an exception: that of the student's function with its line, or one about what it returns."""
-    theirs = [frame for frame in traceback.extract_tb(error.__traceback__) if not frame.filename.startswith(_ELSEWHERE)]
+    """Words on an exception: that of the student's function with its line, or one about what it
+    returns."""
+    theirs = [
+        frame
+        for frame in traceback.extract_tb(error.__traceback__)
+        if not frame.filename.startswith(_ELSEWHERE)
+    ]
     what = f"{type(error).__name__}: {_short(str(error))[:150]}".removesuffix(": ")
-    if isinstance(error, TypeError) and not theirs and re.search("(positional|keyword|required) argument", f"{error}"):
+    if (
+        isinstance(error, TypeError)
+        and not theirs
+        and re.search("(positional|keyword|required) argument", f"{error}")
+    ):
         return f"`{name}` cannot be called as the question has it ({what})"
     if not theirs:
         return f"what `{name}` returns is not what is asked for ({what})"
@@ -267,15 +303,26 @@ def _told(error, name):
 def _load(name):
     module = importlib.import_module(f"{tasks.__name__}.{name}")
     texts = module.TASK.strip(), getattr(module, "READ", "").strip()
-    return Exercise(name.replace("_", "-"), module.TITLE, module.PAGE, module.MINUTES, module.POINTS, *texts, module)
+    return Exercise(
+        name.replace("_", "-"),
+        module.TITLE,
+        module.PAGE,
+        module.MINUTES,
+        module.POINTS,
+        *texts,
+        module,
+    )
 
 
-_LOADED = [_load(name) for name in sorted(module.name for module in pkgutil.iter_modules(tasks.__path__))]
+_LOADED = [
+    _load(name) for name in sorted(module.name for module in pkgutil.iter_modules(tasks.__path__))
+]
 EXERCISES = {exercise.name: exercise for exercise in _LOADED}
 
 
 def check(name, answer=None):
-    """For students: print in a line whether an answer to an exercise is right, or what is wrong with it."""
+    """For students: print in a line whether an answer to an exercise is right, or what is wrong
+    with it."""
     exercise = EXERCISES.get(name) if isinstance(name, str) else None
     if exercise is None:
         _say(f"There is no exercise {name!r}; there are {', '.join(EXERCISES)}.")
@@ -285,7 +332,10 @@ def check(name, answer=None):
     except AssertionError as error:
         _say(f"✗ {name}: not yet. {error}")
     except Exception as error:
-        _say(f"✗ {name}: the check itself failed, which is no mistake of yours. {_short(f'{error!r}')}")
+        _say(
+            f"✗ {name}: the check itself failed, which is no mistake of yours. "
+            f"{_short(f'{error!r}')}"
+        )
     else:
         _say(f"✓ {name}: right, {exercise.points} points.")
 

@@ -1,8 +1,10 @@
-"""CP-Net on problems it has not seen, against `fit_landmarks`: every map measured on the mesh of its problem.
+"""CP-Net on problems it has not seen, against `fit_landmarks`: every map measured on the mesh of
+its problem.
 
-Three kinds, as many of each: pairs of synthetic subjects of other seeds and scattered points moved by random maps, both
-on one polar mesh, and real sulci, those of fsaverage5 in both directions, on its own mesh. A coefficient's map is the
-exact solver's, followed by the best Möbius map; `L_CP` is that of its measured coefficient.
+Three kinds, as many of each: pairs of synthetic subjects of other seeds and scattered points moved
+by random maps, both on one polar mesh, and real sulci, those of fsaverage5 in both directions, on
+its own mesh. A coefficient's map is the exact solver's, followed by the best Möbius map; `L_CP` is
+that of its measured coefficient.
 """
 
 import time
@@ -21,29 +23,33 @@ from qclearn.plane.disk import Disk
 from qclearn.plane.grids import COARSE, FINE, polar, square_disk
 from qclearn.plane.mobius import best_mobius, mobius
 from qclearn.plane.solver import DiskSolver
-from qclearn.registration.checked import predicted
+from qclearn.registration.curves import sample_curve
 from qclearn.registration.fit import exact_map, fit_problem, moved_map
-from qclearn.registration.ladder import Climb, few
-from qclearn.registration.landmarks import sample_curve
 from qclearn.registration.metrics import measured_losses
+from qclearn.registration.multiresolution import MultiresolutionFit, few
+from qclearn.registration.networks import predicted
 from qclearn.registration.problem import Problem, Weights, distinct
-from qclearn.surfaces.conformal import laid_out
+from qclearn.surfaces.conformal import parameterize
 
 MESH = polar(*FINE)
 POINTS = 10  # on each curve
 EACH = 16  # problems of each kind
 LOOKS, TIMED = 7, 3  # at most, of those whose answers are measured, and whose times
 SEED = 5301
-AS_MANY = {"Born step": "Born step, as many looks", "CP-Net": "U-Net's start, as many looks"}  # as CP-Net has there
+AS_MANY = {
+    "Born step": "Born step, as many looks",
+    "CP-Net": "U-Net's start, as many looks",
+}  # as CP-Net has there
 FIXED = {"default": Weights(), "stiff": Weights(gamma=1e5)}
 PAPERS = {name: Weights(1.0, 1.0, float(name)) for name in ("1e4", "1e5", "2e5")}
 
 
 def figures(seeds, quick=False):
-    """Ratios to the fit at random weights, at the default and at the paper's, the paper's preset, and times.
+    """Ratios to the fit at random weights, at the default and at the paper's, the paper's preset,
+    and times.
 
-    "Born step, 1 look": the same steps from where nothing was learned. "exact step": the fit's own first Gauss-Newton
-    steps, by adjoint solves. Times are the processor's.
+    "Born step, 1 look": the same steps from where nothing was learned. "exact step": the fit's own
+    first Gauss-Newton steps, by adjoint solves. Times are the processor's.
     """
     rng, size, net = np.random.default_rng(SEED), 2_500 if quick else 10_000, load("cpnet")
     landmarks = curves_of(seeds[:2] if quick else seeds[: EACH + 1], size)
@@ -56,11 +62,16 @@ def figures(seeds, quick=False):
                 rows[name].append({"kind": kind, **compare(net, problem, weights)})
     named = {name: summary(rows[name]) for name in FIXED}
     for name, weights in list(PAPERS.items())[: 1 if quick else None]:
-        named[name] = summary([compare(net, problem, weights) for problem in problems["other seeds"][:8]])
+        named[name] = summary(
+            [compare(net, problem, weights) for problem in problems["other seeds"][:8]]
+        )
     return {
         "random": summary(rows["random"]),
         "kinds": {
-            kind: {name: summary([row for row in some if row["kind"] == kind]) for name, some in rows.items()}
+            kind: {
+                name: summary([row for row in some if row["kind"] == kind])
+                for name, some in rows.items()
+            }
             for kind in problems
         },
         "bands": bands([row for some in rows.values() for row in some]),
@@ -69,16 +80,25 @@ def figures(seeds, quick=False):
         "ranges": {"beta / alpha": net.config.smooth, "gamma / alpha": net.config.match},
         "looks": {name: net.looks_at(weights) for name, weights in FIXED.items()},
         "latency_ms": latency(net, problems),
-        "rows": [{key: row[key] for key in row if key != "seconds"} for some in rows.values() for row in some],
+        "rows": [
+            {key: row[key] for key in row if key != "seconds"}
+            for some in rows.values()
+            for row in some
+        ],
     }
 
 
 def curves_of(seeds, vertices):
-    """Each subject's named curves as landmarks of its disk, POINTS a curve by arc length: list of (M,) complex."""
+    """Each subject's named curves as landmarks of its disk, POINTS a curve by arc length: list of
+    (M,) complex."""
     found = []
     for subject in hemispheres(seeds, vertices):
-        surface, z = subject.surface, laid_out(subject.surface).disk.z
-        found.append(np.concatenate([sample_curve(surface, path, POINTS) @ z for path in surface.curves.values()]))
+        surface, z = subject.surface, parameterize(subject.surface).disk.z
+        found.append(
+            np.concatenate(
+                [sample_curve(surface, path, POINTS) @ z for path in surface.curves.values()]
+            )
+        )
     return found
 
 
@@ -99,15 +119,22 @@ def scattered(rng):
 
 
 def real(rng):
-    """Problems of fsaverage5's two sides, turn about: all their sulci, then some of them at ten or five points each."""
+    """Problems of fsaverage5's two sides, turn about: all their sulci, then some of them at ten or
+    five points each."""
     there = fsaverage_pair()
-    swapped = [entry | {"moving": entry["control"], "control": entry["moving"]} for entry in there.curves]
+    swapped = [
+        entry | {"moving": entry["control"], "control": entry["moving"]} for entry in there.curves
+    ]
     back = type(there)(there.control, there.moving, tuple(swapped))
     both = [prepare(pair).problem for pair in (there, back)]
     for number in range(2 * EACH):
         problem = both[number % 2]
         labels = np.unique(problem.curve)
-        chosen = labels if number < 2 else rng.choice(labels, rng.integers(3, len(labels) + 1), replace=False)
+        chosen = (
+            labels
+            if number < 2
+            else rng.choice(labels, rng.integers(3, len(labels) + 1), replace=False)
+        )
         every = 1 if number < 2 else rng.integers(1, 3)
         some = np.flatnonzero(np.isin(problem.curve, chosen))[::every]
         yield Problem(problem.disk, problem.moving[some], problem.target[some])
@@ -138,7 +165,9 @@ def compare(net, problem, weights):
     seconds["network"] = time.process_time() - start
     answers |= net.answers(problem, weights, LOOKS)
     found = {name: exact_map(problem, mu) for name, mu in answers.items()}
-    found |= {name: found[f"{start}, {net.looks_at(weights)} looks"] for start, name in AS_MANY.items()}
+    found |= {
+        name: found[f"{start}, {net.looks_at(weights)} looks"] for start, name in AS_MANY.items()
+    }
     for number, (passed, one) in enumerate(stepped(problem, weights), 1):
         found[f"exact step {number}"], seconds[f"exact step {number}"] = one, passed
     reference = measured(problem, weights, fit)["L_CP"]
@@ -149,7 +178,9 @@ def compare(net, problem, weights):
         "fit_error": fit.landmark_error,
         "fit_flipped": len(fit.flipped),
         "seconds": seconds,
-        "ratio": {name: measured(problem, weights, one)["L_CP"] / reference for name, one in found.items()},
+        "ratio": {
+            name: measured(problem, weights, one)["L_CP"] / reference for name, one in found.items()
+        },
         "error": {name: one.landmark_error for name, one in found.items()},
         "flipped": {name: len(one.flipped) for name, one in found.items()},
     }
@@ -160,9 +191,10 @@ def measured(problem, weights, found):
 
 
 def stepped(problem, weights, steps=3):
-    """The first Gauss-Newton steps by adjoint solves, from nu = 0 and at the whole gamma: (seconds so far, map)."""
+    """The first Gauss-Newton steps by adjoint solves, from nu = 0 and at the whole gamma: (seconds
+    so far, map)."""
     start, mesh = time.process_time(), polar(*COARSE)
-    engine = Climb(problem).engine(few(steps, COARSE[0]), weights)
+    engine = MultiresolutionFit(problem).engine(few(steps, COARSE[0]), weights)
     to_faces = mesh.sampling(problem.disk.centroids)
     state = engine.at(np.zeros(len(mesh.z), complex), problem.mobius)
     for _ in range(steps):
@@ -172,7 +204,8 @@ def stepped(problem, weights, steps=3):
 
 
 def summary(rows):
-    """Median and 90th percentile over problems of the ratio of losses, and of that of the landmark errors."""
+    """Median and 90th percentile over problems of the ratio of losses, and of that of the landmark
+    errors."""
     table = {}
     for name in rows[0]["ratio"]:
         ratios, errors = [row["ratio"][name] for row in rows], [row["error"][name] for row in rows]
@@ -193,12 +226,16 @@ def summary(rows):
         "fit_error": float(np.mean([row["fit_error"] for row in rows])),
         "fit_folded": float(np.mean([row["fit_flipped"] > 0 for row in rows])),
         "answers": table,
-        "seconds": {name: float(np.median([row["seconds"][name] for row in rows])) for name in rows[0]["seconds"]},
+        "seconds": {
+            name: float(np.median([row["seconds"][name] for row in rows]))
+            for name in rows[0]["seconds"]
+        },
     }
 
 
 def bands(rows, edges=(0, 3, 5, 7, 11)):
-    """CP-Net's median ratio by how stiff the problem is, log10(gamma / beta): list of (low, high, problems, ratios)."""
+    """CP-Net's median ratio by how stiff the problem is, log10(gamma / beta): list of (low, high,
+    problems, ratios)."""
     stiff = np.array([np.log10(row["weights"][2] / row["weights"][1]) for row in rows])
     table = []
     for low, high in pairwise(edges):
@@ -209,7 +246,10 @@ def bands(rows, edges=(0, 3, 5, 7, 11)):
                     "from": low,
                     "to": high,
                     "problems": len(inside),
-                    **{name: float(np.median([ratio[name] for ratio in inside])) for name in inside[0]},
+                    **{
+                        name: float(np.median([ratio[name] for ratio in inside]))
+                        for name in inside[0]
+                    },
                 }
             )
     return table
@@ -220,7 +260,9 @@ def paper(subjects, quick):
     found = {}
     for gamma in PAPER_GAMMAS[:1] if quick else PAPER_GAMMAS:
         try:
-            found[f"{gamma:.0e}".replace("e+0", "e")] = printed(load("cpnet", "paper", gamma), subjects, quick)
+            found[f"{gamma:.0e}".replace("e+0", "e")] = printed(
+                load("cpnet", "paper", gamma), subjects, quick
+            )
         except WeightsError as error:
             print(f"without the paper's preset: {error}")
     return found
@@ -229,11 +271,15 @@ def paper(subjects, quick):
 def printed(net, subjects, quick):
     """Means over subjects (M,) of one of the paper's CP-Nets, mended.
 
-    "dbsnet_...": by the map of the paper's DBS-Net, which the paper's own table is about; "error", "loss_ratio" and
-    |mu|: by the exact map of the same coefficient. "whole_ratio": of L_CP with beta `L_lost`. "seen", "lost":
-    `L_grad_mu` and `L_lost` of the network's image.
+    "dbsnet_...": by the map of the paper's DBS-Net, which the paper's own table is about; "error",
+    "loss_ratio" and |mu|: by the exact map of the same coefficient. "whole_ratio": of L_CP with
+    beta `L_lost`. "seen", "lost": `L_grad_mu` and `L_lost` of the network's image.
     """
-    rows, weights, pixels = [], Weights(1.0, 1.0, net.config.gamma), Disk(*square_disk(net.config.size))
+    rows, weights, pixels = (
+        [],
+        Weights(1.0, 1.0, net.config.gamma),
+        Disk(*square_disk(net.config.size)),
+    )
     for moving in subjects[: 1 if quick else 12]:
         p, q = aligned(moving, net.targets.numpy().astype(complex))
         problem = Problem(MESH, p, q)
@@ -243,8 +289,14 @@ def printed(net, subjects, quick):
         passed = time.process_time() - start
         answer = exact_map(problem, mu)
         through = moved_map(problem, load("dbsnet", "paper").solve(MESH.z, MESH.faces, mu))
-        losses = {name: measured(problem, weights, one)["L_CP"] for name, one in (("fit", fit), ("net", answer))}
-        whole = {name: losses[name] + smoothness(MESH, one.mu)[1] for name, one in (("fit", fit), ("net", answer))}
+        losses = {
+            name: measured(problem, weights, one)["L_CP"]
+            for name, one in (("fit", fit), ("net", answer))
+        }
+        whole = {
+            name: losses[name] + smoothness(MESH, one.mu)[1]
+            for name, one in (("fit", fit), ("net", answer))
+        }
         image = net(torch.from_numpy(net.in_order(p, q))[None].to(net.targets))[0].numpy()
         seen, lost = smoothness(pixels, np.tile(image.ravel(), 2))  # a pixel's two faces
         rows.append(
@@ -266,7 +318,9 @@ def printed(net, subjects, quick):
             }
         )
     means = {key: float(np.mean([row[key] for row in rows])) for key in rows[0]}
-    ratios = {f"{name}_ratio": means[name] / means["fit_error"] for name in ("error", "dbsnet_error")}
+    ratios = {
+        f"{name}_ratio": means[name] / means["fit_error"] for name in ("error", "dbsnet_error")
+    }
     return means | ratios | {"problems": len(rows)}
 
 
@@ -277,17 +331,25 @@ def smoothness(disk, mu):
 
 
 def latency(net, problems, repeats=10):
-    """Milliseconds of one call on a mesh that is known from a call before, by looks, medians: some 40 landmarks on the
-    polar mesh, and "large" all of fsaverage5's on its own."""
-    some = min(problems["other seeds"] + problems["scattered"], key=lambda problem: abs(len(problem.moving) - 40))
+    """Milliseconds of one call on a mesh that is known from a call before, by looks, medians: some
+    40 landmarks on the polar mesh, and "large" all of fsaverage5's on its own."""
+    some = min(
+        problems["other seeds"] + problems["scattered"],
+        key=lambda problem: abs(len(problem.moving) - 40),
+    )
     large = problems["real"][0]
     clock = {"landmarks": len(some.moving), "vertices": len(some.disk.z)}
-    clock |= {f"looks_{looks}": milliseconds(net, some, looks, repeats) for looks in range(TIMED + 1)}
+    clock |= {
+        f"looks_{looks}": milliseconds(net, some, looks, repeats) for looks in range(TIMED + 1)
+    }
     clock |= {"large_landmarks": len(large.moving), "large_vertices": len(large.disk.z)}
     clock["large"] = milliseconds(net, large, net.config.looks, repeats)
     solver, start = DiskSolver(some.disk), time.process_time()
     solver.solve(np.zeros(len(some.disk.faces), complex))
-    return clock | {"median": clock[f"looks_{net.config.looks}"], "exact_map": 1e3 * (time.process_time() - start)}
+    return clock | {
+        "median": clock[f"looks_{net.config.looks}"],
+        "exact_map": 1e3 * (time.process_time() - start),
+    }
 
 
 def milliseconds(net, problem, looks, repeats):

@@ -1,4 +1,5 @@
-"""DBS-Net on coefficients it has not seen, against the exact solver: accuracy, folds, each route, time."""
+"""DBS-Net on coefficients it has not seen, against the exact solver: accuracy, folds, each route,
+time."""
 
 import warnings
 
@@ -22,12 +23,17 @@ from .polar import median_seconds
 MESH = 48, 144
 MAPS = 16  # a seed
 FIELDS, FIELDS_SEED = 48, 5203  # of the images on which both gauges are measured
-SIZE, RINGS, SPOKES = 64, 40, 128  # of the square in pixels, and of the polar mesh that they are resampled to
+SIZE, RINGS, SPOKES = (
+    64,
+    40,
+    128,
+)  # of the square in pixels, and of the polar mesh that they are resampled to
 EXACT = 1e-6  # the tolerance of the maps that errors are measured against
 
 
 def figures(seeds, quick=False):
-    """Random mu with max|mu| uniform in [0.05, 0.6] on the 48 x 144 polar mesh, both kinds, `MAPS` for each seed."""
+    """Random mu with max|mu| uniform in [0.05, 0.6] on the 48 x 144 polar mesh, both kinds, `MAPS`
+    for each seed."""
     solver = PolarSolver(*MESH)
     mu = draw(seeds[:2] if quick else seeds, solver.mesh, 2 if quick else MAPS)
     exact = in_batches(lambda part: solver.solve(part, EXACT), mu)
@@ -40,27 +46,36 @@ def figures(seeds, quick=False):
     }
     for name, net in nets.items():
         maps = np.array([net.solve(solver.mesh.z, solver.mesh.faces, one) for one in mu])
-        result[name] = map_figures(maps, exact, mu, solver) | {"latency_ms": latency(net, solver, mu[0], quick)}
+        result[name] = map_figures(maps, exact, mu, solver) | {
+            "latency_ms": latency(net, solver, mu[0], quick)
+        }
         result[name]["samples"] = samples(maps, mu, solver)
     if "best" in nets:
         start = in_batches(lambda part: two_steps(solver, part)[0][1], mu)
         result["start"] = map_figures(start, exact, mu, solver)
-        result["curves"] = {str(count): curves(nets["best"], mu, exact, count, quick) for count in (1, 16)}
+        result["curves"] = {
+            str(count): curves(nets["best"], mu, exact, count, quick) for count in (1, 16)
+        }
     if "paper" in nets:
         result["routes"] = routes(nets["paper"], seeds[:2] if quick else seeds, 2 if quick else 4)
         wide = build("dbsnet", {"preset": "paper", "size": 128})
         image = torch.zeros(1, 128, 128, dtype=torch.complex64)
         result["paper"]["latency_128_ms"] = 1e3 * timed(lambda: wide(image), quick)
     result["latency_ms"] = {
-        "polar": 1e3 * timed(lambda: solver.solve(torch.from_numpy(mu[0]).to(torch.complex64)), quick),
+        "polar": 1e3
+        * timed(lambda: solver.solve(torch.from_numpy(mu[0]).to(torch.complex64)), quick),
         "superlu": 1e3 * timed(lambda: superlu(solver, mu[:1]), quick),
     }
     return result
 
 
 def gauges(nets, count):
-    """Every network's `gauge_errors` and share of maps with a fold, mesh by mesh, on images that none has seen."""
-    images = [image.numpy() for (image,) in (SquareFields(count, FIELDS_SEED, SIZE)[k] for k in range(count))]
+    """Every network's `gauge_errors` and share of maps with a fold, mesh by mesh, on images that
+    none has seen."""
+    images = [
+        image.numpy()
+        for (image,) in (SquareFields(count, FIELDS_SEED, SIZE)[k] for k in range(count))
+    ]
     square, polar = Disk(*square_disk(SIZE)), Disk(*polar_disk(RINGS, SPOKES))
     given = {
         "square": (square, [np.tile(image.ravel(), 2) for image in images]),  # a pixel's two faces
@@ -155,7 +170,8 @@ def fallback(maps, flipped, mu, solver):
 
 
 def samples(maps, mu, solver):
-    """Histograms of |measured mu - mu| over the faces of three maps, as the paper shows: counts and edges."""
+    """Histograms of |measured mu - mu| over the faces of three maps, as the paper shows: counts and
+    edges."""
     edges = np.linspace(0, 0.2, 41)
     chosen = [0, len(mu) // 3, 2 * len(mu) // 3]
     errors = [abs(solver.mesh.coefficient(maps[k]) - mu[k]) for k in chosen]
@@ -172,7 +188,8 @@ def timed(function, quick):
 
 
 def latency(net, solver, mu, quick):
-    """Milliseconds of one `solve` on the network's own mesh, resampling included (its tables made before)."""
+    """Milliseconds of one `solve` on the network's own mesh, resampling included (its tables made
+    before)."""
     if net.config.preset == "best":
         z, faces, given = solver.mesh.z, solver.mesh.faces, mu
     else:
@@ -184,7 +201,8 @@ def latency(net, solver, mu, quick):
 
 
 def curves(net, mu, exact, count, quick):
-    """Error against milliseconds a map: plain CG stopped after k steps, the network, the network and j CG steps."""
+    """Error against milliseconds a map: plain CG stopped after k steps, the network, the network
+    and j CG steps."""
     solver, parts = net.solver, torch.from_numpy(mu).to(torch.complex64).split(count)
     parts = parts[:2] if quick else parts[: max(1, 256 // count)]
     wanted = exact[: sum(len(part) for part in parts)]
@@ -199,9 +217,16 @@ def curves(net, mu, exact, count, quick):
             with torch.no_grad():
                 maps = torch.cat([method(part, k) for part in parts]).numpy()
             relative = abs(maps - wanted).mean(1) / displacement(wanted, solver.mesh.z)
-            times = [timed(lambda part=part, k=k, method=method: method(part, k), quick) for part in parts[:3]]
+            times = [
+                timed(lambda part=part, k=k, method=method: method(part, k), quick)
+                for part in parts[:3]
+            ]
             result[name].append(
-                {"steps": k, "ms": 1e3 * float(np.median(times)) / count, "error": float(relative.mean())}
+                {
+                    "steps": k,
+                    "ms": 1e3 * float(np.median(times)) / count,
+                    "error": float(relative.mean()),
+                }
             )
     return result
 
@@ -209,9 +234,10 @@ def curves(net, mu, exact, count, quick):
 def routes(net, seeds, count):
     """Each route of the paper's network on its own mesh against its exact step.
 
-    boundary: against the harmonic measure (steps 1 and 2 of the flux form); inner: against the Dirichlet solve with the
-    network's own boundary (step 3); whole: against the exact map. Sums of distances over those of the identity from the
-    exact map, on the circle or everywhere, as they come.
+    boundary: against the harmonic measure (steps 1 and 2 of the flux form); inner: against the
+    Dirichlet solve with the network's own boundary (step 3); whole: against the exact map. Sums of
+    distances over those of the identity from the exact map, on the circle or everywhere, as they
+    come.
     """
     size = net.config.size
     disk = Disk(*square_disk(size))
@@ -223,10 +249,17 @@ def routes(net, seeds, count):
             f = net(torch.from_numpy(image).to(torch.complex64)[None])[0][0].numpy().astype(complex)
         exact = factored.solve(mu)
         inner = Dirichlet(disk.stiffness(mu), loop).solve(f[loop])
-        distances = [abs(x).sum() for x in ((f - exact)[loop], f - inner, f - exact, (z - exact)[loop], z - exact)]
+        distances = [
+            abs(x).sum()
+            for x in ((f - exact)[loop], f - inner, f - exact, (z - exact)[loop], z - exact)
+        ]
         rows.append([*distances, len(disk.certify(f).flipped) > 0])
     boundary, inside, whole, still_boundary, still, folded = np.mean(rows, axis=0).tolist()
-    ratios = {"boundary": boundary / still_boundary, "inner": inside / still, "whole": whole / still}
+    ratios = {
+        "boundary": boundary / still_boundary,
+        "inner": inside / still,
+        "whole": whole / still,
+    }
     return ratios | {"folded_share": folded, "maps": len(rows)}
 
 

@@ -1,8 +1,10 @@
-"""LD-Net on subjects it has not seen, against the shortest path in the fundus metric (`landmarks.detect_curves`).
+"""LD-Net on subjects it has not seen, against the shortest path in the fundus metric
+(`landmarks.detect_curves`).
 
     python book/studies/evaluation/ldnet.py FILE...
 
-measures the distance to the named curves of surfaces of your own (disks in npz files with curve_<name>).
+measures the distance to the named curves of surfaces of your own (disks in npz files with
+curve_<name>).
 """
 
 import json
@@ -16,14 +18,15 @@ import torch
 import qclearn as qc
 from data_synth.cohort import hemispheres
 from qclearn.nets import WeightsError, load
-from qclearn.registration.landmarks import curve_distance, curves_in_space, detect_curves
-from qclearn.surfaces.conformal import laid_out
+from qclearn.registration.curves import curve_distance, curves_in_space, detect_curves
+from qclearn.surfaces.conformal import parameterize
 
 RESAMPLES = 2000
 
 
 def figures(seeds, quick=False):
-    """Mean distance in mm to the true curves, plain and interrupted or branched sulci apart, and times.
+    """Mean distance in mm to the true curves, plain and interrupted or branched sulci apart, and
+    times.
 
     Times are the processor's, on one thread: what a clock shows where nothing else runs.
     """
@@ -31,7 +34,7 @@ def figures(seeds, quick=False):
     methods = detectors()
     rows, seconds = [], {name: [] for name in methods}
     for subject in subjects:
-        distances, times = distances_to_truth(laid_out(subject.surface), methods)
+        distances, times = distances_to_truth(parameterize(subject.surface), methods)
         for name, passed in times.items():
             seconds[name].append(passed)
         for curve, values in distances.items():
@@ -44,8 +47,14 @@ def figures(seeds, quick=False):
                     **values,
                 }
             )
-    result = {title: summary([row for row in rows if keep(row)], methods) for title, keep in CLASSES.items()}
-    by_name = {name: summary([row for row in rows if row["curve"] == name], methods) for name in subjects[0].curves}
+    result = {
+        title: summary([row for row in rows if keep(row)], methods)
+        for title, keep in CLASSES.items()
+    }
+    by_name = {
+        name: summary([row for row in rows if row["curve"] == name], methods)
+        for name in subjects[0].curves
+    }
     return {
         **result,
         "sulci": by_name,
@@ -66,7 +75,8 @@ CLASSES = {
 
 
 def detectors():
-    """What is compared, name -> detect(surface, z, endpoints); a preset whose weights are not shipped is left out."""
+    """What is compared, name -> detect(surface, z, endpoints); a preset whose weights are not
+    shipped is left out."""
     found = {}
     for preset in ("best", "paper"):
         try:
@@ -77,7 +87,8 @@ def detectors():
 
 
 def distances_to_truth(side, methods):
-    """({curve: {method: mm, "apart": mm}}, {method: seconds}): the named curves found again from their endpoints.
+    """({curve: {method: mm, "apart": mm}}, {method: seconds}): the named curves found again from
+    their endpoints.
 
     "apart": from the first method's curve to the last one's.
     """
@@ -93,13 +104,16 @@ def distances_to_truth(side, methods):
     truth, *found = [[next(points) for _ in group] for group in groups]
     distances = {}
     for k, curve in enumerate(surface.curves):
-        distances[curve] = {name: curve_distance(truth[k], part[k]) for name, part in zip(methods, found)}
+        distances[curve] = {
+            name: curve_distance(truth[k], part[k]) for name, part in zip(methods, found)
+        }
         distances[curve]["apart"] = curve_distance(found[0][k], found[-1][k])
     return distances, seconds
 
 
 def summary(rows, methods):
-    """Means and medians over curves, and the first method less the twin with a 95 % interval, subjects resampled."""
+    """Means and medians over curves, and the first method less the twin with a 95 % interval,
+    subjects resampled."""
     if not rows:
         return {"curves": 0}
     values = {name: np.array([row[name] for row in rows]) for name in (*methods, "apart")}
@@ -121,7 +135,9 @@ def summary(rows, methods):
 def interval(values, groups):
     """[2.5 %, 97.5 %] of the mean when the groups are drawn anew, with replacement."""
     rng = np.random.default_rng(0)
-    totals = np.array([[values[groups == group].sum(), (groups == group).sum()] for group in np.unique(groups)])
+    totals = np.array(
+        [[values[groups == group].sum(), (groups == group).sum()] for group in np.unique(groups)]
+    )
     drawn = totals[rng.integers(len(totals), size=(RESAMPLES, len(totals)))].sum(axis=1)
     return [float(x) for x in np.percentile(drawn[:, 0] / drawn[:, 1], [2.5, 97.5])]
 
@@ -140,9 +156,10 @@ def latency(preset, repeats=20):
 
 
 def real(path, methods):
-    """{curve: {method: mm}} on a surface whose named curves someone has drawn; the paper's preset needs all its own."""
+    """{curve: {method: mm}} on a surface whose named curves someone has drawn; the paper's preset
+    needs all its own."""
     usable = {name: detect for name, detect in methods.items() if name != "paper"}
-    return distances_to_truth(laid_out(qc.read_surface(path)), usable)[0]
+    return distances_to_truth(parameterize(qc.read_surface(path)), usable)[0]
 
 
 if __name__ == "__main__":

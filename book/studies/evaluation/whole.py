@@ -1,4 +1,5 @@
-"""The paper's CP-Net, mended, at gamma = 1e5 as it is shipped, and trained with what its averages lose counted in."""
+"""The paper's CP-Net, mended, at gamma = 1e5 as it is shipped, and trained with what its averages
+lose counted in."""
 
 from qclearn.nets import load
 from qclearn.nets.weights import load_file
@@ -10,7 +11,8 @@ NAME = "cpnet-paper-g1e5-whole"
 
 
 def figures(seeds, quick=False):
-    """Loss -> `printed` on subjects that neither has seen. The second is read from where it was trained."""
+    """Loss -> `printed` on subjects that neither has seen. The second is read from where it was
+    trained."""
     path = next((RUNS / NAME).glob("cpnet-*.safetensors"), None)
     if path is None:
         raise SystemExit(f"not trained here: {NAME}; python -m book.studies.training --only {NAME}")

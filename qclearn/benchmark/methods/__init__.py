@@ -1,9 +1,10 @@
-"""Registration methods behind one call: `METHODS[name](problem, **parameters) -> f (V,)`, one short file each.
+"""Registration methods behind one call: `METHODS[name](problem, **parameters) -> f (V,)`, one short
+file each.
 
-A method takes a `Problem` and keyword parameters with defaults, returns where each vertex of the moving disk mesh lies
-in the control's disk, and warns with a RepairWarning of what it did beyond its plain formula. A method ON_SPHERES
-returns where each vertex of the whole moving surface lies on the control's sphere, (V', 3). Any such function can join
-the benchmark.
+A method takes a `Problem` and keyword parameters with defaults, returns where each vertex of the
+moving disk mesh lies in the control's disk, and warns with a RepairWarning of what it did beyond
+its plain formula. A method ON_SPHERES returns where each vertex of the whole moving surface lies on
+the control's sphere, (V', 3). Any such function can join the benchmark.
 """
 
 from .folds import dense, hybrid, landmark_free

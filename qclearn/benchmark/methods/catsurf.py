@@ -1,9 +1,11 @@
-"""CAT-Surface behind a command line, as a program of its own: the package cat-surf is under the GPL.
+"""CAT-Surface behind a command line, as a program of its own: the package cat-surf is under the
+GPL.
 
     python catsurf.py sphere SURFACE OUT
     python catsurf.py demons MOVING MOVING_SPHERE CONTROL CONTROL_SPHERE OUT
 
-Nothing of the library imports this file or cat_surf. Source: Yeo et al. (2010), Spherical Demons; Gaser et al. (2024).
+Nothing of the library imports this file or cat_surf. Source: Yeo et al. (2010), Spherical Demons;
+Gaser et al. (2024).
 """
 
 import sys
@@ -17,7 +19,9 @@ def main(task, *paths):
     if task == "sphere":
         result = cat_surf.surf_to_sphere(*meshes[0], stop_at=5, relax=True)
     else:
-        result = cat_surf.spherical_demon(*meshes)  # its defaults, its own search for a rotation among them
+        result = cat_surf.spherical_demon(
+            *meshes
+        )  # its defaults, its own search for a rotation among them
     cat_surf.write_surface(out, *result)
 
 

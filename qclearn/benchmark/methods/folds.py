@@ -1,21 +1,25 @@
-"""The library's fit to the folds of both surfaces: with landmarks, after their Möbius map alone, and without them."""
+"""The library's fit to the folds of both surfaces: with landmarks, after their Möbius map alone,
+and without them."""
 
 from dataclasses import replace
 
 from ...plane.mobius import mobius
-from ...registration import readings
-from ...registration.checked import bijective_fit
-from ...registration.preparation import laid_upon, sampled
+from ...registration import diagnose
+from ...registration.networks import fit_with_fallbacks
+from ...registration.pair import align_disks, sample_landmarks
 from ...registration.problem import DELTA, ETA, LandmarkError, Problem, Weights
-from ...surfaces.conformal import mended
+from ...surfaces.conformal import repair_folds
 from .solver import warn_of
 
 
-def hybrid(problem, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma, delta=DELTA, eta=ETA):
+def hybrid(
+    problem, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma, delta=DELTA, eta=ETA
+):
     """Landmarks and folds in one fit, the default of `register`: f (V,).
 
-    The least `alpha mean|nu|^2 + beta mean|grad nu|^2 + gamma mean|M(f(p)) - q|^2 + delta` times the mismatch of depth
-    and curvature, from coarse features to fine ones. A RepairWarning says if rows were switched or weights lowered.
+    The least `alpha mean|nu|^2 + beta mean|grad nu|^2 + gamma mean|M(f(p)) - q|^2 + delta` times
+    the mismatch of depth and curvature, from coarse features to fine ones. A RepairWarning says if
+    rows were switched or weights lowered.
     """
     return by_folds(problem, Weights(alpha, beta, gamma, delta, eta))
 
@@ -23,31 +27,37 @@ def hybrid(problem, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma,
 def dense(problem, alpha=Weights.alpha, beta=Weights.beta, delta=DELTA, eta=ETA):
     """`hybrid` with gamma = 0: folds alone, from the landmarks' best Möbius map on, f (V,)."""
     sides = sides_of(problem)
-    disk = mended(sides.moving.surface, mobius(problem.disk.z, *problem.mobius))
-    return by_folds(Problem(disk, [], [], fewest=0, sides=sides), Weights(alpha, beta, delta=delta, eta=eta))
+    disk = repair_folds(sides.moving.surface, mobius(problem.disk.z, *problem.mobius))
+    return by_folds(
+        Problem(disk, [], [], fewest=0, sides=sides), Weights(alpha, beta, delta=delta, eta=eta)
+    )
 
 
 def landmark_free(problem, alpha=Weights.alpha, beta=Weights.beta, delta=DELTA, eta=ETA):
     """Folds alone, from the Möbius map that fits them best: landmarks take no part, f (V,)."""
-    sides = laid_upon(replace(with_folds(problem), entries=[], held=[]))
-    return by_folds(sampled(sides).problem, Weights(alpha, beta, delta=delta, eta=eta), sides)
+    sides = align_disks(replace(with_folds(problem), entries=[], held=[]))
+    return by_folds(
+        sample_landmarks(sides).problem, Weights(alpha, beta, delta=delta, eta=eta), sides
+    )
 
 
 def by_folds(problem, weights, sides=None):
     """The fit of a problem whose disk may be another than its sides' moving one."""
     sides = sides or with_folds(problem)
     sides = replace(sides, moving=replace(sides.moving, disk=problem.disk))
-    fit = bijective_fit(replace(problem, sides=sides), weights, features=sides.features)
+    fit = fit_with_fallbacks(replace(problem, sides=sides), weights, features=sides.features)
     warn_of(fit.fallbacks)
     return fit.f
 
 
 def with_folds(problem):
     """A problem's sides with depth and curvature, computed anew: such a fit's time includes them."""
-    return readings.with_folds(replace(sides_of(problem), features=None))
+    return diagnose.with_folds(replace(sides_of(problem), features=None))
 
 
 def sides_of(problem):
     if problem.sides is None:
-        raise LandmarkError("this method looks at folds, and the problem has landmarks alone: give it `sides`")
+        raise LandmarkError(
+            "this method looks at folds, and the problem has landmarks alone: give it `sides`"
+        )
     return problem.sides

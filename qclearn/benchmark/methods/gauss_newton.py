@@ -9,18 +9,26 @@ from ...plane.coefficients import bounded, unbounded
 from ...plane.grids import COARSE, FINE, polar
 from ...plane.mobius import best_mobius
 from ...registration.fit import exact_map, fit_problem
-from ...registration.ladder import Climb, Level, climbed, few
+from ...registration.multiresolution import Level, MultiresolutionFit, few, run_level
 from ...registration.problem import Weights
 from .solver import warn_of
 
 
-def gauss_newton(problem, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma, sliding=False, rings=None):
-    """`fit_landmarks`: the least `alpha mean|nu|^2 + beta mean|grad nu|^2 + gamma mean|M(f(p)) - q|^2`, f (V,).
+def gauss_newton(
+    problem, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma, sliding=False, rings=None
+):
+    """`fit_landmarks`: the least `alpha mean|nu|^2 + beta mean|grad nu|^2 + gamma mean|M(f(p)) -
+    q|^2`, f (V,).
 
-    sliding: inner points of a curve may move along their target curve; rings: of the mesh that carries nu. A
-    RepairWarning says if rows were switched. Source: paper, eq. RegLoss; Gauss-Newton in its dual form.
+    sliding: inner points of a curve may move along their target curve; rings: of the mesh that
+    carries nu. A RepairWarning says if rows were switched. Source: paper, eq. RegLoss; Gauss-Newton
+    in its dual form.
     """
-    fit = fit_problem(replace(problem, sliding=sliding or problem.sliding), Weights(alpha, beta, gamma), rings=rings)
+    fit = fit_problem(
+        replace(problem, sliding=sliding or problem.sliding),
+        Weights(alpha, beta, gamma),
+        rings=rings,
+    )
     warn_of(fit.fallbacks)
     return fit.f
 
@@ -28,23 +36,30 @@ def gauss_newton(problem, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.
 @threadpool_limits.wrap(limits=1)
 def coarse_steps(problem, steps=1, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma):
     """`few_steps` from the fit settled on a coarse polar mesh: CP-Net's exact twin, f (V,)."""
-    weights, level, mesh = Weights(alpha, beta, gamma), Level(COARSE[0], None, 5, rising=True), polar(*COARSE)
-    engine = Climb(problem).engine(level, weights)
-    state, _ = climbed(engine, engine.at(np.zeros(len(mesh.z), complex), problem.mobius), level)
-    return few_steps(problem, bounded(mesh.sampling(polar(*FINE).centroids) @ state.nu), steps, weights)
+    weights, level, mesh = (
+        Weights(alpha, beta, gamma),
+        Level(COARSE[0], None, 5, rising=True),
+        polar(*COARSE),
+    )
+    engine = MultiresolutionFit(problem).engine(level, weights)
+    state, _ = run_level(engine, engine.at(np.zeros(len(mesh.z), complex), problem.mobius), level)
+    return few_steps(
+        problem, bounded(mesh.sampling(polar(*FINE).centroids) @ state.nu), steps, weights
+    )
 
 
 @threadpool_limits.wrap(limits=1)
 def few_steps(problem, mu, steps, weights):
-    """At most `steps` steps of the fit on `polar(*FINE)`, from mu on its faces, then one exact solve: f (V,).
+    """At most `steps` steps of the fit on `polar(*FINE)`, from mu on its faces, then one exact
+    solve: f (V,).
 
     The solve fits the disk Möbius map again. A RepairWarning says if rows were switched.
     """
     level, mesh = few(steps, FINE[0]), polar(*FINE)
-    engine = Climb(problem).engine(level, weights)
+    engine = MultiresolutionFit(problem).engine(level, weights)
     begin = engine.at(mesh.to_vertices @ unbounded(mu), (0j, 0.0))
     best = best_mobius(engine.samples @ begin.solution.f, problem.target)
-    state, _ = climbed(engine, engine.with_mobius(begin, best), level)
+    state, _ = run_level(engine, engine.with_mobius(begin, best), level)
     result = exact_map(problem, bounded(mesh.sampling(problem.disk.centroids) @ state.nu))
     warn_of(result.fallbacks)
     return result.f

@@ -1,4 +1,5 @@
-"""The paper's baseline: the landmark-constrained optimised harmonic map, with its overlap correction."""
+"""The paper's baseline: the landmark-constrained optimised harmonic map, with its overlap
+correction."""
 
 import numpy as np
 from scipy import sparse
@@ -7,14 +8,16 @@ from ...plane.linear import Dirichlet
 from .solver import HARD, LandmarkSolver, truncated, warn_of
 
 MOST_ROUNDS = 40
-FIRST_WEIGHT = 100.0  # of the data in the smoothing; halved each round, so that no more of the match is lost than must
+# Of the data in the smoothing; halved each round, so that no more of the match is lost than must.
+FIRST_WEIGHT = 100.0
 
 
 def harmonic(problem, weight=1.0, correct=True):
-    """The map that minimises `1/2 int |grad f|^2 + (weight / 2) sum_k |f(p_k) - q_k|^2`, unfolded if `correct`.
+    """The map that minimises `1/2 int |grad f|^2 + (weight / 2) sum_k |f(p_k) - q_k|^2`, unfolded
+    if `correct`.
 
-    weight: the paper's lambda. The best Möbius map holds the circle. Source: Choi, Lam, Lui (2015), FLASH, on the disk
-    of Choi, Lui (2015), as for the paper's table.
+    weight: the paper's lambda. The best Möbius map holds the circle. Source: Choi, Lam, Lui (2015),
+    FLASH, on the disk of Choi, Lui (2015), as for the paper's table.
     """
     if not weight >= 0:
         raise ValueError(f"weight = {weight}: give a number from 0 (the paper's lambda)")
@@ -24,7 +27,8 @@ def harmonic(problem, weight=1.0, correct=True):
 
 
 def unfold(solver, f, smoothness):
-    """FLASH's overlap correction: rounds of four steps until no face is flipped; a RepairWarning says what it did.
+    """FLASH's overlap correction: rounds of four steps until no face is flipped; a RepairWarning
+    says what it did.
 
     1. smooth |mu| and truncate it; 2. solve with the landmarks held and measure the coefficient mu'; 3. blend,
     `mu' + smoothness (nu - mu')`, and truncate; 4. solve with that and without landmarks. smoothness in [0, 1]:
@@ -43,11 +47,14 @@ def unfold(solver, f, smoothness):
 
 
 def smoothed(solver, mu, weight):
-    """mu (F,) with smooth modulus: `((1 + 1/weight) + (2/weight) K) m = |mu|` at the vertices, argument as it is."""
+    """mu (F,) with smooth modulus: `((1 + 1/weight) + (2/weight) K) m = |mu|` at the vertices,
+    argument as it is."""
     disk = solver.disk
     nodal = disk.to_vertices @ mu
     matrix = (1 + 1 / weight) * sparse.eye_array(len(nodal)) + (2 / weight) * disk.laplace
-    problem = Dirichlet(matrix, [], None if solver.order is None else np.append(solver.order, disk.loop))
+    problem = Dirichlet(
+        matrix, [], None if solver.order is None else np.append(solver.order, disk.loop)
+    )
     size = np.empty(len(nodal))
     size[problem.free] = problem.solve_free(abs(nodal[problem.free]))
     turned = np.divide(size, abs(nodal), out=np.zeros_like(size), where=nodal != 0) * nodal

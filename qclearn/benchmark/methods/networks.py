@@ -1,16 +1,19 @@
-"""The paper's networks as registration methods: CP-Net proposes mu; DBS-Net, the exact solver or steps make maps."""
+"""The paper's networks as registration methods: CP-Net proposes mu; DBS-Net, the exact solver or
+steps make maps."""
 
 from dataclasses import replace
 
 from ...plane.grids import FINE, polar
-from ...registration.checked import guarded_map, predicted
 from ...registration.fit import exact_map, moved_map
+from ...registration.networks import certified_network_map, predicted
 from ...registration.problem import Weights
 from ...registration.register import load as network
 from .gauss_newton import few_steps
 from .solver import warn_of
 
-TIGHT_TOLERANCE = 2e-3  # landmark error in the disk above which `guarded` refines; `register` allows more
+TIGHT_TOLERANCE = (
+    2e-3  # landmark error in the disk above which `guarded` refines; `register` allows more
+)
 NEEDS = {  # method -> networks
     "cpnet_dbsnet": ("cpnet", "dbsnet"),
     "cpnet_exact": ("cpnet",),
@@ -26,12 +29,16 @@ def networks_of(method, parameters):
 
 
 def proposed(problem, preset, weights):
-    """CP-Net's mu (F,) on a problem's disk mesh; the paper's knows gamma = 1e4, 1e5 and 2e5 at alpha = beta = 1."""
+    """CP-Net's mu (F,) on a problem's disk mesh; the paper's knows gamma = 1e4, 1e5 and 2e5 at
+    alpha = beta = 1."""
     return predicted(network("cpnet", preset, weights.gamma).predict, problem, weights)
 
 
-def cpnet_dbsnet(problem, preset="best", alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma):
-    """DBS-Net's map for CP-Net's mu, then the landmarks' best disk Möbius map: as it comes, folds and all.
+def cpnet_dbsnet(
+    problem, preset="best", alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma
+):
+    """DBS-Net's map for CP-Net's mu, then the landmarks' best disk Möbius map: as it comes, folds
+    and all.
 
     Source: paper, section 'Landmark-based Brain Cortical Surface Registration'.
     """
@@ -40,25 +47,34 @@ def cpnet_dbsnet(problem, preset="best", alpha=Weights.alpha, beta=Weights.beta,
     return moved_map(problem, f).f
 
 
-def cpnet_exact(problem, preset="best", alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma):
-    """The exact solver's map for CP-Net's mu; a RepairWarning says if rows were switched against folds."""
+def cpnet_exact(
+    problem, preset="best", alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma
+):
+    """The exact solver's map for CP-Net's mu; a RepairWarning says if rows were switched against
+    folds."""
     result = exact_map(problem, proposed(problem, preset, Weights(alpha, beta, gamma)))
     warn_of(result.fallbacks)
     return result.f
 
 
-def cpnet_steps(problem, preset="best", steps=1, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma):
-    """`few_steps` from CP-Net's mu: at most so many Gauss-Newton steps on a polar mesh, then one exact solve."""
+def cpnet_steps(
+    problem, preset="best", steps=1, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma
+):
+    """`few_steps` from CP-Net's mu: at most so many Gauss-Newton steps on a polar mesh, then one
+    exact solve."""
     weights, there = Weights(alpha, beta, gamma), replace(problem, disk=polar(*FINE))
     return few_steps(problem, proposed(there, preset, weights), steps, weights)
 
 
-def guarded(problem, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma, tolerance=TIGHT_TOLERANCE):
-    """`register(method="network")`: the networks' map, their exact twins' where that folds or misses by `tolerance`.
+def guarded(
+    problem, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma, tolerance=TIGHT_TOLERANCE
+):
+    """`register(method="network")`: the networks' map, their exact twins' where that folds or
+    misses by `tolerance`.
 
     A RepairWarning says each step aside.
     """
     predict, solve = network("cpnet", "best").predict, network("dbsnet", "best").solve
-    result = guarded_map(predict, solve, problem, Weights(alpha, beta, gamma), tolerance)
+    result = certified_network_map(predict, solve, problem, Weights(alpha, beta, gamma), tolerance)
     warn_of(result.fallbacks)
     return result.f

@@ -13,9 +13,9 @@ import numpy as np
 
 from ...io.extras import require
 from ...io.meshes import read_surface, write_surface
-from ...registration.landmarkfile import check_curves
-from ...registration.preparation import Sides, laid_upon, sampled
-from ...surfaces.conformal import laid_out
+from ...registration.curves import check_curves
+from ...registration.pair import SurfacePair, align_disks, sample_landmarks
+from ...surfaces.conformal import parameterize
 from ...surfaces.surface import Surface
 from .process import Costs, ProgramError, measured
 from .spheres import CATSURF, LIMIT, Sphere, sphere_of, unit_points
@@ -118,6 +118,10 @@ def run_task(path):
     from . import METHODS
 
     method, parameters, curves, pairs = pickle.loads(Path(path).read_bytes())
-    sides = [replace(laid_out(one), sphere=sphere and Sphere(one, sphere)) for one, sphere in pairs]
-    sides = Sides(*sides, check_curves(curves, pairs[0][0], pairs[1][0]), [])
-    METHODS[method](replace(sampled(laid_upon(sides)).problem, sides=sides), **parameters)
+    sides = [
+        replace(parameterize(one), sphere=sphere and Sphere(one, sphere)) for one, sphere in pairs
+    ]
+    sides = SurfacePair(*sides, check_curves(curves, pairs[0][0], pairs[1][0]), [])
+    METHODS[method](
+        replace(sample_landmarks(align_disks(sides)).problem, sides=sides), **parameters
+    )

@@ -1,4 +1,5 @@
-"""Landmark-constrained quasi-conformal iteration: a smooth coefficient and a map that meets the landmarks, in turns."""
+"""Landmark-constrained quasi-conformal iteration: a smooth coefficient and a map that meets the
+landmarks, in turns."""
 
 import numpy as np
 
@@ -9,15 +10,19 @@ FIRST_SIGMA, GROWTH = 10.0, 1.6  # of the penalty on nu - mu(f), and its factor 
 
 
 def qc_iteration(problem, alpha=1.0, rounds=20):
-    """A map with smooth coefficient nu, near the least of `int |grad nu|^2 + alpha int |nu|^2` with f(p) = q.
+    """A map with smooth coefficient nu, near the least of `int |grad nu|^2 + alpha int |nu|^2` with
+    f(p) = q.
 
-    Splits off mu(f) with the penalty `sigma int |nu - mu(f)|^2`, sigma rising, and alternates: f from nu by the solver
-    with the landmarks held; nu from f by `(L + (alpha + sigma) M) nu = sigma M mu(f)` (Laplace and mass matrix of the
-    disk), truncated. A last f that folds is solved again without landmarks, and a RepairWarning says so. The best
-    Möbius map holds the circle. Source: Lam, Lui (2014), Landmark and intensity based registration, section 4.
+    Splits off mu(f) with the penalty `sigma int |nu - mu(f)|^2`, sigma rising, and alternates: f
+    from nu by the solver with the landmarks held; nu from f by `(L + (alpha + sigma) M) nu = sigma
+    M mu(f)` (Laplace and mass matrix of the disk), truncated. A last f that folds is solved again
+    without landmarks, and a RepairWarning says so. The best Möbius map holds the circle. Source:
+    Lam, Lui (2014), Landmark and intensity based registration, section 4.
     """
     if not (alpha >= 0 and rounds >= 1):
-        raise ValueError(f"alpha = {alpha}, rounds = {rounds}: give alpha from 0 and at least one round")
+        raise ValueError(
+            f"alpha = {alpha}, rounds = {rounds}: give alpha from 0 and at least one round"
+        )
     solver = LandmarkSolver(problem)
     disk, sigma = solver.disk, FIRST_SIGMA
     nu, laplace, mass = np.zeros(len(disk.faces), complex), disk.laplace, disk.mass
@@ -32,5 +37,10 @@ def qc_iteration(problem, alpha=1.0, rounds=20):
     if left:
         f = solver.solve(nu)
         let_go = len(disk.at(f).flipped)
-        warn_of([f"quasi-conformal iteration: {left} faces flipped with the landmarks held; let go, {let_go}"])
+        warn_of(
+            [
+                f"quasi-conformal iteration: {left} faces flipped with the landmarks held; let "
+                f"go, {let_go}"
+            ]
+        )
     return f

@@ -1,4 +1,5 @@
-"""What several methods share: the Beltrami solver with circle and landmarks held, and how they say what they did."""
+"""What several methods share: the Beltrami solver with circle and landmarks held, and how they say
+what they did."""
 
 import warnings
 from functools import cached_property
@@ -16,25 +17,32 @@ LARGEST = 0.99  # of |mu| after truncation
 class LandmarkSolver:
     """The Linear Beltrami Solver on a problem's `Disk`, its circle held by the best Möbius map.
 
-    A penalty holds landmarks between vertices, too: the map minimises
-    `1/2 int grad f . A(mu) grad f + (weight / 2) sum_k |f(p_k) - q_k|^2`, i.e. at the free vertices
-    `(K(mu) + weight E^T E) f = weight E^T q`, E the sampling matrix. weight 0: no landmarks; HARD: held; between: soft.
+    A penalty holds landmarks between vertices, too: the map minimises `1/2 int grad f . A(mu) grad
+    f + (weight / 2) sum_k |f(p_k) - q_k|^2`, i.e. at the free vertices `(K(mu) + weight E^T E) f =
+    weight E^T q`, E the sampling matrix. weight 0: no landmarks; HARD: held; between: soft.
     """
 
     def __init__(self, problem):
         self.disk, self.samples, self.target = problem.disk, problem.samples, problem.target
         boundary = mobius(self.disk.z[self.disk.loop], *problem.mobius)
-        self.boundary, self.normal = boundary / abs(boundary), (self.samples.T @ self.samples).tocsc()
+        self.boundary, self.normal = (
+            boundary / abs(boundary),
+            (self.samples.T @ self.samples).tocsc(),
+        )
 
     @cached_property
     def order(self):
-        """In which a large mesh's vertices are eliminated; landmarks couple those of one face, neighbours anyway."""
+        """In which a large mesh's vertices are eliminated; landmarks couple those of one face,
+        neighbours anyway."""
         disk = self.disk
         return elimination_order(disk.laplace, disk.z, disk.loop) if len(disk.z) > LARGE else None
 
     def solve(self, mu, weight=0.0):
-        """The map f (V,) with coefficient mu (F,) and landmarks of this weight; BeltramiError for |mu| >= 1."""
-        dirichlet = Dirichlet(self.disk.stiffness(mu) + weight * self.normal, self.disk.loop, self.order)
+        """The map f (V,) with coefficient mu (F,) and landmarks of this weight; BeltramiError for
+        |mu| >= 1."""
+        dirichlet = Dirichlet(
+            self.disk.stiffness(mu) + weight * self.normal, self.disk.loop, self.order
+        )
         load = weight * (self.samples.T @ self.target)[dirichlet.free]
         f = np.empty(len(self.disk.z), complex)
         f[self.disk.loop] = self.boundary
@@ -47,13 +55,15 @@ class LandmarkSolver:
 
 
 def truncated(mu, largest=LARGEST):
-    """mu with |mu| cut to `largest`; 0 where mu is infinite or undefined (a collapsed face): its direction is lost."""
+    """mu with |mu| cut to `largest`; 0 where mu is infinite or undefined (a collapsed face): its
+    direction is lost."""
     mu = np.where(np.isfinite(mu), mu, 0)
     size = abs(mu)
     return mu * np.divide(largest, size, out=np.ones_like(size), where=size > largest)
 
 
 def warn_of(repairs):
-    """A RepairWarning for each thing a method did beyond its plain formula; the benchmark's rows hold the messages."""
+    """A RepairWarning for each thing a method did beyond its plain formula; the benchmark's rows
+    hold the messages."""
     for message in repairs:
         warnings.warn(message, RepairWarning, stacklevel=3)

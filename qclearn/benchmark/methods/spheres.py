@@ -1,4 +1,5 @@
-"""Surfaces on spheres, for methods that turn or bend a sphere: the whole surface, closed where it was cut open."""
+"""Surfaces on spheres, for methods that turn or bend a sphere: the whole surface, closed where it
+was cut open."""
 
 import hashlib
 import sys
@@ -17,7 +18,11 @@ from ...surfaces.checks import norms
 from ...surfaces.surface import Surface, SurfaceError
 from .process import measured
 
-CATSURF = sys.executable, "-P", str(Path(__file__).with_name("catsurf.py"))  # GPL: a program beside us, never imported
+CATSURF = (
+    sys.executable,
+    "-P",
+    str(Path(__file__).with_name("catsurf.py")),
+)  # GPL: a program beside us, never imported
 LIMIT = 3600.0  # seconds that a program may take
 ROUND = 1.01  # the largest radius by the smallest of what passes for a sphere
 THINNER = 0.8  # of a ring of the patch: its number of points by that of the ring around it
@@ -28,12 +33,13 @@ class SphereError(SurfaceError):
 
 
 class Sphere:
-    """A surface on its sphere: `whole`, the closed `Surface` whose first V vertices are the open one's, and `points`
-    (V', 3) of these on the unit sphere, turned to point as the brain does (Procrustes by area, from its centroid).
+    """A surface on its sphere: `whole`, the closed `Surface` whose first V vertices are the open
+    one's, and `points` (V', 3) of these on the unit sphere, turned to point as the brain does
+    (Procrustes by area, from its centroid).
 
-    given: (whole, points) of a subject that has a sphere of its own. Else the opening is closed by a patch, and
-    `cat_surf.surf_to_sphere(stop_at=5, relax=True)` inflates it in a process of its own. ImportError without the extra
-    `peers`; SphereError for a sphere that is none, or folded.
+    given: (whole, points) of a subject that has a sphere of its own. Else the opening is closed by
+    a patch, and `cat_surf.surf_to_sphere(stop_at=5, relax=True)` inflates it in a process of its
+    own. ImportError without the extra `peers`; SphereError for a sphere that is none, or folded.
     """
 
     def __init__(self, surface, given=None):
@@ -54,17 +60,21 @@ class Sphere:
 
 
 def sphere_of(side):
-    """The `Sphere` of a `Side`, or SphereError."""
+    """The `Sphere` of a `ParameterizedSurface`, or SphereError."""
     if side.sphere is None:
-        raise SphereError("this method turns spheres, and the surfaces come without: give each `Side` a `sphere`")
+        raise SphereError(
+            "this method turns spheres, and the surfaces come without: give each "
+            "`ParameterizedSurface` a `sphere`"
+        )
     return side.sphere
 
 
 def closed(surface):
-    """The surface with its opening closed by a patch, a closed `Surface`; the open one's vertices come first.
+    """The surface with its opening closed by a patch, a closed `Surface`; the open one's vertices
+    come first.
 
-    The rim lies on the unit circle by its length; rings of ever fewer points fill the disk in Delaunay's triangles, and
-    each coordinate is the harmonic function of its values on the rim.
+    The rim lies on the unit circle by its length; rings of ever fewer points fill the disk in
+    Delaunay's triangles, and each coordinate is the harmonic function of its values on the rim.
     """
     rim = surface.boundary[::-1]  # around the patch, seen from outside
     steps = norms(np.roll(surface.vertices[rim], -1, axis=0) - surface.vertices[rim])
@@ -72,10 +82,16 @@ def closed(surface):
     rings = [np.exp(2j * np.pi * np.append(0, np.cumsum(steps[:-1])) / steps.sum())]
     while count > 6:
         radius, count = radius * (1 - 2 * np.pi / count * np.sqrt(3) / 2), int(THINNER * count)
-        rings.append(max(radius, 0) * np.exp(2j * np.pi * (np.arange(count) + 0.5 * (len(rings) % 2)) / count))
+        rings.append(
+            max(radius, 0)
+            * np.exp(2j * np.pi * (np.arange(count) + 0.5 * (len(rings) % 2)) / count)
+        )
     patch = joined(np.append(np.concatenate(rings), 0j))
     outer = np.arange(len(rim))
-    places = np.stack([Dirichlet(patch.laplace, outer).solve(column).real for column in surface.vertices[rim].T], 1)
+    places = np.stack(
+        [Dirichlet(patch.laplace, outer).solve(column).real for column in surface.vertices[rim].T],
+        1,
+    )
     numbers = np.concatenate([rim, len(surface.vertices) + np.arange(len(patch.z) - len(rim))])
     vertices = np.concatenate([surface.vertices, places[len(rim) :]])
     return Surface(vertices, np.concatenate([surface.faces, numbers[patch.faces]]))
@@ -92,24 +108,32 @@ def inflated(whole):
 
 
 def facing(whole, points):
-    """Points (V', 3) on a sphere around 0, checked, at radius 1 and turned as the whole surface lies in space."""
+    """Points (V', 3) on a sphere around 0, checked, at radius 1 and turned as the whole surface
+    lies in space."""
     unit = unit_points(points, whole, "the surface's sphere")
     folded = inward(unit[whole.faces])
     if folded:
-        raise SphereError(f"the surface's sphere is folded: {folded} of its faces look inward; make it again, unfolded")
+        raise SphereError(
+            f"the surface's sphere is folded: {folded} of its faces look inward; make it again, "
+            "unfolded"
+        )
     areas = whole.vertex_areas
     out = whole.vertices - np.average(whole.vertices, axis=0, weights=areas)
     return Rotation.align_vectors(out / norms(out)[:, None], unit, weights=areas)[0].apply(unit)
 
 
 def unit_points(points, whole, whose):
-    """Points (V', 3) of the vertices of `whole` at radius 1, or SphereError unless they lie on a sphere, outward."""
+    """Points (V', 3) of the vertices of `whole` at radius 1, or SphereError unless they lie on a
+    sphere, outward."""
     count = len(whole.vertices)
     if points.shape != (count, 3):
         raise SphereError(f"{whose} has {len(points):,} vertices, where its surface has {count:,}")
     radii = norms(points)
     if not radii.max() < ROUND * radii.min():  # nor with NaN
-        raise SphereError(f"{whose} is none around 0: its vertices lie {radii.min():.4g} to {radii.max():.4g} from it")
+        raise SphereError(
+            f"{whose} is none around 0: its vertices lie {radii.min():.4g} to {radii.max():.4g} "
+            "from it"
+        )
     unit = points / radii[:, None]
     if np.linalg.det(unit[whole.faces]).sum() <= 0:
         raise SphereError(f"{whose} looks inward: its faces are reversed, or it is mirrored")

@@ -9,17 +9,21 @@ SETTLED = 1e-3  # change of the mean |mu|, relative, that ends the iteration
 
 
 def teichmuller(problem):
-    """The map with `mu = k conj(phi) / |phi|`, one k < 1 for the whole disk, that meets landmarks and circle: f (V,).
+    """The map with `mu = k conj(phi) / |phi|`, one k < 1 for the whole disk, that meets landmarks
+    and circle: f (V,).
 
-    The best Möbius map holds the circle; see `extremal`. Source: Lui, Lam, Yau, Gu (2014), Teichmüller mapping.
+    The best Möbius map holds the circle; see `extremal`. Source: Lui, Lam, Yau, Gu (2014),
+    Teichmüller mapping.
     """
     return extremal(LandmarkSolver(problem))
 
 
 def extremal(solver):
-    """Quasi-conformal iteration: `mu <- mean|mu| mu / |mu|` (mean over the disk), then f by the solver, f(p) = q held.
+    """Quasi-conformal iteration: `mu <- mean|mu| mu / |mu|` (mean over the disk), then f by the
+    solver, f(p) = q held.
 
-    Ends when the mean settles; a RepairWarning says if it did not within MOST_ROUNDS, or if faces stay flipped.
+    Ends when the mean settles; a RepairWarning says if it did not within MOST_ROUNDS, or if faces
+    stay flipped.
     """
     areas, level = solver.disk.areas / np.pi, 0.0
     f = solver.solve(np.zeros(len(areas), complex), HARD)

@@ -1,4 +1,5 @@
-"""The registration methods on problems whose answer is known, and the solver that several of them share."""
+"""The registration methods on problems whose answer is known, and the solver that several of them
+share."""
 
 from importlib import import_module
 
@@ -25,9 +26,13 @@ from qclearn.surfaces.conformal import disk_conformal_map
 from qclearn.surfaces.surface import Surface
 
 MOVED = moebius(0.2 - 0.1j, 0.7)
-# By landmarks alone, and without networks; those that look at folds are in benchmark/test_real_cortex.py.
+# By landmarks alone, and without networks; those that look at folds are in
+# benchmark/test_real_cortex.py.
 OTHERS = {"networks", "folds"}  # what learns, and what looks at folds
-CLASSICAL = sorted({name for name, m in METHODS.items() if m.__module__.split(".")[-1] not in OTHERS} - {*ON_SPHERES})
+CLASSICAL = sorted(
+    {name for name, m in METHODS.items() if m.__module__.split(".")[-1] not in OTHERS}
+    - {*ON_SPHERES}
+)
 each = pytest.mark.parametrize("name", CLASSICAL)
 
 
@@ -35,7 +40,9 @@ def four_curves(count=8):
     """Landmarks (4 count,) on four segments in the disk, and their labels."""
     along = 0.12 * np.linspace(-1, 1, count)
     segments = [(0.3, 0.2), (-0.4 + 0.2j, 1.0), (-0.1 - 0.5j, 2.0), (0.1 + 0.5j, 0.0)]
-    return np.concatenate([centre + np.exp(1j * turn) * along for centre, turn in segments]), np.repeat(range(4), count)
+    return np.concatenate(
+        [centre + np.exp(1j * turn) * along for centre, turn in segments]
+    ), np.repeat(range(4), count)
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +52,8 @@ def mesh():
 
 @pytest.fixture(scope="module")
 def moved(mesh):
-    """A problem whose targets come from a known map of |mu| up to 0.4, found on a finer mesh than the problem's."""
+    """A problem whose targets come from a known map of |mu| up to 0.4, found on a finer mesh than
+    the problem's."""
     fine = Disk(*polar_disk(24, 72))
     f = DiskSolver(fine).solve(random_mu(np.random.default_rng(0), fine.z, fine.faces, 0.4))
     p, curve = four_curves()
@@ -58,9 +66,13 @@ def error(problem, f):
 
 # All methods but the networks
 
-# Of the Teichmüller iteration, whose mean |mu| creeps, and of a fit to landmarks that a Möbius map takes where they go.
+# Of the Teichmüller iteration, whose mean |mu| creeps, and of a fit to landmarks that a Möbius map
+# takes where they go.
 SAID = ("not settled after", "that map is returned")
-pytestmark = [pytest.mark.filterwarnings(f"ignore:.*{words}:qclearn.plane.bijectivity.RepairWarning") for words in SAID]
+pytestmark = [
+    pytest.mark.filterwarnings(f"ignore:.*{words}:qclearn.plane.bijectivity.RepairWarning")
+    for words in SAID
+]
 
 
 @each
@@ -77,7 +89,8 @@ def test_turned_landmarks_turn_the_disk(name, mesh):
 def test_landmarks_matched_by_a_mobius_map_give_it(name, mesh):
     p, curve = four_curves()
     f = METHODS[name](Problem(mesh, p, MOVED(p), curve))
-    # Between the vertices of a mesh of this width (0.065) the Möbius map is off its linear interpolant by up to 4e-3.
+    # Between the vertices of a mesh of this width (0.065) the Möbius map is off its linear
+    # interpolant by up to 4e-3.
     np.testing.assert_allclose(f, MOVED(mesh.z), atol=8e-3)
     assert mesh.certify(f).bijective
 
@@ -121,7 +134,9 @@ def test_landmarks_at_vertices_held_by_the_penalty_are_pins(mesh):
     target = z[inner] + 0.05 * (rng.normal(size=6) + 1j * rng.normal(size=6))
     mu = random_mu(rng, z, faces, 0.3)
     solver = LandmarkSolver(Problem(mesh, z[inner], target))
-    pins = solve_beltrami(z, faces, mu, np.concatenate([loop, inner]), np.concatenate([solver.boundary, target]))
+    pins = solve_beltrami(
+        z, faces, mu, np.concatenate([loop, inner]), np.concatenate([solver.boundary, target])
+    )
     np.testing.assert_allclose(solver.solve(mu, HARD), pins, atol=1e-5)
 
 
@@ -131,13 +146,17 @@ def test_the_solution_has_the_least_energy(moved):
     K = moved.disk.stiffness(mu)
 
     def energy(f):
-        return ((f.conj() @ (K @ f)).real + weight * (abs(moved.samples @ f - moved.target) ** 2).sum()) / 2
+        return (
+            (f.conj() @ (K @ f)).real + weight * (abs(moved.samples @ f - moved.target) ** 2).sum()
+        ) / 2
 
     f = solver.solve(mu, weight)
     step = 1e-3 * (rng.normal(size=len(f)) + 1j * rng.normal(size=len(f)))
     step[moved.disk.loop] = 0
     change = step + 0 * f
-    more = ((change.conj() @ (K @ change)).real + weight * (abs(moved.samples @ change) ** 2).sum()) / 2
+    more = (
+        (change.conj() @ (K @ change)).real + weight * (abs(moved.samples @ change) ** 2).sum()
+    ) / 2
     for sign in (1, -1):  # to first order nothing changes, to second what the quadratic form says
         assert energy(f + sign * step) - energy(f) == pytest.approx(more, rel=1e-6)
 
@@ -201,7 +220,9 @@ def test_smoothing_keeps_the_argument_and_evens_the_modulus(moved):
     rough = even * np.random.default_rng(3).uniform(0.5, 1.5, len(even))
     soft = smoothed(solver, rough, 2.0)
     np.testing.assert_allclose(np.angle(soft), 0.4, atol=1e-9)
-    assert abs(soft).std() < 0.5 * abs(moved.disk.to_vertices @ rough)[moved.disk.faces].mean(1).std()
+    assert (
+        abs(soft).std() < 0.5 * abs(moved.disk.to_vertices @ rough)[moved.disk.faces].mean(1).std()
+    )
 
 
 def test_a_negative_weight_is_refused(moved):
@@ -236,11 +257,13 @@ def test_quasi_conformal_iteration_lets_landmarks_go_where_they_fold(mesh):
 
 
 def displacement(rings):
-    """Teichmüller's displacement problem on an ellipse, carried to the disk: (solver, mu's modulus).
+    """Teichmüller's displacement problem on an ellipse, carried to the disk: (solver, mu's
+    modulus).
 
-    With `w = R e^it + e^-it / R` the affine map that swaps the ellipse's axes, seen through `w^2` (shifted by 2 before
-    and after), is the map of the ellipse with semi-axes `R^2 + R^-2`, `R^2 - R^-2` that holds its boundary and takes
-    one focus to the other: constant `|mu| = 2 / (R^2 + R^-2)`, and extremal.
+    With `w = R e^it + e^-it / R` the affine map that swaps the ellipse's axes, seen through `w^2`
+    (shifted by 2 before and after), is the map of the ellipse with semi-axes `R^2 + R^-2`, `R^2 -
+    R^-2` that holds its boundary and takes one focus to the other: constant `|mu| = 2 / (R^2 +
+    R^-2)`, and extremal.
     """
     R = 2.5
     long, short = R**2 + R**-2, R**2 - R**-2
@@ -254,7 +277,9 @@ def displacement(rings):
 
 
 def test_a_teichmuller_iteration_that_does_not_settle_says_so(moved):
-    with pytest.warns(RepairWarning, match="not settled after 60 rounds .the mean .mu. still changes by"):
+    with pytest.warns(
+        RepairWarning, match="not settled after 60 rounds .the mean .mu. still changes by"
+    ):
         METHODS["teichmuller"](moved)
 
 
@@ -275,7 +300,9 @@ def test_teichmullers_displacement_is_found_with_its_constant():
 
 
 def test_thin_plates_reproduce_affine_maps_which_leave_the_circle(mesh):
-    p = np.concatenate([r * np.exp(1j * np.pi / 4 * np.arange(8)) for r in (0.3, 0.6)])  # the best Möbius map is none
+    p = np.concatenate(
+        [r * np.exp(1j * np.pi / 4 * np.arange(8)) for r in (0.3, 0.6)]
+    )  # the best Möbius map is none
     f = thin_plate(Problem(mesh, p, 0.6 * p + 0.2 * p.conj()))
     np.testing.assert_allclose(f, 0.6 * mesh.z + 0.2 * mesh.z.conj(), atol=1e-6)
     assert abs(f).max() < 0.81
@@ -290,7 +317,8 @@ def test_smoothing_lets_thin_plates_bend_less(moved):
 
 
 class Twins:
-    """Exact answers behind the networks' calls: a fit's mu, shrunk by `quality`, and the exact solver."""
+    """Exact answers behind the networks' calls: a fit's mu, shrunk by `quality`, and the exact
+    solver."""
 
     def __init__(self, quality):
         self.quality = quality
@@ -305,17 +333,22 @@ class Twins:
 
 @pytest.fixture
 def twins(monkeypatch):
-    """twins(quality) puts stand-ins in the networks' place and returns the list of what was asked for."""
+    """twins(quality) puts stand-ins in the networks' place and returns the list of what was asked
+    for."""
 
     def put(quality):
         asked = []
-        monkeypatch.setattr(networks, "network", lambda *words: asked.append(words) or Twins(quality))
+        monkeypatch.setattr(
+            networks, "network", lambda *words: asked.append(words) or Twins(quality)
+        )
         return asked
 
     return put
 
 
-NETWORK_METHODS = sorted(name for name, method in METHODS.items() if method.__module__.endswith(".networks"))
+NETWORK_METHODS = sorted(
+    name for name, method in METHODS.items() if method.__module__.endswith(".networks")
+)
 
 
 @pytest.mark.parametrize("name", NETWORK_METHODS)

@@ -1,4 +1,5 @@
-"""The graded exercises, one file each; `book/qcbook/exercises/exercise.py` says what such a file holds."""
+"""The graded exercises, one file each; `book/qcbook/exercises/exercise.py` says what such a file
+holds."""
 
 import numpy as np
 
@@ -11,7 +12,9 @@ def shaped(said, shape):
     """What an answer returns as an array, which has to have this shape."""
     said = np.asarray(said)
     if said.shape != shape:
-        raise Misfit(f"an array of shape {shape} is asked for, and it returns {said.shape or 'no array'}")
+        raise Misfit(
+            f"an array of shape {shape} is asked for, and it returns {said.shape or 'no array'}"
+        )
     return said
 
 

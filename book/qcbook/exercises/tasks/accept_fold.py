@@ -43,8 +43,16 @@ def pictures(rng):
     z, _ = qc.polar_disk(12, 40)
     turn = np.exp(2j * np.pi * rng.uniform())
     yield "a twisted disk", True, turn * z * np.exp(0.6j * rng.uniform(0.5, 1) * (1 - abs(z) ** 2))
-    yield "a strip that is bent and does not meet itself", True, turn * np.exp(2.4j * z * np.exp(0.1j * rng.uniform()))
-    yield "a twisted disk, small and far away", True, 1e-5 * (z * np.exp(0.5j * (1 - abs(z) ** 2)) + 3 * turn)
+    yield (
+        "a strip that is bent and does not meet itself",
+        True,
+        turn * np.exp(2.4j * z * np.exp(0.1j * rng.uniform())),
+    )
+    yield (
+        "a twisted disk, small and far away",
+        True,
+        1e-5 * (z * np.exp(0.5j * (1 - abs(z) ** 2)) + 3 * turn),
+    )
     f = z.copy()
     f[1 + 40 * 5 + rng.integers(40)] += 0.3
     yield "one vertex pulled across its neighbours", False, f
@@ -80,33 +88,39 @@ def evidence(answer, case):
 MISTAKES = {
     "unsigned areas": (
         ("areas(faces, f).min() > 0", "abs(areas(faces, f)).min() > 0"),
-        "Areas without their sign cannot see a fold: a triangle that is turned over keeps its size. The proof counts"
+        "Areas without their sign cannot see a fold: a triangle that is turned over keeps its "
+        "size. The proof counts"
         " positive triangles, and every other one adds nothing",
     ),
     "total area": (
         ("areas(faces, f).min() > 0", "areas(faces, f).sum() > 0"),
-        "The sum of all areas, which is the area inside the boundary, hides a fold: the others make up for it. The"
+        "The sum of all areas, which is the area inside the boundary, hides a fold: the others "
+        "make up for it. The"
         " proposition speaks of every"
         " triangle: ask each of them",
     ),
     "triangles alone": (
         ("upright and is_simple(f[loop])", "upright"),
-        "Positive triangles are not enough: around a vertex their angles may add up to more than a full turn, as z²"
+        "Positive triangles are not enough: around a vertex their angles may add up to more than "
+        "a full turn, as z²"
         " shows below the proof. Look at the boundary, too",
     ),
     "boundary alone": (
         ("upright and is_simple(f[loop])", "is_simple(f[loop])"),
-        "A simple boundary alone says nothing of what happens inside, nor which way round it is run. Look at the"
+        "A simple boundary alone says nothing of what happens inside, nor which way round it is "
+        "run. Look at the"
         " triangles, too",
     ),
     "one of the two": (
         ("upright and is_simple(f[loop])", "upright or is_simple(f[loop])"),
-        "One of the two conditions is taken for enough. The proposition asks for both: each refuses pictures that the"
+        "One of the two conditions is taken for enough. The proposition asks for both: each "
+        "refuses pictures that the"
         " other lets through",
     ),
     "no area": (
         ("min() > 0", "min() >= 0"),
-        "A triangle without area is let through: it goes to a segment or a point, and the map is not one to one"
+        "A triangle without area is let through: it goes to a segment or a point, and the map is "
+        "not one to one"
         " there. The proposition excludes it",
     ),
 }

@@ -36,7 +36,8 @@ def carry_over(labels, areas, w, faces, f):
 
 # %% test
 def cases(rng):
-    """A control of few vertices, a finer moving mesh sent into it, and regions that are sectors of the disk."""
+    """A control of few vertices, a finer moving mesh sent into it, and regions that are sectors of
+    the disk."""
     w, faces = qc.polar_disk(5, 16, power=1.4)
     z, _ = qc.polar_disk(9, 30)
     f = 0.97 * z * np.exp(1j * (rng.uniform(0, 6) + 0.5 * abs(z) ** 2))
@@ -64,9 +65,7 @@ def verdict(answer, case):
     if not abs(landed.sum() - areas.sum()) <= 1e-6 * areas.sum():
         return f"{areas.sum():.6g} mm² were sent out, and {landed.sum():.6g} mm² have landed"
     if not abs(landed @ w - areas @ f) <= 1e-6 * areas.sum():
-        return (
-            f"no area is lost, but its centre has moved by {abs(landed @ w - areas @ f) / areas.sum():.2g} of a radius"
-        )
+        return f"no area is lost, but its centre has moved by {abs(landed @ w - areas @ f) / areas.sum():.2g} of a radius"
     if not np.allclose(landed, shares.T @ areas):
         return "sum and centre of the areas are right, and single vertices are not"
 
@@ -82,17 +81,23 @@ MISTAKES = {
             "labels[corners[np.arange(len(f)), weights.argmax(1)]]",
             "np.rint((weights * labels[corners]).sum(1)).astype(int)",
         ),
-        "Labels are averaged and rounded: the mean of regions 3 and 7 is no region, or a third one. A label is a "
+        "Labels are averaged and rounded: the mean of regions 3 and 7 is no region, or a third "
+        "one. A label is a "
         "name; take one of the three",
     ),
     "the first corner": (
         ("weights.argmax(1)]", "0 * face]"),
-        "Each vertex takes the label of the triangle's first corner, however far that is. Take the corner that "
+        "Each vertex takes the label of the triangle's first corner, however far that is. Take "
+        "the corner that "
         "weighs most",
     ),
     "nearest vertex": (
-        ("labels[corners[np.arange(len(f)), weights.argmax(1)]]", "labels[abs(f[:, None] - w).argmin(1)]"),
-        "The label is that of the nearest vertex. That need not be a corner of the triangle in which the point lies, "
+        (
+            "labels[corners[np.arange(len(f)), weights.argmax(1)]]",
+            "labels[abs(f[:, None] - w).argmin(1)]",
+        ),
+        "The label is that of the nearest vertex. That need not be a corner of the triangle in "
+        "which the point lies, "
         "nor the one that weighs most there",
     ),
     "each landing once": (
@@ -100,7 +105,8 @@ MISTAKES = {
             "np.add.at(landed, corners, weights * areas[:, None])",
             "landed[corners] += weights * areas[:, None]",
         ),
-        "Area is lost: an indexed sum with += keeps one of all the shares that land on a vertex. numpy has a "
+        "Area is lost: an indexed sum with += keeps one of all the shares that land on a vertex. "
+        "numpy has a "
         "function that adds at repeated places",
     ),
     "all to the largest": (
@@ -108,20 +114,24 @@ MISTAKES = {
             "np.add.at(landed, corners, weights * areas[:, None])",
             "np.add.at(landed, corners[np.arange(len(f)), weights.argmax(1)], areas)",
         ),
-        "Each area goes to one corner as a whole, as a label does: none is lost, but it moves by up to half a "
+        "Each area goes to one corner as a whole, as a label does: none is lost, but it moves by "
+        "up to half a "
         "triangle. Share it out",
     ),
     "to all three": (
         ("weights * areas[:, None]", "0 * weights + areas[:, None]"),
-        "Each corner gets the whole area, so that far more cortex lands than was sent. Share it out by the "
+        "Each corner gets the whole area, so that far more cortex lands than was sent. Share it "
+        "out by the "
         "weights, whose sum is 1",
     ),
     "averaged": (
         (
             "return there, landed",
-            "count = np.zeros(len(w)) + 1e-9\n    np.add.at(count, corners, weights)\n    return there, landed / count",
+            "count = np.zeros(len(w)) + 1e-9\n    np.add.at(count, corners, weights)\n    return "
+            "there, landed / count",
         ),
-        "The areas are averaged over what lands on a vertex, as thickness would be. An area is an amount, and "
+        "The areas are averaged over what lands on a vertex, as thickness would be. An area is an "
+        "amount, and "
         "amounts add up",
     ),
 }

@@ -39,7 +39,9 @@ def cases(rng):
     size = len(disk.z)
     for beta, rows in ((1e-2, 6), (1.0, 10)):
         W = (disk.mass + beta * disk.laplace).toarray() / np.pi
-        J, nu = (rng.normal(size=shape) + 1j * rng.normal(size=shape) for shape in ((rows, size), size))
+        J, nu = (
+            rng.normal(size=shape) + 1j * rng.normal(size=shape) for shape in ((rows, size), size)
+        )
         yield W, 0.1 * J, rng.normal(size=rows), 0.2 * nu
 
 
@@ -79,31 +81,37 @@ def evidence(answer, case):
 MISTAKES = {
     "S without 1": (
         ("np.eye(len(r)) + ", ""),
-        "S lacks the 1: this meets the linearised landmarks exactly, at any price. The 1 is the cost of the "
+        "S lacks the 1: this meets the linearised landmarks exactly, at any price. The 1 is the "
+        "cost of the "
         "residual that is left",
     ),
     "r alone": (
         ("r - (J.conj() @ nu).real", "r"),
-        "The right side is r alone, as if nu were 0: the prior holds the whole field small and not its change. "
+        "The right side is r alone, as if nu were 0: the prior holds the whole field small and "
+        "not its change. "
         "See the equation for y",
     ),
     "the change": (
         ("return -lifted @ y,", "return -lifted @ y - nu,"),
-        "This is the change. The theorem's formula is already the new field, and nu must not be taken off again",
+        "This is the change. The theorem's formula is already the new field, and nu must not be "
+        "taken off again",
     ),
     "sign": (
         ("return -lifted @ y,", "return lifted @ y,"),
-        "The sign of the field: the derivative of the model vanishes where W times the field and the pulled-back "
+        "The sign of the field: the derivative of the model vanishes where W times the field and "
+        "the pulled-back "
         "y add up to 0",
     ),
     "not conjugated": (
         ("(J.conj() @ lifted).real", "(J @ lifted).real"),
-        "The fields are complex: a row of the Jacobian acts on a field by the real part of its conjugate times the "
+        "The fields are complex: a row of the Jacobian acts on a field by the real part of its "
+        "conjugate times the "
         "field, in S, too",
     ),
     "r in the promise": (
         ("constant @ y", "r @ y"),
-        "The field is right and the promise is not: it is the product of y with the right side of its own "
+        "The field is right and the promise is not: it is the product of y with the right side of "
+        "its own "
         "equation, the last line of the theorem",
     ),
 }

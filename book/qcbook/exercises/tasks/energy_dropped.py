@@ -59,37 +59,44 @@ def evidence(answer, case):
 MISTAKES = {
     "transform not divided": (
         ("np.fft.fft2(image) / image.size", "np.fft.fft2(image)"),
-        "The transform is a sum over the pixels, not a mean: it lacks the factor before the sum, and so the waves are"
+        "The transform is a sum over the pixels, not a mean: it lacks the factor before the sum, "
+        "and so the waves are"
         " not of length 1. See the definition of the book's transform",
     ),
     "divided by N": (
         ("/ image.size", "/ len(image)"),
-        "This is N times too large: a transform divided by N once, or a sum of squares that was not divided by the"
+        "This is N times too large: a transform divided by N once, or a sum of squares that was "
+        "not divided by the"
         " number of pixels. See the factor before the double sum in the book's transform",
     ),
     "no root": (
         ("np.sqrt(power[height > k].sum())", "power[height > k].sum()"),
-        "This is the mean square, in units of mu squared, as on the left-hand side of the proposition. Its root can"
+        "This is the mean square, in units of mu squared, as on the left-hand side of the "
+        "proposition. Its root can"
         " be laid beside mu itself",
     ),
     "what is kept": (
         ("power[height > k]", "power[height <= k]"),
-        "This is the size of what is kept, and it grows with k. The error is made of all the other coordinates: see"
+        "This is the size of what is kept, and it grows with k. The error is made of all the "
+        "other coordinates: see"
         " the right-hand side of the proposition",
     ),
     "frequencies not wrapped": (
         ("abs(np.fft.fftfreq(len(image), 1 / len(image)))", "np.arange(len(image))"),
-        "The last rows and columns of the transform are taken for high frequencies. They are the low negative ones,"
+        "The last rows and columns of the transform are taken for high frequencies. They are the "
+        "low negative ones,"
         " and a compression keeps them",
     ),
     "high both ways": (
         ("np.maximum.outer", "np.minimum.outer"),
-        "Only waves that are high in both directions are counted as dropped. One that is high in a single direction"
+        "Only waves that are high in both directions are counted as dropped. One that is high in "
+        "a single direction"
         " is gone, too: see the condition below the sum in the proposition",
     ),
     "amplitudes added": (
         ("np.sqrt(power[height > k].sum())", "np.sqrt(power[height > k]).sum()"),
-        "Amplitudes are added, as if all waves pointed the same way. The waves are orthonormal, so it is their"
+        "Amplitudes are added, as if all waves pointed the same way. The waves are orthonormal, "
+        "so it is their"
         " squares that add up",
     ),
 }

@@ -58,17 +58,20 @@ def evidence(answer, case):
 MISTAKES = {
     "every vertex alike": (
         ("share = share / share.sum()", "share = np.full(len(values), 1 / len(values))"),
-        "Every vertex counts alike: where the mesh is fine, the surface counts more. Weigh the vertices by area, in"
+        "Every vertex counts alike: where the mesh is fine, the surface counts more. Weigh the "
+        "vertices by area, in"
         " the mean and in the variance",
     ),
     "areas in mm²": (
         ("share = share / share.sum()", "share = 1 * share"),
-        "The weights are areas in mm² and do not add up to 1. A mean over the surface divides by the whole area, and"
+        "The weights are areas in mm² and do not add up to 1. A mean over the surface divides by "
+        "the whole area, and"
         " the variance does, too",
     ),
     "every triangle alike": (
         ("np.repeat(area / 3, 3)", "np.repeat(area**0, 3)"),
-        "The weight of a vertex is its number of triangles, large or small. Each triangle has to bring a third of its"
+        "The weight of a vertex is its number of triangles, large or small. Each triangle has to "
+        "bring a third of its"
         " area, as the task defines the weight",
     ),
     "the last triangle wins": (
@@ -76,22 +79,26 @@ MISTAKES = {
             "share = np.bincount(faces.flat, np.repeat(area / 3, 3))",
             "share = np.zeros(len(values)); share[faces.ravel()] += np.repeat(area / 3, 3)",
         ),
-        "Each vertex keeps the area of one triangle only: adding to an array at repeated indices writes, and does not"
+        "Each vertex keeps the area of one triangle only: adding to an array at repeated indices "
+        "writes, and does not"
         " sum. See np.bincount or np.add.at",
     ),
     "variance unweighted": (
         ("np.sqrt(share @ values**2)", "np.std(values)"),
-        "The mean is by area, but the standard deviation still counts vertices. The variance is an integral over the"
+        "The mean is by area, but the standard deviation still counts vertices. The variance is "
+        "an integral over the"
         " surface, too",
     ),
     "variance, not its root": (
         ("np.sqrt(share @ values**2)", "(share @ values**2)"),
-        "The values are divided by the variance, so they keep a unit: 1 over theirs. What is divided by has to have"
+        "The values are divided by the variance, so they keep a unit: 1 over theirs. What is "
+        "divided by has to have"
         " the values' own unit",
     ),
     "mean left in": (
         ("values = values - share @ values", "values = 1 * values"),
-        "The mean has not been taken off, so that the second moment is 1 and not the variance. See the first line of"
+        "The mean has not been taken off, so that the second moment is 1 and not the variance. "
+        "See the first line of"
         " the proof that the mismatch is a correlation",
     ),
 }

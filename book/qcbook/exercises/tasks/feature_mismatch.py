@@ -72,7 +72,9 @@ def verdict(answer, case):
     if not abs(r - right) <= 1e-6:
         return f"blurred over {sigma:g} mm the two maps have r = {right:.6g}, and not {r:.6g}"
     if not abs(mismatch - 2 * (1 - right)) <= 1e-6:
-        return f"the mismatch is {mismatch:.6g} where r is {right:.6g}: what does the proposition say?"
+        return (
+            f"the mismatch is {mismatch:.6g} where r is {right:.6g}: what does the proposition say?"
+        )
 
 
 def evidence(answer, case):
@@ -83,34 +85,42 @@ def evidence(answer, case):
 MISTAKES = {
     "by vertices": (
         ("shares, made = areas / areas.sum(), []", "shares, made = 1 / len(areas) + 0 * areas, []"),
-        "Each vertex counts alike: where vertices crowd the maps count more. Mean, variance and mismatch go by "
+        "Each vertex counts alike: where vertices crowd the maps count more. Mean, variance and "
+        "mismatch go by "
         "the area of a vertex",
     ),
     "one step": (
         ("range(4)", "range(1)"),
-        "One step of the four: the flow stops after a quarter of its time, and the blur is half as wide as sigma",
+        "One step of the four: the flow stops after a quarter of its time, and the blur is half "
+        "as wide as sigma",
     ),
     "sigma for its square": (
         ("sigma**2 / 8", "sigma / 8"),
-        "The time of a heat flow goes with the square of a length: look at the units of K and of A in the step",
+        "The time of a heat flow goes with the square of a length: look at the units of K and of "
+        "A in the step",
     ),
     "without areas on the right": (
         ("factors.solve(areas * u)", "factors.solve(u)"),
-        "The right side of a step lacks the areas: a constant map does not stay constant then, and small vertices gain",
+        "The right side of a step lacks the areas: a constant map does not stay constant then, "
+        "and small vertices gain",
     ),
     "standardised first": (
         (
-            "        for _ in range(4):\n            u = factors.solve(areas * u)\n        u = u - shares @ u\n"
+            "        for _ in range(4):\n            u = factors.solve(areas * u)\n        u = u "
+            "- shares @ u\n"
             "        made.append(u / np.sqrt(shares @ u**2))\n",
             "        u = u - shares @ u\n        u = u / np.sqrt(shares @ u**2)\n"
-            "        for _ in range(4):\n            u = factors.solve(areas * u)\n        made.append(u)\n",
+            "        for _ in range(4):\n            u = factors.solve(areas * u)\n        "
+            "made.append(u)\n",
         ),
-        "The maps are standardised and then blurred: the blur takes variance away, and what is left is no "
+        "The maps are standardised and then blurred: the blur takes variance away, and what is "
+        "left is no "
         "correlation. Blur first",
     ),
     "the sum": (
         ("return shares @ (s - t) ** 2,", "return areas @ (s - t) ** 2,"),
-        "The mismatch is an integral, in mm². Divided by the area it is a mean without a unit, and its weight a "
+        "The mismatch is an integral, in mm². Divided by the area it is a mean without a unit, "
+        "and its weight a "
         "plain number",
     ),
 }

@@ -58,32 +58,38 @@ def evidence(answer, case):
 MISTAKES = {
     "truncated": (
         ("np.maximum(1 - m / (k + 1), 0)", "1.0 * (m <= k)"),
-        "This is truncation: all that is kept is kept whole, and the kernel has negative values. That is where the"
+        "This is truncation: all that is kept is kept whole, and the kernel has negative values. "
+        "That is where the"
         " overshoot of Gibbs comes from",
     ),
     "highest frequency lost": (
         ("m / (k + 1)", "m / k"),
-        "The weight is 0 already at the frequency k, so one frequency less is kept than was asked for. See the"
+        "The weight is 0 already at the frequency k, so one frequency less is kept than was asked "
+        "for. See the"
         " denominator in the proposition on the filter",
     ),
     "negative weights": (
         ("np.maximum(1 - m / (k + 1), 0)", "1 - m / (k + 1)"),
-        "Above k the weights go on below zero: high frequencies come back, turned over. The sum in the proof ends at"
+        "Above k the weights go on below zero: high frequencies come back, turned over. The sum "
+        "in the proof ends at"
         " k, and what is not kept has the weight 0",
     ),
     "frequencies not wrapped": (
         ("abs(np.fft.fftfreq(len(image), 1 / len(image)))", "np.arange(len(image))"),
-        "The last rows and columns of the transform are taken for high frequencies. They are the low negative ones:"
+        "The last rows and columns of the transform are taken for high frequencies. They are the "
+        "low negative ones:"
         " frequencies count modulo N",
     ),
     "the smaller weight": (
         ("np.outer(weight, weight)", "np.minimum.outer(weight, weight)"),
-        "The weights of the two directions are combined by their minimum. Only their product belongs to a product of"
+        "The weights of the two directions are combined by their minimum. Only their product "
+        "belongs to a product of"
         " two kernels, neither of which is negative",
     ),
     "one direction": (
         ("np.outer(weight, weight)", "weight[:, None]"),
-        "Only one of the two directions is filtered, and the other one keeps all its frequencies. The proposition has"
+        "Only one of the two directions is filtered, and the other one keeps all its frequencies. "
+        "The proposition has"
         " two factors",
     ),
 }

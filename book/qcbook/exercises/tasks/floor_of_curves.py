@@ -38,7 +38,9 @@ def cases(rng):
         phase = rng.uniform(0, 6)
         curve = np.stack([50 * t, 6 * np.sin(5 * t + phase), 4 * np.cos(3 * t)], axis=1)
         points = curve[np.linspace(0, 199, 10).astype(int)]
-        along = curve[np.clip(np.linspace(0, 199, 10) + rng.uniform(-25, 25, 10), 20, 179).astype(int)]
+        along = curve[
+            np.clip(np.linspace(0, 199, 10) + rng.uniform(-25, 25, 10), 20, 179).astype(int)
+        ]
         images = along + rng.normal(size=(10, 3))
         missed = rng.permutation(np.linspace(0.2, 2.4, 10))
         missed *= obeys or np.linalg.norm(images - points, axis=1).mean()
@@ -50,7 +52,8 @@ def verdict(answer, case):
     said = parts(answer(*(part.copy() for part in case)), 3, "two floors and a least error")
     off = [np.sqrt(((a - b) ** 2).sum()) for a, b in zip(images, points)]
     nearest = [min(np.sqrt(((a - b) ** 2).sum()) for b in curve) for a in images]
-    # The place at the distance `missed` from the point that lies nearest to the image is on the line through both.
+    # The place at the distance `missed` from the point that lies nearest to the image is on the
+    # line through both.
     places = [b + (a - b) / d * m for a, b, d, m in zip(images, points, off, missed)]
     least = [np.sqrt(((a - place) ** 2).sum()) for a, place in zip(images, places)]
     names = "the floor by arc length", "the floor by curves", "the least true error"
@@ -66,34 +69,41 @@ def evidence(answer, case):
 MISTAKES = {
     "means subtracted": (
         ("abs(off - missed).mean()", "abs(off.mean() - missed.mean())"),
-        "Two means are subtracted: what one point is off by too little another makes up for. Take the difference "
+        "Two means are subtracted: what one point is off by too little another makes up for. Take "
+        "the difference "
         "point by point, then the mean",
     ),
     "cut off at 0": (
         ("abs(off - missed).mean()", "np.maximum(off - missed, 0).mean()"),
-        "A point that was missed by more than its floor is let off with 0: it is too far from its target to lie "
+        "A point that was missed by more than its floor is let off with 0: it is too far from its "
+        "target to lie "
         "at its true image",
     ),
     "added": (
         ("abs(off - missed).mean()", "(off + missed).mean()"),
-        "Floor and landmark error are added: that is the most that the true error can be. The triangle inequality "
+        "Floor and landmark error are added: that is the most that the true error can be. The "
+        "triangle inequality "
         "has a second half, for the least",
     ),
     "the floor alone": (
         ("abs(off - missed).mean()", "off.mean()"),
-        "The floor binds a method that meets its landmarks exactly. One that misses them may lie nearer to the "
+        "The floor binds a method that meets its landmarks exactly. One that misses them may lie "
+        "nearer to the "
         "truth, by as much as it misses",
     ),
     "from the curve": (
         ("apart.min(1).mean()", "apart.min(0).mean()"),
-        "The floor by curves is asked from the points of the control's curve; ask how far each true image lies from it",
+        "The floor by curves is asked from the points of the control's curve; ask how far each "
+        "true image lies from it",
     ),
     "root of the mean square": (
         ("return off.mean()", "return np.sqrt((off**2).mean())"),
-        "The floor by arc length is a mean of distances; this is the root of their mean square, which large ones rule",
+        "The floor by arc length is a mean of distances; this is the root of their mean square, "
+        "which large ones rule",
     ),
     "without absolute values": (
         ("abs(off - missed).mean()", "(off - missed).mean()"),
-        "The absolute value is missing: a point that is missed by more than its floor brings a negative distance",
+        "The absolute value is missing: a point that is missed by more than its floor brings a "
+        "negative distance",
     ),
 }

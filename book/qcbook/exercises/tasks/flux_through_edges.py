@@ -67,27 +67,32 @@ def evidence(answer, case):
 MISTAKES = {
     "inward": (
         ("outward = -1j", "outward = 1j"),
-        "The normal points inwards, and every flux has the wrong sign. Walk round a triangle counter-clockwise: the"
+        "The normal points inwards, and every flux has the wrong sign. Walk round a triangle "
+        "counter-clockwise: the"
         " outside is on your right",
     ),
     "normal of length 1": (
         ("outward = -1j * edges", "outward = -1j * edges / abs(edges)"),
-        "The normal has length 1, so this is a flux per length. The integral runs along the whole edge, and long"
+        "The normal has length 1, so this is a flux per length. The integral runs along the whole "
+        "edge, and long"
         " edges let more through",
     ),
     "along the edge": (
         ("outward = -1j * edges", "outward = edges"),
-        "This is what flows along the edge and not across it. Turn either the flow or the edge by a right angle: see"
+        "This is what flows along the edge and not across it. Turn either the flow or the edge by "
+        "a right angle: see"
         " how grad v comes out of A grad u",
     ),
     "plain gradient": (
         ("return (flow.conj()", "return (grad_u.conj()"),
-        "The gradient itself is taken, without A: that is right for mu = 0 alone. With another mu the lines of v are"
+        "The gradient itself is taken, without A: that is right for mu = 0 alone. With another mu "
+        "the lines of v are"
         " not perpendicular to those of u",
     ),
     "A of -mu": (
         ("- 2 * mu * grad_u", "+ 2 * mu * grad_u"),
-        "The sign before 2 mu is wrong, and this is the inverse of A. Test it on f = z + mu conj(z) with a real mu,"
+        "The sign before 2 mu is wrong, and this is the inverse of A. Test it on f = z + mu "
+        "conj(z) with a real mu,"
         " where u and v are stretched by known factors",
     ),
     "another edge": (
@@ -95,7 +100,8 @@ MISTAKES = {
             "np.roll(z[faces], -2, axis=1) - np.roll(z[faces], -1, axis=1)",
             "np.roll(z[faces], -1, axis=1) - z[faces]",
         ),
-        "The columns are shifted: column k has the edge that begins at corner k. Asked is the one opposite to it, as"
+        "The columns are shifted: column k has the edge that begins at corner k. Asked is the one "
+        "opposite to it, as"
         " for the gradients of hat functions",
     ),
 }

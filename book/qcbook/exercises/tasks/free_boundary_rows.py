@@ -33,7 +33,8 @@ def residual(z, faces, mu, f, loop):
 
 # %% test
 def cases(rng):
-    """An affine map with its own coefficient, where the gradient is 0, and arbitrary maps and coefficients."""
+    """An affine map with its own coefficient, where the gradient is 0, and arbitrary maps and
+    coefficients."""
     z, faces = qc.polar_disk(4, 13)
     order = rng.permutation(len(z))
     disk = Disk(z[order], np.argsort(order)[faces])
@@ -75,32 +76,38 @@ def evidence(answer, case):
 MISTAKES = {
     "all rows": (
         ("R[loop] += 0.5j * along", "R[loop] += 0"),
-        "These are the plain rows of K everywhere, the printed ones of erratum E6. At the boundary the right map's"
+        "These are the plain rows of K everywhere, the printed ones of erratum E6. At the "
+        "boundary the right map's"
         " rows are not 0: area has a gradient there",
     ),
     "sign of the area": (
         ("R[loop] += 0.5j", "R[loop] -= 0.5j"),
-        "The gradient of the area has the wrong sign: this is energy plus area. Check that it vanishes for the"
+        "The gradient of the area has the wrong sign: this is energy plus area. Check that it "
+        "vanishes for the"
         " identity and mu = 0",
     ),
     "inner rows alone": (
         ("R[loop] += 0.5j * along", "R[loop] = 0"),
-        "The boundary rows are set to 0, so that any placement of the boundary would do. That is the second column of"
+        "The boundary rows are set to 0, so that any placement of the boundary would do. That is "
+        "the second column of"
         " the page's table of six maps",
     ),
     "one neighbour": (
         ("np.roll(f[loop], -1) - np.roll(f[loop], 1)", "np.roll(f[loop], -1) - f[loop]"),
-        "The step goes to the next neighbour only. A boundary vertex belongs to two edges, so the area's derivative"
+        "The step goes to the next neighbour only. A boundary vertex belongs to two edges, so the "
+        "area's derivative"
         " there knows both neighbours",
     ),
     "twice the area": (
         ("0.5j * along", "1j * along"),
-        "The gradient of the area is too large by a factor of two. Differentiate the formula for the area as a sum"
+        "The gradient of the area is too large by a factor of two. Differentiate the formula for "
+        "the area as a sum"
         " along the boundary",
     ),
     "not turned": (
         ("0.5j * along", "0.5 * along"),
-        "The step along the boundary is not turned by a right angle: area grows where a point moves outwards, across"
+        "The step along the boundary is not turned by a right angle: area grows where a point "
+        "moves outwards, across"
         " the boundary. The residual on the page has an i there",
     ),
 }

@@ -41,7 +41,9 @@ def cases(rng):
     z, _ = qc.polar_disk(6, 18)
     z = z + 0.1 * np.exp(1j * rng.uniform(0, 6)) * (1 - abs(z) ** 2)
     along = z * np.exp(2j * np.pi * rng.uniform())
-    areas = np.exp(8 * along.real**2 + along.real)  # a long surface: single steps towards its centroid fall short
+    areas = np.exp(
+        8 * along.real**2 + along.real
+    )  # a long surface: single steps towards its centroid fall short
     twisted = z * np.exp(0.5j * (1 - abs(z) ** 2))
     pairs = ("a map and the same after a Möbius map", z, z), ("two different maps", z, twisted)
     for words, f, g in pairs:
@@ -73,31 +75,37 @@ def evidence(answer, case):
 MISTAKES = {
     "freedom forgotten": (
         ("off = abs(gauged(f, areas, first) - gauged(g, areas, first))", "off = abs(f - g)"),
-        "The maps are compared as they come. Two maps of one surface may differ by a Möbius map and both be"
+        "The maps are compared as they come. Two maps of one surface may differ by a Möbius map "
+        "and both be"
         " conformal: bring each into the gauge first",
     ),
     "turn forgotten": (
         ("return f / f[first]", "return f"),
-        "The centroid is at 0, but a turn is still free: the gauge has three real parameters, and a centroid fixes two",
+        "The centroid is at 0, but a turn is still free: the gauge has three real parameters, and "
+        "a centroid fixes two",
     ),
     "one step": (
         ("range(200)", "range(1)"),
-        "One step does not bring the centroid to 0: a Möbius map is not linear, so the centroid does not move like a"
+        "One step does not bring the centroid to 0: a Möbius map is not linear, so the centroid "
+        "does not move like a"
         " point. Repeat the step until it rests",
     ),
     "centroid of the vertices": (
         ("areas @ f / areas.sum())", "f.mean())"),
-        "This centroid counts vertices and not area, so it depends on the mesh. Look at the weights in the equation"
+        "This centroid counts vertices and not area, so it depends on the mesh. Look at the "
+        "weights in the equation"
         " of the gauge",
     ),
     "translated": (
         ("qc.mobius(f, areas @ f / areas.sum())", "f - areas @ f / areas.sum()"),
-        "The map is shifted, which carries it out of the disk: a translation is no map of the disk to itself. The"
+        "The map is shifted, which carries it out of the disk: a translation is no map of the "
+        "disk to itself. The"
         " freedom is that of Möbius maps",
     ),
     "mean over vertices": (
         ("return areas @ off / areas.sum()", "return off.mean()"),
-        "The gauge is right, but the mean distance counts vertices: where the mesh is fine, cortex counts more. Weigh"
+        "The gauge is right, but the mean distance counts vertices: where the mesh is fine, "
+        "cortex counts more. Weigh"
         " the distances by area, too",
     ),
 }

@@ -32,18 +32,32 @@ def errors_in_gauge(maps, exact, z, nearest):
 
 # %% test
 def cases(rng):
-    """(words, maps, exact, z): maps that are right but for a Möbius map, and maps that are off on one side."""
+    """(words, maps, exact, z): maps that are right but for a Möbius map, and maps that are off on
+    one side."""
     z, _ = qc.polar_disk(6, 16)
     free, way = 1 - abs(z) ** 2, np.exp(1j * rng.uniform(0, 6, 2))
-    exact = np.array([z * np.exp(1j * free * (0.8 * z * way[0]).real), z + 0.25 * free * (0.5 + z**2 * way[1])])
+    exact = np.array(
+        [z * np.exp(1j * free * (0.8 * z * way[0]).real), z + 0.25 * free * (0.5 + z**2 * way[1])]
+    )
     bump = free * np.exp(-6 * abs(z - 0.6 * way[:, None]) ** 2)
     wrong = exact + np.array([[0.05], [0.25]]) * way[:, None] * bump
-    yield "maps that are right but for a Möbius map", np.array([qc.mobius(f, 0.25j) for f in exact]), exact, z
-    yield "maps with errors of their own", np.array([qc.mobius(f, 0.6 * w) for f, w in zip(wrong, way)]), exact, z
+    yield (
+        "maps that are right but for a Möbius map",
+        np.array([qc.mobius(f, 0.25j) for f in exact]),
+        exact,
+        z,
+    )
+    yield (
+        "maps with errors of their own",
+        np.array([qc.mobius(f, 0.6 * w) for f, w in zip(wrong, way)]),
+        exact,
+        z,
+    )
 
 
 def nearest(p, q):
-    """Points p after the disk Möbius map that brings them nearest to q: `qc.best_mobius`, in less time."""
+    """Points p after the disk Möbius map that brings them nearest to q: `qc.best_mobius`, in less
+    time."""
     from qclearn.plane.mobius import best_turn, nearest_mobius
 
     p, q = np.asarray(p, complex)[None], np.asarray(q, complex)[None]
@@ -53,11 +67,17 @@ def nearest(p, q):
 
 def verdict(answer, case):
     words, maps, exact, z = case
-    said = parts(answer(maps.copy(), exact.copy(), z.copy(), nearest), 2, "as it comes, after Möbius")
+    said = parts(
+        answer(maps.copy(), exact.copy(), z.copy(), nearest), 2, "as it comes, after Möbius"
+    )
     identity = np.tile(z, (len(exact), 1))
     comes = [abs(side - exact).sum() for side in (maps, identity)]
-    after = [abs(np.array(list(map(nearest, side, exact))) - exact).sum() for side in (maps, identity)]
-    for name, figure, (off, still) in zip(("as they come", "after Möbius"), map(float, said), (comes, after)):
+    after = [
+        abs(np.array(list(map(nearest, side, exact))) - exact).sum() for side in (maps, identity)
+    ]
+    for name, figure, (off, still) in zip(
+        ("as they come", "after Möbius"), map(float, said), (comes, after)
+    ):
         if not abs(figure - off / still) <= 1e-6:
             return f"for {words} the error {name} is {off / still:.6g}, and not {figure:.6g}"
 
@@ -69,7 +89,8 @@ def evidence(answer, case):
 MISTAKES = {
     "the identity as it comes": (
         ("abs(nearest(z, target) - target)", "abs(z - target)"),
-        "After Möbius the identity has to be followed by its best Möbius map, too: both sides in one gauge, or "
+        "After Möbius the identity has to be followed by its best Möbius map, too: both sides in "
+        "one gauge, or "
         "the network is flattered",
     ),
     "mean of ratios": (
@@ -79,24 +100,32 @@ MISTAKES = {
             "        still_after += abs(nearest(z, target) - target).sum()\n",
             "        still, still_after = len(exact), len(exact)\n"
             "        off += abs(f - target).sum() / abs(z - target).sum()\n"
-            "        off_after += abs(nearest(f, target) - target).sum() / abs(nearest(z, target) - target).sum()\n",
+            "        off_after += abs(nearest(f, target) - target).sum() / abs(nearest(z, target) "
+            "- target).sum()\n",
         ),
-        "This is the mean of ratios, which a map that hardly moves can spoil. The page has the ratio of both sums "
+        "This is the mean of ratios, which a map that hardly moves can spoil. The page has the "
+        "ratio of both sums "
         "over all maps",
     ),
     "turns alone": (
-        ("abs(nearest(f, target) - target)", "abs(f * np.exp(1j * np.angle(np.vdot(f, target))) - target)"),
-        "A turn alone is sought. Möbius maps of the disk have three real parameters, and the point that goes to 0 "
+        (
+            "abs(nearest(f, target) - target)",
+            "abs(f * np.exp(1j * np.angle(np.vdot(f, target))) - target)",
+        ),
+        "A turn alone is sought. Möbius maps of the disk have three real parameters, and the "
+        "point that goes to 0 "
         "is two of them",
     ),
     "the exact map is moved": (
         ("abs(nearest(f, target) - target)", "abs(nearest(target, f) - f)"),
-        "The exact map is moved to the network's. Möbius maps keep no distances: measure at the exact map, for "
+        "The exact map is moved to the network's. Möbius maps keep no distances: measure at the "
+        "exact map, for "
         "both sides",
     ),
     "the network's for both": (
         ("nearest(z, target)", "nearest(z, f)"),
-        "The identity is brought nearest to the network's map. Both are to be brought nearest to the exact map, "
+        "The identity is brought nearest to the network's map. Both are to be brought nearest to "
+        "the exact map, "
         "from which they are measured",
     ),
 }

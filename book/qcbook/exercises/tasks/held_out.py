@@ -33,8 +33,8 @@ def reported(apart, fitted, certified, r):
     ### END SOLUTION
 
 
-# %% test
-# Of each run: mm on fitted curves and on held-out ones, r of depth, and its certificates in both splits.
+# %% test Of each run: mm on fitted curves and on held-out ones, r of depth, and its certificates in
+# both splits.
 RUNS = (
     (2.2, 2.2, 0.60, (True, True)),  # a Möbius map
     (0.05, 2.6, 0.65, (True, True)),  # landmarks alone
@@ -50,18 +50,31 @@ def cases(rng):
     for split, curves in ((0, 8), (1, 11), (1, 9)):
         best, largest_r, folded = 2, 4, 5
         order = rng.permutation(np.delete(np.arange(len(RUNS)), [largest_r, folded]))
-        order = [folded, largest_r, *order]  # the run to report is neither the first nor the first that is certified
+        order = [
+            folded,
+            largest_r,
+            *order,
+        ]  # the run to report is neither the first nor the first that is certified
         best = order.index(best)
         runs = [RUNS[k] for k in order]
         near, far, r, certified = (np.array(part) for part in zip(*runs))
         fitted = rng.permutation(np.arange(curves) % 2 == 0)
         fitted = np.array([fitted, ~fitted])
         spread = 1 + 0.2 * rng.uniform(-1, 1, (len(runs), 2, curves))
-        own, others = rng.permutation(np.flatnonzero(~fitted[split]))[:2]  # the farthest is another one in other runs
+        own, others = rng.permutation(np.flatnonzero(~fitted[split]))[
+            :2
+        ]  # the farthest is another one in other runs
         spread[best, split, own] *= 3
         spread[np.arange(len(runs)) != best, split, others] *= 1.6
-        spread[best, split, rng.choice(np.flatnonzero(fitted[split]))] *= 8  # and farther still where it was fitted
-        yield np.where(fitted, near[:, None, None], far[:, None, None]) * spread, fitted, certified, r
+        spread[best, split, rng.choice(np.flatnonzero(fitted[split]))] *= (
+            8  # and farther still where it was fitted
+        )
+        yield (
+            np.where(fitted, near[:, None, None], far[:, None, None]) * spread,
+            fitted,
+            certified,
+            r,
+        )
 
 
 def verdict(answer, case):
@@ -81,7 +94,9 @@ def verdict(answer, case):
     if curve not in own[run]:
         return f"there are {len(own[run])} curves, numbered from 0 in both splits alike, and {curve} is none of them"
     if curve != max(own[run], key=own[run].get):
-        return f"curve {curve} of run {run} is {own[run][curve]:.6g} mm off, and another one farther"
+        return (
+            f"curve {curve} of run {run} is {own[run][curve]:.6g} mm off, and another one farther"
+        )
 
 
 def evidence(answer, case):
@@ -91,42 +106,53 @@ def evidence(answer, case):
 MISTAKES = {
     "fitted curves": (
         ("np.where(fitted, np.nan, apart)", "np.where(fitted, apart, np.nan)"),
-        "These are the curves that were fitted: they say how well the fit obeyed. Take each curve in the split "
+        "These are the curves that were fitted: they say how well the fit obeyed. Take each curve "
+        "in the split "
         "where it took no part",
     ),
     "all curves": (
         ("np.where(fitted, np.nan, apart)", "apart"),
-        "Every curve counts here, the fitted ones too, and their small distances flatter the mean. Leave out what "
+        "Every curve counts here, the fitted ones too, and their small distances flatter the "
+        "mean. Leave out what "
         "took part in the fit",
     ),
     "by r": (
-        ("np.where(certified.all(1), mm, np.inf).argmin()", "np.where(certified.all(1), r, -1).argmax()"),
-        "The run is chosen by r, which the fit was told to raise: a fit that has bent too far has the largest. "
+        (
+            "np.where(certified.all(1), mm, np.inf).argmin()",
+            "np.where(certified.all(1), r, -1).argmax()",
+        ),
+        "The run is chosen by r, which the fit was told to raise: a fit that has bent too far has "
+        "the largest. "
         "Choose by the held-out curves",
     ),
     "without certificates": (
         ("np.where(certified.all(1), mm, np.inf).argmin()", "mm.argmin()"),
-        "The certificates are not asked: a map that folds can bring curves near, and is no map to report. Leave "
+        "The certificates are not asked: a map that folds can bring curves near, and is no map to "
+        "report. Leave "
         "such runs out of the choice",
     ),
     "one certificate": (
         ("certified.all(1)", "certified.any(1)"),
-        "A run that is certified in one split only is let through: both of its maps stand behind the mean, so ask "
+        "A run that is certified in one split only is let through: both of its maps stand behind "
+        "the mean, so ask "
         "for both certificates",
     ),
     "zeros in the mean": (
         ("np.where(fitted, np.nan, apart)", "np.where(fitted, 0.0, apart)"),
-        "What took part counts as a distance of 0 here, so that the mean is half of what it should be. Divide by the "
+        "What took part counts as a distance of 0 here, so that the mean is half of what it "
+        "should be. Divide by the "
         "number of curves that are counted",
     ),
     "a place in both splits": (
         ("np.nanmax(held[run], axis=0).argmax()", "np.nanargmax(held[run])"),
-        "Run and mean are right; the worst curve is counted through both splits in a row. Find the place of the "
+        "Run and mean are right; the worst curve is counted through both splits in a row. Find "
+        "the place of the "
         "largest distance, and of that place the curve alone",
     ),
     "the worst when fitted": (
         ("np.nanmax(held[run], axis=0)", "np.nanmax(np.where(fitted, apart[run], np.nan), axis=0)"),
-        "Run and mean are right; the worst curve is sought where the curves were fitted. Seek it where they took "
+        "Run and mean are right; the worst curve is sought where the curves were fitted. Seek it "
+        "where they took "
         "no part",
     ),
 }

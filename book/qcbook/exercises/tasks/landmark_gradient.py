@@ -28,7 +28,8 @@ def landmark_gradient(solver, Q, q, gamma):
 
 # %% test
 def cases(rng):
-    """(disk, mu, Q, q, gamma, dmu): a coefficient, landmarks, and a direction to differentiate along."""
+    """(disk, mu, Q, q, gamma, dmu): a coefficient, landmarks, and a direction to differentiate
+    along."""
     from qclearn.plane import Disk
 
     disk = Disk(*qc.polar_disk(6, 20))
@@ -72,25 +73,30 @@ def evidence(answer, case):
 MISTAKES = {
     "conjugated": (
         ("(Q.T @ residual)", "(Q.T @ residual).conj()"),
-        "Transposed, but not conjugated: Q is real, and in the convention of a gradient the residual goes in as it is",
+        "Transposed, but not conjugated: Q is real, and in the convention of a gradient the "
+        "residual goes in as it is",
     ),
     "factor 2": (
         ("2 * gamma / len(q)", "gamma / len(q)"),
-        "The factor 2 of the square is missing: differentiate the square of a residual before it is pulled back",
+        "The factor 2 of the square is missing: differentiate the square of a residual before it "
+        "is pulled back",
     ),
     "sum for mean": (
         ("2 * gamma / len(q)", "2 * gamma"),
-        "The landmark term is a mean over the M landmarks, and this is the gradient of the sum: look at what "
+        "The landmark term is a mean over the M landmarks, and this is the gradient of the sum: "
+        "look at what "
         "stands before the sum sign",
     ),
     "sign": (
         ("Q @ solver.f - q", "q - Q @ solver.f"),
-        "The sign: this points downhill, and a gradient points uphill. Which of the mapped point and its target "
+        "The sign: this points downhill, and a gradient points uphill. Which of the mapped point "
+        "and its target "
         "is subtracted?",
     ),
     "not pulled back": (
         ("solver.pullback(grad_f)", "grad_f"),
-        "This is the gradient by the map, one number a vertex. How the map follows mu is still missing: carry it "
+        "This is the gradient by the map, one number a vertex. How the map follows mu is still "
+        "missing: carry it "
         "back through the solver",
     ),
 }

@@ -54,9 +54,7 @@ def verdict(answer, case):
     off = abs(said - right).max()
     if not off < 1e-8:
         part = "arguments" if np.allclose(abs(said), abs(right)) else "sizes"
-        return (
-            f"for g = w + c conj(w)² + c conj(w)³ / 6 the {part} differ from the chain rule's; off by up to {off:.2g}"
-        )
+        return f"for g = w + c conj(w)² + c conj(w)³ / 6 the {part} differ from the chain rule's; off by up to {off:.2g}"
 
 
 def evidence(answer, case):
@@ -66,32 +64,38 @@ def evidence(answer, case):
 MISTAKES = {
     "asked at the source": (
         ("mu_g(f[faces]", "mu_g(z[faces]"),
-        "The coefficient of g is asked for at points of the source. It lives where f ends: the proposition has mu_g"
+        "The coefficient of g is asked for at points of the source. It lives where f ends: the "
+        "proposition has mu_g"
         " after f, not mu_g",
     ),
     "not turned": (
         ("f_z.conj() / f_z * mu_g", "mu_g"),
-        "The axes of g are not turned back. The derivative of f turns each triangle on its way, and the tau of the"
+        "The axes of g are not turned back. The derivative of f turns each triangle on its way, "
+        "and the tau of the"
         " proposition undoes that",
     ),
     "turned the wrong way": (
         ("f_z.conj() / f_z", "f_z / f_z.conj()"),
-        "The axes of g are turned the wrong way. Test with a plain turn for f: the stretch of g has to be seen from"
+        "The axes of g are turned the wrong way. Test with a plain turn for f: the stretch of g "
+        "has to be seen from"
         " before the turn",
     ),
     "half of the turn": (
         ("f_z.conj() / f_z", "f_z.conj() / abs(f_z)"),
-        "The axes of g are turned back by half of what is due. A coefficient turns by twice the angle by which its"
+        "The axes of g are turned back by half of what is due. A coefficient turns by twice the "
+        "angle by which its"
         " ellipse turns",
     ),
     "added": (
         (" / (1 + mu_f.conj() * turned)", ""),
-        "The two coefficients are only added. That is right to first order; for large ones the sum can leave the unit"
+        "The two coefficients are only added. That is right to first order; for large ones the "
+        "sum can leave the unit"
         " disk, and the denominator of the proposition prevents it",
     ),
     "denominator without a conjugate": (
         ("1 + mu_f.conj() * turned", "1 + mu_f * turned"),
-        "A conjugate is missing in the denominator. Derive it: divide the two lines of the chain rule in the proof of"
+        "A conjugate is missing in the denominator. Derive it: divide the two lines of the chain "
+        "rule in the proof of"
         " the proposition",
     ),
 }

@@ -35,7 +35,8 @@ def mu_of(z, faces, f):
 
 # %% test
 def cases(rng):
-    """Triangles that share no vertex, each with an affine map f_z z + f_zbar conj(z) of its own, two of them folded."""
+    """Triangles that share no vertex, each with an affine map f_z z + f_zbar conj(z) of its own,
+    two of them folded."""
     count = 10
     for _ in range(3):
         corners = 2 * np.pi * (np.arange(3) / 3 + 0.15 * rng.uniform(-1, 1, (count, 3)))
@@ -68,38 +69,48 @@ def evidence(answer, case):
 MISTAKES = {
     "upside down": (
         ("return f_zbar / f_z", "return f_z / f_zbar"),
-        "The quotient stands upside down: a map without folds gets |mu| above 1. Look at the Beltrami equation, and"
+        "The quotient stands upside down: a map without folds gets |mu| above 1. Look at the "
+        "Beltrami equation, and"
         " at which of the two derivatives is 0 for a conformal map",
     ),
     "minus": (
         ("f_zbar = (Q * p - P * q)", "f_zbar = (P * q - Q * p)"),
-        "This is minus mu: every ellipse is turned by a right angle. Put your two derivatives back into the first of"
+        "This is minus mu: every ellipse is turned by a right angle. Put your two derivatives "
+        "back into the first of"
         " the two equations, and see which one has the wrong sign",
     ),
     "source and image exchanged": (
         ("source, image = z[faces], f[faces]", "source, image = f[faces], z[faces]"),
-        "Source and image are exchanged, or a conjugate stands at the wrong factor below the line: this is the"
+        "Source and image are exchanged, or a conjugate stands at the wrong factor below the "
+        "line: this is the"
         " coefficient of the inverse map. The two formulas of the"
         " proposition on compositions show how the two differ",
     ),
     "size alone": (
         ("return f_zbar / f_z", "return abs(f_zbar / f_z)"),
-        "This is the size of mu alone. The direction of the stretch is in its argument: see the proposition 'What mu"
+        "This is the size of mu alone. The direction of the stretch is in its argument: see the "
+        "proposition 'What mu"
         " does to a small circle'",
     ),
     "conjugated": (
         ("return f_zbar / f_z", "return (f_zbar / f_z).conj()"),
-        "The size is right, and the argument has the wrong sign: the ellipse leans to the other side. Follow the"
+        "The size is right, and the argument has the wrong sign: the ellipse leans to the other "
+        "side. Follow the"
         " conjugates through the two equations",
     ),
     "seen from the image": (
         ("return f_zbar / f_z", "return f_zbar / f_z.conj()"),
-        "The size is right, but the direction depends on how the map turns the triangle. The Beltrami equation"
+        "The size is right, but the direction depends on how the map turns the triangle. The "
+        "Beltrami equation"
         " divides by the derivative itself, not by its conjugate",
     ),
     "blind to folds": (
-        ("return f_zbar / f_z", "return np.where(abs(f_zbar) > abs(f_z), (f_z / f_zbar).conj(), f_zbar / f_z)"),
-        "Folded triangles get |mu| below 1, as from a metric, which does not know which side is up. Read the"
+        (
+            "return f_zbar / f_z",
+            "return np.where(abs(f_zbar) > abs(f_z), (f_z / f_zbar).conj(), f_zbar / f_z)",
+        ),
+        "Folded triangles get |mu| below 1, as from a metric, which does not know which side is "
+        "up. Read the"
         " paragraph 'Folds' once more: in the plane mu sees them",
     ),
 }

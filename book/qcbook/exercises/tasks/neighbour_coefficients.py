@@ -36,7 +36,8 @@ def row_of(i, z, faces, mu):
 
 # %% test
 def cases(rng):
-    """A crooked mesh and a random coefficient; an inner vertex, the centre and a vertex of the boundary."""
+    """A crooked mesh and a random coefficient; an inner vertex, the centre and a vertex of the
+    boundary."""
     z, faces = qc.polar_disk(3, 8)
     for i in (0, 1 + rng.integers(16), 17 + rng.integers(8)):
         crooked = z + 0.06 * (rng.uniform(-1, 1, (len(z), 2)) @ [1, 1j])
@@ -61,32 +62,38 @@ def evidence(answer, case):
 MISTAKES = {
     "third vertex": (
         ("c[faces[t]] +=", "c[np.roll(np.roll(faces[t], -k)[[0, 2, 1]], k)] +="),
-        "The entries of the two neighbours are exchanged in each triangle, as the paper prints them, erratum E5. To"
+        "The entries of the two neighbours are exchanged in each triangle, as the paper prints "
+        "them, erratum E5. To"
         " the neighbour belongs its own hat function",
     ),
     "no area": (
         ("+= area[t] * inner", "+= inner"),
-        "The weight by area is missing, erratum E3: each triangle enters an integral. Read 'Why the area belongs into"
+        "The weight by area is missing, erratum E3: each triangle enters an integral. Read 'Why "
+        "the area belongs into"
         " every row'",
     ),
     "one triangle for two": (
         ("c[faces[t]] += area", "c[faces[t]] = area"),
-        "A later triangle overwrites what an earlier one has brought: an edge inside has a triangle on either side,"
+        "A later triangle overwrites what an earlier one has brought: an edge inside has a "
+        "triangle on either side,"
         " and the vertex itself has many. They add up",
     ),
     "A of -mu": (
         ("- 2 * mu[t]", "+ 2 * mu[t]"),
-        "The sign before 2 mu is wrong: this is the inverse of A, which stretches where A shrinks. The proof of the"
+        "The sign before 2 mu is wrong: this is the inverse of A, which stretches where A "
+        "shrinks. The proof of the"
         " proposition on the matrix tests it on two directions",
     ),
     "gradient not conjugated": (
         ("mu[t] * hats[t].conj()", "mu[t] * hats[t]"),
-        "A multiplies by mu without a conjugate, so it is not symmetric. The matrix A takes g and its conjugate: look"
+        "A multiplies by mu without a conjugate, so it is not symmetric. The matrix A takes g and "
+        "its conjugate: look"
         " at the formula above",
     ),
     "product not conjugated": (
         ("(hats[t, k].conj() * flux)", "(hats[t, k] * flux)"),
-        "The inner product lacks its conjugate: the real part of g h is no inner product, and the rows give no"
+        "The inner product lacks its conjugate: the real part of g h is no inner product, and the "
+        "rows give no"
         " energy. The task's last formula has it",
     ),
 }

@@ -45,7 +45,10 @@ def cases(rng):
     smooth = 0.4 * phase * np.exp(1j * (rng.uniform(0.1, 0.3) * row - 0.2 * column))
     yield "a smooth image", smooth
     yield "stripes that are one pixel wide", smooth * (-1.0) ** row
-    yield "a smooth image with a little of a checkerboard", smooth + 0.1 * phase * (-1.0) ** (row + column)
+    yield (
+        "a smooth image with a little of a checkerboard",
+        smooth + 0.1 * phase * (-1.0) ** (row + column),
+    )
     n = 11
     yield "noise", 0.3 * (rng.normal(size=(n, n)) + 1j * rng.normal(size=(n, n)))
 
@@ -56,7 +59,9 @@ def verdict(answer, case):
     n = len(mu)
     average = (np.eye(n - 1, n) + np.eye(n - 1, n, 1)) / 2
     corners = average @ mu @ average.T
-    for name, figure, image in zip(("first number (seen)", "second (counted)"), map(float, said), (corners, mu)):
+    for name, figure, image in zip(
+        ("first number (seen)", "second (counted)"), map(float, said), (corners, mu)
+    ):
         step = n / 2 * (np.eye(len(image) - 1, len(image), 1) - np.eye(len(image) - 1, len(image)))
         right = (abs(step @ image) ** 2).mean() + (abs(image @ step.T) ** 2).mean()
         if not abs(figure - right) <= 1e-9 * (1 + right):
@@ -70,31 +75,37 @@ def evidence(answer, case):
 MISTAKES = {
     "central differences": (
         ("mean_square(mu)\n", "sum((abs(g) ** 2).mean() for g in np.gradient(mu, h))\n"),
-        "Central differences pass over the pixel itself: where the sign changes from pixel to pixel they are 0, "
+        "Central differences pass over the pixel itself: where the sign changes from pixel to "
+        "pixel they are 0, "
         "like the averages. Take next neighbours",
     ),
     "averages for both": (
         ("mean_square(corners), mean_square(mu)", "mean_square(corners), mean_square(corners)"),
-        "Both numbers come from the averages at the corners, where stripes are 0. What is counted has to come "
+        "Both numbers come from the averages at the corners, where stripes are 0. What is counted "
+        "has to come "
         "from the pixels",
     ),
     "no length": (
         ("np.diff(image, axis=k) / h", "np.diff(image, axis=k)"),
-        "A gradient is a difference over a length: without the side of a pixel the term shrinks as the image gets "
+        "A gradient is a difference over a length: without the side of a pixel the term shrinks "
+        "as the image gets "
         "finer",
     ),
     "around the edges": (
         ("np.diff(image, axis=k)", "(image - np.roll(image, 1, axis=k))"),
-        "The last pixel is taken for a neighbour of the first: the square is no torus, and its edges would cost most",
+        "The last pixel is taken for a neighbour of the first: the square is no torus, and its "
+        "edges would cost most",
     ),
     "real part": (
         ("abs(step) ** 2", "step.real ** 2"),
-        "The real part alone is counted. mu is complex, and its direction may change while the real part stays: "
+        "The real part alone is counted. mu is complex, and its direction may change while the "
+        "real part stays: "
         "take the modulus of a difference",
     ),
     "means of two": (
         ("(rows[:, 1:] + rows[:, :-1]) / 4", "rows / 2"),
-        "What is seen comes from means of two pixels, on the edges between them. A corner touches four, and sees "
+        "What is seen comes from means of two pixels, on the edges between them. A corner touches "
+        "four, and sees "
         "still less",
     ),
 }

@@ -38,7 +38,11 @@ def cases(rng):
     for ratio in (0.75, 0.97, 1.03, 1.4):
         theirs = np.exp(0.8 * rng.normal(size=12))
         noise = 0.18 * rng.normal(size=12)
-        yield theirs * ratio * np.exp(noise - noise.mean()), theirs, rng.integers(12, size=(1000, 12))
+        yield (
+            theirs * ratio * np.exp(noise - noise.mean()),
+            theirs,
+            rng.integers(12, size=(1000, 12)),
+        )
 
 
 def verdict(answer, case):
@@ -67,44 +71,63 @@ MISTAKES = {
     "arithmetic mean": (
         (
             "logs = np.log(ours / theirs)\n    means = logs[draws].mean(1)\n"
-            "    ends = np.quantile(means, [0.025, 0.975])\n    ratio, low, high = np.exp([logs.mean(), *ends])",
+            "    ends = np.quantile(means, [0.025, 0.975])\n    ratio, low, high = "
+            "np.exp([logs.mean(), *ends])",
             "each = ours / theirs\n    ends = np.quantile(each[draws].mean(1), [0.025, 0.975])\n"
             "    ratio, low, high = each.mean(), *ends",
         ),
-        "The ratios are averaged as they are: twice and half do not cancel then, and either method can come out "
+        "The ratios are averaged as they are: twice and half do not cancel then, and either "
+        "method can come out "
         "with the larger errors. Take the geometric mean",
     ),
     "ratio of means": (
         (
             "logs = np.log(ours / theirs)\n    means = logs[draws].mean(1)\n"
-            "    ends = np.quantile(means, [0.025, 0.975])\n    ratio, low, high = np.exp([logs.mean(), *ends])",
-            "many = ours[draws].mean(1) / theirs[draws].mean(1)\n    ends = np.quantile(many, [0.025, 0.975])\n"
+            "    ends = np.quantile(means, [0.025, 0.975])\n    ratio, low, high = "
+            "np.exp([logs.mean(), *ends])",
+            "many = ours[draws].mean(1) / theirs[draws].mean(1)\n    ends = np.quantile(many, "
+            "[0.025, 0.975])\n"
             "    ratio, low, high = ours.mean() / theirs.mean(), *ends",
         ),
-        "This is the ratio of two means: the worst subject rules it. Each subject's own ratio comes first, then "
+        "This is the ratio of two means: the worst subject rules it. Each subject's own ratio "
+        "comes first, then "
         "their mean",
     ),
     "unpaired": (
-        ("logs[draws].mean(1)", "np.log(ours)[draws].mean(1) - np.log(theirs)[np.roll(draws, 1, axis=0)].mean(1)"),
-        "Both methods are resampled each by itself, as if their subjects were different people. Draw subjects, "
+        (
+            "logs[draws].mean(1)",
+            "np.log(ours)[draws].mean(1) - np.log(theirs)[np.roll(draws, 1, axis=0)].mean(1)",
+        ),
+        "Both methods are resampled each by itself, as if their subjects were different people. "
+        "Draw subjects, "
         "and keep the pair",
     ),
     "spread of subjects": (
         ("np.quantile(means, ", "np.quantile(logs, "),
-        "This interval is that of single subjects. What is asked is how far their mean would move with other "
+        "This interval is that of single subjects. What is asked is how far their mean would move "
+        "with other "
         "subjects: resample it",
     ),
     "nine in ten": (
         ("[0.025, 0.975]", "[0.05, 0.95]"),
-        "This interval holds nine in ten of the resampled means. Nineteen in twenty leave one in forty on either side",
+        "This interval holds nine in ten of the resampled means. Nineteen in twenty leave one in "
+        "forty on either side",
     ),
     "the word by the ratio": (
-        ('"ahead" if high < 1 else "behind" if low > 1 else "level"', '"ahead" if ratio < 1 else "behind"'),
-        "The word is read from the ratio alone, which always lies on one side of 1. The rule asks where the whole "
+        (
+            '"ahead" if high < 1 else "behind" if low > 1 else "level"',
+            '"ahead" if ratio < 1 else "behind"',
+        ),
+        "The word is read from the ratio alone, which always lies on one side of 1. The rule asks "
+        "where the whole "
         "interval lies",
     ),
     "ends exchanged": (
-        ('"ahead" if high < 1 else "behind" if low > 1', '"ahead" if low < 1 else "behind" if high > 1'),
-        "The ends of the interval are exchanged in the rule: it lies below 1 where its upper end does",
+        (
+            '"ahead" if high < 1 else "behind" if low > 1',
+            '"ahead" if low < 1 else "behind" if high > 1',
+        ),
+        "The ends of the interval are exchanged in the rule: it lies below 1 where its upper end "
+        "does",
     ),
 }

@@ -39,7 +39,8 @@ def cases(rng):
 
 
 def singular_values(z, faces, f):
-    """The stretches of each triangle, (F, 2), from the real matrix that takes its edges to their images."""
+    """The stretches of each triangle, (F, 2), from the real matrix that takes its edges to their
+    images."""
     edges, images = ((w[faces[:, 1:]] - w[faces[:, :1]])[:, None] for w in (z, f))
     before, after = (np.concatenate([w.real, w.imag], axis=1) for w in (edges, images))
     return np.linalg.svd(after @ np.linalg.inv(before), compute_uv=False)
@@ -52,7 +53,9 @@ def verdict(answer, case):
     said = answer(*case)
     if np.shape(said) != (2, len(faces)):
         return f"two arrays of {len(faces)} numbers are asked for, and it returns the shape {np.shape(said)}"
-    for name, one, right in zip(("size", "shape"), said, (longer * shorter / ratio, longer / shorter)):
+    for name, one, right in zip(
+        ("size", "shape"), said, (longer * shorter / ratio, longer / shorter)
+    ):
         off = abs(one - np.log2(right))
         if not off.max() < 1e-8:
             k = off.argmax()
@@ -66,36 +69,43 @@ def evidence(answer, case):
 MISTAKES = {
     "scale left in": (
         ("np.log2(J / scale)", "np.log2(J)"),
-        "The change of scale is still in the size: a map that only enlarges would be called distorted. Divide by the"
+        "The change of scale is still in the size: a map that only enlarges would be called "
+        "distorted. Divide by the"
         " ratio of the total areas",
     ),
     "scale by triangles": (
         ("area @ J / area.sum()", "J.mean()"),
-        "The scale is a mean in which every triangle counts alike, so it depends on the mesh. The ratio of the total"
+        "The scale is a mean in which every triangle counts alike, so it depends on the mesh. The "
+        "ratio of the total"
         " areas weighs by area",
     ),
     "mean of the logarithms": (
         ("np.log2(J / scale)", "np.log2(J) - area @ np.log2(J) / area.sum()"),
-        "The mean logarithm is taken off, a geometric mean of the ratios. That is not the ratio of the total areas,"
+        "The mean logarithm is taken off, a geometric mean of the ratios. That is not the ratio "
+        "of the total areas,"
         " which is an arithmetic one",
     ),
     "natural logarithms": (
         ("return np.log2(J / scale), np.log2(R)", "return np.log(J / scale), np.log(R)"),
-        "These are natural logarithms. The benchmark's have base two, so that one means a factor of two",
+        "These are natural logarithms. The benchmark's have base two, so that one means a factor "
+        "of two",
     ),
     "area of the turning part": (
         ("f_z**2 - f_zbar**2,", "f_z**2,"),
-        "The ratio of areas is that of the turning part alone. The reflected part takes area away: see the"
+        "The ratio of areas is that of the turning part alone. The reflected part takes area "
+        "away: see the"
         " determinant at the beginning of the page on quasi-conformal maps",
     ),
     "sum of squares": (
         ("f_z**2 - f_zbar**2,", "f_z**2 + f_zbar**2,"),
-        "The two derivatives' squares are added, which is the energy's density. Area is the product of the two"
+        "The two derivatives' squares are added, which is the energy's density. Area is the "
+        "product of the two"
         " half-axes of the ellipse: multiply them",
     ),
     "quotient of squares": (
         ("(f_z + f_zbar) / (f_z - f_zbar)", "(f_z**2 + f_zbar**2) / (f_z**2 - f_zbar**2)"),
-        "The shape is energy over area, which stays near 1 even where mu is large. The quotient of the half-axes of"
+        "The shape is energy over area, which stays near 1 even where mu is large. The quotient "
+        "of the half-axes of"
         " the ellipse is asked for, the dilatation",
     ),
 }

@@ -53,7 +53,8 @@ def verdict(answer, case):
     (K, inverse, load, steps), found = case, called(answer, case)
     if found.shape != load.shape:
         return f"the approximation should have the shape {load.shape}; this has {found.shape}"
-    # Nothing in the space of all that k products and solves can reach has a smaller error in the norm of K.
+    # Nothing in the space of all that k products and solves can reach has a smaller error in the
+    # norm of K.
     reached = [inverse @ load]
     for _ in range(steps - 1):
         reached.append(inverse @ (K @ reached[-1]))
@@ -64,9 +65,7 @@ def verdict(answer, case):
     if own < least - 1e-7 * size:
         return "this is nearer than so many products and solves can come: count the steps, and begin at 0"
     if not own <= least + 1e-7 * size:
-        return (
-            f"with steps = {steps} the error can fall to {least / size:.2g} of itself, and here it is {own / size:.2g}"
-        )
+        return f"with steps = {steps} the error can fall to {least / size:.2g} of itself, and here it is {own / size:.2g}"
 
 
 def evidence(answer, case):
@@ -76,27 +75,32 @@ def evidence(answer, case):
 MISTAKES = {
     "not preconditioned": (
         ("z = p = solve(rest)", "solve = np.copy\n    z = p = solve(rest)"),
-        "Nothing is solved at mu = 0: without the preconditioner the steps grow with the mesh. Each new direction "
+        "Nothing is solved at mu = 0: without the preconditioner the steps grow with the mesh. "
+        "Each new direction "
         "comes from a solve",
     ),
     "steepest descent": (
         ("p = z + (rest @ z) / size * p", "p = z"),
-        "Each step forgets the direction before it: this is steepest descent. Add the old direction to make the "
+        "Each step forgets the direction before it: this is steepest descent. Add the old "
+        "direction to make the "
         "new one conjugate",
     ),
     "sizes of the residual": (
         ("image, size = K @ p, rest @ z", "image, size = K @ p, rest @ rest"),
-        "The residual's own square measures it here. Preconditioned, its product with the solved residual does, "
+        "The residual's own square measures it here. Preconditioned, its product with the solved "
+        "residual does, "
         "in the length of a step and in the new direction",
     ),
     "a step too many": (
         ("range(steps)", "range(steps + 1)"),
-        "One step more than was asked for: the start at 0 counts as no step. At a fixed price an extra step is no "
+        "One step more than was asked for: the start at 0 counts as no step. At a fixed price an "
+        "extra step is no "
         "small matter",
     ),
     "the first direction kept": (
         ("p = z + (rest @ z) / size * p", "p = z + p"),
-        "The old direction is added as it is: it needs a factor, how much smaller the residual has become in the "
+        "The old direction is added as it is: it needs a factor, how much smaller the residual "
+        "has become in the "
         "preconditioner's measure",
     ),
 }

@@ -1,11 +1,13 @@
-"""Measure the factors of `register(sure=True)` where true maps are known, and judge them where they took no part.
+"""Measure the factors of `register(uncertainty=True)` where true maps are known, and judge them
+where they took no part.
 
-    python -m book.studies.calibrate_sure [--folder DIR] [--out FILE.json] [--only next]
+    python -m book.studies.calibrate_uncertainty [--folder DIR] [--out FILE.json] [--only next]
 
-Subjects that calibrate and subjects that judge are disjoint. Pairs of either have all, half, two or none of their
-curves fitted, and 6,000 to 20,000 vertices; landmarks alone have factors of their own. Warped real cortex and the
-held-out curves of fsaverage5 are told apart: nothing was chosen by them; so are pairs at the ends of the weights for
-which there is a radius, and at those of an individual. Finished cases are kept in DIR and not run again.
+Subjects that calibrate and subjects that judge are disjoint. Pairs of either have all, half, two or
+none of their curves fitted, and 6,000 to 20,000 vertices; landmarks alone have factors of their
+own. Warped real cortex and the held-out curves of fsaverage5 are told apart: nothing was chosen by
+them; so are pairs at the ends of the weights for which there is a radius, and at those of an
+individual. Finished cases are kept in DIR and not run again.
 """
 
 import json
@@ -25,24 +27,35 @@ from qclearn.benchmark.pairs import Pair, cohort_pair, mapped_subject
 from qclearn.io.checkpoint import Checkpoint
 from qclearn.io.provenance import commit
 from qclearn.io.safe import write_whole
-from qclearn.registration.landmarks import curve_distance, curves_of_both
+from qclearn.registration.curves import curve_distance, curves_of_both
 from qclearn.registration.metrics import quantile
 from qclearn.registration.problem import DELTA, ETA, INDIVIDUAL, Weights
-from qclearn.registration.sure import MOST, calibrated
+from qclearn.registration.uncertainty import MOST, calibrated
 
 SIZES = {
     "calibrate": 10 * [6_000] + 6 * [8_000] + 3 * [10_000] + [20_000],
     "judge": 4 * [8_000] + 4 * [10_000] + [6_000, 20_000],
 }
-FIRST, GENERATION, STEPS = {"calibrate": 3001, "judge": 4001}, 4, (1, 3)  # seeds; a subject's partners are so far on
+FIRST, GENERATION, STEPS = (
+    {"calibrate": 3001, "judge": 4001},
+    4,
+    (1, 3),
+)  # seeds; a subject's partners are so far on
 CURVES = {"all": slice(None), "half": slice(0, None, 2), "two": slice(0, None, 5), "none": slice(0)}
 LEVELS = 0.5, 0.9, 0.95
 SHARE = 0.9  # of the pairs in which the guaranteed factor covers as asked
 WARPS = {9.0: "half", 12.0: "all"}  # mm -> curves
 USUAL = {"folds": Weights(delta=DELTA, eta=ETA), "landmarks": Weights()}
-ENDS = [{name: getattr(USUAL["folds"], name) * most**end} for name, most in MOST.items() for end in (-1, 1)]
-FURTHER, MORE = 8, (1, 2, 3)  # subjects of pairs with two curves to which a third is added; partners are so far on
-KEPT = Path(qc.__file__).parent / "registration" / "sure.json"
+ENDS = [
+    {name: getattr(USUAL["folds"], name) * most**end}
+    for name, most in MOST.items()
+    for end in (-1, 1)
+]
+FURTHER, MORE = (
+    8,
+    (1, 2, 3),
+)  # subjects of pairs with two curves to which a third is added; partners are so far on
+KEPT = Path(qc.__file__).parent / "registration" / "uncertainty.json"
 
 
 def cases():
@@ -55,8 +68,8 @@ def cases():
 
 
 def run(pair, kind, setting, timed=False, **weights):
-    """A registration's radius at factor 1, true error and shares of the area, as arrays; timed: also CPU seconds,
-    without and with the radius."""
+    """A registration's radius at factor 1, true error and shares of the area, as arrays; timed:
+    also CPU seconds, without and with the radius."""
     fitted = list(pair.curves)[CURVES[setting]]
     given = weights | ({"features": None} if kind == "landmarks" else {})
     seconds = []
@@ -64,12 +77,19 @@ def run(pair, kind, setting, timed=False, **weights):
         start = time.process_time()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            found = qc.register(pair.moving.surface, pair.control.surface, fitted, sure=sure, **given)
+            found = qc.register(
+                pair.moving.surface, pair.control.surface, fitted, uncertainty=sure, **given
+            )
         seconds.append(time.process_time() - start)
-    radius = found.sure / calibrated()[kind]["factors"]["90"]
+    radius = found.uncertainty / calibrated()[kind]["factors"]["90"]
     error = np.zeros(0) if pair.truth is None else np.linalg.norm(found.points - pair.truth, axis=1)
     areas = pair.moving.surface.vertex_areas
-    arrays = {"radius": radius, "error": error, "areas": areas / areas.sum(), "points": found.points}
+    arrays = {
+        "radius": radius,
+        "error": error,
+        "areas": areas / areas.sum(),
+        "points": found.points,
+    }
     return arrays | ({"seconds": np.array(seconds)} if timed else {})
 
 
@@ -87,19 +107,24 @@ def warped(left, amplitude, setting):
 
 
 def factors_of(found, share=SHARE):
-    """The factors within which shares LEVELS of the area lie, all pairs counting alike; and those that do in a `share`
-    of the pairs, by split-conformal prediction: pairs are exchangeable, vertices are not."""
+    """The factors within which shares LEVELS of the area lie, all pairs counting alike; and those
+    that do in a `share` of the pairs, by split-conformal prediction: pairs are exchangeable,
+    vertices are not."""
     ratios = [one["error"] / one["radius"] for one in found]
     together, shares = np.concatenate(ratios), np.concatenate([one["areas"] for one in found])
     rank = int(np.ceil((len(found) + 1) * share))
     names = [f"{100 * level:g}" for level in LEVELS]
     whole = [quantile(together, shares / len(found), level) for level in LEVELS]
-    own = [sorted(quantile(r, one["areas"], level) for r, one in zip(ratios, found))[rank - 1] for level in LEVELS]
+    own = [
+        sorted(quantile(r, one["areas"], level) for r, one in zip(ratios, found))[rank - 1]
+        for level in LEVELS
+    ]
     return dict(zip(names, whole)), dict(zip(names, own))
 
 
 def judged(one, factors):
-    """Coverage at each level and in fifths of the radius, rank, and errors in the surest and least sure fifth."""
+    """Coverage at each level and in fifths of the radius, rank, and errors in the surest and least
+    sure fifth."""
     radius, error, areas = one["radius"], one["error"], one["areas"]
     inside = error <= factors["90"] * radius
     fifths = np.array_split(np.argsort(radius), 5)
@@ -118,11 +143,23 @@ def judged(one, factors):
 
 
 @click.command(help=__doc__)
-@click.option("--folder", type=Path, default=user_cache_path("qclearn") / "sure", help="Where finished cases are kept.")
+@click.option(
+    "--folder",
+    type=Path,
+    default=user_cache_path("qclearn") / "sure",
+    help="Where finished cases are kept.",
+)
 @click.option("--out", type=Path, default=KEPT)
-@click.option("--only", type=click.Choice(["next"]), help="Measure this alone, and keep the rest of FILE.json.")
+@click.option(
+    "--only",
+    type=click.Choice(["next"]),
+    help="Measure this alone, and keep the rest of FILE.json.",
+)
 def main(folder, out, only):
-    settings = {"generation": GENERATION, "weights": {kind: vars(weights) for kind, weights in USUAL.items()}}
+    settings = {
+        "generation": GENERATION,
+        "weights": {kind: vars(weights) for kind, weights in USUAL.items()},
+    }
     checkpoint = Checkpoint(folder, settings, click.ClickException)
     if only:
         return write(out, calibrated() | {"next": on_next(checkpoint)})
@@ -131,15 +168,26 @@ def main(folder, out, only):
         seeds = [FIRST[part] + number for number in (first, second)]
         sizes = [SIZES[part][number] for number in (first, second)]
         name = f"{part}-{kind}-{seeds[0]}-{seeds[1]}-{setting}"
-        one = checkpoint.arrays(f"{name}.npz", partial(synthetic, seeds, sizes, kind, setting, part == "judge"))
+        one = checkpoint.arrays(
+            f"{name}.npz", partial(synthetic, seeds, sizes, kind, setting, part == "judge")
+        )
         found.setdefault((kind, part), []).append(one)
-        words.setdefault((kind, part), []).append({"seeds": seeds, "vertices": sizes, "curves": setting})
+        words.setdefault((kind, part), []).append(
+            {"seeds": seeds, "vertices": sizes, "curves": setting}
+        )
         print(name, flush=True)
-    result = {"commit": commit(), "generation": GENERATION, "weights": {k: vars(w) for k, w in USUAL.items()}}
+    result = {
+        "commit": commit(),
+        "generation": GENERATION,
+        "weights": {k: vars(w) for k, w in USUAL.items()},
+    }
     for kind in USUAL:
         factors, guaranteed = factors_of(found[kind, "calibrate"])
         pairs = {
-            part: [said | judged(one, factors) for said, one in zip(words[kind, part], found[kind, part])]
+            part: [
+                said | judged(one, factors)
+                for said, one in zip(words[kind, part], found[kind, part])
+            ]
             for part in SIZES
         }
         same = [one | {"radius": np.ones(len(one["error"]))} for one in found[kind, "calibrate"]]
@@ -156,14 +204,18 @@ def main(folder, out, only):
 
 
 def write(out, result):
-    write_whole(out, lambda place: place.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8"))
+    write_whole(
+        out, lambda place: place.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    )
 
 
 def on_warps(checkpoint, factors):
     """`judged` of real cortex warped by so many mm, whose truth is known."""
     left, rows = fsaverage_side("left"), []
     for amplitude, setting in WARPS.items():
-        one = checkpoint.arrays(f"warp-{amplitude:g}-{setting}.npz", partial(warped, left, amplitude, setting))
+        one = checkpoint.arrays(
+            f"warp-{amplitude:g}-{setting}.npz", partial(warped, left, amplitude, setting)
+        )
         rows.append({"amplitude_mm": amplitude, "curves": setting} | judged(one, factors))
     return rows
 
@@ -174,21 +226,29 @@ def at_ends(checkpoint, factors):
     for weights in [*ENDS, INDIVIDUAL]:
         name = "-".join(f"{key}-{value:g}" for key, value in weights.items())
         for first, setting in enumerate(("all", "half")):
-            seeds, sizes = [FIRST["judge"] + n for n in (first, first + 1)], SIZES["judge"][first : first + 2]
+            seeds, sizes = (
+                [FIRST["judge"] + n for n in (first, first + 1)],
+                SIZES["judge"][first : first + 2],
+            )
             make = partial(synthetic, seeds, sizes, "folds", setting, False, **weights)
             one = checkpoint.arrays(f"ends-{name}-{setting}.npz", make)
-            rows.append({"weights": weights, "seeds": seeds, "curves": setting} | judged(one, factors))
+            rows.append(
+                {"weights": weights, "seeds": seeds, "curves": setting} | judged(one, factors)
+            )
     return rows
 
 
 def on_curves(checkpoint, factors):
-    """Of fsaverage5's curves that took no part, right onto left: distance and mean radius there, mm."""
+    """Of fsaverage5's curves that took no part, right onto left: distance and mean radius there,
+    mm."""
     right, left = (fsaverage_side(side) for side in ("right", "left"))
     curves = curves_of_both(right.surface, left.surface)
     rows = []
     for half in (0, 1):
         fitted, held = curves[half::2], curves[1 - half :: 2]
-        one = checkpoint.arrays(f"curves-{half}.npz", partial(run, Pair(right, left, tuple(fitted)), "folds", "all"))
+        one = checkpoint.arrays(
+            f"curves-{half}.npz", partial(run, Pair(right, left, tuple(fitted)), "folds", "all")
+        )
         for curve in held:
             path = curve["moving"]
             off = curve_distance(one["points"][path], left.surface.vertices[curve["control"]])
@@ -198,34 +258,40 @@ def on_curves(checkpoint, factors):
 
 
 def on_next(checkpoint):
-    """What a third curve is worth: the one nearest to where `next` wants a landmark, against a random one."""
+    """What a third curve is worth: the one nearest to where `next` wants a landmark, against a
+    random one."""
     rng, rows = np.random.default_rng(0), []
     for first, step in ((first, step) for first in range(FURTHER) for step in MORE):
         numbers = first, (first + step) % FURTHER
         seeds, sizes = [FIRST["judge"] + n for n in numbers], [SIZES["judge"][n] for n in numbers]
         draw = rng.random()  # before a case is kept, so that the others' draws stay
-        one = checkpoint.arrays(f"next-{seeds[0]}-{seeds[1]}.npz", partial(with_third, seeds, sizes, draw))
-        said = {name: one[name].tolist() for name in ("before_mm", "told_mm", "random_mm", "mean_mm")}
+        one = checkpoint.arrays(
+            f"next-{seeds[0]}-{seeds[1]}.npz", partial(with_third, seeds, sizes, draw)
+        )
+        said = {
+            name: one[name].tolist() for name in ("before_mm", "told_mm", "random_mm", "mean_mm")
+        }
         rows.append({"seeds": seeds, "told": str(one["told"]), "random": str(one["random"])} | said)
     return {"commit": commit(), "pairs": rows}
 
 
 def with_third(seeds, sizes, draw):
-    """True mean errors with two curves, with the third that is told, and with a random other one, mm."""
+    """True mean errors with two curves, with the third that is told, and with a random other one,
+    mm."""
     pair = cohort_pair(*map(side, seeds, sizes))
     curves, fitted = list(pair.curves), list(pair.curves)[CURVES["two"]]
     rest = [curve for curve in curves if all(curve is not one for one in fitted)]
     moving, control = pair.moving.surface, pair.control.surface
 
-    def fit(extra, sure=False):
+    def fit(extra, uncertainty=False):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            found = qc.register(moving, control, fitted + extra, sure=sure)
+            found = qc.register(moving, control, fitted + extra, uncertainty=uncertainty)
         error = np.linalg.norm(found.points - pair.truth, axis=1)
         return found, float(moving.vertex_areas @ error / moving.area)
 
-    found, before = fit([], sure=True)
-    there = moving.vertices[found.report["sure"]["next"]["vertex"]]
+    found, before = fit([], uncertainty=True)
+    there = moving.vertices[found.report["uncertainty"]["next"]["vertex"]]
     far = [np.linalg.norm(moving.vertices[curve["moving"]] - there, axis=1).min() for curve in rest]
     told = rest[int(np.argmin(far))]
     others = [curve for curve in rest if curve is not told]
@@ -236,7 +302,7 @@ def with_third(seeds, sizes, draw):
         "before_mm": np.array(before),
         "told_mm": np.array(fit([told])[1]),
         "random_mm": np.array(fit([chance])[1]),
-        "mean_mm": np.array(found.report["sure"]["mean_mm"]),
+        "mean_mm": np.array(found.report["uncertainty"]["mean_mm"]),
     }
 
 
