@@ -10,7 +10,6 @@ from ..plane.mobius import best_mobius
 from ..surfaces.conformal import ParameterizedSurface, apply_mobius
 from .curves import POINTS_PER_CURVE, checked_curves, detect_curves, resample, sample_curve
 from .features import FeatureError, Features, mobius_by_features
-
 from .problem import LandmarkError, Problem, distinct, meeting
 
 
