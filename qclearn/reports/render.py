@@ -5,7 +5,7 @@ from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from ..files.safe import write_whole
+from ..io.safe import write_whole
 from .finished import ReportError
 
 

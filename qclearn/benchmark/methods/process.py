@@ -9,7 +9,7 @@ from subprocess import DEVNULL, STDOUT
 from tempfile import TemporaryFile
 from typing import NamedTuple
 
-from ..files.extras import require
+from ...io.extras import require
 
 PACKAGES = "OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "ITK_GLOBAL_DEFAULT_NUMBER_OF"
 ONE_THREAD = {f"{package}_THREADS": "1" for package in PACKAGES}
