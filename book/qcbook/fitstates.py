@@ -24,7 +24,6 @@ from qclearn.registration.metrics import measured_losses
 from qclearn.registration.multiresolution import STALL_RATIO, Level, guided
 from qclearn.registration.networks import gamma_messages, predicted
 from qclearn.registration.problem import LandmarkError, Weights
-from qclearn.registration.register import load
 from qclearn.registration.residuals import FeatureTerm
 
 RINGS = (
@@ -67,6 +66,8 @@ def network_fit(problem, weights, features=None):
     knows no folds."""
     if problem.sliding:
         raise LandmarkError("CP-Net takes points to points, it knows no sliding; choose points")
+    from qclearn.nets import load  # here, as it needs torch
+
     network = load("cpnet")
     found = exact_map(problem, predicted(network.predict, problem, weights))
     return replace(found, fallbacks=(*gamma_messages(network, weights), *found.fallbacks))

@@ -170,7 +170,7 @@ def measured(name, individual):
         pair = pair_of(name, individual)
         prepared, rows = prepare(pair), []
         sides = with_folds(prepared.problem)
-        free = align_disks(replace(sides, entries=[], held=[]))
+        free = align_disks(replace(sides, curves=[], held=[]))
         given = replace(
             prepared.problem,
             sides=replace(sides, moving=replace(sides.moving, disk=prepared.problem.disk)),

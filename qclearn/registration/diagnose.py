@@ -68,7 +68,7 @@ class LandmarkHypothesis:
 def diagnose_landmarks(sides):
     """Words on mistakes in surfaces and landmarks that explain folds or curves' ends much better
     than as given."""
-    if len(sides.entries) >= FEWEST:
+    if len(sides.curves) >= FEWEST:
         return diagnose_ends(sides)
     laid = laid_by_folds(sides)
     if laid is None:
@@ -77,7 +77,7 @@ def diagnose_landmarks(sides):
         return [f"mirror: the folds fit the mirrored moving surface much better; {MIRROR}"]
     return (
         diagnose_ends(laid)
-        if sides.entries and rotation_contrast(laid) > LIMITS["rotation_contrast"]
+        if sides.curves and rotation_contrast(laid) > LIMITS["rotation_contrast"]
         else []
     )
 
@@ -85,7 +85,7 @@ def diagnose_landmarks(sides):
 def laid_by_folds(sides):
     """The sides with the moving one laid upon the control's by its features, or else by its folds;
     None without any."""
-    if not sides.entries:
+    if not sides.curves:
         return sides
     try:
         sides = with_folds(sides)
@@ -124,21 +124,19 @@ def diagnose_ends(sides):
         start, words = best, [best.reason]
     best = in_order(start)
     if best is not start and accepted(start, best):
-        words += order_messages(best, [entry["name"] for entry in sides.entries])
+        words += order_messages(best, [curve.name for curve in sides.curves])
     return words
 
 
 def given_hypothesis(sides):
     """The landmarks of two `SurfacePair` as given."""
-    p, q = (
-        getattr(sides, side).disk.z[ends(sides.entries, side)] for side in ("moving", "control")
-    )
+    p, q = (getattr(sides, side).disk.z[ends(sides.curves, side)] for side in ("moving", "control"))
     return LandmarkHypothesis(p, q, np.arange(len(p)), np.zeros(len(p), bool))
 
 
-def ends(entries, side):
-    """First and last vertices of the curves of one side, (K, 2) int."""
-    return np.array([entry[side][[0, -1]] for entry in entries])
+def ends(curves, side):
+    """First and last vertices of the `Curve`s of one side, (K, 2) int."""
+    return np.array([curve.path(side)[[0, -1]] for curve in curves])
 
 
 def in_order(reading):
@@ -194,10 +192,10 @@ def compared(given, other):
 def of_surfaces(reading, sides):
     """Readings in which the surfaces are not those that the landmarks mean."""
     z_moving, z_control = sides.moving.disk.z, sides.control.disk.z
-    if len(sides.entries) >= FEWEST:
+    if len(sides.curves) >= FEWEST:
         reason = f"mirror: the curves fit the mirrored moving surface much better; {MIRROR}"
         yield replace(reading, p=reading.p.conj(), reason=reason)
-    pairs = {side: ends(sides.entries, side) for side in ("moving", "control")}
+    pairs = {side: ends(sides.curves, side) for side in ("moving", "control")}
     if pairs["control"].max() < len(z_moving) and pairs["moving"].max() < len(z_control):
         reason = (
             "exchanged: the curves fit much better with MOVING and CONTROL exchanged; exchange "

@@ -18,7 +18,7 @@ from .curves import (
     fundus_metric,
     fundus_path,
     sample_curve,
-    walked,
+    walk_back,
     weigh_edges,
 )
 from .diagnose import diagnose_landmarks, with_folds
@@ -53,7 +53,7 @@ def ordered(surface, vertices):
         )
     first = dijkstra(graph, directed=False, indices=0).argmax()
     along, previous = dijkstra(graph, directed=False, indices=first, return_predecessors=True)
-    path = walked(previous, along.argmax())
+    path = walk_back(previous, along.argmax())
     length, beside = along.max(), dijkstra(graph, directed=False, indices=path, min_only=True).max()
     if beside > min(max(BESIDE * length, EDGES * graph.data.mean()), AT_MOST * length):
         raise LandmarkError(

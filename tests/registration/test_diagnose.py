@@ -52,7 +52,7 @@ def sides():
 
 
 def with_curves(sides, curves):
-    return replace(sides, entries=check_curves(curves, sides.moving.surface, sides.control.surface))
+    return replace(sides, curves=check_curves(curves, sides.moving.surface, sides.control.surface))
 
 
 def said(sides, curves):
@@ -77,8 +77,8 @@ def words(reasons):
 
 
 def test_what_was_repaired_of_the_disks_is_told(sides):
-    assert sides.words and all(
-        re.match("(moving|control): .*(raised|switched)", word) for word in sides.words
+    assert sides.messages and all(
+        re.match("(moving|control): .*(raised|switched)", word) for word in sides.messages
     )
 
 

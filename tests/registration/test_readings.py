@@ -51,9 +51,7 @@ def said(sides, curves):
     """The words on curves of two sides, laid upon each other by them."""
     return diagnose_landmarks(
         align_disks(
-            replace(
-                sides, entries=check_curves(curves, sides.moving.surface, sides.control.surface)
-            )
+            replace(sides, curves=check_curves(curves, sides.moving.surface, sides.control.surface))
         )
     )
 
@@ -101,7 +99,7 @@ def test_what_the_folds_say_does_not_hang_on_where_the_landmarks_laid_the_disk(s
     disk = sides.moving.disk
     aside = replace(sides.moving, disk=disk.at(mobius(disk.z, 0.9 - 0.3j, 2.0)))
     places = [
-        laid_by_folds(replace(sides, moving=own, entries=entries)).moving.disk.z
+        laid_by_folds(replace(sides, moving=own, curves=entries)).moving.disk.z
         for own in (sides.moving, aside)
     ]
     assert abs(places[0] - places[1]).max() < 1e-3

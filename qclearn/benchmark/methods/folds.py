@@ -35,7 +35,7 @@ def dense(problem, alpha=Weights.alpha, beta=Weights.beta, delta=DELTA, eta=ETA)
 
 def landmark_free(problem, alpha=Weights.alpha, beta=Weights.beta, delta=DELTA, eta=ETA):
     """Folds alone, from the Möbius map that fits them best: landmarks take no part, f (V,)."""
-    sides = align_disks(replace(with_folds(problem), entries=[], held=[]))
+    sides = align_disks(replace(with_folds(problem), curves=[], held=[]))
     return by_folds(
         sample_landmarks(sides).problem, Weights(alpha, beta, delta=delta, eta=eta), sides
     )
