@@ -72,17 +72,17 @@ class Laplace:
 
     def __init__(self, problem, weights, mu, mobius, features=None, rings=RINGS):
         level = Level(rings, None if features is None else FINEST, 0)
-        self.engine = engine = MultiresolutionFit(problem).engine(level, weights, features)
+        self.objective = objective = MultiresolutionFit(problem).objective(level, weights, features)
         self.mesh, self.state = (
-            engine.link.mesh,
-            engine.at(start_field(problem.disk, mu, engine.link.mesh), mobius),
+            objective.coefficient_mesh.mesh,
+            objective.at(start_field(problem.disk, mu, objective.coefficient_mesh.mesh), mobius),
         )
-        step = ProductStep(engine, self.state, weights.gamma)
+        step = ProductStep(objective, self.state, weights.gamma)
         rows = sparse.vstack(
-            [step.landmarks, *(term.rows(self.state.f) for term in engine.terms)]
+            [step.landmarks, *(term.rows(self.state.f) for term in objective.terms)]
         ).tocsr()
         self.G, self.noise = self.derivative(step), max(len(problem.moving) + 1, 1) / weights.gamma
-        self.H = self.hessian(engine.W.toarray(), rows)
+        self.H = self.hessian(objective.W.toarray(), rows)
 
     def derivative(self, step):
         """G, by the pushforward of every unit change."""
@@ -185,10 +185,10 @@ def stiffer(problem, weights, features):
     levels = [
         level._replace(rings=min(level.rings, most)) for level in LEVELS if not level.own_mesh
     ]
-    engine, state, _ = MultiresolutionFit(problem).run(
+    objective, state, _ = MultiresolutionFit(problem).run(
         levels, replace(weights, beta=STIFFER * weights.beta), None, features
     )
-    return engine.link.disk.sampling(problem.disk.z) @ state.f
+    return objective.coefficient_mesh.disk.sampling(problem.disk.z) @ state.f
 
 
 def calibrated():

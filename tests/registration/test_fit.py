@@ -201,7 +201,7 @@ def test_steps_without_a_jacobian_end_where_exact_ones_do_and_cost_few_solves(
     assert sum(fit.steps) <= 8 and 0 < len(solves) <= most
 
 
-def small_engine(p, q):
+def small_objective(p, q):
     """The fit of landmarks on their own mesh, with nu on a polar one."""
     return GaussNewtonObjective(
         Discretization(
@@ -211,15 +211,15 @@ def small_engine(p, q):
     )
 
 
-def beginning(engine):
-    return engine.at(np.zeros(len(engine.link.mesh.z), complex), (0j, 0.0))
+def beginning(objective):
+    return objective.at(np.zeros(len(objective.coefficient_mesh.mesh.z), complex), (0j, 0.0))
 
 
 def test_what_is_learnt_of_repeated_directions_stays_positive():
     """Conjugate gradients that rounding lets go on beyond as many steps as there are unknowns."""
     p, q = smooth_problem(6, count=12)
-    engine, gamma = small_engine(p, q), 1e5
-    first = engine.linearise(beginning(engine), gamma).preconditioner
+    objective, gamma = small_objective(p, q), 1e5
+    first = objective.linearise(beginning(objective), gamma).preconditioner
     rng = np.random.default_rng(0)
     root, few = rng.normal(size=(24, 24)), rng.normal(size=(24, 8))
     exact, noise = gamma * root @ root.T, 1e-9 * rng.normal(size=(2, 60, 24))
@@ -232,11 +232,11 @@ def test_what_is_learnt_of_repeated_directions_stays_positive():
 
 
 def test_what_a_step_has_learnt_lies_in_the_state_that_it_leads_to():
-    engine = small_engine(*smooth_problem(6, count=12))
-    begin = beginning(engine)
-    found, again = (engine.step(begin, 1e4) for _ in range(2))
+    objective = small_objective(*smooth_problem(6, count=12))
+    begin = beginning(objective)
+    found, again = (objective.step(begin, 1e4) for _ in range(2))
     assert begin.preconditioner is None and found.preconditioner.shape == (24, 24)
-    assert engine.at(found.nu, found.mobius).preconditioner is None
+    assert objective.at(found.nu, found.mobius).preconditioner is None
     assert np.array_equal(found.nu, again.nu) and np.array_equal(
         found.preconditioner, again.preconditioner
     )
@@ -396,12 +396,12 @@ def test_a_start_is_carried_to_the_polar_mesh():
 def test_a_kept_climb_is_fitted_anew_with_other_weights(monkeypatch):
     """As a new one is, to the last bit, whatever the fits before have preconditioner; its mesh is
     not looked at again."""
-    climb = MultiresolutionFit(Problem(MESH, *smooth_problem(3)))
-    fit_problem(climb, Weights(gamma=1e5))
+    multiresolution = MultiresolutionFit(Problem(MESH, *smooth_problem(3)))
+    fit_problem(multiresolution, Weights(gamma=1e5))
     new = fit_problem(Problem(Disk(*SMALL), *smooth_problem(3)), Weights(2.0, 0.1, 10.0))
     monkeypatch.setattr(multiresolution, "CoefficientMesh", None)
     monkeypatch.setattr(multiresolution, "Discretization", None)
-    assert np.array_equal(fit_problem(climb, Weights(2.0, 0.1, 10.0)).f, new.f)
+    assert np.array_equal(fit_problem(multiresolution, Weights(2.0, 0.1, 10.0)).f, new.f)
 
 
 def test_a_problem_that_was_fitted_holds_no_engine_and_goes_to_other_processes():

@@ -65,7 +65,7 @@ def no_landmarks():
 
 @pytest.fixture(scope="module")
 def equations():
-    """Landmarks and features on a small mesh, linearised at a field and a Möbius map: (engine,
+    """Landmarks and features on a small mesh, linearised at a field and a Möbius map: (objective,
     state, step)."""
     rng = np.random.default_rng(1)
     mesh = Disk(*polar_disk(5, 15))
@@ -74,22 +74,22 @@ def equations():
         Problem(MOVING, moving, target), CoefficientMesh(mesh, mesh), own=False
     )
     features = FeatureTerm(features_of(TWIST), 16.0, 0.5, Places(CONTROL, mesh.sampling(MOVING.z)))
-    engine = GaussNewtonObjective(setting, Weights(1.0, 0.02, 1e2, 0.5), features)
+    objective = GaussNewtonObjective(setting, Weights(1.0, 0.02, 1e2, 0.5), features)
     nu = 0.2 * (rng.normal(size=len(mesh.z)) + 1j * rng.normal(size=len(mesh.z)))
-    state = engine.at(nu, (0.1 - 0.05j, 0.2))
-    return engine, state, engine.linearise(state, 1e2)
+    state = objective.at(nu, (0.1 - 0.05j, 0.2))
+    return objective, state, objective.linearise(state, 1e2)
 
 
 def test_the_derivative_of_all_residuals_equals_differences(equations):
     """Up to the slopes, which are averaged over the control's faces."""
-    engine, state, found = equations
+    objective, state, found = equations
     rng, step = np.random.default_rng(2), 1e-4
 
     def residual(x):
         moved = compose_mobius(state.mobius, (complex(x[-2], x[-1]), x[-3]))
-        at = engine.at(state.nu + x[:-3].view(complex), moved)
+        at = objective.at(state.nu + x[:-3].view(complex), moved)
         return np.concatenate(
-            [engine.landmarks.residual(at.points, 1e2), engine.features.residual(at.f)]
+            [objective.landmarks.residual(at.points, 1e2), objective.features.residual(at.f)]
         )
 
     for _ in range(3):
@@ -108,12 +108,12 @@ def test_forward_and_adjoint_are_transposes(equations):
 
 
 def test_the_step_solves_the_normal_equations(equations, monkeypatch):
-    engine, state, found = equations
+    objective, state, found = equations
     monkeypatch.setattr(gauss_newton, "STEPS", 300)
     monkeypatch.setattr(found, "accuracy", 1e-9)
     J = np.stack([found.forward(unit) for unit in np.eye(2 * len(state.nu) + 3)], axis=1)
     W = sparse.block_diag(
-        [sparse.kron(engine.W, np.eye(2)), gauss_newton.MOBIUS_PRIOR * np.eye(3)]
+        [sparse.kron(objective.W, np.eye(2)), gauss_newton.MOBIUS_PRIOR * np.eye(3)]
     ).toarray()
     nu = np.concatenate([state.nu.view(float), np.zeros(3)])
     expected = -np.linalg.solve(W + J.T @ J, W @ nu + J.T @ found.residual)
@@ -128,10 +128,10 @@ def test_the_step_solves_the_normal_equations(equations, monkeypatch):
 
 
 def test_what_a_step_has_learnt_lies_in_the_state_that_it_leads_to(equations):
-    engine, state, _ = equations
-    found, again = (engine.step(state, 1e2) for _ in range(2))
+    objective, state, _ = equations
+    found, again = (objective.step(state, 1e2) for _ in range(2))
     assert state.preconditioner is None and len(found.preconditioner) == 3
-    assert engine.at(found.nu, found.mobius).preconditioner is None
+    assert objective.at(found.nu, found.mobius).preconditioner is None
     assert np.array_equal(found.nu, again.nu)
 
 
@@ -173,16 +173,19 @@ def test_features_lead_between_the_landmarks():
 
 def test_coarse_features_guide_with_less_weight_and_the_whole_is_asked_for_at_last():
     t = np.exp(1j * np.arange(6))
-    climb, features = MultiresolutionFit(Problem(MOVING, 0.6 * t, 0.5 * t)), features_of(TWIST)
+    multiresolution, features = (
+        MultiresolutionFit(Problem(MOVING, 0.6 * t, 0.5 * t)),
+        features_of(TWIST),
+    )
     asked = Weights(gamma=1e5, delta=1.0)
     scales = [level.sigma for level in LEVELS]
     assert scales == sorted(scales, reverse=True) and scales[0] == 32 and LEVELS[-1].own_mesh
     for level in LEVELS:
-        engine = climb.engine(level, asked, features)
-        assert engine.weights.gamma == (1e5 if level.own_mesh else 1e2)
-        delta = (engine.features.scale**2).sum()
+        objective = multiresolution.objective(level, asked, features)
+        assert objective.weights.gamma == (1e5 if level.own_mesh else 1e2)
+        delta = (objective.features.scale**2).sum()
         assert delta == pytest.approx(0.3 if level.sigma >= 16 else 1.0)
-    small = climb.engine(LEVELS[0], Weights(gamma=10.0, delta=0.1), features)
+    small = multiresolution.objective(LEVELS[0], Weights(gamma=10.0, delta=0.1), features)
     assert small.weights.gamma == 10 and (small.features.scale**2).sum() == pytest.approx(0.1)
 
 
@@ -191,7 +194,7 @@ def test_coarse_features_guide_with_less_weight_and_the_whole_is_asked_for_at_la
 )
 def test_a_level_ends_with_a_step_that_gained_little(own_mesh, left, steps):
     class Falling:
-        """An engine whose steps leave one share of the objective each."""
+        """An objective whose steps leave one share of the objective each."""
 
         weights = Weights()
 
@@ -251,11 +254,11 @@ def test_steps_on_the_surface_follow_where_what_stands_for_it_misleads(usual):
 
 def test_landmarks_alone_are_fitted_on_what_stands_for_a_large_surface():
     problem, weights = Problem(MOVING, P, TWIST(P)), Weights(gamma=1e2)
-    engine, state, steps = MultiresolutionFit(problem).run(
+    objective, state, steps = MultiresolutionFit(problem).run(
         standing(32, landmark_levels(LARGE_DISK, 16)), weights
     )
-    assert steps[-2] > 0 and steps[-1] == 0 and engine.problem is problem
-    assert engine.objective(state, 1e2) == pytest.approx(
+    assert steps[-2] > 0 and steps[-1] == 0 and objective.problem is problem
+    assert objective.value(state, 1e2) == pytest.approx(
         fit_problem(problem, weights).losses["L_CP"], rel=0.05
     )
 

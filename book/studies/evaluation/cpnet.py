@@ -194,11 +194,11 @@ def stepped(problem, weights, steps=3):
     """The first Gauss-Newton steps by adjoint solves, from nu = 0 and at the whole gamma: (seconds
     so far, map)."""
     start, mesh = time.process_time(), polar(*COARSE)
-    engine = MultiresolutionFit(problem).engine(few(steps, COARSE[0]), weights)
+    objective = MultiresolutionFit(problem).objective(few(steps, COARSE[0]), weights)
     to_faces = mesh.sampling(problem.disk.centroids)
-    state = engine.at(np.zeros(len(mesh.z), complex), problem.mobius)
+    state = objective.at(np.zeros(len(mesh.z), complex), problem.mobius)
     for _ in range(steps):
-        state = engine.step(state, weights.gamma) or state
+        state = objective.step(state, weights.gamma) or state
         passed = time.process_time() - start
         yield passed, exact_map(problem, bounded(to_faces @ state.nu))
 

@@ -44,9 +44,9 @@ def laplace_of(problem, weights=WEIGHTS):
 def test_the_derivative_is_that_of_the_map(problem):
     """By central differences of the map itself."""
     one = laplace_of(problem)
-    state, engine, rng = one.state, one.engine, np.random.default_rng(0)
+    state, objective, rng = one.state, one.objective, np.random.default_rng(0)
     change = (rng.normal(size=(len(state.nu), 2)) @ [1, 1j]) * 1e-5
-    ahead, behind = (engine.at(state.nu + sign * change, state.mobius).f for sign in (1, -1))
+    ahead, behind = (objective.at(state.nu + sign * change, state.mobius).f for sign in (1, -1))
     said = one.G[:, :-3] @ np.ascontiguousarray(change).view(float)
     assert abs(said - (ahead - behind) / 2).max() < 1e-3 * abs(said).max()
 
