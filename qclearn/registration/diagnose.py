@@ -5,7 +5,7 @@ from itertools import combinations
 
 import numpy as np
 
-from ..plane.mobius import mobius_misfits
+from ..plane.mobius import nearest_mobius
 from ..surfaces.surface import SurfaceError
 from .features import FOLDS, SCALE, align_by_features, check_features, featured, mirrored_gain
 from .metrics import mean_rows
@@ -162,7 +162,7 @@ def misfits(readings):
     off = (
         abs(p - q)
         if few
-        else mobius_misfits(p.reshape(len(p), -1), q.reshape(len(q), -1)).reshape(p.shape)
+        else nearest_mobius(p.reshape(len(p), -1), q.reshape(len(q), -1))[1].reshape(p.shape)
     )
     return np.sqrt((off**2).mean(2))
 
