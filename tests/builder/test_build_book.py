@@ -47,22 +47,16 @@ def test_only_pages_that_are_out_of_date_are_executed(tmp_path, monkeypatch):
 @pytest.fixture
 def tree(tmp_path, monkeypatch):
     """A small tree with two executed pages: (its root, the pages that a build would execute now)."""
-<<<<<<< HEAD
     for name in (
         "book/one.ipynb",
         "book/two.ipynb",
         "book/three.md",
         "constraints.txt",
-        "qclearn/pages/plot.py",
-        # Fmt: skip.
+        "book/qcbook/cells.py",
         "qclearn/nets/weights.safetensors",
         "book/paper.toml",
         "tests/test_one.py",
     ):
-=======
-    for name in ("book/one.ipynb", "book/two.ipynb", "book/three.md", "constraints.txt", "book/qcbook/cells.py",
-                 "qclearn/nets/weights.safetensors", "book/paper.toml", "tests/test_one.py"):  # fmt: skip
->>>>>>> move
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(name)
     monkeypatch.setattr(execute_pages, "ROOT", tmp_path)
@@ -83,19 +77,14 @@ def tree(tmp_path, monkeypatch):
         ("tests/test_one.py", []),
         ("book/three.md", []),
         ("book/one.ipynb", ["one"]),
-<<<<<<< HEAD
         *(
             (name, ["one", "two"])
-            for name in ("qclearn/pages/plot.py", "qclearn/nets/weights.safetensors")
+            for name in ("book/qcbook/cells.py", "qclearn/nets/weights.safetensors")
         ),
         *(
             (name, ["one", "two"])
             for name in ("qclearn/new.py", "book/paper.toml", "constraints.txt")
         ),
-=======
-        *((name, ["one", "two"]) for name in ("book/qcbook/cells.py", "qclearn/nets/weights.safetensors")),
-        *((name, ["one", "two"]) for name in ("qclearn/new.py", "book/paper.toml", "constraints.txt")),
->>>>>>> move
     ],
 )
 def test_what_makes_a_page_old(tree, file, expected):
