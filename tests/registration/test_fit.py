@@ -20,7 +20,6 @@ from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.mobius import best_mobius, compose_mobius, mobius, mobius_inverse
 from qclearn.plane.tangent import CoefficientMesh
-from qclearn.registration import multiresolution
 from qclearn.registration.fit import fit_landmarks, fit_problem
 from qclearn.registration.gauss_newton import (
     MOBIUS_PRIOR,
