@@ -66,8 +66,9 @@ def of(notebook, part):
 
 
 def squeezed(text):
-    """Words alone: neither links nor emphasis, as they differ between a page and a notebook."""
-    return " ".join(re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text).replace("*", "").split())
+    """Words alone: no links, emphasis or typographic quotes, as they differ between a page and a notebook."""
+    text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text).replace("*", "")
+    return " ".join(text.translate(str.maketrans("‘’“”", "''\"\"")).split())
 
 
 def drift(page, student):

@@ -1,7 +1,7 @@
 """Execute every notebook of book/ once and build the site from the result: build/book -> _build/html.
 
-Sphinx builds the site from the executed copies with warnings as errors. What the site offers for download are the plain
-copies, which read in any viewer.
+Sphinx builds the site from the executed copies with warnings as errors, and then the pages as notebooks (notebooks.py),
+which the site offers for download.
 """
 
 import argparse
@@ -10,20 +10,18 @@ import subprocess
 import sys
 from pathlib import Path
 
-import decks  # beside this file, as are export_live and lab_copies
+import decks  # beside this file, as are the others
 import export_live
-import lab_copies
 import nbformat
+import notebooks
 from execute_pages import ROOT, SOURCE, run
-from plain import for_plain_viewers
+from references import chapters
 
 SITE = ROOT / "_build"
 
 
-def build_site(meanwhile):
-    """Run Sphinx; what `meanwhile()` returns, called while the one process of Sphinx works."""
-    shutil.rmtree(SITE / "html", ignore_errors=True)
-    shutil.rmtree(SITE / ".doctrees", ignore_errors=True)
+def sphinx(*builder):
+    """Run Sphinx on build/book; without the name of a builder it makes the site."""
     command = [
         Path(sys.executable).with_name("jupyter-book"),
         "build",
@@ -32,28 +30,33 @@ def build_site(meanwhile):
         ROOT / "_config.yml",
         "--path-output",
         ROOT,
+        *builder,
         "-W",
         "-n",
         "--keep-going",
         "--quiet",
     ]
-    with subprocess.Popen(command) as sphinx:
-        made = meanwhile()
-    if sphinx.returncode:
+    if subprocess.run(command, check=False).returncode:
         sys.exit("build_book: Sphinx found something to complain about; warnings count as errors")
-    return made
 
 
-def downloads():
-    """The plain copies of the executed pages, page -> notebook."""
-    copies = lab_copies.Copies()
-    return {path.stem: copies.make(path.stem, for_plain_viewers) for path in sorted(SOURCE.glob("*.ipynb"))}
+def build_site():
+    shutil.rmtree(SITE / "html", ignore_errors=True)
+    shutil.rmtree(SITE / ".doctrees", ignore_errors=True)
+    sphinx()
 
 
-def offer(notebooks):
-    """The site's 'download .ipynb' gives these."""
+def build_notebooks():
+    """page -> notebook, in the order of the contents. Sphinx reads only what changed since it ran last."""
+    shutil.rmtree(SITE / "notebook", ignore_errors=True)
+    sphinx("--builder", "custom", "--custom-builder", "notebook")
+    return {page: nbformat.read(SITE / "notebook" / f"{page}.ipynb", as_version=4) for page in chapters()}
+
+
+def offer(pages):
+    """The site's 'download .ipynb' gives these notebooks."""
     for path in sorted((SITE / "html" / "_sources").glob("*.ipynb")):
-        nbformat.write(notebooks[path.stem], path)
+        nbformat.write(notebooks.for_any_viewer(pages[path.stem]), path)
 
 
 def main():
@@ -66,8 +69,10 @@ def main():
     run(pages, arguments.jobs)
     if not arguments.no_site:
         export_live.export()
-        offer(build_site(meanwhile=downloads))
-        decks.write(SITE / "html" / "decks", "../_static")
+        build_site()
+        pages = build_notebooks()
+        decks.write(pages, SITE / "html" / "decks", "../_static")
+        offer(pages)
 
 
 if __name__ == "__main__":

@@ -17,14 +17,14 @@ import teaching
 from execute_pages import ROOT
 from graded import EXERCISES, IMPORTS, call, words
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
-from readable import Readable
 
 from qclearn.exercises import UNANSWERED
 
 COURSE = ROOT / "build" / "course"
 READERS = "student", "teacher", "nbgrader"
 KERNEL = {"kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}}
-LINK = re.compile(r"\[([^\]]*)\]\(\w+\.ipynb\)")
+# References to the book, which all have words of their own: {prf:ref}`words <label>`, [words](#label).
+REFERENCE = re.compile(r"\{prf:ref\}`([^`<]+?)\s*<[^`]+`|\[([^\]]+)\]\(#?[\w.:-]+\)")
 INTRODUCTION = """# Exercises
 
 Fill in the blanks. `check` says whether an answer is right, as often as you like. Answers are graded with other
@@ -40,18 +40,17 @@ def in_order():
     return sorted(EXERCISES, key=lambda name: (pages.index(EXERCISES[name].page), name))
 
 
+def in_words(source):
+    """What a text refers to in the book, in words alone."""
+    return REFERENCE.sub(lambda match: f"*{match[1] or match[2]}*", source)
+
+
 class Sheets:
     """Makes the notebooks; what the text refers to in the book is said in words."""
 
-    def __init__(self):
-        self.readable = Readable("", references.labels(), references.Literature(), plain=True)
-
-    def text(self, source):
-        return LINK.sub(r"*\1*", self.readable.text(source))
-
     def question(self, exercise):
         told = f"{exercise.points} points, about {exercise.minutes} minutes; page *{teaching.title(exercise.page)}*."
-        return markdown(exercise, "question", f"## {exercise.title}\n\n{told}\n\n{self.text(words(exercise))}")
+        return markdown(exercise, "question", f"## {exercise.title}\n\n{told}\n\n{in_words(words(exercise))}")
 
     def notebook(self, names, reader="student"):
         """For one of READERS: with blanks; with solutions, points and mistakes; with marks that nbgrader takes out."""
@@ -71,7 +70,7 @@ class Sheets:
                 kind = {"grade": True, "solution": True, "points": 0, "cell_type": "markdown"}
                 cells.append(markdown(exercise, "sentence", UNANSWERED, **kind))
             if teacher:
-                cells.append(markdown(exercise, "mistakes", self.text(mistakes(exercise))))
+                cells.append(markdown(exercise, "mistakes", in_words(mistakes(exercise))))
         return new_notebook(cells=cells, metadata=KERNEL)
 
 

@@ -153,10 +153,18 @@ def run(pages, jobs):
     stop_at(each_page(paths, prepare))
     execute(paths, jobs)
     stop_at(each_page(paths, finish))
-    for path in SOURCE.glob("*.md"):
-        path.write_text(teaching.put(path.read_text(encoding="utf-8")), encoding="utf-8")
+    copy_texts()
     stamps = json.loads(STAMPS.read_text()) if STAMPS.exists() else {}
     STAMPS.write_text(json.dumps(stamps | {path.stem: stamp(path.stem) for path in paths}, indent=1))
+
+
+def copy_texts():
+    """Copies of the pages without code, with the tables for teachers, and of the contents and the literature."""
+    for path in (ROOT / "book").glob("*.*"):
+        if path.suffix == ".md":
+            (SOURCE / path.name).write_text(teaching.put(path.read_text(encoding="utf-8")), encoding="utf-8")
+        elif path.suffix in (".yml", ".bib"):
+            shutil.copy(path, SOURCE)
 
 
 def execute_outdated(pages, jobs):
@@ -166,6 +174,7 @@ def execute_outdated(pages, jobs):
     if outdated:
         print(f"build_book: executing {', '.join(outdated)}")
         run(outdated, jobs)
+    copy_texts()
 
 
 def errors_in(notebook):
