@@ -20,6 +20,7 @@ from references import BOOK, chapters
 
 LAB, PLAIN = BUILD / "lab", BUILD / "notebooks"
 RECORD = ".copies.json"  # page -> digest of its cells as written
+NUMBERED = "---\nnumbering:\n  equation: false\n---\n\n"  # else JupyterLab numbers the equations once more
 
 
 def digest(notebook):
@@ -73,6 +74,9 @@ def main():
     pages, folder = build_notebooks(), PLAIN if arguments.plain else LAB
     if arguments.plain:
         pages = {page: for_any_viewer(notebook) for page, notebook in pages.items()}
+    else:
+        for notebook in pages.values():
+            notebook.cells[0].source = NUMBERED + notebook.cells[0].source
     write_copies(folder, pages)
     for notebook in pages.values():
         NotebookNotary().sign(notebook)  # the reader's own machine made it: JupyterLab may show its 3-D scenes
