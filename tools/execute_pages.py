@@ -159,7 +159,8 @@ def run(pages, jobs):
 
 
 def copy_texts():
-    """Copies of the pages without code, with the tables for teachers, and of the contents and the literature."""
+    """Copies of what no kernel runs: pages without code, with the tables for teachers, contents, literature, assets."""
+    shutil.copytree(ROOT / "book" / "_assets", SOURCE / "_assets", dirs_exist_ok=True)
     for path in (ROOT / "book").glob("*.*"):
         if path.suffix == ".md":
             (SOURCE / path.name).write_text(teaching.put(path.read_text(encoding="utf-8")), encoding="utf-8")

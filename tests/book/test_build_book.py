@@ -33,6 +33,7 @@ def test_only_pages_that_are_out_of_date_are_executed(tmp_path, monkeypatch):
     ran = []
     monkeypatch.setattr(execute_pages, "STAMPS", tmp_path / "stamps.json")
     monkeypatch.setattr(execute_pages, "run", lambda pages, jobs: ran.append(pages))
+    monkeypatch.setattr(execute_pages, "copy_texts", lambda: None)
     (tmp_path / "stamps.json").write_text(
         json.dumps({"lbs": execute_pages.stamp("lbs"), "fourier": "of an older page"})
     )
