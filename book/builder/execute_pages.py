@@ -24,6 +24,8 @@ SOURCE = BUILD / "book"
 PROGRAMS = ("qcbook", "builder", "studies")  # of book/: no pages
 SECONDS_PER_CELL = 120  # one that takes longer is a failure
 PACKAGES = "qclearn", "data_synth", "book/qcbook"
+# The programs that prepare and finish a run, beside this one.
+HELPERS = costs, expressions, graded, guards, solutions
 PASSED_OVER = {"__pycache__", "browser"}
 STAMPS = SOURCE / ".stamps.json"  # page -> what its last good run was a run of
 
@@ -155,7 +157,8 @@ def library_digest():
     files = [
         ROOT / "constraints.txt",
         *(ROOT / "book").glob("*.toml"),
-        *Path(__file__).parent.glob("*.py"),
+        *(Path(helper.__file__) for helper in HELPERS),
+        Path(__file__),
     ]
     for package in PACKAGES:
         files += [
@@ -184,6 +187,7 @@ def run(pages, jobs):
     SOURCE.mkdir(parents=True, exist_ok=True)
     stamps = json.loads(STAMPS.read_text()) if STAMPS.exists() else {}
     paths = copy_pages(pages)
+    new = {page: stamp(page) for page in pages}  # a change during the run makes it out of date
     # The copies have no outputs yet: were this run stopped, no stamp may say that they have.
     STAMPS.write_text(
         json.dumps({page: value for page, value in stamps.items() if page not in pages}, indent=1)
@@ -192,9 +196,7 @@ def run(pages, jobs):
     execute(paths, jobs)
     stop_at(each_page(paths, finish))
     copy_book()
-    STAMPS.write_text(
-        json.dumps(stamps | {path.stem: stamp(path.stem) for path in paths}, indent=1)
-    )
+    STAMPS.write_text(json.dumps(stamps | new, indent=1))
 
 
 def execute_outdated(pages, jobs):
