@@ -67,7 +67,7 @@ class Level(NamedTuple):
 
     def weights(self, weights):
         """The `Weights` at this level."""
-        if self.own_mesh or self.stand:
+        if self.own_mesh or self.proxy_rings:
             return weights
         delta, eta, scale = weights.delta, weights.eta, self.sigma or 0.0
         if scale >= COARSE:

@@ -265,7 +265,7 @@ def test_only_a_large_surface_has_a_polar_mesh_stand_for_it():
         level.proxy_rings for level in (*LEVELS, *landmark_levels(MOVING, 16))
     )
     for levels in (feature_levels(LARGE_DISK), list(landmark_levels(LARGE_DISK, 16))):
-        assert levels[-2].stand == 64 and levels[-1].own_mesh and levels[-1].skip_ratio == 1.05
+        assert levels[-2].proxy_rings == 64 and levels[-1].own_mesh and levels[-1].skip_ratio == 1.05
 
 
 def test_without_weight_features_change_nothing():
