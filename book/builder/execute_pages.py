@@ -14,7 +14,7 @@ from pathlib import Path
 
 import nbformat
 
-from . import costs, expressions, graded, guards, solutions, teaching
+from . import costs, expressions, graded, guards, reading, solutions, teaching
 from .packages import installed_copy
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -25,7 +25,7 @@ PROGRAMS = ("qcbook", "builder", "studies")  # of book/: no pages
 SECONDS_PER_CELL = 120  # one that takes longer is a failure
 PACKAGES = "qclearn", "data_synth", "book/qcbook"
 # The programs that prepare and finish a run, beside this one.
-HELPERS = costs, expressions, graded, guards, solutions
+HELPERS = costs, expressions, graded, guards, reading, solutions
 PASSED_OVER = {"__pycache__", "browser"}
 STAMPS = SOURCE / ".stamps.json"  # page -> what its last good run was a run of
 
