@@ -185,6 +185,7 @@ def stamp(page):
 def run(pages, jobs):
     """Execute the named pages into build/book; stops at what is wrong."""
     SOURCE.mkdir(parents=True, exist_ok=True)
+    copy_book()  # pages read its files
     stamps = json.loads(STAMPS.read_text()) if STAMPS.exists() else {}
     paths = copy_pages(pages)
     new = {page: stamp(page) for page in pages}  # a change during the run makes it out of date
@@ -195,7 +196,7 @@ def run(pages, jobs):
     stop_at(each_page(paths, prepare))
     execute(paths, jobs)
     stop_at(each_page(paths, finish))
-    copy_book()
+    copy_book()  # once more: its tables say what the runs cost
     STAMPS.write_text(json.dumps(stamps | new, indent=1))
 
 

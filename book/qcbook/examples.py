@@ -122,7 +122,7 @@ def courses_problem(pair, vertices=None, points=5):
     surface, z = pair.moving.surface, pair.moving.disk.z
     mesh = MESH if vertices is None else joined(z[spread_vertices(surface, vertices)])
     return _example(
-        pair.name, mesh, *pair.sampled(points), area_radius(surface, z), folds_on(mesh, pair)
+        pair.name, mesh, *pair.sample_landmarks(points), area_radius(surface, z), folds_on(mesh, pair)
     )
 
 
