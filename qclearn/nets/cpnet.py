@@ -64,8 +64,8 @@ coefficient_mesh_of = lru_cache(maxsize=8)(
 
 
 class BestCPNet(CoefficientNetwork):
-    """nu on a polar grid, the start of the refinement, from landmarks p (B, M) with a mask (B, M) and
-    the Born step.
+    """nu on a polar grid, the start of the refinement, from landmarks p (B, M) with a mask (B, M)
+    and the Born step.
 
     wanted, left (B, M): where the landmarks should go, and what the Born step nu (B, rings, spokes)
     leaves of that; logs (B, 2): log10 of beta / alpha and gamma / alpha, since only ratios decide

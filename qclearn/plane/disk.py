@@ -1,5 +1,5 @@
-"""A triangulated disk in the plane, `Disk`: its matrices, derivatives of maps, certificate; and where
-points lie in it, `Lookup`."""
+"""A triangulated disk in the plane, `Disk`: its matrices, derivatives of maps, certificate; and
+where points lie in it, `Lookup`."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -79,7 +79,8 @@ class Disk:
         if len(bad):
             raise BeltramiError(
                 f"{len(bad)} source triangles are not counter-clockwise (first: "
-                f"{bad[:5].tolist()}); use a planar mesh without folds, or reverse every face if all "
+                f"{bad[:5].tolist()}); use a planar mesh without folds, or reverse every face if "
+                "all "
                 "of them are clockwise"
             )
         corners = self.z[self.faces]
@@ -279,9 +280,9 @@ def pairs(z):
 class Lookup:
     """Where points lie in one `Disk`: (face, barycentric coordinates). Nothing is checked.
 
-    From the faces `guess` (P,), else from a face at the nearest vertex, a walk crosses the edge that a
-    point lies farthest beyond. Points that STEPS do not reach are looked for in a tree of all faces;
-    points in no face are moved onto the boundary polygon.
+    From the faces `guess` (P,), else from a face at the nearest vertex, a walk crosses the edge
+    that a point lies farthest beyond. Points that STEPS do not reach are looked for in a tree of
+    all faces; points in no face are moved onto the boundary polygon.
     """
 
     def __init__(self, disk):
@@ -367,7 +368,7 @@ class Lookup:
 
 
 def _edge_distances(corners, points):
-    """Twice the signed areas of a point with each edge of a triangle, (P, 3), column k opposite corner
-    k."""
+    """Twice the signed areas of a point with each edge of a triangle, (P, 3), column k opposite
+    corner k."""
     a, b, c = (corners[:, k] - points for k in range(3))
     return np.stack([(b.conj() * c).imag, (c.conj() * a).imag, (a.conj() * b).imag], axis=1)

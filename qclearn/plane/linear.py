@@ -1,5 +1,6 @@
 """Sparse systems on triangle meshes: assembled from element matrices, factored, solved with some
-values held. Then what triangles alone give: lengths, angles, points inside, the cotangent matrix."""
+values held. Then what triangles alone give: lengths, angles, points inside, the cotangent matrix.
+"""
 
 import numpy as np
 from jaxtyping import Float, Integer
@@ -41,7 +42,8 @@ def factorise(matrix, ordering="MMD_AT_PLUS_A"):
         )
     except RuntimeError as error:
         raise BeltramiError(
-            f"the system of equations cannot be solved ({str(error).lower()}): some vertex is in no "
+            f"the system of equations cannot be solved ({str(error).lower()}): some vertex is in "
+            "no "
             "face, or triangles are too thin or too small for double precision; remesh"
         ) from None
 

@@ -263,8 +263,8 @@ def align_by_features(features, z):
 
 def mirrored_gain(moving, control):
     """Increase of the features' mean correlation at SCALE when a moving `ParameterizedSurface`,
-    aligned by features with the control's or a group's mean, is mirrored and aligned anew. Positive:
-    it belongs to the other hemisphere."""
+    aligned by features with the control's or a group's mean, is mirrored and aligned anew.
+    Positive: it belongs to the other hemisphere."""
     features, z = Features(moving, control), moving.disk.z
     mirrored = align_by_features(features, z.conj())
     gain = features.correlation(mirrored, SCALE) - features.correlation(z, SCALE)

@@ -1,9 +1,9 @@
 """The best quasi-conformal map for landmarks and features, without a network.
 
-`fit_problem` (landmarks) and `fit_registration` (landmarks and features) run a `MultiresolutionFit`,
-compare its answer with the best Möbius map, and certify it; `fit_with_fallbacks` lowers the weights
-where no map is bijective. Objective: `nu^* W nu + gamma mean |M(f(p)) - q|^2 + delta sum_c a_c sum_k
-w_k (I_c(x_k) - J_c(M f(x_k)))^2`.
+`fit_problem` (landmarks) and `fit_registration` (landmarks and features) run a
+`MultiresolutionFit`, compare its answer with the best Möbius map, and certify it;
+`fit_with_fallbacks` lowers the weights where no map is bijective. Objective: `nu^* W nu + gamma
+mean |M(f(p)) - q|^2 + delta sum_c a_c sum_k w_k (I_c(x_k) - J_c(M f(x_k)))^2`.
 """
 
 from collections.abc import Callable, Sequence
@@ -177,7 +177,8 @@ def fit_registration(
 
 
 def best_start(multiresolution, levels, weights, features, start, watch):
-    """GaussNewtonObjective, state and steps of the last level, and a message on where the fit began.
+    """GaussNewtonObjective, state and steps of the last level, and a message on where the fit
+    began.
 
     Without landmarks the folds alone may lead a map into a valley that is not theirs. Where the
     Möbius map of features and of the vertices' places in space lies APART from where the disk was
@@ -260,8 +261,8 @@ def instead(fit, plain):
 
 
 def within_budget(objective, fit, plain):
-    """The fit; where its work is spent, with a message, and the best Möbius map in place of one that
-    folds."""
+    """The fit; where its work is spent, with a message, and the best Möbius map in place of one
+    that folds."""
     if not objective.spent:
         return fit
     if not fit.bijective:

@@ -1,15 +1,15 @@
 """The objective of a fit on one pair of meshes, and Gauss-Newton steps that lower it.
 
-A `GaussNewtonObjective` is `nu^* W nu + |r|^2`: a prior of the coefficient field nu, and residuals r
-of the mapped mesh, `dr = Re(conj(R) dw)`, from landmarks, features and areas. Its `step` linearises r
-at a `State`, solves the quadratic model, and searches along the solution.
+A `GaussNewtonObjective` is `nu^* W nu + |r|^2`: a prior of the coefficient field nu, and residuals
+r of the mapped mesh, `dr = Re(conj(R) dw)`, from landmarks, features and areas. Its `step`
+linearises r at a `State`, solves the quadratic model, and searches along the solution.
 
 Three classes solve the model; `propose(damping)` returns a `Change`. `DirectStep` (landmarks on the
-polar mesh) holds the whole derivative J of r by nu. `DualStep` (landmarks) and `PrimalStep` (features
-or areas) are for large meshes: they multiply by J through `pushforward` and by its transpose through
-`pullback`, two solves of the map's equations per product, in conjugate gradients. The landmarks' rows
-of J, in closed form, precondition these, and the products of one step correct the preconditioner of
-the next.
+polar mesh) holds the whole derivative J of r by nu. `DualStep` (landmarks) and `PrimalStep`
+(features or areas) are for large meshes: they multiply by J through `pushforward` and by its
+transpose through `pullback`, two solves of the map's equations per product, in conjugate gradients.
+The landmarks' rows of J, in closed form, precondition these, and the products of one step correct
+the preconditioner of the next.
 """
 
 from copy import copy
@@ -181,9 +181,9 @@ class ProductStep:
 
 
 def conjugate_gradients(product, precondition, rest, directions):
-    """Preconditioned conjugate gradients for `A x = rest`: yields x, what is left of `rest`, and its
-    squared size in the preconditioner's norm, before each step; appends its direction p, A p and its
-    length to `directions`."""
+    """Preconditioned conjugate gradients for `A x = rest`: yields x, what is left of `rest`, and
+    its squared size in the preconditioner's norm, before each step; appends its direction p, A p
+    and its length to `directions`."""
     x, p, last = np.zeros(len(rest)), 0.0, 1.0
     while True:
         z = precondition(rest)
@@ -239,8 +239,8 @@ class DualStep(ProductStep):
 
 
 def corrected(gram, products, gamma):
-    """A matrix (n, n) corrected (BFGS) by pairs of y (n,) and gamma times the exact matrix's product
-    with y."""
+    """A matrix (n, n) corrected (BFGS) by pairs of y (n,) and gamma times the exact matrix's
+    product with y."""
     one = np.eye(len(gram)) / gamma  # with it, as in S, nothing is singular
     Y, exact = (np.stack(side, axis=1) for side in zip(*products))
     sizes = np.linalg.norm(Y, axis=0)
@@ -255,12 +255,12 @@ def corrected(gram, products, gamma):
 
 
 class PrimalStep(ProductStep):
-    """`(W + J^T J) x = -(W nu + J^T r)` with features or areas, x the change of nu and of the Möbius
-    parameters, real.
+    """`(W + J^T J) x = -(W nu + J^T r)` with features or areas, x the change of nu and of the
+    Möbius parameters, real.
 
-    `P = diag(W, B) + J_L^T J_L`, by Woodbury's formula, preconditions it: each of the landmarks' rows
-    J_L of a large gamma would else cost a step; B: the other terms' part on the Möbius parameters.
-    preconditioner: directions of the last step, products with them, and their sizes.
+    `P = diag(W, B) + J_L^T J_L`, by Woodbury's formula, preconditions it: each of the landmarks'
+    rows J_L of a large gamma would else cost a step; B: the other terms' part on the Möbius
+    parameters. preconditioner: directions of the last step, products with them, and their sizes.
     """
 
     def __init__(self, objective, state, gamma):
@@ -316,9 +316,9 @@ class PrimalStep(ProductStep):
 class State:
     """nu (N,) and Möbius parameters, and the map that they give.
 
-    f (V,): M after the solver's map on the mapped mesh; points (M,): the mapped landmarks; solution:
-    the solver with its factors; switched: how many rows the repair switched; preconditioner: what
-    earlier steps computed of the linearisation, None at first.
+    f (V,): M after the solver's map on the mapped mesh; points (M,): the mapped landmarks;
+    solution: the solver with its factors; switched: how many rows the repair switched;
+    preconditioner: what earlier steps computed of the linearisation, None at first.
     """
 
     nu: np.ndarray
@@ -355,8 +355,8 @@ class Discretization:
 
     @cached_property
     def shares(self):
-        """Sparse (F, G): the G moving faces' shares of their area, in the F faces of the mapped mesh
-        that hold them."""
+        """Sparse (F, G): the G moving faces' shares of their area, in the F faces of the mapped
+        mesh that hold them."""
         moving, mapped = self.problem.sides.moving, self.coefficient_mesh.disk
         shares = moving.surface.face_areas / moving.surface.area
         columns = np.arange(len(shares))
@@ -482,8 +482,8 @@ class GaussNewtonObjective:
         return np.concatenate(parts, axis=1)
 
     def chain(self, state, sensitivity):
-        """Sparse real (2 N, V): an adjoint of a potential to the gradient by nu, Re above Im, without
-        a dense array."""
+        """Sparse real (2 N, V): an adjoint of a potential to the gradient by nu, Re above Im,
+        without a dense array."""
         by_mu, to_faces = sensitivity.tocoo(), self.coefficient_mesh.to_faces
         data = bounded_pullback((to_faces @ state.nu)[by_mu.row], by_mu.data)
         by_nu = sparse.csr_array((data, (by_mu.row, by_mu.col)), shape=by_mu.shape)

@@ -143,16 +143,16 @@ def register(
     less. uncertainty: also a radius in mm at each moving vertex, calibrated where the truth is
     known (uncertainty.py): `result.uncertainty` and `report["uncertainty"]`; LandmarkError for
     settings in which it was not measured. accept_suspect: fit landmarks that are wrong, too. By
-    default those that are swapped, reversed, mirrored, exchanged or of another numbering are reported
-    before the fit, and the result is the aligned map (`report["stopped"]`). method: "exact"
-    (shortest paths, Gauss-Newton fit, exact solver) or "network" (LD-Net, CP-Net, DBS-Net; the
-    exact solver replaces a map that folds, and Gauss-Newton steps refine one whose landmark error
-    in the disk exceeds `tolerance`: 5e-3 unless given, inf to take what comes; with features, the
-    fit starts from CP-Net's answer). `report["fallbacks"]` lists what was done, `report["suspect"]`
-    why not to trust the result (see diagnose.py). Both surfaces must be outward-oriented disks of
-    the same handedness (`mirror` one of them otherwise). Errors: SurfaceError, LandmarkError,
-    FeatureError; BijectivityError if no map is bijective at any gamma; ImportError if the networks
-    are asked for and torch is not installed.
+    default those that are swapped, reversed, mirrored, exchanged or of another numbering are
+    reported before the fit, and the result is the aligned map (`report["stopped"]`). method:
+    "exact" (shortest paths, Gauss-Newton fit, exact solver) or "network" (LD-Net, CP-Net, DBS-Net;
+    the exact solver replaces a map that folds, and Gauss-Newton steps refine one whose landmark
+    error in the disk exceeds `tolerance`: 5e-3 unless given, inf to take what comes; with features,
+    the fit starts from CP-Net's answer). `report["fallbacks"]` lists what was done,
+    `report["suspect"]` why not to trust the result (see diagnose.py). Both surfaces must be
+    outward-oriented disks of the same handedness (`mirror` one of them otherwise). Errors:
+    SurfaceError, LandmarkError, FeatureError; BijectivityError if no map is bijective at any gamma;
+    ImportError if the networks are asked for and torch is not installed.
     """
     # Everything that can be refused without a computation is refused here.
     tolerance = check_method(method, sliding, tolerance, features)

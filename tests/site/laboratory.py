@@ -136,9 +136,6 @@ LOOK = """() => [...window.panel.content.node.querySelectorAll('.jp-Cell')].map(
         .filter(text => text),
     errors: all('[data-mime-type*=stderr], [data-mime-type*=error]', e => e.innerText),
     figures: all('img.page-figure', e => [e.alt, e.naturalWidth]),
-    captions: all('figcaption', e => e.innerText.trim()),
-    small: all('figcaption', e => getComputedStyle(e).fontSize !== getComputedStyle(area).fontSize && e.innerText)
-        .filter(text => text),
     // A scene waits behind its poster, which has its place.
     scenes: all('iframe.scene', e => [e.hidden ? e.previousElementSibling : e, e.parentElement])
         .map(([scene, cell]) => scene.offsetWidth / cell.offsetWidth),
