@@ -76,8 +76,8 @@ class Smoothing:
         """
         if sigma not in self.densities:
             self.heat(sigma)
-        moved = log_density(self.areas, disk) - log_density(self.areas, self.disk)
-        return self.densities[sigma] + moved
+        density = self.densities[sigma] + log_density(self.areas, disk)
+        return density - log_density(self.areas, self.disk)
 
     def heat(self, sigma):
         """The values after the heat flow `A u' = -K u` for the time sigma^2 / 2; caches the
@@ -263,8 +263,8 @@ def align_by_features(features, z):
 
 def mirrored_gain(moving, control):
     """Increase of the features' mean correlation at SCALE when a moving `ParameterizedSurface`,
-    aligned by features with the control's or a group's mean, is mirrored and aligned anew. Positive:
-    it belongs to the other hemisphere."""
+    aligned by features with the control's or a group's mean, is mirrored and aligned anew.
+    Positive: it belongs to the other hemisphere."""
     features, z = Features(moving, control), moving.disk.z
     mirrored = align_by_features(features, z.conj())
     gain = features.correlation(mirrored, SCALE) - features.correlation(z, SCALE)

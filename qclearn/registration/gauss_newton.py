@@ -1,15 +1,15 @@
 """The objective of a fit on one pair of meshes, and Gauss-Newton steps that lower it.
 
-A `GaussNewtonObjective` is `nu^* W nu + |r|^2`: a prior of the coefficient field nu, and residuals r
-of the mapped mesh, `dr = Re(conj(R) dw)`, from landmarks, features and areas. Its `step` linearises r
-at a `State`, solves the quadratic model, and searches along the solution.
+A `GaussNewtonObjective` is `nu^* W nu + |r|^2`: a prior of the coefficient field nu, and residuals
+r of the mapped mesh, `dr = Re(conj(R) dw)`, from landmarks, features and areas. Its `step`
+linearises r at a `State`, solves the quadratic model, and searches along the solution.
 
 Three classes solve the model; `propose(damping)` returns a `Change`. `DirectStep` (landmarks on the
-polar mesh) holds the whole derivative J of r by nu. `DualStep` (landmarks) and `PrimalStep` (features
-or areas) are for large meshes: they multiply by J through `pushforward` and by its transpose through
-`pullback`, two solves of the map's equations per product, in conjugate gradients. The landmarks' rows
-of J, in closed form, precondition these, and the products of one step correct the preconditioner of
-the next.
+polar mesh) holds the whole derivative J of r by nu. `DualStep` (landmarks) and `PrimalStep`
+(features or areas) are for large meshes: they multiply by J through `pushforward` and by its
+transpose through `pullback`, two solves of the map's equations per product, in conjugate gradients.
+The landmarks' rows of J, in closed form, precondition these, and the products of one step correct
+the preconditioner of the next.
 """
 
 from copy import copy
@@ -181,9 +181,9 @@ class ProductStep:
 
 
 def conjugate_gradients(product, precondition, rest, directions):
-    """Preconditioned conjugate gradients for `A x = rest`: yields x, what is left of `rest`, and its
-    squared size in the preconditioner's norm, before each step; appends its direction p, A p and its
-    length to `directions`."""
+    """Preconditioned conjugate gradients for `A x = rest`: yields x, what is left of `rest`, and
+    its squared size in the preconditioner's norm, before each step; appends its direction p, A p, p
+    A p and its length to `directions`."""
     x, p, last = np.zeros(len(rest)), 0.0, 1.0
     while True:
         z = precondition(rest)
@@ -191,8 +191,9 @@ def conjugate_gradients(product, precondition, rest, directions):
         yield x, rest, size
         p = z + size / last * p
         Ap = product(p)
-        length = size / (p @ Ap)
-        directions.append((p, Ap, length))
+        curvature = p @ Ap
+        length = size / curvature
+        directions.append((p, Ap, curvature, length))
         x, rest, last = x + length * p, rest - length * Ap, size
 
 
@@ -232,15 +233,17 @@ class DualStep(ProductStep):
             if done or not size > 0 or self.objective.spent:  # size 0: what is left is rounding
                 break
         if directions:
-            pairs = [(p, (Sp - p - mobius_part @ p) / share) for p, Sp, _ in directions]
+            pairs = [(p, (Sp - p - mobius_part @ p) / share) for p, Sp, *_ in directions]
             self.preconditioner = corrected(self.preconditioner, pairs, self.gamma)
-        steps = (length * step for step, (_, _, length) in zip(lifted, directions))
-        return self.change(-share * self.nu - sum(steps), least + left)
+        x = -share * self.nu
+        for step, (*_, length) in zip(lifted, directions):
+            x -= length * step
+        return self.change(x, least + left)
 
 
 def corrected(gram, products, gamma):
-    """A matrix (n, n) corrected (BFGS) by pairs of y (n,) and gamma times the exact matrix's product
-    with y."""
+    """A matrix (n, n) corrected (BFGS) by pairs of y (n,) and gamma times the exact matrix's
+    product with y."""
     one = np.eye(len(gram)) / gamma  # with it, as in S, nothing is singular
     Y, exact = (np.stack(side, axis=1) for side in zip(*products))
     sizes = np.linalg.norm(Y, axis=0)
@@ -255,12 +258,12 @@ def corrected(gram, products, gamma):
 
 
 class PrimalStep(ProductStep):
-    """`(W + J^T J) x = -(W nu + J^T r)` with features or areas, x the change of nu and of the Möbius
-    parameters, real.
+    """`(W + J^T J) x = -(W nu + J^T r)` with features or areas, x the change of nu and of the
+    Möbius parameters, real.
 
-    `P = diag(W, B) + J_L^T J_L`, by Woodbury's formula, preconditions it: each of the landmarks' rows
-    J_L of a large gamma would else cost a step; B: the other terms' part on the Möbius parameters.
-    preconditioner: directions of the last step, products with them, and their sizes.
+    `P = diag(W, B) + J_L^T J_L`, by Woodbury's formula, preconditions it: each of the landmarks'
+    rows J_L of a large gamma would else cost a step; B: the other terms' part on the Möbius
+    parameters. preconditioner: directions of the last step, products with them, and their sizes.
     """
 
     def __init__(self, objective, state, gamma):
@@ -307,8 +310,7 @@ class PrimalStep(ProductStep):
                 break
         promised = self.model() - x @ (slope + rest)
         if directions:
-            Y, HY, _ = (np.stack(part, axis=-1) for part in zip(*directions))
-            self.preconditioner = [Y, HY, (Y * HY).sum(0)]
+            self.preconditioner = [np.stack(part, axis=-1) for part in zip(*directions)][:3]
         return self.change(x, promised)
 
 
@@ -316,9 +318,9 @@ class PrimalStep(ProductStep):
 class State:
     """nu (N,) and Möbius parameters, and the map that they give.
 
-    f (V,): M after the solver's map on the mapped mesh; points (M,): the mapped landmarks; solution:
-    the solver with its factors; switched: how many rows the repair switched; preconditioner: what
-    earlier steps computed of the linearisation, None at first.
+    f (V,): M after the solver's map on the mapped mesh; points (M,): the mapped landmarks;
+    solution: the solver with its factors; switched: how many rows the repair switched;
+    preconditioner: what earlier steps computed of the linearisation, None at first.
     """
 
     nu: np.ndarray
@@ -355,8 +357,8 @@ class Discretization:
 
     @cached_property
     def shares(self):
-        """Sparse (F, G): the G moving faces' shares of their area, in the F faces of the mapped mesh
-        that hold them."""
+        """Sparse (F, G): the G moving faces' shares of their area, in the F faces of the mapped
+        mesh that hold them."""
         moving, mapped = self.problem.sides.moving, self.coefficient_mesh.disk
         shares = moving.surface.face_areas / moving.surface.area
         columns = np.arange(len(shares))
@@ -413,25 +415,25 @@ class GaussNewtonObjective:
         solution = copy(self.coefficient_mesh.solver)
         solution.solve(self.coefficient_mesh.coefficient(nu))
         self.work += 1
-        return self.with_solution(nu, parameters, solution)
+        return self.state(nu, parameters, solution, mobius(solution.f, *parameters))
 
     def with_mobius(self, state, parameters):
         """The state with the same nu and other Möbius parameters: no solve."""
-        return self.with_solution(state.nu, parameters, state.solution)
+        f = mobius(state.solution.f, *parameters)
+        return self.state(state.nu, parameters, state.solution, f)
 
     def at_mobius(self, parameters):
         """The state with nu = 0 and the Möbius map itself at each vertex, repaired where it folds
         triangles."""
         solution = copy(self.coefficient_mesh.solver)
-        solution.f, solution.floored = solution.disk.z, 0
-        solution.mu = np.zeros(len(solution.disk.faces), complex)
-        nu = np.zeros(len(self.coefficient_mesh.mesh.z), complex)
-        return self.with_solution(nu, parameters, solution)
-
-    def with_solution(self, nu, parameters, solution):
-        """The state with a solver's last map, the Möbius map after it, and the repair of folds."""
-        f = mobius(solution.f, *parameters)
+        solution.mu, solution.floored = np.zeros(len(solution.disk.faces), complex), 0
+        f = mobius(solution.disk.z, *parameters)
         f[solution.loop] /= abs(f[solution.loop])
+        nu = np.zeros(len(self.coefficient_mesh.mesh.z), complex)
+        return self.state(nu, parameters, solution, f)
+
+    def state(self, nu, parameters, solution, f):
+        """The `State` of a map f (V,), repaired where it folds the problem's own mesh."""
         switched = ()
         if self.discretization.own:
             f, switched, rounds = unfold(solution, f)
@@ -482,8 +484,8 @@ class GaussNewtonObjective:
         return np.concatenate(parts, axis=1)
 
     def chain(self, state, sensitivity):
-        """Sparse real (2 N, V): an adjoint of a potential to the gradient by nu, Re above Im, without
-        a dense array."""
+        """Sparse real (2 N, V): an adjoint of a potential to the gradient by nu, Re above Im,
+        without a dense array."""
         by_mu, to_faces = sensitivity.tocoo(), self.coefficient_mesh.to_faces
         data = bounded_pullback((to_faces @ state.nu)[by_mu.row], by_mu.data)
         by_nu = sparse.csr_array((data, (by_mu.row, by_mu.col)), shape=by_mu.shape)

@@ -1,8 +1,8 @@
 """A fit on a sequence of meshes: `MultiresolutionFit` takes a `Problem` through a list of `Level`s,
 from a coarse polar mesh to the caller's own, and `run_level` takes the Gauss-Newton steps of one.
 
-On a polar mesh nu and the map are cheap, and features are smooth: steps there find the right valley.
-The last level maps the caller's mesh.
+On a polar mesh nu and the map are cheap, and features are smooth: steps there find the right
+valley. The last level maps the caller's mesh.
 """
 
 from dataclasses import replace
@@ -22,7 +22,8 @@ from .gauss_newton import MIN_DECREASE, Discretization, GaussNewtonObjective
 from .problem import LandmarkError
 from .residuals import AreaTerm, FeatureTerm, Places
 
-# Share of the objective that a step on a polar mesh has to promise, as MIN_DECREASE on the caller's.
+# Share of the objective that a step on a polar mesh has to promise, as MIN_DECREASE on the
+# caller's.
 MIN_DECREASE_ON_GRID = 1e-2
 # Share of its objective that a step leaves where the next is not worth its cost, on either mesh.
 STALL_RATIO = 0.98
@@ -54,8 +55,8 @@ class Level(NamedTuple):
     own_mesh: map the surface's own mesh; min_predicted_decrease: share of the objective that a step
     has to promise; stall_ratio: share that it may leave if another follows, 0 for any; share, most:
     of gamma; rising: raise gamma to that from FIRST_GAMMA, where nu is 0; proxy_rings: rings of a
-    polar mesh that is mapped in the own one's place, with its weights; skip_ratio: take no step where
-    the objective is at most so many times that of the level before.
+    polar mesh that is mapped in the own one's place, with its weights; skip_ratio: take no step
+    where the objective is at most so many times that of the level before.
     """
 
     rings: int
@@ -89,7 +90,8 @@ def guided(rings, sigma, steps):
 
 
 def with_proxy(level):
-    """A level on the own mesh as two: on the proxy mesh, and on the own one where that is not enough."""
+    """A level on the own mesh as two: on the proxy mesh, and on the own one where that is not
+    enough."""
     proxy = level._replace(own_mesh=False, proxy_rings=PROXY_RINGS)
     return proxy, level._replace(skip_ratio=SKIP_RATIO)
 
@@ -193,7 +195,8 @@ class MultiresolutionFit:
     def run(
         self, levels, weights, start=None, features=None, watch=None, enough=0.0, begun=(None, None)
     ):
-        """The steps of each level: the last objective, its last state, how many steps each level took.
+        """The steps of each level: the last objective, its last state, how many steps each level
+        took.
 
         start: mu (F,) to begin from, or None; begun: objective and state to go on from instead;
         watch, enough: of `run_level`.
@@ -227,8 +230,8 @@ class MultiresolutionFit:
         return state
 
     def carried(self, before, state, objective, start):
-        """nu on the next objective's mesh: mu `start` (F,) with its details, and what the steps have
-        changed."""
+        """nu on the next objective's mesh: mu `start` (F,) with its details, and what the steps
+        have changed."""
         old, new = before.coefficient_mesh.mesh, objective.coefficient_mesh.mesh
         if old is new:
             return state.nu

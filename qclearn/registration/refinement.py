@@ -27,8 +27,8 @@ BACK = 0.4
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A field nu (N,) on the polar mesh that is not solved for yet, and its whitened coefficients x;
-    cut: whether it is less than a whole step; left (2 M,): what the step would leave of the
+    """A field nu (N,) on the polar mesh that is not solved for yet, and its whitened coefficients
+    x; cut: whether it is less than a whole step; left (2 M,): what the step would leave of the
     residual, to first order."""
 
     nu: np.ndarray
@@ -55,8 +55,8 @@ class Iterate:
 
 
 class CoefficientRefinement:
-    """Refinement for points (p, q), (M,) each, on a `CoefficientMesh` with the mesh of a `Spectrum`;
-    beta, gamma in parts of alpha.
+    """Refinement for points (p, q), (M,) each, on a `CoefficientMesh` with the mesh of a
+    `Spectrum`; beta, gamma in parts of alpha.
 
     Whitened coefficients x (2 N - 2,): those of nu times sqrt(1 + beta Laplace), real and imaginary
     parts by turns. Residual r (2 M,): sqrt(gamma / M) times M(f(p)) - q, the real parts before the
@@ -75,8 +75,8 @@ class CoefficientRefinement:
         )
 
     def run(self, start, count):
-        """(proposal, best iterate so far) before the first and after each of `count` iterations, one
-        exact map each; start: nu (N,), or None for one step from nu = 0."""
+        """(proposal, best iterate so far) before the first and after each of `count` iterations,
+        one exact map each; start: nu (N,), or None for one step from nu = 0."""
         best, share = self.at_zero(), 1.0
         whole = proposal = self.step(best) if start is None else self.proposal(start)
         yield proposal, best

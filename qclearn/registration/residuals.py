@@ -44,8 +44,8 @@ class LandmarkTerm:
         return (sparse.diags_array(scale * turns) @ sparse.vstack([samples, samples])).tocsr()
 
     def jacobian(self, by_re, by_im, gamma, slope=1.0):
-        """Components (2 M, ...) from the parts Re f and Im f of changes, or from their gradients, (M,
-        ...) each, of points with `dw = slope df`."""
+        """Components (2 M, ...) from the parts Re f and Im f of changes, or from their gradients,
+        (M, ...) each, of points with `dw = slope df`."""
         shape = (-1,) + (1,) * (by_re.ndim - 1)
         turn = (self.tangent.conj() * slope).reshape(shape)
         along, across = (part.reshape(shape) for part in self.weights)

@@ -91,9 +91,7 @@ def fit_in_steps(asked, on_coarse, on_fine):
     points = numbers(asked["moving"]), numbers(asked["target"])
     problem = Problem(FINE_MESH, *points, np.array(asked["curve"]), asked["sliding"])
     weights = Weights(asked["alpha"], asked["beta"], asked["gamma"])
-    coarse = GaussNewtonObjective(
-        Discretization(problem, polar_mesh(12), own=False), weights
-    )
+    coarse = GaussNewtonObjective(Discretization(problem, polar_mesh(12), own=False), weights)
     state, gamma = (
         coarse.at(np.zeros(len(COARSE_MESH.z), complex), problem.mobius),
         weights.gamma / 10,

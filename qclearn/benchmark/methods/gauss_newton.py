@@ -42,7 +42,9 @@ def coarse_steps(problem, steps=1, alpha=Weights.alpha, beta=Weights.beta, gamma
         polar(*COARSE),
     )
     objective = MultiresolutionFit(problem).objective(level, weights)
-    state, _ = run_level(objective, objective.at(np.zeros(len(mesh.z), complex), problem.mobius), level)
+    state, _ = run_level(
+        objective, objective.at(np.zeros(len(mesh.z), complex), problem.mobius), level
+    )
     return few_steps(
         problem, bounded(mesh.sampling(polar(*FINE).centroids) @ state.nu), steps, weights
     )
