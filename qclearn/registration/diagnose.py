@@ -282,7 +282,7 @@ def listed(names):
 
 
 def reasons(moving, rows, fit):
-    """Messages on why the `CertifiedMap` of a moving surface, rows from `error_rows`, is suspect."""
+    """Why the `CertifiedMap` of a moving surface, rows from `error_rows`, is suspect: messages."""
     errors = [*large_error(mean_rows(rows)), *odd_curves(rows)] if rows else []
     return [*errors, *switched_rows(fit, moving), *strong_distortion(moving, fit.mu)]
 

@@ -384,16 +384,13 @@ class GaussNewtonObjective:
     """The objective of a `Discretization` with `Weights`, and maybe a `FeatureTerm` and an
     `AreaTerm`: `state = at(nu, mobius)`, `value(state, gamma)`, `step(state, gamma)`.
 
-    closed: take the landmarks' derivative by nu in closed form, a few percent off and without a
-    solve, to precondition exact products; else exactly from adjoint solves, which cost little on a
-    polar mesh. Folds of the problem's own mesh are repaired. `work` counts what the steps cost.
+    Folds of the problem's own mesh are repaired; `work` counts what the steps cost there.
     """
 
-    def __init__(self, discretization, weights, features=None, areas=None, closed=None):
+    def __init__(self, discretization, weights, features=None, areas=None):
         self.discretization, self.weights = discretization, weights
         self.features, self.areas = features, areas
         self.terms = [term for term in (features, areas) if term is not None]
-        self.closed = discretization.own if closed is None else closed
         self.problem, self.samples = discretization.problem, discretization.samples
         self.coefficient_mesh = mesh = discretization.coefficient_mesh
         self.landmarks = discretization.landmarks
@@ -462,8 +459,12 @@ class GaussNewtonObjective:
         return abs(state.points - self.problem.target).mean()
 
     def jacobian(self, state, gamma):
-        """Gradients of the landmarks' residual by nu, complex (2 M, N), in closed form or exact."""
-        if not self.closed:
+        """Gradients of the landmarks' residual by nu, complex (2 M, N).
+
+        On the problem's own mesh in closed form, a few percent off and without a solve, to
+        precondition exact products; on a polar mesh exactly, by adjoint solves, which cost little.
+        """
+        if not self.discretization.own:
             return self.landmarks.jacobian(*self.exact_gradients(state), gamma)
         f = state.solution.f
         slope = self.samples @ mobius_slope(f, *state.mobius)
