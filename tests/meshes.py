@@ -4,6 +4,7 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 from qclearn.plane.beltrami import signed_areas
+from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk
 from qclearn.surfaces.surface import Surface
 
@@ -21,6 +22,11 @@ def random_disk(seed, n_boundary=48):
     clockwise = signed_areas(z, faces) < 0
     faces[clockwise] = faces[clockwise][:, ::-1]
     return z, faces
+
+
+def boundary_loop(faces):
+    """`Disk.loop` (B,) of faces alone."""
+    return Disk(np.zeros(faces.max() + 1), faces).loop
 
 
 def random_mu(rng, z, faces, largest):

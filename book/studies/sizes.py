@@ -27,13 +27,14 @@ from qclearn.io.provenance import provenance
 from qclearn.nets import load
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.disk import Disk
-from qclearn.plane.linear import elimination_order
 from qclearn.plane.mobius import best_mobius, mobius
 from qclearn.registration.curves import fundus_metric, fundus_path
 from qclearn.registration.fit import exact_map, moved_map
 from qclearn.registration.problem import Problem, Weights
 from qclearn.surfaces.conformal import parameterize
 from qclearn.surfaces.surface import Surface, mirror
+
+from .elimination import elimination_order
 
 REPETITIONS = {0: 5, 1: 3, 2: 2}  # by the number of splits
 GAMMA, WEIGHTS = 2e5, (0.1, 5.0)  # of the paper's CP-Net, and lambda of the harmonic maps

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..plane.mobius import mobius_misfits
+from ..plane.mobius import nearest_mobius
 
 ROUNDS = 12  # of the fit of Möbius maps, which begins at the best rotation
 
@@ -16,7 +16,7 @@ def gauge_errors(maps, exact, z):
     """
     identity = np.tile(z, (len(exact), 1))
     off, still = (
-        mobius_misfits(np.asarray(f, complex), exact, 1, ROUNDS).sum() for f in (maps, identity)
+        nearest_mobius(np.asarray(f, complex), exact, 1, ROUNDS)[1].sum() for f in (maps, identity)
     )
     return {
         "comes": float(abs(maps - exact).sum() / abs(identity - exact).sum()),

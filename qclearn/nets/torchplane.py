@@ -3,7 +3,7 @@ their fit, the square."""
 
 import torch
 
-from ..plane.mobius import best_turn, nearest_mobius
+from ..plane.mobius import nearest_mobius
 
 STEPS = 8  # Gauss-Newton steps of a Möbius map
 
@@ -25,7 +25,7 @@ def fit_mobius(f, q):
     """Parameters (a, theta), (B,) each, of the disk Möbius map that brings f (B, M) closest to q;
     without gradients."""
     f, goal = (x.detach().cpu().numpy().astype(complex) for x in (f, q))
-    (a, theta), _ = nearest_mobius(f, goal, best_turn(f, goal), STEPS)
+    (a, theta), _ = nearest_mobius(f, goal, 1, STEPS)
     return torch.from_numpy(a).to(q), torch.from_numpy(theta).to(q.real)
 
 

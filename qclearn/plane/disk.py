@@ -1,4 +1,5 @@
-"""Where points lie in a mesh of the disk, and values there."""
+"""A triangulated disk in the plane, `Disk`: its matrices, derivatives of maps, certificate; and where
+points lie in it, `Lookup`."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,173 +11,15 @@ from jaxtyping import Complex, Float, Integer
 from numpy import ndarray
 from scipy import sparse
 
-from .checks import (
-    BeltramiError,
-    check_coefficient,
-    check_faces,
-    check_map,
-    check_mesh,
-    planar_points,
-)
+from .checks import BeltramiError, check_coefficient, check_map, check_mesh, planar_points
 from .coefficients import diffuse
-from .linear import LARGE, assemble, elimination_order
-
-WALK = 12  # faces that a point may lie away from where it is looked for first
-LOST, BEYOND = (
-    -1,
-    -2,
-)  # in place of a face: not found on the way there; across the boundary of a convex polygon
-FEW = 0.25  # share of the faces of which polygons are built at once
-INSET = 1e-4  # share of the radius that points moved onto the boundary polygon stay inside it
-
-
-class Lookup:
-    """Where points lie in one `Disk`: (face, barycentric coordinates), its search trees kept.
-    Nothing is checked.
-
-    `lookup(points, guess)` begins at the faces `guess` (P,), else at the nearest vertices. `once`:
-    a single question.
-    """
-
-    def __init__(self, disk):
-        self.disk, self.z, self.faces = disk, disk.z, disk.faces
-
-    def __call__(self, points, guess=None):
-        inside = self._walk(points, self._nearby(points) if guess is None else guess)
-        lost = np.flatnonzero(inside == LOST)
-        if len(lost):
-            hit, face = self._tree.query(
-                shapely.points(pairs(points[lost])), predicate="intersects"
-            )
-            inside[lost[hit]] = face
-        return self._weighed(points, inside)
-
-    def once(self, points):
-        """The same without a tree of the whole mesh, where few faces come near the points."""
-        corners, wanted = pairs(self.z[self.faces]), pairs(points)
-        low, high = wanted.min(0, initial=np.inf), wanted.max(0, initial=-np.inf)
-        near = np.flatnonzero(((corners.max(1) >= low) & (corners.min(1) <= high)).all(1))
-        if len(near) >= FEW * len(self.faces):
-            return self(points)
-        inside = np.full(len(points), LOST)
-        hit, face = shapely.STRtree(shapely.polygons(corners[near])).query(
-            shapely.points(wanted), "intersects"
-        )
-        inside[hit] = near[face]
-        return self._weighed(points, inside)
-
-    def _weighed(self, points, inside):
-        """The faces and weights of points (P,); those in no face are first moved onto the boundary
-        polygon."""
-        outside = np.flatnonzero(inside < 0)
-        if len(outside):
-            points = points.copy()
-            inside[outside], points[outside] = self._project_radially(points[outside])
-        return inside, _barycentric(self.z[self.faces[inside]], points)
-
-    @cached_property
-    def _tree(self):
-        """The search tree of the faces: slow to build, and needed only where points are LOST."""
-        return shapely.STRtree(shapely.polygons(pairs(self.z[self.faces])))
-
-    def _walk(self, points, face):
-        """The faces that hold points (P,), found from `face` (P,) in a few steps across edges; or
-        LOST, or BEYOND."""
-        face, at = face.copy(), np.arange(len(points))
-        for _ in range(WALK):
-            sides = _edge_distances(self.z[self.faces[face[at]]], points[at])
-            first = sides.argmin(1)
-            beyond = sides[np.arange(len(at)), first] < 0
-            at, first = at[beyond], first[beyond]
-            if not len(at):
-                return face
-            across = self.disk.across[face[at], first]
-            if (across < 0).any():  # `_out` is not found before a point needs it
-                across[across < 0] = self._out
-            face[at] = across
-            at = at[across >= 0]
-        face[at] = LOST
-        return face
-
-    def _nearby(self, points):
-        """A face at the vertex nearest each of the points (P,)."""
-        tree, face = self._vertices
-        return face[tree.query(pairs(points))[1]]
-
-    @cached_property
-    def _vertices(self):
-        """The search tree of the vertices, and a face at each."""
-        at, face = np.flatnonzero(np.bincount(self.faces.ravel())), np.empty(len(self.z), int)
-        face[self.faces.ravel()] = np.repeat(np.arange(len(self.faces)), 3)
-        return scipy.spatial.cKDTree(
-            pairs(self.z[at]), balanced_tree=False, compact_nodes=False
-        ), face[at]
-
-    @cached_property
-    def _out(self):
-        """The answer for a point across the boundary: BEYOND a convex polygon, else LOST."""
-        rim = self.z[self.disk.loop]
-        edges = np.roll(rim, -1) - rim
-        turns = np.angle(np.roll(edges, -1) / edges)
-        return BEYOND if turns.min() >= 0 and turns.sum() < 3 * np.pi else LOST
-
-    @cached_property
-    def _rim(self):
-        """The boundary vertices by angle, and the face at each one's edge to the next."""
-        loop, rim = (
-            self.disk.loop,
-            self.disk.open_halfedges,
-        )  # each boundary vertex begins one half-edge of it
-        face = np.empty(len(self.z), int)
-        face[self.faces.ravel()[rim]] = rim // 3
-        loop = loop[np.argsort(np.angle(self.z[loop]))]
-        return loop, face[loop]
-
-    def _project_radially(self, points):
-        loop, face = self._rim
-        k = (np.searchsorted(np.angle(self.z[loop]), np.angle(points), side="right") - 1) % len(
-            loop
-        )
-        a, b = self.z[loop[k]], self.z[loop[(k + 1) % len(loop)]]
-        # The ray s p meets the chord a + t (b - a) where Im(conj(b - a)(s p - a)) = 0.
-        s = ((b - a).conj() * a).imag / ((b - a).conj() * points).imag
-        radius = abs(points)
-        gap = 1 - s * radius  # between the chord and the arc: none at a boundary vertex
-        s = s * (
-            1
-            - INSET
-            * np.clip(np.divide(1 - radius, gap, out=np.zeros_like(gap), where=gap > 0), 0, 1)
-        )
-        return face[k], s * points
-
-
-def pairs(z):
-    return np.stack([z.real, z.imag], axis=-1)
-
-
-def _edge_distances(corners, points):
-    """Twice the signed areas of a point with each edge of a triangle, (P, 3), column k across from
-    corner k."""
-    a, b, c = (corners[:, k] - points for k in range(3))
-    return np.stack([(b.conj() * c).imag, (c.conj() * a).imag, (a.conj() * b).imag], axis=1)
-
-
-def _barycentric(corners, points):
-    weights = _edge_distances(corners, points)
-    weights = np.maximum(
-        weights * np.sign(weights.sum(1, keepdims=True)), 0
-    )  # a face turned over; rounding at an edge
-    return weights / weights.sum(1, keepdims=True)
-
+from .linear import assemble, three_a_row
 
 PerVertex, PerFace, Faces = Complex[ndarray, " V"], Complex[ndarray, " F"], Integer[ndarray, " F 3"]
-TINY = 1e-300
-OF_FACES = (
-    "loop",
-    "open_halfedges",
-    "across",
-    "order",
-)  # what depends on the faces alone, and pictures share
+OF_FACES = ("loop", "open_halfedges", "across")  # depend on the faces alone: pictures share them
+STEPS = 12  # across edges, from the face where a point is looked for first
+LOST, BEYOND = -1, -2  # in place of a face: not reached; across the boundary of a convex polygon
+INSET = 1e-4  # share of the radius that points moved onto the boundary polygon stay inside it
 
 
 @dataclass(frozen=True)
@@ -201,19 +44,19 @@ class Disk:
     faces: Faces
 
     def __post_init__(self):
-        for name, array in zip(("z", "faces"), check_mesh(self.z, self.faces)):
-            object.__setattr__(self, name, read_only(array))
+        z, faces = check_mesh(self.z, self.faces)
+        vars(self).update(z=read_only(z), faces=read_only(faces))
 
     def __reduce__(self):
-        return Disk, (self.z, self.faces)  # what was found stays in the process that found it
+        return Disk, (self.z, self.faces)  # a pickle has no cached answers
 
     def at(self, f: PerVertex) -> "Disk":
         """The picture of this mesh under a planar map f (V,): the same faces with their vertices at
         f."""
         f = check_map(planar_points(f, "f"), len(self.z))
         picture = object.__new__(Disk)
-        known = {name: vars(self)[name] for name in OF_FACES if name in vars(self)}
-        vars(picture).update(z=read_only(f), faces=self.faces, **known)
+        shared = {name: vars(self)[name] for name in OF_FACES if name in vars(self)}
+        vars(picture).update(z=read_only(f), faces=self.faces, **shared)
         return picture
 
     @cached_property
@@ -236,9 +79,8 @@ class Disk:
         if len(bad):
             raise BeltramiError(
                 f"{len(bad)} source triangles are not counter-clockwise (first: "
-                f"{bad[:5].tolist()}); "
-                "use a planar mesh without folds, or reverse every face if all of them are "
-                "clockwise"
+                f"{bad[:5].tolist()}); use a planar mesh without folds, or reverse every face if all "
+                "of them are clockwise"
             )
         corners = self.z[self.faces]
         opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
@@ -253,13 +95,13 @@ class Disk:
     def loop(self) -> Integer[ndarray, " B"]:
         """The boundary vertices, counter-clockwise, from the smallest index; BeltramiError unless
         it is one loop."""
-        alone = self.open_halfedges
-        tails, heads = self.faces.ravel()[alone], np.roll(self.faces, -1, axis=1).ravel()[alone]
-        following = dict(zip(tails.tolist(), heads.tolist()))
+        rim = self.open_halfedges
+        tails, heads = (part.ravel()[rim].tolist() for part in (self.faces, _next(self.faces)))
+        following = dict(zip(tails, heads))
         loop = [min(following, default=None)]
         while len(loop) <= len(following) and following.get(loop[-1]) != loop[0]:
             loop.append(following.get(loop[-1]))
-        if len(following) != len(alone) or len(loop) != len(following):
+        if len(following) != len(rim) or len(loop) != len(following):
             raise BeltramiError("the faces do not form a disk with one simple boundary loop")
         return np.array(loop)
 
@@ -271,25 +113,20 @@ class Disk:
     @cached_property
     def across(self):
         """The face across from each corner of a face, (F, 3); -1 beyond the boundary."""
-        tails, heads, n = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel(), len(self.z)
-        edge = np.minimum(tails, heads) * n + np.maximum(tails, heads)
+        tails, heads = self.faces.ravel(), _next(self.faces).ravel()
+        edge = np.minimum(tails, heads) * len(self.z) + np.maximum(tails, heads)
         order = np.argsort(edge)
+        # Both half-edges of an inner edge follow each other in this order.
         one, two = order[:-1], order[1:]
         twins = (edge[one] == edge[two]) & (tails[one] == heads[two])
         across = np.full(len(order), -1)
-        across[one[twins]], across[two[twins]] = two[twins] // 3, one[twins] // 3
-        return np.roll(
-            across.reshape(-1, 3), -1, axis=1
-        )  # the edge from corner k lies across from corner k + 2
+        across[one[twins]] = two[twins] // 3
+        across[two[twins]] = one[twins] // 3
+        return _next(across.reshape(-1, 3))  # the edge from corner k is opposite corner k + 2
 
     @cached_property
-    def order(self):
-        """The inner vertices in an `elimination_order`, of a large mesh, or None; made once."""
-        return elimination_order(self.laplace, self.z, self.loop) if len(self.z) > LARGE else None
-
-    @cached_property
-    def lookup(self) -> Lookup:
-        """`lookup(points)` as `locate`, its search trees kept for many questions."""
+    def lookup(self) -> "Lookup":
+        """`lookup(points, guess)` is `locate` without its checks, from faces (P,) near the points."""
         return Lookup(self)
 
     def locate(
@@ -303,17 +140,16 @@ class Disk:
             raise BeltramiError(
                 f"points {unknown[:5].tolist()} are not finite: they lie nowhere; leave them out"
             )
-        return self.lookup.once(points)
+        return self.lookup(points)
 
     def sampling(self, points: Complex[ndarray, " P"]) -> Float[sparse.csr_array, " P V"]:
         """From values of the vertices to values at points (P,), linear in each face."""
         face, weights = self.locate(points)
-        places = np.repeat(np.arange(len(weights)), 3), self.faces[face].ravel()
-        return sparse.csr_array((weights.ravel(), places), shape=(len(weights), len(self.z)))
+        return three_a_row(weights, self.faces[face], len(self.z))
 
     def interpolate(self, values, places):
-        """Values (V, ...) of the vertices at places (face, weights) that `locate` found, linear in
-        each face."""
+        """Values (V, ...) of the vertices at places (face, weights) as `locate` returns them,
+        linear in each face."""
         face, weights = places
         return np.einsum("pk,pk...->p...", weights, np.asarray(values)[self.faces[face]])
 
@@ -321,11 +157,8 @@ class Disk:
         """`K(mu)_ij = sum_T |T| grad phi_i . A(mu_T) grad phi_j`, positive semi-definite; |mu| < 1."""
         mu = check_coefficient(mu, len(self.faces))
         turned = diffuse(mu[:, None], self.gradients)
-        blocks = (
-            self.areas[:, None, None]
-            * (self.gradients.conj()[:, :, None] * turned[:, None, :]).real
-        )
-        return assemble(self.faces, blocks, len(self.z))
+        products = (self.gradients.conj()[:, :, None] * turned[:, None, :]).real
+        return assemble(self.faces, self.areas[:, None, None] * products, len(self.z))
 
     @cached_property
     def laplace(self) -> Float[sparse.csc_array, " V V"]:
@@ -341,19 +174,14 @@ class Disk:
     @cached_property
     def to_vertices(self) -> Float[sparse.csr_array, " V F"]:
         """From values of the faces to their averages by area around each vertex."""
-        places = self.faces.ravel(), np.repeat(np.arange(len(self.faces)), 3)
-        around = sparse.csr_array(
-            (np.repeat(self.areas, 3), places), shape=(len(self.z), len(self.faces))
-        )
+        areas = np.repeat(self.areas[:, None], 3, axis=1)
+        around = three_a_row(areas, self.faces, len(self.z)).T.tocsr()
         return sparse.diags_array(1 / around.sum(1)) @ around
 
     @cached_property
     def to_faces(self) -> Float[sparse.csr_array, " F V"]:
         """From values of the vertices to the value at each face's centroid."""
-        places = np.repeat(np.arange(len(self.faces)), 3), self.faces.ravel()
-        return sparse.csr_array(
-            (np.full(self.faces.size, 1 / 3), places), shape=(len(self.faces), len(self.z))
-        )
+        return three_a_row(np.full(self.faces.shape, 1 / 3), self.faces, len(self.z))
 
     def wirtinger(self, f):
         """`f_z` and `f_zbar` on each face of a map f, complex (V,) or real (V, 3): (F,) or (F, 3)
@@ -379,11 +207,12 @@ class Disk:
         """The faces that are not counter-clockwise beyond doubt of rounding."""
         a, b, c = self.z[self.faces].T
         with np.errstate(all="ignore"):  # what overflows, or is not finite, stays in doubt
-            left, right = (b - a).real * (c - a).imag, (b - a).imag * (c - a).real
+            left = (b - a).real * (c - a).imag
+            right = (b - a).imag * (c - a).real
             # A determinant of rounded differences is safe in sign once it exceeds this part of its
-            # terms (Shewchuk 1997 has 3.3e-16); TINY stands for what products lose below the
+            # terms (Shewchuk 1997 has 3.3e-16); 1e-300 stands for what products lose below the
             # smallest normal number.
-            return np.flatnonzero(~(left - right > 1e-15 * (abs(left) + abs(right)) + TINY))
+            return np.flatnonzero(~(left - right > 1e-15 * (abs(left) + abs(right)) + 1e-300))
 
     @cached_property
     def reversed(self) -> Integer[ndarray, " k"]:
@@ -391,8 +220,10 @@ class Disk:
         corners = self.z[self.faces[self.flipped]]
         finite = np.isfinite(corners).all(1)
         vertices, corners = np.unique(self.faces[self.flipped[finite]], return_inverse=True)
-        x, y = integers(self.z[vertices].real), integers(self.z[vertices].imag)
-        (ax, bx, cx), (ay, by, cy) = (part[corners.reshape(-1, 3).T] for part in (x, y))
+        (ax, bx, cx), (ay, by, cy) = (
+            integers(part)[corners.reshape(-1, 3).T]
+            for part in (self.z[vertices].real, self.z[vertices].imag)
+        )
         sound = np.zeros(len(self.flipped), bool)
         sound[finite] = (bx - ax) * (cy - ay) > (by - ay) * (cx - ax)
         return self.flipped[~sound]
@@ -401,8 +232,10 @@ class Disk:
     def certificate(self) -> Certificate:
         """Whether the mesh has no fold, and its boundary is a simple polygon run counter-clockwise."""
         rim = self.z[self.loop]
-        ring = shapely.linearrings(pairs(rim)) if np.isfinite(rim).all() else None
-        simple = bool(ring is not None and ring.is_simple and ring.is_ccw)
+        simple = bool(np.isfinite(rim).all())
+        if simple:
+            ring = shapely.linearrings(pairs(rim))
+            simple = bool(ring.is_simple and ring.is_ccw)
         return Certificate(simple and len(self.reversed) == 0, self.reversed, simple)
 
     def certify(self, f):
@@ -410,24 +243,17 @@ class Disk:
         if len(self.reversed):
             raise BeltramiError(
                 f"{len(self.reversed)} triangles of the source mesh are folded or without area "
-                "(first: "
-                f"{self.reversed[:5].tolist()}): a map of it cannot be certified"
+                f"(first: {self.reversed[:5].tolist()}): a map of it cannot be certified"
             )
         return self.at(f).certificate
 
 
 def read_only(array):
-    """The array, or a copy where somebody could write to it."""
+    """The array, or a copy where the caller could write to it."""
     if array.flags.writeable or array.base is not None:
         array = array.copy()
         array.flags.writeable = False
     return array
-
-
-def boundary_loop(faces):
-    """`Disk.loop` (B,) of faces alone."""
-    faces = check_faces(faces)
-    return Disk(np.zeros(faces.max() + 1), faces).loop
 
 
 def integers(x):
@@ -438,3 +264,110 @@ def integers(x):
     exponent -= exponent.min(initial=0, where=mantissa != 0)  # of 0 it says nothing
     whole = [m << max(e, 0) for m, e in zip(mantissa.tolist(), exponent.tolist())]
     return np.array(whole, dtype=object).reshape(len(x))
+
+
+def _next(corners):
+    """The corner after each corner of the faces, (F, 3)."""
+    return np.roll(corners, -1, axis=1)
+
+
+def pairs(z):
+    """x and y of points (...,), real (..., 2)."""
+    return np.stack([z.real, z.imag], axis=-1)
+
+
+class Lookup:
+    """Where points lie in one `Disk`: (face, barycentric coordinates). Nothing is checked.
+
+    From the faces `guess` (P,), else from a face at the nearest vertex, a walk crosses the edge that a
+    point lies farthest beyond. Points that STEPS do not reach are looked for in a tree of all faces;
+    points in no face are moved onto the boundary polygon.
+    """
+
+    def __init__(self, disk):
+        self.disk, self.z, self.faces = disk, disk.z, disk.faces
+
+    def __call__(self, points, guess=None):
+        if guess is None:
+            tree, face_at = self._vertices
+            guess = face_at[tree.query(pairs(points))[1]]
+        face = self._walk(points, guess)
+        lost = np.flatnonzero(face == LOST)
+        if len(lost):
+            point, some = self._tree.query(shapely.points(pairs(points[lost])), "intersects")
+            face[lost[point]] = some
+        outside = np.flatnonzero(face < 0)
+        if len(outside):
+            points = points.copy()
+            face[outside], points[outside] = self._project_radially(points[outside])
+        weights = _edge_distances(self.z[self.faces[face]], points)
+        # The sign: a face may be turned over. The maximum: rounding at an edge.
+        weights = np.maximum(weights * np.sign(weights.sum(1, keepdims=True)), 0)
+        return face, weights / weights.sum(1, keepdims=True)
+
+    def _walk(self, points, face):
+        """The faces that hold points (P,), a few edges from `face` (P,); or LOST, or BEYOND."""
+        face, at = face.copy(), np.arange(len(points))
+        for _ in range(STEPS):
+            sides = _edge_distances(self.z[self.faces[face[at]]], points[at])
+            corner = sides.argmin(1)
+            beyond = sides[np.arange(len(at)), corner] < 0
+            at, corner = at[beyond], corner[beyond]
+            if not len(at):
+                return face
+            across = self.disk.across[face[at], corner]
+            if (across < 0).any():  # `_out` is not needed before a point leaves the mesh
+                across[across < 0] = self._out
+            face[at] = across
+            at = at[across >= 0]
+        face[at] = LOST
+        return face
+
+    @cached_property
+    def _vertices(self):
+        """The search tree of the vertices, and a face at each."""
+        at, face = np.flatnonzero(np.bincount(self.faces.ravel())), np.empty(len(self.z), int)
+        face[self.faces.ravel()] = np.repeat(np.arange(len(self.faces)), 3)
+        tree = scipy.spatial.cKDTree(pairs(self.z[at]), balanced_tree=False, compact_nodes=False)
+        return tree, face[at]
+
+    @cached_property
+    def _tree(self):
+        """The search tree of the faces: slow to build, and needed only where points are LOST."""
+        return shapely.STRtree(shapely.polygons(pairs(self.z[self.faces])))
+
+    @cached_property
+    def _out(self):
+        """The answer for a point across the boundary: BEYOND a convex polygon, else LOST."""
+        rim = self.z[self.disk.loop]
+        edges = np.roll(rim, -1) - rim
+        turns = np.angle(np.roll(edges, -1) / edges)
+        return BEYOND if turns.min() >= 0 and turns.sum() < 3 * np.pi else LOST
+
+    @cached_property
+    def _rim(self):
+        """The boundary vertices by angle, and the face at each one's edge to the next."""
+        rim = self.disk.open_halfedges  # one begins at each boundary vertex
+        face = np.empty(len(self.z), int)
+        face[self.faces.ravel()[rim]] = rim // 3
+        loop = self.disk.loop[np.argsort(np.angle(self.z[self.disk.loop]))]
+        return loop, face[loop]
+
+    def _project_radially(self, points):
+        """A boundary face for each of the points (P,), and the points moved onto its chord."""
+        loop, face = self._rim
+        k = np.searchsorted(np.angle(self.z[loop]), np.angle(points), side="right") - 1
+        a, b = self.z[loop[k]], self.z[np.roll(loop, -1)[k]]
+        # The ray s p meets the chord a + t (b - a) where Im(conj(b - a)(s p - a)) = 0.
+        s = ((b - a).conj() * a).imag / ((b - a).conj() * points).imag
+        radius = abs(points)
+        gap = 1 - s * radius  # between the chord and the arc: none at a boundary vertex
+        inside = np.divide(1 - radius, gap, out=np.zeros_like(gap), where=gap > 0)
+        return face[k], s * (1 - INSET * np.clip(inside, 0, 1)) * points
+
+
+def _edge_distances(corners, points):
+    """Twice the signed areas of a point with each edge of a triangle, (P, 3), column k opposite corner
+    k."""
+    a, b, c = (corners[:, k] - points for k in range(3))
+    return np.stack([(b.conj() * c).imag, (c.conj() * a).imag, (a.conj() * b).imag], axis=1)

@@ -1,5 +1,5 @@
 """Sparse systems on triangle meshes: assembled from element matrices, factored, solved with some
-values held."""
+values held. Then what triangles alone give: lengths, angles, points inside, the cotangent matrix."""
 
 import numpy as np
 from jaxtyping import Float, Integer
@@ -9,16 +9,13 @@ from scipy.sparse.linalg import splu
 
 from .checks import BeltramiError
 
-LARGE = 20_000  # vertices from which on the order of elimination is worth its own search
-LEAF = 16  # vertices of a part that is halved no further
+LARGE = 20_000  # vertices from which on a mesh is mapped and smoothed by way of a smaller one
 
 
 def assemble(faces, blocks, n_vertices):
     """Sum of element matrices (F, 3, 3), sparse (V, V)."""
-    rows, columns = np.repeat(faces, 3, axis=1).ravel(), np.tile(faces, (1, 3)).ravel()
-    return sparse.coo_array(
-        (blocks.ravel(), (rows, columns)), shape=(n_vertices, n_vertices)
-    ).tocsc()
+    places = np.repeat(faces, 3, axis=1).ravel(), np.tile(faces, (1, 3)).ravel()
+    return sparse.coo_array((blocks.ravel(), places), shape=(n_vertices, n_vertices)).tocsc()
 
 
 def three_a_row(values, columns, width):
@@ -44,8 +41,7 @@ def factorise(matrix, ordering="MMD_AT_PLUS_A"):
         )
     except RuntimeError as error:
         raise BeltramiError(
-            f"the system of equations cannot be solved ({str(error).lower()}): some vertex is in "
-            "no "
+            f"the system of equations cannot be solved ({str(error).lower()}): some vertex is in no "
             "face, or triangles are too thin or too small for double precision; remesh"
         ) from None
 
@@ -61,11 +57,14 @@ def heat_flow(mass, stiffness, load, steps):
 
 
 class Dirichlet:
-    """A stiffness matrix with values prescribed at some vertices, factored once; order: of
-    eliminating the others."""
+    """A stiffness matrix with values prescribed at some vertices, factored once.
+
+    order: the other vertices in the order of their elimination, which minimum degree gives else.
+    """
 
     def __init__(self, matrix, pinned, order=None):
-        self.pinned, self.size = np.asarray(pinned), matrix.shape[0]
+        self.size = matrix.shape[0]
+        self.pinned = np.asarray(pinned)
         self.free = np.setdiff1d(np.arange(self.size), self.pinned) if order is None else order
         rows = matrix.tocsr()[self.free]
         self.coupling = rows[:, self.pinned]
@@ -76,18 +75,15 @@ class Dirichlet:
         """Free values (len(free), ...) for a real or complex load there and zero at the pins."""
         if self.factors is None:
             return np.zeros(load.shape, load.dtype)
-        if np.iscomplexobj(
-            load
-        ):  # casting the real matrix to complex would cost many times as much
-            pairs = np.ascontiguousarray(load).reshape(len(load), -1).view(float)
-            return self.solve_free(pairs).view(complex).reshape(load.shape)
-        nonzero = load.reshape(len(load), -1).any(0)
-        solution = np.zeros((len(load), len(nonzero)))
+        columns = np.ascontiguousarray(load).reshape(len(load), -1)
+        # Real and imaginary parts apart: the real matrix cast to complex would cost many times as
+        # much.
+        columns = columns.view(float)
+        nonzero = columns.any(0)
+        solution = np.zeros(columns.shape)
         if nonzero.any():
-            solution[:, nonzero] = self.factors.solve(
-                np.ascontiguousarray(load.reshape(len(load), -1)[:, nonzero])
-            )
-        return solution.reshape(load.shape)
+            solution[:, nonzero] = self.factors.solve(np.ascontiguousarray(columns[:, nonzero]))
+        return solution.view(load.dtype).reshape(load.shape)
 
     def solve(self, values):
         """The complex x (V,) with x = values at the pins and (matrix x)_i = 0 at every free vertex."""
@@ -95,38 +91,6 @@ class Dirichlet:
         x[self.pinned] = values
         x[self.free] = self.solve_free(-(self.coupling @ x[self.pinned]))
         return x
-
-
-def elimination_order(matrix, points, loop):
-    """The vertices but the boundary loop, ordered for small factors of a mesh's matrix; points (V,)
-    complex or (V, d).
-
-    A part is halved across its longer side; the vertices of one half with a neighbour in the other
-    come last. Source: George (1973), Nested dissection of a regular element mesh.
-    """
-    inner = np.setdiff1d(np.arange(len(points)), loop)
-    matrix, points = matrix.tocsr()[inner][:, inner], points[inner]
-    points = np.stack([points.real, points.imag], 1) if np.iscomplexobj(points) else points
-    starts, neighbours, other = matrix.indptr, matrix.indices, np.zeros(len(points), bool)
-
-    def ordered(part):
-        if len(part) <= LEAF:
-            return [part]
-        own = points[part]
-        along = own[:, np.ptp(own, axis=0).argmax()]
-        halves, middle = np.argpartition(along, len(part) // 2), len(part) // 2
-        one, two = part[halves[:middle]], part[halves[middle:]]
-        counts = starts[one + 1] - starts[one]
-        entries = np.arange(counts.sum()) + np.repeat(
-            starts[one] - np.cumsum(counts) + counts, counts
-        )
-        other[two] = True
-        touching = np.zeros(len(one), bool)
-        touching[np.repeat(np.arange(len(one)), counts)[other[neighbours[entries]]]] = True
-        other[two] = False
-        return [*ordered(one[~touching]), *ordered(two), one[touching]]
-
-    return inner[np.concatenate(ordered(np.arange(len(points))))]
 
 
 def edge_lengths(corners):
@@ -159,9 +123,8 @@ def cotangent_stiffness(
     """The surface's stiffness matrix, off-diagonal `-(cot a + cot b)/2`: K(mu) of any embedding
     with coefficient mu."""
     corners = np.asarray(vertices, float)[faces]
-    edges = np.roll(corners, -2, axis=1) - np.roll(
-        corners, -1, axis=1
-    )  # edge k lies opposite corner k
+    # Edge k lies opposite corner k.
+    edges = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
     area = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     blocks = np.einsum("fia,fja->fij", edges, edges) / (4 * area[:, None, None])
     return assemble(np.asarray(faces), blocks, len(vertices))

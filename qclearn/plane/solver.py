@@ -139,7 +139,8 @@ class DiskSolver:
         interior = np.setdiff1d(np.arange(len(z)), loop)
         if not len(interior):
             raise SurfaceError("the disk mesh has no interior vertex; refine it")
-        self.pole, self.order = interior[abs(z[interior]).argmin()], disk.order
+        self.pole = interior[abs(z[interior]).argmin()]
+        self.order = None  # of elimination: that of the first factorisation serves all others
 
     @cached_property
     def calibration(self) -> Float[sparse.csr_array, " B B"] | None:

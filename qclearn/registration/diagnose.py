@@ -12,7 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
-from ..plane.mobius import mobius_misfits
+from ..plane.mobius import nearest_mobius
 from ..surfaces.surface import SurfaceError
 from .features import FOLDS, SCALE, align_by_features, check_features, featured, mirrored_gain
 from .metrics import mean_rows
@@ -172,7 +172,8 @@ def misfits(hypotheses):
     if p.shape[1] < FEWEST:
         off = abs(p - q)
     else:
-        off = mobius_misfits(p.reshape(len(p), -1), q.reshape(len(q), -1)).reshape(p.shape)
+        _, off = nearest_mobius(p.reshape(len(p), -1), q.reshape(len(q), -1))
+        off = off.reshape(p.shape)
     return np.sqrt((off**2).mean(2))
 
 

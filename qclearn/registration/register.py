@@ -27,10 +27,9 @@ from .uncertainty import check_uncertainty, uncertainty_of, uncertainty_report
 
 STOPPED = (
     "the landmarks are wrong (see suspect), so nothing was fitted: this is the Möbius map that "
-    "aligns the ends of the "
-    "curves, or the folds; features, held-out curves, annotations and the radius were not "
-    "computed; correct the "
-    "landmarks, or fit them as they are by accept_suspect=True, --accept-suspect"
+    "aligns the ends of the curves, or the folds; features, held-out curves, annotations and the "
+    "radius were not computed; correct the landmarks, or fit them as they are by "
+    "accept_suspect=True, --accept-suspect"
 )
 STAGES = {"exact": (6, 7), "network": (10, 9)}  # how many run without and with features
 

@@ -27,7 +27,7 @@ def disk_conformal_map(surface: Surface) -> Complex[ndarray, " V"]:
     """
     require_disk(surface)
     faces, loop, matrix = surface.faces, surface.boundary, surface.stiffness
-    problem = Dirichlet(matrix, loop, surface.order)
+    problem = Dirichlet(matrix, loop)
     rim = np.linalg.norm(
         np.roll(surface.vertices[loop], -1, axis=0) - surface.vertices[loop], axis=1
     )
@@ -121,15 +121,10 @@ def parameterize(surface):
         warnings.simplefilter("always", RepairWarning)
         z = disk_conformal_map(surface)
     return ParameterizedSurface(
-        surface, on_disk(surface, z), words=tuple(str(warning.message) for warning in caught)
+        surface,
+        Disk(z, surface.faces),
+        words=tuple(str(warning.message) for warning in caught),
     )
-
-
-def on_disk(surface, z):
-    """The `Disk` of a surface at z (V,), with its order of elimination."""
-    disk = Disk(z, surface.faces)
-    vars(disk)["order"] = surface.order
-    return disk
 
 
 def apply_mobius(side, parameters):
@@ -142,7 +137,7 @@ def repair_folds(surface, z):
     certified."""
     z, loop = z.copy(), surface.boundary
     z[loop] /= abs(z[loop])
-    disk = on_disk(surface, z)
+    disk = Disk(z, surface.faces)
     if disk.certificate.bijective:
         return disk
     return repair(surface.stiffness, disk, surface.edge_lengths)[0]

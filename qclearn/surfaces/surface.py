@@ -1,5 +1,5 @@
-"""Triangulated surfaces: validated once, immutable afterwards, with the topology that everything
-else asks for."""
+"""`Surface`, a triangle mesh in space: checked once, immutable afterwards, with its topology, areas and
+cotangent matrix. Then what a method needs of it: a disk, outward faces, its mirror image."""
 
 import hashlib
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from scipy.sparse import csc_array, csr_array
 from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 
 from ..plane.checks import SurfaceError
-from ..plane.linear import LARGE, cotangent_stiffness, edge_lengths, elimination_order
+from ..plane.linear import cotangent_stiffness, edge_lengths
 from .checks import (
     check_faces,
     check_topology,
@@ -50,7 +50,8 @@ class Surface:
         curves: Mapping[str, Integer[ndarray, " _"]] | None = None,
         original_vertices: Integer[ndarray, " V"] | None = None,
     ):
-        self.vertices, self.faces = vertex_array(vertices), face_array(faces)
+        self.vertices = vertex_array(vertices)
+        self.faces = face_array(faces)
         check_faces(self.vertices, self.faces)
         self.edges, self.edge_faces, self._boundary_halfedges = check_topology(
             len(self.vertices), self.faces
@@ -88,20 +89,17 @@ class Surface:
             return loops[0]
         if not loops:
             raise SurfaceError(
-                "the surface is closed (no boundary), where a disk is needed; cut it open along "
-                "the medial wall: "
-                "open_surface(surface, mask), `qclearn open SURFACE --label FILE --out FILE`, or "
-                "`qclearn register` "
-                "with --cortex FILE (--control-cortex FILE for the control)"
+                "the surface is closed (no boundary), where a disk is needed; cut it open along the "
+                "medial wall: open_surface(surface, mask), `qclearn open SURFACE --label FILE --out "
+                "FILE`, or `qclearn register` with --cortex FILE (--control-cortex FILE for the "
+                "control)"
             )
-        listed = [
-            f"{len(loop)} vertices from vertex {loop[0]}"
-            for loop in sorted(loops, key=len, reverse=True)
-        ]
+        loops = sorted(loops, key=len, reverse=True)
+        listed = some([f"{len(loop)} vertices from vertex {loop[0]}" for loop in loops])
         raise SurfaceError(
-            f"the surface has {len(loops)} boundary loops, where a disk has one: {some(listed)}. "
-            "Fill the inner holes "
-            f"with faces, or cut a new opening that takes them in: open_surface(surface, mask)"
+            f"the surface has {len(loops)} boundary loops, where a disk has one: {listed}. Fill the "
+            "inner holes with faces, or cut a new opening that takes them in: open_surface(surface, "
+            "mask)"
         )
 
     @cached_property
@@ -112,9 +110,8 @@ class Surface:
         (F, 3) as little-endian int64: the same in all formats that keep the order of the vertices.
         """
         with np.errstate(over="ignore"):  # beyond float32 all are infinite
-            digest = hashlib.sha256(
-                (self.vertices.astype("<f4") + np.float32(0)).tobytes()
-            )  # + 0: one zero, not two
+            vertices = self.vertices.astype("<f4") + np.float32(0)  # + 0: one zero, not two
+        digest = hashlib.sha256(vertices.tobytes())
         digest.update(self.faces.astype("<i8").tobytes())
         return {"vertices": len(self.vertices), "sha256": digest.hexdigest()}
 
@@ -141,26 +138,13 @@ class Surface:
         return cotangent_stiffness(self.vertices, self.faces)
 
     @cached_property
-    def order(self) -> Integer[ndarray, " I"] | None:
-        """The inner vertices in an `elimination_order`, of a large surface with one boundary; made
-        once."""
-        return (
-            elimination_order(self.stiffness, self.vertices, self.boundary)
-            if len(self.vertices) > LARGE
-            else None
-        )
-
-    @cached_property
     def edge_lengths(self) -> Float[ndarray, " F 3"]:
         """Length of the edge opposite each corner of each face."""
         return frozen(edge_lengths(self.vertices[self.faces]))
 
     def __getstate__(self):
-        return {
-            name: value
-            for name, value in vars(self).items()
-            if name not in ("stiffness", "order", "edge_lengths")
-        }
+        """A pickle has no matrix and no lengths: they are made again where they are needed."""
+        return {k: v for k, v in vars(self).items() if k not in ("stiffness", "edge_lengths")}
 
     @property
     def area(self) -> float:
@@ -176,10 +160,9 @@ class Surface:
         for loop in self.boundary_loops:
             rim = centred[loop]
             centre = np.broadcast_to(rim.mean(axis=0), rim.shape)
-            # the cap runs against the loop, as every neighbouring face does
-            six_volumes += np.linalg.det(
-                np.stack([centre, np.roll(rim, -1, axis=0), rim], axis=1)
-            ).sum()
+            # The cap runs against the loop, as every neighbouring face does.
+            cap = np.stack([centre, np.roll(rim, -1, axis=0), rim], axis=1)
+            six_volumes += np.linalg.det(cap).sum()
         return float(six_volumes / 6)
 
 
@@ -202,8 +185,7 @@ def require_outward(surface: Surface) -> None:
     """SurfaceError unless the faces look outward: positive `volume`, beyond rounding."""
     if abs(surface.volume) <= 1e-12 * surface.area**1.5:
         raise SurfaceError(
-            "the surface encloses no volume (it lies in a plane), so its orientation cannot be "
-            "told; "
+            "the surface encloses no volume (it lies in a plane), so its orientation cannot be told; "
             "use the surface in space (pial, white or midthickness) instead of a flat patch"
         )
     if surface.volume < 0:
@@ -226,7 +208,8 @@ def _handle_edges(surface):
     Those in neither a shortest-path tree nor a tree of faces across the longest loops (Erickson and
     Whittlesey 2005).
     """
-    n_vertices, n_cells = len(surface.vertices), len(surface.faces) + 1
+    n_vertices = len(surface.vertices)
+    n_cells = len(surface.faces) + 1
     one, two = surface.edges.T
     graph = csr_array((np.ones(len(one)), (one, two)), shape=(n_vertices, n_vertices))
     depth, parent = dijkstra(
@@ -234,9 +217,8 @@ def _handle_edges(surface):
     )
     crossing = np.flatnonzero((parent[one] != two) & (parent[two] != one))
     crossing = crossing[np.argsort(-(depth[one] + depth[two])[crossing], kind="stable")]
-    low, high = np.sort(
-        surface.edge_faces[crossing] % n_cells, axis=1
-    ).T  # -1, the outside, is the last cell
+    # The two cells of each edge; -1, the outside, is the last cell.
+    low, high = np.sort(surface.edge_faces[crossing] % n_cells, axis=1).T
     first = np.unique(low * n_cells + high, return_index=True)[1]
     dual = csr_array((first + 1.0, (low[first], high[first])), shape=(n_cells, n_cells))
     cotree = minimum_spanning_tree(dual).data.astype(np.int64) - 1

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from meshes import boundary_loop
 
 from qclearn.benchmark import Run
 from qclearn.benchmark.cortex import conte69_pair, heldout_pair, other_mesh, warp_pair, warped
@@ -12,7 +13,6 @@ from qclearn.benchmark.methods import METHODS
 from qclearn.benchmark.pairs import mapped, prepare, reverse
 from qclearn.benchmark.problems import problems
 from qclearn.benchmark.trial import trial
-from qclearn.plane.disk import boundary_loop
 from qclearn.plane.grids import polar, polar_disk
 from qclearn.registration import Problem
 from qclearn.registration.problem import LandmarkError

@@ -5,7 +5,7 @@ import exactmaps
 import numpy as np
 import pytest
 import torch
-from meshes import random_disk, random_mu
+from meshes import boundary_loop, random_disk, random_mu
 
 from data_synth.fields import KINDS, random_coefficient
 from qclearn.nets import load
@@ -22,7 +22,6 @@ from qclearn.nets.layers import PolarPad
 from qclearn.nets.polar import two_steps
 from qclearn.nets.train import Process, TrainConfig, take_step
 from qclearn.plane.checks import BeltramiError
-from qclearn.plane.disk import boundary_loop
 from qclearn.plane.fourier import fourier_coefficients
 from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.mobius import mobius

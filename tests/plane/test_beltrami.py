@@ -19,7 +19,7 @@ from exactmaps import (
 )
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from meshes import random_disk, random_mu
+from meshes import boundary_loop, random_disk, random_mu
 from scipy import sparse
 
 from qclearn.plane.beltrami import (
@@ -33,7 +33,7 @@ from qclearn.plane.beltrami import (
 )
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.coefficients import compose_coefficients, diffuse, inverse_coefficient
-from qclearn.plane.disk import Disk, boundary_loop
+from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.linear import cotangent_stiffness
 

@@ -7,7 +7,7 @@ import pytest
 from exactmaps import DISK_MAPS, SLIDING
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from meshes import random_disk, strip
+from meshes import boundary_loop, random_disk, strip
 from operations import lines_run
 
 from qclearn.plane.beltrami import BeltramiDiskSolver, signed_areas, stiffness
@@ -18,7 +18,7 @@ from qclearn.plane.bijectivity import (
     repair,
 )
 from qclearn.plane.checks import BeltramiError
-from qclearn.plane.disk import Disk, boundary_loop, integers
+from qclearn.plane.disk import Disk, integers
 from qclearn.plane.grids import polar_disk
 from qclearn.plane.linear import edge_lengths
 

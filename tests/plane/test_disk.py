@@ -5,10 +5,10 @@ import pickle
 import numpy as np
 import pytest
 from exactmaps import SLIDING
-from meshes import random_disk
+from meshes import boundary_loop, random_disk
 
 from qclearn.plane.checks import BeltramiError
-from qclearn.plane.disk import OF_FACES, Disk, boundary_loop
+from qclearn.plane.disk import OF_FACES, Disk
 from qclearn.plane.grids import polar_disk
 
 # The value.
@@ -64,7 +64,7 @@ def test_a_picture_shares_what_depends_on_the_faces_alone():
     f = SLIDING(disk.z)
     before = disk.at(f)
     assert set(vars(before)) == {"z", "faces"} and before.faces is disk.faces
-    _ = disk.gradients, disk.certificate, disk.order, disk.lookup(np.array([0.1j]))
+    _ = disk.gradients, disk.certificate, disk.lookup(np.array([0.1j]))
     picture = disk.at(f)
     assert set(vars(picture)) == {"z", "faces", *OF_FACES}
     assert all(getattr(picture, name) is getattr(disk, name) for name in OF_FACES)

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from meshes import random_disk
+from meshes import boundary_loop, random_disk
 
 from qclearn.plane.beltrami import signed_areas
-from qclearn.plane.disk import boundary_loop
 from qclearn.plane.grids import (
     COARSE,
     FINE,

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from exactmaps import DISK_MAPS, after, moebius, sliding, twist
-from meshes import random_disk, random_mu
+from meshes import boundary_loop, random_disk, random_mu
 
 from qclearn.plane.beltrami import mean_reciprocal, solve_beltrami_disk, solve_beltrami_disk_log
 from qclearn.plane.checks import BeltramiError
-from qclearn.plane.disk import Disk, boundary_loop
+from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.mobius import mobius
 

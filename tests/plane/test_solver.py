@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import torch
 from exactmaps import DISK_MAPS, SLIDING, SLIDING_THREE, TWIST, after, moebius
-from meshes import random_disk, random_mu
+from meshes import boundary_loop, random_disk, random_mu
 from scipy import sparse
 
 from qclearn.plane.beltrami import (
@@ -16,7 +16,7 @@ from qclearn.plane.beltrami import (
 )
 from qclearn.plane.bijectivity import RepairWarning, check_bijective
 from qclearn.plane.checks import BeltramiError
-from qclearn.plane.disk import Disk, boundary_loop
+from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.mobius import mobius
 from qclearn.surfaces.conformal import angle_distortion

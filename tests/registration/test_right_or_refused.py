@@ -7,14 +7,14 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
-from meshes import random_disk
+from meshes import boundary_loop, random_disk
 from test_register import bowl, entries, spoke
 
 import qclearn as qc
 from qclearn.plane.beltrami import beltrami_coefficient, locate
 from qclearn.plane.bijectivity import RepairWarning, check_bijective, check_embedding
 from qclearn.plane.checks import BeltramiError
-from qclearn.plane.disk import Disk, boundary_loop
+from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar, polar_disk
 from qclearn.plane.mobius import best_mobius, mobius
 from qclearn.plane.tangent import CoefficientMesh

@@ -2,6 +2,7 @@
 seen."""
 
 import contextlib
+import json
 import os
 import socket
 import subprocess
@@ -22,6 +23,7 @@ SETTINGS = {
     # notebook.
     "notebook-extension/tracker": '{"windowingMode": "none", "kernelShutdown": true}',
 }
+NBGRADER = ("assignment_list", "course_list", "formgrader", "validate_assignment")
 IDLE = "#jp-main-statusbar :text-matches('[|] Idle')"
 
 
@@ -58,6 +60,11 @@ def jupyterlab(home, root):
         file = home / "settings" / "@jupyterlab" / f"{name}.jupyterlab-settings"
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text)
+    # nbgrader's extensions take seconds to load, and no page needs them.
+    (home / "config").mkdir(exist_ok=True)
+    without = {f"nbgrader.server_extensions.{name}": False for name in NBGRADER}
+    config = {"ServerApp": {"jpserver_extensions": without}}
+    (home / "config" / "jupyter_server_config.json").write_text(json.dumps(config))
     places = {
         "JUPYTER_CONFIG_DIR": "config",
         "JUPYTER_DATA_DIR": "data",

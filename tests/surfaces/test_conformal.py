@@ -5,13 +5,13 @@ import warnings
 import numpy as np
 import pytest
 import pyvista
-from meshes import random_disk, strip
+from meshes import boundary_loop, random_disk, strip
 from scipy import sparse
 
 from qclearn.io.fsaverage import fsaverage5
 from qclearn.plane.beltrami import beltrami_coefficient
 from qclearn.plane.bijectivity import RepairWarning
-from qclearn.plane.disk import Disk, boundary_loop
+from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk
 from qclearn.plane.linear import cotangent_stiffness
 from qclearn.surfaces.conformal import angle_distortion, disk_conformal_map

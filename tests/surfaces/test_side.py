@@ -10,8 +10,8 @@ from qclearn.plane.disk import Disk
 from qclearn.plane.mobius import mobius
 from qclearn.surfaces.conformal import (
     ParameterizedSurface,
+    apply_mobius,
     disk_conformal_map,
-    moved,
     parameterize,
     repair_folds,
 )
@@ -47,7 +47,7 @@ def test_what_was_repaired_stands_in_words_and_warns_nobody(recwarn):
 
 def test_moving_gives_another_side_and_leaves_the_first(side):
     before = side.disk.z.copy()
-    there = moved(side, MOVE)
+    there = apply_mobius(side, MOVE)
     assert there is not side and there.surface is side.surface and there.whole
     np.testing.assert_array_equal(side.disk.z, before)
     np.testing.assert_allclose(there.disk.z, mobius(before, *MOVE), atol=1e-15)

@@ -2,12 +2,11 @@
 what they did."""
 
 import warnings
-from functools import cached_property
 
 import numpy as np
 
 from ...plane.bijectivity import RepairWarning
-from ...plane.linear import LARGE, Dirichlet, elimination_order
+from ...plane.linear import Dirichlet
 from ...plane.mobius import mobius
 
 HARD = 1e6  # weight that holds a landmark to about a millionth of the disk's radius
@@ -24,18 +23,12 @@ class LandmarkSolver:
 
     def __init__(self, problem):
         self.disk, self.samples, self.target = problem.disk, problem.samples, problem.target
+        self.order = None  # of elimination: minimum degree
         boundary = mobius(self.disk.z[self.disk.loop], *problem.mobius)
         self.boundary, self.normal = (
             boundary / abs(boundary),
             (self.samples.T @ self.samples).tocsc(),
         )
-
-    @cached_property
-    def order(self):
-        """In which a large mesh's vertices are eliminated; landmarks couple those of one face,
-        neighbours anyway."""
-        disk = self.disk
-        return elimination_order(disk.laplace, disk.z, disk.loop) if len(disk.z) > LARGE else None
 
     def solve(self, mu, weight=0.0):
         """The map f (V,) with coefficient mu (F,) and landmarks of this weight; BeltramiError for

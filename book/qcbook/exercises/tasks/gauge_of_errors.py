@@ -58,10 +58,10 @@ def cases(rng):
 def nearest(p, q):
     """Points p after the disk Möbius map that brings them nearest to q: `qc.best_mobius`, in less
     time."""
-    from qclearn.plane.mobius import best_turn, nearest_mobius
+    from qclearn.plane.mobius import nearest_mobius
 
     p, q = np.asarray(p, complex)[None], np.asarray(q, complex)[None]
-    (a, theta), _ = nearest_mobius(p, q, best_turn(p, q), 30)
+    (a, theta), _ = nearest_mobius(p, q, 1)
     return qc.mobius(p[0], a[0], theta[0])
 
 
