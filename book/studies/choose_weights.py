@@ -40,7 +40,7 @@ from qclearn.benchmark.methods.folds import with_folds
 from qclearn.benchmark.pairs import CONTROL, Pair, cohort_pair, mapped, mapped_subject, prepare
 from qclearn.benchmark.trial import map_figures
 from qclearn.io.provenance import provenance
-from qclearn.registration.networks import fit_with_fallbacks
+from qclearn.registration.fit import fit_with_fallbacks
 from qclearn.registration.pair import align_disks, sample_landmarks
 from qclearn.registration.problem import BY_DISKS, DELTA, ETA, INDIVIDUAL, Weights
 

@@ -318,7 +318,9 @@ def write_maps(folder, result, pair):
         numbering = pair.moving.numbering
         radius = result.uncertainty.astype(np.float32)
         whole = numbering.on_whole(radius, np.nan) if numbering.known else radius
-        qc.write_values(folder / UNCERTAINTY, whole, pair.moving.frame.side, names=["radius of 90 %, mm"])
+        qc.write_values(
+            folder / UNCERTAINTY, whole, pair.moving.frame.side, names=["radius of 90 %, mm"]
+        )
     return pair.sphere and write_sphere(folder, arrays, pair.sphere)
 
 

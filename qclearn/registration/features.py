@@ -76,8 +76,8 @@ class Smoothing:
         """
         if sigma not in self.densities:
             self.heat(sigma)
-        moved = log_density(self.areas, disk) - log_density(self.areas, self.disk)
-        return self.densities[sigma] + moved
+        density = self.densities[sigma] + log_density(self.areas, disk)
+        return density - log_density(self.areas, self.disk)
 
     def heat(self, sigma):
         """The values after the heat flow `A u' = -K u` for the time sigma^2 / 2; caches the
@@ -137,7 +137,7 @@ def clipped(values, areas, limit):
 
 
 class FeatureError(SurfaceError):
-    """A per-vertex map that cannot lead a registration: says which, on which side, and what to do."""
+    """A per-vertex map that cannot lead a registration: which, on which side, and what to do."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +193,7 @@ class FeaturesAndPlaces(Features):
         self.shares = weights / np.sum(weights)
 
     def at(self, sigma):
-        """Both sides' features at scale sigma and places, standardised: (V, C + 3) and (W, C + 3)."""
+        """Features at scale sigma and places of both sides, standardised: (V, C + 3), (W, C + 3)."""
         return tuple(np.hstack(parts) for parts in zip(self.features.at(sigma), self.places))
 
 
@@ -292,7 +292,7 @@ class Match:
         return ((self.shares * (self.here - there)) ** 2).sum((1, 2))
 
     def refined(self, parameters):
-        """(a, theta) after damped Gauss-Newton steps from there, each a Möbius map after the last."""
+        """(a, theta) after damped Gauss-Newton steps from there, each a Möbius map more."""
         damping, cost = DAMPING, self.misfit(parameters)
         for _ in range(ROUNDS):
             w = mobius(self.z, *parameters)

@@ -162,9 +162,15 @@ def fit_registration(
         for level in levels
         if level.sigma or by_landmarks
     ]
-    objective, state, steps, begun = best_start(
-        MultiresolutionFit(problem), levels, weights, features, start, watch
-    )
+    multiresolution, begun = MultiresolutionFit(problem), ""
+    polar = [level for level in levels if not (level.own_mesh or level.proxy_rings)]
+    guiding = [level for level in polar if (level.sigma or 0) >= COARSE]
+    if weights.eta and guiding and start is None and not len(problem.moving):
+        objective, state, steps, begun = better_of_two_starts(
+            multiresolution, guiding, polar, levels[len(polar) :], weights, features, watch
+        )
+    else:
+        objective, state, steps = multiresolution.run(levels, weights, start, features, watch)
     fit = replace(report_fit(objective, state, steps), start=begun)
     plain = objective.at_mobius(problem.mobius)
     if exceeds(objective, state, plain):
@@ -176,31 +182,26 @@ def fit_registration(
     return replace(fit, r=dict(zip(features.names, map(list, r))))
 
 
-def best_start(multiresolution, levels, weights, features, start, watch):
-    """GaussNewtonObjective, state and steps of the last level, and a message on where the fit
-    began.
+def better_of_two_starts(multiresolution, guiding, polar, fine, weights, features, watch):
+    """GaussNewtonObjective, state and steps of a fit without landmarks, and a message on its start.
 
-    Without landmarks the folds alone may lead a map into a valley that is not theirs. Where the
-    Möbius map of features and of the vertices' places in space lies APART from where the disk was
-    aligned, a second fit begins there, and places lead on its coarsest levels, too. The one whose
-    objective ends lower on the finest polar mesh goes on.
+    The folds alone may lead a map into a valley that is not theirs. Where the Möbius map of
+    features and of the vertices' places in space lies APART from where the disk was aligned, a
+    second fit begins there, and places lead on its coarsest levels, too. The one whose objective
+    ends lower on the finest polar mesh goes on. guiding: the coarsest of the `polar` levels; fine:
+    those after them.
     """
     problem, z = multiresolution.problem, multiresolution.problem.disk.z
-    polar = [level for level in levels if not (level.own_mesh or level.proxy_rings)]
-    guiding = [level for level in polar if (level.sigma or 0) >= COARSE]
 
     def run(levels, features=features, begun=(None, None)):
-        return multiresolution.run(levels, weights, start, features, watch, begun=begun)
-
-    if not (weights.eta and guiding) or start is not None or len(problem.moving):
-        return *run(levels), ""
+        return multiresolution.run(levels, weights, None, features, watch, begun=begun)
 
     # Where do features and places in space lay the disk?
     placed = FeaturesAndPlaces(features, problem.sides.moving, problem.sides.control)
     parameters = best_by_features(placed, z, PLACED)
     apart = features.areas @ abs(mobius(z, *parameters) - z)
     if apart < APART:
-        return *run(levels), (
+        return *run([*polar, *fine]), (
             f"by features; with places in space the start lies {apart:.2g} from there in the disk"
         )
 
@@ -216,7 +217,7 @@ def best_start(multiresolution, levels, weights, features, start, watch):
         f"{name} (objective {value:.4g})"
         for name, value in zip(("features", "features and places"), values)
     ]
-    objective, state, steps = run(levels[len(polar) :], begun=fits[best])
+    objective, state, steps = run(fine, begun=fits[best])
     message = f"by {starts[best]}, not by {starts[1 - best]}"
     return objective, state, fits[best][2] + steps, message
 

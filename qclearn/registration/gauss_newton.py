@@ -182,8 +182,8 @@ class ProductStep:
 
 def conjugate_gradients(product, precondition, rest, directions):
     """Preconditioned conjugate gradients for `A x = rest`: yields x, what is left of `rest`, and
-    its squared size in the preconditioner's norm, before each step; appends its direction p, A p
-    and its length to `directions`."""
+    its squared size in the preconditioner's norm, before each step; appends its direction p, A p, p
+    A p and its length to `directions`."""
     x, p, last = np.zeros(len(rest)), 0.0, 1.0
     while True:
         z = precondition(rest)
@@ -191,8 +191,9 @@ def conjugate_gradients(product, precondition, rest, directions):
         yield x, rest, size
         p = z + size / last * p
         Ap = product(p)
-        length = size / (p @ Ap)
-        directions.append((p, Ap, length))
+        curvature = p @ Ap
+        length = size / curvature
+        directions.append((p, Ap, curvature, length))
         x, rest, last = x + length * p, rest - length * Ap, size
 
 
@@ -232,10 +233,12 @@ class DualStep(ProductStep):
             if done or not size > 0 or self.objective.spent:  # size 0: what is left is rounding
                 break
         if directions:
-            pairs = [(p, (Sp - p - mobius_part @ p) / share) for p, Sp, _ in directions]
+            pairs = [(p, (Sp - p - mobius_part @ p) / share) for p, Sp, *_ in directions]
             self.preconditioner = corrected(self.preconditioner, pairs, self.gamma)
-        steps = (length * step for step, (_, _, length) in zip(lifted, directions))
-        return self.change(-share * self.nu - sum(steps), least + left)
+        x = -share * self.nu
+        for step, (*_, length) in zip(lifted, directions):
+            x -= length * step
+        return self.change(x, least + left)
 
 
 def corrected(gram, products, gamma):
@@ -307,8 +310,7 @@ class PrimalStep(ProductStep):
                 break
         promised = self.model() - x @ (slope + rest)
         if directions:
-            Y, HY, _ = (np.stack(part, axis=-1) for part in zip(*directions))
-            self.preconditioner = [Y, HY, (Y * HY).sum(0)]
+            self.preconditioner = [np.stack(part, axis=-1) for part in zip(*directions)][:3]
         return self.change(x, promised)
 
 
@@ -382,16 +384,13 @@ class GaussNewtonObjective:
     """The objective of a `Discretization` with `Weights`, and maybe a `FeatureTerm` and an
     `AreaTerm`: `state = at(nu, mobius)`, `value(state, gamma)`, `step(state, gamma)`.
 
-    closed: take the landmarks' derivative by nu in closed form, a few percent off and without a
-    solve, to precondition exact products; else exactly from adjoint solves, which cost little on a
-    polar mesh. Folds of the problem's own mesh are repaired. `work` counts what the steps cost.
+    Folds of the problem's own mesh are repaired; `work` counts what the steps cost there.
     """
 
-    def __init__(self, discretization, weights, features=None, areas=None, closed=None):
+    def __init__(self, discretization, weights, features=None, areas=None):
         self.discretization, self.weights = discretization, weights
         self.features, self.areas = features, areas
         self.terms = [term for term in (features, areas) if term is not None]
-        self.closed = discretization.own if closed is None else closed
         self.problem, self.samples = discretization.problem, discretization.samples
         self.coefficient_mesh = mesh = discretization.coefficient_mesh
         self.landmarks = discretization.landmarks
@@ -413,25 +412,25 @@ class GaussNewtonObjective:
         solution = copy(self.coefficient_mesh.solver)
         solution.solve(self.coefficient_mesh.coefficient(nu))
         self.work += 1
-        return self.with_solution(nu, parameters, solution)
+        return self.state(nu, parameters, solution, mobius(solution.f, *parameters))
 
     def with_mobius(self, state, parameters):
         """The state with the same nu and other Möbius parameters: no solve."""
-        return self.with_solution(state.nu, parameters, state.solution)
+        f = mobius(state.solution.f, *parameters)
+        return self.state(state.nu, parameters, state.solution, f)
 
     def at_mobius(self, parameters):
         """The state with nu = 0 and the Möbius map itself at each vertex, repaired where it folds
         triangles."""
         solution = copy(self.coefficient_mesh.solver)
-        solution.f, solution.floored = solution.disk.z, 0
-        solution.mu = np.zeros(len(solution.disk.faces), complex)
-        nu = np.zeros(len(self.coefficient_mesh.mesh.z), complex)
-        return self.with_solution(nu, parameters, solution)
-
-    def with_solution(self, nu, parameters, solution):
-        """The state with a solver's last map, the Möbius map after it, and the repair of folds."""
-        f = mobius(solution.f, *parameters)
+        solution.mu, solution.floored = np.zeros(len(solution.disk.faces), complex), 0
+        f = mobius(solution.disk.z, *parameters)
         f[solution.loop] /= abs(f[solution.loop])
+        nu = np.zeros(len(self.coefficient_mesh.mesh.z), complex)
+        return self.state(nu, parameters, solution, f)
+
+    def state(self, nu, parameters, solution, f):
+        """The `State` of a map f (V,), repaired where it folds the problem's own mesh."""
         switched = ()
         if self.discretization.own:
             f, switched, rounds = unfold(solution, f)
@@ -460,8 +459,12 @@ class GaussNewtonObjective:
         return abs(state.points - self.problem.target).mean()
 
     def jacobian(self, state, gamma):
-        """Gradients of the landmarks' residual by nu, complex (2 M, N), in closed form or exact."""
-        if not self.closed:
+        """Gradients of the landmarks' residual by nu, complex (2 M, N).
+
+        On the problem's own mesh in closed form, a few percent off and without a solve, to
+        precondition exact products; on a polar mesh exactly, by adjoint solves, which cost little.
+        """
+        if not self.discretization.own:
             return self.landmarks.jacobian(*self.exact_gradients(state), gamma)
         f = state.solution.f
         slope = self.samples @ mobius_slope(f, *state.mobius)

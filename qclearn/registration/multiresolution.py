@@ -124,11 +124,6 @@ def landmark_levels(disk, rings):
     return [coarse, *(with_proxy(own) if len(disk.z) > LARGE else [own])]
 
 
-def few(steps, rings):
-    """At most so many steps on one polar mesh, whatever they promise."""
-    return Level(rings, None, steps, min_predicted_decrease=0.0)
-
-
 class MultiresolutionFit:
     """The fit of one `Problem` on a sequence of levels, with any weights: caches what no weight
     changes, for a slider say."""

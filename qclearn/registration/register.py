@@ -18,14 +18,8 @@ from ..surfaces.surface import Surface, require_disk, require_outward
 from .curves import check_curves, held_apart
 from .diagnose import diagnose_landmarks
 from .features import FOLDS, check_features, featured
-from .fit import certified
-from .networks import (
-    TOLERANCE,
-    certified_network_map,
-    fit_with_fallbacks,
-    gamma_messages,
-    predicted,
-)
+from .fit import certified, fit_with_fallbacks
+from .networks import TOLERANCE, certified_network_map, gamma_messages, predicted
 from .pair import SurfacePair, align_disks, sample_landmarks
 from .problem import BY_DISKS, DELTA, ETA, LandmarkError, Weights
 from .report import check_annotations, feature_messages, report_of

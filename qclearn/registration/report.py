@@ -10,7 +10,7 @@ from ..plane.mobius import mobius
 from ..surfaces.checks import degenerate_faces
 from ..surfaces.surface import SurfaceError
 from .curves import POINTS_PER_CURVE, SIDES, curve_distance, curves_in_space, sample_curve
-from .diagnose import FEWEST, disagreeing, laid_by_folds, reasons, worse
+from .diagnose import FEWEST, align_by_folds, disagreeing, reasons, worse
 from .metrics import (
     coefficient_statistics,
     curve_rows,
@@ -148,7 +148,7 @@ def feature_messages(pair, landmarks):
         return []
     messages = [*disagreeing(pair.features, landmarks.mobius_map)]
     if messages and 0 < len(pair.curves) < FEWEST:
-        return [*disagreeing(pair.features, laid_by_folds(pair).moving.disk.z)]
+        return [*disagreeing(pair.features, align_by_folds(pair).moving.disk.z)]
     return messages
 
 

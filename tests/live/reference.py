@@ -80,6 +80,9 @@ class WholeSteps(GaussNewtonObjective):
     def linearise(self, state, gamma):
         return DirectStep(self, state, gamma)
 
+    def jacobian(self, state, gamma):
+        return self.landmarks.jacobian(*self.exact_gradients(state), gamma)
+
 
 def fit_in_steps(asked, on_coarse, on_fine):
     """(objective, state) of so many of the library's Gauss-Newton steps on either mesh for a
@@ -101,7 +104,6 @@ def fit_in_steps(asked, on_coarse, on_fine):
     fine = WholeSteps(
         Discretization(problem, CoefficientMesh(FINE_MESH, FINE_MESH), own=True),
         weights,
-        closed=False,
     )
     nu = COARSE_MESH.sampling(FINE_MESH.z) @ state.nu
     return fine, steps(fine, fine.at(nu, state.mobius), [weights.gamma] * on_fine)

@@ -189,7 +189,7 @@ def test_steps_without_a_jacobian_end_where_exact_ones_do_and_cost_few_solves(
 ):
     """exact: the end of steps by adjoint solves for each landmark.
 
-    Steps that do not use what earlier ones have preconditioner take a quarter more solves; those of
+    Steps that do not use what earlier ones have computed take a quarter more solves; those of
     equations that nothing preconditions take 2,500 and more; and equations that are solved in three
     products end at nine times the least.
     """
@@ -392,18 +392,18 @@ def test_a_start_is_carried_to_the_polar_mesh():
     np.testing.assert_allclose(bounded(start), TWIST.mu(grid.z), atol=0.05)
 
 
-def test_a_kept_climb_is_fitted_anew_with_other_weights(monkeypatch):
-    """As a new one is, to the last bit, whatever the fits before have preconditioner; its mesh is
+def test_a_multiresolution_fit_is_run_again_with_other_weights(monkeypatch):
+    """As a new one is, to the last bit, whatever the fits before have computed; its mesh is
     not looked at again."""
-    multiresolution = MultiresolutionFit(Problem(MESH, *smooth_problem(3)))
-    fit_problem(multiresolution, Weights(gamma=1e5))
+    resumed = MultiresolutionFit(Problem(MESH, *smooth_problem(3)))
+    fit_problem(resumed, Weights(gamma=1e5))
     new = fit_problem(Problem(Disk(*SMALL), *smooth_problem(3)), Weights(2.0, 0.1, 10.0))
     monkeypatch.setattr(multiresolution, "CoefficientMesh", None)
     monkeypatch.setattr(multiresolution, "Discretization", None)
-    assert np.array_equal(fit_problem(multiresolution, Weights(2.0, 0.1, 10.0)).f, new.f)
+    assert np.array_equal(fit_problem(resumed, Weights(2.0, 0.1, 10.0)).f, new.f)
 
 
-def test_a_problem_that_was_fitted_holds_no_engine_and_goes_to_other_processes():
+def test_a_problem_that_was_fitted_holds_no_objective_and_goes_to_other_processes():
     problem = Problem(Disk(*SMALL), *smooth_problem(3))
     fit = fit_problem(problem, Weights())
     assert set(vars(problem)) == {field.name for field in fields(Problem)} | {"samples", "mobius"}

@@ -258,7 +258,7 @@ def folding_above(monkeypatch):
                 else replace(fit, bijective=False, flipped=np.array([7]))
             )
 
-        monkeypatch.setattr("qclearn.registration.networks.fit_problem", folding)
+        monkeypatch.setattr("qclearn.registration.fit.fit_problem", folding)
 
     return limit
 
@@ -507,7 +507,7 @@ def test_the_steps_begin_at_the_networks_coefficient(networks, pair, monkeypatch
         seen.append(options)
         return fit_problem(*arguments, **options)
 
-    monkeypatch.setattr("qclearn.registration.networks.fit_problem", fit)
+    monkeypatch.setattr("qclearn.registration.fit.fit_problem", fit)
     networks(predict=lambda *_, **__: prediction)
     assert by_networks(pair, tolerance=2e-3).report["landmark_error"] <= 2e-3
     assert seen[0]["start"] is prediction and seen[0]["enough"] == pytest.approx(1.8e-3)

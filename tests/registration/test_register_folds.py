@@ -119,7 +119,7 @@ def test_delta_is_lowered_before_gamma(monkeypatch):
         fit = fit_registration(problem, weights, *more)
         return fit if weights.gamma < 1e4 else replace(fit, bijective=False, flipped=np.array([7]))
 
-    monkeypatch.setattr("qclearn.registration.networks.fit_registration", folding)
+    monkeypatch.setattr("qclearn.registration.fit.fit_registration", folding)
     report = register(
         MOVING, CONTROL, entries(0), features=FEATURES[:1], gamma=1e5, delta=0.4
     ).report
@@ -131,7 +131,7 @@ def test_features_that_fold_at_every_delta_are_refused(monkeypatch):
     def folding(problem, weights, *more):
         return SimpleNamespace(bijective=False, flipped=np.array([7]))
 
-    monkeypatch.setattr("qclearn.registration.networks.fit_registration", folding)
+    monkeypatch.setattr("qclearn.registration.fit.fit_registration", folding)
     with pytest.raises(
         BijectivityError,
         match="for these features down to delta = 0.00390625 .*the features of both",
@@ -157,7 +157,7 @@ def test_the_networks_answer_is_where_the_features_begin(monkeypatch):
         seen.append(start)
         return fit_registration(problem, weights, features, start)
 
-    monkeypatch.setattr("qclearn.registration.networks.fit_registration", fit)
+    monkeypatch.setattr("qclearn.registration.fit.fit_registration", fit)
     result = register(
         MOVING, CONTROL, entries(0), "network", gamma=1e2, features=FEATURES, delta=1.0
     )

@@ -154,18 +154,20 @@ def test_the_work_of_a_fit_of_wrong_landmarks_is_bounded():
     """Steps of a fit end where its objective has done the work it may; the map is certified, with a
     word."""
     p, q = (np.asarray(side, complex) for side in ASTRAY["permuted"])
-    engines = []
+    objectives = []
 
     class Watched(GaussNewtonObjective):
         def __init__(self, *given):
             super().__init__(*given)
             self.most_work = min(self.most_work, 20.0)
-            engines.append(self)
+            objectives.append(self)
 
     with patch("qclearn.registration.multiresolution.GaussNewtonObjective", Watched):
         fit = fit_landmarks(*COARSE, p, q, gamma=1e5)
     assert (
-        engines[-1].spent and fit.bijective and fit.fallbacks[-1].startswith("the fit was stopped")
+        objectives[-1].spent
+        and fit.bijective
+        and fit.fallbacks[-1].startswith("the fit was stopped")
     )
 
 

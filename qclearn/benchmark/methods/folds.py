@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from ...plane.mobius import mobius
 from ...registration import diagnose
-from ...registration.networks import fit_with_fallbacks
+from ...registration.fit import fit_with_fallbacks
 from ...registration.pair import align_disks, sample_landmarks
 from ...registration.problem import DELTA, ETA, LandmarkError, Problem, Weights
 from ...surfaces.conformal import repair_folds

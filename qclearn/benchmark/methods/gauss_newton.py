@@ -9,7 +9,7 @@ from ...plane.coefficients import bounded, unbounded
 from ...plane.grids import COARSE, FINE, polar
 from ...plane.mobius import best_mobius
 from ...registration.fit import exact_map, fit_problem
-from ...registration.multiresolution import Level, MultiresolutionFit, few, run_level
+from ...registration.multiresolution import Level, MultiresolutionFit, run_level
 from ...registration.problem import Weights
 from .solver import warn_of
 
@@ -57,7 +57,8 @@ def few_steps(problem, mu, steps, weights):
 
     The solve fits the disk Möbius map again. A RepairWarning says if rows were switched.
     """
-    level, mesh = few(steps, FINE[0]), polar(*FINE)
+    level = Level(FINE[0], None, steps, min_predicted_decrease=0.0)
+    mesh = polar(*FINE)
     objective = MultiresolutionFit(problem).objective(level, weights)
     begin = objective.at(mesh.to_vertices @ unbounded(mu), (0j, 0.0))
     best = best_mobius(objective.samples @ begin.solution.f, problem.target)
