@@ -16,8 +16,7 @@ def gauge_errors(maps, exact, z):
     """
     identity = np.tile(z, (len(exact), 1))
     off, still = (
-        nearest_mobius(np.asarray(f, complex), exact, 1, ROUNDS)[1].sum()
-        for f in (maps, identity)
+        nearest_mobius(np.asarray(f, complex), exact, 1, ROUNDS)[1].sum() for f in (maps, identity)
     )
     return {
         "comes": float(abs(maps - exact).sum() / abs(identity - exact).sum()),

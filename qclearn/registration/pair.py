@@ -30,7 +30,7 @@ class SurfacePair:
         return [
             f"{name}: {word}"
             for name in ("moving", "control")
-            for word in getattr(self, name).words
+            for word in getattr(self, name).messages
         ]
 
 
