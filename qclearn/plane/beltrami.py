@@ -2,8 +2,8 @@
 Beltrami Solver, and the map with a free boundary by its two forms.
 
 Points, maps and gradients of real functions are complex numbers. On a triangle a map is affine: its
-Wirtinger derivatives and its Beltrami coefficient are constants. Each function makes a `Disk` of its
-arrays, whose method does the work.
+Wirtinger derivatives and its Beltrami coefficient are constants. Each function makes a `Disk` of
+its arrays, whose method does the work.
 """
 
 import warnings
@@ -22,7 +22,7 @@ from .solver import DiskSolver
 
 
 def signed_areas(z: PerVertex, faces: Faces) -> Float[ndarray, " F"]:
-    """Signed area of each triangle, positive when counter-clockwise: `Im(conj(b - a)(c - a)) / 2`."""
+    """Signed area of each triangle, positive if counter-clockwise: `Im(conj(b - a)(c - a)) / 2`."""
     return Disk(z, faces).areas
 
 
@@ -69,8 +69,8 @@ def stiffness(z: PerVertex, faces: Faces, mu: PerFace) -> Float[sparse.csc_array
     """The positive semi-definite matrix `K(mu)_ij = sum_T |T| grad phi_i . A(mu_T) grad phi_j`,
     |mu| < 1.
 
-    `(K u)_i = 0` is the corrected form (with the area weight) of the paper's eqs. linear_system_x and
-    linear_system_y.
+    `(K u)_i = 0` is the corrected form (with the area weight) of the paper's eqs. linear_system_x
+    and linear_system_y.
     """
     return Disk(z, faces).stiffness(mu)
 

@@ -1,4 +1,5 @@
-"""Checks of planar meshes, their maps, coefficients and pins: a BeltramiError says what is wrong."""
+"""Checks of planar meshes, their maps, coefficients and pins; a BeltramiError names what is
+wrong."""
 
 import numpy as np
 
@@ -69,7 +70,8 @@ def check_map(f, n_vertices):
     f = np.asarray(f, float) if surface else np.atleast_1d(planar_points(f, "f"))
     if len(f) != n_vertices:
         raise BeltramiError(
-            f"f has shape {f.shape}, but the mesh has {n_vertices} vertices: give one value a vertex"
+            f"f has shape {f.shape}, but the mesh has {n_vertices} vertices: give one value a "
+            "vertex"
         )
     return f
 

@@ -1,5 +1,5 @@
-"""A triangulated disk in the plane, `Disk`: its matrices, derivatives of maps, certificate; and where
-points lie in it, `Lookup`."""
+"""A triangulated disk in the plane, `Disk`: its matrices, derivatives of maps, certificate; and
+where points lie in it, `Lookup`."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -80,8 +80,8 @@ class Disk:
         if len(bad):
             raise BeltramiError(
                 f"{len(bad)} source triangles are not counter-clockwise (first: "
-                f"{bad[:5].tolist()}); use a planar mesh without folds, or reverse every face if all "
-                "of them are clockwise"
+                f"{bad[:5].tolist()}); use a planar mesh without folds, or reverse every face if "
+                "all of them are clockwise"
             )
         corners = self.z[self.faces]
         opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
@@ -127,7 +127,7 @@ class Disk:
 
     @cached_property
     def lookup(self) -> "Lookup":
-        """`lookup(points, guess)` is `locate` without its checks, from faces (P,) near the points."""
+        """`lookup(points, guess)` is `locate` unchecked, from faces `guess` (P,) near the points."""
         return Lookup(self)
 
     def locate(
@@ -146,9 +146,7 @@ class Disk:
     def sampling(self, points: Complex[ndarray, " P"]) -> Float[sparse.csr_array, " P V"]:
         """From values of the vertices to values at points (P,), linear in each face."""
         face, weights = self.locate(points)
-        matrix = three_a_row(weights, self.faces[face], len(self.z))
-        matrix.sort_indices()
-        return matrix
+        return three_a_row(weights, self.faces[face], len(self.z)).sorted_indices()
 
     def interpolate(self, values, places):
         """Values (V, ...) of the vertices at places (face, weights) as `locate` returns them,
@@ -157,7 +155,7 @@ class Disk:
         return np.einsum("pk,pk...->p...", weights, np.asarray(values)[self.faces[face]])
 
     def stiffness(self, mu: PerFace) -> Float[sparse.csc_array, " V V"]:
-        """`K(mu)_ij = sum_T |T| grad phi_i . A(mu_T) grad phi_j`, positive semi-definite; |mu| < 1."""
+        """`K(mu)_ij = sum_T |T| grad phi_i . A(mu_T) grad phi_j`, semi-definite; |mu| < 1."""
         mu = check_coefficient(mu, len(self.faces))
         turned = diffuse(mu[:, None], self.gradients)
         products = (self.gradients.conj()[:, :, None] * turned[:, None, :]).real
@@ -184,7 +182,8 @@ class Disk:
     @cached_property
     def to_faces(self) -> Float[sparse.csr_array, " F V"]:
         """From values of the vertices to the value at each face's centroid."""
-        return three_a_row(np.full(self.faces.shape, 1 / 3), self.faces, len(self.z))
+        thirds = np.full(self.faces.shape, 1 / 3)
+        return three_a_row(thirds, self.faces, len(self.z)).sorted_indices()
 
     def wirtinger(self, f):
         """`f_z` and `f_zbar` on each face of a map f, complex (V,) or real (V, 3): (F,) or (F, 3)
@@ -233,7 +232,7 @@ class Disk:
 
     @cached_property
     def certificate(self) -> Certificate:
-        """Whether the mesh has no fold, and its boundary is a simple polygon run counter-clockwise."""
+        """Whether no face is flipped and the boundary is a simple polygon, counter-clockwise."""
         rim = self.z[self.loop]
         simple = bool(np.isfinite(rim).all())
         if simple:
@@ -282,9 +281,9 @@ def pairs(z):
 class Lookup:
     """Where points lie in one `Disk`: (face, barycentric coordinates). Nothing is checked.
 
-    From the faces `guess` (P,), else from a face at the nearest vertex, a walk crosses the edge that a
-    point lies farthest beyond. Points that STEPS do not reach are looked for in a tree of all faces;
-    points in no face are moved onto the boundary polygon.
+    From the faces `guess` (P,), else from a face at the nearest vertex, a walk crosses the edge
+    that a point lies farthest beyond. Points that STEPS do not reach are looked for in a tree of
+    all faces; points in no face are moved onto the boundary polygon.
     """
 
     def __init__(self, disk):
@@ -387,7 +386,7 @@ class Lookup:
 
 
 def _edge_distances(corners, points):
-    """Twice the signed areas of a point with each edge of a triangle, (P, 3), column k opposite corner
-    k."""
+    """Twice the signed areas of a point with each edge of a triangle, (P, 3), column k opposite
+    corner k."""
     a, b, c = (corners[:, k] - points for k in range(3))
     return np.stack([(b.conj() * c).imag, (c.conj() * a).imag, (a.conj() * b).imag], axis=1)

@@ -1,7 +1,7 @@
 """Meshes of the unit disk that no surface has given.
 
-First the radial map between square and disk, and the square, polar and thinned meshes; then `Spectrum`,
-the eigenvectors of Laplace's matrix on a polar mesh."""
+First the radial map between square and disk, and the square, polar and thinned meshes; then
+`Spectrum`, the eigenvectors of Laplace's matrix on a polar mesh."""
 
 from functools import lru_cache
 
@@ -113,8 +113,9 @@ class Spectrum:
     """Fields nu on a polar mesh of rings and spokes in all eigenvectors E of (Laplace, lumped mass
     A), `E^* A E = pi`.
 
-    radial (spokes, rings, rings): their radial parts by angular mode; values (spokes rings,): the eigenvalues,
-    by angular mode, then radial, as the coefficients; areas (rings spokes,): of the lumped mass.
+    radial (spokes, rings, rings): their radial parts by angular mode; values (spokes rings,): the
+    eigenvalues, by angular mode, then radial, as the coefficients; areas (rings spokes,): of the
+    lumped mass.
     """
 
     def __init__(self, rings, spokes):
@@ -133,7 +134,7 @@ class Spectrum:
         self.values = values.ravel().clip(min=0)
 
     def gradients(self, fields):
-        """`E^* fields` (n, modes) of gradients (n, 1 + rings spokes) by nu at the mesh's vertices."""
+        """`E^* fields` (n, modes) of gradients (n, 1 + rings spokes) by nu at the vertices."""
         nodal = fields[:, 1:].reshape(-1, self.rings, self.spokes)
         waves = scipy.fft.fft(nodal, norm="ortho").transpose(2, 0, 1)  # (spokes, n, rings)
         # The centre is the mean of the first ring.

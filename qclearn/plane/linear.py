@@ -1,5 +1,6 @@
 """Sparse systems on triangle meshes: assembled from element matrices, factored, solved with some
-values held. Then what triangles alone give: lengths, angles, points inside, the cotangent matrix."""
+values held. Then what triangles alone give: lengths, angles, points inside, the cotangent matrix.
+"""
 
 import numpy as np
 from jaxtyping import Float, Integer
@@ -41,8 +42,8 @@ def factorise(matrix, ordering="MMD_AT_PLUS_A"):
         )
     except RuntimeError as error:
         raise BeltramiError(
-            f"the system of equations cannot be solved ({str(error).lower()}): some vertex is in no "
-            "face, or triangles are too thin or too small for double precision; remesh"
+            f"the system of equations cannot be solved ({str(error).lower()}): some vertex is in "
+            "no face, or triangles are too thin or too small for double precision; remesh"
         ) from None
 
 
@@ -86,7 +87,7 @@ class Dirichlet:
         return solution.view(load.dtype).reshape(load.shape)
 
     def solve(self, values):
-        """The complex x (V,) with x = values at the pins and (matrix x)_i = 0 at every free vertex."""
+        """The complex x (V,), the values at the pins, with (matrix x)_i = 0 at every free vertex."""
         x = np.empty(self.size, complex)
         x[self.pinned] = values
         x[self.free] = self.solve_free(-(self.coupling @ x[self.pinned]))

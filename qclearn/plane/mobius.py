@@ -1,7 +1,7 @@
 """Möbius maps of the unit disk: the conformal freedom that a Beltrami coefficient does not see.
 
-First the maps themselves, their composition and derivatives; then the map that brings a weighted centroid
-to 0; then the maps that bring points nearest to other points.
+First the maps themselves, their composition and derivatives; then the map that brings a weighted
+centroid to 0; then the maps that bring points nearest to other points.
 """
 
 import numpy as np
@@ -127,8 +127,8 @@ def best_mobius(
 
 
 def nearest_mobius(p, q, turns=4, rounds=30):
-    """The disk Möbius maps that bring each of B point sets p (B, M) nearest to q (B, M), all at once:
-    ((a, theta), |M(p) - q|), of shapes (B,) and (B, M).
+    """The disk Möbius maps that bring each of B point sets p (B, M) nearest to q (B, M), all at
+    once: ((a, theta), |M(p) - q|), of shapes (B,) and (B, M).
 
     Damped Gauss-Newton steps, each a Möbius map near the identity after the map so far, until no
     map moves any more or `rounds` are over. They start at the best rotation and at others, `turns`

@@ -17,8 +17,9 @@ from .disk import Disk, PerFace, PerVertex
 from .linear import Dirichlet, three_a_row
 from .mobius import mobius, mobius_inverse
 
-# Of the mean boundary step. A negative weight can make a step negative: it becomes SMALLEST_STEP. At the
-# end of a long peninsula, steps below LOST_STEP are lost, as coordinates round triangles away.
+# Of the mean boundary step. A negative weight can make a step negative: it becomes SMALLEST_STEP.
+# At the end of a long peninsula, steps below LOST_STEP are lost, as coordinates round triangles
+# away.
 SMALLEST_STEP, LOST_STEP = 1e-3, 1e-8
 
 
@@ -26,8 +27,9 @@ class FreeBoundary:
     """The flux form for one stiffness matrix K, before normalisation: the map `f` sends the pole
     near 0.
 
-    1. `K_ii U_i = -2 pi e_o`, U = 0 on the boundary; 2. the fluxes `F = (K U)_b` sum to 2 pi, their densities
-    `q_k = F_k / (l_{k-1/2} + l_{k+1/2})` give the angle over each boundary edge, `l_{k+1/2} (q_k + q_{k+1})`;
+    1. `K_ii U_i = -2 pi e_o`, U = 0 on the boundary;
+    2. the fluxes `F = (K U)_b` sum to 2 pi, and their densities `q_k = F_k / (l_{k-1/2} +
+       l_{k+1/2})` give the angle over each boundary edge, `l_{k+1/2} (q_k + q_{k+1})`;
     3. `K_ii f_i = -K_ib f_b` with `f_b = exp(i theta_b)` and the same factorisation.
     """
 
@@ -110,8 +112,8 @@ class DiskSolver:
         off = abs(abs(z[loop]) - 1)
         if off.max() > 1e-6:
             raise SurfaceError(
-                f"boundary vertex {loop[off.argmax()]} is {off.max():.1e} off the unit circle; "
-                "map the mesh onto the disk first (disk_conformal_map)"
+                f"boundary vertex {loop[off.argmax()]} is {off.max():.1e} off the unit circle; map "
+                "the mesh onto the disk first (disk_conformal_map)"
             )
         angle = np.angle(z[loop]) % (2 * np.pi)
         # The edge loop[0], loop[1] holds 1; `share` is the part of it before 1.
@@ -124,8 +126,9 @@ class DiskSolver:
         steps = np.angle(following / z[self.loop])
         if steps.min() <= 0:  # a chord spans half of the circle or more
             raise SurfaceError(
-                f"the mesh does not cover 0: boundary vertex {self.loop[steps.argmin()]} and the next "
-                "are half a turn apart or more; refine the boundary, or centre the mesh by `mobius`"
+                f"the mesh does not cover 0: boundary vertex {self.loop[steps.argmin()]} and the "
+                "next are half a turn apart or more; refine the boundary, or centre the mesh by "
+                "`mobius`"
             )
         face, weights = disk.locate([0j])
         self.origin, self.weights = disk.faces[face[0]], weights[0]
@@ -184,8 +187,9 @@ class DiskSolver:
         """The map `raw` (V,), which keeps the circle, moved by a Möbius map to f(0) = 0 and f(1) =
         1."""
         self.a = 0j
-        # In rounds: the values of the vertices move by a Möbius map, the value at 0 between them not
-        # quite. Where it leaves the disk the map is folded, and the boundary must not turn over.
+        # In rounds: the values of the vertices move by a Möbius map, the value at 0 between them
+        # not quite. Where it leaves the disk the map is folded, and the boundary must not turn
+        # over.
         for _ in range(50):
             centre = self.weights @ mobius(raw[self.origin], self.a)
             if abs(centre) < 1e-15 or abs(centre) >= 1:

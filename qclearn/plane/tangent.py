@@ -1,11 +1,14 @@
-"""`CoefficientMesh`, the polar mesh of a coefficient beside the mesh that is mapped; and `Tangent`, the
-derivative of a disk map in closed form: what a change of its coefficient does to some points, without a solve.
+"""`CoefficientMesh`, the polar mesh of a coefficient beside the mesh that is mapped; and `Tangent`,
+the derivative of a disk map in closed form: what a change of its coefficient does to some points,
+without a solve.
 
-For the map f of the unit disk with coefficient mu, f(0) = 0 and f(1) = 1, a change dmu moves f(p) by
+For the map f of the unit disk with coefficient mu, f(0) = 0 and f(1) = 1, a change dmu moves f(p)
+by
     `df(p) = k(p) - k(0) + conj(k(0)) f(p)^2 + i f(p) (2 Im k(0) - Im k(1))`,
-    `k(p) = -(1/pi) int f_z^2 dmu / (f - f(p)) - (1/pi) f(p)^3 int conj(f_z^2 dmu) / (1 - f(p) conj(f))`,
-integrals over the disk: the first variation at the identity, carried by f, in which 1 - |mu|^2 cancels. Source:
-Ahlfors, Lectures on Quasiconformal Mappings, chapter V.
+    `k(p) = -(1/pi) int f_z^2 dmu / (f - f(p))
+            - (1/pi) f(p)^3 int conj(f_z^2 dmu) / (1 - f(p) conj(f))`,
+integrals over the disk: the first variation at the identity, carried by f, in which 1 - |mu|^2
+cancels. Source: Ahlfors, Lectures on Quasiconformal Mappings, chapter V.
 """
 
 from functools import cached_property
@@ -85,8 +88,8 @@ class Tangent:
 
     def __init__(self, solver, mesh, samples, carrier=None):
         self.carrier = carrier or Carrier(solver, mesh)
-        # The points by the corners of their triangles and these corners' shares, (P + 2, 3): after the
-        # samples come 0 and 1, which the map holds.
+        # The points by the corners of their triangles and these corners' shares, (P + 2, 3): after
+        # the samples come 0 and 1, which the map holds.
         (first, second), order = solver.loop[:2], np.argsort(solver.origin)
         shares = [solver.weights[order], [1 - solver.share, solver.share, 0]]
         corners = [solver.origin[order], [first, second, second]]

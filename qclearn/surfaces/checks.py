@@ -35,9 +35,9 @@ def origins(numbers, n_vertices):
     sound = numbers.shape == (n_vertices,) and np.issubdtype(numbers.dtype, np.integer)
     if not sound or numbers.min() < 0 or (np.diff(np.sort(numbers)) == 0).any():
         raise SurfaceError(
-            f"original_vertices must be {n_vertices} whole numbers, none negative and not one number "
-            f"twice, and not {numbers.dtype} of shape {numbers.shape}; give the second result of "
-            "open_surface, or leave them out"
+            f"original_vertices must be {n_vertices} whole numbers, none negative and not one "
+            f"number twice, and not {numbers.dtype} of shape {numbers.shape}; give the second "
+            "result of open_surface, or leave them out"
         )
     return frozen(numbers.astype(np.int64))
 
@@ -46,7 +46,8 @@ def vertex_array(vertices):
     """Vertices as read-only float64 (V, 3), finite and at most LARGEST."""
     if np.iscomplexobj(vertices):
         raise SurfaceError(
-            "vertices are complex; give a planar mesh as numpy.stack([z.real, z.imag, 0 * z.real], 1)"
+            "vertices are complex; give a planar mesh as numpy.stack([z.real, z.imag, 0 * z.real], "
+            "1)"
         )
     try:
         given = np.asarray(vertices).dtype
@@ -61,7 +62,8 @@ def vertex_array(vertices):
         )
     if vertices.ndim != 2 or vertices.shape[1] != 3:
         raise SurfaceError(
-            f"vertices must have the shape (V, 3), not {vertices.shape}; pad planar points with z = 0"
+            f"vertices must have the shape (V, 3), not {vertices.shape}; pad planar points with z "
+            "= 0"
         )
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if bad.size:
@@ -72,9 +74,9 @@ def vertex_array(vertices):
     far = np.flatnonzero((np.abs(vertices) > LARGEST).any(axis=1))
     if far.size:
         raise SurfaceError(
-            f"{counted(far, 'vertex', 'vertices')} with coordinates beyond {LARGEST:g}: {some(far)}. "
-            "Areas and volumes would overflow; give the surface in millimetres, or export it again if "
-            "it is damaged"
+            f"{counted(far, 'vertex', 'vertices')} with coordinates beyond {LARGEST:g}: "
+            f"{some(far)}. Areas and volumes would overflow; give the surface in millimetres, or "
+            "export it again if it is damaged"
         )
     return frozen(vertices)
 
@@ -103,8 +105,8 @@ def curve_path(name, path, n_vertices):
     bad = path[(path < 0) | (path >= n_vertices)]
     if bad.size:
         raise SurfaceError(
-            f"curve '{name}' names vertices that do not exist: {some(bad)}; "
-            f"indices run from 0 to {n_vertices - 1}: take the curve from this very surface"
+            f"curve '{name}' names vertices that do not exist: {some(bad)}; indices run from 0 to "
+            f"{n_vertices - 1}: take the curve from this very surface"
         )
     return frozen(path.astype(np.int64))
 
@@ -115,7 +117,7 @@ def check_faces(vertices, faces):
         out = np.flatnonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))
         raise SurfaceError(
             f"{counted(out, 'face')} with corners outside 0 ... {len(vertices) - 1}: {some(out)}. "
-            f"Indices count from 0 (subtract 1 if the source counts from 1)"
+            "Indices count from 0 (subtract 1 if the source counts from 1)"
         )
     unused = np.flatnonzero(np.bincount(faces.ravel(), minlength=len(vertices)) == 0)
     if unused.size:
@@ -184,8 +186,8 @@ def check_topology(n_vertices, faces):
     if wrong.any():
         pairs = np.stack([one[wrong] // 3, two[wrong] // 3], axis=1)
         raise SurfaceError(
-            f"inconsistent orientation: {counted(pairs, 'pair')} of faces that run along their common "
-            f"edge in the same direction: {some(pairs)}. Reverse one face of each pair "
+            f"inconsistent orientation: {counted(pairs, 'pair')} of faces that run along their "
+            f"common edge in the same direction: {some(pairs)}. Reverse one face of each pair "
             "(pyvista.PolyData.compute_normals(consistent_normals=True) does it for a whole "
             "orientable surface)"
         )
@@ -221,8 +223,9 @@ def _check_fans(n_vertices, faces, one, two):
         vertex_of_fan[label] = faces.ravel()
         bad = np.flatnonzero(np.bincount(vertex_of_fan, minlength=n_vertices) > 1)
         raise SurfaceError(
-            f"not manifold: {counted(bad, 'vertex', 'vertices')} where several fans of faces meet in "
-            f"a point: {some(bad)}. Duplicate the vertex for each fan, or delete all fans but one"
+            f"not manifold: {counted(bad, 'vertex', 'vertices')} where several fans of faces meet "
+            f"in a point: {some(bad)}. Duplicate the vertex for each fan, or delete all fans but "
+            "one"
         )
 
 

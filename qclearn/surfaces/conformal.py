@@ -36,8 +36,8 @@ def disk_conformal_map(surface: Surface) -> Complex[ndarray, " V"]:
     f[loop] /= abs(f[loop])
     if not Disk(f, surface.faces).certificate.bijective:
         raise BijectivityError(
-            "the disk conformal map folds and row switching did not mend it; "
-            "remesh the surface (its triangles may be degenerate to rounding)"
+            "the disk conformal map folds and row switching did not mend it; remesh the surface "
+            "(its triangles may be degenerate to rounding)"
         )
     if len(switched) or free.floored.any():
         warnings.warn(
@@ -81,7 +81,7 @@ def _centre_and_unfold(surface, f):
 
 
 def angle_distortion(surface: Surface, z: Complex[ndarray, " V"]) -> Float[ndarray, " F 3"]:
-    """Angles in the disk minus angles on the surface, in degrees: column k at vertex `faces[:, k]`."""
+    """Angles in the disk minus angles on the surface, in degrees: column k at `faces[:, k]`."""
     angles = corner_angles(edge_lengths(z[surface.faces]))
     return np.degrees(angles - corner_angles(surface.edge_lengths))
 
@@ -90,8 +90,8 @@ def angle_distortion(surface: Surface, z: Complex[ndarray, " V"]) -> Float[ndarr
 class ParameterizedSurface:
     """A surface on its disk, the `Disk` of its faces with the boundary on the unit circle.
 
-    features: its maps at every scale, a `Smoothing`, or None; messages: what was repaired in its map;
-    sphere: what methods on spheres need, a `Sphere`, or None.
+    features: its maps at every scale, a `Smoothing`, or None; messages: what was repaired in its
+    map; sphere: what methods on spheres need, a `Sphere`, or None.
     """
 
     surface: Surface

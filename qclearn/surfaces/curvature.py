@@ -1,4 +1,4 @@
-"""Mean curvature, sulcal depth, and their images on a disk whose radius follows the cortical area."""
+"""Mean curvature, sulcal depth, and their images on a disk; its radius follows the area."""
 
 from dataclasses import dataclass
 from functools import wraps
@@ -16,8 +16,8 @@ from ..plane.linear import LARGE, middles
 from .checks import frozen
 from .surface import Surface, SurfaceError
 
-# In units of sqrt(area of the convex hull): the radius of the ball that closes the sulci, and the side
-# of a voxel.
+# In units of sqrt(area of the convex hull): the radius of the ball that closes the sulci, and the
+# side of a voxel.
 CLOSING_RADIUS, CLOSING_CELL = 0.05, 1 / 130
 
 

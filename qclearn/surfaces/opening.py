@@ -28,16 +28,16 @@ def open_surface(
     if piece[cut].all():
         raise SurfaceError(
             "the mask only makes holes inside a surface that is open already "
-            f"({len(surface.boundary)} boundary vertices from vertex {surface.boundary[0]}); let it "
-            "reach that boundary, or use the surface as it is"
+            f"({len(surface.boundary)} boundary vertices from vertex {surface.boundary[0]}); let "
+            "it reach that boundary, or use the surface as it is"
         )
     vertices, corners = np.unique(surface.faces[piece], return_inverse=True)
     filled = int(mask[vertices].sum())
     if filled > mask.sum() / 2:
         raise SurfaceError(
             f"only a pinhole would open: {filled} of the mask's {mask.sum()} vertices lie in holes "
-            "away from the largest and would be filled; give a mask in one piece (the medial wall), "
-            "or smooth this one"
+            "away from the largest and would be filled; give a mask in one piece (the medial "
+            "wall), or smooth this one"
         )
     new_index = np.full(len(surface.vertices), -1)
     new_index[vertices] = np.arange(len(vertices))
@@ -46,9 +46,9 @@ def open_surface(
     require_disk(opened)
     if len(opened.boundary) == len(vertices):
         raise SurfaceError(
-            f"the mask shreds the surface: the largest piece (faces left: {len(opened.faces)}) has no "
-            f"inner vertex, only vertices {vertices[:5].tolist()} on its rim; smooth the mask, or "
-            "give one that cuts less"
+            f"the mask shreds the surface: the largest piece (faces left: {len(opened.faces)}) has "
+            f"no inner vertex, only vertices {vertices[:5].tolist()} on its rim; smooth the mask, "
+            "or give one that cuts less"
         )
     return opened, vertices
 
@@ -57,16 +57,16 @@ def _checked_mask(surface, mask):
     mask, n_vertices = np.asarray(mask), len(surface.vertices)
     if mask.dtype != bool or mask.shape != (n_vertices,):
         raise SurfaceError(
-            f"the mask must be {n_vertices} booleans, one a vertex (True = cut), not {mask.dtype} of "
-            f"shape {mask.shape}. From vertex indices: mask = numpy.zeros({n_vertices}, bool); "
+            f"the mask must be {n_vertices} booleans, one a vertex (True = cut), not {mask.dtype} "
+            f"of shape {mask.shape}. From vertex indices: mask = numpy.zeros({n_vertices}, bool); "
             "mask[indices] = True"
         )
     if not mask.any():
         raise SurfaceError("the mask cuts nothing; mark the vertices of the medial wall")
     if mask[surface.faces].any(axis=1).all():
         raise SurfaceError(
-            f"the mask cuts everything ({mask.sum()} of {n_vertices} vertices, no face is left); if it "
-            "marks what to keep, give its opposite (~mask, `qclearn open --keep`)"
+            f"the mask cuts everything ({mask.sum()} of {n_vertices} vertices, no face is left); "
+            "if it marks what to keep, give its opposite (~mask, `qclearn open --keep`)"
         )
     return mask
 
