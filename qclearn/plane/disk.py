@@ -127,7 +127,7 @@ class Disk:
 
     @cached_property
     def lookup(self) -> "Lookup":
-        """`lookup(points, guess)` is `locate` unchecked, from faces `guess` (P,) near the points."""
+        """`lookup(points, guess)` is `locate` unchecked, from faces (P,) near the points."""
         return Lookup(self)
 
     def locate(

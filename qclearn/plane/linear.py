@@ -87,7 +87,7 @@ class Dirichlet:
         return solution.view(load.dtype).reshape(load.shape)
 
     def solve(self, values):
-        """The complex x (V,), the values at the pins, with (matrix x)_i = 0 at every free vertex."""
+        """The complex x (V,), values at the pins and (matrix x)_i = 0 at every free vertex."""
         x = np.empty(self.size, complex)
         x[self.pinned] = values
         x[self.free] = self.solve_free(-(self.coupling @ x[self.pinned]))

@@ -42,7 +42,7 @@ class CoefficientMesh:
     @cached_property
     def carrier(self):
         """What derivatives in closed form need of both meshes."""
-        return Carrier(self.solver, self.mesh)
+        return Carrier(self.disk, self.mesh)
 
     def coefficient(self, nu):
         """mu (F,) on the faces of the mapped mesh of nu (N,)."""
@@ -50,16 +50,16 @@ class CoefficientMesh:
 
 
 class Carrier:
-    """The polar `Disk` of nu beside the disk that a `DiskSolver` maps, for any points.
+    """What a `Tangent` needs of the mapped `Disk` and the polar mesh of nu, for any points.
 
     z (N,), areas (N,): the nodes and their cells; values (N, V): from the mapped mesh to the nodes;
     slope (V, V): f_z at the mapped vertices; hats (9 T, N): nu on the parts of the triangles;
     areas_fine, values_fine: of these parts.
     """
 
-    def __init__(self, solver, mesh):
+    def __init__(self, disk, mesh):
         self.z = mesh.z
-        self.mapped = solver.disk
+        self.mapped = disk
         f_z = three_a_row(self.mapped.gradients.conj() / 2, self.mapped.faces, len(self.mapped.z))
         self.slope = (self.mapped.to_vertices @ f_z).tocsr()
         self.areas = np.bincount(mesh.faces.ravel(), np.repeat(mesh.areas, 3)) / 3
@@ -80,14 +80,14 @@ class Carrier:
 class Tangent:
     """Derivatives of maps at points `samples @ z` by a field nu on a polar mesh, mu = T(nu).
 
-    solver: a `DiskSolver` of the mapped mesh; mesh: the polar `Disk` of nu; samples (P, V): sparse,
-    three entries a row; carrier: made unless given. Near a point the integral is taken over parts
-    of triangles, and for the corners of the triangle that holds the point, as the discrete map is
-    linear between them.
+    link: the `CoefficientMesh`; samples (P, V): sparse, three entries a row. Near a point the
+    integral is taken over parts of triangles, and for the corners of the triangle that holds the
+    point, as the discrete map is linear between them.
     """
 
-    def __init__(self, solver, mesh, samples, carrier=None):
-        self.carrier = carrier or Carrier(solver, mesh)
+    def __init__(self, link, samples):
+        self.carrier = link.carrier
+        solver = link.solver
         # The points by the corners of their triangles and these corners' shares, (P + 2, 3): after
         # the samples come 0 and 1, which the map holds.
         (first, second), order = solver.loop[:2], np.argsort(solver.origin)

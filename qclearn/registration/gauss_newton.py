@@ -357,7 +357,7 @@ class Discretization:
     @cached_property
     def tangent(self):
         """The derivative at the landmarks in closed form."""
-        return Tangent(self.link.solver, self.link.mesh, self.samples, self.link.carrier)
+        return Tangent(self.link, self.samples)
 
 
 class GaussNewtonObjective:

@@ -66,7 +66,7 @@ class CoefficientRefinement:
         self.link, self.spectrum, self.scale = link, spectrum, np.sqrt(gamma / len(p))
         self.root = np.sqrt(1 + beta * spectrum.values)
         self.samples, _ = link.carrier.values_at(p)
-        self.tangent = Tangent(link.solver, link.mesh, self.samples, link.carrier)
+        self.tangent = Tangent(link, self.samples)
 
     def run(self, start, count):
         """(proposal, best look so far) before any look and after each of `count`, which cost one
