@@ -18,6 +18,7 @@ TABLE = {
         "signed_areas",
         "solve_beltrami",
         "solve_beltrami_disk",
+        "solve_beltrami_disk_log",
         "stiffness",
         "wirtinger",
     ],

@@ -137,7 +137,7 @@ def test_a_vertex_out_of_its_star_comes_back_and_nothing_else_moves():
 
 
 def test_a_tangle_without_an_end_is_an_error(monkeypatch):
-    monkeypatch.setattr(untangling, "ROUNDS", 1)
+    monkeypatch.setattr(spheres, "ROUNDS", 1)
     with pytest.raises(UntanglingError, match="faces of the sphere stay flipped"):
         untangled(BALL.vertices * [1, 1, -1], BALL.faces, np.zeros(len(BALL.vertices), int))
 

@@ -113,7 +113,9 @@ def mapped(surface, whole=None):
     values = np.stack([sulcal_depth(surface), mean_curvature(surface)], axis=1)
     folds = dict(zip(FOLDS, Smoothing(surface, FOLDS, values).at(FINEST).T))
     sphere = Sphere(surface, whole)
-    return Mapped(surface, side.disk, words=side.words, sphere=sphere, seconds=seconds, folds=folds)
+    return Mapped(
+        surface, side.disk, messages=side.messages, sphere=sphere, seconds=seconds, folds=folds
+    )
 
 
 def cohort_pair(moving, control):

@@ -78,7 +78,7 @@ def trial(pair, run, method):
                 "landmarks": prepared.seconds,
                 "pull_back": time.perf_counter() - start,
             }
-            sides = {"moving": pair.moving.words, "control": pair.control.words}
+            sides = {"moving": pair.moving.messages, "control": pair.control.messages}
             of_disks = [f"{side}: {note}" for side, notes in sides.items() for note in notes]
             costs["notes"] = [*of_disks, *prepared.notes, *costs["notes"]]
             figures = map_figures(pair, prepared, f, lookup, run.keep_field) | how_sure(pair, run)

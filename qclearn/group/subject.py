@@ -135,7 +135,7 @@ def fitted(subject, mean, weights):
     return Fitted(
         fit.f,
         reasons,
-        [*subject.words, *fit.fallbacks],
+        [*subject.messages, *fit.fallbacks],
         {name: after for name, (_, after) in fit.r.items()},
     )
 

@@ -1,9 +1,9 @@
-"""Piecewise linear quasi-conformal geometry in complex arithmetic, and the Linear Beltrami Solver:
-the public doors.
+"""The public functions on meshes given as arrays: derivatives of piecewise linear maps, the Linear
+Beltrami Solver, and the map with a free boundary by its two forms.
 
 Points, maps and gradients of real functions are complex numbers. On a triangle a map is affine: its
-Wirtinger derivatives and its Beltrami coefficient are constants. Each door makes a `Disk` of arrays
-and asks that.
+Wirtinger derivatives and its Beltrami coefficient are constants. Each function makes a `Disk` of
+its arrays, whose method does the work.
 """
 
 import warnings
@@ -22,7 +22,7 @@ from .solver import DiskSolver
 
 
 def signed_areas(z: PerVertex, faces: Faces) -> Float[ndarray, " F"]:
-    """Signed area of each triangle, positive when counter-clockwise: `Im(conj(b - a)(c - a)) / 2`."""
+    """Signed area of each triangle, positive if counter-clockwise: `Im(conj(b - a)(c - a)) / 2`."""
     return Disk(z, faces).areas
 
 
@@ -31,7 +31,7 @@ def hat_gradients(z: PerVertex, faces: Faces) -> Complex[ndarray, " F 3"]:
     |T|)`.
 
     The triangle (i, j, k) is counter-clockwise, else BeltramiError. The pair (A_i, B_i) of the
-    paper's section on the LBS, its factor mended (divided by twice the area).
+    paper's section on the LBS, its factor corrected (divided by twice the area).
     """
     return Disk(z, faces).gradients
 
@@ -47,7 +47,7 @@ def wirtinger(
 def jacobian(z: PerVertex, faces: Faces, f: PerVertex) -> Float[ndarray, " F"]:
     """Jacobian determinant of a planar map on each triangle, `|f_z|^2 - |f_zbar|^2`; negative where
     it folds."""
-    f = planar_points(f, "f")  # a surface (V, 3) has no sign to tell
+    f = planar_points(f, "f")  # a map to a surface (V, 3) has no orientation
     f_z, f_zbar = Disk(z, faces).wirtinger(f)
     return abs(f_z) ** 2 - abs(f_zbar) ** 2
 
@@ -69,8 +69,8 @@ def stiffness(z: PerVertex, faces: Faces, mu: PerFace) -> Float[sparse.csc_array
     """The positive semi-definite matrix `K(mu)_ij = sum_T |T| grad phi_i . A(mu_T) grad phi_j`,
     |mu| < 1.
 
-    `(K u)_i = 0` is the mended form (with the area weight) of the paper's eqs. linear_system_x and
-    linear_system_y.
+    `(K u)_i = 0` is the corrected form (with the area weight) of the paper's eqs. linear_system_x
+    and linear_system_y.
     """
     return Disk(z, faces).stiffness(mu)
 
@@ -116,22 +116,25 @@ def solve_beltrami_disk(z: PerVertex, faces: Faces, mu: PerFace, repair: bool = 
     for the mesh (boundary steps are calibrated at mu = 0 where they are off by more than 1 %) and
     one for mu. Not certified: f can fold where mu varies within few triangles and at slivers; ask
     `check_bijective`. repair: where f folds, switch rows to mean-value weights, which moves f there
-    and nearby. A RepairWarning tells of raised boundary steps, switched rows and faces that stay
+    and nearby. A RepairWarning names raised boundary steps, switched rows and faces that stay
     flipped. Errors: BeltramiError, SurfaceError. Source: paper, theorem 1.
     """
     solver = DiskSolver(Disk(z, faces))
-    f, words = solver.solve(mu), []
+    f = solver.solve(mu)
+    messages = []
     if solver.floored:
-        words.append(f"{solver.floored} boundary steps ran backwards or were lost, and were raised")
+        messages.append(
+            f"{solver.floored} boundary steps ran backwards or were lost, and were raised"
+        )
     if repair:
         f, rows, _ = unfold(solver, f)
         if len(rows):
             left = len(solver.disk.at(f).reversed)
-            words.append(
+            messages.append(
                 f"{len(rows)} rows switched to mean-value weights, {left} faces stay flipped"
             )
-    if words:
-        warnings.warn("; ".join(words), RepairWarning, stacklevel=2)
+    if messages:
+        warnings.warn("; ".join(messages), RepairWarning, stacklevel=2)
     return f
 
 
@@ -155,10 +158,13 @@ def solve_beltrami_disk_log(z: PerVertex, faces: Faces, mu: PerFace) -> PerVerte
     """
     disk = Disk(z, faces)
     solver = DiskSolver(disk)
-    z, loop, pole, mu = disk.z, solver.loop, solver.pole, check_coefficient(mu, len(disk.faces))
+    mu = check_coefficient(mu, len(disk.faces))
+    matrix = disk.stiffness(mu)
+    loop, pole = solver.loop, solver.pole
     around = (disk.faces == pole).any(1)
     mu0 = np.average(mu[around], weights=disk.areas[around])
-    L = z - z[pole] + mu0 * np.conj(z - z[pole])
+    z = disk.z - disk.z[pole]
+    L = z + mu0 * np.conj(z)
     # d(log L) = ((1 + mu0) dx + i (1 - mu0) dy) / L: real part for log|L|, imaginary part for arg
     # L.
     x, y = np.array([1 + mu0, 1j * (1 - mu0)])[:, None] * mean_reciprocal(disk.at(L))
@@ -168,17 +174,20 @@ def solve_beltrami_disk_log(z: PerVertex, faces: Faces, mu: PerFace) -> PerVerte
         per_corner = disk.areas[:, None] * (disk.gradients.conj() * flux).real
         return -np.bincount(disk.faces.ravel(), per_corner.ravel(), len(z))
 
-    matrix, u, v = disk.stiffness(mu), np.zeros(len(z)), np.zeros(len(z))
-    u[loop] = -np.log(abs(L[loop]))
     source = load(x.real + 1j * y.real)
     source[pole] -= 2 * np.pi
-    dirichlet = Dirichlet(matrix, loop)
-    u[dirichlet.free] = dirichlet.solve_free(source[dirichlet.free] - dirichlet.coupling @ u[loop])
-    dirichlet = Dirichlet(
-        matrix, loop[:1]
-    )  # a constant in v is a rotation, which the normalisation removes
-    v[dirichlet.free] = dirichlet.solve_free(load(x.imag + 1j * y.imag)[dirichlet.free])
+    u = _held(Dirichlet(matrix, loop), -np.log(abs(L[loop])), source)
+    # A constant in v is a rotation, which the normalisation removes.
+    v = _held(Dirichlet(matrix, loop[:1]), np.zeros(1), load(x.imag + 1j * y.imag))
     return solver.normalise(L * np.exp(u + 1j * v))
+
+
+def _held(dirichlet, values, load):
+    """u (V,) with these values at the pins and `K u = load` (V,) at the free vertices."""
+    u = np.empty(len(load))
+    u[dirichlet.pinned] = values
+    u[dirichlet.free] = dirichlet.solve_free(load[dirichlet.free] - dirichlet.coupling @ values)
+    return u
 
 
 def mean_reciprocal(picture):

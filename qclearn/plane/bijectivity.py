@@ -8,7 +8,7 @@ from .linear import Dirichlet, assemble
 
 
 class BijectivityError(ValueError):
-    """A map that must be a bijection folds, and the repair could not mend it."""
+    """A map that must be a bijection folds, and the repair could not unfold it."""
 
 
 class RepairWarning(UserWarning):
@@ -45,7 +45,8 @@ def mean_value_matrix(disk, lengths):
     # tan(a/2) = sqrt((o^2 - (l - r)^2) / ((l + r)^2 - o^2)); in a sliver rounding can make either
     # part negative.
     smallest = 1e-24 * (left + right) ** 2
-    upper, lower = opposite**2 - (left - right) ** 2, (left + right) ** 2 - opposite**2
+    upper = opposite**2 - (left - right) ** 2
+    lower = (left + right) ** 2 - opposite**2
     half = np.sqrt(np.maximum(upper, smallest) / np.maximum(lower, smallest))
     blocks = np.zeros((len(disk.faces), 3, 3))
     for corner in range(3):
@@ -68,24 +69,24 @@ def repair(matrix, disk, lengths, before=()):
     With all rows switched and a convex boundary this is Floater's theorem. Not certified. before:
     rows switched already. The Dirichlet problem is None where no face is flipped.
     """
-    average, dirichlet, switched, rounds = None, None, np.zeros(len(disk.z), bool), 0
+    average = dirichlet = None
+    switched = np.zeros(len(disk.z), bool)
     switched[np.asarray(before, int)] = True
-    for _ in range(30):
+    for rounds in range(30):
+        # The inner vertices of flipped faces; where all have switched, one ring more, as long as
+        # there is one.
         wanted, reached = _interior(disk, disk.flipped), 0
-        while (
-            wanted.sum() > reached and not (wanted & ~switched).any()
-        ):  # one ring more, as long as there is one
+        while wanted.sum() > reached and not (wanted & ~switched).any():
             wanted, reached = _interior(disk, wanted[disk.faces].any(1)), wanted.sum()
         if not (wanted & ~switched).any():
-            break
+            return disk, np.flatnonzero(switched), dirichlet, rounds
         switched |= wanted
         average = mean_value_matrix(disk, lengths) if average is None else average
-        keep = sparse.diags_array(np.where(switched, 0.0, 1 / matrix.diagonal()))
-        mixed = keep @ matrix + sparse.diags_array(switched.astype(float)) @ average
+        own = sparse.diags_array(np.where(switched, 0.0, 1 / matrix.diagonal()))
+        mixed = own @ matrix + sparse.diags_array(switched.astype(float)) @ average
         dirichlet = Dirichlet(mixed, disk.loop)
         disk = disk.at(dirichlet.solve(disk.z[disk.loop]))
-        rounds += 1
-    return disk, np.flatnonzero(switched), dirichlet, rounds
+    return disk, np.flatnonzero(switched), dirichlet, 30
 
 
 def _interior(disk, some):
@@ -103,6 +104,7 @@ def unfold(solver, f):
     picture = disk.at(f)
     if not len(picture.flipped):
         return f, np.zeros(0, int), 0
+    # Lengths in the metric |dz + mu conj(dz)|.
     corners = disk.z[disk.faces]
     sides = np.roll(corners, -1, axis=1) - np.roll(corners, -2, axis=1)
     lengths = abs(sides + solver.mu[:, None] * sides.conj())

@@ -1,4 +1,5 @@
-"""Checks of planar meshes, their maps, coefficients and pins: a BeltramiError says what is wrong."""
+"""Checks of planar meshes, their maps, coefficients and pins; a BeltramiError names what is
+wrong."""
 
 import numpy as np
 
@@ -17,9 +18,7 @@ def complex_numbers(values, name):
     """An array as complex128, or BeltramiError."""
     try:
         values = np.asarray(values)
-        if (
-            values.dtype.kind not in "biufcO"
-        ):  # no text and no dates, which NumPy would read or count
+        if values.dtype.kind not in "biufcO":  # NumPy would read text and count dates
             raise TypeError(f"they have type {values.dtype}")
         return values.astype(complex, copy=False)
     except (TypeError, ValueError) as error:
@@ -88,8 +87,8 @@ def check_coefficient(mu, n_faces):
     if len(bad):
         raise BeltramiError(
             f"|mu| < 1 fails on {len(bad)} faces (first: {bad[:5].tolist()}, mu = "
-            f"{mu[bad[0]]:.3g}); "
-            "no orientation-preserving map has such a coefficient: truncate or mend mu there"
+            f"{mu[bad[0]]:.3g}); no orientation-preserving map has such a coefficient: truncate or "
+            "mend mu there"
         )
     return mu
 
@@ -106,10 +105,8 @@ def check_used(disk):
 
 def check_pins(pinned, values, n_vertices):
     """`pinned` as integers and `values` as complex numbers, or BeltramiError."""
-    pinned, values = (
-        np.atleast_1d(np.asarray(pinned)),
-        np.atleast_1d(complex_numbers(values, "values")),
-    )
+    pinned = np.atleast_1d(pinned)
+    values = np.atleast_1d(complex_numbers(values, "values"))
     if pinned.ndim != 1 or pinned.shape != values.shape or len(pinned) == 0:
         raise BeltramiError(
             f"{pinned.shape} pinned vertices with {values.shape} values: give one value a vertex, "

@@ -35,22 +35,24 @@ def bounded(nu):
     """The paper's activation `T(nu) = tanh(|nu|) nu / |nu|`: any complex field becomes one with
     |mu| < 1."""
     size = abs(nu)
-    return (
-        np.divide(np.minimum(np.tanh(size), LARGEST), size, out=np.ones_like(size), where=size > 0)
-        * nu
-    )
+    return _over(np.minimum(np.tanh(size), LARGEST), size) * nu
 
 
 def unbounded(mu):
     """Inverse of `bounded`: `artanh(|mu|) mu / |mu|`."""
     size = abs(mu)
-    return np.divide(np.arctanh(size), size, out=np.ones_like(size), where=size > 0) * mu
+    return _over(np.arctanh(size), size) * mu
+
+
+def _over(values, size):
+    """`values / size`, and 1 where the size is 0."""
+    return np.divide(values, size, out=np.ones_like(values), where=size > 0)
 
 
 def bounded_pullback(nu, grad_mu):
     """A loss's gradient by nu from its gradient by mu = T(nu)."""
     size = abs(nu)
-    across = np.divide(np.tanh(size), size, out=np.ones_like(size), where=size > 0)
+    across = _over(np.tanh(size), size)
     along = 1 - np.tanh(size) ** 2
-    direction = np.divide(nu, size, out=np.ones_like(nu), where=size > 0)
+    direction = _over(nu, size)
     return 0.5 * ((along + across) * grad_mu + (along - across) * direction**2 * np.conj(grad_mu))

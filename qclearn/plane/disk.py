@@ -19,6 +19,7 @@ PerVertex, PerFace, Faces = Complex[ndarray, " V"], Complex[ndarray, " F"], Inte
 OF_FACES = ("loop", "open_halfedges", "across")  # depend on the faces alone: pictures share them
 STEPS = 12  # across edges, from the face where a point is looked for first
 LOST, BEYOND = -1, -2  # in place of a face: not reached; across the boundary of a convex polygon
+FEW = 0.25  # share of the faces of which polygons are built at once
 INSET = 1e-4  # share of the radius that points moved onto the boundary polygon stay inside it
 
 
@@ -80,8 +81,7 @@ class Disk:
             raise BeltramiError(
                 f"{len(bad)} source triangles are not counter-clockwise (first: "
                 f"{bad[:5].tolist()}); use a planar mesh without folds, or reverse every face if "
-                "all "
-                "of them are clockwise"
+                "all of them are clockwise"
             )
         corners = self.z[self.faces]
         opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
@@ -127,7 +127,7 @@ class Disk:
 
     @cached_property
     def lookup(self) -> "Lookup":
-        """`lookup(points, guess)` is `locate` without its checks, from faces (P,) near the points."""
+        """`lookup(points, guess)` is `locate` unchecked, from faces (P,) near the points."""
         return Lookup(self)
 
     def locate(
@@ -141,12 +141,12 @@ class Disk:
             raise BeltramiError(
                 f"points {unknown[:5].tolist()} are not finite: they lie nowhere; leave them out"
             )
-        return self.lookup(points)
+        return self.lookup.once(points)
 
     def sampling(self, points: Complex[ndarray, " P"]) -> Float[sparse.csr_array, " P V"]:
         """From values of the vertices to values at points (P,), linear in each face."""
         face, weights = self.locate(points)
-        return three_a_row(weights, self.faces[face], len(self.z))
+        return three_a_row(weights, self.faces[face], len(self.z)).sorted_indices()
 
     def interpolate(self, values, places):
         """Values (V, ...) of the vertices at places (face, weights) as `locate` returns them,
@@ -155,7 +155,7 @@ class Disk:
         return np.einsum("pk,pk...->p...", weights, np.asarray(values)[self.faces[face]])
 
     def stiffness(self, mu: PerFace) -> Float[sparse.csc_array, " V V"]:
-        """`K(mu)_ij = sum_T |T| grad phi_i . A(mu_T) grad phi_j`, positive semi-definite; |mu| < 1."""
+        """`K(mu)_ij = sum_T |T| grad phi_i . A(mu_T) grad phi_j`, semi-definite; |mu| < 1."""
         mu = check_coefficient(mu, len(self.faces))
         turned = diffuse(mu[:, None], self.gradients)
         products = (self.gradients.conj()[:, :, None] * turned[:, None, :]).real
@@ -182,7 +182,8 @@ class Disk:
     @cached_property
     def to_faces(self) -> Float[sparse.csr_array, " F V"]:
         """From values of the vertices to the value at each face's centroid."""
-        return three_a_row(np.full(self.faces.shape, 1 / 3), self.faces, len(self.z))
+        thirds = np.full(self.faces.shape, 1 / 3)
+        return three_a_row(thirds, self.faces, len(self.z)).sorted_indices()
 
     def wirtinger(self, f):
         """`f_z` and `f_zbar` on each face of a map f, complex (V,) or real (V, 3): (F,) or (F, 3)
@@ -231,7 +232,7 @@ class Disk:
 
     @cached_property
     def certificate(self) -> Certificate:
-        """Whether the mesh has no fold, and its boundary is a simple polygon run counter-clockwise."""
+        """Whether no face is flipped and the boundary is a simple polygon, counter-clockwise."""
         rim = self.z[self.loop]
         simple = bool(np.isfinite(rim).all())
         if simple:
@@ -297,6 +298,23 @@ class Lookup:
         if len(lost):
             point, some = self._tree.query(shapely.points(pairs(points[lost])), "intersects")
             face[lost[point]] = some
+        return self._with_weights(points, face)
+
+    def once(self, points):
+        """The same without a tree of the whole mesh, where few faces come near the points."""
+        corners, points_xy = pairs(self.z[self.faces]), pairs(points)
+        low, high = points_xy.min(0, initial=np.inf), points_xy.max(0, initial=-np.inf)
+        near = np.flatnonzero(((corners.max(1) >= low) & (corners.min(1) <= high)).all(1))
+        if len(near) >= FEW * len(self.faces):
+            return self(points)
+        face = np.full(len(points), LOST)
+        tree = shapely.STRtree(shapely.polygons(corners[near]))
+        point, some = tree.query(shapely.points(points_xy), "intersects")
+        face[point] = near[some]
+        return self._with_weights(points, face)
+
+    def _with_weights(self, points, face):
+        """Faces and barycentric coordinates of points (P,), those in no face moved into one."""
         outside = np.flatnonzero(face < 0)
         if len(outside):
             points = points.copy()

@@ -1,7 +1,7 @@
 """Low-frequency approximation of Beltrami coefficients on a square grid.
 
 The paper transforms the real and the imaginary part of mu as two images. The transform is linear:
-the coefficients of the complex mu are `mu_R^ + i mu_I^`, and |m|, |n| <= k are kept in both
+the coefficients of the complex mu are `mu_R^ + i mu_I^`, and |m|, |n| <= k remain in both
 channels at once.
 """
 
@@ -28,8 +28,7 @@ def fourier_matrix(size, k):
     """The matrix `M_mp = exp(-2 pi i m p / size) / size`, |m| <= k: rows as `frequencies(size, k)`,
     `size` columns.
 
-    `M mu M^T` are the kept coefficients: the paper's product M mu N before M and N are
-    preconditioner.
+    `M mu M^T` are the coefficients: the paper's product M mu N before M and N are learnt.
     """
     return np.exp(-2j * np.pi * np.outer(frequencies(size, k), np.arange(size)) / size) / size
 
@@ -42,15 +41,15 @@ def fourier_coefficients(image, k):
     Approximation', eq. (FFT).
     """
     image = _square(image)
-    kept = frequencies(len(image), k)
-    return np.fft.fft2(image)[np.ix_(kept, kept)] / image.size
+    low = frequencies(len(image), k)
+    return np.fft.fft2(image)[np.ix_(low, low)] / image.size
 
 
 def from_coefficients(coefficients, size):
     """The complex image (size, size) with these `fourier_coefficients` and no others."""
-    kept = frequencies(size, len(coefficients) // 2)
+    low = frequencies(size, len(coefficients) // 2)
     spectrum = np.zeros((size, size), complex)
-    spectrum[np.ix_(kept, kept)] = coefficients
+    spectrum[np.ix_(low, low)] = coefficients
     return np.fft.ifft2(spectrum) * size**2
 
 
@@ -97,20 +96,20 @@ def compression_effect(disk, mu, ks, size=128):
     mu over pixels and over the disk; max_abs_mu; map_error, the largest change of the disk map.
     BeltramiError where |mu| comes to 1.
     """
-    image, solver = to_square(disk, mu, size), DiskSolver(disk)
+    image = to_square(disk, mu, size)
+    solver = DiskSolver(disk)
     original = solver.solve(mu)
     rows = []
     for k in ks:
         smooth = compress(image, k)
         compressed = from_square(smooth, disk)
+        mean_square = np.average(abs(compressed - mu) ** 2, weights=disk.areas)
         rows.append(
             {
                 "k": k,
                 "coefficients": coefficient_count(size, k),
                 "image_error": float(np.sqrt(np.mean(abs(smooth - image) ** 2))),
-                "mu_error": float(
-                    np.sqrt(np.average(abs(compressed - mu) ** 2, weights=disk.areas))
-                ),
+                "mu_error": float(np.sqrt(mean_square)),
                 "max_abs_mu": float(abs(compressed).max()),
                 "map_error": float(abs(solver.solve(compressed) - original).max()),
             }

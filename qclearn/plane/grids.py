@@ -1,5 +1,7 @@
-"""Meshes of the unit disk that are made, not mapped: polar and square ones, and the square beside
-the disk."""
+"""Meshes of the unit disk that no surface has given.
+
+First the radial map between square and disk, and the square, polar and thinned meshes; then
+`Spectrum`, the eigenvectors of Laplace's matrix on a polar mesh."""
 
 from functools import lru_cache
 
@@ -11,10 +13,8 @@ from numpy import ndarray
 from .disk import Disk
 
 POWER = 1.4  # by which the rings of the usual polar meshes crowd towards the centre
-COARSE, FINE = (
-    (24, 72),
-    (32, 96),
-)  # rings and spokes: of what CP-Net answers on, and of its exact twins
+# Rings and spokes: of the mesh of CP-Net's answers, and of their exact maps.
+COARSE, FINE = (24, 72), (32, 96)
 
 
 def square_to_disk(w: Complex[ndarray, " *P"]) -> Complex[ndarray, " *P"]:
@@ -47,12 +47,8 @@ def square_disk(n: int) -> tuple[Complex[ndarray, " V"], Integer[ndarray, " F 3"
         raise ValueError(f"square_disk needs an even number of cells a side, at least 2; got {n}")
     x, y = np.meshgrid(np.linspace(-1, 1, n + 1), np.linspace(-1, 1, n + 1))
     corner = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
-    a, b, c, d = (
-        corner,
-        corner + 1,
-        corner + n + 2,
-        corner + n + 1,
-    )  # counter-clockwise from the lower left
+    # Counter-clockwise from the lower left.
+    a, b, c, d = corner, corner + 1, corner + n + 2, corner + n + 1
     row, column = np.divmod(np.arange(n * n), n)
     rising = ((row >= n // 2) == (column >= n // 2))[:, None]
     first = np.where(rising, np.stack([a, b, c], 1), np.stack([a, b, d], 1))
@@ -73,7 +69,8 @@ def polar_disk(
     radius = (np.arange(1, nr + 1) / nr) ** power
     spokes = np.exp(2j * np.pi * np.arange(nt) / nt)
     z = np.concatenate([[0], (radius[:, None] * spokes).ravel()])
-    k, following = np.arange(nt), (np.arange(nt) + 1) % nt
+    k = np.arange(nt)
+    following = (k + 1) % nt
     faces = [np.stack([np.zeros(nt, int), 1 + k, 1 + following], 1)]
     for j in range(nr - 1):
         inner, outer = 1 + j * nt, 1 + (j + 1) * nt
@@ -107,9 +104,8 @@ def joined(z: Complex[ndarray, " V"]) -> Disk:
 def thinned(disk, shares, count):
     """The rim and `count` vertices of a `Disk`, chosen by shares (V,) of 1 (None: equal): numbers
     (N,), `joined`."""
-    some = np.union1d(
-        disk.loop, np.random.default_rng(0).choice(len(disk.z), count, replace=False, p=shares)
-    )
+    chosen = np.random.default_rng(0).choice(len(disk.z), count, replace=False, p=shares)
+    some = np.union1d(disk.loop, chosen)
     return some, joined(disk.z[some])
 
 
@@ -117,28 +113,37 @@ class Spectrum:
     """Fields nu on a polar mesh of rings and spokes in all eigenvectors E of (Laplace, lumped mass
     A), `E^* A E = pi`.
 
-    values (spokes rings,): the eigenvalues, by angular mode, then radial, as the coefficients.
+    radial (spokes, rings, rings): their radial parts by angular mode; values (spokes rings,): the
+    eigenvalues, by angular mode, then radial, as the coefficients; areas (rings spokes,): of the
+    lumped mass.
     """
 
     def __init__(self, rings, spokes):
-        self.rings, self.spokes, self.mesh = rings, spokes, polar(rings, spokes)
-        area, *weights = ring_tables(self.mesh, spokes)
-        self.radial, values, kept = eigenvectors(area, *weights, spokes, rings * spokes)
-        self.areas, self.values = np.repeat(area, spokes), np.empty(rings * spokes)
-        self.values[kept] = values
-        self.cell = np.sqrt(area.mean())
+        self.rings, self.spokes = rings, spokes
+        self.mesh = polar(rings, spokes)
+        area, along, arcs = ring_tables(self.mesh, spokes)
+        self.areas = np.repeat(area, spokes)
+        # Each angular mode of the mesh has its own matrix of the rings.
+        coupling = np.diag(along, 1) + np.diag(along, -1)
+        radial = np.diag(coupling.sum(1)) - coupling
+        angular = 2 - 2 * np.cos(2 * np.pi * np.arange(spokes) / spokes)
+        root = 1 / np.sqrt(area)
+        matrices = root[:, None] * (radial + angular[:, None, None] * np.diag(arcs)) * root
+        values, vectors = np.linalg.eigh(matrices)  # (spokes, rings), (spokes, rings, rings)
+        self.radial = np.sqrt(np.pi) * root[:, None] * vectors
+        self.values = values.ravel().clip(min=0)
 
     def gradients(self, fields):
-        """`E^* fields` (n, modes) of gradients (n, 1 + rings spokes) by nu at the mesh's vertices."""
+        """`E^* fields` (n, modes) of gradients (n, 1 + rings spokes) by nu at the vertices."""
         nodal = fields[:, 1:].reshape(-1, self.rings, self.spokes)
         waves = scipy.fft.fft(nodal, norm="ortho").transpose(2, 0, 1)  # (spokes, n, rings)
-        waves[0, :, 0] += fields[:, 0] / np.sqrt(
-            self.spokes
-        )  # the centre is the mean of the first ring
+        # The centre is the mean of the first ring.
+        waves[0, :, 0] += fields[:, 0] / np.sqrt(self.spokes)
+        # A real product for both parts: half the work of a complex one.
         parts = np.concatenate([waves.real, waves.imag], 1) @ self.radial.astype(waves.real.dtype)
-        found = np.empty((len(fields), self.spokes, self.rings), waves.dtype)
-        found.real, found.imag = parts.transpose(1, 0, 2).reshape(2, *found.shape)
-        return found.reshape(len(fields), -1)
+        modes = np.empty((len(fields), self.spokes, self.rings), waves.dtype)
+        modes.real, modes.imag = parts.transpose(1, 0, 2).reshape(2, *modes.shape)
+        return modes.reshape(len(fields), -1)
 
     def coefficients(self, nu):
         """`E^* A nu / pi` of a field (1 + rings spokes,) with the mean of its first ring in the
@@ -160,18 +165,3 @@ def ring_tables(mesh, nt):
     K, first = mesh.laplace, np.arange(nr) * nt + 1
     spokes = -np.asarray(K[first[:-1], first[1:]]).ravel()
     return area, spokes, -np.asarray(K[first, first + 1]).ravel()
-
-
-def eigenvectors(area, spokes, arcs, nt, count):
-    """Radial parts (nt, nr, nr) of all eigenvectors by angular mode; values and places of the
-    smoothest, (count,)."""
-    nr, inner = len(area), np.arange(len(area) - 1)
-    radial = np.zeros((nr, nr))
-    radial[inner, inner + 1] = radial[inner + 1, inner] = -spokes
-    radial -= np.diag(radial.sum(1))
-    angular = 2 - 2 * np.cos(2 * np.pi * np.arange(nt) / nt)
-    root = 1 / np.sqrt(area)
-    matrices = root[:, None] * (radial + angular[:, None, None] * np.diag(arcs)) * root
-    values, vectors = np.linalg.eigh(matrices)  # (nt, nr), (nt, nr, nr)
-    kept = np.argsort(values, axis=None, kind="stable")[:count]
-    return np.sqrt(np.pi) * root[:, None] * vectors, values.ravel()[kept].clip(min=0), kept

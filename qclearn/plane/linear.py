@@ -43,8 +43,7 @@ def factorise(matrix, ordering="MMD_AT_PLUS_A"):
     except RuntimeError as error:
         raise BeltramiError(
             f"the system of equations cannot be solved ({str(error).lower()}): some vertex is in "
-            "no "
-            "face, or triangles are too thin or too small for double precision; remesh"
+            "no face, or triangles are too thin or too small for double precision; remesh"
         ) from None
 
 
@@ -88,7 +87,7 @@ class Dirichlet:
         return solution.view(load.dtype).reshape(load.shape)
 
     def solve(self, values):
-        """The complex x (V,) with x = values at the pins and (matrix x)_i = 0 at every free vertex."""
+        """The complex x (V,), values at the pins and (matrix x)_i = 0 at every free vertex."""
         x = np.empty(self.size, complex)
         x[self.pinned] = values
         x[self.free] = self.solve_free(-(self.coupling @ x[self.pinned]))

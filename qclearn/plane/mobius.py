@@ -5,6 +5,7 @@ centroid to 0; then the maps that bring points nearest to other points.
 """
 
 import numpy as np
+import scipy
 from jaxtyping import Complex, Float
 from numpy import ndarray
 
@@ -47,8 +48,16 @@ def mobius_fields(w):
     return np.stack([1j * w, w**2 - 1, -1j * (1 + w**2)], axis=-1)
 
 
-def compose_mobius(first, second):
-    """Parameters (a, theta) of `second` after `first`, each given as (a, theta), numbers or (B,)."""
+def compose_mobius(
+    first: tuple[complex, float], second: tuple[complex, float]
+) -> tuple[complex, float]:
+    """Parameters (a, theta) of `second` after `first`, each given as (a, theta)."""
+    a, theta = _composed(first, second)
+    return complex(a), float(theta)
+
+
+def _composed(first, second):
+    """The same for arrays (B,) of parameters."""
     a = mobius_inverse(second[0], *first)  # what the composition sends to 0
     at_one = mobius(mobius(np.ones_like(a), *first), *second)
     return a, np.angle(at_one * (1 - np.conj(a)) / (1 - a))
@@ -73,16 +82,48 @@ def centring_mobius(z, weights):
     return a
 
 
-def best_mobius(p: Complex[ndarray, " M"], q: Complex[ndarray, " M"]) -> tuple[complex, float]:
+def best_mobius(
+    p: Complex[ndarray, " M"],
+    q: Complex[ndarray, " M"],
+    weights: Float[ndarray, " M"] | None = None,
+) -> tuple[complex, float]:
     """The disk Möbius map, as (a, theta), that minimises `mean |M(p) - q|^2` over points of the
     unit disk.
 
-    `nearest_mobius` from eight rotations, so that a large turn between the point sets does not end
-    in a local minimum, with as many steps as it takes.
+    Least squares over `s` in the plane with `a = s / sqrt(1 + |s|^2)`, which keeps |a| < 1, from
+    eight rotations, so that a large turn between the point sets does not end in a local minimum.
     """
-    p, q = (np.asarray(points, complex)[None] for points in (p, q))
-    (a, theta), _ = nearest_mobius(p, q, turns=8, rounds=200)
-    return complex(a[0]), float(np.angle(np.exp(1j * theta[0])))
+    p, q = np.asarray(p, complex), np.asarray(q, complex)
+    scale = np.ones(len(p)) if weights is None else np.sqrt(np.asarray(weights) / np.mean(weights))
+
+    def unpack(x):
+        s = x[0] + 1j * x[1]
+        return s / np.sqrt(1 + abs(s) ** 2), x[2]
+
+    def residual(x):
+        r = scale * (mobius(p, *unpack(x)) - q)
+        return np.concatenate([r.real, r.imag])
+
+    def jacobian(x):
+        a, theta = unpack(x)
+        w = mobius(p, a, theta)
+        s = x[0] + 1j * x[1]
+        g = 1 / np.sqrt(1 + abs(s) ** 2)
+        by_a, by_conj_a = -np.exp(1j * theta) / (1 - np.conj(a) * p), w * p / (1 - np.conj(a) * p)
+        # The change of a with s by 1 and by i.
+        steps = [g * d - g**3 * (s.conjugate() * d).real * s for d in (1.0, 1j)]
+        columns = [by_a * da + by_conj_a * np.conj(da) for da in steps] + [1j * w]
+        columns = scale * np.stack(columns)
+        return np.concatenate([columns.real, columns.imag], axis=1).T
+
+    fits = [
+        scipy.optimize.least_squares(
+            residual, [0.0, 0.0, turn], jacobian, xtol=1e-14, ftol=1e-14, gtol=1e-14
+        )
+        for turn in np.arange(8) * np.pi / 4
+    ]
+    a, theta = unpack(min(fits, key=lambda fit: fit.cost).x)
+    return complex(a), float(np.angle(np.exp(1j * theta)))
 
 
 def nearest_mobius(p, q, turns=4, rounds=30):
@@ -110,7 +151,7 @@ def nearest_mobius(p, q, turns=4, rounds=30):
         turn, real, imaginary = step[..., 0].T
         shift = (real + 1j * imaginary) / np.sqrt(1 + real**2 + imaginary**2)  # stays in the disk
         # A step that makes a sum of squares larger is not taken, and the next one is shorter.
-        after = compose_mobius(parameters, (shift, turn))
+        after = _composed(parameters, (shift, turn))
         off_after = _image(p, after) - q
         cost_after = (abs(off_after) ** 2).sum(1)
         lower = cost_after <= cost * (1 + ROUNDING)

@@ -17,43 +17,42 @@ from .disk import Disk, PerFace, PerVertex
 from .linear import Dirichlet, three_a_row
 from .mobius import mobius, mobius_inverse
 
-SMALLEST_STEP = (
-    1e-3  # of the mean boundary step, where a negative weight makes the boundary run backwards
-)
-LOST_STEP = (
-    1e-8  # of the mean: below, at the end of a long peninsula, coordinates round triangles away
-)
+# Of the mean boundary step. A negative weight can make a step negative: it becomes SMALLEST_STEP.
+# At the end of a long peninsula, steps below LOST_STEP are lost, as coordinates round triangles
+# away.
+SMALLEST_STEP, LOST_STEP = 1e-3, 1e-8
 
 
 class FreeBoundary:
     """The flux form for one stiffness matrix K, before normalisation: the map `f` sends the pole
     near 0.
 
-    1. `K_ii U_i = -2 pi e_o`, U = 0 on the boundary; 2. the fluxes `F = (K U)_b` sum to 2 pi, their densities
-    `q_k = F_k / (l_{k-1/2} + l_{k+1/2})` give the angle over each boundary edge, `l_{k+1/2} (q_k + q_{k+1})`;
+    1. `K_ii U_i = -2 pi e_o`, U = 0 on the boundary;
+    2. the fluxes `F = (K U)_b` sum to 2 pi, and their densities `q_k = F_k / (l_{k-1/2} +
+       l_{k+1/2})` give the angle over each boundary edge, `l_{k+1/2} (q_k + q_{k+1})`;
     3. `K_ii f_i = -K_ib f_b` with `f_b = exp(i theta_b)` and the same factorisation.
     """
 
     def __init__(self, dirichlet, lengths, pole, calibration=None):
-        self.dirichlet, self.loop = dirichlet, dirichlet.pinned
-        self.lengths, self.spans = lengths, lengths + np.roll(lengths, 1)
+        self.dirichlet = dirichlet
+        self.loop, free = dirichlet.pinned, dirichlet.free
+        self.lengths = lengths
+        self.spans = lengths + np.roll(lengths, 1)
         self.calibration = calibration
-        self.U, free = np.zeros(dirichlet.size), dirichlet.free
+        # 1. The potential U, whose pole is near 0.
+        self.U = np.zeros(dirichlet.size)
         self.U[free] = dirichlet.solve_free(np.where(free == pole, -2 * np.pi, 0.0))
+        # 2. Its flux through the boundary gives the boundary's steps in angle.
         density = dirichlet.coupling.T @ self.U[free] / self.spans
         self.raw_steps = steps = lengths * (density + np.roll(density, -1))
         if calibration is not None:
             steps = calibration @ steps
-        # Negative weights can make a step negative: then the smallest steps are raised, and the
-        # caller is told.
-        self.floored, mean = np.zeros(len(lengths), bool), 2 * np.pi / len(lengths)
-        if steps.min() <= LOST_STEP * mean:
-            self.floored, steps = (
-                steps < SMALLEST_STEP * mean,
-                np.maximum(steps, SMALLEST_STEP * mean),
-            )
+        mean = 2 * np.pi / len(lengths)
+        self.floored = (steps < SMALLEST_STEP * mean) & (steps.min() <= LOST_STEP * mean)
+        steps = np.where(self.floored, SMALLEST_STEP * mean, steps)
         self.scale = 2 * np.pi / steps.sum()
         self.steps = self.scale * steps
+        # 3. The map inside, from the boundary's angles.
         self.f = dirichlet.solve(np.exp(1j * np.concatenate([[0.0], np.cumsum(self.steps[:-1])])))
 
     def pullback(self, grad_f, solution=None):
@@ -62,12 +61,10 @@ class FreeBoundary:
         free, loop, f = self.dirichlet.free, self.loop, self.f
         adjoint = np.zeros(grad_f.shape, complex)
         adjoint[free] = -(self.dirichlet.solve_free(grad_f[free]) if solution is None else solution)
-        del solution
         grad_boundary = grad_f[loop] + self.dirichlet.coupling.T @ adjoint[free]
         grad_theta = (grad_boundary * f[loop, None].conj()).imag
-        grad_step = (
-            np.cumsum(grad_theta[::-1], axis=0)[::-1] - grad_theta
-        )  # a step moves every later angle
+        # A step moves every later angle.
+        grad_step = np.cumsum(grad_theta[::-1], axis=0)[::-1] - grad_theta
         grad_step = self.scale * (grad_step - (self.steps @ grad_step) / (2 * np.pi))
         grad_step[self.floored] = 0
         if self.calibration is not None:
@@ -115,24 +112,23 @@ class DiskSolver:
         off = abs(abs(z[loop]) - 1)
         if off.max() > 1e-6:
             raise SurfaceError(
-                f"boundary vertex {loop[off.argmax()]} is {off.max():.1e} off the unit circle; "
-                "map the mesh onto the disk first (disk_conformal_map)"
+                f"boundary vertex {loop[off.argmax()]} is {off.max():.1e} off the unit circle; map "
+                "the mesh onto the disk first (disk_conformal_map)"
             )
         angle = np.angle(z[loop]) % (2 * np.pi)
-        first = int(
-            np.argmax(np.where(angle > np.pi, angle, -1))
-        )  # the edge loop[0], loop[1] now holds 1 inside
+        # The edge loop[0], loop[1] holds 1; `share` is the part of it before 1.
+        first = int(np.argmax(np.where(angle > np.pi, angle, -1)))
         self.loop = np.roll(loop, -(first + 1) if angle.min() == 0 else -first)
         before, after = np.angle(z[self.loop[:2]])
-        self.share = -before / (after - before)  # 1 lies at this share of the edge
+        self.share = -before / (after - before)
         following = np.roll(z[self.loop], -1)
         self.lengths = abs(following - z[self.loop])
         steps = np.angle(following / z[self.loop])
         if steps.min() <= 0:  # a chord spans half of the circle or more
             raise SurfaceError(
                 f"the mesh does not cover 0: boundary vertex {self.loop[steps.argmin()]} and the "
-                "next "
-                "are half a turn apart or more; refine the boundary, or centre the mesh by `mobius`"
+                "next are half a turn apart or more; refine the boundary, or centre the mesh by "
+                "`mobius`"
             )
         face, weights = disk.locate([0j])
         self.origin, self.weights = disk.faces[face[0]], weights[0]
@@ -150,11 +146,10 @@ class DiskSolver:
         An ear (a triangle with three boundary vertices) carries no flux and a sliver a wrong one.
         The error is much the same for every mu: its ratio at mu = 0 takes most of it out.
         """
-        raw = FreeBoundary(
-            self._problem(np.zeros(len(self.disk.faces), complex)), self.lengths, self.pole
-        ).raw_steps
-        moved = mobius(self.disk.z[self.loop], self.disk.z[self.pole])
-        exact = np.angle(np.roll(moved, -1) / moved)
+        problem = self._problem(np.zeros(len(self.disk.faces), complex))
+        raw = FreeBoundary(problem, self.lengths, self.pole).raw_steps
+        rim = mobius(self.disk.z[self.loop], self.disk.z[self.pole])
+        exact = np.angle(np.roll(rim, -1) / rim)
         if np.allclose(raw, exact, rtol=0.01, atol=0):
             return None
         valid = np.flatnonzero((raw > 0.2 * exact) & (raw < 5 * exact))
@@ -165,18 +160,15 @@ class DiskSolver:
         knots = np.concatenate([middle[valid] - ring, middle[valid], middle[valid] + ring])
         after = np.searchsorted(knots, middle, side="right")
         share = (middle - knots[after - 1]) / (knots[after] - knots[after - 1])
-        columns, n = (
-            np.concatenate([valid[(after - 1) % len(valid)], valid[after % len(valid)]]),
-            len(raw),
-        )
+        columns = np.concatenate([valid[(after - 1) % len(valid)], valid[after % len(valid)]])
         weights = np.concatenate([(1 - share) * exact, share * exact]) / raw[columns]
-        return sparse.csr_array((weights, (np.tile(np.arange(n), 2), columns)), shape=(n, n))
+        rows = np.tile(np.arange(len(raw)), 2)
+        return sparse.csr_array((weights, (rows, columns)), shape=(len(raw), len(raw)))
 
     def _problem(self, mu):
-        matrix = self.disk.stiffness(mu)
-        problem = Dirichlet(matrix, self.loop, self.order)
-        if self.order is None and problem.factors:
-            self.order = problem.free[np.argsort(problem.factors.perm_c)]  # sought once a mesh
+        problem = Dirichlet(self.disk.stiffness(mu), self.loop, self.order)
+        if self.order is None:
+            self.order = problem.free[np.argsort(problem.factors.perm_c)]
         return problem
 
     def solve(self, mu: PerFace) -> PerVertex:
@@ -184,12 +176,10 @@ class DiskSolver:
         everywhere."""
         self.mu = check_coefficient(mu, len(self.disk.faces))
         self.free_boundary = self._sensitivities = None  # the last factors make room
-        calibration = (
-            self.calibration
-        )  # the first problem of a mesh, so that the order is the same for every mu
-        self.free_boundary = FreeBoundary(
-            self._problem(self.mu), self.lengths, self.pole, calibration
-        )
+        # The calibration is a mesh's first problem, so that the order is the same for every mu.
+        calibration = self.calibration
+        problem = self._problem(self.mu)
+        self.free_boundary = FreeBoundary(problem, self.lengths, self.pole, calibration)
         self.floored = int(self.free_boundary.floored.sum())
         return self.normalise(self.free_boundary.f)
 
@@ -197,13 +187,12 @@ class DiskSolver:
         """The map `raw` (V,), which keeps the circle, moved by a Möbius map to f(0) = 0 and f(1) =
         1."""
         self.a = 0j
-        for _ in range(
-            50
-        ):  # the vertex values move by a Möbius map, the value at 0 between them not quite
+        # In rounds: the values of the vertices move by a Möbius map, the value at 0 between them
+        # not quite. Where it leaves the disk the map is folded, and the boundary must not turn
+        # over.
+        for _ in range(50):
             centre = self.weights @ mobius(raw[self.origin], self.a)
-            if (
-                abs(centre) < 1e-15 or abs(centre) >= 1
-            ):  # out of the disk: folded, and the boundary must not turn over
+            if abs(centre) < 1e-15 or abs(centre) >= 1:
                 break
             self.a = mobius_inverse(centre, self.a)
         w = mobius(raw, self.a)
@@ -217,15 +206,14 @@ class DiskSolver:
         """Gradients `dL/dRe + i dL/dIm` by mu, (F,) or (B, F), from those by the last f, (V,) or
         (B, V): two solves."""
         grad_f = np.asarray(grad_f, complex)
-        grad_raw, origin, grad_centre = self._unnormalise(
-            np.atleast_2d(grad_f).T, np.arange(len(self.disk.z))
-        )
+        everywhere = np.arange(len(self.disk.z))
+        grad_raw, origin, grad_centre = self._unnormalise(np.atleast_2d(grad_f).T, everywhere)
         grad_raw += origin[:, None] * grad_centre
         grad_mu = np.zeros((len(self.disk.faces), grad_raw.shape[1]), complex)
         for matrix, lam in zip(self.sensitivities, self.free_boundary.pullback(grad_raw)):
             some = lam.any(
                 0
-            )  # gradients of Re f(p) alone have no part in Im f, and the other way round
+            )  # a gradient of Re f alone has no part in Im f, nor the other way round
             grad_mu[:, some] += matrix @ lam[:, some]
         return grad_mu.T.reshape(*grad_f.shape[:-1], len(self.disk.faces))
 
@@ -243,11 +231,8 @@ class DiskSolver:
         load = np.zeros((len(self.disk.z), count + 1), complex)
         load[at] = np.column_stack([direct[:, :count], origin])
         solution = self.free_boundary.dirichlet.solve_free(load[free])
-        del load
-        solution = (
-            np.concatenate([solution[:, :-1], 1j * solution[:, :-1]], 1)
-            + solution[:, -1:] * grad_centre
-        )
+        both = np.concatenate([solution[:, :-1], 1j * solution[:, :-1]], 1)
+        solution = both + solution[:, -1:] * grad_centre
         grad_raw = np.zeros((len(self.disk.z), 2 * count), complex)
         grad_raw[at] = direct + origin[:, None] * grad_centre
         return self.free_boundary.pullback(grad_raw, solution)
@@ -256,8 +241,8 @@ class DiskSolver:
     def sensitivities(self) -> list[Complex[sparse.sparray, " F V"]]:
         """`sensitivity(x)` of Re f, Im f and U, made once a solution."""
         if self._sensitivities is None:
-            free = self.free_boundary
-            self._sensitivities = [self.sensitivity(x) for x in (free.f.real, free.f.imag, free.U)]
+            f, U = self.free_boundary.f, self.free_boundary.U
+            self._sensitivities = [self.sensitivity(x) for x in (f.real, f.imag, U)]
         return self._sensitivities
 
     def pushforward(self, dmu: Complex[ndarray, " *B F"]) -> Complex[ndarray, " *B V"]:
@@ -269,13 +254,12 @@ class DiskSolver:
         """
         dmu = np.asarray(dmu, complex)
         changes = [(matrix.T @ np.atleast_2d(dmu).conj().T).real for matrix in self.sensitivities]
-        return self._renormalise(self.free_boundary.pushforward(changes)).T.reshape(
-            *dmu.shape[:-1], len(self.disk.z)
-        )
+        df = self._renormalise(self.free_boundary.pushforward(changes))
+        return df.T.reshape(*dmu.shape[:-1], len(self.disk.z))
 
     def _unnormalise(self, grad_f, at):
-        """Gradients `direct + origin grad_centre` by the raw map at sorted vertices `at`, as a
-        tuple of the three.
+        """Gradients by the raw map at sorted vertices `at`, `direct + origin grad_centre`: these
+        three.
 
         Inside the disk `direct` is complex linear in grad_f.
         """
@@ -283,9 +267,8 @@ class DiskSolver:
         w, by_a, slope, by_conj_a = self._derivatives(at)
         grad_w = grad_f * np.exp(1j * self.turn)
         grad_turn = (grad_f.conj() * self.f[at, None]).imag.sum(0)
-        grad_w[edge] += (
-            np.array([1 - self.share, self.share])[:, None] * 1j * w[edge, None] * grad_turn
-        )
+        shares = np.array([1 - self.share, self.share])
+        grad_w[edge] += 1j * (shares * w[edge])[:, None] * grad_turn
         grad_a = (by_a.conj()[:, None] * grad_w + by_conj_a[:, None] * grad_w.conj()).sum(0)
         P, Q = self.weights @ by_a[inner], self.weights @ by_conj_a[inner]
         grad_centre = -(grad_a * P - grad_a.conj() * Q) / (abs(P) ** 2 - abs(Q) ** 2)
@@ -297,10 +280,9 @@ class DiskSolver:
         """The change of f with a change (V, B) of the raw map, the transpose of `_unnormalise`."""
         w, by_a, slope, by_conj_a = (part[:, None] for part in self._derivatives(slice(None)))
         dw, at, edge = slope * change, self.origin, self.loop[:2]
-        P, Q, centre = self.weights @ by_a[at], self.weights @ by_conj_a[at], self.weights @ dw[at]
-        da = (Q * centre.conj() - P.conj() * centre) / (
-            abs(P) ** 2 - abs(Q) ** 2
-        )  # keeps the value at 0
+        P, Q, centre = (self.weights @ part[at] for part in (by_a, by_conj_a, dw))
+        # This change of a holds the value at 0.
+        da = (Q * centre.conj() - P.conj() * centre) / (abs(P) ** 2 - abs(Q) ** 2)
         dw += by_a * da + by_conj_a * da.conj()
         dturn = np.array([1 - self.share, self.share]) @ (dw[edge] / w[edge]).imag
         return (dw - 1j * w * dturn) * np.exp(-1j * self.turn)

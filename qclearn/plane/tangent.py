@@ -1,11 +1,14 @@
-"""The derivative of a disk map in closed form: what a change of its coefficient does to some
-points, without a solve.
+"""`CoefficientMesh`, the polar mesh of a coefficient beside the mesh that is mapped; and `Tangent`,
+the derivative of a disk map in closed form: what a change of its coefficient does to some points,
+without a solve.
 
-For the map f of the unit disk with coefficient mu, f(0) = 0 and f(1) = 1, a change dmu moves f(p) by
+For the map f of the unit disk with coefficient mu, f(0) = 0 and f(1) = 1, a change dmu moves f(p)
+by
     `df(p) = k(p) - k(0) + conj(k(0)) f(p)^2 + i f(p) (2 Im k(0) - Im k(1))`,
-    `k(p) = -(1/pi) int f_z^2 dmu / (f - f(p)) - (1/pi) f(p)^3 int conj(f_z^2 dmu) / (1 - f(p) conj(f))`,
-integrals over the disk: the first variation at the identity, carried by f, in which 1 - |mu|^2 cancels. Source:
-Ahlfors, Lectures on Quasiconformal Mappings, chapter V.
+    `k(p) = -(1/pi) int f_z^2 dmu / (f - f(p))
+            - (1/pi) f(p)^3 int conj(f_z^2 dmu) / (1 - f(p) conj(f))`,
+integrals over the disk: the first variation at the identity, carried by f, in which 1 - |mu|^2
+cancels. Source: Ahlfors, Lectures on Quasiconformal Mappings, chapter V.
 """
 
 from functools import cached_property
@@ -14,35 +17,58 @@ import numpy as np
 import scipy
 from scipy import sparse
 
-from ..plane.coefficients import bounded
-from ..plane.solver import DiskSolver
-from .coefficients import bounded_pullback
+from .coefficients import bounded, bounded_pullback
+from .disk import pairs
 from .linear import middles, three_a_row
+from .solver import DiskSolver
 
 REACH = 1.8  # cells: from where on a node stands for its cell in the integral
 FINER = 3  # nearer than that, a triangle is cut into so many squared
 
 
+class CoefficientMesh:
+    """A polar `Disk` mesh, which carries nu (N,) at its vertices, beside the `Disk` that is mapped,
+    maybe itself."""
+
+    def __init__(self, disk, mesh):
+        self.disk, self.mesh = disk, mesh
+        self.solver = DiskSolver(disk)
+        _ = self.solver.calibration  # cached here, so that copies of the solver have it
+        # By the area of the disk: terms are means over it.
+        self.mass = mesh.mass / np.pi
+        self.laplace = mesh.laplace / np.pi
+        self.to_faces = mesh.to_faces if disk is mesh else mesh.sampling(disk.centroids)
+
+    @cached_property
+    def carrier(self):
+        """What derivatives in closed form need of both meshes."""
+        return Carrier(self.disk, self.mesh)
+
+    def coefficient(self, nu):
+        """mu (F,) on the faces of the mapped mesh of nu (N,)."""
+        return bounded(self.to_faces @ nu)
+
+
 class Carrier:
-    """The polar `Disk` of nu beside the disk that a `DiskSolver` maps, for any points.
+    """What a `Tangent` needs of the mapped `Disk` and the polar mesh of nu, for any points.
 
     z (N,), areas (N,): the nodes and their cells; values (N, V): from the mapped mesh to the nodes;
     slope (V, V): f_z at the mapped vertices; hats (9 T, N): nu on the parts of the triangles;
     areas_fine, values_fine: of these parts.
     """
 
-    def __init__(self, solver, mesh):
-        self.z, self.mapped, triangles = mesh.z, solver.disk, mesh.faces
+    def __init__(self, disk, mesh):
+        self.z = mesh.z
+        self.mapped = disk
         f_z = three_a_row(self.mapped.gradients.conj() / 2, self.mapped.faces, len(self.mapped.z))
         self.slope = (self.mapped.to_vertices @ f_z).tocsr()
-        self.areas = np.bincount(triangles.ravel(), np.repeat(mesh.areas, 3)) / 3
+        self.areas = np.bincount(mesh.faces.ravel(), np.repeat(mesh.areas, 3)) / 3
         self.values, at = self.values_at(self.z)
-        self.tree = scipy.spatial.cKDTree(np.stack([self.z.real, self.z.imag], axis=1))
-        self.hats = hats_inside(triangles, len(self.z))
+        self.tree = scipy.spatial.cKDTree(pairs(self.z))
+        self.hats = hats_inside(mesh.faces, len(self.z))
         self.areas_fine = np.repeat(mesh.areas, FINER**2) / FINER**2
-        self.values_fine, _ = self.values_at(
-            self.hats @ self.z, at[np.repeat(triangles[:, 0], FINER**2)]
-        )
+        near = at[np.repeat(mesh.faces[:, 0], FINER**2)]
+        self.values_fine, _ = self.values_at(self.hats @ self.z, near)
 
     def values_at(self, points, guess=None):
         """Sparse (P, V) from values on the mapped mesh to those at points (P,), and the faces that
@@ -54,22 +80,21 @@ class Carrier:
 class Tangent:
     """Derivatives of maps at points `samples @ z` by a field nu on a polar mesh, mu = T(nu).
 
-    solver: a `DiskSolver` of the mapped mesh; mesh: the polar `Disk` of nu; samples (P, V): sparse,
-    three entries a row; carrier: made unless given. Near a point the integral is taken over parts
-    of triangles, and for the corners of the triangle that holds the point, as the discrete map is
-    linear between them.
+    link: the `CoefficientMesh`; samples (P, V): sparse, three entries a row. Near a point the
+    integral is taken over parts of triangles, and for the corners of the triangle that holds the
+    point, as the discrete map is linear between them.
     """
 
-    def __init__(self, solver, mesh, samples, carrier=None):
-        self.carrier = carrier or Carrier(solver, mesh)
+    def __init__(self, link, samples):
+        self.carrier = link.carrier
+        solver = link.solver
+        # The points by the corners of their triangles and these corners' shares, (P + 2, 3): after
+        # the samples come 0 and 1, which the map holds.
         (first, second), order = solver.loop[:2], np.argsort(solver.origin)
-        at_0_and_1 = [solver.weights[order], [1 - solver.share, solver.share, 0]]
-        self.shares = np.concatenate(
-            [samples.data.reshape(-1, 3), at_0_and_1]
-        )  # (P + 2, 3), of the corners
-        self.corners = np.concatenate(
-            [samples.indices.reshape(-1, 3), [solver.origin[order], [first, second, second]]]
-        )
+        shares = [solver.weights[order], [1 - solver.share, solver.share, 0]]
+        corners = [solver.origin[order], [first, second, second]]
+        self.shares = np.concatenate([samples.data.reshape(-1, 3), shares])
+        self.corners = np.concatenate([samples.indices.reshape(-1, 3), corners])
         self.points = three_a_row(self.shares, self.corners, len(solver.disk.z))
         self.close = self.close_pairs(solver.disk.z)
         self.find_parts()
@@ -82,40 +107,35 @@ class Tangent:
         carrier, centre = self.carrier, self.points @ z
         size = abs(z[self.corners] - centre[:, None]).max(1)
         reach = REACH * np.sqrt(carrier.areas)
-        near = carrier.tree.query_ball_point(
-            np.stack([centre.real, centre.imag], axis=1), 2 * size + reach.max()
-        )
-        rows, columns = (
-            np.repeat(np.arange(len(near)), [len(some) for some in near]),
-            np.concatenate(near).astype(int),
-        )
+        near = carrier.tree.query_ball_point(pairs(centre), 2 * size + reach.max())
+        rows = np.repeat(np.arange(len(near)), [len(some) for some in near])
+        columns = np.concatenate(near).astype(int)
         inside = abs(carrier.z[columns] - centre[rows]) <= 2 * size[rows] + reach[columns]
+        places = rows[inside], columns[inside]
         shape = len(centre), len(carrier.z)
-        return sparse.csr_array(
-            (np.ones(inside.sum()), (rows[inside], columns[inside])), shape=shape
-        )
+        return sparse.csr_array((np.ones(inside.sum()), places), shape=shape)
 
     def find_parts(self):
         """Of the close pairs' nodes, the parts: hats, areas, values; point, part (E,): which point
         needs which part."""
         needed = (self.close @ self.carrier.hats.T).tocoo()
         used, self.part = np.unique(needed.col, return_inverse=True)
-        self.point, self.hats = needed.row, self.carrier.hats[used]
-        self.areas, self.values = self.carrier.areas_fine[used], self.carrier.values_fine[used]
+        self.point = needed.row
+        self.hats = self.carrier.hats[used]
+        self.areas = self.carrier.areas_fine[used]
+        self.values = self.carrier.values_fine[used]
 
     def spread_parts(self):
         """Sparse (pairs, E): the share of each needed part that belongs to each close pair."""
         number = np.full(self.close.shape, -1)
         number[self.close.nonzero()] = np.arange(self.close.nnz)
-        node, share = (
-            table.reshape(-1, 3)[self.part] for table in (self.hats.indices, self.hats.data)
-        )
+        node = self.hats.indices.reshape(-1, 3)[self.part]
+        share = self.hats.data.reshape(-1, 3)[self.part]
         pair = number[self.point[:, None], node]
         counted = pair >= 0
         starts = np.concatenate([[0], np.cumsum(counted.sum(1))])
-        return sparse.csc_array(
-            (share[counted], pair[counted], starts), shape=(self.close.nnz, len(self.point))
-        )
+        entries = share[counted], pair[counted], starts
+        return sparse.csc_array(entries, shape=(self.close.nnz, len(self.point)))
 
     def near_the_circle(self, z):
         """Which needed parts and which close pairs belong to points whose mirror images are near,
@@ -129,27 +149,27 @@ class Tangent:
     def gradients(self, nu, f):
         """Gradients of Re f(p) and Im f(p) by nu (N,), complex (2, P, N), for the solver's map f
         (V,)."""
-        at, (P, Q) = self.points @ f, self.variation(nu, f)
-        moved = np.stack([P.conj() + Q, 1j * (P.conj() - Q)])  # gradients of Re k and Im k
-        (zero_re, _), (zero_im, one_im) = moved[:, -2:]
-        moved, at, spin = moved[:, :-2], at[:-2, None], 2 * zero_im - one_im
+        P, Q = self.variation(nu, f)
+        rows = np.stack([P.conj() + Q, 1j * (P.conj() - Q)])  # gradients of Re k and Im k
+        # What holds 0 and 1 is taken off: k(0) - conj(k(0)) f^2 and the turn about 0.
+        (zero_re, _), (zero_im, one_im) = rows[:, -2:]
+        rows, at = rows[:, :-2], (self.points @ f)[:-2, None]
+        spin = 2 * zero_im - one_im
         square = at**2
-        moved[0] += (square.real - 1) * zero_re + square.imag * zero_im - at.imag * spin
-        moved[1] += square.imag * zero_re - (square.real + 1) * zero_im + at.real * spin
-        return moved
+        rows[0] += (square.real - 1) * zero_re + square.imag * zero_im - at.imag * spin
+        rows[1] += square.imag * zero_re - (square.real + 1) * zero_im + at.real * spin
+        return rows
 
     def variation(self, nu, f, dtype=complex):
         """P, Q (P + 2, N), `dk(p) = sum P dnu + Q conj(dnu)`, 0 and 1 last; complex64: four digits
         in half the time."""
         both = np.stack([f, self.carrier.slope @ f], axis=1)
         P, Q = self.kernel(nu, both, dtype)
-        self.mend((P, Q), nu, both, dtype)
+        self.refine_near(P, Q, nu, both)
+        # dmu = a dnu + b conj(dnu).
         along, across = (bounded_pullback(nu, unit) for unit in (1.0, 1j))
-        a, b = (
-            ((along - 1j * across) / 2).real,
-            (along + 1j * across) / 2,
-        )  # dmu = a dnu + b conj(dnu)
-        a, b = a.astype(P.real.dtype), b.astype(dtype)
+        a = ((along - 1j * across) / 2).real.astype(P.real.dtype)
+        b = ((along + 1j * across) / 2).astype(dtype)
         return P * a + Q * b.conj(), P * b + Q * a
 
     def kernel(self, nu, both, dtype):
@@ -158,22 +178,21 @@ class Tangent:
         at = (self.points @ both[:, 0]).astype(dtype)[:, None]
         return mass * inverse(w - at, size), mass.conj() * at**3 * inverse(1 - at * w.conj(), size)
 
-    def mend(self, PQ, nu, both, dtype):
+    def refine_near(self, P, Q, nu, both):
         """P at close pairs, and Q where mirror images are near, by the parts and the corners."""
-        w, size, mass = cells(self.areas, self.hats @ nu, self.values @ both, dtype)
-        at, share, (P, Q) = both[self.corners, 0].astype(dtype), self.shares.astype(size.dtype), PQ
-        (row, node), part, point = self.close.nonzero(), self.part, self.point
-        average = np.einsum(
-            "ek,ek->e", share[point], inverse(w[part, None] - at[point], size[part, None])
-        )
-        P[row, node] = self.spread @ (mass[part] * average)
-        part, point = self.part[self.mirrored], self.point[self.mirrored]
-        turned = inverse(1 - at[point] * w[part, None].conj(), size[part, None])
-        average = np.zeros(len(self.part), complex)
-        average[self.mirrored] = mass[part].conj() * np.einsum(
-            "ek,ek->e", (share * at**3)[point], turned
-        )
-        Q[row[self.replaced], node[self.replaced]] = (self.spread @ average)[self.replaced]
+        w, size, mass = cells(self.areas, self.hats @ nu, self.values @ both, P.dtype)
+        at = both[self.corners, 0].astype(P.dtype)
+        share = self.shares.astype(size.dtype)
+        row, node = self.close.nonzero()
+        part, point = self.part, self.point
+        terms = inverse(w[part, None] - at[point], size[part, None])
+        P[row, node] = self.spread @ (mass[part] * np.einsum("ek,ek->e", share[point], terms))
+        part, point = part[self.mirrored], point[self.mirrored]
+        terms = inverse(1 - at[point] * w[part, None].conj(), size[part, None])
+        sums = np.zeros(len(self.part), complex)
+        average = np.einsum("ek,ek->e", (share * at**3)[point], terms)
+        sums[self.mirrored] = mass[part].conj() * average
+        Q[row[self.replaced], node[self.replaced]] = (self.spread @ sums)[self.replaced]
 
 
 def hats_inside(triangles, n_vertices):
@@ -195,29 +214,5 @@ def cells(areas, nu, places, dtype):
 
 def inverse(d, size):
     """`1 / d`, no larger than at the rim of a disk of this radius squared."""
-    return d.conj() * (
-        1 / np.maximum(d.real**2 + d.imag**2, size)
-    )  # NumPy divides by a real in complex numbers
-
-
-class CoefficientMesh:
-    """A polar `Disk` mesh, which carries nu (N,) at its vertices, beside the `Disk` that is mapped,
-    maybe itself."""
-
-    def __init__(self, disk, mesh):
-        self.disk, self.mesh, self.solver = disk, mesh, DiskSolver(disk)
-        _ = self.solver.calibration  # cached, so that copies of the solver need not find it again
-        self.mass, self.laplace = (
-            mesh.mass / np.pi,
-            mesh.laplace / np.pi,
-        )  # so that terms are means over the disk
-        self.to_faces = mesh.to_faces if disk is mesh else mesh.sampling(disk.centroids)
-
-    @cached_property
-    def carrier(self):
-        """What derivatives in closed form need of both meshes."""
-        return Carrier(self.solver, self.mesh)
-
-    def coefficient(self, nu):
-        """mu (F,) on the faces of the mapped mesh of nu (N,)."""
-        return bounded(self.to_faces @ nu)
+    # A product with a real reciprocal: NumPy divides by a real in complex numbers.
+    return d.conj() * (1 / np.maximum(d.real**2 + d.imag**2, size))

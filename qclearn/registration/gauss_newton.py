@@ -376,8 +376,7 @@ class Discretization:
     @cached_property
     def tangent(self):
         """The derivative at the landmarks in closed form."""
-        mesh = self.coefficient_mesh
-        return Tangent(mesh.solver, mesh.mesh, self.samples, mesh.carrier)
+        return Tangent(self.coefficient_mesh, self.samples)
 
 
 class GaussNewtonObjective:

@@ -32,7 +32,7 @@ class SurfacePair:
         return [
             f"{name}: {message}"
             for name in ("moving", "control")
-            for message in getattr(self, name).words
+            for message in getattr(self, name).messages
         ]
 
 

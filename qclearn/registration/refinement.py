@@ -68,11 +68,8 @@ class CoefficientRefinement:
         self.coefficient_mesh, self.spectrum = coefficient_mesh, spectrum
         self.scale = np.sqrt(gamma / len(p))
         self.root = np.sqrt(1 + beta * spectrum.values)
-        carrier = coefficient_mesh.carrier
-        self.samples, _ = carrier.values_at(p)
-        self.tangent = Tangent(
-            coefficient_mesh.solver, coefficient_mesh.mesh, self.samples, carrier
-        )
+        self.samples, _ = coefficient_mesh.carrier.values_at(p)
+        self.tangent = Tangent(coefficient_mesh, self.samples)
 
     def run(self, start, count):
         """(proposal, best iterate so far) before the first and after each of `count` iterations,

@@ -10,20 +10,21 @@ LARGEST = 1e60  # of a coordinate: a squared area, its fourth power, is still a 
 
 
 def frozen(array):
+    """The array, read-only from now on."""
     array.flags.writeable = False
     return array
 
 
 def counted(items, one, many=None):
+    """How many items there are, with their noun: '1 face', '2 faces'."""
     return f"{len(items)} {one if len(items) == 1 else many or one + 's'}"
 
 
 def some(items):
     """The first five of a list or an array, and how many more, for error messages."""
     items = items if isinstance(items, list) else items.tolist()
-    return ", ".join(map(str, items[:5])) + (
-        f" and {len(items) - 5} more" if len(items) > 5 else ""
-    )
+    more = f" and {len(items) - 5} more" if len(items) > 5 else ""
+    return ", ".join(map(str, items[:5])) + more
 
 
 def origins(numbers, n_vertices):
@@ -35,18 +36,18 @@ def origins(numbers, n_vertices):
     if not sound or numbers.min() < 0 or (np.diff(np.sort(numbers)) == 0).any():
         raise SurfaceError(
             f"original_vertices must be {n_vertices} whole numbers, none negative and not one "
-            "number twice, and not "
-            f"{numbers.dtype} of shape {numbers.shape}; give the second result of open_surface, "
-            "or leave them out"
+            f"number twice, and not {numbers.dtype} of shape {numbers.shape}; give the second "
+            "result of open_surface, or leave them out"
         )
     return frozen(numbers.astype(np.int64))
 
 
 def vertex_array(vertices):
+    """Vertices as read-only float64 (V, 3), finite and at most LARGEST."""
     if np.iscomplexobj(vertices):
         raise SurfaceError(
-            "vertices are complex; give a planar mesh as numpy.stack([z.real, z.imag, 0 * "
-            "z.real], 1)"
+            "vertices are complex; give a planar mesh as numpy.stack([z.real, z.imag, 0 * z.real], "
+            "1)"
         )
     try:
         given = np.asarray(vertices).dtype
@@ -68,19 +69,20 @@ def vertex_array(vertices):
     if bad.size:
         raise SurfaceError(
             f"{counted(bad, 'vertex', 'vertices')} with NaN or infinite coordinates: {some(bad)}. "
-            f"Remove them with their faces, or export the surface again"
+            "Remove them with their faces, or export the surface again"
         )
     far = np.flatnonzero((np.abs(vertices) > LARGEST).any(axis=1))
     if far.size:
         raise SurfaceError(
             f"{counted(far, 'vertex', 'vertices')} with coordinates beyond {LARGEST:g}: "
-            f"{some(far)}. Areas and volumes "
-            f"would overflow; give the surface in millimetres, or export it again if it is damaged"
+            f"{some(far)}. Areas and volumes would overflow; give the surface in millimetres, or "
+            "export it again if it is damaged"
         )
     return frozen(vertices)
 
 
 def face_array(faces):
+    """Faces as read-only int64 (F, 3), at least one."""
     faces = np.asarray(faces)
     if faces.ndim != 2 or faces.shape[1] != 3:
         raise SurfaceError(
@@ -96,14 +98,15 @@ def face_array(faces):
 
 
 def curve_path(name, path, n_vertices):
+    """A curve as read-only int64 (k,), vertices of the surface."""
     path = np.array(path)
     if path.ndim != 1 or path.size == 0 or path.dtype.kind not in "iu":
         raise SurfaceError(f"curve '{name}' must be a non-empty list of vertex indices (integers)")
     bad = path[(path < 0) | (path >= n_vertices)]
     if bad.size:
         raise SurfaceError(
-            f"curve '{name}' names vertices that do not exist: {some(bad)}; "
-            f"indices run from 0 to {n_vertices - 1}: take the curve from this very surface"
+            f"curve '{name}' names vertices that do not exist: {some(bad)}; indices run from 0 to "
+            f"{n_vertices - 1}: take the curve from this very surface"
         )
     return frozen(path.astype(np.int64))
 
@@ -114,22 +117,21 @@ def check_faces(vertices, faces):
         out = np.flatnonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))
         raise SurfaceError(
             f"{counted(out, 'face')} with corners outside 0 ... {len(vertices) - 1}: {some(out)}. "
-            f"Indices count from 0 (subtract 1 if the source counts from 1)"
+            "Indices count from 0 (subtract 1 if the source counts from 1)"
         )
     unused = np.flatnonzero(np.bincount(faces.ravel(), minlength=len(vertices)) == 0)
     if unused.size:
         raise SurfaceError(
-            f"{counted(unused, 'vertex', 'vertices')} in no face: {some(unused)}. Drop them: "
-            "used, corners = "
-            "numpy.unique(faces, return_inverse=True); Surface(vertices[used], "
+            f"{counted(unused, 'vertex', 'vertices')} in no face: {some(unused)}. Drop them: used, "
+            "corners = numpy.unique(faces, return_inverse=True); Surface(vertices[used], "
             "corners.reshape(-1, 3))"
         )
     degenerate = degenerate_faces(vertices, faces)
     if degenerate.size:
         raise SurfaceError(
             f"{counted(degenerate, 'degenerate face')} (a repeated vertex or zero area): "
-            f"{some(degenerate)}. "
-            f"Merge coincident vertices and collapse these faces (pyvista.PolyData.clean does both)"
+            f"{some(degenerate)}. Merge coincident vertices and collapse these faces "
+            "(pyvista.PolyData.clean does both)"
         )
 
 
@@ -137,13 +139,14 @@ def degenerate_faces(vertices, faces):
     """Indices (k,) of faces with a repeated vertex, or with a height over the longest side below
     rounding."""
     a, b, c = (vertices[corner] for corner in faces.T)
-    longest = np.maximum(np.maximum(norms(b - a), norms(c - b)), norms(a - c))
+    longest = np.maximum.reduce([norms(b - a), norms(c - b), norms(a - c)])
     repeated = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
     rounding = 8 * np.finfo(float).eps * np.abs(vertices).max()
     return np.flatnonzero(repeated | (norms(np.cross(b - a, c - a)) <= rounding * longest))
 
 
 def norms(vectors):
+    """Lengths (n,) of vectors (n, 3)."""
     return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
 
 
@@ -162,35 +165,31 @@ def _check_duplicates(faces):
 def check_topology(n_vertices, faces):
     """Edges (E, 2), their faces (E, 2), boundary half-edges (B, 2) of a manifold, oriented,
     connected mesh."""
-    tails, heads = (
-        faces.ravel(),
-        np.roll(faces, -1, axis=1).ravel(),
-    )  # half-edge 3 f + k leaves corner k of face f
+    # Half-edge 3 f + k leaves corner k of face f; those of one edge follow each other in `order`.
+    tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     key = np.minimum(tails, heads) * n_vertices + np.maximum(tails, heads)
     order = np.argsort(key, kind="stable")
     first = np.flatnonzero(np.diff(key[order], prepend=-1))
     count = np.diff(first, append=len(key))
     edges = np.stack(np.divmod(key[order[first]], n_vertices), axis=1)
     one, two = order[first[count == 2]], order[first[count == 2] + 1]
-    crowded, wrong = edges[count > 2], tails[one] == tails[two]
-    if (
-        len(crowded) or wrong.any() or len(faces) == 2
-    ):  # where there are twins, one of these holds: a cheap test first
+    crowded = edges[count > 2]
+    wrong = tails[one] == tails[two]
+    # A cheap test first: where a face is there twice, one of these holds.
+    if len(crowded) or wrong.any() or len(faces) == 2:
         _check_duplicates(faces)
     if len(crowded):
         raise SurfaceError(
             f"not manifold: {counted(crowded, 'edge')} (vertex pairs) with more than two faces: "
-            f"{some(crowded)}. "
-            f"Delete the extra faces or duplicate the vertices along these edges"
+            f"{some(crowded)}. Delete the extra faces or duplicate the vertices along these edges"
         )
     if wrong.any():
         pairs = np.stack([one[wrong] // 3, two[wrong] // 3], axis=1)
         raise SurfaceError(
             f"inconsistent orientation: {counted(pairs, 'pair')} of faces that run along their "
-            "common edge in the same "
-            f"direction: {some(pairs)}. Reverse one face of each pair "
-            "(pyvista.PolyData.compute_normals("
-            f"consistent_normals=True) does it for a whole orientable surface)"
+            f"common edge in the same direction: {some(pairs)}. Reverse one face of each pair "
+            "(pyvista.PolyData.compute_normals(consistent_normals=True) does it for a whole "
+            "orientable surface)"
         )
     _check_connected(n_vertices, edges)
     _check_fans(n_vertices, faces, one, two)
@@ -208,16 +207,15 @@ def _check_connected(n_vertices, edges):
         listed = [f"{sizes[k]} vertices around vertex {firsts[k]}" for k in np.argsort(-sizes)]
         raise SurfaceError(
             f"the surface has {n_components} components: {some(listed)}. Keep one of them "
-            f"(pyvista.PolyData.extract_largest) and drop the rest"
+            "(pyvista.PolyData.extract_largest) and drop the rest"
         )
 
 
 def _check_fans(n_vertices, faces, one, two):
     """SurfaceError unless the faces around each vertex form one fan; one, two: half-edges beside
     the inner edges."""
-    after = np.roll(
-        np.arange(faces.size).reshape(-1, 3), -1, axis=1
-    ).ravel()  # the corner at each half-edge's head
+    # The corner at each half-edge's head.
+    after = np.roll(np.arange(faces.size).reshape(-1, 3), -1, axis=1).ravel()
     sides = np.stack([np.r_[one, after[one]], np.r_[after[two], two]], axis=1)
     n_fans, label = components(faces.size, sides)
     if n_fans > n_vertices:
@@ -226,8 +224,8 @@ def _check_fans(n_vertices, faces, one, two):
         bad = np.flatnonzero(np.bincount(vertex_of_fan, minlength=n_vertices) > 1)
         raise SurfaceError(
             f"not manifold: {counted(bad, 'vertex', 'vertices')} where several fans of faces meet "
-            "in a point: "
-            f"{some(bad)}. Duplicate the vertex for each fan, or delete all fans but one"
+            f"in a point: {some(bad)}. Duplicate the vertex for each fan, or delete all fans but "
+            "one"
         )
 
 

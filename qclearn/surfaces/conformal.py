@@ -21,30 +21,28 @@ def disk_conformal_map(surface: Surface) -> Complex[ndarray, " V"]:
     """The conformal map of a disk-like surface onto the unit disk, boundary exactly on the circle.
 
     The area centroid goes to 0, the first vertex of `surface.boundary` to 1. The flux form with the
-    cotangent matrix, no iteration. Certified: no triangle is flipped; a RepairWarning tells of
-    boundary steps and rows changed for that. SurfaceError if the surface is not a disk;
+    cotangent matrix, no iteration. Certified: no triangle is flipped; a RepairWarning counts
+    the boundary steps and rows changed for that. SurfaceError if the surface is not a disk;
     BijectivityError if the repair fails.
     """
     require_disk(surface)
-    faces, loop, matrix = surface.faces, surface.boundary, surface.stiffness
-    problem = Dirichlet(matrix, loop)
-    rim = np.linalg.norm(
-        np.roll(surface.vertices[loop], -1, axis=0) - surface.vertices[loop], axis=1
-    )
+    loop = surface.boundary
+    problem = Dirichlet(surface.stiffness, loop)
+    corners = surface.vertices[loop]
+    rim = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
     free = FreeBoundary(problem, rim, _central_vertex(surface, problem, rim))
     f, switched = _centre_and_unfold(surface, free.f)
     f = f / f[loop[0]]
     f[loop] /= abs(f[loop])
-    if not Disk(f, faces).certificate.bijective:
+    if not Disk(f, surface.faces).certificate.bijective:
         raise BijectivityError(
-            "the disk conformal map folds and row switching did not mend it; "
-            "remesh the surface (its triangles may be degenerate to rounding)"
+            "the disk conformal map folds and row switching did not mend it; remesh the surface "
+            "(its triangles may be degenerate to rounding)"
         )
     if len(switched) or free.floored.any():
         warnings.warn(
-            f"conformal map: {int(free.floored.sum())} boundary steps raised, {len(switched)} "
-            "rows switched "
-            "to mean-value weights to keep every triangle positive",
+            f"conformal map: {int(free.floored.sum())} boundary steps raised, {len(switched)} rows "
+            "switched to mean-value weights to keep every triangle positive",
             RepairWarning,
             stacklevel=2,
         )
@@ -65,16 +63,16 @@ def _centre_and_unfold(surface, f):
     """The map f with its area centroid at 0 and rows switched until no face is flipped: (f,
     switched vertices)."""
     share = surface.vertex_areas / surface.area
-    f = mobius(f, centring_mobius(f, share))
-    picture, switched = Disk(f, surface.faces), np.zeros(0, int)
+    matrix, lengths = surface.stiffness, surface.edge_lengths
+    picture = Disk(mobius(f, centring_mobius(f, share)), surface.faces)
+    switched = np.zeros(0, int)
     for _ in range(5):
-        picture, switched, problem, _ = repair(
-            surface.stiffness, picture, surface.edge_lengths, switched
-        )
+        picture, switched, problem, _ = repair(matrix, picture, lengths, switched)
         f = picture.z
         if problem is None:
             break
-        for _ in range(50):  # a Möbius map of the boundary values, the interior solved anew
+        # Centred again: a Möbius map of the boundary values, the interior solved anew.
+        for _ in range(50):
             if abs(share @ f) < 1e-14:
                 break
             f = problem.solve(mobius(f[surface.boundary], centring_mobius(f, share)))
@@ -83,25 +81,23 @@ def _centre_and_unfold(surface, f):
 
 
 def angle_distortion(surface: Surface, z: Complex[ndarray, " V"]) -> Float[ndarray, " F 3"]:
-    """Angles in the disk minus angles on the surface, in degrees: column k at vertex `faces[:, k]`."""
-    disk, original = (
-        corner_angles(lengths) for lengths in (edge_lengths(z[surface.faces]), surface.edge_lengths)
-    )
-    return np.degrees(disk - original)
+    """Angles in the disk minus angles on the surface, in degrees: column k at `faces[:, k]`."""
+    angles = corner_angles(edge_lengths(z[surface.faces]))
+    return np.degrees(angles - corner_angles(surface.edge_lengths))
 
 
 @dataclass(frozen=True, eq=False)
 class ParameterizedSurface:
     """A surface on its disk, the `Disk` of its faces with the boundary on the unit circle.
 
-    features: its maps at every scale, a `Smoothing`, or None; words: what was repaired when it was
-    laid out; sphere: what methods on spheres need, a `Sphere`, or None.
+    features: its maps at every scale, a `Smoothing`, or None; messages: what was repaired in its
+    map; sphere: what methods on spheres need, a `Sphere`, or None.
     """
 
     surface: Surface
     disk: Disk
     features: object = None
-    words: tuple = ()
+    messages: tuple = ()
     sphere: object = None
 
     @cached_property
@@ -120,11 +116,8 @@ def parameterize(surface):
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RepairWarning)
         z = disk_conformal_map(surface)
-    return ParameterizedSurface(
-        surface,
-        Disk(z, surface.faces),
-        words=tuple(str(warning.message) for warning in caught),
-    )
+    messages = tuple(str(warning.message) for warning in caught)
+    return ParameterizedSurface(surface, Disk(z, surface.faces), messages=messages)
 
 
 def apply_mobius(side, parameters):

@@ -1,4 +1,4 @@
-"""Mean curvature, sulcal depth, and their images on a disk whose radius follows the cortical area."""
+"""Mean curvature, sulcal depth, and their images on a disk; its radius follows the area."""
 
 from dataclasses import dataclass
 from functools import wraps
@@ -16,23 +16,22 @@ from ..plane.linear import LARGE, middles
 from .checks import frozen
 from .surface import Surface, SurfaceError
 
-CLOSING_RADIUS = (
-    0.05  # radius of the ball that closes the sulci, in units of sqrt(area of the convex hull)
-)
-CLOSING_CELL = 1 / 130  # side of a voxel, same unit
+# In units of sqrt(area of the convex hull): the radius of the ball that closes the sulci, and the
+# side of a voxel.
+CLOSING_RADIUS, CLOSING_CELL = 0.05, 1 / 130
 
 
 def _once(function):
-    """A function of a surface that keeps each surface's answer as long as the surface is there."""
-    kept = WeakKeyDictionary()
+    """A function of a surface, cached for each surface as long as the surface is there."""
+    values = WeakKeyDictionary()
 
     @wraps(function)
-    def remembered(surface):
-        if surface not in kept:
-            kept[surface] = frozen(function(surface))
-        return kept[surface]
+    def cached(surface):
+        if surface not in values:
+            values[surface] = frozen(function(surface))
+        return values[surface]
 
-    return remembered
+    return cached
 
 
 @_once
@@ -46,42 +45,38 @@ def mean_curvature(surface: Surface) -> Float[ndarray, " V"]:
     single vertices of odd valence may keep theirs (Xu 2004). A boundary vertex takes the mean of
     its neighbours inside, as the rim pulls on it; SurfaceError without an inside.
     """
-    vertices, faces = surface.vertices, surface.faces
-    area, normal = _mixed_areas(vertices, faces), _max_normals(vertices, faces)
-    pull = surface.stiffness @ vertices
-    return _fill_boundary(surface, np.einsum("vk,vk->v", pull, normal) / (2 * area))
+    pull = surface.stiffness @ surface.vertices
+    # The edges that leave each corner to the next and to the previous one, (F, 3, 3) each.
+    corners = surface.vertices[surface.faces]
+    to_next = np.roll(corners, -1, axis=1) - corners
+    to_last = np.roll(corners, 1, axis=1) - corners
+    area = _mixed_areas(surface.faces, to_next, to_last)
+    normal = _max_normals(surface.faces, to_next, to_last)
+    return _fill_boundary(surface, _dot(pull, normal) / (2 * area))
 
 
-def _corner_vectors(vertices, faces):
-    """The edges that leave each corner to the next and to the previous one, (F, 3, 3) each."""
-    corners = vertices[faces]
-    return np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+def _dot(a, b):
+    return np.einsum("...k,...k->...", a, b)
 
 
-def _mixed_areas(vertices, faces):
+def _mixed_areas(faces, to_next, to_last):
     """Voronoi areas (V,), but half of an obtuse triangle's area to its obtuse corner, a quarter to
     each other one."""
-    to_next, to_last = _corner_vectors(vertices, faces)
-    dot = np.einsum("fck,fck->fc", to_next, to_last)
+    dot = _dot(to_next, to_last)
     double_area = np.linalg.norm(np.cross(to_next[:, 0], to_last[:, 0]), axis=1)[:, None]
-    # the edge to the next corner lies opposite the last corner, and the other way round
-    voronoi = (
-        np.einsum("fck,fck->fc", to_next, to_next) * np.roll(dot, 1, axis=1)
-        + np.einsum("fck,fck->fc", to_last, to_last) * np.roll(dot, -1, axis=1)
-    ) / (8 * double_area)
+    # The edge to the next corner lies opposite the last corner, and the other way round.
+    one = _dot(to_next, to_next) * np.roll(dot, 1, axis=1)
+    other = _dot(to_last, to_last) * np.roll(dot, -1, axis=1)
+    voronoi = (one + other) / (8 * double_area)
     obtuse = np.where(dot < 0, double_area / 4, double_area / 8)
-    return np.bincount(
-        faces.ravel(), np.where((dot < 0).any(axis=1)[:, None], obtuse, voronoi).ravel()
-    )
+    areas = np.where((dot < 0).any(axis=1)[:, None], obtuse, voronoi)
+    return np.bincount(faces.ravel(), areas.ravel())
 
 
-def _max_normals(vertices, faces):
+def _max_normals(faces, to_next, to_last):
     """Unit vertex normals (V, 3): sum of a x b / (|a|^2 |b|^2) over the corners, exact on any mesh
     of a sphere."""
-    to_next, to_last = _corner_vectors(vertices, faces)
-    squares = np.einsum("fck,fck->fc", to_next, to_next) * np.einsum(
-        "fck,fck->fc", to_last, to_last
-    )
+    squares = _dot(to_next, to_next) * _dot(to_last, to_last)
     parts = np.cross(to_next, to_last) / squares[..., None]
     normal = np.stack([np.bincount(faces.ravel(), parts[..., k].ravel()) for k in range(3)], axis=1)
     return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
@@ -98,9 +93,8 @@ def _fill_boundary(surface, values):
             "all vertices lie on the boundary, so no curvature can be told; subdivide the surface"
         )
     a, b = surface.edges.T
-    neighbours = coo_array(
-        (np.ones(2 * len(a)), (np.r_[a, b], np.r_[b, a])), shape=(len(values),) * 2
-    ).tocsr()
+    places = np.r_[a, b], np.r_[b, a]
+    neighbours = coo_array((np.ones(2 * len(a)), places), shape=(len(values),) * 2).tocsr()
     values = np.where(known, values, 0.0)
     while not known.all():
         count = neighbours @ known.astype(float)
@@ -128,17 +122,19 @@ def sulcal_depth(surface: Surface) -> Float[ndarray, " V"]:
         raise SurfaceError(
             "the surface lies in a plane, so it has no depth; use the surface in space"
         ) from None
-    cell, radius = CLOSING_CELL * scale, CLOSING_RADIUS / CLOSING_CELL
+    # The voxels, with room around the surface for the ball.
+    cell = CLOSING_CELL * scale
+    radius = CLOSING_RADIUS / CLOSING_CELL
     margin = (radius + 4) * cell
     origin = vertices.min(axis=0) - margin
     shape = np.ceil((vertices.max(axis=0) + margin - origin) / cell).astype(int)
-    dilated = scipy.ndimage.binary_fill_holes(
-        _within(radius, _filled(surface, origin, cell, shape))
-    )
+    # The closing: the filled surface grown by the ball, and shrunk by it.
+    body = _filled(surface, origin, cell, shape)
+    dilated = scipy.ndimage.binary_fill_holes(_within(radius, body))
     inward = scipy.ndimage.distance_transform_edt(~_within(radius, ~dilated))
     depth = scipy.ndimage.map_coordinates(inward, ((vertices - origin) / cell).T, order=1)
-    # half a voxel: the distance is to the nearest centre outside, the envelope lies between two
-    # centres
+    # Half a voxel: the distance is to the nearest centre outside, the envelope lies between two
+    # centres.
     return cell * np.maximum(depth - 0.5, 0)
 
 
@@ -189,9 +185,8 @@ class AreaRadius:
 def _scale_radius(z, radius, new_radius):
     z = np.asarray(z, complex)
     size = abs(z)
-    return z * np.divide(
-        np.interp(size, radius, new_radius), size, out=np.zeros(z.shape), where=size > 0
-    )
+    new_size = np.interp(size, radius, new_radius)
+    return z * np.divide(new_size, size, out=np.zeros(z.shape), where=size > 0)
 
 
 def area_radius(surface, z, knots=65):
@@ -201,10 +196,11 @@ def area_radius(surface, z, knots=65):
     < 0.24 on one hemisphere); equal areas of this image carry equal cortical area, ring by ring.
     """
     points, areas = _samples(surface, z, 4 if len(z) <= LARGE else 1)  # many faces need no parts
-    order = np.argsort(abs(points))
+    size = abs(points)
+    order = np.argsort(size)
     share = np.cumsum(areas[order])
     image = np.linspace(0, 1, knots)
-    disk = np.interp(image[1:-1] ** 2, share / share[-1], abs(points[order]))
+    disk = np.interp(image[1:-1] ** 2, share / share[-1], size[order])
     return AreaRadius(np.concatenate([[0.0], disk, [1.0]]), image)
 
 
@@ -231,10 +227,11 @@ def curvature_image(
     """
     if values is None:
         values = grey_levels(mean_curvature(surface), surface.vertex_areas)
-    radius, w = area_radius(surface, z), pixel_centres(size)
+    radius = area_radius(surface, z)
+    disk = Disk(z, surface.faces)
+    w = pixel_centres(size)
     inside = abs(w) <= 1
     image = np.full((size, size), np.nan)
-    disk = Disk(z, surface.faces)
     image[inside] = disk.interpolate(values, disk.locate(radius.from_image(w[inside])))
     return image, radius
 

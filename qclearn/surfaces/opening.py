@@ -23,35 +23,32 @@ def open_surface(
     left.
     """
     mask = _checked_mask(surface, mask)
-    n_masked = int(mask.sum())
     cut = mask[surface.faces].any(axis=1)
-    kept = _opened(surface, ~cut)
-    if kept[cut].all():
+    piece = _disk_piece(surface, ~cut)
+    if piece[cut].all():
         raise SurfaceError(
             "the mask only makes holes inside a surface that is open already "
-            f"({len(surface.boundary)} boundary "
-            f"vertices from vertex {surface.boundary[0]}); let it reach that boundary, or use the "
-            "surface as it is"
+            f"({len(surface.boundary)} boundary vertices from vertex {surface.boundary[0]}); let "
+            "it reach that boundary, or use the surface as it is"
         )
-    vertices, corners = np.unique(surface.faces[kept], return_inverse=True)
+    vertices, corners = np.unique(surface.faces[piece], return_inverse=True)
+    filled = int(mask[vertices].sum())
+    if filled > mask.sum() / 2:
+        raise SurfaceError(
+            f"only a pinhole would open: {filled} of the mask's {mask.sum()} vertices lie in holes "
+            "away from the largest and would be filled; give a mask in one piece (the medial "
+            "wall), or smooth this one"
+        )
     new_index = np.full(len(surface.vertices), -1)
     new_index[vertices] = np.arange(len(vertices))
-    filled = int(mask[vertices].sum())
-    if filled > n_masked / 2:
-        raise SurfaceError(
-            f"only a pinhole would open: {filled} of the mask's {n_masked} vertices lie in holes "
-            "away from the largest "
-            f"and would be filled; give a mask in one piece (the medial wall), or smooth this one"
-        )
     curves = {name: _renumbered(name, path, new_index) for name, path in surface.curves.items()}
     opened = Surface(surface.vertices[vertices], corners.reshape(-1, 3), curves, vertices)
     require_disk(opened)
     if len(opened.boundary) == len(vertices):
         raise SurfaceError(
-            f"the mask shreds the surface: the largest piece (faces left: {len(opened.faces)}) "
-            "has no inner vertex, "
-            f"only vertices {vertices[:5].tolist()} on its rim; smooth the mask, or give one that "
-            "cuts less"
+            f"the mask shreds the surface: the largest piece (faces left: {len(opened.faces)}) has "
+            f"no inner vertex, only vertices {vertices[:5].tolist()} on its rim; smooth the mask, "
+            "or give one that cuts less"
         )
     return opened, vertices
 
@@ -61,8 +58,7 @@ def _checked_mask(surface, mask):
     if mask.dtype != bool or mask.shape != (n_vertices,):
         raise SurfaceError(
             f"the mask must be {n_vertices} booleans, one a vertex (True = cut), not {mask.dtype} "
-            "of shape "
-            f"{mask.shape}. From vertex indices: mask = numpy.zeros({n_vertices}, bool); "
+            f"of shape {mask.shape}. From vertex indices: mask = numpy.zeros({n_vertices}, bool); "
             "mask[indices] = True"
         )
     if not mask.any():
@@ -70,81 +66,79 @@ def _checked_mask(surface, mask):
     if mask[surface.faces].any(axis=1).all():
         raise SurfaceError(
             f"the mask cuts everything ({mask.sum()} of {n_vertices} vertices, no face is left); "
-            "if it marks what to "
-            f"keep, give its opposite (~mask, `qclearn open --keep`)"
+            "if it marks what to keep, give its opposite (~mask, `qclearn open --keep`)"
         )
     return mask
 
 
-def _opened(surface, kept):
-    """Faces (F,) bool of the disk: the steps of `open_surface` until none changes anything."""
+def _disk_piece(surface, piece):
+    """The faces of the disk, (F,) bool: the steps of `open_surface` until none changes anything."""
     while True:
-        before = kept
-        kept = _largest(surface, kept, cut=np.zeros(len(surface.edges), dtype=bool))
-        kept = _with_holes_filled(surface, kept)
-        kept = _without_touching_fans(surface, kept)
-        kept = _largest(surface, kept, cut=_chords(surface, kept))
-        if (kept == before).all():
-            return kept
+        before = piece
+        piece = _largest(surface, piece, cut=np.zeros(len(surface.edges), dtype=bool))
+        piece = _with_holes_filled(surface, piece)
+        piece = _without_touching_fans(surface, piece)
+        piece = _largest(surface, piece, cut=_chords(surface, piece))
+        if (piece == before).all():
+            return piece
 
 
-def _largest(surface, kept, cut):
-    """The piece of largest area of the kept faces, joined through edges that are not cut."""
-    joined = surface.edge_faces[_sides(surface, kept).all(axis=1) & ~cut]
+def _largest(surface, piece, cut):
+    """The part of largest area of a piece (F,), joined through edges (E,) that are not cut."""
+    joined = surface.edge_faces[_sides(surface, piece).all(axis=1) & ~cut]
     _, label = components(len(surface.faces), joined)
-    area = np.bincount(label[kept], weights=surface.face_areas[kept])
-    return kept & (label == area.argmax())
+    area = np.bincount(label[piece], weights=surface.face_areas[piece])
+    return piece & (label == area.argmax())
 
 
-def _with_holes_filled(surface, kept):
-    """The kept faces and their gaps but the opening; gaps that touch in a vertex are one."""
-    faces, cut = surface.faces, ~kept
+def _with_holes_filled(surface, piece):
+    """A piece and its gaps but the opening; gaps that touch in a vertex are one."""
+    cut = ~piece
     if not cut.any():
-        return kept
+        return piece
     outside = surface.edges[surface.edge_faces[:, 1] < 0]
-    _, label = components(
-        len(surface.vertices), np.concatenate([faces[cut][:, :2], faces[cut][:, 1:], outside])
-    )
-    gap = label[faces[:, 0]]
-    opening = (
-        label[outside] if len(outside) else np.bincount(gap[cut], surface.face_areas[cut]).argmax()
-    )
-    return kept | ~np.isin(gap, opening)
+    sides = surface.faces[cut]
+    pairs = np.concatenate([sides[:, :2], sides[:, 1:], outside])
+    _, label = components(len(surface.vertices), pairs)
+    gap = label[surface.faces[:, 0]]
+    # The opening is the surface's own boundary, else the largest gap.
+    largest = np.bincount(gap[cut], surface.face_areas[cut]).argmax()
+    return piece | ~np.isin(gap, label[outside] if len(outside) else largest)
 
 
-def _without_touching_fans(surface, kept):
-    """The kept faces with one fan, the largest, at every vertex."""
-    rim = _rim(surface, kept)
-    for vertex in np.flatnonzero(np.bincount(surface.edges[rim].ravel()) > 2):
-        around = kept & (surface.faces == vertex).any(axis=1)
-        kept = kept & ~around | _largest(
-            surface, around, cut=~(surface.edges == vertex).any(axis=1)
-        )
-    return kept
+def _without_touching_fans(surface, piece):
+    """A piece with one fan of faces, the largest, at every vertex."""
+    rim = surface.edges[_rim(surface, piece)]
+    for vertex in np.flatnonzero(np.bincount(rim.ravel()) > 2):
+        around = piece & (surface.faces == vertex).any(axis=1)
+        apart = ~(surface.edges == vertex).any(axis=1)
+        piece = piece & ~around | _largest(surface, around, cut=apart)
+    return piece
 
 
-def _chords(surface, kept):
+def _chords(surface, piece):
     """Inner edges (E,) bool that join two vertices of the rim."""
     on_rim = np.zeros(len(surface.vertices), dtype=bool)
-    on_rim[surface.edges[_rim(surface, kept)]] = True
-    return _sides(surface, kept).all(axis=1) & on_rim[surface.edges].all(axis=1)
+    on_rim[surface.edges[_rim(surface, piece)]] = True
+    return _sides(surface, piece).all(axis=1) & on_rim[surface.edges].all(axis=1)
 
 
-def _rim(surface, kept):
-    return _sides(surface, kept).sum(axis=1) == 1
+def _rim(surface, piece):
+    """Edges (E,) bool with one face in the piece."""
+    return _sides(surface, piece).sum(axis=1) == 1
 
 
-def _sides(surface, kept):
-    """Which of its two faces is kept, for every edge: (E, 2) bool."""
-    return kept[surface.edge_faces] & (surface.edge_faces >= 0)
+def _sides(surface, piece):
+    """Which of its two faces is in the piece, of every edge: (E, 2) bool."""
+    return piece[surface.edge_faces] & (surface.edge_faces >= 0)
 
 
 def _renumbered(name, path, new_index):
+    """A curve's vertices (k,) in the numbers of the disk; SurfaceError where some are cut away."""
     lost = path[new_index[path] < 0]
     if lost.size:
         raise SurfaceError(
             f"curve '{name}' would lose {lost.size} of its {path.size} vertices, the first "
-            f"{lost[0]}; shorten the "
-            f"curve, leave it out (Surface(vertices, faces)), or cut less"
+            f"{lost[0]}; shorten the curve, leave it out (Surface(vertices, faces)), or cut less"
         )
     return new_index[path]

@@ -90,20 +90,16 @@ class Surface:
         if not loops:
             raise SurfaceError(
                 "the surface is closed (no boundary), where a disk is needed; cut it open along "
-                "the "
-                "medial wall: open_surface(surface, mask), `qclearn open SURFACE --label FILE "
-                "--out "
-                "FILE`, or `qclearn register` with --cortex FILE (--control-cortex FILE for the "
-                "control)"
+                "the medial wall: open_surface(surface, mask), `qclearn open SURFACE --label FILE "
+                "--out FILE`, or `qclearn register` with --cortex FILE (--control-cortex FILE for "
+                "the control)"
             )
         loops = sorted(loops, key=len, reverse=True)
         listed = some([f"{len(loop)} vertices from vertex {loop[0]}" for loop in loops])
         raise SurfaceError(
             f"the surface has {len(loops)} boundary loops, where a disk has one: {listed}. Fill "
-            "the "
-            "inner holes with faces, or cut a new opening that takes them in: "
-            "open_surface(surface, "
-            "mask)"
+            "the inner holes with faces, or cut a new opening that takes them in: "
+            "open_surface(surface, mask)"
         )
 
     @cached_property
@@ -190,13 +186,12 @@ def require_outward(surface: Surface) -> None:
     if abs(surface.volume) <= 1e-12 * surface.area**1.5:
         raise SurfaceError(
             "the surface encloses no volume (it lies in a plane), so its orientation cannot be "
-            "told; "
-            "use the surface in space (pial, white or midthickness) instead of a flat patch"
+            "told; use the surface in space (pial, white or midthickness) instead of a flat patch"
         )
     if surface.volume < 0:
         raise SurfaceError(
             f"the surface looks inward (signed volume {surface.volume:.6g}). Reverse all faces: "
-            f"Surface(vertices, faces[:, ::-1], curves), or `qclearn open --reverse`"
+            "Surface(vertices, faces[:, ::-1], curves), or `qclearn open --reverse`"
         )
 
 

@@ -9,8 +9,7 @@ from qclearn.plane.coefficients import bounded, bounded_pullback
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar, polar_disk, square_disk
 from qclearn.plane.linear import factorise
-from qclearn.plane.solver import DiskSolver
-from qclearn.plane.tangent import FINER, Tangent, hats_inside
+from qclearn.plane.tangent import FINER, CoefficientMesh, Tangent, hats_inside
 
 POINTS = np.array([0.05, 0.3 + 0.2j, -0.62j, -0.8 + 0.1j, 0.97 * np.exp(2j)])
 
@@ -21,21 +20,21 @@ def field(z):
 
 
 def solved(mesh, grid):
-    """The solver of a mesh at `field`, its map, and the matrix from nu on the polar mesh `grid` to
-    its faces."""
-    solver = DiskSolver(mesh)
+    """The `CoefficientMesh` of a mesh and the polar mesh `grid`, its solver at `field`; the map; and
+    the matrix from nu to the mesh's faces."""
+    link = CoefficientMesh(mesh, grid)
     to_faces = grid.to_faces if mesh is grid else grid.sampling(mesh.centroids)
-    return solver, solver.solve(bounded(to_faces @ field(grid.z))), to_faces
+    return link, link.solver.solve(bounded(to_faces @ field(grid.z))), to_faces
 
 
 def both(mesh, grid, points):
     """Gradients of Re f and Im f at points with respect to nu, (2, P, N): in closed form, and by
     adjoint solves."""
-    solver, f, to_faces = solved(mesh, grid)
+    link, f, to_faces = solved(mesh, grid)
     samples, nu = mesh.sampling(points), field(grid.z)
     grad_f = np.concatenate([samples.toarray(), 1j * samples.toarray()])
-    exact = bounded_pullback(to_faces @ nu, solver.pullback(grad_f)) @ to_faces
-    return Tangent(solver, grid, samples).gradients(nu, f), exact.reshape(2, len(points), -1)
+    exact = bounded_pullback(to_faces @ nu, link.solver.pullback(grad_f)) @ to_faces
+    return Tangent(link, samples).gradients(nu, f), exact.reshape(2, len(points), -1)
 
 
 @pytest.mark.parametrize("a, b", [(1.0, 0.0), (0.0, 1.0), (0.5j, 0.3)])

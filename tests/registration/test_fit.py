@@ -20,6 +20,7 @@ from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.mobius import best_mobius, compose_mobius, mobius, mobius_inverse
 from qclearn.plane.tangent import CoefficientMesh
+from qclearn.registration import multiresolution as multiresolution_module
 from qclearn.registration.fit import fit_landmarks, fit_problem
 from qclearn.registration.gauss_newton import (
     MOBIUS_PRIOR,
@@ -398,8 +399,8 @@ def test_a_multiresolution_fit_is_run_again_with_other_weights(monkeypatch):
     resumed = MultiresolutionFit(Problem(MESH, *smooth_problem(3)))
     fit_problem(resumed, Weights(gamma=1e5))
     new = fit_problem(Problem(Disk(*SMALL), *smooth_problem(3)), Weights(2.0, 0.1, 10.0))
-    monkeypatch.setattr(multiresolution, "CoefficientMesh", None)
-    monkeypatch.setattr(multiresolution, "Discretization", None)
+    monkeypatch.setattr(multiresolution_module, "CoefficientMesh", None)
+    monkeypatch.setattr(multiresolution_module, "Discretization", None)
     assert np.array_equal(fit_problem(resumed, Weights(2.0, 0.1, 10.0)).f, new.f)
 
 

@@ -31,17 +31,17 @@ def test_a_surface_is_laid_out_in_its_conformal_map(side):
         side.whole
         and side.disk.certificate.bijective
         and side.features is None
-        and side.words == ()
+        and side.messages == ()
     )
     np.testing.assert_array_equal(side.disk.loop, side.surface.boundary)
 
 
-def test_what_was_repaired_stands_in_words_and_warns_nobody(recwarn):
+def test_what_was_repaired_stands_in_messages_and_warns_nobody(recwarn):
     surface, x, y = sheet(12)
     vertices = surface.vertices.copy()
     vertices[np.hypot(x - 0.5, y - 0.5) < 0.2, 1] *= 1e-4  # slivers
     found = parameterize(Surface(vertices, surface.faces))
-    assert len(found.words) == 1 and "rows switched" in found.words[0] and found.whole
+    assert len(found.messages) == 1 and "rows switched" in found.messages[0] and found.whole
     assert not [one for one in recwarn if "rows switched" in str(one.message)]
 
 
