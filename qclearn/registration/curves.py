@@ -10,12 +10,12 @@ from itertools import combinations
 from pathlib import Path
 
 import numpy as np
+import scipy
 import shapely
 from jaxtyping import Complex, Float, Integer
 from numpy import ndarray
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
-from scipy.spatial import cKDTree
 
 from ..io.frames import TKR
 from ..io.safe import is_plain_name, read_bytes
@@ -210,8 +210,8 @@ def _equally_spaced(points, count):
 def curve_distance(one, other):
     """Mean distance in space from the points of either curve (n, 3), (m, 3) to the nearest of the
     other."""
-    there = cKDTree(one).query(other)[0]
-    back = cKDTree(other).query(one)[0]
+    there = scipy.spatial.cKDTree(one).query(other)[0]
+    back = scipy.spatial.cKDTree(other).query(one)[0]
     return (there.mean() + back.mean()) / 2
 
 
@@ -490,7 +490,7 @@ def nearest_vertices(surface, points, space, known):
     """Vertices (n,) nearest points (n, 3), and their distances in mm; LandmarkError where one is
     over NEAR, which names the space of `known`, a result of `spaces`, in which all are near. space:
     one of them, or None: the file's own."""
-    tree = cKDTree(surface.vertices)
+    tree = scipy.spatial.cKDTree(surface.vertices)
     distance, vertices = tree.query(known[space](points) if space else points)
     worst = distance.argmax()
     if distance[worst] > NEAR:
