@@ -121,11 +121,15 @@ def fit_problem(problem, weights, start=None, rings=None, watch=None, enough=0.0
         multiresolution, problem = problem, problem.problem
     else:
         multiresolution = MultiresolutionFit(problem)
+
+    # From a coarse polar mesh to the caller's own.
     levels = landmark_levels(problem.disk, rings or rings_for(problem.disk))
     objective, state, steps = multiresolution.run(
         levels, weights, start, watch=watch, enough=enough
     )
     fit = report_fit(objective, state, (sum(steps[:-1]), steps[-1]))
+
+    # No fit may end above the best Möbius map, nor take much more work than good landmarks need.
     plain = objective.at_mobius(problem.mobius)
     if exceeds(objective, state, plain):
         fit = fit_from_mobius(objective, fit, plain, levels[-1], watch)
@@ -162,6 +166,8 @@ def fit_registration(
         for level in levels
         if level.sigma or by_landmarks
     ]
+
+    # From coarse features on a coarse mesh to fine ones; without landmarks maybe from two starts.
     multiresolution, begun = MultiresolutionFit(problem), ""
     polar = [level for level in levels if not (level.own_mesh or level.proxy_rings)]
     guiding = [level for level in polar if (level.sigma or 0) >= COARSE]
@@ -172,6 +178,8 @@ def fit_registration(
     else:
         objective, state, steps = multiresolution.run(levels, weights, start, features, watch)
     fit = replace(report_fit(objective, state, steps), start=begun)
+
+    # As in `fit_problem`.
     plain = objective.at_mobius(problem.mobius)
     if exceeds(objective, state, plain):
         fit = instead(fit, report_fit(objective, plain, steps))
