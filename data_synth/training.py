@@ -17,7 +17,7 @@ from qclearn.plane.solver import DiskSolver
 from qclearn.plane.tangent import CoefficientMesh
 from qclearn.registration.curves import sample_curve
 from qclearn.registration.problem import distinct
-from qclearn.registration.refinement import CoefficientRefinement, refit
+from qclearn.registration.refinement import CoefficientRefinement
 
 from .cohort import hemispheres
 from .datasets import CurveDataset, Seeded, cached, quiet_disk_map
@@ -153,7 +153,7 @@ class Pairs(Seeded):
     curves, by a random map or by twists, now and then left unaligned. curves: (S, C, DATA_POINTS)
     complex, each subject in its own disk. logs: log10 of beta / alpha and gamma / alpha, uniform
     over the ranges of the `BestCPNetConfig`, often those of STIFF. nu: the answer, after LOOKS
-    looks on the network's own mesh, from the Born step on.
+    iterations on the network's own mesh, from the Born step on.
     """
 
     def __init__(self, count, seed, curves, config):
@@ -162,7 +162,7 @@ class Pairs(Seeded):
         turns = [np.exp(1j * best_mobius(curve.ravel(), curves[0].ravel())[1]) for curve in curves]
         self.curves, self.ranges = curves * np.reshape(turns, (-1, 1, 1)), ranges
         self.spectrum, self.maps = Spectrum(config.rings, config.spokes), DiskMaps(polar(*FINE))
-        self.link = CoefficientMesh(self.spectrum.mesh, self.spectrum.mesh)
+        self.coefficient_mesh = CoefficientMesh(self.spectrum.mesh, self.spectrum.mesh)
 
     def draw(self, rng):
         while True:
@@ -172,12 +172,14 @@ class Pairs(Seeded):
             logs = np.array([rng.uniform(*limits) for limits in self.ranges])
             if rng.random() < SHARE:
                 logs = np.log10(STIFF)
-            looks = CoefficientRefinement(self.link, self.spectrum, (p, q), *10**logs)
-            born, *changes = looks.born()
-            *_, (proposal, look) = looks.run(born, LOOKS)
+            refinement = CoefficientRefinement(
+                self.coefficient_mesh, self.spectrum, (p, q), *10**logs
+            )
+            born, *changes = refinement.born()
+            *_, (proposal, best) = refinement.run(born, LOOKS)
             nu = (
-                look.proposal.nu if proposal.cut else proposal.nu
-            )  # what was looked at, where a step was cut
+                best.proposal if proposal.cut else proposal
+            ).nu  # a step that was cut is not tried
             if np.isfinite(nu).all() and abs(nu).max() < WILD:
                 break
         padding, shape = (0, self.most - len(p)), (self.spectrum.rings, -1)
@@ -204,7 +206,7 @@ class Pairs(Seeded):
             )  # images take longer than all the rest
             mu = random_coefficient(self.maps.disk, rng, kind, max_abs=(0.05, 0.8))
             p = self.maps.disk.sampling(q) @ self.maps.solve(mu)
-        return (mobius(p, *refit(p, q)) if rng.random() < 0.85 else p), q
+        return (mobius(p, *best_mobius(p, q)) if rng.random() < 0.85 else p), q
 
     def subject(self, rng):
         """A subject's curves (C, DATA_POINTS), or what lies between those of two."""

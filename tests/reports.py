@@ -9,6 +9,7 @@ REPORT = {
     "max_abs_mu",
     "flipped",
     "bijective",
+    "stopped",
     "degenerate",
     "fallbacks",
     "seconds",

@@ -472,7 +472,7 @@ def test_the_network_method_and_its_tolerance_reach_the_pipeline(folder, monkeyp
         solve=solve_beltrami_disk,
         gamma_used=lambda weights: weights.gamma,
     )
-    monkeypatch.setattr(sys.modules["qclearn.registration.register"], "load", lambda name: blocks)
+    monkeypatch.setattr("qclearn.nets.load", lambda name: blocks)
     for tolerance, words in (
         ("inf", "the networks' map ended above the best Möbius map"),
         ("5e-3", "landmark error .* above 5.0e-03: .* Gauss-Newton steps"),

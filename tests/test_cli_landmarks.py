@@ -79,8 +79,8 @@ def test_labels_and_carried_curves_become_a_landmarks_file(brains, capsys):
     run("landmarks", folder / "rh.npz", "fsaverage5:left", *words, *carry, "--out", out)
     contents, bent = read_landmarks(out), dented(right, 3)[0]
     entries = {
-        entry["name"]: entry
-        for entry in check_curves(contents, bent, whole_fsaverage5("left", "pial"))
+        curve.name: curve
+        for curve in check_curves(contents, bent, whole_fsaverage5("left", "pial"))
     }
     said, apart = capsys.readouterr().out, []
     for name, path in paths.items():
@@ -89,15 +89,13 @@ def test_labels_and_carried_curves_become_a_landmarks_file(brains, capsys):
             number[path["moving"][[0, -1]]].tolist(),
             left.original_vertices[path["control"][[0, -1]]].tolist(),
         )
-        pair = [mine[side][[0, -1]].tolist() for side in ("moving", "control")]
+        pair = [mine.path(side)[[0, -1]].tolist() for side in ("moving", "control")]
         assert pair == [*ends] or pair == [end[::-1] for end in ends]
-        assert found["control"].tolist() == ends[1] and found["detect"] == {
+        assert found.control.tolist() == ends[1] and found.detect == {
             "moving": True,
             "control": True,
         }
-        apart.append(
-            np.linalg.norm(bent.vertices[found["moving"]] - bent.vertices[ends[0]], axis=1)
-        )
+        apart.append(np.linalg.norm(bent.vertices[found.moving] - bent.vertices[ends[0]], axis=1))
         assert (
             f"{name}: moving {contents['off_fundus_mm'][name]['moving']:.1f} mm from the fundus"
             in said

@@ -29,8 +29,7 @@ from qclearn.registration.sphere import (
     whole_of,
 )
 from qclearn.registration.transfer import side_arrays, write_registration
-from qclearn.surfaces import untangling
-from qclearn.surfaces.conformal import moved, parameterize
+from qclearn.surfaces.conformal import apply_mobius, parameterize
 
 FILES = [
     "ArealDistortion.shape.gii",
@@ -55,7 +54,7 @@ def maps():
         for side in laid
     }
     z = {side: one.disk.z for side, one in laid.items()}
-    mapped = moved(
+    mapped = apply_mobius(
         laid["moving"], qc.best_mobius(*(z[side][ends[side]] for side in ("moving", "control")))
     ).disk.z
     arrays = {
@@ -122,23 +121,23 @@ def test_the_files_hold_a_sound_sphere(maps, written):
 
 def test_without_untangling_faces_are_flipped(maps, monkeypatch):
     monkeypatch.setattr(
-        spheres, "untangled", lambda vertices, faces, rings: (untangling.stored(vertices), [])
+        spheres, "untangled", lambda vertices, faces, rings: (spheres.stored(vertices), [])
     )
     assert len(faults(registered_sphere(maps, whole_fsaverage5("left", "sphere")).surface)) > 10
 
 
 def test_a_vertex_out_of_its_star_comes_back_and_nothing_else_moves():
-    p = untangling.stored(BALL.vertices)
+    p = spheres.stored(BALL.vertices)
     np.testing.assert_array_equal(untangled(p, BALL.faces, np.zeros(len(p), int))[1], [])
-    p[7] = untangling.stored(-p[[7]] + 200 * p[[30]])[0]
+    p[7] = spheres.stored(-p[[7]] + 200 * p[[30]])[0]
     rank = np.full(len(p), 4)
     rank[7] = 0
     mended, gone = untangled(p, BALL.faces, rank)
-    assert 7 in gone and len(gone) < 20 and not untangling.too_small(mended, BALL.faces).any()
+    assert 7 in gone and len(gone) < 20 and not spheres.too_small(mended, BALL.faces).any()
 
 
 def test_a_tangle_without_an_end_is_an_error(monkeypatch):
-    monkeypatch.setattr(untangling, "ROUNDS", 1)
+    monkeypatch.setattr(spheres, "ROUNDS", 1)
     with pytest.raises(UntanglingError, match="faces of the sphere stay flipped"):
         untangled(BALL.vertices * [1, 1, -1], BALL.faces, np.zeros(len(BALL.vertices), int))
 

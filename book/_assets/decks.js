@@ -1,4 +1,5 @@
-// The slides of book/builder/decks.py. An explorable is as large as its slide lets it be, and keeps its keys for itself.
+// The slides of book/builder/decks.py, each a section in a section of its own, as nbconvert writes them. An explorable is
+// as large as its slide lets it be, and keeps its keys for itself.
 const HEIGHT = 720,
   live = (element) => element?.closest(".qc-live");
 
@@ -17,7 +18,19 @@ function fit(root) {
   }
 }
 
-const fitAll = () => document.querySelectorAll(".qc-live").forEach(fit);
+// Words that are too many for a slide are smaller.
+function fitWords(section) {
+  const words = section.querySelectorAll(":scope > .jp-MarkdownCell:not(:first-child)");
+  for (let zoom = 1; zoom > 0.6; zoom -= 0.05) {
+    for (const cell of words) cell.style.zoom = zoom;
+    if (section.scrollHeight <= HEIGHT) return;
+  }
+}
+
+function fitAll() {
+  document.querySelectorAll("section section.present").forEach(fitWords);
+  document.querySelectorAll(".qc-live").forEach(fit);
+}
 Reveal.initialize({
   width: 1280,
   height: HEIGHT,

@@ -2,8 +2,8 @@
 
 Those are executed whose source, library or helpers changed since their last run.
 
-Sphinx builds the site from the executed copies with warnings as errors. What the site offers for
-download are the plain copies, which read in any viewer.
+Sphinx builds the site from the executed copies with warnings as errors, and then the pages as
+notebooks (notebooks.py), which the site offers for download.
 """
 
 import argparse
@@ -14,17 +14,16 @@ from pathlib import Path
 
 import nbformat
 
-from . import decks, export_live, lab_copies
+from . import decks, export_live
 from .execute_pages import ROOT, SOURCE, execute_outdated, notebooks, run
-from .plain import for_plain_viewers
+from .notebooks import for_any_viewer
+from .references import chapters
 
 SITE = ROOT / "_build"
 
 
-def build_site(meanwhile):
-    """Run Sphinx; what `meanwhile()` returns, called while the one process of Sphinx works."""
-    shutil.rmtree(SITE / "html", ignore_errors=True)
-    shutil.rmtree(SITE / ".doctrees", ignore_errors=True)
+def sphinx(*builder):
+    """Run Sphinx on build/book; without the name of a builder it makes the site."""
     command = [
         Path(sys.executable).with_name("jupyter-book"),
         "build",
@@ -33,31 +32,37 @@ def build_site(meanwhile):
         ROOT / "_config.yml",
         "--path-output",
         ROOT,
+        *builder,
         "-W",
         "-n",
         "--keep-going",
         "--quiet",
     ]
-    with subprocess.Popen(command) as sphinx:
-        made = meanwhile()
-    if sphinx.returncode:
+    if subprocess.run(command, check=False).returncode:
         sys.exit("build_book: Sphinx found something to complain about; warnings count as errors")
-    return made
 
 
-def downloads():
-    """The plain copies of the executed pages, page -> notebook."""
-    copies = lab_copies.Copies()
+def build_site():
+    shutil.rmtree(SITE / "html", ignore_errors=True)
+    shutil.rmtree(SITE / ".doctrees", ignore_errors=True)
+    sphinx()
+
+
+def build_notebooks():
+    """page -> notebook, in the order of the contents. Sphinx reads only what changed since it ran
+    last."""
+    shutil.rmtree(SITE / "notebook", ignore_errors=True)
+    sphinx("--builder", "custom", "--custom-builder", "notebook")
     return {
-        path.stem: copies.make(path.stem, for_plain_viewers)
-        for path in sorted(SOURCE.glob("*.ipynb"))
+        page: nbformat.read(SITE / "notebook" / f"{page}.ipynb", as_version=4)
+        for page in chapters()
     }
 
 
-def offer(notebooks):
-    """The site's 'download .ipynb' gives these."""
+def offer(pages):
+    """The site's 'download .ipynb' gives these notebooks."""
     for path in sorted((SITE / "html" / "_sources").glob("*.ipynb")):
-        nbformat.write(notebooks[path.stem], path)
+        nbformat.write(for_any_viewer(pages[path.stem]), path)
 
 
 def main():
@@ -81,8 +86,10 @@ def main():
         execute_outdated(notebooks(), arguments.jobs)
     if not arguments.no_site:
         export_live.export()
-        offer(build_site(meanwhile=downloads))
-        decks.write(SITE / "html" / "decks", "../_static")
+        build_site()
+        pages = build_notebooks()
+        decks.write(pages, SITE / "html" / "decks", "../_static")
+        offer(pages)
 
 
 if __name__ == "__main__":

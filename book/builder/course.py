@@ -20,12 +20,13 @@ from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 from . import references, teaching
 from .execute_pages import ROOT
 from .graded import EXERCISES, IMPORTS, call, words
-from .readable import Readable
 
 COURSE = ROOT / "build" / "course"
 SETTINGS = Path(__file__).with_name("nbgrader_config.py")
 KERNEL = {"kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}}
-LINK = re.compile(r"\[([^\]]*)\]\(\w+\.ipynb\)")
+# References to the book, which all have words of their own: {prf:ref}`words <label>`,
+# [words](#label).
+REFERENCE = re.compile(r"\{prf:ref\}`([^`<]+?)\s*<[^`]+`|\[([^\]]+)\]\(#?[\w.:-]+\)")
 INTRODUCTION = """# Exercises
 
 Fill in the blanks. `check` says whether an answer is right, as often as you like. Answers are graded with other
@@ -42,52 +43,48 @@ def in_order():
     return sorted(EXERCISES, key=lambda name: (pages.index(EXERCISES[name].page), name))
 
 
-class Sheets:
-    """Makes the notebooks; what the text refers to in the book is said in words."""
+def in_words(source):
+    """What a text refers to in the book, in words alone."""
+    return REFERENCE.sub(lambda match: f"*{match[1] or match[2]}*", source)
 
-    def __init__(self):
-        self.readable = Readable("", references.labels(), references.Literature(), plain=True)
 
-    def text(self, source):
-        return LINK.sub(r"*\1*", self.readable.text(source))
+def question(exercise):
+    terms = f"{exercise.points} points, about {exercise.minutes} minutes; page *{teaching.title(exercise.page)}*."
+    return markdown(
+        exercise, "question", f"## {exercise.title}\n\n{terms}\n\n{in_words(words(exercise))}"
+    )
 
-    def question(self, exercise):
-        told = f"{exercise.points} points, about {exercise.minutes} minutes; page *{teaching.title(exercise.page)}*."
-        return markdown(
-            exercise, "question", f"## {exercise.title}\n\n{told}\n\n{self.text(words(exercise))}"
-        )
 
-    def source(self, names, seed=1):
-        """What nbgrader releases and grades: it takes the solutions and the hidden tests out
-        between their marks."""
-        cells = [
-            new_markdown_cell(INTRODUCTION, id="introduction", metadata={"tags": ["introduction"]}),
-            imports(),
-        ]
-        for exercise in map(EXERCISES.get, names):
-            cells.append(self.question(exercise))
-            cells.append(code(exercise, "answer", exercise.source, solution=True))
-            test = hidden_test(exercise, seed)
-            cells.append(
-                code(exercise, "check", test, grade=True, locked=True, points=exercise.points)
-            )
-            if exercise.read:
-                kind = {"grade": True, "solution": True, "points": 0, "cell_type": "markdown"}
-                cells.append(markdown(exercise, "sentence", "", **kind))
-        return new_notebook(cells=cells, metadata=KERNEL)
+def source_notebook(names, seed=1):
+    """What nbgrader releases and grades: it takes the solutions and the hidden tests out
+    between their marks."""
+    cells = [
+        new_markdown_cell(INTRODUCTION, id="introduction", metadata={"tags": ["introduction"]}),
+        imports(),
+    ]
+    for exercise in map(EXERCISES.get, names):
+        cells.append(question(exercise))
+        cells.append(code(exercise, "answer", exercise.source, solution=True))
+        test = hidden_test(exercise, seed)
+        cells.append(code(exercise, "check", test, grade=True, locked=True, points=exercise.points))
+        if exercise.read:
+            kind = {"grade": True, "solution": True, "points": 0, "cell_type": "markdown"}
+            cells.append(markdown(exercise, "sentence", "", **kind))
+    return new_notebook(cells=cells, metadata=KERNEL)
 
-    def teacher(self, names):
-        """The solutions, each with its check and the known mistakes, below a table of points."""
-        cells = [
-            new_markdown_cell(f"{FOR_TEACHERS}\n\n{overview(names)}", id="introduction"),
-            imports(),
-        ]
-        for exercise in map(EXERCISES.get, names):
-            cells.append(self.question(exercise))
-            cells.append(code(exercise, "answer", exercise.solved))
-            cells.append(code(exercise, "check", call(exercise)))
-            cells.append(markdown(exercise, "mistakes", self.text(diagnose_landmarks(exercise))))
-        return new_notebook(cells=cells, metadata=KERNEL)
+
+def teacher_notebook(names):
+    """The solutions, each with its check and the known mistakes, below a table of points."""
+    cells = [
+        new_markdown_cell(f"{FOR_TEACHERS}\n\n{overview(names)}", id="introduction"),
+        imports(),
+    ]
+    for exercise in map(EXERCISES.get, names):
+        cells.append(question(exercise))
+        cells.append(code(exercise, "answer", exercise.solved))
+        cells.append(code(exercise, "check", call(exercise)))
+        cells.append(markdown(exercise, "mistakes", in_words(mistakes(exercise))))
+    return new_notebook(cells=cells, metadata=KERNEL)
 
 
 def imports():
@@ -127,7 +124,7 @@ def overview(names):
     )
 
 
-def diagnose_landmarks(exercise):
+def mistakes(exercise):
     """A table of the known mistakes and of what a student is told."""
     return (
         row("mistake", "what a student is told")
@@ -164,15 +161,17 @@ def markdown(exercise, part, source, **nbgrader):
     return new_markdown_cell(source.rstrip(), id=f"{exercise.name}-{part}", metadata=meta)
 
 
-def write(names, name, folder=COURSE, sheets=None, seed=1):
+def write(names, name, folder=COURSE, seed=1):
     """Write an assignment of these exercises into a course folder; (source, teacher's notebook),
     paths."""
-    sheets = sheets or Sheets()
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copy(SETTINGS, folder)
     source = folder / "source" / name / f"{name}.ipynb"
     teacher = folder / "teacher" / f"{name}.ipynb"
-    for path, notebook in ((source, sheets.source(names, seed)), (teacher, sheets.teacher(names))):
+    for path, notebook in (
+        (source, source_notebook(names, seed)),
+        (teacher, teacher_notebook(names)),
+    ):
         nbformat.validate(notebook)
         path.parent.mkdir(parents=True, exist_ok=True)
         nbformat.write(notebook, path)
@@ -229,13 +228,13 @@ def main():
         sys.exit(
             f"course: --seed {arguments.seed}: the students' own checks draw by 0; give 1 or more"
         )
-    chosen, sheets = {arguments.name: arguments.exercises or in_order()}, Sheets()
+    chosen = {arguments.name: arguments.exercises or in_order()}
     if not arguments.exercises:
         chosen |= {
             f"week{number}": names for number, (_, _, names) in enumerate(teaching.weeks(), 1)
         }
     for name, names in chosen.items():
-        write(names, name, sheets=sheets, seed=arguments.seed)
+        write(names, name, seed=arguments.seed)
     for path in release(arguments.name if arguments.exercises else "*"):
         print(f"course: {path.relative_to(ROOT)}")
 

@@ -1,4 +1,4 @@
-"""Slides made of tagged cells of the pages: reveal.js with the book's own pictures, formulas and
+"""Slides made of tagged cells of the pages, by nbconvert: the book's own pictures, formulas and
 explorables.
 
 A cell tagged `slide-NAME` begins a slide of the deck NAME, one tagged `more-NAME` goes on with the
@@ -9,23 +9,19 @@ build/decks, and `make book` the same slides beside the site.
 """
 
 import argparse
-import html
 import json
 import re
 import shutil
-from functools import cache
 
-import nbformat
 import yaml
-from nbconvert.filters.markdown_mistune import markdown2html_mistune
+from nbconvert import SlidesExporter
+from nbformat.v4 import new_markdown_cell, new_notebook
 
 from qcbook.sphinxpages import EXPLORABLE
 
-from . import export_live, lab_copies
-from .execute_pages import BUILD, ROOT, SOURCE, execute_outdated
-from .plain import for_plain_viewers
-from .readable import Readable
-from .references import BOOK, CODE, chapters
+from . import build_book, export_live
+from .execute_pages import BUILD, ROOT, SOURCE, execute_outdated, notebooks
+from .references import CODE
 
 TITLES = {
     "opening": "Registering cortical surfaces",
@@ -35,95 +31,51 @@ TITLES = {
 DECKS = BUILD / "decks"
 TAG = re.compile(r"(slide|more)-(\w+)")
 HEADING = re.compile(r"^#+[ \t]+(.+)$", re.MULTILINE)
-LINK = re.compile(r"\[([^\]]*)\]\([\w./#-]+\)")
-# What no slide shows: proofs, what is folded, and what a chapter promises.
-LEFT_OUT = re.compile(
-    r"^(:{3,}|`{3,})\{(?:prf:proof\}|admonition\} (?:After|Think|Answers|Box)|solution\}|exercise\}).*?^\1[ \t]*$",
-    re.DOTALL | re.MULTILINE,
-)
+LINK = re.compile(r"(?<!!)\[([^\[\]]*)\]\([\w./#-]+\)")
+PROOF = re.compile(r"^Proof\..*?^∎$", re.DOTALL | re.MULTILINE)
 STATEMENT = re.compile(
-    r"^(:{3,}|`{3,})\{(?:prf:\w+|admonition)\}.*?^\1[ \t]*$", re.DOTALL | re.MULTILINE
-)
-STATED = "\N{WORD JOINER}"  # before each paragraph of a statement
-PARAGRAPH = re.compile(r"(?<=\n\n)(?=[^\s:$`|*-])")
-# How a block begins that is shown whole.
-WHOLE = re.compile(rf"\$\$|\*\*|[-|*] |\d+\. |```|<|{STATED}")
+    r"\*\*(?!Box|After)[^*]+\*\*( \(.+\))?$"
+)  # the title of a theorem or of an erratum
+# How a block begins that is shown whole; of another one the first sentence is.
+WHOLE = re.compile(r"\$\$|\*\*|[-*|] |\d+\. |```")
 SENTENCE = re.compile(r"\$[^$]+\$|`[^`]+`|(?P<end>[.!?])(?=\s|$)")
-KEPT = (
+ASSETS = (
     "live",
     "vendor/mathjax",
     "vendor/reveal",
     "vendor/licenses",
-)  # of the site's assets, beside single files
-PAGE = """<!DOCTYPE html>
+    "decks.js",
+    "decks.css",
+    "favicon.svg",
+)
+TEMPLATE = """{% extends 'reveal/index.html.j2' %}
+{% block header %}<!DOCTYPE html>
 <html lang="en">
 <head>
 <meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{title}</title>
-<link rel="icon" href="{static}/favicon.svg"><link rel="stylesheet" href="{static}/vendor/reveal/reveal.css">
-<link rel="stylesheet" href="{static}/live/live.css"><link rel="stylesheet" href="{static}/decks.css">
-<script>window.MathJax = {mathjax};</script>
-<script defer src="{static}/vendor/mathjax/startup.js"></script>
-<script type="module" async src="{static}/live/page.js" data-explorables="{explorables}" data-carried=""></script>
+<title>{{ resources.title }}</title>
+{%- set static = resources.static %}
+<link rel="icon" href="{{ static }}/favicon.svg"><link rel="stylesheet" href="{{ static }}/vendor/reveal/reveal.css">
+<link rel="stylesheet" href="{{ static }}/live/live.css"><link rel="stylesheet" href="{{ static }}/decks.css">
+<script>window.MathJax = {{ resources.mathjax }};</script>
+<script defer src="{{ static }}/vendor/mathjax/startup.js"></script>
+<script type="module" async src="{{ static }}/live/page.js" data-explorables="{{ resources.live }}" data-carried="">
+</script>
 </head>
-<body>
-<div class="reveal"><div class="slides">
-<section><h1>{title}</h1><p>{book}</p></section>
-{slides}
-</div></div>
-<script src="{static}/vendor/reveal/reveal.js"></script><script src="{static}/decks.js"></script>
-</body>
+{% endblock header %}
+{% block footer %}
+<script src="{{ resources.static }}/vendor/reveal/reveal.js"></script>
+<script src="{{ resources.static }}/decks.js"></script>
 </html>
+{% endblock footer %}
 """
-
-
-@cache
-def settings():
-    return yaml.safe_load((ROOT / "_config.yml").read_text(encoding="utf-8"))
-
-
-def mathjax():
-    """The site's settings of MathJax, and the signs that the slides' formulas stand between."""
-    tex = {"inlineMath": [["$", "$"]], "displayMath": [["$$", "$$"]], "tags": "none"}
-    return settings()["sphinx"]["config"]["mathjax3_config"] | {"tex": tex}
-
-
-def tagged(cell):
-    """deck -> "slide" or "more", of a cell."""
-    return [
-        match.groups()[::-1] for match in map(TAG.fullmatch, cell.metadata.get("tags", [])) if match
-    ]
-
-
-def pages():
-    """The pages that have slides, in the order of the contents."""
-    names = [page for page in chapters() if (BOOK / f"{page}.ipynb").exists()]
-    return [
-        page
-        for page in names
-        if any(map(tagged, nbformat.read(BOOK / f"{page}.ipynb", as_version=4).cells))
-    ]
-
-
-def plain(page, copies):
-    """An executed page as plain Markdown, without what no slide shows."""
-    notebook = copies.executed(page)
-    for cell in notebook.cells:
-        if cell.cell_type == "markdown":
-            cell.source = STATEMENT.sub(
-                lambda found: PARAGRAPH.sub(STATED, found[0]), LEFT_OUT.sub("", cell.source)
-            )
-    readable = Readable(page, copies.targets, copies.literature, plain=True)
-    return for_plain_viewers(notebook, readable, copies.chapters[page])
 
 
 def part(text, kind):
     """(heading or "", text) of what a tag takes: what stands above the first heading, or below it
     up to the next."""
     above, *rest = HEADING.split(text)
-    if kind == "more" or not rest:
-        return "", above
-    return rest[0], rest[1]
+    return ("", above) if kind == "more" or not rest else (rest[0], rest[1])
 
 
 def first_sentence(paragraph):
@@ -132,121 +84,104 @@ def first_sentence(paragraph):
 
 
 def shortened(text):
-    """The blocks of a text: formulas, lists, tables, statements whole, of other paragraphs the
-    first sentence."""
-    blocks = [block.strip() for block in re.split(r"\n[ \t]*\n", text) if block.strip()]
-    return "\n\n".join(block if WHOLE.match(block) else first_sentence(block) for block in blocks)
+    """Formulas, lists, tables, statements whole, of other paragraphs the first sentence, and no
+    proof."""
+    shown = []
+    for stretch in PROOF.split(text):
+        stated = False
+        for block in filter(None, map(str.strip, re.split(r"\n[ \t]*\n", stretch))):
+            stated = stated or STATEMENT.match(block)
+            shown.append(block if stated or WHOLE.match(block) else first_sentence(block))
+    return "\n\n".join(shown)
 
 
-def as_html(text):
-    return markdown2html_mistune(LINK.sub(r"\1", text.replace(STATED, "")))
+def markdown(text, kind="-"):
+    return new_markdown_cell(LINK.sub(r"\1", text), metadata={"slideshow": {"slide_type": kind}})
 
 
-def outputs(cell):
-    """(words, pictures) of what a cell shows, lists of HTML."""
-    words, shown = [], []
-    for data, metadata in ((o.data, o.metadata) for o in cell.get("outputs", []) if "data" in o):
-        if "image/png" in data:
-            alt = html.escape(metadata.get("alt", ""))
-            shown.append(
-                f'<img src="data:image/png;base64,{"".join(data["image/png"].split())}" alt="{alt}">'
-            )
-        elif "text/markdown" in data:
-            words.append(as_html(data["text/markdown"]))
-        elif 'class="qc-live"' in data.get("text/html", ""):
-            shown.append(data["text/html"])
-    return words, shown
-
-
-class Slide:
-    """A slide that grows cell by cell."""
-
-    def __init__(self, title):
-        self.title, self.words, self.shown, self.notes = title, [], [], []
-
-    def add(self, cell, kind):
-        if cell.cell_type == "markdown":
-            text = part(cell.source, kind)[1]
-            self.words.append(as_html(shortened(text)))
-            self.notes.append(as_html(text))
-        else:
-            words, shown = outputs(cell)
-            self.words += words
-            self.shown += shown
-        return self
-
-    def html(self):
-        live = any('class="qc-live"' in each for each in self.shown)
-        look = "live" if live else "beside" if self.shown and any(self.words) else "alone"
-        words, shown = ("".join(f"{each}\n" for each in many) for many in (self.words, self.shown))
-        notes = "".join(self.notes)
-        return (
-            f'<section class="{look}"><h2>{as_html(self.title).removeprefix("<p>").strip().removesuffix("</p>")}</h2>\n'
-            f'<div class="body"><div class="words">{words}</div><div class="shown">{shown}</div></div>\n'
-            f'<aside class="notes">{notes}</aside></section>'
-        )
-
-
-def slides(page, notebook):
-    """deck -> list of slides, of a page; a `more` that no slide precedes is an error."""
-    found, title = {}, ""
-    for cell in notebook.cells:
-        text = CODE.sub("", cell.source) if cell.cell_type == "markdown" else ""
-        for deck, kind in sorted(tagged(cell)):  # `more` comes first: it stands above the heading
-            if deck not in TITLES:
-                raise SystemExit(
-                    f"decks: {page}: a cell is tagged {kind}-{deck}; decks are {', '.join(TITLES)}"
-                )
-            if kind == "slide":
-                own = part(text, kind)[0] or title
-                found.setdefault(deck, []).append(Slide(own))
-            if not found.get(deck):
-                raise SystemExit(
-                    f"decks: {page}: a cell is tagged more-{deck} before any is tagged slide-{deck}"
-                )
-            found[deck][-1].add(cell, kind)
-        title = (HEADING.findall(text) or [title])[-1]
-    return found
-
-
-def write(folder, static):
-    """Write a page for each deck, which takes scripts and styles from `static`; returns the paths."""
-    copies, decks = lab_copies.Copies(), {name: [] for name in TITLES}
-    for page in pages():
-        for name, own in slides(page, plain(page, copies)).items():
-            decks[name] += own
-    folder.mkdir(parents=True, exist_ok=True)
-    return [
-        write_deck(folder / f"{name}.html", static, TITLES[name], own)
-        for name, own in decks.items()
+def with_outputs(cell):
+    """A cell's figures, tables and explorables, without what it prints and without scenes."""
+    shown = 'class="page-figure"', 'class="qc-live"'
+    cell.outputs = [
+        output
+        for output in cell.outputs
+        if (data := output.get("data", {}))
+        and ("text/markdown" in data or any(each in data.get("text/html", "") for each in shown))
     ]
+    for data in (output.data for output in cell.outputs if "text/markdown" in output.data):
+        data["text/markdown"] = LINK.sub(r"\1", data["text/markdown"])
+    cell.metadata["slideshow"] = {"slide_type": "-"}
+    return cell
 
 
-def write_deck(path, static, title, own):
-    shown = "\n".join(slide.html() for slide in own)
-    said = {
-        "title": title,
-        "book": settings()["title"],
-        "static": static,
-        "mathjax": json.dumps(mathjax()),
-    }
-    path.write_text(
-        PAGE.format(**said, explorables=" ".join(EXPLORABLE.findall(shown)), slides=shown), "utf-8"
+def tagged(cell):
+    """(kind, deck) of a cell's tags; `more` comes first, for it stands above the heading."""
+    return sorted(
+        match.groups() for match in map(TAG.fullmatch, cell.metadata.get("tags", [])) if match
     )
-    return path
+
+
+def deck(name, pages):
+    """The notebook of a deck, of page -> notebook."""
+    cells, heading = [], ""
+    for page, cell in ((page, cell) for page, notebook in pages.items() for cell in notebook.cells):
+        prose = cell.cell_type == "markdown"
+        for kind, own in tagged(cell):
+            if own not in TITLES:
+                raise SystemExit(
+                    f"decks: {page}: a cell is tagged {kind}-{own}; decks are {', '.join(TITLES)}"
+                )
+            if own != name:
+                continue
+            title, text = part(cell.source, kind) if prose else ("", "")
+            if kind == "slide":
+                cells.append(markdown(f"## {title or heading}", "slide"))
+            if not cells:
+                raise SystemExit(
+                    f"decks: {page}: a cell is tagged more-{name} before any is tagged slide-{name}"
+                )
+            if prose and text.strip():
+                cells += [markdown(shortened(text)), markdown(text, "notes")]
+            elif not prose:
+                cells.append(with_outputs(cell))
+        heading = ([heading] + (HEADING.findall(CODE.sub("", cell.source)) if prose else []))[-1]
+    return new_notebook(cells=cells)
+
+
+def write(pages, folder, static):
+    """Write a page for each deck, of page -> notebook; it takes scripts and styles from `static`."""
+    settings = yaml.safe_load((ROOT / "_config.yml").read_text(encoding="utf-8"))
+    # The site's settings of MathJax, and the signs that formulas stand between.
+    tex = {"inlineMath": [["$", "$"]], "displayMath": [["$$", "$$"]], "tags": "none"}
+    mathjax = json.dumps(settings["sphinx"]["config"]["mathjax3_config"] | {"tex": tex})
+    exporter = SlidesExporter(
+        raw_template=TEMPLATE,
+        exclude_input=True,
+        exclude_output_prompt=True,
+        exclude_anchor_links=True,
+    )
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, title in TITLES.items():
+        notebook = deck(name, pages)
+        live = " ".join(EXPLORABLE.findall(json.dumps(notebook).replace('\\"', '"')))
+        notebook.cells.insert(0, markdown(f"# {title}\n\n{settings['title']}", "slide"))
+        shown = {"title": title, "static": static, "mathjax": mathjax, "live": live}
+        (folder / f"{name}.html").write_text(
+            exporter.from_notebook_node(notebook, shown)[0], encoding="utf-8"
+        )
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--jobs", type=int, default=2, help="notebooks executed side by side")
-    execute_outdated(pages(), parser.parse_args().jobs)
+    execute_outdated(notebooks(), parser.parse_args().jobs)
     export_live.export()
-    for path in write(DECKS, "_static"):
-        print(f"decks: {path.relative_to(ROOT)}")
-    for name in KEPT:
-        shutil.copytree(SOURCE / "_assets" / name, DECKS / "_static" / name, dirs_exist_ok=True)
-    for name in ("decks.js", "decks.css", "favicon.svg"):
-        shutil.copy(SOURCE / "_assets" / name, DECKS / "_static")
+    write(build_book.build_notebooks(), DECKS, "_static")
+    for name in ASSETS:
+        source, place = SOURCE / "_assets" / name, DECKS / "_static" / name
+        shutil.copytree(source, place, dirs_exist_ok=True) if source.is_dir() else shutil.copy(
+            source, place
+        )
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import nbformat
 
-from . import costs, expressions, graded, guards, solutions, teaching
+from . import costs, expressions, graded, guards, reading, solutions, teaching
 from .packages import installed_copy
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -24,6 +24,8 @@ SOURCE = BUILD / "book"
 PROGRAMS = ("qcbook", "builder", "studies")  # of book/: no pages
 SECONDS_PER_CELL = 120  # one that takes longer is a failure
 PACKAGES = "qclearn", "data_synth", "book/qcbook"
+# The programs that prepare and finish a run, beside this one.
+HELPERS = costs, expressions, graded, guards, reading, solutions
 PASSED_OVER = {"__pycache__", "browser"}
 STAMPS = SOURCE / ".stamps.json"  # page -> what its last good run was a run of
 
@@ -155,7 +157,8 @@ def library_digest():
     files = [
         ROOT / "constraints.txt",
         *(ROOT / "book").glob("*.toml"),
-        *Path(__file__).parent.glob("*.py"),
+        *(Path(helper.__file__) for helper in HELPERS),
+        Path(__file__),
     ]
     for package in PACKAGES:
         files += [
@@ -182,8 +185,10 @@ def stamp(page):
 def run(pages, jobs):
     """Execute the named pages into build/book; stops at what is wrong."""
     SOURCE.mkdir(parents=True, exist_ok=True)
+    copy_book()  # pages read its files
     stamps = json.loads(STAMPS.read_text()) if STAMPS.exists() else {}
     paths = copy_pages(pages)
+    new = {page: stamp(page) for page in pages}  # a change during the run makes it out of date
     # The copies have no outputs yet: were this run stopped, no stamp may say that they have.
     STAMPS.write_text(
         json.dumps({page: value for page, value in stamps.items() if page not in pages}, indent=1)
@@ -191,10 +196,8 @@ def run(pages, jobs):
     stop_at(each_page(paths, prepare))
     execute(paths, jobs)
     stop_at(each_page(paths, finish))
-    copy_book()
-    STAMPS.write_text(
-        json.dumps(stamps | {path.stem: stamp(path.stem) for path in paths}, indent=1)
-    )
+    copy_book()  # once more: its tables say what the runs cost
+    STAMPS.write_text(json.dumps(stamps | new, indent=1))
 
 
 def execute_outdated(pages, jobs):

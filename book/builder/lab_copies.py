@@ -1,10 +1,9 @@
 """Copies of the executed pages for reading: build/lab for JupyterLab, build/notebooks for any other
 viewer.
 
-A copy is made anew when its page, the library behind it, the contents or the literature changed,
-and only then; the pages are executed for it where build/book has no run of them that is as new.
-With SOLUTIONS=1 in the environment the copies hold the solutions of exercises. A copy that a reader
-changed is never overwritten: it is kept beside the new one, and a line says so.
+The pages are executed first where build/book has no run of them that is as new. With SOLUTIONS=1 in
+the environment the copies hold the solutions of exercises. A copy that a reader changed is never
+overwritten: where its page is new, it is kept beside the new one, and a line says so.
 """
 
 import argparse
@@ -12,42 +11,34 @@ import hashlib
 import json
 import shutil
 import sys
-from pathlib import Path
 
 import nbformat
 from nbformat.sign import NotebookNotary
 
-from . import execute_pages, expressions, references, solutions, teaching
-from .plain import for_plain_viewers
-from .readable import Readable, as_notebook, for_jupyterlab
+from .build_book import build_notebooks
+from .execute_pages import BUILD, ROOT, execute_outdated, notebooks
+from .notebooks import for_any_viewer
+from .references import BOOK
 
-LAB, PLAIN = execute_pages.BUILD / "lab", execute_pages.BUILD / "notebooks"
-RECORD = ".copies.json"  # page -> what it was made from, and the digest of its cells as written
+LAB, PLAIN = BUILD / "lab", BUILD / "notebooks"
+RECORD = ".copies.json"  # page -> digest of its cells as written
+NUMBERED = (
+    "---\nnumbering:\n  equation: false\n---\n\n"  # else JupyterLab numbers the equations once more
+)
 
 
-def cells_digest(path):
-    """Of a notebook's cells without outputs: JupyterLab saves a page that was only opened or run,
-    and nobody changed that."""
-    try:
-        cells = [(cell.cell_type, cell.source) for cell in nbformat.read(path, as_version=4).cells]
-    except (nbformat.reader.NotJSONError, AttributeError):
-        return None  # no notebook any more
+def digest(notebook):
+    """Of the cells without outputs: JupyterLab saves a page that was only opened or run, and nobody
+    changed that."""
+    cells = [(cell.cell_type, cell.source) for cell in notebook.cells]
     return hashlib.sha256(json.dumps(cells).encode()).hexdigest()
 
 
-def book_digest():
-    """Of everything that a copy depends on besides its own page: references to other pages, and
-    these programs."""
-    book = references.BOOK
-    labels = "".join(f"{label}{target}" for label, target in sorted(references.labels().items()))
-    found = hashlib.sha256(f"{labels}{solutions.SHOWN}".encode())
-    for file in (
-        book / "_toc.yml",
-        book / "references.bib",
-        *sorted(Path(__file__).parent.glob("*.py")),
-    ):
-        found.update(file.read_bytes())
-    return found.hexdigest()
+def digest_of_file(path):
+    try:
+        return digest(nbformat.read(path, as_version=4))
+    except (nbformat.reader.NotJSONError, AttributeError):
+        return "no notebook any more"
 
 
 def put_aside(path):
@@ -63,92 +54,23 @@ def put_aside(path):
     )
 
 
-def write_copies(folder, stamps, make):
-    """Write make(page) for each page whose stamp differs from the one recorded; returns the pages
-    written."""
+def write_copies(folder, pages):
+    """Write page -> notebook into a folder, and what the pages show beside it."""
     folder.mkdir(parents=True, exist_ok=True)
-    file, written = folder / RECORD, []
+    file = folder / RECORD
     record = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
-    for page, stamp in stamps.items():
-        path, old = folder / f"{page}.ipynb", record.get(page, {})
-        if path.exists() and old.get("made_from") == stamp:
-            continue
-        if path.exists() and old.get("written") != cells_digest(path):
+    for page, notebook in pages.items():
+        path, new = folder / f"{page}.ipynb", digest(notebook)
+        if path.exists() and digest_of_file(path) != record.get(page):
+            if record.get(page) == new:
+                continue  # the reader's own, of the page as it still is
             put_aside(path)
-        nbformat.write(make(page), path)
-        record[page] = {"made_from": stamp, "written": cells_digest(path)}
-        written.append(page)
+        nbformat.write(notebook, path)
+        record[page] = new
         file.write_text(json.dumps(record, indent=1), encoding="utf-8")
-    shutil.copy(references.BOOK / "paper.toml", folder)
-    shutil.copytree(
-        references.BOOK / "_assets",
-        folder / "_assets",
-        dirs_exist_ok=True,
-        ignore=shutil.ignore_patterns("vendor", "*.js", "*.css"),
-    )
-    return written
-
-
-def without_solutions(notebook):
-    """Change a page in place: no solution, no cell that held nothing else, no value that only a
-    solution quotes."""
-    for cell in execute_pages.prose(notebook):
-        if (source := solutions.without(cell.source)) != cell.source:
-            asked = cell.metadata.get("user_expressions", [])
-            cell.source = source
-            cell.metadata["user_expressions"] = [
-                entry
-                for entry in asked
-                if entry["expression"] in expressions.expressions_in(source)
-            ]
-    notebook.cells = [
-        cell for cell in notebook.cells if cell.source or cell.cell_type != "markdown"
-    ]
-    return notebook
-
-
-class Copies:
-    """Makes copies of pages, by `for_jupyterlab` or `for_plain_viewers`."""
-
-    def __init__(self):
-        self.chapters, self.targets = references.chapters(), references.labels()
-        self.literature = references.Literature()
-
-    def executed(self, page):
-        path = execute_pages.SOURCE / f"{page}.ipynb"
-        if path.exists():
-            notebook = nbformat.read(path, as_version=4)
-            return notebook if solutions.SHOWN else without_solutions(notebook)
-        return as_notebook(teaching.put(references.markdown_of(page)))
-
-    def make(self, page, change):
-        readable = Readable(page, self.targets, self.literature, plain=change is for_plain_viewers)
-        try:
-            return change(self.executed(page), readable, self.chapters[page])
-        except KeyError as error:
-            sys.exit(f"lab_copies: {page}: {error.args[0]}")
-
-    def signed(self, page):
-        notebook = self.make(page, for_jupyterlab)
-        NotebookNotary().sign(
-            notebook
-        )  # the reader's own machine made it: JupyterLab may show its 3-D scenes
-        return notebook
-
-
-def build(folder, make, jobs):
-    """Copies of all pages in a folder, executing what is out of date."""
-    pages = list(references.chapters())
-    execute_pages.execute_outdated(
-        [page for page in pages if (references.BOOK / f"{page}.ipynb").exists()], jobs
-    )
-    common = book_digest()
-    stamps = {page: common + execute_pages.stamp(page) for page in pages}
-    written = write_copies(folder, stamps, make)
-    print(
-        f"lab_copies: {folder.relative_to(execute_pages.ROOT)}: {len(written)} of {len(pages)} "
-        "pages are new"
-    )
+    shutil.copy(BOOK / "paper.toml", folder)
+    not_shown = shutil.ignore_patterns("vendor", "*.js", "*.css")
+    shutil.copytree(BOOK / "_assets", folder / "_assets", dirs_exist_ok=True, ignore=not_shown)
 
 
 def main():
@@ -158,11 +80,19 @@ def main():
     )
     parser.add_argument("--jobs", type=int, default=2, help="notebooks executed side by side")
     arguments = parser.parse_args()
-    copies = Copies()
+    execute_outdated(notebooks(), arguments.jobs)
+    pages, folder = build_notebooks(), PLAIN if arguments.plain else LAB
     if arguments.plain:
-        build(PLAIN, lambda page: copies.make(page, for_plain_viewers), arguments.jobs)
+        pages = {page: for_any_viewer(notebook) for page, notebook in pages.items()}
     else:
-        build(LAB, copies.signed, arguments.jobs)
+        for notebook in pages.values():
+            notebook.cells[0].source = NUMBERED + notebook.cells[0].source
+    write_copies(folder, pages)
+    for notebook in pages.values():
+        NotebookNotary().sign(
+            notebook
+        )  # the reader's own machine made it: JupyterLab may show its 3-D scenes
+    print(f"lab_copies: {len(pages)} pages are in {folder.relative_to(ROOT)}")
 
 
 if __name__ == "__main__":

@@ -92,18 +92,22 @@ class Courses:
 
 def courses(name, moving, control, curves):
     """`Courses` on two surfaces; curves as in `register`, sulci between endpoints by `fundus_path`."""
-    entries, there, paths = check_curves(curves, moving, control), parameterize(control), []
-    laid = align(parameterize(moving), there, entries)
+    checked = check_curves(curves, moving, control)
+    there = parameterize(control)
+    here = align(parameterize(moving), there, checked)
+    paths = []
     for surface, side in ((moving, "moving"), (control, "control")):
         metric = fundus_metric(surface)
         paths.append(
             [
-                fundus_path(surface, *entry[side], metric) if entry["detect"][side] else entry[side]
-                for entry in entries
+                fundus_path(surface, *curve.path(side), metric)
+                if curve.detect[side]
+                else curve.path(side)
+                for curve in checked
             ]
         )
-    names = tuple(entry["name"] for entry in entries)
-    return Courses(name, laid, there, names, tuple(paths))
+    names = tuple(curve.name for curve in checked)
+    return Courses(name, here, there, names, tuple(paths))
 
 
 def cortex_problem(name, moving, control, curves, vertices=None, points=5):
@@ -122,7 +126,11 @@ def courses_problem(pair, vertices=None, points=5):
     surface, z = pair.moving.surface, pair.moving.disk.z
     mesh = MESH if vertices is None else joined(z[spread_vertices(surface, vertices)])
     return _example(
-        pair.name, mesh, *pair.sampled(points), area_radius(surface, z), folds_on(mesh, pair)
+        pair.name,
+        mesh,
+        *pair.sample_landmarks(points),
+        area_radius(surface, z),
+        folds_on(mesh, pair),
     )
 
 

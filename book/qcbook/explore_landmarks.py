@@ -15,7 +15,6 @@ from qclearn.registration.curves import (
     fundus_path,
     weigh_edges,
 )
-from qclearn.registration.register import load
 from qclearn.surfaces.curvature import area_radius, grey_levels, mean_curvature, sulcal_depth
 
 from .examples import CORTICES, cortices
@@ -80,6 +79,8 @@ class Landmarks(Live):
     @staticmethod
     def curves(pair, paths):
         """The sulci with floors `paths` on the moving side of `Courses`, as the browser reads them."""
+        from qclearn.nets import load  # here, as it needs torch
+
         ends = np.array([[path[0], path[-1]] for path in paths])
         surface, z = pair.moving.surface, pair.moving.disk.z
         vertex = {place: v for v, place in enumerate(z.tolist())}

@@ -7,7 +7,6 @@ import numpy as np
 from qclearn.plane.grids import FINE, polar
 from qclearn.plane.solver import DiskSolver
 from qclearn.plot import disk_plot, grid_plot
-from qclearn.registration.register import load
 
 from .live import Live, as_pairs, two_disks
 from .livefiles import dbsnet_file
@@ -42,6 +41,8 @@ class Mu(Live):
 
     def files(self):
         """The inner loops in WebAssembly, and DBS-Net."""
+        from qclearn.nets import load  # here, as it needs torch
+
         return super().files() | {"dbsnet.bin": dbsnet_file(load("dbsnet"))}
 
     def coefficient(self, state):

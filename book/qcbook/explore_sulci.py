@@ -56,7 +56,7 @@ def unfolded(surface, rounds=UNFOLDING):
 def courses_of(pair):
     """Names of the sulci of `Courses`, and LINE points of each in the disk, for the moving and the
     control side."""
-    lines = ([as_pairs(line.round(5)) for line in side] for side in pair.sampled(LINE))
+    lines = ([as_pairs(line.round(5)) for line in side] for side in pair.sample_landmarks(LINE))
     return {"names": pair.names, **dict(zip(("moving", "target"), lines))}
 
 
@@ -136,7 +136,7 @@ class Sulci(Live):
         """A photograph of the unfolded control surface with the registered curves, and a
         description."""
         pair, (problem, fit) = cortices(state["problem"]), self.fit(state)
-        moving, targets = pair.sampled(LINE)
+        moving, targets = pair.sample_landmarks(LINE)
         surface = pair.control.surface
         shape = ParameterizedSurface(Surface(unfolded(surface), surface.faces), pair.control.disk)
         curves = [(shape.lift(line), "target") for line in targets]

@@ -6,7 +6,6 @@ from types import MappingProxyType
 from qclearn.plane.grids import COARSE, FINE
 from qclearn.registration.fit import fit_problem
 from qclearn.registration.metrics import measured_losses
-from qclearn.registration.register import load
 
 from .fitstates import describe, fit_state, states_figure
 from .live import Live, as_pairs
@@ -25,6 +24,8 @@ class Tuner(Live):
 
     def files(self):
         """The inner loops in WebAssembly, the problems, and CP-Net."""
+        from qclearn.nets import load  # here, as it needs torch
+
         return super().files() | {
             "problems.json": problems_file(),
             "cpnet.bin": cpnet_file(load("cpnet")),

@@ -19,18 +19,18 @@ from qclearn.plot import (
 )
 from qclearn.registration.features import FINEST
 from qclearn.registration.fit import CertifiedMap, exact_map, fit_problem, fit_registration
+from qclearn.registration.gauss_newton import MIN_DECREASE
 from qclearn.registration.metrics import measured_losses
-from qclearn.registration.multiresolution import SETTLED, WORTH, Level, guided
+from qclearn.registration.multiresolution import STALL_RATIO, Level, guided
 from qclearn.registration.networks import gamma_messages, predicted
 from qclearn.registration.problem import LandmarkError, Weights
-from qclearn.registration.register import load
 from qclearn.registration.residuals import FeatureTerm
 
 RINGS = (
     24  # of the polar mesh that carries the fit's unknowns: more gain little here, and take longer
 )
 # Fewer levels than `register` has: a slider cannot wait.
-FOLD_LEVELS = (guided(12, 16.0, 2), Level(RINGS, 8.0, 2, True, WORTH, SETTLED))
+FOLD_LEVELS = (guided(12, 16.0, 2), Level(RINGS, 8.0, 2, True, MIN_DECREASE, STALL_RATIO))
 BINS = np.linspace(0, 1, 41)
 
 
@@ -66,6 +66,8 @@ def network_fit(problem, weights, features=None):
     knows no folds."""
     if problem.sliding:
         raise LandmarkError("CP-Net takes points to points, it knows no sliding; choose points")
+    from qclearn.nets import load  # here, as it needs torch
+
     network = load("cpnet")
     found = exact_map(problem, predicted(network.predict, problem, weights))
     return replace(found, fallbacks=(*gamma_messages(network, weights), *found.fallbacks))

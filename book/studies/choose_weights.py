@@ -40,7 +40,7 @@ from qclearn.benchmark.methods.folds import with_folds
 from qclearn.benchmark.pairs import CONTROL, Pair, cohort_pair, mapped, mapped_subject, prepare
 from qclearn.benchmark.trial import map_figures
 from qclearn.io.provenance import provenance
-from qclearn.registration.networks import fit_with_fallbacks
+from qclearn.registration.fit import fit_with_fallbacks
 from qclearn.registration.pair import align_disks, sample_landmarks
 from qclearn.registration.problem import BY_DISKS, DELTA, ETA, INDIVIDUAL, Weights
 
@@ -170,7 +170,7 @@ def measured(name, individual):
         pair = pair_of(name, individual)
         prepared, rows = prepare(pair), []
         sides = with_folds(prepared.problem)
-        free = align_disks(replace(sides, entries=[], held=[]))
+        free = align_disks(replace(sides, curves=[], held=[]))
         given = replace(
             prepared.problem,
             sides=replace(sides, moving=replace(sides.moving, disk=prepared.problem.disk)),

@@ -1,5 +1,5 @@
-"""Count the maps and products that good landmark problems need at each level: what `EFFORT` in
-multiresolution.py rests on.
+"""Count the maps and products that good landmark problems need at each level: what `MOST_WORK` in
+gauss_newton.py rests on.
 
     python -m book.studies.effort [--count 20] [--folds]
 

@@ -1,7 +1,7 @@
 """Nested dissection: an order of elimination for the sparse systems of a planar mesh.
 
-The study of sizes measures the harmonic map with it. The library leaves the order to SuperLU's minimum
-degree, which does as well on small meshes and better on the matrices of folded surfaces.
+The study of sizes measures the harmonic map with it. The library leaves the order to SuperLU's
+minimum degree, which does as well on small meshes and better on the matrices of folded surfaces.
 """
 
 import numpy as np

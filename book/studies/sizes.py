@@ -24,7 +24,7 @@ from qclearn.benchmark.methods.harmonic import unfold
 from qclearn.benchmark.methods.solver import LandmarkSolver
 from qclearn.io.fsaverage import fsaverage5, named_sulci
 from qclearn.io.provenance import provenance
-from qclearn.nets.weights import load
+from qclearn.nets import load
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.disk import Disk
 from qclearn.plane.mobius import best_mobius, mobius

@@ -38,13 +38,13 @@ from qclearn.registration.curves import (
     weigh_edges,
 )
 from qclearn.registration.diagnose import (
+    align_by_folds,
     compared,
     diagnose_landmarks,
     given_hypothesis,
-    laid_by_folds,
-    of_order,
-    of_surfaces,
+    order_hypotheses,
     rotation_contrast,
+    surface_hypotheses,
     with_folds,
 )
 from qclearn.registration.features import FOLDS, mirrored_gain
@@ -171,10 +171,10 @@ def parcels(surface, curves, side):
     return np.array([curve["name"] for curve in curves])[np.argmin(distances, axis=0)]
 
 
-def readings(sides):
-    """What decides about mistakes: of each kind of reading the one that fits best, dict of dicts."""
+def hypotheses(sides):
+    """What decides about mistakes: of each kind of hypothesis the one that fits best, dict of dicts."""
     found, given = {}, given_hypothesis(sides)
-    for other in [*of_surfaces(given, sides), *of_order(given)]:
+    for other in [*surface_hypotheses(given, sides), *order_hypotheses(given)]:
         word = other.reason.split(":")[0] or ("reversed" if other.backwards.any() else "swapped")
         found[word] = min(
             found.get(word, {"better": np.inf}),
@@ -192,12 +192,12 @@ def folds_say(moving, control, entries, result):
         ParameterizedSurface(s, Disk(z[side], s.faces))
         for side, s in (("moving", moving), ("control", control))
     )
-    laid = laid_by_folds(with_folds(SurfacePair(here, there, entries, [])))
+    laid = align_by_folds(with_folds(SurfacePair(here, there, entries, [])))
     case = {
         "hand": mirrored_gain(laid.moving, laid.control),
         "rotation_contrast": rotation_contrast(laid),
     }
-    return case | ({"readings": readings(laid)} if entries else {})
+    return case | ({"hypotheses": hypotheses(laid)} if entries else {})
 
 
 def outcome(result, moving):
@@ -260,7 +260,7 @@ def measure(kind, number, groups):
         entries = held_apart(check_curves(curves, moving, control), [])[0]
         if not (few or alone):
             sides = SurfacePair(parameterize(moving), parameterize(control), entries, held=[])
-            case |= {"readings": readings(sides), "mistakes": diagnose_landmarks(sides)}
+            case |= {"hypotheses": hypotheses(sides), "mistakes": diagnose_landmarks(sides)}
             result = qc.register(
                 moving, control, curves, method=method, features=None, accept_suspect=True
             )
@@ -305,8 +305,8 @@ def found_in(case, name):
     group, _, key = name.partition(" ")
     order, right = ("reversed", "swapped"), WORDS.get(case["kind"])
     return [
-        reading[key]
-        for word, reading in case.get("readings", {}).items()
+        hypothesis[key]
+        for word, hypothesis in case.get("hypotheses", {}).items()
         if key and (word in order) == (group == "order") and right in (None, word)
     ]
 
@@ -330,7 +330,7 @@ def table(cases):
 
 @click.command(help=__doc__)
 @click.option("--also", multiple=True, help="npz surface with curves named as those of fsaverage5.")
-@click.option("--out", default=str(KEPT / "diagnose.json"), show_default=False)
+@click.option("--out", default=str(KEPT / "suspect.json"), show_default=False)
 def main(also, out):
     warnings.simplefilter("ignore", qc.RepairWarning)
     rng = np.random.default_rng(0)

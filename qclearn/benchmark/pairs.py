@@ -19,9 +19,14 @@ from ..io.fsaverage import demo_landmarks, fsaverage5, whole_fsaverage5
 from ..plane.mobius import mobius, mobius_inverse
 from ..registration.curves import POINTS_PER_CURVE, check_curves, curves_of_both
 from ..registration.features import FINEST, FOLDS, Smoothing
-from ..registration.pair import SurfacePair, align, distinct_landmarks, sample_curves
+from ..registration.pair import (
+    SurfacePair,
+    align,
+    curve_lines,
+    distinct_landmarks,
+    sample_lines,
+)
 from ..registration.problem import Problem
-from ..registration.register import load
 from ..surfaces.conformal import ParameterizedSurface, parameterize
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import Surface, mirror
@@ -196,26 +201,29 @@ def prepare(pair, source="given"):
     curves = (
         pair.curves if source in ("given", "exact") else [ends_only(curve) for curve in pair.curves]
     )
-    detect = load("ldnet", DETECTORS[source]).detect if source in DETECTORS else None
+    detect = None
+    if source in DETECTORS:
+        from ..nets import load  # here, as it needs torch
+
+        detect = load("ldnet", DETECTORS[source]).detect
     start = time.perf_counter()
-    entries = check_curves(list(curves), moving, control)
-    own = align(pair.moving, pair.control, entries)
-    samples, _, notes = sample_curves(own, entries, "moving", detect)
+    fitted = check_curves(list(curves), moving, control)
+    held = check_curves(list(pair.held), moving, control, 0)
+    own = align(pair.moving, pair.control, fitted)
+    lines, notes = curve_lines(own, fitted, "moving", detect)
+    samples = sample_lines(own, lines)
     if source == "exact":
         target = samples @ pair.truth_disk
         target_mm = pair.control.lift(target)
     else:
-        samples_control, _, more = sample_curves(pair.control, entries, "control", detect)
+        lines, more = curve_lines(pair.control, fitted, "control", detect)
+        samples_control = sample_lines(pair.control, lines)
         notes = notes + more
-        target, target_mm = (
-            samples_control @ pair.control.disk.z,
-            samples_control @ control.vertices,
-        )
+        target = samples_control @ pair.control.disk.z
+        target_mm = samples_control @ control.vertices
     p = samples @ own.disk.z
-    once = distinct_landmarks(entries, p, target)
-    sides = SurfacePair(
-        pair.moving, pair.control, entries, check_curves(list(pair.held), moving, control, 0)
-    )
+    once = distinct_landmarks(fitted, p, target)
+    sides = SurfacePair(pair.moving, pair.control, fitted, held)
     problem = Problem(own.disk, p[once], target[once], once // POINTS_PER_CURVE, sides=sides)
     return Prepared(problem, samples, target, target_mm, time.perf_counter() - start, notes)
 

@@ -12,7 +12,7 @@ from ..registration.curves import (
 )
 from ..registration.features import standardised
 from ..registration.metrics import distortion_maps, log2_distortions, quantile
-from ..registration.pair import sample_curves
+from ..registration.pair import curve_lines
 from .images import OnDisk
 
 HELD_OUT = (
@@ -65,11 +65,11 @@ def held_out(pair, sides, f, image):
     of `middle_distance`. None without any."""
     if not pair.held:
         return dict.fromkeys(HELD_OUT)
-    names = [entry["name"] for entry in sides.held]
-    images = curves_in_space(
-        Carried(sides.moving, f, image), sample_curves(sides.moving, sides.held, "moving")[1]
-    )
-    wanted = curves_in_space(sides.control, sample_curves(sides.control, sides.held, "control")[1])
+    names = [curve.name for curve in sides.held]
+    here, _ = curve_lines(sides.moving, sides.held, "moving")
+    there, _ = curve_lines(sides.control, sides.held, "control")
+    images = curves_in_space(Carried(sides.moving, f, image), here)
+    wanted = curves_in_space(sides.control, there)
     each = {name: float(curve_distance(*both)) for name, both in zip(names, zip(images, wanted))}
     middle = np.mean([middle_distance(*both) for both in zip(images, wanted)])
     figures = (

@@ -21,7 +21,7 @@ from ..registration.curves import (
     read_points,
     spaces,
 )
-from ..registration.tracing import carried, ends_apart, laid_by_folds, ordered, threaded
+from ..registration.tracing import aligned_by_folds, carried, ends_apart, ordered, threaded
 from ..surfaces.checks import counted
 from .output import say
 
@@ -129,7 +129,7 @@ def from_labels(labels, sides, mirror, told):
         for name, *files in labels
     ]
     moving, control = (one.disk for one in sides.values())
-    laid = laid_by_folds(qc.mirror(moving) if mirror else moving, control)
+    laid = aligned_by_folds(qc.mirror(moving) if mirror else moving, control)
     curves = []
     for (name, *_), (here, there) in zip(labels, paths):
         straight, crossed = ends_apart(laid, here, there)

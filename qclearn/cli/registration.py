@@ -32,7 +32,7 @@ MAPS = (
     "faces_moving",
     "faces_control",
 )  # that are written
-SURE = "uncertainty.shape.gii"
+UNCERTAINTY = "uncertainty.shape.gii"
 
 
 @click.command()
@@ -280,7 +280,7 @@ def register_into(out, pair, curves, accept_suspect, **options):
         options.pop("report"),
     )
     read = time.perf_counter() - command.begun
-    with output_folder(out, instead=["report.html", SURE, *SPHERES]) as folder:
+    with output_folder(out, instead=["report.html", UNCERTAINTY, *SPHERES]) as folder:
         result = run_registration(
             *pair.disks,
             on_disks(curves, pair.given),
@@ -316,9 +316,11 @@ def write_maps(folder, result, pair):
     qc.write_surface(folder / "registered.surf.gii", result.surface, frame=pair.control.frame)
     if result.uncertainty is not None:
         numbering = pair.moving.numbering
-        radius = result.sure.astype(np.float32)
+        radius = result.uncertainty.astype(np.float32)
         whole = numbering.on_whole(radius, np.nan) if numbering.known else radius
-        qc.write_values(folder / SURE, whole, pair.moving.frame.side, names=["radius of 90 %, mm"])
+        qc.write_values(
+            folder / UNCERTAINTY, whole, pair.moving.frame.side, names=["radius of 90 %, mm"]
+        )
     return pair.sphere and write_sphere(folder, arrays, pair.sphere)
 
 
@@ -368,8 +370,8 @@ def print_report(report, out):
     if "uncertainty" in report:
         least, _, most = report["uncertainty"]["quantiles_mm"].values()
         line(
-            "sure",
-            f"within {report['sure']['mean_mm']:.1f} mm on average, 9 in 10 vertices ({least:.1f} "
+            "uncertainty",
+            f"within {report['uncertainty']['mean_mm']:.1f} mm on average, 9 in 10 vertices ({least:.1f} "
             f"to {most:.1f})",
         )
     if report["stopped"]:

@@ -17,8 +17,8 @@ from ..registration.features import (
     mobius_by_features,
     standardised,
 )
+from ..registration.fit import fit_with_fallbacks
 from ..registration.multiresolution import LEVELS
-from ..registration.networks import fit_with_fallbacks
 from ..registration.problem import Problem
 from ..surfaces.conformal import apply_mobius, parameterize, repair_folds
 from ..surfaces.curvature import mean_curvature, sulcal_depth

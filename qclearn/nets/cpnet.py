@@ -2,7 +2,7 @@
 coefficient mu.
 
 Preset `best` corrects the first Gauss-Newton step (the Born step) by a U-Net that has learned from
-fits, and looks at the map of its answer on the caller's mesh (`registration.refinement`). Preset
+fits, and refines its answer by exact maps on the caller's mesh (`registration.refinement`). Preset
 `paper` is the paper's, mended.
 """
 
@@ -46,7 +46,7 @@ class BestCPNetConfig:
     modes: int = 512  # of the Born step
     channels: tuple = (16, 32, 64)
     blocks: int = 2
-    looks: int = 2  # at the exact map
+    looks: int = 2  # iterations of `CoefficientRefinement`, one exact map each
     finer: int = 32  # rings, where landmarks are closer than `close` cells
     close: float = 0.5
     # Gamma / beta from which on nu has the `finest` rings, and more looks begin at the Born step.
@@ -58,12 +58,14 @@ class BestCPNetConfig:
     match: tuple = (0.0, 6.0)  # of gamma / alpha
 
 
-link_of = lru_cache(maxsize=8)(CoefficientMesh)  # of the last few disks that were looked at
+coefficient_mesh_of = lru_cache(maxsize=8)(
+    CoefficientMesh
+)  # of the last few disks that were looked at
 
 
 class BestCPNet(CoefficientNetwork):
-    """nu on a polar grid, the start of the looks, from landmarks p (B, M) with a mask (B, M) and
-    the Born step.
+    """nu on a polar grid, the start of the refinement, from landmarks p (B, M) with a mask (B, M)
+    and the Born step.
 
     wanted, left (B, M): where the landmarks should go, and what the Born step nu (B, rings, spokes)
     leaves of that; logs (B, 2): log10 of beta / alpha and gamma / alpha, since only ratios decide
@@ -160,19 +162,19 @@ class BestCPNet(CoefficientNetwork):
         looks, stiff = self.looks_at(weights) if looks is None else looks, self.is_stiff(weights)
         learned = not stiff if learned is None else learned
         spectrum, spread = self.carrier(self.rings(p, q, weights))
-        link = link_of(problem.disk, spectrum.mesh)
+        mesh = coefficient_mesh_of(problem.disk, spectrum.mesh)
         start = spread @ self.start(points, ratios) if learned else None
         for number, (proposal, best) in enumerate(
-            CoefficientRefinement(link, spectrum, points, *ratios).run(start, looks)
+            CoefficientRefinement(mesh, spectrum, points, *ratios).run(start, looks)
         ):
-            said = best.proposal if number and stiff else proposal
-            yield link.coefficient(said.nu)
+            answer = best.proposal if number and stiff else proposal
+            yield mesh.coefficient(answer.nu)
 
     def start(self, points, ratios):
         """nu (N,) at the vertices of the network's mesh, before any look."""
         own, _ = self.carrier(self.config.rings)
         born, wanted, left = CoefficientRefinement(
-            link_of(own.mesh, own.mesh), own, points, *ratios
+            coefficient_mesh_of(own.mesh, own.mesh), own, points, *ratios
         ).born()
         logs, nu = np.log10(np.maximum(ratios, 1e-12)), born[1:].reshape(self.grid.z.shape)
         p, wanted, left, nu = (

@@ -4,7 +4,7 @@ its diagnosis."""
 import lazy_loader as lazy
 
 TABLE = {
-    "curves": ["check_curves", "curve_distance", "curves_in_space"],
+    "curves": ["Curve", "check_curves", "curve_distance", "curves_in_space"],
     "diagnose": ["diagnose_landmarks"],
     "features": ["FINEST", "FOLDS", "Feature", "check_features", "featured"],
     "fit": ["OVERFITS", "exact_map", "fit_problem"],
@@ -20,7 +20,7 @@ TABLE = {
         "run_level",
     ],
     "networks": ["certified_network_map"],
-    "pair": ["SurfacePair", "align_disks", "sample_landmarks"],
+    "pair": ["SurfacePair", "align_disks", "lines_by_name", "sample_landmarks"],
     "problem": ["BY_DISKS", "DELTA", "ETA", "INDIVIDUAL", "Problem", "Weights"],
     "report": ["held_out_distances"],
     "residuals": ["LandmarkTerm"],

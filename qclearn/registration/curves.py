@@ -4,11 +4,12 @@ a table of points."""
 import csv
 import io
 import json
+from collections import defaultdict
+from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
-import scipy
 import shapely
 from jaxtyping import Complex, Float, Integer
 from numpy import ndarray
@@ -22,13 +23,37 @@ from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import Surface, SurfaceError, mirror
 from .problem import LandmarkError
 
+SIDES = {"moving": "control", "control": "moving"}  # each side and the other
 POINTS_PER_CURVE = 10
-ON_VERTEX = 1e-6  # in the unit disk: a curve that ends no farther off its endpoint ends there
-POINTS = (
-    256  # that a detected curve is filled up to, so that its length in space is that on the surface
-)
 SAMPLES = 400  # on a curve whose distance to another is measured
-CURVATURE_WEIGHT, DEPTH_WEIGHT = 0.5, 2.0  # exponents of the fundus metric
+# Exponents of the fundus metric.
+CURVATURE_WEIGHT = 0.5
+DEPTH_WEIGHT = 2.0
+# In the unit disk: a detected curve that ends no farther off its endpoint ends there.
+ON_VERTEX = 1e-6
+# A detected curve is filled up to so many points, so that its length in space is that on the
+# surface.
+POINTS = 256
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A landmark curve of two surfaces, as `check_curves` returns it.
+
+    moving, control: vertices of its path on either surface, or its two ends alone; detect: side ->
+    whether only the ends are given and the path between them is to be detected; hold_out: whether
+    the landmarks file holds it out of the fit.
+    """
+
+    name: str
+    moving: Integer[ndarray, " k"]
+    control: Integer[ndarray, " m"]
+    detect: dict
+    hold_out: bool = False
+
+    def path(self, side):
+        """The vertices given on the side "moving" or "control"."""
+        return getattr(self, side)
 
 
 def sample_curve(
@@ -69,9 +94,8 @@ def resample(surface, corners, count=10):
         raise LandmarkError("a curve has no length: its points coincide; give its endpoints apart")
     wanted = np.linspace(0, along[-1], count)
     segment = np.clip(np.searchsorted(along, wanted, side="right") - 1, 0, len(lengths) - 1)
-    share = sparse.diags_array(
-        np.clip((wanted - along[segment]) / lengths[segment], 0, 1)
-    )  # rounding, at the end
+    # Clipped, as the last one may exceed 1 by rounding.
+    share = sparse.diags_array(np.clip((wanted - along[segment]) / lengths[segment], 0, 1))
     return (corners[segment] + share @ (corners[segment + 1] - corners[segment])).tocsr()
 
 
@@ -84,15 +108,15 @@ def check_path(surface, path):
             "a curve must be a list of vertex indices; got lists of unequal lengths"
         ) from None
     if path.ndim != 1 or len(path) < 2 or not np.issubdtype(path.dtype, np.integer):
-        found = f"{path.dtype} of the shape {path.shape}"
-        raise LandmarkError(f"a curve must be a list of at least two vertex indices; got {found}")
+        raise LandmarkError(
+            "a curve must be a list of at least two vertex indices; got "
+            f"{path.dtype} of the shape {path.shape}"
+        )
     outside = path[(path < 0) | (path >= len(surface.vertices))]
     if len(outside):
-        found = (
-            f"curve vertices out of range 0..{len(surface.vertices) - 1}: {outside[:5].tolist()}"
-        )
         raise LandmarkError(
-            f"{found}; were the indices taken from another mesh (before it was cut open, say)?"
+            f"curve vertices out of range 0..{len(surface.vertices) - 1}: {outside[:5].tolist()}; "
+            "were the indices taken from another mesh (before it was cut open, say)?"
         )
     repeated = np.flatnonzero(path[1:] == path[:-1])
     if len(repeated):
@@ -139,12 +163,11 @@ def fundus_path(
     if not given), or LandmarkError where they coincide or are out of range."""
     check_path(surface, np.array([start, end]))
     graph = edge_graph(surface, fundus_metric(surface) if metric is None else metric)
-    return walked(
-        dijkstra(graph, directed=False, indices=int(start), return_predecessors=True)[1], end
-    )
+    _, previous = dijkstra(graph, directed=False, indices=int(start), return_predecessors=True)
+    return walk_back(previous, end)
 
 
-def walked(previous, end):
+def walk_back(previous, end):
     """The vertices from the start of `dijkstra`'s tree of predecessors (V,) to `end`."""
     path = [int(end)]
     while previous[path[-1]] >= 0:
@@ -164,21 +187,18 @@ def detect_curves(
 def curves_in_space(side, curves, count=SAMPLES):
     """Points (count, 3), equally spaced by arc length, on a `ParameterizedSurface`'s surface for
     each curve (k,) in its disk."""
+    # Lifting is faster for the points of all curves at once.
     fine = [_subdivide(np.asarray(curve, complex), count) for curve in curves]
+    stops = np.cumsum([len(part) for part in fine])[:-1]
     points = side.lift(np.concatenate(fine))
-    return [
-        _equally_spaced(part, count)
-        for part in np.split(points, np.cumsum([len(part) for part in fine])[:-1])
-    ]
+    return [_equally_spaced(part, count) for part in np.split(points, stops)]
 
 
 def _subdivide(points, count):
     """At least `count` points on the polyline through `points` (k, ...), the corners among them."""
     per_segment = -(-count // (len(points) - 1))
-    return np.append(
-        np.linspace(points[:-1], points[1:], per_segment, endpoint=False, axis=1).ravel(),
-        points[-1],
-    )
+    inner = np.linspace(points[:-1], points[1:], per_segment, endpoint=False, axis=1)
+    return np.append(inner.ravel(), points[-1])
 
 
 def _equally_spaced(points, count):
@@ -190,8 +210,9 @@ def _equally_spaced(points, count):
 def curve_distance(one, other):
     """Mean distance in space from the points of either curve (n, 3), (m, 3) to the nearest of the
     other."""
-    trees = scipy.spatial.cKDTree(one), scipy.spatial.cKDTree(other)
-    return (trees[0].query(other)[0].mean() + trees[1].query(one)[0].mean()) / 2
+    there = cKDTree(one).query(other)[0]
+    back = cKDTree(other).query(one)[0]
+    return (there.mean() + back.mean()) / 2
 
 
 FORMAT = "see 'Files, formats and exit codes' in the book"
@@ -199,7 +220,6 @@ CURVE_KEYS = {"name", "moving", "control", "detect", "hold_out"}
 # Lists and objects. Where a program has raised Python's limit of recursion, json.loads goes on
 # until the stack ends.
 MOST_NESTED = 64
-SIDES = {"moving": "control", "control": "moving"}  # each side and the other
 
 
 def read_landmarks(path):
@@ -242,42 +262,38 @@ def on_disks(landmarks, hemispheres):
     given = (hemispheres[side].given for side in SIDES)
     return {
         "curves": [
-            _on_disks(entry, hemispheres) for entry in check_curves(landmarks, *given, fewest=0)
+            _on_disks(curve, hemispheres) for curve in check_curves(landmarks, *given, fewest=0)
         ]
     }
 
 
-def _on_disks(entry, hemispheres):
-    """A checked curve as an entry of a landmarks file, in the numbers of the cut-open surfaces."""
-    detect = all(entry["detect"][side] or len(entry[side]) > 2 for side in SIDES)
-    moved = {"name": entry["name"], "detect": detect, "hold_out": entry["hold_out"]}
+def _on_disks(curve, hemispheres):
+    """A `Curve` as an entry of a landmarks file, in the numbers of the cut-open surfaces."""
+    detect = all(curve.detect[side] or len(curve.path(side)) > 2 for side in SIDES)
+    entry = {"name": curve.name, "detect": detect, "hold_out": curve.hold_out}
     for side in SIDES:
-        one, path = hemispheres[side], entry[side]
-        moved[side] = (one.numbering.places(path) if one.is_whole else path).tolist()
-        if min(moved[side]) < 0:
-            away = path[np.array(moved[side]) < 0][:5].tolist()
+        one = hemispheres[side]
+        path = curve.path(side)
+        entry[side] = (one.numbering.places(path) if one.is_whole else path).tolist()
+        if min(entry[side]) < 0:
+            away = path[np.array(entry[side]) < 0][:5].tolist()
             raise LandmarkError(
-                f"curve {entry['name']!r}, {side} side: vertices {away} lie on the medial wall, "
-                "which is cut away; "
-                "give vertices of the cortex"
+                f"curve {curve.name!r}, {side} side: vertices {away} lie on the medial wall, "
+                "which is cut away; give vertices of the cortex"
             )
-    return moved
+    return entry
 
 
 def check_curves(curves, moving, control, fewest=1):
-    """The landmarks file's curves, `fewest` at least, as dicts with arrays and `detect` per side,
-    or LandmarkError."""
+    """The curves of a landmarks file, or of its list, for two surfaces: list of `Curve`, `fewest`
+    at least. LandmarkError names what cannot be used."""
     if isinstance(curves, dict):
-        unknown = set(curves) - {
-            "curves",
-            "surfaces",
-            "off_fundus_mm",
-        }  # the last is for the reader's eyes
+        # "off_fundus_mm" is for people to read.
+        unknown = set(curves) - {"curves", "surfaces", "off_fundus_mm"}
         if unknown or "curves" not in curves:
-            found = sorted(map(str, curves))
             raise LandmarkError(
-                f"landmarks need the one key 'curves'; found {found} ('surfaces' may stand beside "
-                "it)"
+                f"landmarks need the one key 'curves'; found {sorted(map(str, curves))} "
+                "('surfaces' may stand beside it)"
             )
         check_surfaces(curves.get("surfaces", {}), moving, control)
         curves = curves["curves"]
@@ -285,32 +301,30 @@ def check_curves(curves, moving, control, fewest=1):
         raise LandmarkError(
             'landmarks hold no curves: give at least one {"name", "moving", "control"}'
         )
-    entries = [_check_entry(number, entry, moving, control) for number, entry in enumerate(curves)]
-    names = [entry["name"] for entry in entries]
+    checked = [_check_entry(number, entry, moving, control) for number, entry in enumerate(curves)]
+    names = [curve.name for curve in checked]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise LandmarkError(f"curve names used twice: {twice}; rename one of each")
-    return entries
+    return checked
 
 
-def held_apart(entries, names):
-    """Checked curves as (to be fitted, held out by these names or by their entry)."""
+def held_apart(curves, names):
+    """`Curve`s as two lists: those to fit, and those held out by these names or by their file."""
     if isinstance(names, str):
         names = [names]
     if not isinstance(names, (list, tuple, set)) or not all(
         isinstance(name, str) for name in names
     ):
         raise LandmarkError(f"hold_out is {names!r:.60}: give a list of names of curves")
-    unknown = sorted(set(names) - {entry["name"] for entry in entries})
+    unknown = sorted(set(names) - {curve.name for curve in curves})
     if unknown:
-        known = ", ".join(repr(entry["name"]) for entry in entries) or "none"
+        known = ", ".join(repr(curve.name) for curve in curves) or "none"
         raise LandmarkError(
             f"no curve is called {', '.join(map(repr, unknown))}, to be held out; there are {known}"
         )
-    names = {*names, *(entry["name"] for entry in entries if entry["hold_out"])}
-    return tuple(
-        [entry for entry in entries if (entry["name"] in names) == held] for held in (False, True)
-    )
+    held = [curve for curve in curves if curve.hold_out or curve.name in names]
+    return [curve for curve in curves if curve not in held], held
 
 
 def check_surfaces(stated, moving, control):
@@ -328,12 +342,15 @@ def check_surfaces(stated, moving, control):
             )
         if not _is_one(wanted, surfaces[side]):
             other = SIDES[side]
-            hint = "numbers of one mesh mean nothing on another: give the surface they belong to, or make them anew"
+            hint = (
+                "numbers of one mesh mean nothing on another: give the surface they belong to, or "
+                "make them anew"
+            )
             if wanted and _is_one(wanted, surfaces[other]):
                 hint = f"exchanged: they fit the {other} surface; exchange MOVING and CONTROL"
-            found = f"{_stated(wanted)}; this one has {_stated(surfaces[side].fingerprint)}"
             raise LandmarkError(
-                f"the landmarks were made for another {side} surface ({found}): {hint}"
+                f"the landmarks were made for another {side} surface ({_stated(wanted)}; this one "
+                f"has {_stated(surfaces[side].fingerprint)}): {hint}"
             )
 
 
@@ -343,37 +360,41 @@ def _is_one(wanted, surface):
 
 
 def _stated(mark):
-    """A side's count and hash in words."""
-    words = {"vertices": "{} vertices", "sha256": "sha256 {}"}
-    return ", ".join(words[key].format(str(value)[:12]) for key, value in mark.items())
+    """A side's count and hash for a message."""
+    formats = {"vertices": "{} vertices", "sha256": "sha256 {}"}
+    return ", ".join(formats[key].format(str(value)[:12]) for key, value in mark.items())
 
 
 def _check_entry(number, entry, moving, control):
+    """An entry of a landmarks file as a `Curve`, or LandmarkError."""
     if not isinstance(entry, dict) or not {"name", "moving", "control"} <= set(entry) <= CURVE_KEYS:
         keys = sorted(map(str, entry)) if isinstance(entry, dict) else type(entry).__name__
         raise LandmarkError(
             f"curve {number} has {keys}; it needs name, moving, control and may have detect, "
             "hold_out"
         )
-    flags = [entry.get("detect", True), entry.get("hold_out", False)]
-    if not isinstance(entry["name"], str) or not all(isinstance(flag, bool) for flag in flags):
+    name = entry["name"]
+    detect = entry.get("detect", True)
+    hold_out = entry.get("hold_out", False)
+    if not isinstance(name, str) or not all(isinstance(flag, bool) for flag in (detect, hold_out)):
         raise LandmarkError(
             f"curve {number}: name must be text, and detect and hold_out true or false"
         )
-    checked = {"name": entry["name"], "detect": {}, "hold_out": flags[1]}
     surfaces = {"moving": moving, "control": control}
+    paths = {}
     for side, surface in surfaces.items():
         try:
-            checked[side] = check_path(surface, entry[side])
+            paths[side] = check_path(surface, entry[side])
         except LandmarkError as error:
             hint = _other_numbers(entry[side], surface, SIDES[side], surfaces[SIDES[side]])
-            raise LandmarkError(f"curve {entry['name']!r}, {side} side: {error}{hint}") from None
-        checked["detect"][side] = len(checked[side]) == 2 and entry.get("detect", True)
-    return checked
+            raise LandmarkError(f"curve {name!r}, {side} side: {error}{hint}") from None
+    # Two vertices are a path's ends, unless the file says that they are the path.
+    by_side = {side: detect and len(path) == 2 for side, path in paths.items()}
+    return Curve(name, **paths, detect=by_side, hold_out=hold_out)
 
 
 def _other_numbers(path, surface, other_side, other):
-    """What vertices out of a surface's range may be: words to end a message with."""
+    """What vertices out of a surface's range may be: the end of a message."""
     try:
         path = np.asarray(path)
     except ValueError:
@@ -386,12 +407,15 @@ def _other_numbers(path, surface, other_side, other):
             " numbering: all are vertices of the whole surface; give their numbers on the cut one"
         )
     if path.max() < len(other.vertices):
-        return f" exchanged: or of the {other_side} surface, which has so many? then exchange MOVING and CONTROL"
+        return (
+            f" exchanged: or of the {other_side} surface, which has so many? then exchange MOVING "
+            "and CONTROL"
+        )
     return ""
 
 
 COLUMNS = ("name", "side", "order", "x", "y", "z")
-PLACES = {"begin": -np.inf, "end": np.inf}  # words for the order
+PLACES = {"begin": -np.inf, "end": np.inf}  # in the order
 NEAR = 4.0  # mm: how far a point may lie from the nearest vertex
 SCANNER = "scanner"
 
@@ -412,31 +436,27 @@ def read_points(path):
         raise LandmarkError(
             f"{path}: no column {', '.join(missing)}; the first line names {', '.join(COLUMNS)}"
         )
-    found = {}
+    # Curve -> side -> place in the order -> point.
+    curves = defaultdict(lambda: {side: {} for side in SIDES})
     for row in rows:
         name, side, place, point = _point(row, f"{path}, line {rows.line_num}")
-        along = found.setdefault(name, {one: {} for one in SIDES})[side]
-        if place in along:
+        points = curves[name][side]
+        if place in points:
             raise LandmarkError(
                 f"{path}, line {rows.line_num}: {name!r} has this place twice on the {side} side"
             )
-        along[place] = point
-    if not found:
+        points[place] = point
+    if not curves:
         raise LandmarkError(f"{path}: holds no points; give a line for each")
-    for name, sides in found.items():
-        few = [side for side in SIDES if len(sides[side]) < 2]
-        if few:
-            raise LandmarkError(
-                f"{path}: {name!r} has fewer than two points on the {few[0]} side; give begin and "
-                "end"
-            )
-    return {
-        name: {
-            side: np.array([along[place] for place in sorted(along)])
-            for side, along in sides.items()
-        }
-        for name, sides in found.items()
-    }
+    for name, sides in curves.items():
+        for side, points in sides.items():
+            if len(points) < 2:
+                raise LandmarkError(
+                    f"{path}: {name!r} has fewer than two points on the {side} side; give begin "
+                    "and end"
+                )
+            sides[side] = np.array([points[place] for place in sorted(points)])
+    return dict(curves)
 
 
 def _point(row, where):
@@ -487,38 +507,41 @@ def nearest_vertices(surface, points, space, known):
     return vertices, distance
 
 
-def checked_curves(detect, own, entries, side):
-    """The curves (k,) of a `ParameterizedSurface`, "moving" or "control", in its disk, as given or
-    by `detect`: two lists, curves and words. The shortest path replaces a detected curve that has
-    an `own_fault`, or crosses or touches another one."""
-    surface, z = own.surface, own.disk.z
-    lines, names = [z[entry[side]] for entry in entries], [entry["name"] for entry in entries]
-    wanted = [k for k, entry in enumerate(entries) if entry["detect"][side]]
-    found = detect(surface, z, np.array([entries[k][side] for k in wanted])) if wanted else []
-    for k, line in zip(wanted, found, strict=True):
+def checked_curves(detect, own, curves, side):
+    """`Curve`s of one side of a `ParameterizedSurface`, "moving" or "control", as given or by
+    `detect`: their lines (k,) in its disk, and messages. The shortest path replaces a detected line
+    that has an `own_fault`, or crosses or touches another one."""
+    surface = own.surface
+    z = own.disk.z
+    lines = [z[curve.path(side)] for curve in curves]
+    wanted = [k for k, curve in enumerate(curves) if curve.detect[side]]
+    ends = {k: curves[k].path(side) for k in wanted}
+    detected = detect(surface, z, np.array([*ends.values()])) if wanted else []
+    for k, line in zip(wanted, detected, strict=True):
         lines[k] = np.asarray(line, complex)
-    faults = {k: fault for k in wanted if (fault := own_fault(lines[k], z[entries[k][side]]))}
-    for pair in combinations([k for k in range(len(lines)) if k not in faults], 2):
-        if path_of(lines[pair[0]]).crosses(path_of(lines[pair[1]])):
-            faults |= {
-                k: f"crosses or touches {names[other]!r}"
-                for k, other in (pair, pair[::-1])
-                if k in wanted
-            }
-    shortest = iter(
-        detect_curves(surface, z, [entries[k][side] for k in sorted(faults)]) if faults else []
-    )
-    lines = [
-        next(shortest) if k in faults else fill(line) if k in wanted else line
-        for k, line in enumerate(lines)
-    ]
+    faults = {k: fault for k in wanted if (fault := own_fault(lines[k], z[ends[k]]))}
+    # A given line stays even where a detected one crosses it.
+    sound = [k for k in range(len(lines)) if k not in faults]
+    for first, second in combinations(sound, 2):
+        if path_of(lines[first]).crosses(path_of(lines[second])):
+            for k, other in ((first, second), (second, first)):
+                if k in wanted:
+                    faults[k] = f"crosses or touches {curves[other].name!r}"
+    for k in wanted:
+        lines[k] = lines[k] if k in faults else fill(lines[k])
+    if faults:
+        again = sorted(faults)
+        shortest = detect_curves(surface, z, [ends[k] for k in again])
+        for k, line in zip(again, shortest):
+            lines[k] = line
     return lines, [
-        f"LD-Net's {side} curve {names[k]!r} {fault}: shortest path" for k, fault in faults.items()
+        f"LD-Net's {side} curve {curves[k].name!r} {fault}: shortest path"
+        for k, fault in faults.items()
     ]
 
 
 def own_fault(line, ends):
-    """Why a detected curve cannot be used, in words, or None."""
+    """Why a detected curve cannot be used, as text, or None."""
     if len(line) < 2 or not (np.isfinite(line).all() and abs(line).max() <= 1 + ON_VERTEX):
         return "leaves the disk"
     if abs(line[[0, -1]] - ends).max() > ON_VERTEX:

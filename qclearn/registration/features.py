@@ -1,5 +1,10 @@
-"""Per-vertex values of one surface at any scale, standardised, and its density: its area over that
-of its disk."""
+"""Features: per-vertex values that a registration compares, and Möbius maps that lay them on each
+other.
+
+`Smoothing` holds those of one surface at any scale, standardised, and its density (its area over
+that of its disk); `Features` compares two. `mobius_by_features` aligns disks by features alone;
+`check_features` reads what a call was given.
+"""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,16 +19,30 @@ from ..surfaces.curvature import mean_curvature, sulcal_depth
 from ..surfaces.surface import SurfaceError
 from .problem import is_finite
 
-OUTLIERS, SMOOTH_OUTLIERS = (
-    2.5,
-    3.0,
-)  # standard deviations to which a map is clipped, before and after it is smoothed
-TAIL = 0.01  # of the vertices at either end, which do not count in these
+FOLDS = ("depth", "curvature")  # the features that a surface has by itself
+FINEST = 4.0  # mm, the scale at which features are compared in reports
+
+# Smoothing. Standard deviations to which a map is clipped, before and after it is smoothed, and
+# the share of the vertices at either end that does not count in these.
+OUTLIERS = 2.5
+SMOOTH_OUTLIERS = 3.0
+TAIL = 0.01
 HEAT_STEPS = 4  # implicit steps of the heat flow to one scale
 COARSE = 12_000  # vertices of a large surface on which coarser scales are smoothed
-# Mm^2: of a surface on which a scale is in mm; on others in proportion, whatever their unit.
+# mm^2, of a surface on which a scale is in mm; on others in proportion, whatever their unit.
 HEMISPHERE = 9e4
-FINEST = 4.0  # the scale at which features are compared in reports
+
+# Möbius maps by features alone.
+SCALE = 16.0  # mm, of the features that are compared
+# The maps to begin with: how many angles, and which points they send to 0, by radii and directions;
+# how many of them are refined. Places in space are smooth and lead from afar.
+FOLDED = (24, (0.25, 0.5), 8, 6)
+PLACED = (12, (0.35,), 6, 2)
+# Vertices that judge these maps, and those that the best are refined by.
+SCOUTS = 300
+POINTS = 1500
+ROUNDS = 15  # of refinement, at most
+DAMPING = 1e-2  # of the first step, in parts of the normal matrix
 
 
 class Smoothing:
@@ -37,19 +56,15 @@ class Smoothing:
     def __init__(self, surface, names, values, disk=None):
         self.names, self.values, self.disk = names, values, disk
         self.mass, self.stiffness = sparse.diags_array(surface.vertex_areas), surface.stiffness
-        self.areas, self.unit = (
-            surface.vertex_areas / surface.area,
-            np.sqrt(surface.area / HEMISPHERE),
-        )
+        self.areas = surface.vertex_areas / surface.area
+        self.unit = np.sqrt(surface.area / HEMISPHERE)
         self.levels, self.densities = {}, {}
 
     def at(self, sigma):
-        """The smoothed values, outliers clipped, standardised; kept in `levels`."""
+        """The smoothed values, outliers clipped, standardised; cached."""
         if sigma not in self.levels:
-            values = self.heat(sigma)
-            self.levels[sigma] = standardised(
-                clipped(values, self.areas, SMOOTH_OUTLIERS), self.areas
-            )
+            values = clipped(self.heat(sigma), self.areas, SMOOTH_OUTLIERS)
+            self.levels[sigma] = standardised(values, self.areas)
         return self.levels[sigma]
 
     def density(self, sigma, disk):
@@ -61,21 +76,19 @@ class Smoothing:
         """
         if sigma not in self.densities:
             self.heat(sigma)
-        return (
-            self.densities[sigma]
-            + log_density(self.areas, disk)
-            - log_density(self.areas, self.disk)
-        )
+        density = self.densities[sigma] + log_density(self.areas, disk)
+        return density - log_density(self.areas, self.disk)
 
     def heat(self, sigma):
-        """The values after the heat flow `A u' = -K u` for the time sigma^2 / 2; the density's are
-        kept."""
+        """The values after the heat flow `A u' = -K u` for the time sigma^2 / 2; caches the
+        density's."""
         columns = [clipped(scaled(self.values), self.areas, OUTLIERS)] if len(self.names) else []
         if self.disk is not None:
             columns.append(log_density(self.areas, self.disk)[:, None])
         smooth = self.flow(sigma, self.mass @ np.hstack(columns))
         if self.disk is not None:
-            smooth, self.densities[sigma] = smooth[:, :-1], smooth[:, -1]
+            self.densities[sigma] = smooth[:, -1]
+            smooth = smooth[:, :-1]
         return smooth
 
     def flow(self, sigma, load):
@@ -123,19 +136,8 @@ def clipped(values, areas, limit):
     return np.clip(values, mean - reach, mean + reach)
 
 
-FOLDS = ("depth", "curvature")  # the features that a surface has by itself
-# Where a Möbius map by features alone is sought.
-SCALE = 16.0  # mm, of the features that are compared
-# The maps to begin with: how many angles, and which points they send to 0, by radii and directions;
-# how many of them are refined. Places in space are smooth and lead from afar.
-FOLDED, PLACED = (24, (0.25, 0.5), 8, 6), (12, (0.35,), 6, 2)
-SCOUTS, POINTS = 300, 1500  # vertices that judge these maps, and those that the best are refined by
-ROUNDS = 15  # of refinement, at most
-DAMPING = 1e-2  # of the first step, in parts of the normal matrix
-
-
 class FeatureError(SurfaceError):
-    """A per-vertex map that cannot lead a registration: says which, on which side, and what to do."""
+    """A per-vertex map that cannot lead a registration: which, on which side, and what to do."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,13 +160,11 @@ class Features:
     """
 
     def __init__(self, moving, control, weights=None):
-        self.sides, self.names, self.disk = (
-            (moving.features, control.features),
-            moving.features.names,
-            control.disk,
-        )
+        self.sides = moving.features, control.features
+        self.names, self.areas = moving.features.names, moving.features.areas
+        self.disk = control.disk
         weights = np.ones(len(self.names)) if weights is None else np.array(weights)
-        self.shares, self.areas = weights / weights.sum(), moving.features.areas
+        self.shares = weights / weights.sum()
 
     def at(self, sigma):
         """Both sides' features at scale sigma, standardised: (V, C) and (W, C)."""
@@ -178,22 +178,22 @@ class Features:
         return np.clip(self.areas @ (here * there), -1, 1)
 
 
-class Placed(Features):
+class FeaturesAndPlaces(Features):
     """Features and, as three more of weight 1, the vertices' places in space, which are smooth
     enough as they are."""
 
     def __init__(self, features, moving, control):
         self.features, self.disk, self.areas = features, features.disk, features.areas
-        surfaces = moving.surface, control.surface
-        self.places = [standardised(one.vertices, one.vertex_areas / one.area) for one in surfaces]
-        self.names, weights = (
-            [*features.names, *"xyz"],
-            [*(len(features.names) * features.shares), 1, 1, 1],
-        )
+        self.places = [
+            standardised(surface.vertices, surface.vertex_areas / surface.area)
+            for surface in (moving.surface, control.surface)
+        ]
+        self.names = [*features.names, *"xyz"]
+        weights = [*(len(features.names) * features.shares), 1, 1, 1]
         self.shares = weights / np.sum(weights)
 
     def at(self, sigma):
-        """Both sides' features at scale sigma and places, standardised: (V, C + 3) and (W, C + 3)."""
+        """Features at scale sigma and places of both sides, standardised: (V, C + 3), (W, C + 3)."""
         return tuple(np.hstack(parts) for parts in zip(self.features.at(sigma), self.places))
 
 
@@ -201,24 +201,24 @@ def featured(moving, control, maps):
     """Two `ParameterizedSurface`s with `Feature`s of `check_features`, and the `Features` that
     compare them."""
     names = [feature.name for feature in maps]
-    here, there = (
-        np.stack([getattr(one, side) for one in maps], axis=1) for side in ("moving", "control")
-    )
-    moving = replace(moving, features=Smoothing(moving.surface, names, here, moving.disk))
-    control = replace(control, features=Smoothing(control.surface, names, there, control.disk))
+
+    def smoothed(side, name):
+        values = np.stack([getattr(feature, name) for feature in maps], axis=1)
+        return replace(side, features=Smoothing(side.surface, names, values, side.disk))
+
+    moving, control = smoothed(moving, "moving"), smoothed(control, "control")
     return moving, control, Features(moving, control, [feature.weight for feature in maps])
 
 
 class Image:
-    """The control's features (W, C) of one scale, read at places that its `Disk`'s lookup found."""
+    """The control's features (W, C) of one scale, at places that its `Disk`'s lookup returns."""
 
     def __init__(self, disk, values):
         self.disk, self.values = disk, values
         # Slopes are averaged to the vertices: not the derivative of the interpolant, but one
         # without its jumps.
-        self.by_vertex = disk.to_vertices @ np.einsum(
-            "fk,fkc->fc", disk.gradients, values[disk.faces]
-        )
+        by_face = np.einsum("fk,fkc->fc", disk.gradients, values[disk.faces])
+        self.by_vertex = disk.to_vertices @ by_face
 
     def at(self, places):
         """Values (P, C)."""
@@ -240,22 +240,19 @@ def mobius_by_features(features, z, near=False, search=FOLDED):
     match = Match(features, z, some)
     if near:
         return match.refined((0j, 0.0))
-    centres = [
-        0j,
-        *np.multiply.outer(radii, np.exp(2j * np.pi * np.arange(directions) / directions)).ravel(),
-    ]
+    around = np.exp(2j * np.pi * np.arange(directions) / directions)
+    centres = [0j, *np.multiply.outer(radii, around).ravel()]
     starts = [(a, turn) for a in centres for turn in 2 * np.pi * np.arange(turns) / turns]
-    found = Match(features, z, some[:SCOUTS]).misfits(starts)
-    refined = [match.refined(starts[k]) for k in np.argsort(found, kind="stable")[:best]]
-    return min(refined, key=match.misfit)
+    order = np.argsort(Match(features, z, some[:SCOUTS]).misfits(starts), kind="stable")
+    return min((match.refined(starts[k]) for k in order[:best]), key=match.misfit)
 
 
 def best_by_features(features, z, search=FOLDED):
     """(a, theta) of the disk Möbius map after which the features of z (V,) match best, wherever z
-    was laid before."""
-    centring = centring_mobius(z, features.areas)
+    lay before."""
+    centring = centring_mobius(z, features.areas), 0.0
     return compose_mobius(
-        (centring, 0.0), mobius_by_features(features, mobius(z, centring), search=search)
+        centring, mobius_by_features(features, mobius(z, *centring), search=search)
     )
 
 
@@ -265,12 +262,13 @@ def align_by_features(features, z):
 
 
 def mirrored_gain(moving, control):
-    """Gain of the features' mean correlation at SCALE if a moving `ParameterizedSurface`, laid upon
-    the control's or a group's mean by the Möbius map that suits them best, is mirrored and laid
-    upon it anew: positive where it is of the other hand."""
-    features, laid = Features(moving, control), moving.disk.z
-    other = align_by_features(features, laid.conj())
-    return float((features.correlation(other, SCALE) - features.correlation(laid, SCALE)).mean())
+    """Increase of the features' mean correlation at SCALE when a moving `ParameterizedSurface`,
+    aligned by features with the control's or a group's mean, is mirrored and aligned anew.
+    Positive: it belongs to the other hemisphere."""
+    features, z = Features(moving, control), moving.disk.z
+    mirrored = align_by_features(features, z.conj())
+    gain = features.correlation(mirrored, SCALE) - features.correlation(z, SCALE)
+    return float(gain.mean())
 
 
 class Match:
@@ -278,11 +276,9 @@ class Match:
 
     def __init__(self, features, z, some):
         here, there = features.at(SCALE)
-        self.lookup, self.image, self.z = features.disk.lookup, Image(features.disk, there), z[some]
-        self.shares, self.here = np.sqrt(features.shares / len(some)), here[some]
-
-    def residual(self, places):
-        return (self.shares * (self.here - self.image.at(places))).ravel()
+        self.lookup, self.image = features.disk.lookup, Image(features.disk, there)
+        self.z, self.here = z[some], here[some]
+        self.shares = np.sqrt(features.shares / len(some))
 
     def misfit(self, parameters):
         """Mean square of the difference after the Möbius map (a, theta)."""
@@ -296,23 +292,25 @@ class Match:
         return ((self.shares * (self.here - there)) ** 2).sum((1, 2))
 
     def refined(self, parameters):
-        """(a, theta) after damped Gauss-Newton steps from there, each a Möbius map after the last."""
+        """(a, theta) after damped Gauss-Newton steps from there, each a Möbius map more."""
         damping, cost = DAMPING, self.misfit(parameters)
         for _ in range(ROUNDS):
             w = mobius(self.z, *parameters)
             places = self.lookup(w)
-            slopes = self.shares * self.image.slopes(places)
-            J = -(slopes.conj()[:, :, None] * mobius_fields(w)[:, None]).real.reshape(-1, 3)
+            residual = (self.shares * (self.here - self.image.at(places))).ravel()
+            slopes = (self.shares * self.image.slopes(places)).conj()
+            J = -(slopes[:, :, None] * mobius_fields(w)[:, None]).real.reshape(-1, 3)
             normal = J.T @ J
-            step = np.linalg.solve(
-                normal + damping * np.diag(np.diag(normal)), -J.T @ self.residual(places)
-            )
-            shift = complex(step[1], step[2])
-            found = compose_mobius(parameters, (shift / np.sqrt(1 + abs(shift) ** 2), step[0]))
-            lower = (now := self.misfit(found)) < cost
-            damping *= 0.2 if lower else 10.0
-            if lower:
-                parameters, cost = found, now
+            damped = normal + damping * np.diag(np.diag(normal))
+            turn, real, imaginary = np.linalg.solve(damped, -J.T @ residual)
+            shift = complex(real, imaginary)
+            after = compose_mobius(parameters, (shift / np.sqrt(1 + abs(shift) ** 2), turn))
+            after_cost = self.misfit(after)
+            if after_cost < cost:
+                parameters, cost = after, after_cost
+                damping *= 0.2
+            else:
+                damping *= 10.0
         return parameters
 
 
@@ -376,10 +374,9 @@ def check_values(values, name, surface):
         hint = "labels have no order, and a complex map has two parts: give floats"
         raise FeatureError(f"{name}: values of type {values.dtype}; {hint}")
     if values.shape != (len(surface.vertices),):
-        found = f"{name}: shape {values.shape} for {len(surface.vertices)} vertices"
         raise FeatureError(
-            f"{found}; give one value a vertex of the surface as registered (cut open, if it was "
-            "cut)"
+            f"{name}: shape {values.shape} for {len(surface.vertices)} vertices; give one value a "
+            "vertex of the surface as registered (cut open, if it was cut)"
         )
     unknown = np.flatnonzero(~np.isfinite(values))
     if len(unknown):

@@ -1,11 +1,15 @@
-"""Gauss-Newton steps: linearisations of a fit, each made at a state of a `GaussNewtonObjective`;
-`propose(damping)` gives a change.
+"""The objective of a fit on one pair of meshes, and Gauss-Newton steps that lower it.
 
-Landmarks and features are one residual r of the mapped mesh, `dr = Re(conj(R) dw)`. A `DirectStep`
-holds its whole derivative J by nu. The others multiply by J through `pushforward` and by its
-transpose through `pullback`, two rounds of solves a product, in conjugate gradients that the
-landmarks' rows in closed form precondition; what a step learns of its exact products,
-`preconditioner`, helps the next.
+A `GaussNewtonObjective` is `nu^* W nu + |r|^2`: a prior of the coefficient field nu, and residuals
+r of the mapped mesh, `dr = Re(conj(R) dw)`, from landmarks, features and areas. Its `step`
+linearises r at a `State`, solves the quadratic model, and searches along the solution.
+
+Three classes solve the model; `propose(damping)` returns a `Change`. `DirectStep` (landmarks on the
+polar mesh) holds the whole derivative J of r by nu. `DualStep` (landmarks) and `PrimalStep`
+(features or areas) are for large meshes: they multiply by J through `pushforward` and by its
+transpose through `pullback`, two solves of the map's equations per product, in conjugate gradients.
+The landmarks' rows of J, in closed form, precondition these, and the products of one step correct
+the preconditioner of the next.
 """
 
 from copy import copy
@@ -26,29 +30,54 @@ from ..plane.solver import DiskSolver
 from ..plane.tangent import Tangent
 from .residuals import LandmarkTerm
 
-MOBIUS_PRIOR = 1e-6  # weak, keeps the step of the three Möbius parameters bounded
-RELIEF = 1e-3  # share of the landmarks' part on the Möbius parameters that P counts twice
-STEPS, DUAL_STEPS = (
-    80,
-    200,
-)  # of conjugate gradients, at most; the dual's are few, unless gamma is extreme
-WORTH = 1e-3  # the share of the objective that a step has to promise
-FORCING = (
-    0.1  # share of its gain by which a step of landmarks alone may miss the model's least objective
-)
-# The residual that they leave, in the preconditioner's norm, up to gamma = 1e3; beyond, less by
-# decades.
+# A weak prior that bounds the step of the three Möbius parameters.
+MOBIUS_PRIOR = 1e-6
+# Share of the landmarks' part on the Möbius parameters that the preconditioner counts twice: else
+# Woodbury's formula loses all digits.
+RELIEF = 1e-3
+
+# Conjugate gradients: how many steps at most (dual steps are few, unless gamma is extreme).
+STEPS = 80
+DUAL_STEPS = 200
+# Share of the objective that a step on the caller's mesh has to promise.
+MIN_DECREASE = 1e-3
+# Share of its gain by which a dual step may miss the model's least objective.
+FORCING = 0.1
+# Residual that a primal step leaves, in the preconditioner's norm, up to gamma = 1e3; beyond, less
+# by decades.
 ACCURACY = 0.1
 # The same with areas: steps that are less exact promise too little, and the fit ends early.
-WITH_AREAS = 0.01
-PRODUCT = 0.35  # work of a product, in parts of one exact map
-INDEPENDENT = 1e-6  # singular values of the directions preconditioner from, in parts of the largest
+ACCURACY_WITH_AREAS = 0.01
+# Least singular value of the directions that correct a preconditioner, in parts of the largest.
+INDEPENDENT = 1e-6
+
+# Line search: shares of a step, tried in turn, and the share of the gain that the quadratic model
+# promises there which a step has to reach.
+SHARES = (1.0, 0.5, 0.25, 0.125)
+SUFFICIENT_DECREASE = 0.3
+# Where the line search fails: dampings of the step, in parts of W; the largest change of nu that a
+# damped step may make; how many of them are tried.
+DAMPINGS = 10.0 ** np.arange(-1, 10)
+TRUST = 0.3
+TRIES = 4
+# Landmarks whose adjoint equations are solved together, which bounds the memory.
+LANDMARKS_AT_ONCE = 16
+
+# Work of a level, in parts of one exact map: of a product with J and its transpose, and of a round
+# of the repair.
+PRODUCT_WORK = 0.35
+REPAIR_WORK = 1.4
+# The most that one level on the caller's mesh may take: MOST_WORK up to LOW_GAMMA, growing above by
+# the power GROWTH of gamma. The slowest good problems (book/studies/effort.py) took 8, 30, 94, 164
+# and 290 at gamma = 1e3, 1e5, 1e6, 1e7 and 1e8, and 70 with folds.
+MOST_WORK = 120.0
+LOW_GAMMA = 1e5
+GROWTH = 0.25
 
 
 class Change(NamedTuple):
-    """What `propose(d)` says: changes of nu (N,) and of the Möbius parameters, and the model's
-    objective there; d adds `d (change^* W change)` to what is minimised, and its like for the
-    Möbius part."""
+    """A step: changes of nu (N,) and of the Möbius parameters, and the objective that the quadratic
+    model promises after them."""
 
     nu: np.ndarray
     da: complex
@@ -57,51 +86,55 @@ class Change(NamedTuple):
 
 
 class DirectStep:
-    """Landmarks alone with their Jacobian, by the dual equations `S y = r - J nu`, `S = 1 + J W^-1
-    J^T`."""
+    """Landmarks alone with their whole Jacobian J: the dual equations `S y = r - J nu`, `S = 1 + J
+    W^-1 J^T`, whose solution y is the residual that the step leaves."""
 
     preconditioner = None
 
-    def __init__(self, engine, state, gamma):
-        self.nu, landmarks, solve = state.nu, engine.landmarks, engine.factors.solve
-        self.residual, self.J = engine.residual(state, gamma), engine.jacobian(state, gamma)
-        self.Jm = landmarks.components(engine.samples @ mobius_fields(state.f), gamma)
-        real, imaginary = (
-            solve(np.ascontiguousarray(part.T)) for part in (self.J.real, self.J.imag)
-        )
-        self.lifted = real + 1j * imaginary
+    def __init__(self, objective, state, gamma):
+        self.nu = state.nu
+        self.residual = objective.residual(state, gamma)
+        self.J = objective.jacobian(state, gamma)
+        fields = objective.samples @ mobius_fields(state.f)
+        self.by_mobius = objective.landmarks.components(fields, gamma)
+        self.lifted = objective.solve_prior(self.J.T)
         self.gram = (self.J.conj() @ self.lifted).real
 
     def propose(self, damping=0.0):
-        """The `Change`, one dense solve of the landmarks' size."""
+        """The `Change` by one dense solve of the landmarks' size; damping d adds `d (change^* W
+        change)` to the model, and the same for the Möbius part."""
         share, weight = 1 / (1 + damping), MOBIUS_PRIOR + damping
-        S = np.eye(len(self.J)) + share * self.gram + self.Jm @ self.Jm.T / weight
+        gram = share * self.gram + self.by_mobius @ self.by_mobius.T / weight
         constant = self.residual - share * (self.J.conj() @ self.nu).real
-        y = np.linalg.solve(S, constant)  # undamped, the model's least objective is constant . y
-        turn, real, imaginary = -self.Jm.T @ y / weight
-        return Change(
-            -share * (self.lifted @ y + self.nu), complex(real, imaginary), turn, constant @ y
-        )
+        y = solve_dual(gram, constant)
+        turn, real, imaginary = -self.by_mobius.T @ y / weight
+        # Undamped, the model's least objective is constant . y.
+        nu = -share * (self.lifted @ y + self.nu)
+        return Change(nu, complex(real, imaginary), turn, constant @ y)
+
+
+def solve_dual(gram, constant):
+    """y of `(1 + gram) y = constant`: the dual equations of a Gauss-Newton step."""
+    return np.linalg.solve(np.eye(len(gram)) + gram, constant)
 
 
 class ProductStep:
-    """Products with J, the residuals' derivative at a state, by changes x of nu and M's parameters,
-    real (2 N + 3,)."""
+    """Products with J, the residuals' derivative at a state, by changes x of nu and of the Möbius
+    parameters, real (2 N + 3,)."""
 
-    def __init__(self, engine, state, gamma):
-        self.engine, self.state, self.gamma, solution = engine, state, gamma, state.solution
-        self.preconditioner, self.to_faces = state.preconditioner, engine.link.to_faces
-        self.slope, self.fields = mobius_slope(solution.f, *state.mobius), mobius_fields(state.f)
-        self.nu, nu_faces = (
-            np.concatenate([state.nu.view(float), np.zeros(3)]),
-            self.to_faces @ state.nu,
-        )
-        along, across = (bounded_pullback(nu_faces, unit) for unit in (1.0, 1j))
+    def __init__(self, objective, state, gamma):
+        self.objective, self.state, self.gamma = objective, state, gamma
+        self.preconditioner = state.preconditioner
+        # dw = slope df + fields @ (dtheta, Re da, Im da), w = M(f).
+        self.slope = mobius_slope(state.solution.f, *state.mobius)
+        self.fields = mobius_fields(state.f)
+        # dmu = P dnu + Q conj(dnu) on the faces.
+        self.to_faces = objective.coefficient_mesh.to_faces
+        along, across = (bounded_pullback(self.to_faces @ state.nu, unit) for unit in (1.0, 1j))
         self.activation = (along - 1j * across) / 2, (along + 1j * across) / 2
-        self.landmarks, self.residual = (
-            engine.landmarks.rows(engine.samples, gamma),
-            engine.residual(state, gamma),
-        )
+        self.nu = np.concatenate([state.nu.view(float), np.zeros(3)])
+        self.residual = objective.residual(state, gamma)
+        self.landmarks = objective.landmarks.rows(objective.samples, gamma)
         self.by_mobius = (self.landmarks.conj() @ self.fields).real
         self.use(self.landmarks)
 
@@ -115,8 +148,8 @@ class ProductStep:
         return P * change + Q * change.conj()
 
     def forward(self, x):
-        """The change of the residual with x: J x."""
-        self.engine.work += PRODUCT
+        """J x, the change of the residual with x."""
+        self.objective.work += PRODUCT_WORK
         dmu = self.activated(self.to_faces @ x[:-3].view(complex))
         dw = self.slope * self.state.solution.pushforward(dmu) + self.fields @ x[-3:]
         return (self.rows_conj @ dw).real
@@ -131,14 +164,13 @@ class ProductStep:
     def lift(self, g, B):
         """`diag(W, B)^-1 g` for g (2 N + 3, ...)."""
         pairs = np.ascontiguousarray(g[:-3].reshape(len(self.state.nu), -1))
-        solved = self.engine.factors.solve(pairs).reshape(g[:-3].shape)
+        solved = self.objective.factors.solve(pairs).reshape(g[:-3].shape)
         return np.concatenate([solved, np.linalg.solve(B, g[-3:])])
 
     def prior(self, x):
         """W x, and the weak prior of the Möbius parameters."""
-        return np.concatenate(
-            [(self.engine.W @ x[:-3].view(complex)).view(float), MOBIUS_PRIOR * x[-3:]]
-        )
+        by_nu = self.objective.W @ x[:-3].view(complex)
+        return np.concatenate([by_nu.view(float), MOBIUS_PRIOR * x[-3:]])
 
     def model(self):
         """The model's objective without a step."""
@@ -148,49 +180,64 @@ class ProductStep:
         return Change(x[:-3].view(complex), complex(x[-2], x[-1]), x[-3], promised)
 
 
+def conjugate_gradients(product, precondition, rest, directions):
+    """Preconditioned conjugate gradients for `A x = rest`: yields x, what is left of `rest`, and
+    its squared size in the preconditioner's norm, before each step; appends its direction p, A p, p
+    A p and its length to `directions`."""
+    x, p, last = np.zeros(len(rest)), 0.0, 1.0
+    while True:
+        z = precondition(rest)
+        size = rest @ z
+        yield x, rest, size
+        p = z + size / last * p
+        Ap = product(p)
+        curvature = p @ Ap
+        length = size / curvature
+        directions.append((p, Ap, curvature, length))
+        x, rest, last = x + length * p, rest - length * Ap, size
+
+
 class DualStep(ProductStep):
-    """Landmarks alone: `S y = r - J nu`, `S = 1 + J diag(W, B)^-1 J^T`, for the residual y that the
-    step leaves.
+    """Landmarks alone, the equations of `DirectStep` by products: `S = 1 + J diag(W, B)^-1 J^T`.
 
     A matrix near S preconditions well at any gamma; one near `W + J^T J` does not, because that is
     large where J is not quite 0. preconditioner: about `J W^-1 J^T` at gamma = 1, (2 M, 2 M).
     """
 
-    def __init__(self, engine, state, gamma):
-        super().__init__(engine, state, gamma)
-        if self.preconditioner is None:  # of rows in closed form, at the first state
-            J = np.ascontiguousarray(engine.jacobian(state, 1.0))
-            lifted = engine.factors.solve(
-                np.ascontiguousarray(J.T).view(float).reshape(len(state.nu), -1)
-            )
-            self.preconditioner = (J.conj() @ np.ascontiguousarray(lifted).view(complex)).real
+    def __init__(self, objective, state, gamma):
+        super().__init__(objective, state, gamma)
+        if self.preconditioner is None:  # at the first state, from the closed form
+            J = objective.jacobian(state, 1.0)
+            self.preconditioner = (J.conj() @ objective.solve_prior(J.T)).real
 
     def propose(self, damping=0.0):
-        """The `Change`, by conjugate gradients of four rounds of solves each."""
+        """The `Change` by conjugate gradients; damping as of `DirectStep.propose`."""
         share, weight, Jm = 1 / (1 + damping), MOBIUS_PRIOR + damping, self.by_mobius
+        B = share * weight * np.eye(3)
+        lifted, directions = [], []
+
+        def product(y):
+            lifted.append(share * self.lift(self.adjoint(y), B))
+            return y + self.forward(lifted[-1])
+
+        mobius_part = Jm @ Jm.T / weight
+        S = np.eye(len(Jm)) + share * (self.gamma * self.preconditioner) + mobius_part
         before = self.model()
-        S = np.eye(len(Jm)) + share * (self.gamma * self.preconditioner) + Jm @ Jm.T / weight
-        inverse, B = np.linalg.inv(S), share * weight * np.eye(3)
-        wanted = rest = self.residual - share * self.forward(self.nu)
-        x, y, p, size, tried = -share * self.nu, np.zeros(len(rest)), 0.0, 1.0, []
-        for _ in range(DUAL_STEPS):
-            least, left = (
-                y @ wanted + y @ rest,
-                rest @ rest,
-            )  # the model's least objective is no less
-            z, last = inverse @ rest, size
-            size = rest @ z
-            done = before - least < WORTH * before or left <= FORCING * (before - least - left)
-            if done or not size > 0 or self.engine.spent:  # 0: what is left is rounding
+        constant = self.residual - share * self.forward(self.nu)
+        solve = conjugate_gradients(product, np.linalg.inv(S).__matmul__, constant, directions)
+        for y, rest, size in islice(solve, DUAL_STEPS + 1):
+            # The model's least objective is at least `least`, and that of y is `least + left`.
+            least, left = y @ (constant + rest), rest @ rest
+            gain = before - least
+            done = gain < MIN_DECREASE * before or left <= FORCING * (gain - left)
+            if done or not size > 0 or self.objective.spent:  # size 0: what is left is rounding
                 break
-            p = z + size / last * p
-            lifted = share * self.lift(self.adjoint(p), B)
-            Sp = p + self.forward(lifted)
-            tried.append((p, (Sp - p - Jm @ (Jm.T @ p) / weight) / share))
-            length = size / (p @ Sp)
-            x, y, rest = x - length * lifted, y + length * p, rest - length * Sp
-        if tried:
-            self.preconditioner = corrected(self.preconditioner, tried, self.gamma)
+        if directions:
+            pairs = [(p, (Sp - p - mobius_part @ p) / share) for p, Sp, *_ in directions]
+            self.preconditioner = corrected(self.preconditioner, pairs, self.gamma)
+        x = -share * self.nu
+        for step, (*_, length) in zip(lifted, directions):
+            x -= length * step
         return self.change(x, least + left)
 
 
@@ -202,92 +249,69 @@ def corrected(gram, products, gamma):
     sizes = np.linalg.norm(Y, axis=0)
     Y, parts, turned = np.linalg.svd(Y / sizes, full_matrices=False)
     whole = parts > INDEPENDENT * parts[0]  # many steps repeat their directions
-    Y, turned = Y[:, whole], (turned[whole] / parts[whole, None]).T
-    known, exact = (gram + one) @ Y, (exact / sizes @ turned + Y) / gamma
+    Y = Y[:, whole]
+    turned = (turned[whole] / parts[whole, None]).T
+    known = (gram + one) @ Y
+    exact = (exact / sizes @ turned + Y) / gamma
     old, new = (side @ np.linalg.solve(Y.T @ side, side.T) for side in (known, exact))
     return gram - old + new
 
 
 class PrimalStep(ProductStep):
-    """`(W + J^T J) x = -(W nu + J^T r)` with features or areas, x = change of nu and of the Möbius
-    parameters, real.
+    """`(W + J^T J) x = -(W nu + J^T r)` with features or areas, x the change of nu and of the
+    Möbius parameters, real.
 
-    `P = diag(W, B) + J_L^T J_L`, by Woodbury's formula, preconditions it: landmarks' rows J_L of a
-    large gamma would else cost a step each; B: the other terms' part on M's parameters.
-    preconditioner: the last directions, products and sizes.
+    `P = diag(W, B) + J_L^T J_L`, by Woodbury's formula, preconditions it: each of the landmarks'
+    rows J_L of a large gamma would else cost a step; B: the other terms' part on the Möbius
+    parameters. preconditioner: directions of the last step, products with them, and their sizes.
     """
 
-    def __init__(self, engine, state, gamma):
-        super().__init__(engine, state, gamma)
-        self.accuracy = ACCURACY if engine.areas is None else WITH_AREAS
+    def __init__(self, objective, state, gamma):
+        super().__init__(objective, state, gamma)
+        self.accuracy = ACCURACY if objective.areas is None else ACCURACY_WITH_AREAS
         if len(state.points):
             self.accuracy /= max(1.0, np.log10(gamma) - 2)
-        surface = sparse.vstack([term.rows(state.f) for term in engine.terms]).tocsr()
+        surface = sparse.vstack([term.rows(state.f) for term in objective.terms]).tocsr()
+        self.use(sparse.vstack([self.landmarks, surface]))
         by_mobius = (surface.conj() @ self.fields).real
         self.B = MOBIUS_PRIOR * np.eye(3) + by_mobius.T @ by_mobius
-        self.use(sparse.vstack([self.landmarks, surface]))
-        self.J = np.hstack(
-            [np.ascontiguousarray(engine.jacobian(state, gamma)).view(float), self.by_mobius]
-        )
-        self.B += (
-            RELIEF * self.by_mobius.T @ self.by_mobius
-        )  # else Woodbury's formula would lose all digits
+        self.B += RELIEF * self.by_mobius.T @ self.by_mobius
+        by_nu = np.ascontiguousarray(objective.jacobian(state, gamma)).view(float)
+        self.J = np.hstack([by_nu, self.by_mobius])
         self.lifted = self.lift(self.J.T, self.B)
         self.S = np.linalg.inv(np.eye(len(self.J)) + self.J @ self.lifted)
 
     def precondition(self, g):
-        """`P^-1 g`, exact in the directions that were preconditioner (BFGS)."""
+        """`P^-1 g`, corrected (BFGS) to be exact in the last step's directions."""
+
+        def woodbury(g):
+            x = self.lift(g, self.B)
+            return x - self.lifted @ (self.S @ (self.J @ x))
+
         if self.preconditioner is None:
-            return self.plain(g)
+            return woodbury(g)
         Y, HY, sizes = self.preconditioner
         along = Y.T @ g / sizes
-        x = self.plain(g - HY @ along)
+        x = woodbury(g - HY @ along)
         return x + Y @ (along - HY.T @ x / sizes)
 
-    def plain(self, g):
-        x = self.lift(g, self.B)
-        return x - self.lifted @ (self.S @ (self.J @ x))
-
     def propose(self, damping=0.0):
-        """The `Change`, by conjugate gradients of two rounds of solves each."""
-        x, rest, tried = (
-            np.zeros(len(self.nu)),
-            -self.prior(self.nu) - self.adjoint(self.residual),
-            [],
-        )
-        promised, z = self.model(), self.precondition(rest)
-        p, size = z, rest @ z
-        first = size
-        for _ in range(STEPS):
-            if size <= self.accuracy**2 * first or self.engine.spent:
+        """The `Change` by conjugate gradients; damping as of `DirectStep.propose`."""
+
+        def product(x):
+            return (1 + damping) * self.prior(x) + self.adjoint(self.forward(x))
+
+        directions = []
+        slope = -self.prior(self.nu) - self.adjoint(self.residual)
+        solve = conjugate_gradients(product, self.precondition, slope, directions)
+        x, rest, first = next(solve)
+        for x, rest, size in islice(solve, STEPS):  # noqa: B007, the last ones are the answer
+            if size <= self.accuracy**2 * first or self.objective.spent:
                 break
-            Hp = (1 + damping) * self.prior(p) + self.adjoint(self.forward(p))
-            tried.append((p, Hp, p @ Hp))
-            share = size / tried[-1][-1]
-            x += share * p
-            promised -= share * size
-            rest -= share * Hp
-            z, before = self.precondition(rest), size
-            size = rest @ z
-            p = z + size / before * p
-        if tried:
-            self.preconditioner = [np.stack(part, axis=-1) for part in zip(*tried)]
+        promised = self.model() - x @ (slope + rest)
+        if directions:
+            self.preconditioner = [np.stack(part, axis=-1) for part in zip(*directions)][:3]
         return self.change(x, promised)
-
-
-SHARES = (1.0, 0.5, 0.25, 0.125)  # of a step, tried in turn by the line search
-SUFFICIENT_DECREASE = 0.3  # share of what the quadratic model promises that a step has to gain
-LANDMARKS_AT_ONCE = 16  # bounds the memory of the adjoint solves
-DAMPINGS = 10.0 ** np.arange(
-    -1, 10
-)  # of the steps that are tried where the line search fails, in parts of W
-TRUST, TRIES = 0.3, 4  # the largest change of nu in a damped step, and how many of them are tried
-# Work in parts of one exact map, and how much of it one level on the problem's own mesh may take:
-# up to LOW_GAMMA, and growing by the power GROWTH above. The slowest good problems
-# (book/studies/effort.py) took 8, 30, 94, 164 and 290 at gamma = 1e3, 1e5, 1e6, 1e7 and 1e8, with
-# folds 70.
-REPAIR = 1.4
-MOST_WORK, LOW_GAMMA, GROWTH = 120.0, 1e5, 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -295,8 +319,8 @@ class State:
     """nu (N,) and Möbius parameters, and the map that they give.
 
     f (V,): M after the solver's map on the mapped mesh; points (M,): the mapped landmarks;
-    solution: the solver with its factors; switched: how many rows were; preconditioner: what
-    earlier steps know of the linearisation (steps.py).
+    solution: the solver with its factors; switched: how many rows the repair switched;
+    preconditioner: what earlier steps computed of the linearisation, None at first.
     """
 
     nu: np.ndarray
@@ -317,9 +341,9 @@ class Discretization:
     """What no weight changes of a `Problem` on a `CoefficientMesh`; own: the problem's disk is
     mapped, not the polar mesh."""
 
-    def __init__(self, problem, link, own):
-        self.problem, self.link, self.own = problem, link, own
-        self.samples = problem.samples if self.own else link.disk.sampling(problem.moving)
+    def __init__(self, problem, coefficient_mesh, own):
+        self.problem, self.coefficient_mesh, self.own = problem, coefficient_mesh, own
+        self.samples = problem.samples if own else coefficient_mesh.disk.sampling(problem.moving)
         self.landmarks = LandmarkTerm(problem.target, problem.curve, problem.sliding)
 
     @cached_property
@@ -327,25 +351,20 @@ class Discretization:
         """`S^T diag(w) S`, S from nu's mesh to the moving vertices, w their shares of the moving
         surface's area."""
         moving = self.problem.sides.moving
-        S = self.link.mesh.sampling(moving.disk.z)
-        return (
-            S.T @ sparse.diags_array(moving.surface.vertex_areas / moving.surface.area) @ S
-        ).tocsc()
+        S = self.coefficient_mesh.mesh.sampling(moving.disk.z)
+        shares = sparse.diags_array(moving.surface.vertex_areas / moving.surface.area)
+        return (S.T @ shares @ S).tocsc()
 
     @cached_property
     def shares(self):
         """Sparse (F, G): the G moving faces' shares of their area, in the F faces of the mapped
         mesh that hold them."""
-        moving = self.problem.sides.moving
-        shares, count = moving.surface.face_areas / moving.surface.area, len(self.link.disk.faces)
-        inside = (
-            np.arange(count)
-            if self.link.disk is moving.disk
-            else self.link.disk.locate(moving.disk.centroids)[0]
-        )
-        return sparse.csr_array(
-            (shares, (inside, np.arange(len(shares)))), shape=(count, len(shares))
-        )
+        moving, mapped = self.problem.sides.moving, self.coefficient_mesh.disk
+        shares = moving.surface.face_areas / moving.surface.area
+        columns = np.arange(len(shares))
+        rows = columns if mapped is moving.disk else mapped.locate(moving.disk.centroids)[0]
+        shape = len(mapped.faces), len(shares)
+        return sparse.csr_array((shares, (rows, columns)), shape=shape)
 
     def by_area(self, values):
         """The moving area's shares (F,) in the mapped faces, and means (F,) there of values (V,) of
@@ -357,62 +376,70 @@ class Discretization:
     @cached_property
     def tangent(self):
         """The derivative at the landmarks in closed form."""
-        return Tangent(self.link, self.samples)
+        return Tangent(self.coefficient_mesh, self.samples)
 
 
 class GaussNewtonObjective:
-    """The fit of a `Discretization` with `Weights`, maybe a `FeatureTerm` and an `AreaTerm`:
-    `at(nu, mobius)`, `step(state)`.
+    """The objective of a `Discretization` with `Weights`, and maybe a `FeatureTerm` and an
+    `AreaTerm`: `state = at(nu, mobius)`, `value(state, gamma)`, `step(state, gamma)`.
 
-    closed: take the derivative by nu in closed form, a few percent off and without a solve, to
-    precondition exact products; else from adjoint solves, which cost little on a polar mesh. Rows
-    are switched where a face of the problem's own mesh is flipped.
+    Folds of the problem's own mesh are repaired; `work` counts what the steps cost there.
     """
 
-    def __init__(self, setting, weights, features=None, areas=None, closed=None):
-        self.setting, self.weights, self.features, self.areas = setting, weights, features, areas
+    def __init__(self, discretization, weights, features=None, areas=None):
+        self.discretization, self.weights = discretization, weights
+        self.features, self.areas = features, areas
         self.terms = [term for term in (features, areas) if term is not None]
-        self.closed = setting.own if closed is None else closed
-        self.problem, self.link, self.samples = setting.problem, setting.link, setting.samples
-        self.landmarks = setting.landmarks
-        self.mass = self.link.mass if areas is None else setting.mass_by_area
-        self.W = weights.alpha * self.mass + weights.beta * self.link.laplace
+        self.problem, self.samples = discretization.problem, discretization.samples
+        self.coefficient_mesh = mesh = discretization.coefficient_mesh
+        self.landmarks = discretization.landmarks
+        self.mass = mesh.mass if areas is None else discretization.mass_by_area
+        self.W = weights.alpha * self.mass + weights.beta * mesh.laplace
         self.factors = factorise(self.W)
-        self.work = 0.0
-        growing = max(weights.gamma / LOW_GAMMA, 1.0) ** GROWTH if len(self.problem.moving) else 1.0
-        self.most_work = MOST_WORK * growing if setting.own else np.inf
+        self.work, self.most_work = 0.0, np.inf
+        if discretization.own:
+            gamma = weights.gamma if len(self.problem.moving) else LOW_GAMMA
+            self.most_work = MOST_WORK * max(gamma / LOW_GAMMA, 1.0) ** GROWTH
 
     @property
     def spent(self):
-        """Whether the steps of this level have taken all the work that they may."""
+        """Whether the steps on this mesh have taken all the work that they may."""
         return self.work > self.most_work
 
     def at(self, nu, parameters):
         """The state with nu (N,) and Möbius parameters (a, theta): one solve."""
-        solution = copy(self.link.solver)
-        solution.solve(self.link.coefficient(nu))
+        solution = copy(self.coefficient_mesh.solver)
+        solution.solve(self.coefficient_mesh.coefficient(nu))
         self.work += 1
-        return self.finished(nu, parameters, solution, mobius(solution.f, *parameters))
+        return self.state(nu, parameters, solution, mobius(solution.f, *parameters))
 
     def with_mobius(self, state, parameters):
         """The state with the same nu and other Möbius parameters: no solve."""
-        return self.finished(
-            state.nu, parameters, state.solution, mobius(state.solution.f, *parameters)
-        )
+        f = mobius(state.solution.f, *parameters)
+        return self.state(state.nu, parameters, state.solution, f)
 
     def at_mobius(self, parameters):
-        """The state with nu = 0 and the Möbius map itself at each vertex, mended where it folds
+        """The state with nu = 0 and the Möbius map itself at each vertex, repaired where it folds
         triangles."""
-        solution = copy(self.link.solver)
+        solution = copy(self.coefficient_mesh.solver)
         solution.mu, solution.floored = np.zeros(len(solution.disk.faces), complex), 0
         f = mobius(solution.disk.z, *parameters)
         f[solution.loop] /= abs(f[solution.loop])
-        return self.finished(np.zeros(len(self.link.mesh.z), complex), parameters, solution, f)
+        nu = np.zeros(len(self.coefficient_mesh.mesh.z), complex)
+        return self.state(nu, parameters, solution, f)
 
-    def finished(self, nu, parameters, solution, f):
-        f, rows, rounds = unfold(solution, f) if self.setting.own else (f, (), 0)
-        self.work += REPAIR * rounds
-        return State(nu, parameters, f, self.samples @ f, solution, len(rows))
+    def state(self, nu, parameters, solution, f):
+        """The `State` of a map f (V,), repaired where it folds the problem's own mesh."""
+        switched = ()
+        if self.discretization.own:
+            f, switched, rounds = unfold(solution, f)
+            self.work += REPAIR_WORK * rounds
+        return State(nu, parameters, f, self.samples @ f, solution, len(switched))
+
+    def solve_prior(self, fields):
+        """`W^-1` of complex fields (N, K)."""
+        parts = np.ascontiguousarray(fields).view(float)
+        return np.ascontiguousarray(self.factors.solve(parts)).view(complex)
 
     def prior(self, nu):
         return (nu.conj() @ (self.W @ nu)).real
@@ -422,98 +449,94 @@ class GaussNewtonObjective:
         landmarks = self.landmarks.residual(state.points, gamma)
         return np.concatenate([landmarks, *(term.residual(state.f) for term in self.terms)])
 
-    def objective(self, state, gamma):
+    def value(self, state, gamma):
+        """The objective at a state."""
         return self.prior(state.nu) + (self.residual(state, gamma) ** 2).sum()
-
-    def merit(self, found, state, gamma):
-        """The objective of a state that may follow another; infinite where its map folds and that
-        one's does not."""
-        return np.inf if found.folded and not state.folded else self.objective(found, gamma)
 
     def error(self, state):
         """Mean distance of a state's landmarks from their targets."""
         return abs(state.points - self.problem.target).mean()
 
     def jacobian(self, state, gamma):
-        """Gradients of the landmarks' residual by nu, complex (2 M, N), in closed form or exact."""
-        if not self.closed:
-            return self.landmarks.jacobian(*self.gradients(state), gamma)
-        real, imaginary = self.setting.tangent.gradients(state.nu, state.solution.f)
-        slope = (self.samples @ mobius_slope(state.solution.f, *state.mobius))[:, None]
-        turned = (
-            slope.real * real - slope.imag * imaginary,
-            slope.imag * real + slope.real * imaginary,
-        )
-        return self.landmarks.jacobian(*turned, gamma)
+        """Gradients of the landmarks' residual by nu, complex (2 M, N).
 
-    def gradients(self, state):
-        """Exact gradients of Re w and Im w of the mapped landmarks by nu, complex (M, N) each."""
-        solution, slope = state.solution, mobius_slope(state.solution.f, *state.mobius)
-        parts = [np.zeros((2, 0, len(state.nu)), complex)]
+        On the problem's own mesh in closed form, a few percent off and without a solve, to
+        precondition exact products; on a polar mesh exactly, by adjoint solves, which cost little.
+        """
+        if not self.discretization.own:
+            return self.landmarks.jacobian(*self.exact_gradients(state), gamma)
+        f = state.solution.f
+        slope = self.samples @ mobius_slope(f, *state.mobius)
+        gradients = self.discretization.tangent.gradients(state.nu, f)
+        return self.landmarks.jacobian(*gradients, gamma, slope)
+
+    def exact_gradients(self, state):
+        """Gradients of Re w and Im w of the mapped landmarks by nu, complex (2, M, N)."""
+        solution, size = state.solution, len(state.nu)
+        slope = mobius_slope(solution.f, *state.mobius)
         points = (self.samples @ sparse.diags_array(slope.conj())).tocsr()
+        parts = [np.zeros((2, 0, size), complex)]
         chains = [self.chain(state, by_mu) for by_mu in solution.sensitivities]
-        for rows in range(0, points.shape[0], LANDMARKS_AT_ONCE):
-            adjoints = solution.adjoints(points[rows : rows + LANDMARKS_AT_ONCE])
-            real, imaginary = np.split(
-                sum(chain @ adjoint for chain, adjoint in zip(chains, adjoints)), 2
-            )
-            parts.append((real + 1j * imaginary).T.reshape(2, -1, len(state.nu)))
+        for first in range(0, points.shape[0], LANDMARKS_AT_ONCE):
+            adjoints = solution.adjoints(points[first : first + LANDMARKS_AT_ONCE])
+            by_nu = sum(chain @ adjoint for chain, adjoint in zip(chains, adjoints))
+            parts.append((by_nu[:size] + 1j * by_nu[size:]).T.reshape(2, -1, size))
         return np.concatenate(parts, axis=1)
 
     def chain(self, state, sensitivity):
         """Sparse real (2 N, V): an adjoint of a potential to the gradient by nu, Re above Im,
         without a dense array."""
-        by_mu, to_faces = sensitivity.tocoo(), self.link.to_faces
+        by_mu, to_faces = sensitivity.tocoo(), self.coefficient_mesh.to_faces
         data = bounded_pullback((to_faces @ state.nu)[by_mu.row], by_mu.data)
-        chain = to_faces.T.tocsr() @ sparse.csr_array(
-            (data, (by_mu.row, by_mu.col)), shape=by_mu.shape
-        )
+        by_nu = sparse.csr_array((data, (by_mu.row, by_mu.col)), shape=by_mu.shape)
+        chain = to_faces.T.tocsr() @ by_nu
         return sparse.vstack([chain.real, chain.imag]).tocsr()
 
     def linearise(self, state, gamma):
-        """The linearisation of steps.py at a state."""
-        kind = DualStep if self.setting.own else DirectStep
-        return (PrimalStep if self.terms else kind)(self, state, gamma)
+        """The quadratic model at a state, ready to `propose` a `Change`."""
+        alone = DualStep if self.discretization.own else DirectStep
+        return (PrimalStep if self.terms else alone)(self, state, gamma)
 
     def step(self, state, gamma, min_predicted_decrease=0.0):
         """The state after one step; None where none lowers the objective or the model promises less
         than that share of it.
 
-        A share s of the Gauss-Newton step is taken once it brings a sufficient part of the model's
-        `(2s - s^2)` of the full step's gain; if none does, the best of these and, with landmarks
-        alone, of some damped steps.
+        A share s of the Gauss-Newton step is taken once it reaches a sufficient part of the model's
+        gain `(2s - s^2)` of that of the full step; if none does, the best of these and, with
+        landmarks alone, of some damped steps.
         """
-        before, linearised = self.objective(state, gamma), self.linearise(state, gamma)
-        *whole, promised = linearised.propose()
-        if before - promised < min_predicted_decrease * before:
+        before = self.value(state, gamma)
+        linearised = self.linearise(state, gamma)
+        whole = linearised.propose()
+        gain = before - whole.promised
+        if gain < min_predicted_decrease * before:
             return None
         tried = []  # (objective, state)
+
+        def attempt(change, share=1.0):
+            nu = state.nu + share * change.nu
+            after = self.at(
+                nu, compose_mobius(state.mobius, (share * change.da, share * change.dtheta))
+            )
+            # A map that folds may not follow one that does not.
+            new_fold = after.folded and not state.folded
+            tried.append((np.inf if new_fold else self.value(after, gamma), after))
+            return tried[-1]
+
         for share in SHARES:
-            found = self.after(state, *(share * part for part in whole))
-            tried.append((self.merit(found, state, gamma), found))
-            if before - tried[-1][0] > SUFFICIENT_DECREASE * (2 * share - share**2) * (
-                before - promised
-            ):
-                return replace(found, preconditioner=linearised.preconditioner)
+            value, after = attempt(whole, share)
+            if before - value > SUFFICIENT_DECREASE * (2 * share - share**2) * gain:
+                return replace(after, preconditioner=linearised.preconditioner)
             if self.spent:
                 break
-        if (
-            not self.terms and not self.spent
-        ):  # with terms over the surface, each would mean to solve large equations anew
-            for change in damped_changes(linearised):
-                found = self.after(state, *change)
-                tried.append((self.merit(found, state, gamma), found))
+        # The line search has failed. With terms over the surface each damped step would solve large
+        # equations anew.
+        if not (self.terms or self.spent):
+            damped = (linearised.propose(damping) for damping in DAMPINGS)
+            short = (change for change in damped if abs(change.nu).max() <= TRUST)
+            for change in islice(short, TRIES):
+                attempt(change)
                 if self.spent:
                     break
-        least, best = min(tried, key=itemgetter(0))
-        return replace(best, preconditioner=linearised.preconditioner) if least < before else None
-
-    def after(self, state, change, da, dtheta):
-        """The state after a change of nu and of the Möbius parameters."""
-        return self.at(state.nu + change, compose_mobius(state.mobius, (da, dtheta)))
-
-
-def damped_changes(linearised):
-    """Levenberg steps from the least damping that changes nu by at most TRUST, found without a map."""
-    steps = (linearised.propose(damping)[:-1] for damping in DAMPINGS)
-    return islice((step for step in steps if abs(step[0]).max() <= TRUST), TRIES)
+        value, best = min(tried, key=itemgetter(0))
+        return replace(best, preconditioner=linearised.preconditioner) if value < before else None

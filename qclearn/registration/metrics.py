@@ -24,18 +24,16 @@ def coefficient_statistics(mu):
 def curve_rows(names, before, after, millimetres):
     """Per curve, dict: its name and mean errors before (best Möbius map) and after, in the disk and
     in mm; the errors of the landmarks are (10 K,) each, curve after curve."""
-    means = [
-        errors.reshape(len(names), -1).mean(1).tolist() for errors in (before, after, millimetres)
-    ]
-    keys = "name", "landmark_error_before", "landmark_error", "landmark_error_mm"
-    return [dict(zip(keys, row)) for row in zip(names, *means)]
+    keys = ("name", "landmark_error_before", "landmark_error", "landmark_error_mm")
+    by_curve = (e.reshape(len(names), -1).mean(1).tolist() for e in (before, after, millimetres))
+    return [dict(zip(keys, row)) for row in zip(names, *by_curve)]
 
 
 def mean_rows(rows):
     """The mean of each error over the rows of the curves that have it."""
     keys = ["landmark_error_before", "landmark_error", "landmark_error_mm", "landmark_error_true"]
-    found = {key: [row[key] for row in rows if key in row] for key in keys}
-    return {key: float(np.mean(values)) for key, values in found.items() if values}
+    columns = {key: [row[key] for row in rows if key in row] for key in keys}
+    return {key: float(np.mean(values)) for key, values in columns.items() if values}
 
 
 def measured_losses(problem, weights, mu, mapped):
@@ -60,10 +58,8 @@ def coefficient_measures(surface, disk, mu):
     """Statistics of |mu| over the faces of the moving mesh: each face counts once, as in the
     paper's table; by its area in the disk for `_disk`, in space for `_area`. Infinite where a
     face's orientation is exactly reversed."""
-    size, result = (
-        abs(mu),
-        {**coefficient_statistics(mu), "p95_abs_mu": float(np.percentile(abs(mu), 95))},
-    )
+    size = abs(mu)
+    result = {**coefficient_statistics(mu), "p95_abs_mu": float(np.percentile(size, 95))}
     for name, areas in (("disk", disk.areas), ("area", surface.face_areas)):
         mean = np.average(size, weights=areas)
         result[f"mean_abs_mu_{name}"] = float(mean)
@@ -115,16 +111,20 @@ def distortion_measures(surface, points):
     mean over the area of |log2 of the area ratio|, total areas made equal, the ratio at least
     `SMALLEST_RATIO`.
     """
-    here, there = (
-        corner_angles(own) for own in (surface.edge_lengths, edge_lengths(points[surface.faces]))
-    )
-    a, b, c = (points[corner] for corner in surface.faces.T)
-    areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    here = corner_angles(surface.edge_lengths)
+    there = corner_angles(edge_lengths(points[surface.faces]))
+    areas = face_areas(points, surface.faces)
     ratio = np.maximum((areas / areas.sum()) / (surface.face_areas / surface.area), SMALLEST_RATIO)
     return {
         "angle_distortion": float(np.degrees(abs(there - here)).mean()),
         "area_distortion": float(np.average(abs(np.log2(ratio)), weights=surface.face_areas)),
     }
+
+
+def face_areas(vertices, faces):
+    """Areas (F,) of the faces of vertices (V, 3)."""
+    a, b, c = (vertices[corner] for corner in faces.T)
+    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
 
 def log2_distortions(surface, points):
@@ -166,19 +166,21 @@ def distortion_maps(vertices, faces, images):
     they are.
     """
     area, shape = stretches(vertices, faces, images)
-    a, b, c = (vertices[corner] for corner in faces.T)
-    before = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    sums = [
-        np.bincount(faces.ravel(), np.repeat(value, 3))
-        for value in (before * area, before, shape, 0 * shape + 1)
-    ]
-    return np.log2(np.maximum(sums[0] / sums[1], SMALLEST_IN_FILES)), np.log2(sums[2] / sums[3])
+    before = face_areas(vertices, faces)
+
+    def around_vertices(values):
+        return np.bincount(faces.ravel(), np.repeat(values, 3))
+
+    ratio = around_vertices(before * area) / around_vertices(before)
+    mean_shape = around_vertices(shape) / np.bincount(faces.ravel())
+    return np.log2(np.maximum(ratio, SMALLEST_IN_FILES)), np.log2(mean_shape)
 
 
 def stretches(vertices, faces, images):
     """Ratios of the areas, and of the principal stretches, `(1 + |mu|) / (1 - |mu|)`, of a map of
     faces, (F,) each."""
-    p, q = (_flattened(corners[faces]) for corners in (vertices, images))
+    p = _flattened(vertices[faces])
+    q = _flattened(images[faces])
     # On each face the map is w -> a w + b conj(w).
     double_area = p[0] * p[1].conj() - p[1] * p[0].conj()
     a = (q[0] * p[1].conj() - q[1] * p[0].conj()) / double_area
@@ -189,7 +191,8 @@ def stretches(vertices, faces, images):
 
 def _flattened(corners):
     """Two edges of each face (F, 3, 3), from its first corner, in its plane: complex (2, F)."""
-    first, second = (corners[:, k] - corners[:, 0] for k in (1, 2))
+    first = corners[:, 1] - corners[:, 0]
+    second = corners[:, 2] - corners[:, 0]
     length = np.linalg.norm(first, axis=1)
     along = first / np.maximum(length, np.finfo(float).tiny)[:, None]
     x = (second * along).sum(1)
@@ -199,9 +202,8 @@ def _flattened(corners):
 def quantile(values, shares, share=0.95):
     """The value below which `share` of the area lies, of values (F,) with shares of the area (F,)."""
     order = np.argsort(values)
-    return float(
-        values[order][min(np.searchsorted(np.cumsum(shares[order]), share), len(order) - 1)]
-    )
+    rank = np.searchsorted(np.cumsum(shares[order]), share)
+    return float(values[order[min(rank, len(order) - 1)]])  # rounding may leave the sum below 1
 
 
 def paired_difference(one, other, rng, draws=10_000, level=0.95):
@@ -212,7 +214,5 @@ def paired_difference(one, other, rng, draws=10_000, level=0.95):
     if not len(differences):
         return (np.nan,) * 3
     means = differences[rng.integers(len(differences), size=(draws, len(differences)))].mean(1)
-    return (
-        float(differences.mean()),
-        *np.quantile(means, [(1 - level) / 2, (1 + level) / 2]).tolist(),
-    )
+    low, high = np.quantile(means, [(1 - level) / 2, (1 + level) / 2]).tolist()
+    return float(differences.mean()), low, high

@@ -1,4 +1,9 @@
-"""The way from a coarse mesh to the caller's own: one driver goes through a list of `Level`s."""
+"""A fit on a sequence of meshes: `MultiresolutionFit` takes a `Problem` through a list of `Level`s,
+from a coarse polar mesh to the caller's own, and `run_level` takes the Gauss-Newton steps of one.
+
+On a polar mesh nu and the map are cheap, and features are smooth: steps there find the right
+valley. The last level maps the caller's mesh.
+"""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -13,51 +18,52 @@ from ..plane.linear import LARGE
 from ..plane.mobius import best_mobius
 from ..plane.tangent import CoefficientMesh
 from .features import FINEST, Smoothing
-from .gauss_newton import WORTH, Discretization, GaussNewtonObjective
+from .gauss_newton import MIN_DECREASE, Discretization, GaussNewtonObjective
 from .problem import LandmarkError
 from .residuals import AreaTerm, FeatureTerm, Places
 
-WORTH_ON_GRID = 1e-2  # on a polar mesh, as `WORTH` on the caller's: what a step has to promise
-SETTLED, SETTLED_ON_GRID = (
-    0.98,
-    0.95,
-)  # share of its objective that a step leaves where the next is not worth its cost
-FIRST_GAMMA = 1e2  # a rising level takes one step at each power of ten from here to its gamma
-# Until the last level: a large one tears the map to the landmarks before features can lead it.
+# Share of the objective that a step on a polar mesh has to promise, as MIN_DECREASE on the
+# caller's.
+MIN_DECREASE_ON_GRID = 1e-2
+# Share of its objective that a step leaves where the next is not worth its cost, on either mesh.
+STALL_RATIO = 0.98
+STALL_RATIO_ON_GRID = 0.95
+
+# A rising level takes one step at each power of ten from here to its gamma.
+FIRST_GAMMA = 1e2
+# Until the last level: a large gamma tears the map to the landmarks before features can lead it.
 GUIDING_GAMMA = 1e2
-GUIDING_DELTA, COARSE = (
-    0.3,
-    16.0,
-)  # at most, from this scale up: a large one tears it to the nearest folds
-AREAS_DELTA, AREAS_ETA = (
-    1.0,
-    0.1,
-)  # at most, with areas above the finest scale: larger ones lead to the wrong valleys
-STAND, BEYOND = (
-    64,
-    1.05,
-)  # rings of the polar mesh that stands for a large one, and what that may add to its objective
-RIM = (
-    1 - 1 / STAND
-)  # radius from where areas do not count on either: the two cut the rim into faces of other kinds
+# At most, from the scale COARSE (mm) up: a large delta tears the map to the nearest folds.
+GUIDING_DELTA = 0.3
+COARSE = 16.0
+# At most, with areas above the finest scale: larger ones lead to the wrong valleys.
+AREAS_DELTA = 1.0
+AREAS_ETA = 0.1
+
+# Above LARGE vertices a polar mesh of so many rings is fitted in the caller's place, and that one
+# only where its objective is higher by more than this ratio.
+PROXY_RINGS = 64
+SKIP_RATIO = 1.05
+# Radius from where areas do not count on either: the two cut the rim into faces of other kinds.
+RIM = 1 - 1 / PROXY_RINGS
 
 
 class Level(NamedTuple):
-    """One part of the way.
+    """One mesh of a fit, and its steps.
 
     rings: of the mesh of nu; sigma: the features' scale (None: landmarks alone); steps: at most;
-    own_mesh: map the surface's own mesh; worth: share of the objective that a step has to promise;
-    settled: share that it may leave if another follows, 0 for any; share, most: of gamma; rising:
-    raise gamma to that from FIRST_GAMMA, where nu is 0; proxy_rings: rings of a polar mesh that is
-    mapped in the own one's place, with its weights; skip_ratio: take no step where the objective is
-    at most so many times that of the level before.
+    own_mesh: map the surface's own mesh; min_predicted_decrease: share of the objective that a step
+    has to promise; stall_ratio: share that it may leave if another follows, 0 for any; share, most:
+    of gamma; rising: raise gamma to that from FIRST_GAMMA, where nu is 0; proxy_rings: rings of a
+    polar mesh that is mapped in the own one's place, with its weights; skip_ratio: take no step
+    where the objective is at most so many times that of the level before.
     """
 
     rings: int
     sigma: float | None
     steps: int
     own_mesh: bool = False
-    min_predicted_decrease: float = WORTH_ON_GRID
+    min_predicted_decrease: float = MIN_DECREASE_ON_GRID
     stall_ratio: float = 0.0
     share: float = 1.0
     most: float = np.inf
@@ -69,19 +75,25 @@ class Level(NamedTuple):
         """The `Weights` at this level."""
         if self.own_mesh or self.proxy_rings:
             return weights
-        delta, eta, scale = weights.delta, weights.eta, self.sigma or 0.0
-        if scale >= COARSE:
+        delta, eta, sigma = weights.delta, weights.eta, self.sigma or 0.0
+        if sigma >= COARSE:
             delta = min(delta, GUIDING_DELTA)
-        if eta and scale > FINEST:
+        if eta and sigma > FINEST:
             delta, eta = min(delta, AREAS_DELTA), min(eta, AREAS_ETA)
-        return replace(
-            weights, gamma=min(self.share * weights.gamma, self.most), delta=delta, eta=eta
-        )
+        gamma = min(self.share * weights.gamma, self.most)
+        return replace(weights, gamma=gamma, delta=delta, eta=eta)
 
 
 def guided(rings, sigma, steps):
     """A level on a polar mesh that features lead."""
-    return Level(rings, sigma, steps, stall_ratio=SETTLED_ON_GRID, most=GUIDING_GAMMA)
+    return Level(rings, sigma, steps, stall_ratio=STALL_RATIO_ON_GRID, most=GUIDING_GAMMA)
+
+
+def with_proxy(level):
+    """A level on the own mesh as two: on the proxy mesh, and on the own one where that is not
+    enough."""
+    proxy = level._replace(own_mesh=False, proxy_rings=PROXY_RINGS)
+    return proxy, level._replace(skip_ratio=SKIP_RATIO)
 
 
 # With features; from fine ones at once the map would run into the next best valley.
@@ -90,15 +102,11 @@ LEVELS = (
     guided(16, 16.0, 4),
     guided(24, 8.0, 3),
     guided(32, FINEST, 2),
-    Level(32, FINEST, 4, True, WORTH, SETTLED),
+    Level(32, FINEST, 4, True, MIN_DECREASE, STALL_RATIO),
 )
 # The same above LARGE vertices, where a step on the own mesh costs ten times as much and gains
 # little more.
-LARGE_LEVELS = (
-    *LEVELS[:-1],
-    LEVELS[-1]._replace(own_mesh=False, proxy_rings=STAND),
-    LEVELS[-1]._replace(skip_ratio=BEYOND),
-)
+LARGE_LEVELS = (*LEVELS[:-1], *with_proxy(LEVELS[-1]))
 
 
 def feature_levels(disk):
@@ -111,125 +119,115 @@ def landmark_levels(disk, rings):
     # At a tenth of gamma: the coarse mesh's own error moves the landmarks, and the full weight
     # would bend nu after it. On the tests' smooth problems that costs up to a step more there and
     # ends up to 3 % higher in L_CP.
-    yield Level(rings // 2, None, 5, share=0.1, rising=True)
-    own = Level(rings, None, 24, True, WORTH)
-    if len(disk.z) > LARGE:
-        yield own._replace(own_mesh=False, proxy_rings=STAND)
-        own = own._replace(skip_ratio=BEYOND)
-    yield own
-
-
-def few(steps, rings):
-    """At most so many steps on one polar mesh, whatever they promise."""
-    return Level(rings, None, steps, min_predicted_decrease=0.0)
+    coarse = Level(rings // 2, None, 5, share=0.1, rising=True)
+    own = Level(rings, None, 24, True, MIN_DECREASE)
+    return [coarse, *(with_proxy(own) if len(disk.z) > LARGE else [own])]
 
 
 class MultiresolutionFit:
-    """The way of one `Problem` through levels with any weights; keeps what no weight changes, for a
-    slider say."""
+    """The fit of one `Problem` on a sequence of levels, with any weights: caches what no weight
+    changes, for a slider say."""
 
     def __init__(self, problem):
-        self.problem, self.settings, self.densities = problem, {}, {}
+        self.problem, self.discretizations, self.densities = problem, {}, {}
 
-    def setting(self, level):
-        """The `Discretization` of a level: the problem on its own mesh, on one that stands for it,
-        or on that of nu."""
+    def discretization(self, level):
+        """The `Discretization` of a level: the problem on its own mesh, on the proxy, or on that of
+        nu."""
         key = level.rings, level.own_mesh, level.proxy_rings
-        if key not in self.settings:
-            problem = (
-                replace(self.problem, disk=polar(level.proxy_rings))
-                if level.proxy_rings
-                else self.problem
-            )
-            whole = level.own_mesh or level.proxy_rings > 0
-            link = (
-                CoefficientMesh(problem.disk, polar(level.rings))
-                if whole
-                else polar_coefficient_mesh(level.rings)
-            )
-            self.settings[key] = Discretization(problem, link, whole)
-        return self.settings[key]
+        if key not in self.discretizations:
+            problem, own = self.problem, level.own_mesh or level.proxy_rings > 0
+            if level.proxy_rings:
+                problem = replace(problem, disk=polar(level.proxy_rings))
+            rings = level.rings
+            mesh = CoefficientMesh(problem.disk, polar(rings)) if own else polar_mesh(rings)
+            self.discretizations[key] = Discretization(problem, mesh, own)
+        return self.discretizations[key]
 
-    def engine(self, level, weights, features=None):
+    def objective(self, level, weights, features=None):
         """The `GaussNewtonObjective` of one level."""
-        if weights.eta and self.problem.sides is None:
+        pair = self.problem.sides
+        if weights.eta and pair is None:
             raise LandmarkError(
                 f"eta = {weights.eta:g}: areas belong to surfaces; give the problem its sides, or "
                 "eta = 0"
             )
-        setting, weights = self.setting(level), level.weights(weights)
-        with_features = features is not None and level.sigma is not None
-        if not (with_features or weights.eta):
-            return GaussNewtonObjective(setting, weights)
-        samples = None if level.own_mesh else setting.link.disk.sampling(self.problem.disk.z)
-        places = Places(
-            features.disk if features is not None else self.problem.sides.control.disk, samples
-        )
-        term = FeatureTerm(features, level.sigma, weights.delta, places) if with_features else None
-        return GaussNewtonObjective(
-            setting,
-            weights,
-            term,
-            self.areas(level, setting, weights.eta, places) if weights.eta else None,
-        )
+        discretization, weights = self.discretization(level), level.weights(weights)
+        by_features = features is not None and level.sigma is not None
+        feature_term = area_term = None
+        if by_features or weights.eta:
+            # Features and areas are compared at the moving vertices, on any mesh.
+            mapped = discretization.coefficient_mesh.disk
+            samples = None if level.own_mesh else mapped.sampling(self.problem.disk.z)
+            places = Places((pair.control if features is None else features).disk, samples)
+            if by_features:
+                feature_term = FeatureTerm(features, level.sigma, weights.delta, places)
+            if weights.eta:
+                area_term = self.area_term(level, discretization, weights.eta, places)
+        return GaussNewtonObjective(discretization, weights, feature_term, area_term)
 
-    def areas(self, level, setting, eta, places):
+    def area_term(self, level, discretization, eta, places):
         """The `AreaTerm` of one level; places: of the moving vertices."""
-        sides, sigma = self.problem.sides, FINEST if setting.own else level.sigma or LEVELS[0].sigma
-        shares, moving = setting.by_area(self.density("moving", sigma))
+        mapped = discretization.coefficient_mesh.disk
+        sigma = FINEST if discretization.own else level.sigma or LEVELS[0].sigma
+        shares, moving = discretization.by_area(self.density("moving", sigma))
         if level.proxy_rings or level.skip_ratio:
-            shares = np.where(abs(setting.link.disk.centroids) < RIM, shares, 0.0)
-        places = places if level.own_mesh else Places(sides.control.disk)
-        return AreaTerm(
-            setting.link.disk, shares, moving, self.density("control", sigma), eta, places
-        )
+            shares = np.where(abs(mapped.centroids) < RIM, shares, 0.0)
+        if not level.own_mesh:
+            places = Places(self.problem.sides.control.disk)
+        return AreaTerm(mapped, shares, moving, self.density("control", sigma), eta, places)
 
     def density(self, name, sigma):
-        """A side's density at a scale, as `Smoothing.density`, kept."""
+        """A side's density at a scale, as `Smoothing.density`, cached."""
         if (name, sigma) not in self.densities:
             side = getattr(self.problem.sides, name)
-            smoothing = side.features or Smoothing(
-                side.surface, (), side.surface.vertices[:, :0], side.disk
-            )
+            smoothing = side.features
+            if smoothing is None:
+                smoothing = Smoothing(side.surface, (), side.surface.vertices[:, :0], side.disk)
             self.densities[name, sigma] = smoothing.density(sigma, side.disk)
         return self.densities[name, sigma]
 
     def run(
         self, levels, weights, start=None, features=None, watch=None, enough=0.0, begun=(None, None)
     ):
-        """Steps of each level, from mu `start` (F,) or None: the last engine, its last state, the
-        steps a level.
+        """The steps of each level: the last objective, its last state, how many steps each level
+        took.
 
-        begun: engine and state to go on from instead.
+        start: mu (F,) to begin from, or None; begun: objective and state to go on from instead;
+        watch, enough: of `run_level`.
         """
-        (engine, state), steps = begun[:2], []
+        (objective, state), steps = begun[:2], []
         for level in levels:
-            before, last, engine = engine, state, self.engine(level, weights, features)
+            before, objective = objective, self.objective(level, weights, features)
+            limit = 0.0
             if before is None:
-                state = engine.at(
-                    start_field(self.problem.disk, start, engine.link.mesh), self.problem.mobius
-                )
-                if features is not None and start is not None and len(self.problem.moving):
-                    best = best_mobius(engine.samples @ state.solution.f, self.problem.target)
-                    state = engine.with_mobius(state, best)
+                state = self.first_state(objective, start, features is not None)
             else:
-                nu = self.carried(before, state, engine, start if features is None else None)
-                state = engine.at(nu, state.mobius)
-            most = (
-                level.skip_ratio * before.objective(last, weights.gamma)
-                if before and level.skip_ratio
-                else -np.inf
-            )
-            before = last = None  # with its factors, which make room for those of this level
-            done = most > 0 and engine.objective(state, weights.gamma) <= most
-            state, taken = (state, 0) if done else run_level(engine, state, level, watch, enough)
+                if level.skip_ratio:
+                    limit = level.skip_ratio * before.value(state, weights.gamma)
+                nu = self.carried(before, state, objective, start if features is None else None)
+                state = objective.at(nu, state.mobius)
+            before = None  # with its factors, which make room for those of this level
+            taken = 0
+            if not (limit > 0 and objective.value(state, weights.gamma) <= limit):
+                state, taken = run_level(objective, state, level, watch, enough)
             steps.append(taken)
-        return engine, state, tuple(steps)
+        return objective, state, tuple(steps)
 
-    def carried(self, before, state, engine, start):
-        """nu on the next engine's mesh: mu `start` (F,) with its details, and what the steps have
-        changed."""
-        old, new = before.link.mesh, engine.link.mesh
+    def first_state(self, objective, start, by_features):
+        """The state with mu `start` (F,), and the problem's best Möbius map, or with features that
+        after the map of mu."""
+        nu = start_field(self.problem.disk, start, objective.coefficient_mesh.mesh)
+        state = objective.at(nu, self.problem.mobius)
+        if by_features and start is not None and len(self.problem.moving):
+            best = best_mobius(objective.samples @ state.solution.f, self.problem.target)
+            state = objective.with_mobius(state, best)
+        return state
+
+    def carried(self, before, state, objective, start):
+        """nu on the next objective's mesh: mu `start` (F,) with its details, and what the steps
+        have changed."""
+        old, new = before.coefficient_mesh.mesh, objective.coefficient_mesh.mesh
         if old is new:
             return state.nu
         known, begin = (start_field(self.problem.disk, start, mesh) for mesh in (old, new))
@@ -237,35 +235,36 @@ class MultiresolutionFit:
 
 
 @lru_cache(maxsize=8)
-def polar_coefficient_mesh(rings):
+def polar_mesh(rings):
     """The `CoefficientMesh` of a polar mesh that carries nu and is mapped itself."""
     return CoefficientMesh(polar(rings), polar(rings))
 
 
-def run_level(engine, state, level, watch=None, enough=0.0):
-    """(state, steps) after the steps of one level, until one promises or gains too little, or the
-    landmark error falls below `enough` (not on a rising level); watch() is called before each."""
-    gamma = engine.weights.gamma
+def run_level(objective, state, level, watch=None, enough=0.0):
+    """(state, steps) after the steps of one level.
+
+    They end where one promises or gains too little, where the work is spent, or where the landmark
+    error falls below `enough` (not on a rising level); watch() is called before each.
+    """
+    gamma = objective.weights.gamma
     low = min(FIRST_GAMMA, gamma) if level.rising and not state.nu.any() else gamma
     gammas = [*10.0 ** np.arange(np.log10(low), np.log10(gamma) - 1e-9), *[gamma] * level.steps]
-    now = engine.objective(state, gamma) if level.stall_ratio else None
-    for steps, at in enumerate(gammas):
+    value = objective.value(state, gamma) if level.stall_ratio else None
+    for steps, step_gamma in enumerate(gammas):
         if watch:
             watch()
-        if engine.spent:
+        if objective.spent:
             return state, steps
-        near = enough > 0 and not level.rising and engine.error(state) < enough
-        found = (
-            None
-            if near
-            else engine.step(state, at, level.min_predicted_decrease if at == gamma else 0.0)
-        )
-        if found is None and at == gamma:
+        after = None
+        if not enough > 0 or level.rising or not objective.error(state) < enough:
+            least = level.min_predicted_decrease if step_gamma == gamma else 0.0
+            after = objective.step(state, step_gamma, least)
+        if after is None and step_gamma == gamma:
             return state, steps
-        state = found or state
+        state = after or state
         if level.stall_ratio:
-            last, now = now, engine.objective(state, gamma)
-            if now > level.stall_ratio * last:
+            last, value = value, objective.value(state, gamma)
+            if value > level.stall_ratio * last:
                 return state, steps + 1
     return state, len(gammas)
 

@@ -1,5 +1,5 @@
-"""Curves and disk maps of networks, checked before use; where a check fails, the exact twin and a
-word replace them.
+"""Disk maps of networks, checked before use; where a check fails, the exact solver and the fit
+replace them, with a message.
 
 Networks are plain callables; any others with the same calls can stand in their place:
 `detect(surface, z, endpoints (K, 2)) -> list of (k,) complex curves in z`; `predict(z, faces,
@@ -7,7 +7,7 @@ moving, target, alpha=, beta=, gamma=, curve=) -> mu (F,)`; `solve(z, faces, mu)
 """
 
 from contextlib import nullcontext
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,11 +22,16 @@ MARGIN = 0.9
 
 def predicted(predict, problem, weights):
     """The mu (F,) that a network's `predict` answers for a problem."""
-    known = {
-        name: value for name, value in asdict(weights).items() if name in ("alpha", "beta", "gamma")
-    }
-    disk = problem.disk
-    return predict(disk.z, disk.faces, problem.moving, problem.target, curve=problem.curve, **known)
+    return predict(
+        problem.disk.z,
+        problem.disk.faces,
+        problem.moving,
+        problem.target,
+        curve=problem.curve,
+        alpha=weights.alpha,
+        beta=weights.beta,
+        gamma=weights.gamma,
+    )
 
 
 def certified_network_map(predict, solve, problem, weights, tolerance, stages=nullcontext):
@@ -37,59 +42,64 @@ def certified_network_map(predict, solve, problem, weights, tolerance, stages=nu
     with stages("solve"):
         f = solve(problem.disk.z, problem.disk.faces, mu)
     with stages("certify"):
-        found = unfolded(problem, mu, f)
+        network_map = unfolded(problem, mu, f)
     with stages("refine"):
-        return refined(problem, weights, mu, found, tolerance)
+        return refined(problem, weights, mu, network_map, tolerance)
 
 
 def unfolded(problem, mu, f):
     """`moved_map` of DBS-Net's f (V,), or where that folds `exact_map` of mu (F,): CertifiedMap."""
-    found = moved_map(problem, f) if np.isfinite(f).all() else None
-    if found is not None and found.bijective:
-        return found
+    network_map = moved_map(problem, f) if np.isfinite(f).all() else None
+    if network_map is not None and network_map.bijective:
+        return network_map
     exact = exact_map(problem, mu)
-    return replace(
-        exact, fallbacks=(f"DBS-Net's map {fold_message(found)}: exact solver", *exact.fallbacks)
-    )
+    message = f"DBS-Net's map {fold_message(network_map)}: exact solver"
+    return replace(exact, fallbacks=(message, *exact.fallbacks))
 
 
-def refined(problem, weights, mu, found, tolerance):
+def refined(problem, weights, mu, network_map, tolerance):
     """`not_above_mobius` of the networks' map, or a fit from their mu where it folds or exceeds the
     tolerance."""
-    if found.bijective and found.landmark_error <= tolerance:
-        return not_above_mobius(problem, weights, found)
+    error = network_map.landmark_error
+    if not network_map.bijective:
+        cause = f"the exact solver's map {fold_message(network_map)}"
+    elif error <= tolerance:
+        return not_above_mobius(problem, weights, network_map)
+    else:
+        cause = f"landmark error {error:.1e} above {tolerance:.1e}"
     fit = fit_with_fallbacks(problem, weights, start=mu, enough=MARGIN * tolerance)
-    large = f"landmark error {found.landmark_error:.1e} above {tolerance:.1e}"
-    cause = large if found.bijective else f"the exact solver's map {fold_message(found)}"
-    word = f"{cause}: {sum(fit.steps)} Gauss-Newton steps, to {fit.landmark_error:.1e}"
-    switched = max(found.switched, fit.switched)
-    return replace(fit, fallbacks=(*found.fallbacks, word, *fit.fallbacks), switched=switched)
+    message = f"{cause}: {sum(fit.steps)} Gauss-Newton steps, to {fit.landmark_error:.1e}"
+    switched = max(network_map.switched, fit.switched)
+    fallbacks = (*network_map.fallbacks, message, *fit.fallbacks)
+    return replace(fit, fallbacks=fallbacks, switched=switched)
 
 
-def not_above_mobius(problem, weights, found):
+def not_above_mobius(problem, weights, network_map):
     """The networks' map, or the best Möbius map if it is bijective and lower in L_CP or in mean
     |f(p) - q|^2."""
     plain = moved_map(problem, problem.disk.z)
-    losses, squares = [], []
-    for candidate in (found, plain):
+
+    def sizes(candidate):
         mapped = problem.samples @ candidate.f
-        losses.append(measured_losses(problem, weights, candidate.mu, mapped)["L_CP"])
-        squares.append((abs(mapped - problem.target) ** 2).mean())
-    if not plain.bijective or all(
-        fitted <= (1 + ROUNDING) * best for fitted, best in (losses, squares)
-    ):
-        return found
-    word = "the networks' map ended above the best Möbius map: that map is returned"
-    return replace(plain, fallbacks=(*found.fallbacks, word), switched=found.switched)
+        loss = measured_losses(problem, weights, candidate.mu, mapped)["L_CP"]
+        return loss, (abs(mapped - problem.target) ** 2).mean()
+
+    pairs = zip(sizes(network_map), sizes(plain))
+    if not plain.bijective or all(size <= (1 + ROUNDING) * best for size, best in pairs):
+        return network_map
+    message = "the networks' map ended above the best Möbius map: that map is returned"
+    fallbacks = (*network_map.fallbacks, message)
+    return replace(plain, fallbacks=fallbacks, switched=network_map.switched)
 
 
 def gamma_messages(network, weights):
-    """Words on the gamma that CP-Net answers for where it is below the given one, as a list."""
+    """Messages on the gamma that CP-Net answers for where it is below the given one, as a list."""
     used = network.gamma_used(weights)
     return [f"CP-Net answered for gamma = {used:.3g}"] if used < weights.gamma else []
 
 
-def fold_message(found):
-    if found is None:
+def fold_message(network_map):
+    if network_map is None:
         return "was not finite"
-    return f"folded {len(found.flipped)} faces" if len(found.flipped) else "folded the boundary"
+    folded = len(network_map.flipped)
+    return f"folded {folded} faces" if folded else "folded the boundary"

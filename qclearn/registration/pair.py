@@ -1,12 +1,15 @@
-"""What a registration begins with: two sides laid upon each other, and landmarks sampled on both."""
+"""What a registration begins with: two aligned surfaces and the landmarks sampled on both."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from jaxtyping import Complex
+from numpy import ndarray
 from scipy.sparse import vstack
 
-from ..plane.mobius import best_mobius
+from ..plane.mobius import best_mobius, mobius
 from ..surfaces.conformal import ParameterizedSurface, apply_mobius
 from .curves import POINTS_PER_CURVE, checked_curves, detect_curves, resample, sample_curve
 from .features import FeatureError, Features, mobius_by_features
@@ -15,129 +18,155 @@ from .problem import LandmarkError, Problem, distinct, meeting
 
 @dataclass(frozen=True, eq=False)
 class SurfacePair:
-    """Two `ParameterizedSurface`s, the curves to fit and those held out, as `check_curves` returns
-    them, and features or None."""
+    """Two `ParameterizedSurface`s, the `Curve`s to fit, those held out, and `Features` or None."""
 
     moving: ParameterizedSurface
     control: ParameterizedSurface
-    entries: list
+    curves: list
     held: list
     features: Features | None = None
 
     @property
-    def words(self):
-        """What was repaired when the two were laid out."""
+    def messages(self):
+        """What was repaired in the two disk maps."""
         return [
-            f"{name}: {word}"
+            f"{name}: {message}"
             for name in ("moving", "control")
-            for word in getattr(self, name).messages
+            for message in getattr(self, name).messages
         ]
 
 
 @dataclass(frozen=True, eq=False)
 class SampledLandmarks:
-    """The landmarks of two `SurfacePair`, ten a curve, and the `Problem` of the distinct ones;
-    samples: sparse (10 K, V), moving and control; lines: name -> (moving, control) curve; words: on
-    failed detection."""
+    """The landmarks of a `SurfacePair`: ten per curve, equally spaced by arc length, ends included.
 
-    samples: tuple
-    lines: dict
+    problem: the `Problem` of the distinct ones; samples: sparse (10 K, V) and (10 K, W), moving and
+    control; mobius: (a, theta) of the best Möbius map, the one with the least `mean |M(p) - q|^2`
+    over all 10 K of them, the identity without curves; lines, held: name -> (moving, control) line
+    of a fitted or held-out curve in the disks; messages: on failed detection.
+    """
+
     problem: Problem
-    words: list
+    samples: tuple
+    mobius: tuple
+    lines: dict
+    held: dict
+    messages: list
+
+    @cached_property
+    def mobius_map(self) -> Complex[ndarray, " V"]:
+        """The moving vertices after the best Möbius map."""
+        return mobius(self.problem.disk.z, *self.mobius)
 
 
-def align_disks(sides):
-    """The sides with the moving disk laid upon the control's by a Möbius map of given points, or of
-    features alone."""
-    if sides.entries:
-        return replace(sides, moving=align(sides.moving, sides.control, sides.entries))
-    laid = apply_mobius(sides.moving, mobius_by_features(sides.features, sides.moving.disk.z))
-    if not laid.whole:
+def align_disks(pair):
+    """The pair with its moving disk aligned to the control's by a Möbius map: of the points that
+    its curves give, or without curves of its features."""
+    if pair.curves:
+        return replace(pair, moving=align(pair.moving, pair.control, pair.curves))
+    parameters = mobius_by_features(pair.features, pair.moving.disk.z)
+    moving = apply_mobius(pair.moving, parameters)
+    if not moving.whole:
         raise FeatureError(
             "the features pull the moving disk onto its rim; give a landmark curve or two"
         )
-    return replace(sides, moving=laid)
+    return replace(pair, moving=moving)
 
 
-def sample_landmarks(sides, detect=None, sliding=False):
-    """The landmarks of two `SurfacePair`, `SampledLandmarks`; where only ends are given, by
-    `detect` or else shortest paths."""
-    moving, control, entries = sides.moving, sides.control, sides.entries
-    if not entries:
-        return SampledLandmarks((), {}, Problem(moving.disk, [], [], fewest=0, sides=sides), [])
-    samples_moving, lines_moving, words = sample_curves(moving, entries, "moving", detect)
-    samples_control, lines_control, more = sample_curves(control, entries, "control", detect)
-    p, q = samples_moving @ moving.disk.z, samples_control @ control.disk.z
-    once = distinct_landmarks(entries, p, q)
-    problem = Problem(moving.disk, p[once], q[once], once // POINTS_PER_CURVE, sliding, sides=sides)
-    lines = {entry["name"]: pair for entry, pair in zip(entries, zip(lines_moving, lines_control))}
-    return SampledLandmarks((samples_moving, samples_control), lines, problem, words + more)
-
-
-def align(moving, control, entries):
-    """The moving `ParameterizedSurface` after the Möbius map that best carries given points (ends
-    or whole curves) to the control's."""
+def align(moving, control, curves):
+    """The moving `ParameterizedSurface` after the Möbius map that best carries the given points of
+    `Curve`s (ends or whole paths) to the control's."""
     p, q = [], []
-    for entry in entries:
-        whole = min(len(entry["moving"]), len(entry["control"])) > 2
+    for curve in curves:
+        whole = min(len(curve.moving), len(curve.control)) > 2
         count = POINTS_PER_CURVE if whole else 2
-        p.append(sample_curve(moving.surface, entry["moving"], count) @ moving.disk.z)
-        q.append(sample_curve(control.surface, entry["control"], count) @ control.disk.z)
-    laid = apply_mobius(moving, best_mobius(np.concatenate(p), np.concatenate(q)))
-    if not laid.whole:
+        p.append(sample_curve(moving.surface, curve.moving, count) @ moving.disk.z)
+        q.append(sample_curve(control.surface, curve.control, count) @ control.disk.z)
+    aligned = apply_mobius(moving, best_mobius(np.concatenate(p), np.concatenate(q)))
+    if not aligned.whole:
         raise LandmarkError(
-            f"curve {farthest_curve(entries, p, q)!r} pulls the moving disk onto its rim: no room "
-            "is left for the "
-            "rest; check this curve's ends on both sides, keep them off the rim, or give curves "
-            "elsewhere as well"
+            f"curve {farthest_curve(curves, p, q)!r} pulls the moving disk onto its rim: no room "
+            "is left for the rest; check this curve's ends on both sides, keep them off the rim, "
+            "or give curves elsewhere as well"
         )
-    return laid
+    return aligned
 
 
-def farthest_curve(entries, p, q):
-    """The name of the curve without which the best Möbius map of the others' points p, q moves 0
-    the least."""
+def farthest_curve(curves, p, q):
+    """The name of the curve without which the best Möbius map of the other curves' points p, q
+    (lists of arrays) moves 0 the least."""
 
     def shift(left_out):
-        kept = [k for k in range(len(entries)) if k != left_out]
-        return (
-            abs(best_mobius(*(np.concatenate([side[k] for k in kept]) for side in (p, q)))[0])
-            if kept
-            else 0.0
-        )
+        others = [k for k in range(len(curves)) if k != left_out]
+        if not others:
+            return 0.0
+        a, _ = best_mobius(*(np.concatenate([side[k] for k in others]) for side in (p, q)))
+        return abs(a)
 
-    return entries[int(np.argmin([shift(k) for k in range(len(entries))]))]["name"]
+    return curves[int(np.argmin([shift(k) for k in range(len(curves))]))].name
 
 
-def sample_curves(own, entries, side, detect=None):
-    """The landmarks of a `ParameterizedSurface`, "moving" or "control": sampling matrix (10 K, V),
-    K curves in the disk, words."""
-    surface, z, words = own.surface, own.disk.z, []
+def sample_landmarks(pair, detect=None, sliding=False):
+    """The `SampledLandmarks` of an aligned `SurfacePair`; where only a curve's ends are given, the
+    path between them is detected by `detect`, or else a shortest path."""
+    moving = pair.moving
+    control = pair.control
+    held, _ = lines_by_name(pair, pair.held)
+    if not pair.curves:
+        problem = Problem(moving.disk, [], [], fewest=0, sides=pair)
+        return SampledLandmarks(problem, (), problem.mobius, {}, held, [])
+    lines, messages = lines_by_name(pair, pair.curves, detect)
+    lines_moving, lines_control = zip(*lines.values())
+    samples = sample_lines(moving, lines_moving), sample_lines(control, lines_control)
+    p = samples[0] @ moving.disk.z
+    q = samples[1] @ control.disk.z
+    # A point that curves share is one landmark of the fit.
+    once = distinct_landmarks(pair.curves, p, q)
+    problem = Problem(moving.disk, p[once], q[once], once // POINTS_PER_CURVE, sliding, sides=pair)
+    return SampledLandmarks(problem, samples, best_mobius(p, q), lines, held, messages)
+
+
+def lines_by_name(pair, curves, detect=None):
+    """name -> (moving, control) line of `Curve`s in both disks of a pair, and messages."""
+    moving, messages = curve_lines(pair.moving, curves, "moving", detect)
+    control, more = curve_lines(pair.control, curves, "control", detect)
+    names = [curve.name for curve in curves]
+    return dict(zip(names, zip(moving, control))), messages + more
+
+
+def curve_lines(own, curves, side, detect=None):
+    """`Curve`s of one side in its disk, as given or detected: (k,) complex each, and messages. own:
+    the side's `ParameterizedSurface`; side: "moving" or "control"."""
     if detect:
-        lines, words = checked_curves(detect, own, entries, side)
-    else:
-        ends = [entry[side] for entry in entries if entry["detect"][side]]
-        found = iter(detect_curves(surface, z, ends) if ends else [])
-        lines = [next(found) if entry["detect"][side] else z[entry[side]] for entry in entries]
+        return checked_curves(detect, own, curves, side)
+    z = own.disk.z
+    ends = [curve.path(side) for curve in curves if curve.detect[side]]
+    detected = iter(detect_curves(own.surface, z, ends) if ends else [])
+    lines = [next(detected) if curve.detect[side] else z[curve.path(side)] for curve in curves]
+    return lines, []
+
+
+def sample_lines(own, lines):
+    """Landmarks of K lines in the disk of a `ParameterizedSurface`: sparse (10 K, V)."""
     stops = np.cumsum([0, *map(len, lines)])
     corners = own.disk.sampling(np.concatenate(lines))  # of all at once: looking up places is slow
     matrices = [
-        resample(surface, corners[start:stop], POINTS_PER_CURVE) for start, stop in pairwise(stops)
+        resample(own.surface, corners[start:stop], POINTS_PER_CURVE)
+        for start, stop in pairwise(stops)
     ]
-    return vstack(matrices).tocsr(), lines, words
+    return vstack(matrices).tocsr()
 
 
-def distinct_landmarks(entries, p, q):
+def distinct_landmarks(curves, p, q):
     """The landmarks of (10 K,) to fit, (k,) int: `distinct`, or LandmarkError where two meet on one
     side only."""
-    meet_p, meet_q = meeting(p), meeting(q)
-    torn = np.argwhere(meet_p != meet_q)
+    meet_p = meeting(p)
+    torn = np.argwhere(meet_p != meeting(q))
     if len(torn):
-        first, second = (entries[k // POINTS_PER_CURVE]["name"] for k in torn[0])
+        first, second = (curves[k // POINTS_PER_CURVE].name for k in torn[0])
         side = "moving" if meet_p[tuple(torn[0])] else "control"
-        found = f"curves {first!r} and {second!r} share a point on the {side} side only"
         raise LandmarkError(
-            f"{found}, and a bijection cannot part points; let them meet on both sides or on "
-            "neither"
+            f"curves {first!r} and {second!r} share a point on the {side} side only, and a "
+            "bijection cannot part points; let them meet on both sides or on neither"
         )
     return distinct(p, q)

@@ -9,16 +9,13 @@ from ..plane.checks import BeltramiError, complex_numbers
 from ..plane.disk import Disk
 from ..plane.mobius import best_mobius
 
-DELTA, ETA = (
-    2.0,
-    1.0,
-)  # weights of features and, beside them, of areas, unless a call says otherwise
-BY_DISKS = 1.0  # weight of features without areas; in a group, whose mean is no surface
-INDIVIDUAL = {
-    "beta": 3e-3,
-    "delta": 3.0,
-    "eta": 3.5,
-}  # for one person's brain onto a template: areas change less
+# Default weights of features and, beside them, of areas.
+DELTA = 2.0
+ETA = 1.0
+# Default weight of features without areas; in a group, too, as its mean is no surface.
+BY_DISKS = 1.0
+# For one person's brain onto a template: areas change less.
+INDIVIDUAL = {"beta": 3e-3, "delta": 3.0, "eta": 3.5}
 MEETING = 1e-9  # in the unit disk: landmarks closer than this are one point
 
 
@@ -75,7 +72,7 @@ class Problem:
     disk: the moving surface's `Disk`, its boundary on the unit circle; moving, target (M,) complex:
     landmarks p in that disk and q in the control's; curve (M,) int: which curve each belongs to, in
     order; sliding: inner points of a curve may move along their target curve, where a method can
-    let them; fewest: how many landmarks there must be; sides: the `SurfacePair` of preparation.py
+    let them; fewest: how many landmarks there must be; sides: the `SurfacePair` of pair.py
     for methods that look at folds or areas, or None; its moving surface is the disk's. A method
     returns f (V,) complex: where each vertex lies in the control's disk. LandmarkError for unusable
     landmarks.
@@ -120,19 +117,17 @@ def check_landmarks(moving, target, curve, sliding, fewest=1):
     for name, points in (("moving", moving), ("target", target)):
         outside = np.flatnonzero(~(abs(points) <= 1 + 1e-9))
         if len(outside):
-            found = (
-                f"{outside[:5].tolist()} are not in the closed unit disk ({points[outside[0]]:.4g})"
-            )
             raise LandmarkError(
-                f"{name} landmarks {found}; map them with the surface's disk map first"
+                f"{name} landmarks {outside[:5].tolist()} are not in the closed unit disk "
+                f"({points[outside[0]]:.4g}); map them with the surface's disk map first"
             )
         order = np.lexsort((points.imag, points.real))
         twice = np.flatnonzero(abs(np.diff(points[order])) < 1e-12)
         if len(twice):
-            pair = sorted(order[twice[0] : twice[0] + 2].tolist())
-            found = f"{name} landmarks {pair[0]} and {pair[1]} coincide at {points[pair[0]]:.4g}"
+            first, second = sorted(order[twice[0] : twice[0] + 2].tolist())
             raise LandmarkError(
-                f"{found}; drop one of them (a bijection cannot part or merge points)"
+                f"{name} landmarks {first} and {second} coincide at {points[first]:.4g}; drop one "
+                "of them (a bijection cannot part or merge points)"
             )
     if curve is None and sliding:
         raise LandmarkError(

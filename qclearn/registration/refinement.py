@@ -1,33 +1,34 @@
-"""CoefficientRefinement at the truth: an exact map on the caller's mesh, and one Gauss-Newton step
-with its derivative in closed form.
+"""Refines a predicted coefficient: solve the exact map on the caller's mesh, take one Gauss-Newton
+step, repeat.
 
-A look at nu solves for its map f, refits the Möbius map M after it, and proposes a step whose
-derivative needs no solve (plane.tangent). nu lives on the rings of a polar mesh, in whose
+An iterate solves for the map f of a field nu, refits the Möbius map M after it, and proposes a step
+whose derivative needs no solve (plane.tangent). nu lies on the rings of a polar mesh, in whose
 eigenvectors the prior is diagonal.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
-from ..plane.mobius import compose_mobius, mobius, mobius_fields, mobius_slope
+from ..plane.mobius import best_mobius, mobius, mobius_fields, mobius_slope
 from ..plane.tangent import Tangent
+from .gauss_newton import solve_dual
 
-MOST = 0.6  # of |change of nu| that one step may make: beyond, it is damped
-LOWER, LEAST = 0.3, 1e-7  # by how much at once, and how far at most
-RISE, BACK = (
-    1.02,
-    0.4,
-)  # a look whose objective is that much higher is taken back to this share of its step
-TURNS = 6  # Gauss-Newton steps of the Möbius map at each look
-RIDGE = 1e-9  # relative, of the Möbius columns: fewer than two landmarks leave some of them free
+# Largest |change of nu| of a step; a longer one is damped by this factor again and again, down to
+# LEAST of itself.
+MOST = 0.6
+LOWER = 0.3
+LEAST = 1e-7
+# An iterate whose objective is so many times the best one's is rejected, and the next lies at this
+# share of its step.
+RISE = 1.02
+BACK = 0.4
 
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A field nu (N,) on the polar mesh that is not looked at yet, and its whitened coefficients x;
-    cut: whether it is less than a whole step; left (2 M,): what the step would leave of the
+    """A field nu (N,) on the polar mesh that is not solved for yet, and its whitened coefficients
+    x; cut: whether it is less than a whole step; left (2 M,): what the step would leave of the
     residual, to first order."""
 
     nu: np.ndarray
@@ -38,12 +39,13 @@ class Proposal:
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
-    """A `Proposal` with the solver's map f (V,), the Möbius map after it, and the scaled residual r
-    (2 M,)."""
+    """A `Proposal` with the solver's map f (V,), the mapped landmarks w (M,) after the best Möbius
+    map, its slope dw / df there, and the scaled residual r (2 M,)."""
 
     proposal: Proposal
     f: np.ndarray
-    mobius: tuple
+    w: np.ndarray
+    slope: np.ndarray
     r: np.ndarray
 
     @property
@@ -53,7 +55,7 @@ class Iterate:
 
 
 class CoefficientRefinement:
-    """CoefficientRefinement at points (p, q), (M,) each, on a `CoefficientMesh` with the mesh of a
+    """Refinement for points (p, q), (M,) each, on a `CoefficientMesh` with the mesh of a
     `Spectrum`; beta, gamma in parts of alpha.
 
     Whitened coefficients x (2 N - 2,): those of nu times sqrt(1 + beta Laplace), real and imaginary
@@ -61,42 +63,40 @@ class CoefficientRefinement:
     imaginary ones.
     """
 
-    def __init__(self, link, spectrum, points, beta, gamma):
+    def __init__(self, coefficient_mesh, spectrum, points, beta, gamma):
         p, self.target = points
-        self.link, self.spectrum, self.scale = link, spectrum, np.sqrt(gamma / len(p))
+        self.coefficient_mesh, self.spectrum = coefficient_mesh, spectrum
+        self.scale = np.sqrt(gamma / len(p))
         self.root = np.sqrt(1 + beta * spectrum.values)
-        self.samples, _ = link.carrier.values_at(p)
-        self.tangent = Tangent(link, self.samples)
+        self.samples, _ = coefficient_mesh.carrier.values_at(p)
+        self.tangent = Tangent(coefficient_mesh, self.samples)
 
     def run(self, start, count):
-        """(proposal, best look so far) before any look and after each of `count`, which cost one
-        exact map each; start: nu (N,), or None for one step from nu = 0. After a look that is
-        worse, the next lies nearer to the best one."""
+        """(proposal, best iterate so far) before the first and after each of `count` iterations,
+        one exact map each; start: nu (N,), or None for one step from nu = 0."""
         best, share = self.at_zero(), 1.0
-        wanted = proposal = self.step(best) if start is None else self.proposal(start)
+        whole = proposal = self.step(best) if start is None else self.proposal(start)
         yield proposal, best
         for _ in range(count):
-            f = self.link.solver.solve(self.link.coefficient(proposal.nu))
-            look = self.seen(proposal, f, best.mobius)
-            if look.objective < RISE * best.objective:
-                best, share = look, 1.0
-                wanted = proposal = self.step(look)
-            else:
+            mu = self.coefficient_mesh.coefficient(proposal.nu)
+            iterate = self.iterate(proposal, self.coefficient_mesh.solver.solve(mu))
+            if iterate.objective < RISE * best.objective:
+                best, share = iterate, 1.0
+                whole = proposal = self.step(best)
+            else:  # worse: the next lies nearer to the best one
                 share *= BACK
-                x = best.proposal.x + share * (wanted.x - best.proposal.x)
+                x = best.proposal.x + share * (whole.x - best.proposal.x)
                 proposal = Proposal(self.field(x), x, True)
             yield proposal, best
 
     def born(self):
-        """The step at nu = 0, nu (N,); how far the landmarks should go in the moving disk (M,);
-        what it leaves."""
-        look = self.at_zero()
-        proposal, slope = (
-            self.step(look),
-            self.scale * (self.samples @ mobius_slope(look.f, *look.mobius)),
-        )
+        """The Born step, which is that at nu = 0: nu (N,); how far the landmarks should go in the
+        moving disk (M,); what the step leaves of that."""
+        iterate = self.at_zero()
+        proposal, count = self.step(iterate), len(iterate.w)
         wanted, left = (
-            -(r[: len(slope)] + 1j * r[len(slope) :]) / slope for r in (look.r, proposal.left)
+            -(r[:count] + 1j * r[count:]) / (self.scale * iterate.slope)
+            for r in (iterate.r, proposal.left)
         )
         return proposal.nu, wanted, left
 
@@ -108,67 +108,45 @@ class CoefficientRefinement:
         return self.spectrum.field(x.view(complex) / self.root)
 
     def at_zero(self):
-        """The look at nu = 0, without a solve."""
-        nowhere = Proposal(np.zeros(len(self.root) + 1, complex), np.zeros(2 * len(self.root)))
-        return self.seen(nowhere, self.link.disk.z, None)
+        """The iterate at nu = 0, without a solve."""
+        nu, x = np.zeros(len(self.root) + 1, complex), np.zeros(2 * len(self.root))
+        return self.iterate(Proposal(nu, x), self.coefficient_mesh.disk.z)
 
-    def seen(self, proposal, f, parameters):
-        parameters = refit(self.samples @ f, self.target, parameters)
-        return Iterate(
-            proposal,
-            f,
-            parameters,
-            self.components(self.samples @ mobius(f, *parameters) - self.target),
-        )
+    def iterate(self, proposal, f):
+        """The `Iterate` of a proposal and the solver's map for it."""
+        parameters = best_mobius(self.samples @ f, self.target)
+        w = self.samples @ mobius(f, *parameters)
+        slope = self.samples @ mobius_slope(f, *parameters)
+        return Iterate(proposal, f, w, slope, self.components(w - self.target))
 
     def components(self, change):
         """Changes of the mapped landmarks (M, ...) as those of the residual (2 M, ...)."""
         return self.scale * np.concatenate([change.real, change.imag])
 
-    def step(self, look):
+    def step(self, iterate):
         """The dual Gauss-Newton step, by Levenberg's `d |x - x_0|^2` damped to MOST; share = 1 / (1
         + d)."""
-        (rows, off), x, share = self.rows(look), look.proposal.x, 1.0
-        gram, moved = off(off(rows @ rows.T).T), off(rows @ x)
+        rows, project = self.rows(iterate)
+        x, share = iterate.proposal.x, 1.0
+        gram, along = project(project(rows @ rows.T).T), project(rows @ x)
         while True:
-            y = cho_solve(cho_factor(np.eye(len(gram)) + share * gram), off(look.r) - share * moved)
-            change = -share * (off(y) @ rows + x)
-            nu = self.field(x + change)
-            if abs(nu - look.proposal.nu).max() <= MOST or share < LEAST:
-                return Proposal(nu, x + change, share < 1, y)
+            y = solve_dual(share * gram, project(iterate.r) - share * along)
+            after = x - share * (project(y) @ rows + x)
+            nu = self.field(after)
+            if abs(nu - iterate.proposal.nu).max() <= MOST or share < LEAST:
+                return Proposal(nu, after, share < 1, y)
             share *= LOWER
 
-    def rows(self, look):
-        """dr/dx, (2 M, 2 N - 2), up to Möbius maps, and `off(r)`, which takes these out of
+    def rows(self, iterate):
+        """dr/dx, (2 M, 2 N - 2), up to Möbius maps, and `project(r)`, which takes these out of
         residuals (2 M, ...)."""
-        P, Q = (
-            part[:-2] for part in self.tangent.variation(look.proposal.nu, look.f, np.complex64)
-        )
-        slope = (self.scale * (self.samples @ mobius_slope(look.f, *look.mobius))[:, None]).astype(
-            P.dtype
-        )
-        white = (1 / self.root).astype(slope.real.dtype)
-        P, Q = (self.spectrum.gradients(part) * white for part in ((slope * P).conj(), slope * Q))
-        fields = mobius_fields(self.samples @ mobius(look.f, *look.mobius))
-        columns, _ = np.linalg.qr(self.components(fields))
+        # Single precision: four digits of the derivative are enough.
+        P, Q = self.tangent.variation(iterate.proposal.nu, iterate.f, np.complex64)
+        slope = (self.scale * iterate.slope[:, None]).astype(P.dtype)
+        white = (1 / self.root).astype(P.real.dtype)
+        # dw = P dnu + Q conj(dnu), but for the last two points, 0 and 1.
+        P = self.spectrum.gradients((slope * P[:-2]).conj()) * white
+        Q = self.spectrum.gradients(slope * Q[:-2]) * white
         rows = np.concatenate([P + Q, 1j * (P - Q)]).astype(complex).view(float)
+        columns, _ = np.linalg.qr(self.components(mobius_fields(iterate.w)))
         return rows, lambda r: r - columns @ (columns.T @ r)
-
-
-def refit(f, q, parameters=None):
-    """(a, theta) of the disk Möbius map that brings f (M,) nearest to q, by steps from
-    `parameters`."""
-    parameters = parameters or (0j, float(np.angle((q * f.conj()).sum())))
-    for _ in range(TURNS):
-        w = mobius(f, *parameters)
-        columns, left = (
-            np.concatenate([part.real, part.imag]) for part in (mobius_fields(w), q - w)
-        )
-        normal = columns.T @ columns
-        normal += RIDGE * (np.trace(normal) + RIDGE) * np.eye(3)
-        turn, real, imaginary = np.linalg.solve(normal, columns.T @ left)
-        a = complex(real, imaginary)
-        parameters = compose_mobius(
-            parameters, (a / max(1.0, 2 * abs(a)), turn)
-        )  # no further than 1/2 at once
-    return parameters

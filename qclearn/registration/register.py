@@ -16,27 +16,20 @@ from tqdm import tqdm
 from ..surfaces.conformal import parameterize
 from ..surfaces.surface import Surface, require_disk, require_outward
 from .curves import check_curves, held_apart
-from .diagnose import FEWEST, diagnose_landmarks
+from .diagnose import diagnose_landmarks
 from .features import FOLDS, check_features, featured
-from .fit import certified
-from .networks import (
-    TOLERANCE,
-    certified_network_map,
-    fit_with_fallbacks,
-    gamma_messages,
-    predicted,
-)
+from .fit import certified, fit_with_fallbacks
+from .networks import TOLERANCE, certified_network_map, gamma_messages, predicted
 from .pair import SurfacePair, align_disks, sample_landmarks
 from .problem import BY_DISKS, DELTA, ETA, LandmarkError, Weights
-from .report import check_annotations, report_of
+from .report import check_annotations, feature_messages, report_of
 from .uncertainty import check_uncertainty, uncertainty_of, uncertainty_report
 
 STOPPED = (
     "the landmarks are wrong (see suspect), so nothing was fitted: this is the Möbius map that "
-    "aligns the ends of the "
-    "curves, or the folds; features, held-out curves, annotations and the radius were not "
-    "computed; correct the "
-    "landmarks, or fit them as they are by accept_suspect=True, --accept-suspect"
+    "aligns the ends of the curves, or the folds; features, held-out curves, annotations and the "
+    "radius were not computed; correct the landmarks, or fit them as they are by "
+    "accept_suspect=True, --accept-suspect"
 )
 STAGES = {"exact": (6, 7), "network": (10, 9)}  # how many run without and with features
 
@@ -143,99 +136,102 @@ def register(
     less. uncertainty: also a radius in mm at each moving vertex, calibrated where the truth is
     known (uncertainty.py): `result.uncertainty` and `report["uncertainty"]`; LandmarkError for
     settings in which it was not measured. accept_suspect: fit landmarks that are wrong, too. By
-    default those that are swapped, reversed, mirrored, exchanged or of another numbering are told
-    before the fit, and the result is the aligned map (`report["stopped"]`). method: "exact"
-    (shortest paths, Gauss-Newton fit, exact solver) or "network" (LD-Net, CP-Net, DBS-Net; the
-    exact solver replaces a map that folds, and Gauss-Newton steps refine one whose landmark error
-    in the disk exceeds `tolerance`: 5e-3 unless given, inf to take what comes; with features, the
-    fit starts from CP-Net's answer). `report["fallbacks"]` lists what was done, `report["suspect"]`
-    why not to trust the result (see suspect.py). Both surfaces must be outward-oriented disks of
-    the same handedness (`mirror` one of them otherwise). Errors: SurfaceError, LandmarkError,
-    FeatureError; BijectivityError if no map is bijective at any gamma; ImportError if the networks
-    are asked for and torch is not installed.
+    default those that are swapped, reversed, mirrored, exchanged or of another numbering are
+    reported before the fit, and the result is the aligned map (`report["stopped"]`). method:
+    "exact" (shortest paths, Gauss-Newton fit, exact solver) or "network" (LD-Net, CP-Net, DBS-Net;
+    the exact solver replaces a map that folds, and Gauss-Newton steps refine one whose landmark
+    error in the disk exceeds `tolerance`: 5e-3 unless given, inf to take what comes; with features,
+    the fit starts from CP-Net's answer). `report["fallbacks"]` lists what was done,
+    `report["suspect"]` why not to trust the result (see diagnose.py). Both surfaces must be
+    outward-oriented disks of the same handedness (`mirror` one of them otherwise). Errors:
+    SurfaceError, LandmarkError, FeatureError; BijectivityError if no map is bijective at any gamma;
+    ImportError if the networks are asked for and torch is not installed.
     """
+    # Everything that can be refused without a computation is refused here.
     tolerance = check_method(method, sliding, tolerance, features)
     eta = check_eta(eta, method, features)
-    weights = Weights(
-        alpha, beta, gamma, check_delta(delta, features, DELTA if eta else BY_DISKS), eta
-    )
+    delta = check_delta(delta, features, DELTA if eta else BY_DISKS)
+    weights = Weights(alpha, beta, gamma, delta, eta)
     if uncertainty:
         check_uncertainty(features, method, sliding, weights)
-    entries, held = given_curves(moving, control, curves, features, hold_out)
+    fitted, held = given_curves(moving, control, curves, features, hold_out)
     regions = check_annotations(annotations, moving, control)
     stages = Stages(STAGES[method][features is not None], progress)
     networks = {}
     if method == "network":
         with stages("load"):
-            networks = load_networks(entries, features is not None)
-    pair = replace(lay_out(moving, control, stages), entries=entries, held=held)
-    if len(entries) < FEWEST:  # features align the disks, or judge the few curves
-        pair = with_features(pair, features, stages)
+            networks = load_networks(fitted, features)
 
-    # Wrong landmarks are recognised by the curves' ends, before anything is fitted.
+    # Each surface goes to the unit disk by its conformal map; features are compared there.
+    with stages("disk_moving"):
+        on_moving = parameterize(moving)
+    with stages("disk_control"):
+        on_control = parameterize(control)
+    compared = None
+    if features is not None:
+        with stages("features"):
+            maps = check_features(features, moving, control)
+            on_moving, on_control, compared = featured(on_moving, on_control, maps)
+
+    # A Möbius map aligns the moving disk by the curves' ends. They show whether the landmarks are
+    # wrong, and then nothing but the aligned map is computed.
     with stages("align"):
-        aligned = align_disks(pair)
-        wrong = diagnose_landmarks(aligned)
-    if wrong and not accept_suspect:
-        aligned = replace(aligned, held=[], features=None)
-        return stopped(aligned, weights, wrong, sliding, stages, method)
-    if aligned.features is None:
-        featured_pair = with_features(pair, features, stages)
-        laid = replace(featured_pair.moving, disk=aligned.moving.disk)
-        aligned = replace(featured_pair, moving=laid)
+        pair = align_disks(SurfacePair(on_moving, on_control, fitted, held, compared))
+        wrong = diagnose_landmarks(pair)
+    stopped = bool(wrong) and not accept_suspect
+    if stopped:
+        pair = replace(pair, held=[], features=None)
+        regions = None
+        networks = {}
 
+    # Sulci are detected between their ends, and each curve gives ten landmarks.
     with stages("detect"):
-        landmarks = sample_landmarks(
-            aligned, networks["ldnet"].detect if networks else None, sliding
-        )
-    if networks:
+        detect = networks["ldnet"].detect if networks else None
+        landmarks = sample_landmarks(pair, detect, sliding)
+        against = feature_messages(pair, landmarks)
+
+    # The map is fitted, or predicted by the networks, and certified.
+    if stopped:
+        with stages("map"):
+            fit = certified(landmarks.problem, pair.moving.disk.z, (0j, 0.0))
+    elif networks:
         fit = fit_by_networks(
-            networks, aligned.features, landmarks.problem, weights, tolerance, stages
+            networks, pair.features, landmarks.problem, weights, tolerance, stages
         )
     else:
         with stages("map"):
-            fit = fit_with_fallbacks(landmarks.problem, weights, None, 0.0, aligned.features)
-    with stages("pull_back"):
-        points = aligned.control.lift(fit.f)
-        report = report_of(aligned, landmarks, weights, fit, points, regions)
-    report["suspect"] = [*wrong, *report["suspect"]]
-    words = gamma_messages(networks["cpnet"], weights) if networks else []
-    report |= {
-        "fallbacks": words + report["fallbacks"],
-        "seconds": stages.report(),
-        "method": method,
-    }
-    if networks and features is None:
-        report["tolerance"] = (
-            tolerance if np.isfinite(tolerance) else None
-        )  # JSON knows no infinity
-    result = registration_of(aligned, landmarks, fit, points, report)
-    if not uncertainty:
-        return result
-    radius, report["uncertainty"] = uncertainty_report(
-        uncertainty_of(aligned, landmarks.problem, weights, fit), aligned
-    )
-    return replace(result, uncertainty=radius)
+            fit = fit_with_fallbacks(landmarks.problem, weights, None, 0.0, pair.features)
 
-
-def stopped(pair, weights, wrong, sliding, stages, method):
-    """The Registration of an aligned pair whose landmarks are wrong, reasons `wrong`: the aligned
-    map, certified."""
-    with stages("detect"):
-        landmarks = sample_landmarks(pair, None, sliding)
-        fit = certified(landmarks.problem, pair.moving.disk.z, (0j, 0.0))
+    # The inverse of the control's disk map takes the vertices to the control, where we measure.
     with stages("pull_back"):
         points = pair.control.lift(fit.f)
-        report = report_of(pair, landmarks, weights, fit, points)
-    report |= {"suspect": wrong, "stopped": STOPPED, "seconds": stages.report(), "method": method}
-    return registration_of(pair, landmarks, fit, points, report)
-
-
-def registration_of(pair, landmarks, fit, points, report):
-    """The Registration of an aligned pair, without a radius."""
-    here, there = pair.moving.disk, pair.control.disk
+        report = report_of(pair, landmarks, weights, fit, points, regions, against)
+    report["suspect"] = wrong if stopped else [*wrong, *report["suspect"]]
+    report["stopped"] = STOPPED if stopped else None
+    if networks:
+        report["fallbacks"] = gamma_messages(networks["cpnet"], weights) + report["fallbacks"]
+    report["seconds"] = stages.report()
+    report["method"] = method
+    if networks and features is None:
+        # JSON knows no infinity.
+        report["tolerance"] = tolerance if np.isfinite(tolerance) else None
+    radius = None
+    if uncertainty and not stopped:
+        spread = uncertainty_of(pair, landmarks.problem, weights, fit)
+        radius, report["uncertainty"] = uncertainty_report(spread, pair)
+    here = pair.moving.disk
+    there = pair.control.disk
     return Registration(
-        points, fit.f, fit.mu, report, here.z, there.z, landmarks.lines, here.faces, there.faces
+        points,
+        fit.f,
+        fit.mu,
+        report,
+        here.z,
+        there.z,
+        landmarks.lines,
+        here.faces,
+        there.faces,
+        radius,
     )
 
 
@@ -244,41 +240,24 @@ def given_curves(moving, control, curves, features, hold_out):
     for surface in (moving, control):
         require_disk(surface)
         require_outward(surface)
-    entries, held = held_apart(
-        check_curves(curves, moving, control, int(features is None)), hold_out
-    )
-    if not entries and features is None:
+    checked = check_curves(curves, moving, control, int(features is None))
+    fitted, held = held_apart(checked, hold_out)
+    if not fitted and features is None:
         raise LandmarkError("all curves are held out: leave some to be fitted, or give features")
-    return entries, held
+    return fitted, held
 
 
-def load_networks(entries, features):
+def load_networks(curves, features):
     """The networks of a registration with or without features, dict; LandmarkError without
-    landmarks."""
-    if not entries:
+    curves."""
+    if not curves:
         raise LandmarkError(
             "method 'network' needs landmarks: CP-Net knows nothing else; give method 'exact'"
         )
-    return {name: load(name) for name in ("ldnet", "cpnet", *([] if features else ["dbsnet"]))}
+    from ..nets import load  # here, as it needs torch
 
-
-def lay_out(moving, control, stages):
-    """Both surfaces on their disks, `SurfacePair` without curves."""
-    with stages("disk_moving"):
-        moving = parameterize(moving)
-    with stages("disk_control"):
-        control = parameterize(control)
-    return SurfacePair(moving, control, [], [])
-
-
-def with_features(pair, features, stages):
-    """The pair with the `Features` that `register` was given, if any."""
-    if features is None:
-        return pair
-    with stages("features"):
-        maps = check_features(features, pair.moving.surface, pair.control.surface)
-        moving, control, compared = featured(pair.moving, pair.control, maps)
-    return replace(pair, moving=moving, control=control, features=compared)
+    names = ("ldnet", "cpnet", "dbsnet") if features is None else ("ldnet", "cpnet")
+    return {name: load(name) for name in names}
 
 
 def fit_by_networks(networks, features, problem, weights, tolerance, stages):
@@ -341,11 +320,3 @@ def check_eta(eta, method, features):
             f"eta = {eta:g} and the networks alone: they know no areas; give features, or eta=0"
         )
     return eta
-
-
-def load(name, preset="best", gamma=None):
-    """A network with its shipped weights; WeightsError if there are none, ImportError where torch
-    is not installed."""
-    from ..nets import load as load_network
-
-    return load_network(name, preset, gamma)

@@ -1,15 +1,16 @@
-"""Annotations of both sides, regions by name: how well the moving side's own and the control's,
-carried over, agree."""
+"""The report of a registration: errors before and after the fit, distortion, held-out curves, and
+Dice's coefficients of annotations."""
 
+from dataclasses import asdict
 from importlib.metadata import version
 
 import numpy as np
 
-from ..plane.mobius import best_mobius, mobius
+from ..plane.mobius import mobius
 from ..surfaces.checks import degenerate_faces
 from ..surfaces.surface import SurfaceError
-from .curves import POINTS_PER_CURVE, curve_distance, curves_in_space, sample_curve
-from .diagnose import FEWEST, disagreeing, laid_by_folds, reasons, worse
+from .curves import POINTS_PER_CURVE, SIDES, curve_distance, curves_in_space, sample_curve
+from .diagnose import FEWEST, align_by_folds, disagreeing, reasons, worse
 from .metrics import (
     coefficient_statistics,
     curve_rows,
@@ -17,10 +18,10 @@ from .metrics import (
     log2_distortions,
     mean_rows,
 )
-from .pair import sample_curves
 
 NAMELESS = ("", "???", "unknown")  # regions that are none
-SIDES = ("moving", "control")
+# Null in the report where no landmark was given.
+ERRORS = ("landmark_error_before", "landmark_error", "landmark_error_mm")
 
 
 def check_annotations(annotations, *surfaces):
@@ -49,7 +50,9 @@ def check_annotations(annotations, *surfaces):
 def of_vertices(side, names, surface):
     """The names of regions of a surface's vertices (V,), also from those of the whole surface that
     it was cut from."""
-    names, count, table = np.asarray(names), len(surface.vertices), surface.original_vertices
+    names = np.asarray(names)
+    count = len(surface.vertices)
+    table = surface.original_vertices
     if names.dtype.kind != "U" or names.ndim != 1:
         raise SurfaceError(
             f"annotation, {side} side: {names.dtype} {names.shape}; give the name of each "
@@ -57,20 +60,18 @@ def of_vertices(side, names, surface):
         )
     if len(names) == count:
         return names
-    if (
-        table is not None and table.max() < len(names) <= 2 * count
-    ):  # no more than half of a surface is cut away
+    # No more than half of a surface is cut away.
+    if table is not None and table.max() < len(names) <= 2 * count:
         return names[table]
     raise SurfaceError(
         f"annotation, {side} side: {len(names)} regions for {count} vertices; give one a vertex "
-        "of the surface as it "
-        "is registered, or of the whole one if its npz has original_vertices"
+        "of the surface as it is registered, or of the whole one if its npz has original_vertices"
     )
 
 
-def dice(sides, regions, *maps):
-    """Dice's coefficients of two `SurfacePair` and regions of `check_annotations` after a first and
-    a last disk map (V,).
+def dice(pair, regions, *maps):
+    """Dice's coefficients of a `SurfacePair` and regions of `check_annotations` after a first and a
+    last disk map (V,).
 
     `2 |A n B| / (|A| + |B|)`, |.| the moving surface's area, A a region of the moving side and B
     the control's of that name where the map takes its vertices: `{"before", "after"}`, the mean
@@ -79,39 +80,42 @@ def dice(sides, regions, *maps):
     """
     if regions is None:
         return {}
-    own, there, names = regions
-    areas, disk = sides.moving.surface.vertex_areas, sides.control.disk
+    own, on_control, names = regions
+    areas = pair.moving.surface.vertex_areas
+    disk = pair.control.disk
+
+    def areas_of(numbers):
+        return np.bincount(numbers[numbers >= 0], areas[numbers >= 0], len(names))
+
     rows = []
     for f in maps:
+        # Each moving vertex takes the region of the control's nearest corner.
         face, weights = disk.lookup(f)
-        carried = there[disk.faces[face, weights.argmax(1)]]
-        one, other, both = (
-            np.bincount(found[found >= 0], areas[found >= 0], len(names))
-            for found in (own, carried, np.where(own == carried, own, -1))
-        )
-        rows.append([2 * both.sum() / (one + other).sum(), *(2 * both / (one + other))])
+        carried = on_control[disk.faces[face, weights.argmax(1)]]
+        total = areas_of(own) + areas_of(carried)
+        both = areas_of(np.where(own == carried, own, -1))
+        rows.append([2 * both.sum() / total.sum(), *(2 * both / total)])
     (before, after), *rest = np.transpose(rows).tolist()
     return {"before": before, "after": after, "regions": dict(zip(names, rest))}
 
 
-ERRORS = (
-    "landmark_error_before",
-    "landmark_error",
-    "landmark_error_mm",
-)  # null where no landmark was given
+def report_of(pair, landmarks, weights, fit, points, regions=None, against=()):
+    """The report of a registration, a dict for JSON, without method and seconds.
 
-
-def report_of(sides, landmarks, weights, fit, points, regions=None):
-    """The report of a registration, a dict for JSON, without method and seconds; regions: of
-    `check_annotations`."""
-    rows, features, moving = (
-        error_rows(sides, landmarks.samples, fit.f),
-        sides.features,
-        sides.moving.surface,
-    )
-    plain = mobius(sides.moving.disk.z, *landmarks.problem.mobius)
-    held_out, overlap = held_out_distances(sides, plain, fit.f), dice(sides, regions, plain, fit.f)
-    against = unlike(sides, plain) if features else []
+    landmarks: the pair's `SampledLandmarks`, whose best Möbius map is the `_before` of everything;
+    points (V, 3): the moving vertices on the control; regions: of `check_annotations`; against: of
+    `feature_messages`.
+    """
+    moving = pair.moving.surface
+    features = pair.features
+    rows = error_rows(pair, landmarks, fit.f)
+    maps = landmarks.mobius_map, fit.f
+    held_out = held_out_distances(pair, landmarks.held, *maps)
+    overlap = dice(pair, regions, *maps)
+    r = {}
+    if features:
+        by_map = np.transpose([features.correlation(f) for f in maps]).tolist()
+        r = dict(zip(features.names, by_map))
     return {
         **dict.fromkeys(ERRORS),
         **mean_rows(rows),
@@ -121,14 +125,10 @@ def report_of(sides, landmarks, weights, fit, points, regions=None):
         "flipped": len(fit.flipped),
         "bijective": fit.bijective,
         "degenerate": len(degenerate_faces(points, moving.faces)),
-        "fallbacks": [*sides.words, *landmarks.words, *fit.fallbacks],
-        "alpha": weights.alpha,
-        "beta": weights.beta,
-        "gamma": weights.gamma,
-        "delta": weights.delta,
-        "eta": weights.eta,
+        "fallbacks": [*pair.messages, *landmarks.messages, *fit.fallbacks],
+        **asdict(weights),
         "features": dict(zip(features.names, features.shares.tolist())) if features else {},
-        "r": fit.r if features else {},
+        "r": r,
         "start": fit.start if features else "",
         "mobius": {"a": [fit.mobius[0].real, fit.mobius[0].imag], "theta": fit.mobius[1]},
         "curves": rows,
@@ -140,59 +140,65 @@ def report_of(sides, landmarks, weights, fit, points, regions=None):
     }
 
 
-def unlike(sides, plain):
-    """`features:`, if anything, after a Möbius map `plain` (V,) of the landmarks; so few that they
-    do not determine it make way for the features' own."""
-    found = [*disagreeing(sides.features, plain)]
-    if found and 0 < len(sides.entries) < FEWEST:
-        found = [*disagreeing(sides.features, laid_by_folds(sides).moving.disk.z)]
-    return found
-
-
-def error_rows(sides, samples, f):
-    """`curve_rows` of the map f (V,) and the landmarks `samples` of both sides, sparse (10 K, V)
-    each; for a detected curve also `landmark_error_true`, between the true curves, where the
-    surfaces carry them."""
-    moving, control, entries = sides.moving, sides.control, sides.entries
-    if not entries:
+def feature_messages(pair, landmarks):
+    """Why the features of an aligned pair do not agree after the best Möbius map, before any fit:
+    `features:` messages, a list. Curves too few to determine that map make way for the features'
+    own."""
+    if pair.features is None:
         return []
-    p, mapped, q = samples[0] @ moving.disk.z, samples[0] @ f, samples[1] @ control.disk.z
-    off = np.linalg.norm(control.lift(mapped) - samples[1] @ control.surface.vertices, axis=1)
-    before = abs(mobius(p, *best_mobius(p, q)) - q)
-    rows = curve_rows([entry["name"] for entry in entries], before, abs(mapped - q), off)
-    for row, entry in zip(rows, entries):
-        paths = (
-            true_path(moving.surface, entry, "moving"),
-            true_path(control.surface, entry, "control"),
-        )
-        if any(entry["detect"].values()) and all(path is not None for path in paths):
-            true_p = sample_curve(moving.surface, paths[0], POINTS_PER_CURVE) @ f
-            true_q = sample_curve(control.surface, paths[1], POINTS_PER_CURVE) @ control.disk.z
-            row["landmark_error_true"] = float(abs(true_p - true_q).mean())
+    messages = [*disagreeing(pair.features, landmarks.mobius_map)]
+    if messages and 0 < len(pair.curves) < FEWEST:
+        return [*disagreeing(pair.features, align_by_folds(pair).moving.disk.z)]
+    return messages
+
+
+def error_rows(pair, landmarks, f):
+    """`curve_rows` of the map f (V,) and `SampledLandmarks` of a pair; for a detected curve also
+    `landmark_error_true`, between the true curves, where the surfaces carry them."""
+    if not pair.curves:
+        return []
+    moving = pair.moving
+    control = pair.control
+    here, there = landmarks.samples
+    mapped = here @ f
+    q = there @ control.disk.z
+    before = abs(mobius(here @ moving.disk.z, *landmarks.mobius) - q)
+    off_mm = np.linalg.norm(control.lift(mapped) - there @ control.surface.vertices, axis=1)
+    rows = curve_rows([curve.name for curve in pair.curves], before, abs(mapped - q), off_mm)
+    for row, curve in zip(rows, pair.curves):
+        true_p = true_path(moving.surface, curve, "moving")
+        true_q = true_path(control.surface, curve, "control")
+        if any(curve.detect.values()) and true_p is not None and true_q is not None:
+            after = sample_curve(moving.surface, true_p, POINTS_PER_CURVE) @ f
+            target = sample_curve(control.surface, true_q, POINTS_PER_CURVE) @ control.disk.z
+            row["landmark_error_true"] = float(abs(after - target).mean())
     return rows
 
 
-def true_path(surface, entry, side):
-    """The vertex path of a curve as given, or as the surface carries it between the given
+def true_path(surface, curve, side):
+    """The vertex path of a `Curve` as given, or as the surface carries it between the given
     endpoints, else None."""
-    given, known = entry[side], surface.curves.get(entry["name"])
-    if not entry["detect"][side]:
+    given = curve.path(side)
+    known = surface.curves.get(curve.name)
+    if not curve.detect[side]:
         return given
     if known is None or sorted(known[[0, -1]]) != sorted(given):
         return None
     return known if known[0] == given[0] else known[::-1]
 
 
-def held_out_distances(sides, *maps):
-    """Held-out curve -> `curve_distance` between its image by each of the maps (V,) and itself on
-    the control."""
-    if not sides.held:
+def held_out_distances(pair, lines, *maps):
+    """Held-out curve -> `curve_distance`, mm, between its image by each of the maps (V,) and itself
+    on the control. lines: name -> (moving, control) line in the disks of the pair, as
+    `SampledLandmarks.held`."""
+    if not lines:
         return {}
-    lines_moving = sample_curves(sides.moving, sides.held, "moving")[1]
-    lines_control = sample_curves(sides.control, sides.held, "control")[1]
-    stops = np.cumsum([len(line) for line in lines_moving])[:-1]
-    samples = sides.moving.disk.sampling(np.concatenate(lines_moving))
-    wanted = curves_in_space(sides.control, lines_control)
-    found = [curves_in_space(sides.control, np.split(samples @ f, stops)) for f in maps]
-    distances = [[float(curve_distance(*pair)) for pair in zip(curves, wanted)] for curves in found]
-    return {entry["name"]: list(row) for entry, row in zip(sides.held, zip(*distances))}
+    moving, control = zip(*lines.values())
+    stops = np.cumsum([len(line) for line in moving])[:-1]
+    samples = pair.moving.disk.sampling(np.concatenate(moving))
+    targets = curves_in_space(pair.control, control)
+    images = [curves_in_space(pair.control, np.split(samples @ f, stops)) for f in maps]
+    return {
+        name: [float(curve_distance(curve, target)) for curve in curves]
+        for name, target, curves in zip(lines, targets, zip(*images))
+    }

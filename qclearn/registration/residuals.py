@@ -1,5 +1,5 @@
-"""What a fit makes small, as residuals of the map: mismatches of landmarks and of features, and
-changes of area."""
+"""The residuals of a fit: mismatches of landmarks and of features, and changes of area. Each term
+has `residual(f)` and the sparse derivative `rows(f)`."""
 
 import numpy as np
 from scipy import sparse
@@ -38,40 +38,39 @@ class LandmarkTerm:
     def rows(self, samples, gamma):
         """Sparse complex R (2 M, N) for points `samples @ w`: the components change by `Re(conj(R)
         dw)`."""
-        turns = np.concatenate(
-            [self.weights[0] * self.tangent, 1j * self.weights[1] * self.tangent]
-        )
+        along, across = self.weights
+        turns = np.concatenate([along * self.tangent, 1j * across * self.tangent])
         scale = np.sqrt(gamma / self.count)
         return (sparse.diags_array(scale * turns) @ sparse.vstack([samples, samples])).tocsr()
 
-    def jacobian(self, by_re, by_im, gamma):
-        """Components (2 M, ...) from the parts Re w and Im w of changes, or from their gradients,
-        (M, ...) each."""
+    def jacobian(self, by_re, by_im, gamma, slope=1.0):
+        """Components (2 M, ...) from the parts Re f and Im f of changes, or from their gradients,
+        (M, ...) each, of points with `dw = slope df`."""
         shape = (-1,) + (1,) * (by_re.ndim - 1)
-        turn, along, across = (part.reshape(shape) for part in (self.tangent.conj(), *self.weights))
-        rows = (
-            along * (turn.real * by_re - turn.imag * by_im),
-            across * (turn.imag * by_re + turn.real * by_im),
-        )
-        return np.sqrt(gamma / self.count) * np.concatenate(rows)
+        turn = (self.tangent.conj() * slope).reshape(shape)
+        along, across = (part.reshape(shape) for part in self.weights)
+        along = along * (turn.real * by_re - turn.imag * by_im)
+        across = across * (turn.imag * by_re + turn.real * by_im)
+        return np.sqrt(gamma / self.count) * np.concatenate([along, across])
 
 
 class Places:
-    """Where points of the mapped mesh lie in the control's `Disk`, kept for the last map.
+    """Where points of the mapped mesh lie in the control's `Disk`, cached for the last map.
 
     samples (P, N): from the mesh's vertices to the points; None: the vertices themselves.
     """
 
     def __init__(self, disk, samples=None):
-        self.disk, self.samples, self.map, self.found = disk, samples, None, None
+        self.disk, self.samples = disk, samples
+        self.map, self.last = None, (None, None)
 
     def at(self, f):
         """(face, weights) of the points after a map f (N,)."""
         if self.map is not f:
-            guess = None if self.found is None else self.found[0]
-            self.found = self.disk.lookup(f if self.samples is None else self.samples @ f, guess)
+            points = f if self.samples is None else self.samples @ f
+            self.last = self.disk.lookup(points, self.last[0])
             self.map = f
-        return self.found
+        return self.last
 
 
 class FeatureTerm:
@@ -95,14 +94,11 @@ class FeatureTerm:
 
     def rows(self, f):
         """Sparse complex R (C V, N): the residual changes by `Re(conj(R) df)`."""
-        samples = self.places.samples
-        blocks = [
-            sparse.diags_array(column)
-            for column in (-self.scale * self.image.slopes(self.places.at(f))).T
-        ]
-        return sparse.vstack(
-            [block if samples is None else block @ samples for block in blocks]
-        ).tocsr()
+        slopes = -self.scale * self.image.slopes(self.places.at(f))
+        rows = sparse.vstack([sparse.diags_array(column) for column in slopes.T])
+        if self.places.samples is not None:
+            rows = rows @ self.places.samples
+        return rows.tocsr()
 
 
 class AreaTerm:
@@ -122,19 +118,18 @@ class AreaTerm:
     def __init__(self, disk, shares, moving, control, eta, places):
         """disk: the mapped mesh; shares, moving (F,): w and l_M; control (W,): l_C; places: the
         mapped vertices'."""
-        self.disk, self.control, self.places, there = disk, control, places, places.disk
+        self.disk, self.control, self.places = disk, control, places
+        there = places.disk
         self.slopes = np.einsum("fk,fk->f", there.gradients, control[there.faces])
-        self.scale, self.floor = np.sqrt(eta * shares), self.FLOOR * disk.areas
+        self.scale = np.sqrt(eta * shares)
+        self.floor = self.FLOOR * disk.areas
         self.here = moving + np.log(disk.areas)
 
     def log_areal(self, f):
         """log J (F,)."""
         there = self.places.disk.interpolate(self.control, self.places.at(f))
-        return (
-            np.log(np.maximum(self.disk.at(f).areas, self.floor))
-            + there[self.disk.faces].mean(1)
-            - self.here
-        )
+        areas = np.maximum(self.disk.at(f).areas, self.floor)
+        return np.log(areas) + there[self.disk.faces].mean(1) - self.here
 
     def residual(self, f):
         """`sqrt(eta w_T) log J_T` (F,) for a map f (N,)."""
@@ -142,9 +137,10 @@ class AreaTerm:
 
     def rows(self, f):
         """Sparse complex R (F, N): the residual changes by `Re(conj(R) df)`."""
-        corners, areas = f[self.disk.faces], self.disk.at(f).areas
+        faces, areas = self.disk.faces, self.disk.at(f).areas
+        corners = f[faces]
         opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
-        live = (areas > self.floor)[:, None]
-        growth = np.where(live, 0.5j * opposite / np.maximum(areas, self.floor)[:, None], 0)
-        slopes = self.slopes[self.places.at(f)[0]][self.disk.faces] / 3
-        return three_a_row(self.scale[:, None] * (growth + slopes), self.disk.faces, len(f))
+        growth = 0.5j * opposite / np.maximum(areas, self.floor)[:, None]
+        growth[areas <= self.floor] = 0  # the floor has no slope
+        slopes = self.slopes[self.places.at(f)[0]][faces] / 3
+        return three_a_row(self.scale[:, None] * (growth + slopes), faces, len(f))

@@ -1,5 +1,5 @@
-"""A triangle mesh laid on a sphere, untangled: no face flipped or too small in the float32 that
-files hold."""
+"""A registered hemisphere on the control's sphere, and meshes on a sphere untangled: no face
+flipped or too small in the float32 that files hold."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,16 +17,22 @@ from ..surfaces.checks import norms
 from ..surfaces.surface import Surface, SurfaceError
 
 RADIUS = 100.0  # of the spheres of FreeSurfer and of Workbench, mm
-LEAST_EDGE, LEAST_AREA = 1e-3, 1e-5  # that every edge, mm, and every face, mm^2, has in the end
-BAD, GOOD = 1.2, 3.0  # a face below so many times its least size is mended, to so many times of it
-ROUNDS, PATIENCE, EASE = (
-    80,
-    10,
-    4,
-)  # at most; after how many one more ring takes part, and neighbours' means are taken
+# Every edge, mm, and every face, mm^2, has at least this size in the end.
+LEAST_EDGE = 1e-3
+LEAST_AREA = 1e-5
+# A face below BAD times its least size is enlarged to GOOD times of it.
+BAD = 1.2
+GOOD = 3.0
+# Rounds at most; one more ring of vertices may move after each PATIENCE rounds; every EASE rounds
+# vertices of a rank below SOFT go to the means of their neighbours.
+ROUNDS = 80
+PATIENCE = 10
+EASE = 4
+SOFT = 4
 STEP = 0.4  # of the edges around it, or less at random: how far a vertex goes in a round
-PRICE, MISSING = 3.0, 1e4  # of the next rank's moving 1 mm, and of 1 mm of height that stays away
-SOFT = 4  # the least rank that stays when neighbours' means are taken
+# Of the next rank's moving 1 mm, and of 1 mm of missing height.
+PRICE = 3.0
+MISSING = 1e4
 
 
 class UntanglingError(ValueError):
@@ -45,7 +51,10 @@ def untangled(
     their neighbours every EASE rounds: long faces on a jagged seam need a detour. UntanglingError,
     with the faces, where ROUNDS are not enough.
     """
-    p, moved, rng = stored(vertices), np.zeros(len(vertices), bool), np.random.default_rng(0)
+    p = stored(vertices)
+    moved = np.zeros(len(vertices), bool)
+    rng = np.random.default_rng(0)
+    # The faces around each vertex.
     owners = np.repeat(np.arange(len(faces)), 3)
     stars = sparse.csr_array(
         (np.ones(faces.size, np.int8), (faces.ravel(), owners)), shape=(len(p), len(faces))
@@ -54,25 +63,28 @@ def untangled(
     for turn in range(ROUNDS):
         if not len(bad):
             return p, np.flatnonzero(moved)
+        # The vertices of the bad faces and of rings around them are active.
         near = bad
         for _ in range(2 + turn // PATIENCE):
             active = np.unique(faces[near])
             near = np.unique(stars[active].indices)
         if turn % EASE == EASE - 1:
             soft = active[rank[active] < SOFT]
-            p[soft], moved[soft] = stored(neighbour_sums(p, faces[near])[soft]), True
-        # what full steps have not mended goes round in circles with them
-        steps = (
-            STEP * 0.1 ** rng.random(len(active)) if turn >= EASE else np.full(len(active), STEP)
-        )
+            p[soft] = stored(neighbour_sums(p, faces[near])[soft])
+            moved[soft] = True
+        # Full steps that have not helped by now may go round in circles: then steps are random.
+        steps = np.full(len(active), STEP)
+        if turn >= EASE:
+            steps *= 0.1 ** rng.random(len(active))
         shift = least_moves(p, faces[near], active, rank[active], steps)
-        going = shift.any(1)
-        p[active[going]], moved[active[going]] = stored(p[active[going]] + shift[going]), True
+        going = active[shift.any(1)]
+        p[going] = stored(p[going] + shift[shift.any(1)])
+        moved[going] = True
         bad = near[too_small(p, faces[near])]
     raise UntanglingError(
         f"{len(bad)} faces of the sphere stay flipped or too small, the first {bad[:5].tolist()}; "
-        "look at the "
-        "registration there, made without a sphere, and at the cortex labels of both sides"
+        "look at the registration there, made without a sphere, and at the cortex labels of both "
+        "sides"
     )
 
 
@@ -83,7 +95,8 @@ def stored(points):
 
 def too_small(p, faces):
     """Which faces are flipped, or too near to the least area or edge, (F,) bool."""
-    lengths, areas = edge_lengths(p[faces]), doubled_areas(p, faces)[0] / 2
+    lengths = edge_lengths(p[faces])
+    areas = doubled_areas(p, faces)[0] / 2
     return (areas < BAD * LEAST_AREA) | (lengths.min(1) < BAD * LEAST_EDGE)
 
 
@@ -112,28 +125,33 @@ def least_moves(p, faces, active, rank, steps):
     less s_f >= 0. A vertex goes at most `steps` (k,) times the length of the edges around it. The
     sum of the lengths is least, so that few move.
     """
-    n, m, number = len(active), len(faces), np.full(len(p), -1)
+    n = len(active)
+    m = len(faces)
+    number = np.full(len(p), -1)
     number[active] = np.arange(n)
-    lengths, (area, gradient) = edge_lengths(p[faces]), doubled_areas(p, faces)
+    lengths = edge_lengths(p[faces])
+    area, gradient = doubled_areas(p, faces)
     longest = np.maximum(lengths.max(1), LEAST_EDGE)
     wanted = GOOD * np.maximum(LEAST_EDGE, 2 * LEAST_AREA / longest)
+    # The derivative of each height by both coordinates of its face's active corners.
     axes = across(p[active])
     face, corner = np.nonzero(number[faces] >= 0)
     at = number[faces[face, corner]]
     slopes = np.einsum("ki,kji->kj", gradient[face, corner], axes[at]) / longest[face, None]
     places = np.repeat(face, 2), (2 * at[:, None] + [0, 1]).ravel()
     slopes = sparse.csr_array((slopes.ravel(), places), shape=(m, 2 * n))
+    # How far each coordinate may go, and what that costs.
     reach = np.full(len(p), np.inf)
     np.minimum.at(reach, faces, np.median(lengths, 1)[:, None])
     reach = np.repeat(steps * np.maximum(reach[active], 10 * LEAST_EDGE), 2)
     price = np.repeat(PRICE**rank, 2)
-    found = scipy.optimize.linprog(
+    solution = scipy.optimize.linprog(
         np.concatenate([price, price, np.full(m, MISSING)]),  # forth, back, and what is missing
         sparse.hstack([-slopes, slopes, -sparse.eye_array(m)]).tocsr(),
         area / longest - wanted,
         bounds=np.stack([np.zeros(4 * n + m), np.r_[reach, reach, np.full(m, np.inf)]], 1),
     )
-    x = found.x[: 2 * n] - found.x[2 * n : 4 * n]
+    x = solution.x[: 2 * n] - solution.x[2 * n : 4 * n]
     return np.einsum("nj,nji->ni", np.where(abs(x) < 1e-6, 0, x).reshape(n, 2), axes)
 
 
@@ -146,7 +164,7 @@ def across(p):
 
 
 ROUND = 1.001  # the largest radius by the smallest that a sphere may have, as Workbench wants it
-RINGS = 4  # of the cortex that are told apart, its rim the first
+RINGS = 4  # of the cortex that are distinguished, its rim the first
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,11 +199,10 @@ class Whole:
         """The wall as a `Disk`: its rim at `angles` (B,) complex, each inner vertex the mean of its
         neighbours."""
         vertices, faces = self.wall
-        rim, blocks = (
-            np.searchsorted(vertices, self.rim),
-            np.broadcast_to(3 * np.eye(3) - 1, (len(faces), 3, 3)),
-        )
-        return Disk(Dirichlet(assemble(faces, blocks, len(vertices)), rim).solve(angles), faces)
+        rim = np.searchsorted(vertices, self.rim)
+        blocks = np.broadcast_to(3 * np.eye(3) - 1, (len(faces), 3, 3))
+        laplace = assemble(faces, blocks, len(vertices))
+        return Disk(Dirichlet(laplace, rim).solve(angles), faces)
 
     @cached_property
     def rings(self):
@@ -215,27 +232,29 @@ def registered_sphere(maps: dict, sphere: Surface) -> RegisteredSphere:
     coordinates of float32.
 
     maps: the arrays of `read_registration`. The cortex goes by the disk map and the control's
-    triangles. Both walls are laid into one disk (Tutte), each vertex of the rim at the length along
+    triangles. Both walls are mapped into one disk (Tutte), each vertex of the rim at the length along
     the control's rim where the cortex puts it, and go by the control's triangles there. Faces
     follow their vertices, outward; what is then flipped or too small is `untangled`. SurfaceError
     where the registration does not hold both surfaces whole, or the sphere is not the control's;
     UntanglingError.
     """
-    moving, control = whole_of(maps, "moving"), whole_of(maps, "control")
+    moving = whole_of(maps, "moving")
+    control = whole_of(maps, "control")
     unit = unit_sphere(sphere, control.faces)
+
+    # The cortex by the disk map.
     places = control.disk.locate(drawn_in(moving.disk.z, control.disk.z[control.disk.loop]))
     points = np.empty((moving.count, 3))
     points[moving.table] = control.disk.interpolate(unit[control.table], places)
+
+    # The wall by its rim, which runs clockwise as the wall sees it.
     angles = np.zeros(len(control.table), complex)
-    angles[control.disk.loop] = np.exp(
-        -1j * around(unit[control.rim])
-    )  # seen from the wall the rim runs clockwise
+    angles[control.disk.loop] = np.exp(-1j * around(unit[control.rim]))
     there = control.wall_disk(angles[control.disk.loop])
     here = moving.wall_disk(control.disk.interpolate(angles, places)[moving.disk.loop])
     inner = ~np.isin(moving.wall[0], moving.rim)
-    points[moving.wall[0][inner]] = there.interpolate(
-        unit[control.wall[0]], there.locate(here.z[inner])
-    )
+    on_wall = there.interpolate(unit[control.wall[0]], there.locate(here.z[inner]))
+    points[moving.wall[0][inner]] = on_wall
     points, moved = untangled(points, moving.faces, moving.rings)
     return RegisteredSphere(Surface(points, moving.faces), moved, moving.rings)
 
@@ -247,9 +266,8 @@ def drawn_in(z, rim):
     angles = np.sort(np.angle(rim))
     start = np.searchsorted(angles, np.angle(z), side="right") - 1
     half = np.diff(angles, append=angles[0] + 2 * np.pi)[start] / 2
-    side = np.cos(half) / np.cos(
-        np.angle(z * np.exp(-1j * (angles[start] + half)))
-    )  # how far from 0, at z's angle
+    # How far the polygon's side is from 0, at z's angle.
+    side = np.cos(half) / np.cos(np.angle(z * np.exp(-1j * (angles[start] + half))))
     size = abs(z)
     return z * np.minimum(1, (size + 2 * side - 1) / (2 * np.maximum(size, 0.5)))
 
@@ -263,9 +281,11 @@ def around(rim):
 def whole_of(maps, side):
     """The `Whole` of the side "moving" or "control" of a registration; SurfaceError where it does
     not hold one."""
-    table, faces = (maps.get(f"{name}_{side}") for name in ("table", "whole_faces"))
+    table = maps.get(f"table_{side}")
+    faces = maps.get(f"whole_faces_{side}")
     require_whole(side, table, faces)
-    table, faces = table.astype(np.int64), faces.astype(np.int64)
+    table = table.astype(np.int64)
+    faces = faces.astype(np.int64)
     disk = Disk(maps["disk_map" if side == "moving" else "disk_control"], maps[f"faces_{side}"])
     turned = not alike(table[disk.faces[0]], faces)  # it was mirrored
     return Whole(faces[:, ::-1] if turned else faces, disk, table)
@@ -278,15 +298,15 @@ def require_whole(side, table, faces):
         option = "--cortex" if side == "moving" else "--control-cortex"
         raise SurfaceError(
             f"the whole {side} surface is not known, and a sphere needs its medial wall: run "
-            "`qclearn register` with "
-            f"the whole surface and {option}, or with the npz that `qclearn open` writes"
+            f"`qclearn register` with the whole surface and {option}, or with the npz that "
+            "`qclearn open` writes"
         )
     count = faces.max() + 1
     if len(faces) != 2 * count - 4:
         raise SurfaceError(
             f"the whole {side} surface is no sphere ({count} vertices, {len(faces)} faces): it "
-            "has a boundary or "
-            "handles; repair the topology where it was made (FreeSurfer: mris_fix_topology)"
+            "has a boundary or handles; repair the topology where it was made (FreeSurfer: "
+            "mris_fix_topology)"
         )
 
 
@@ -310,12 +330,10 @@ def unit_sphere(sphere, faces):
     if (len(sphere.vertices), len(sphere.faces)) != (count, len(faces)):
         raise SurfaceError(
             f"{len(sphere.vertices)} vertices and {len(sphere.faces)} faces, where the control "
-            f"has {count} and "
-            f"{len(faces)}: the sphere of another subject; give the control's own"
+            f"has {count} and {len(faces)}: the sphere of another subject; give the control's own"
         )
-    if not np.array_equal(
-        *(np.sort(keys(mesh.astype(np.int64), count)) for mesh in (faces, sphere.faces))
-    ):
+    own = np.sort(keys(sphere.faces.astype(np.int64), count))
+    if not np.array_equal(own, np.sort(keys(faces.astype(np.int64), count))):
         raise SurfaceError(
             "its faces are not the control's: the sphere of another subject; give the control's own"
         )
@@ -325,33 +343,28 @@ def unit_sphere(sphere, faces):
     if sphere.volume < 0:
         raise SurfaceError(
             "the sphere looks inward: its faces are reversed, or it is mirrored, as one of the "
-            "other hemisphere; give "
-            "the control's own as FreeSurfer wrote it"
+            "other hemisphere; give the control's own as FreeSurfer wrote it"
         )
     if not alike(sphere.faces[0], faces):
         raise SurfaceError(
             "its faces run the other way round than the control's: it is of the other hemisphere, "
-            "or mirrored; give "
-            "the control's own"
+            "or mirrored; give the control's own"
         )
     return sphere.vertices / radii[:, None]
 
 
 def no_sphere(vertices, radii):
-    """Why vertices (V, 3) at distances `radii` (V,) from 0 are no sphere around it, in words."""
-    centre = np.linalg.lstsq(np.column_stack([2 * vertices, np.ones(len(vertices))]), radii**2)[0][
-        :3
-    ]
+    """Why vertices (V, 3) at distances `radii` (V,) from 0 are no sphere around it, a message."""
+    equations = np.column_stack([2 * vertices, np.ones(len(vertices))])
+    centre = np.linalg.lstsq(equations, radii**2)[0][:3]
     off = norms(vertices - centre)
     if off.max() <= ROUND * off.min():
         place = ", ".join(f"{x:.1f}" for x in centre.round(1) + 0.0)  # no -0.0
         return (
             f"a sphere around ({place}), where Workbench and FreeSurfer need one around 0; give "
-            "it as FreeSurfer wrote "
-            "it (mris_convert --to-scanner moves it)"
+            "it as FreeSurfer wrote it (mris_convert --to-scanner moves it)"
         )
     return (
         f"not a sphere: its vertices lie {radii.min():.4g} to {radii.max():.4g} from 0; give "
-        "lh.sphere or "
-        "lh.sphere.reg of the control (lh.inflated is none)"
+        "lh.sphere or lh.sphere.reg of the control (lh.inflated is none)"
     )

@@ -1,5 +1,5 @@
-"""Landmark curves found on a surface: an unordered set of vertices put in order, fsaverage5's
-curves carried over."""
+"""Landmark curves of a surface from labels, points and fsaverage5: vertices put in order, curves
+carried over."""
 
 from itertools import pairwise
 from typing import NamedTuple
@@ -18,7 +18,7 @@ from .curves import (
     fundus_metric,
     fundus_path,
     sample_curve,
-    walked,
+    walk_back,
     weigh_edges,
 )
 from .diagnose import diagnose_landmarks, with_folds
@@ -28,7 +28,9 @@ from .register import register
 
 # How far members of a set may lie beside the path through it: in parts of its length or in edges,
 # whichever is more, and never farther than the last part of its length.
-BESIDE, EDGES, AT_MOST = 0.1, 2.0, 1 / 3
+BESIDE = 0.1
+EDGES = 2.0
+AT_MOST = 1 / 3
 HEMISPHERES = ("left", "right")
 
 
@@ -42,9 +44,8 @@ def ordered(surface, vertices):
             f"{counted(vertices, 'vertex', 'vertices')} on this surface, where a curve has two or "
             "more"
         )
-    graph = edge_graph(surface, weigh_edges(surface, np.ones(len(surface.vertices))))[vertices][
-        :, vertices
-    ]
+    whole = edge_graph(surface, weigh_edges(surface, np.ones(len(surface.vertices))))
+    graph = whole[vertices][:, vertices]
     pieces, piece = connected_components(graph, directed=False)
     if pieces > 1:
         sizes = ", ".join(map(str, sorted(np.bincount(piece), reverse=True)[:5]))
@@ -53,13 +54,14 @@ def ordered(surface, vertices):
         )
     first = dijkstra(graph, directed=False, indices=0).argmax()
     along, previous = dijkstra(graph, directed=False, indices=first, return_predecessors=True)
-    path = walked(previous, along.argmax())
-    length, beside = along.max(), dijkstra(graph, directed=False, indices=path, min_only=True).max()
+    path = walk_back(previous, along.argmax())
+    length = along.max()
+    beside = dijkstra(graph, directed=False, indices=path, min_only=True).max()
     if beside > min(max(BESIDE * length, EDGES * graph.data.mean()), AT_MOST * length):
         raise LandmarkError(
             f"no curve: its {len(vertices)} vertices reach {beside:.1f} mm beside a path of "
-            f"{length:.1f} mm, as a "
-            "filled region, a branching set or a ring does; draw a line along the sulcus"
+            f"{length:.1f} mm, as a filled region, a branching set or a ring does; draw a line "
+            "along the sulcus"
         )
     return vertices[path]
 
@@ -76,22 +78,21 @@ def threaded(surface, vertices):
     return np.concatenate([vertices[:1], *parts])
 
 
-def laid_by_folds(moving, control):
-    """The `SurfacePair` of two surfaces, the moving disk laid upon the control's by depth and
+def aligned_by_folds(moving, control):
+    """The `SurfacePair` of two surfaces, the moving disk aligned to the control's by depth and
     curvature alone; LandmarkError where the mirrored one fits better."""
-    sides = align_disks(
-        with_folds(SurfacePair(parameterize(moving), parameterize(control), [], []))
-    )
-    if words := diagnose_landmarks(sides):
-        raise LandmarkError(words[0])
-    return sides
+    pair = SurfacePair(parameterize(moving), parameterize(control), [], [])
+    pair = align_disks(with_folds(pair))
+    if messages := diagnose_landmarks(pair):
+        raise LandmarkError(messages[0])
+    return pair
 
 
-def ends_apart(sides, path, target):
-    """Mean distance in mm of a moving path's ends, where `sides` lay them, from a control path's:
-    as both paths run, and with one of them reversed."""
-    here = sides.control.lift(sides.moving.disk.z[path[[0, -1]]])
-    there = sides.control.surface.vertices[target[[0, -1]]]
+def ends_apart(pair, path, target):
+    """Mean distance in mm of a moving path's ends, where an aligned pair takes them, from a control
+    path's: as both paths run, and with one of them reversed."""
+    here = pair.control.lift(pair.moving.disk.z[path[[0, -1]]])
+    there = pair.control.surface.vertices[target[[0, -1]]]
     return tuple(float(np.linalg.norm(here - one, axis=1).mean()) for one in (there, there[::-1]))
 
 
@@ -122,27 +123,26 @@ def carried(surface, hemisphere=None):
         name: register(templates[name], surface, [])
         for name in ([hemisphere] if hemisphere else HEMISPHERES)
     }
-    # The folds of the wrong hand are told before a fit: then there is no correlation.
+    # With the folds of the wrong hand nothing is fitted: then there is no correlation.
     hemisphere = max(runs, key=lambda name: runs[name].report["r"].get("depth", (-1, -1))[1])
-    run, template = runs[hemisphere], templates[hemisphere]
+    run = runs[hemisphere]
+    template = templates[hemisphere]
     if run.report["suspect"]:
         raise LandmarkError(
             f"fsaverage5's {hemisphere} hemisphere does not fit: {'; '.join(run.report['suspect'])}"
         )
+    # The ends go to the nearest corners; the curves between them are compared with fundi there.
     face, weights = Disk(run.disk_control, run.faces_control).locate(run.disk_map)
-    nearest, metrics = (
-        run.faces_control[face, weights.argmax(1)],
-        [fundus_metric(one) for one in (template, surface)],
-    )
-    ends, off = {}, {}
+    nearest = run.faces_control[face, weights.argmax(1)]
+    metric_there = fundus_metric(template)
+    metric = fundus_metric(surface)
+    ends = {}
+    off = {}
     for name, pair in named_sulci(hemisphere, template.original_vertices).items():
         ends[name] = tuple(nearest[list(pair)].tolist())
-        line = (
-            sample_curve(template, fundus_path(template, *pair, metrics[0]), SAMPLES) @ run.points
-        )
-        fundus = (
-            sample_curve(surface, fundus_path(surface, *ends[name], metrics[1]), SAMPLES)
-            @ surface.vertices
-        )
-        off[name] = float(curve_distance(line, fundus))
+        path = fundus_path(template, *pair, metric_there)
+        fundus = fundus_path(surface, *ends[name], metric)
+        line = sample_curve(template, path, SAMPLES) @ run.points
+        target = sample_curve(surface, fundus, SAMPLES) @ surface.vertices
+        off[name] = float(curve_distance(line, target))
     return Carried(ends, off, hemisphere)

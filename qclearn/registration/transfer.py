@@ -30,21 +30,18 @@ def transfer(
     """
     values = np.asarray(values)
     if len(values) != len(z_from):
-        counts = f"{len(values)} values for {len(z_from)} vertices"
         raise ValueError(
-            f"{counts}: give one a vertex of the surface they come from (the cut-open one, if it "
-            "was cut)"
+            f"{len(values)} values for {len(z_from)} vertices: give one a vertex of the surface "
+            "they come from (the cut-open one, if it was cut)"
         )
     disk = Disk(z_from, faces_from)
     face, weights = disk.locate(z_to)
-    return (
-        values[disk.faces[face, weights.argmax(1)]]
-        if nearest
-        else disk.interpolate(values, (face, weights))
-    )
+    if nearest:
+        return values[disk.faces[face, weights.argmax(1)]]
+    return disk.interpolate(values, (face, weights))
 
 
-# Raise it when an array's meaning changes, so that old programs do not diagnose_ends new files.
+# Raise it when an array's meaning changes, so that old programs do not misread new files.
 FORMAT_VERSION = 2
 _REQUIRED = ("disk_map", "faces_moving", "disk_control", "faces_control")
 # (array, the array whose length is its count, shape of one row, kinds of numbers)
@@ -118,8 +115,10 @@ def read_registration(path, surfaces=False):
         arrays = npz_arrays(data, lambda name: True)
         missing = [name for name in _REQUIRED if name not in arrays]
         if missing:
-            lacks = f"not a registration.npz of this program (it lacks {', '.join(missing)})"
-            raise SurfaceError(f"{lacks}; give the one that `qclearn register` wrote")
+            raise SurfaceError(
+                f"not a registration.npz of this program (it lacks {', '.join(missing)}); give the "
+                "one that `qclearn register` wrote"
+            )
         _check_version(arrays)
         for name, like, row, kinds in _SHAPES:
             if name in arrays:
@@ -143,9 +142,9 @@ def _check_version(arrays):
     if version.shape != () or version.dtype.kind not in "iu" or version < 1:
         raise _damaged("its format_version is no number")
     if version > FORMAT_VERSION:
-        formats = f"format {version}, here {FORMAT_VERSION}"
         raise SurfaceError(
-            f"written by a newer version of this program ({formats}); update qclearn"
+            f"written by a newer version of this program (format {version}, here "
+            f"{FORMAT_VERSION}); update qclearn"
         )
 
 
@@ -159,7 +158,8 @@ def _check_shape(name, array, shape, kinds):
 
 def _check_mesh(arrays, name, triangles):
     """SurfaceError unless the faces use all points and lay them into the unit disk without a fold."""
-    z, faces = arrays[name], arrays[triangles]
+    z = arrays[name]
+    faces = arrays[triangles]
     outside = np.flatnonzero(abs(z) > 1 + 1e-6)
     if outside.size:
         raise _damaged(
@@ -173,8 +173,9 @@ def _check_mesh(arrays, name, triangles):
 
 
 def _check_whole(arrays, side):
-    """SurfaceError unless what is said of the whole surface of a side fits together."""
-    table, whole = arrays.get(f"table_{side}"), arrays.get(f"whole_faces_{side}")
+    """SurfaceError unless the arrays on the whole surface of a side fit together."""
+    table = arrays.get(f"table_{side}")
+    whole = arrays.get(f"whole_faces_{side}")
     if f"about_{side}" not in arrays:
         return
     try:

@@ -1,10 +1,9 @@
-"""How far a registration may be off, a radius in mm at each vertex: what a fit's second derivative
-leaves free, how far a stiffer fit goes elsewhere, and how unlike the folds lie on each other, times
-a factor that known truths gave.
+"""Per-vertex error radius in mm: a product of powers of the Laplace spread, the distance to a
+stiffer fit and the local feature mismatch, calibrated on synthetic pairs.
 
-Laplace's approximation alone is far too sure and hardly ranks: errors are mostly folds that agree
-and do not correspond. book/studies/calibrate_uncertainty.py measures the factors and judges them on
-pairs that took no part: uncertainty.json.
+The Laplace approximation alone is far too confident and hardly ranks: most of the error is folds
+that agree and do not correspond. book/studies/calibrate_uncertainty.py measures the factors, and
+judges them on other pairs: uncertainty.json.
 """
 
 import json
@@ -24,26 +23,18 @@ from .metrics import quantile
 from .multiresolution import LEVELS, Level, MultiresolutionFit, start_field
 from .problem import LandmarkError
 
-RINGS, BATCH = (
-    16,
-    256,
-)  # of the polar mesh of the posterior; unknowns whose columns are solved for at once
+RINGS = 16  # of the polar mesh of the posterior
+BATCH = 256  # unknowns whose columns are solved for at once
 STIFFER = 10.0  # times beta: the second fit
-BLUR, NEAR_MM = (
-    8.0,
-    0.05,
-)  # mm over which what is local is averaged; added to the distance of both fits before its log
+BLUR = 8.0  # mm over which what is local is averaged
+NEAR_MM = 0.05  # added to the distance of both fits before its log
 # Powers of the posterior's spread, of the distance of the stiffer fit, both in mm, and of the local
-# mismatch. A row times one number keeps the order of the radii: that number makes coverage on the
-# pairs that calibrate even.
-BY_FOLDS, BY_LANDMARKS = (2 / 3, 1 / 3, 1 / 8), (0.48, 0.0, 0.24)
-MOST = {
-    "alpha": 4.0,
-    "beta": 4.0,
-    "gamma": 10.0,
-    "delta": 4.0,
-    "eta": 4.0,
-}  # times a weight may be off the calibrated
+# mismatch. Scaling the powers of one row together keeps the order of the radii: the scale makes
+# coverage even on the pairs that calibrate.
+BY_FOLDS = (2 / 3, 1 / 3, 1 / 8)
+BY_LANDMARKS = (0.48, 0.0, 0.24)
+# Times that a weight may be off the calibrated one.
+MOST = {"alpha": 4.0, "beta": 4.0, "gamma": 10.0, "delta": 4.0, "eta": 4.0}
 VERTICES = 6_000, 20_000  # of a side, between which the factors are calibrated, to a thousand
 BLIND = (
     "wrong valleys: a gyrus laid on its neighbour fits well, and errors beyond 10 mm mostly lie "
@@ -52,7 +43,7 @@ BLIND = (
 )
 
 
-class Sure(NamedTuple):
+class ErrorRadius(NamedTuple):
     """radius (V,) at factor 1, mm; vertex: where one more landmark lowers the mean radius most;
     share: to how much."""
 
@@ -72,17 +63,15 @@ class Laplace:
 
     def __init__(self, problem, weights, mu, mobius, features=None, rings=RINGS):
         level = Level(rings, None if features is None else FINEST, 0)
-        self.engine = engine = MultiresolutionFit(problem).engine(level, weights, features)
-        self.mesh, self.state = (
-            engine.link.mesh,
-            engine.at(start_field(problem.disk, mu, engine.link.mesh), mobius),
-        )
-        step = ProductStep(engine, self.state, weights.gamma)
-        rows = sparse.vstack(
-            [step.landmarks, *(term.rows(self.state.f) for term in engine.terms)]
-        ).tocsr()
-        self.G, self.noise = self.derivative(step), max(len(problem.moving) + 1, 1) / weights.gamma
-        self.H = self.hessian(engine.W.toarray(), rows)
+        self.objective = objective = MultiresolutionFit(problem).objective(level, weights, features)
+        self.mesh = objective.coefficient_mesh.mesh
+        self.state = objective.at(start_field(problem.disk, mu, self.mesh), mobius)
+        step = ProductStep(objective, self.state, weights.gamma)
+        terms = [term.rows(self.state.f) for term in objective.terms]
+        rows = sparse.vstack([step.landmarks, *terms]).tocsr()
+        self.G = self.derivative(step)
+        self.H = self.hessian(objective.W.toarray(), rows)
+        self.noise = max(len(problem.moving) + 1, 1) / weights.gamma
 
     def derivative(self, step):
         """G, by the pushforward of every unit change."""
@@ -130,41 +119,42 @@ class Laplace:
         return 1 - less / (rr + ii).diagonal()[:, None]
 
 
-def uncertainty_of(sides, problem, weights, fit):
-    """The `Sure` of a fit of laid `SurfacePair`; where no features took part, the folds judge
-    alone."""
-    judged, features = with_folds(sides), sides.features
-    moving, control, areas = judged.moving, judged.control, judged.features.areas
+def uncertainty_of(pair, problem, weights, fit):
+    """The `ErrorRadius` of a fit of an aligned `SurfacePair`; where no features took part, the
+    folds judge alone."""
+    folded, features = with_folds(pair), pair.features
+    moving, control, areas = folded.moving, folded.control, folded.features.areas
+    places = control.disk.lookup(fit.f)
+
+    # Millimetres on the control by one unit of its disk, where the map goes.
+    density = control.features.density(FINEST, control.disk)
+    scale = np.exp(control.disk.interpolate(density, places) / 2)
+    scale *= np.sqrt(control.surface.area / control.disk.areas.sum())
+
+    # The local mismatch of the features.
+    here, there = folded.features.at(FINEST)
+    off = (here - control.disk.interpolate(there, places)) ** 2 @ folded.features.shares
+    local, mean = np.maximum(blurred(moving.features, off), 1e-6), areas @ off
+
+    # The posterior's spread; its noise is the objective's own residual, where it has one.
     laplace = Laplace(problem, weights, fit.mu, fit.mobius, features)
     samples = laplace.mesh.sampling(moving.disk.z)
-    places = control.disk.lookup(fit.f)
-    scale = np.exp(
-        control.disk.interpolate(control.features.density(FINEST, control.disk), places) / 2
-    )
-    scale *= np.sqrt(
-        control.surface.area / control.disk.areas.sum()
-    )  # mm on the control by one unit of its disk
-    here, there = judged.features.at(FINEST)
-    off = (here - control.disk.interpolate(there, places)) ** 2 @ judged.features.shares
-    local, mean = np.maximum(blurred(moving.features, off), 1e-6), areas @ off
-    noise = (
-        mean if features is None else weights.delta * mean
-    )  # the objective's own residual, where it has one
-    free = np.sqrt(noise * between(laplace.covariance[0] + laplace.covariance[2], samples)) * scale
+    noise = mean if features is None else weights.delta * mean
+    variance = between(laplace.covariance[0] + laplace.covariance[2], samples)
     by_posterior, by_fit, by_local = BY_LANDMARKS if features is None else BY_FOLDS
-    logs = by_posterior * np.log(free)
+    logs = by_posterior * np.log(np.sqrt(noise * variance) * scale)
     if by_fit:
-        logs += by_fit * np.log(abs(stiffer(problem, weights, features) - fit.f) * scale + NEAR_MM)
+        distance = abs(stiffer(problem, weights, features) - fit.f) * scale
+        logs += by_fit * np.log(distance + NEAR_MM)
     radius = np.exp(blurred(moving.features, logs)) * (local / mean) ** by_local
+
+    # The node where one more landmark lowers the mean radius most.
     share = samples.T @ areas
     by_node = samples.T @ (areas * radius) / np.where(share > 0, share, 1)
-    means = (
-        (share * by_node)
-        @ np.maximum(laplace.shrunk(), 0) ** (by_posterior / 2)
-        / (share @ by_node)
-    )
+    left = np.maximum(laplace.shrunk(), 0) ** (by_posterior / 2)
+    means = (share * by_node) @ left / (share @ by_node)
     vertex = int(abs(moving.disk.z - laplace.mesh.z[means.argmin()]).argmin())
-    return Sure(radius, vertex, float(means.min()))
+    return ErrorRadius(radius, vertex, float(means.min()))
 
 
 def between(covariance, samples):
@@ -185,10 +175,9 @@ def stiffer(problem, weights, features):
     levels = [
         level._replace(rings=min(level.rings, most)) for level in LEVELS if not level.own_mesh
     ]
-    engine, state, _ = MultiresolutionFit(problem).run(
-        levels, replace(weights, beta=STIFFER * weights.beta), None, features
-    )
-    return engine.link.disk.sampling(problem.disk.z) @ state.f
+    weights = replace(weights, beta=STIFFER * weights.beta)
+    objective, state, _ = MultiresolutionFit(problem).run(levels, weights, None, features)
+    return objective.coefficient_mesh.disk.sampling(problem.disk.z) @ state.f
 
 
 def calibrated():
@@ -200,50 +189,46 @@ def check_uncertainty(features, method, sliding, weights):
     """LandmarkError where the factors were not measured: features of one's own, sliding, networks,
     far weights."""
     usual = calibrated()["weights"]["landmarks" if features is None else "folds"]
-    for clash, what in (
+    own_features = features is not None and list(features) != list(FOLDS)
+    for clash, name in (
         (method != "exact", f"method {method!r}"),
         (sliding, "sliding landmarks"),
-        (
-            features is not None and list(features) != list(FOLDS),
-            f"other features than {' and '.join(FOLDS)}",
-        ),
+        (own_features, f"other features than {' and '.join(FOLDS)}"),
     ):
         if clash:
             raise LandmarkError(
-                f"uncertainty: the radius is not calibrated for {what}; leave one of the two out"
+                f"uncertainty: the radius is not calibrated for {name}; leave one of the two out"
             )
     for name, most in MOST.items():
-        given = getattr(weights, name)
-        if not usual[name] / most <= given <= usual[name] * most:
-            found = f"{name} = {given:g} is far from the {usual[name]:g} that the radius is calibrated for"
+        given, least = getattr(weights, name), usual[name] / most
+        if not least <= given <= usual[name] * most:
             raise LandmarkError(
-                f"uncertainty: {found}; give {usual[name] / most:g} to {usual[name] * most:g}, or "
-                "no radius"
+                f"uncertainty: {name} = {given:g} is far from the {usual[name]:g} that the radius "
+                f"is calibrated for; give {least:g} to {usual[name] * most:g}, or no radius"
             )
 
 
-def uncertainty_report(sure, sides):
-    """The 90 % radius (V,), mm, and report["uncertainty"] of a `Sure` of laid `SurfacePair`."""
-    moving, of = sides.moving.surface, calibrated()["folds" if sides.features else "landmarks"]
-    areas, counts = (
-        moving.vertex_areas / moving.area,
-        [len(s.vertices) for s in (moving, sides.control.surface)],
-    )
-    (least, most), beyond = (
-        VERTICES,
-        "uncalibrated below {} and beyond {} vertices".format(*VERTICES),
-    )
-    known = all(least <= round(count, -3) <= most for count in counts)
-    radius = of["factors"]["90"] * sure.radius
+def uncertainty_report(error, pair):
+    """The 90 % radius (V,), mm, and report["uncertainty"] of an `ErrorRadius` of an aligned
+    `SurfacePair`."""
+    moving, control = pair.moving.surface, pair.control.surface
+    measured = calibrated()["folds" if pair.features else "landmarks"]
+    areas = moving.vertex_areas / moving.area
+    least, most = VERTICES
+    calibrated_on = measured["calibrated_on"]
+    if not all(least <= round(len(side.vertices), -3) <= most for side in (moving, control)):
+        calibrated_on = f"uncalibrated below {least} and beyond {most} vertices"
+    radius = measured["factors"]["90"] * error.radius
+    mean = float(areas @ radius)
     report = {
-        "mean_mm": float(areas @ radius),
+        "mean_mm": mean,
         "quantiles_mm": {
             str(share): quantile(radius, areas, share / 100) for share in (10, 50, 90)
         },
-        "factors": of["factors"],
-        "guaranteed": of["guaranteed"],
-        "calibrated_on": of["calibrated_on"] if known else beyond,
+        "factors": measured["factors"],
+        "guaranteed": measured["guaranteed"],
+        "calibrated_on": calibrated_on,
         "blind_to": BLIND,
-        "next": {"vertex": sure.vertex, "mean_mm": float(areas @ radius) * sure.share},
+        "next": {"vertex": error.vertex, "mean_mm": mean * error.share},
     }
     return radius, report

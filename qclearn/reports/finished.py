@@ -154,7 +154,8 @@ def read_finished(folder):
 
 
 def read_report(path):
-    """A report.json as dict, with KEYS of the right types; ReportError otherwise."""
+    """A report.json as dict, with KEYS of the right types; ReportError otherwise. The key "sure" of
+    version 0.1 is read as "uncertainty"."""
     data = read_bytes(path)
     try:
         report = json.loads(data)
@@ -167,6 +168,8 @@ def read_report(path):
     if wrong:
         what = f"not a report of `qclearn register` (see {wrong[0]!r})"
         raise ReportError(f"{path}: {what}; give the folder that it wrote")
+    if "sure" in report:
+        report["uncertainty"] = report.pop("sure")
     return report
 
 

@@ -16,7 +16,7 @@ import pytest
 from prose import typed_results
 
 from book.builder import references
-from book.builder.references import COUNTED, OPTION, markdown_of
+from book.builder.references import markdown_of
 from qcbook import paper_lines, paper_table, paperlines
 from qclearn.benchmark import chain_seconds, saving
 
@@ -131,7 +131,8 @@ def skipped_test(kind, line):
 
 @cache
 def places():
-    return references.labels()
+    """label -> page, of the whole book."""
+    return {label: page for page in references.chapters() for label, _ in references.labels(page)}
 
 
 text_of_page = cache(markdown_of)
@@ -139,29 +140,16 @@ text_of_page = cache(markdown_of)
 
 @cache
 def text_at(page, label):
-    """What stands at a label of a page: from the paragraph before it to the next but one label,
-    without line breaks."""
-    text = text_of_page(page)
-    ends = [
-        (
-            match.start(),
-            match["equation"]
-            or match["section"]
-            or dict(OPTION.findall(match["options"] or "")).get("label"),
-        )
-        for match in COUNTED.finditer(text)
-    ]
-    k = next((k for k, (_, name) in enumerate(ends) if name == label), None)
-    if k is None:  # the name of a figure
-        return text
-    start = text.rfind("\n\n", 0, text.rfind("\n\n", 0, ends[k][0]))
-    return text[max(0, start) : ends[min(k + 2, len(ends) - 1)][0] + 400]
+    """What stands at a label of a page: from the label before it to the next but one, without line
+    breaks."""
+    text, marks = text_of_page(page), references.labels(page)
+    k = [name for name, _ in marks].index(label)
+    return text[marks[k - 1][1] if k else 0 : marks[min(k + 2, len(marks) - 1)][1] + 400]
 
 
 def lost_place(kind, line):
     page, _, label = line["place"].partition("#")
-    target = places().get(label)
-    if target is None or target.page != page:
+    if places().get(label) != page:
         yield f"{named(kind, line)}: the page '{page}' has no place '{label}'"
     elif " ".join(line.get("at", "").split()) not in " ".join(text_at(page, label).split()):
         yield f"{named(kind, line)}: '{line['at']}' does not stand at {line['place']}"

@@ -52,8 +52,7 @@ def tree(tmp_path, monkeypatch):
         "book/two.ipynb",
         "book/three.md",
         "constraints.txt",
-        "qclearn/pages/plot.py",
-        # Fmt: skip.
+        "book/qcbook/cells.py",
         "qclearn/nets/weights.safetensors",
         "book/paper.toml",
         "tests/test_one.py",
@@ -80,7 +79,7 @@ def tree(tmp_path, monkeypatch):
         ("book/one.ipynb", ["one"]),
         *(
             (name, ["one", "two"])
-            for name in ("qclearn/pages/plot.py", "qclearn/nets/weights.safetensors")
+            for name in ("book/qcbook/cells.py", "qclearn/nets/weights.safetensors")
         ),
         *(
             (name, ["one", "two"])

@@ -10,13 +10,11 @@ from types import SimpleNamespace
 
 import nbformat
 import pytest
-from leaks import drift, graded_lines, leaks, lines_of, of, page_lines
+from leaks import drift, graded_lines, leaks, lines_of, of
 from nbformat.v4 import new_markdown_cell, new_notebook, new_output
 
-from book.builder import course, execute_pages, graded, lab_copies, references, solutions
+from book.builder import course, execute_pages, graded, references, solutions
 from book.builder.graded import EXERCISES, put
-from book.builder.plain import for_plain_viewers
-from book.builder.readable import Readable
 
 NAME = "alpha-signs"
 PAGE = f"# Here\n\n{graded.place(NAME)}\n\nMore."
@@ -146,28 +144,21 @@ def test_a_leak_of_one_line_is_found_wherever_it_is(written, tmp_path, where):
     assert leaks(written[:1], {NAME: {QUOTED}}) == {}
 
 
-@pytest.fixture(scope="module")
-def readable():
-    return Readable("lbs", references.labels(), references.Literature(), plain=True)
+def page_in_words():
+    """The page as its notebook has it."""
+    return new_notebook(cells=[new_markdown_cell(course.in_words(put(PAGE)))])
 
 
-def copy_for_download(text, readable):
-    return for_plain_viewers(new_notebook(cells=[new_markdown_cell(put(text))]), readable, 1)
-
-
-def test_page_and_notebook_have_the_same_words_and_blank(written, readable):
-    assert (
-        list(drift(copy_for_download(PAGE, readable), nbformat.read(written[0], as_version=4)))
-        == []
-    )
+def test_page_and_notebook_have_the_same_words_and_blank(written):
+    assert list(drift(page_in_words(), nbformat.read(written[0], as_version=4))) == []
 
 
 @pytest.mark.parametrize("part", ["question", "answer"])
-def test_a_drift_between_page_and_notebook_is_found(written, readable, part):
-    page, student = copy_for_download(PAGE, readable), nbformat.read(written[0], as_version=4)
+def test_a_drift_between_page_and_notebook_is_found(written, part):
+    student = nbformat.read(written[0], as_version=4)
     (cell,) = (cell for cell in of(student, part) if cell.metadata["exercise"] == NAME)
     cell.source = cell.source.replace("three", "four").replace("alpha_1", "beta_1")
-    assert list(drift(page, student)) == [NAME]
+    assert list(drift(page_in_words(), student)) == [NAME]
 
 
 def test_the_build_runs_the_solution_and_shows_none(monkeypatch):
@@ -223,39 +214,6 @@ def placed():
 @pytest.mark.parametrize("name", EXERCISES)
 def test_an_exercise_stands_on_its_own_page_once(name):
     assert [page for found, page in placed() if found == name] == [EXERCISES[name].page]
-
-
-def test_copies_have_no_solution_of_any_page():
-    lines, hidden = page_lines(), 0
-    for path in sorted(references.BOOK.glob("*.ipynb")):
-        notebook = lab_copies.without_solutions(nbformat.read(path, as_version=4))
-        text = "\n".join(cell.source for cell in notebook.cells)
-        assert [
-            line for line in lines[path.stem] if line in text
-        ] == [] and "{solution}" not in text, path.stem
-        hidden += len(lines[path.stem])
-    assert hidden > 100  # there is something to hide
-
-
-def test_what_only_a_solution_quotes_is_not_kept_and_an_empty_cell_goes():
-    entries = [{"expression": "shown", "result": {}}, {"expression": "hidden", "result": {}}]
-    solution = ":::{solution} ex-a\n{eval}`hidden`\n:::"
-    cells = [
-        new_markdown_cell(f"{{eval}}`shown`\n\n{solution}\n\nMore."),
-        new_markdown_cell(solution),
-    ]
-    cells[0].metadata["user_expressions"] = entries
-    notebook = lab_copies.without_solutions(new_notebook(cells=cells))
-    assert [cell.source for cell in notebook.cells] == ["{eval}`shown`\n\nMore."]
-    assert [entry["expression"] for entry in notebook.cells[0].metadata["user_expressions"]] == [
-        "shown"
-    ]
-
-
-def test_solutions_are_part_of_a_copys_stamp(monkeypatch):
-    before = lab_copies.book_digest()
-    monkeypatch.setattr(solutions, "SHOWN", not solutions.SHOWN)
-    assert lab_copies.book_digest() != before
 
 
 def test_a_sheet_of_chosen_exercises(tmp_path):

@@ -5,75 +5,82 @@ import pytest
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
 
 from book.builder import decks
-from book.builder.references import BOOK
+from book.builder.references import BOOK, chapters
 
-CELL = "Above.\n\n## One\n\nA sentence, $a. b$ in it. Another one.\n\n$$x$$\n\n- a list\n\n## Two\n\nMore."
+CELL = """Above.
+
+## One
+
+A sentence, $a. b$ in it. Another one, see [there](there.ipynb).
+
+$$x$$
+
+- a list
+
+**Theorem 1.1** (Name)
+
+All. Of it.
+
+Proof. Hidden.
+
+∎
+
+## Two
+
+More."""
+NO_SLIDES = new_notebook(cells=[new_markdown_cell("# Elsewhere")])
 
 
-def markdown(*tags, source=CELL):
-    return new_markdown_cell(source, metadata={"tags": list(tags)})
+def deck(*cells, name="lbs"):
+    return decks.deck(name, {"elsewhere": NO_SLIDES, "page": new_notebook(cells=list(cells))}).cells
 
 
 def test_every_deck_has_an_explorable():
+    notebooks = [BOOK / f"{page}.ipynb" for page in chapters() if (BOOK / f"{page}.ipynb").exists()]
     cells = {
         (name, "explorable(" in cell.source)
-        for page in decks.pages()
-        for cell in nbformat.read(BOOK / f"{page}.ipynb", as_version=4).cells
-        for name, _ in decks.tagged(cell)
+        for path in notebooks
+        for cell in nbformat.read(path, as_version=4).cells
+        for _, name in decks.tagged(cell)
     }
     assert (
         {name for name, live in cells if live} == {name for name, _ in cells} == set(decks.TITLES)
     )
 
 
-def test_a_slide_takes_what_stands_below_the_first_heading_and_more_what_stands_above():
-    assert [decks.part(CELL, kind) for kind in ("more", "slide")] == [
-        ("", "Above.\n\n"),
-        ("One", CELL.split("## One")[1].split("## Two")[0]),
-    ]
-    assert decks.part("No heading.", "slide") == ("", "No heading.")
-
-
-def test_of_a_paragraph_the_first_sentence_is_shown_and_formulas_and_lists_are_whole():
+def test_a_slide_has_a_heading_short_words_and_whole_ones_for_the_speaker():
+    made = deck(new_markdown_cell(CELL, metadata={"tags": ["slide-lbs"]}))
+    assert [cell.metadata.slideshow.slide_type for cell in made] == ["slide", "-", "notes"]
+    assert made[0].source == "## One"
     assert (
-        decks.shortened(decks.part(CELL, "slide")[1])
-        == "A sentence, $a. b$ in it.\n\n$$x$$\n\n- a list"
+        made[1].source
+        == "A sentence, $a. b$ in it.\n\n$$x$$\n\n- a list\n\n**Theorem 1.1** (Name)\n\nAll. Of it."
     )
-    assert (
-        decks.shortened("**Printed.** This. **Right.** That.")
-        == "**Printed.** This. **Right.** That."
-    )
+    assert "Another one, see there." in made[2].source and "Proof. Hidden." in made[2].source
 
 
-@pytest.mark.parametrize(
-    "kind", ["{prf:proof}", "{admonition} Answers\n:class: dropdown", "{solution} ex-a"]
-)
-def test_proofs_and_answers_are_left_out(kind):
-    assert (
-        decks.LEFT_OUT.sub("", f"Before.\n\n:::{kind}\nHidden.\n\n:::\n\nAfter.")
-        == "Before.\n\n\n\nAfter."
+def test_slides_go_on_with_the_last_heading_and_show_pictures_tables_and_explorables():
+    shown = (
+        '<img class="page-figure">',
+        '<div class="qc-live" data-page="lbs"></div>',
+        "<iframe></iframe>",
     )
-
-
-def test_slides_go_on_with_the_last_heading_and_show_pictures_with_their_words():
-    picture = new_output("display_data", data={"image/png": "QUJD"}, metadata={"alt": "a <disk>"})
-    live = new_output(
-        "display_data", data={"text/html": '<div class="qc-live" data-page="lbs"></div>'}
-    )
+    outputs = [new_output("display_data", data={"text/html": each}) for each in shown]
     cells = [
-        markdown(),
-        new_code_cell("1", outputs=[picture], metadata={"tags": ["slide-lbs"]}),
-        markdown("more-lbs", "slide-lbs"),
-        new_code_cell("2", outputs=[live], metadata={"tags": ["more-lbs", "hide-input"]}),
+        new_markdown_cell(CELL),
+        new_code_cell("1", outputs=outputs, metadata={"tags": ["slide-lbs"]}),
+        new_markdown_cell(CELL, metadata={"tags": ["more-lbs", "slide-lbs"]}),
     ]
-    one, two = decks.slides("page", new_notebook(cells=cells))["lbs"]
-    assert (one.title, two.title) == ("Two", "One")
-    assert (
-        'alt="a &lt;disk&gt;"' in one.html()
-        and "Above." in one.html()
-        and 'class="beside"' in one.html()
-    )
-    assert 'class="live"' in two.html() and "Another one" in two.html().split('class="notes"')[1]
+    made = deck(*cells)
+    assert [cell.source for cell in made] == [
+        "## Two",
+        "1",
+        "Above.",
+        "Above.\n\n",
+        "## One",
+        *(c.source for c in made[5:]),
+    ]
+    assert [output.data["text/html"] for output in made[1].outputs] == list(shown[:2])
 
 
 @pytest.mark.parametrize(
@@ -81,4 +88,12 @@ def test_slides_go_on_with_the_last_heading_and_show_pictures_with_their_words()
 )
 def test_a_wrong_tag_stops_the_build(tag, told):
     with pytest.raises(SystemExit, match=told):
-        decks.slides("page", new_notebook(cells=[markdown(tag)]))
+        deck(new_markdown_cell(CELL, metadata={"tags": [tag]}))
+
+
+def test_a_page_of_slides_loads_nothing_from_elsewhere(tmp_path):
+    cells = [new_markdown_cell(CELL, metadata={"tags": [f"slide-{name}"]}) for name in decks.TITLES]
+    decks.write({"page": new_notebook(cells=cells)}, tmp_path, "_static")
+    for name in decks.TITLES:
+        text = (tmp_path / f"{name}.html").read_text(encoding="utf-8")
+        assert "http" not in text and "<script defer" in text and "_static/decks.js" in text

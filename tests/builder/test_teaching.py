@@ -10,7 +10,7 @@ import psutil
 import pytest
 from nbformat.v4 import new_code_cell, new_notebook, new_output
 
-from book.builder import costs, lab_copies, references, teaching
+from book.builder import costs, execute_pages, references, teaching
 from book.builder.graded import EXERCISES
 from book.builder.reading import minutes_of_text
 
@@ -77,9 +77,11 @@ def test_the_tables_stand_in_the_pages():
     assert teaching.put("Table of weeks") == "Table of weeks"
 
 
-def test_the_copies_for_jupyterlab_have_the_tables():
-    (cell,) = lab_copies.Copies().executed("teaching").cells
-    assert "### Week 1: " in cell.source and "Table of" not in cell.source
+def test_the_executed_book_has_the_tables(tmp_path, monkeypatch):
+    monkeypatch.setattr(execute_pages, "SOURCE", tmp_path)
+    execute_pages.copy_book()
+    text = (tmp_path / "teaching.md").read_text(encoding="utf-8")
+    assert "### Week 1: " in text and "Table of" not in text
 
 
 def test_a_page_is_read_at_the_pace_of_its_parts():

@@ -29,8 +29,7 @@ from forked import forked, read_options, tally  # beside this file
 import qclearn as qc
 from qclearn.io.frames import Frame
 from qclearn.io.meshes import SlitWarning, frame_of
-from qclearn.registration.curves import read_landmarks
-from qclearn.registration.register import check_curves
+from qclearn.registration.curves import check_curves, read_landmarks
 from qclearn.registration.transfer import (
     numbering_of_side,
     read_registration,

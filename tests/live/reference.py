@@ -15,7 +15,7 @@ from qcbook.live import GIVEN, given
 from qclearn.plane.grids import POWER, polar
 from qclearn.plane.tangent import CoefficientMesh
 from qclearn.registration.gauss_newton import DirectStep, Discretization, GaussNewtonObjective
-from qclearn.registration.multiresolution import FIRST_GAMMA, polar_coefficient_mesh
+from qclearn.registration.multiresolution import FIRST_GAMMA, polar_mesh
 from qclearn.registration.problem import Problem, Weights
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -80,9 +80,12 @@ class WholeSteps(GaussNewtonObjective):
     def linearise(self, state, gamma):
         return DirectStep(self, state, gamma)
 
+    def jacobian(self, state, gamma):
+        return self.landmarks.jacobian(*self.exact_gradients(state), gamma)
+
 
 def fit_in_steps(asked, on_coarse, on_fine):
-    """(engine, state) of so many of the library's Gauss-Newton steps on either mesh for a
+    """(objective, state) of so many of the library's Gauss-Newton steps on either mesh for a
     `request`.
 
     So many, since at the minimum rounding decides whether one more is taken, and its promise says
@@ -91,9 +94,7 @@ def fit_in_steps(asked, on_coarse, on_fine):
     points = numbers(asked["moving"]), numbers(asked["target"])
     problem = Problem(FINE_MESH, *points, np.array(asked["curve"]), asked["sliding"])
     weights = Weights(asked["alpha"], asked["beta"], asked["gamma"])
-    coarse = GaussNewtonObjective(
-        Discretization(problem, polar_coefficient_mesh(12), own=False), weights
-    )
+    coarse = GaussNewtonObjective(Discretization(problem, polar_mesh(12), own=False), weights)
     state, gamma = (
         coarse.at(np.zeros(len(COARSE_MESH.z), complex), problem.mobius),
         weights.gamma / 10,
@@ -103,14 +104,13 @@ def fit_in_steps(asked, on_coarse, on_fine):
     fine = WholeSteps(
         Discretization(problem, CoefficientMesh(FINE_MESH, FINE_MESH), own=True),
         weights,
-        closed=False,
     )
     nu = COARSE_MESH.sampling(FINE_MESH.z) @ state.nu
     return fine, steps(fine, fine.at(nu, state.mobius), [weights.gamma] * on_fine)
 
 
-def steps(engine, state, gammas):
+def steps(objective, state, gammas):
     """A Gauss-Newton step for each gamma."""
     for gamma in gammas:
-        state = engine.step(state, gamma) or state
+        state = objective.step(state, gamma) or state
     return state

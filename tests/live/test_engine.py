@@ -107,12 +107,12 @@ SOME = [2, 9, 13, 18]  # of `settings`: points, sliding, and one that switches r
 def test_converged_fits_are_the_librarys(converged, which):
     asked_for, switched = settings(), []
     for asked, found in ((asked_for[k], converged[k]) for k in which):
-        engine, state = fit_in_steps(asked, *found["steps"])
+        objective, state = fit_in_steps(asked, *found["steps"])
         assert found["switched"] == state.switched
         assert found["switched"] or found["left"] < CONVERGED
         switched.append(state.switched)
         assert abs(numbers(found["f"]) - state.f).max() < (1e-4 if state.switched else 1e-5)
-        loss = report_fit(engine, state, ()).losses["L_CP"]
+        loss = report_fit(objective, state, ()).losses["L_CP"]
         assert abs(found["losses"]["L_CP"] / loss - 1) < (1e-4 if state.switched else 1e-6)
         assert found["flipped"] == FINE_MESH.at(state.f).flipped.tolist()
     assert any(switched)

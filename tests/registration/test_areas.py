@@ -56,8 +56,8 @@ def problem_of(sides, p=(), q=()):
     return Problem(sides.moving.disk, p, q, fewest=0, sides=sides)
 
 
-def engine_of(problem, level):
-    return MultiresolutionFit(problem).engine(level, Weights(eta=0.5))
+def objective_of(problem, level):
+    return MultiresolutionFit(problem).objective(level, Weights(eta=0.5))
 
 
 OWN, ON_GRID = Level(8, 4.0, 4, own_mesh=True), Level(12, 4.0, 4)
@@ -65,12 +65,12 @@ OWN, ON_GRID = Level(8, 4.0, 4, own_mesh=True), Level(12, 4.0, 4)
 
 @pytest.mark.parametrize("level, tolerance", [(OWN, 0.02), (ON_GRID, 0.02)])
 def test_the_areal_scale_of_a_known_map_is_found(level, tolerance):
-    engine = engine_of(problem_of(sides_of(flat(MOVING), grown(CONTROL))), level)
-    mesh = engine.link.disk
+    objective = objective_of(problem_of(sides_of(flat(MOVING), grown(CONTROL))), level)
+    mesh = objective.coefficient_mesh.disk
     f = TWIST(mesh.z)  # which keeps the area of the plane
     expected = growth_of(f)[mesh.faces].mean(1)
     inner = abs(mesh.centroids) < 0.9
-    off = engine.areas.log_areal(f) - expected
+    off = objective.areas.log_areal(f) - expected
     assert np.sqrt((off[inner] ** 2).mean()) < tolerance and abs(off[inner]).max() < 3 * tolerance
     assert np.ptp(expected[inner]) > 0.8
 
@@ -81,25 +81,28 @@ def test_a_mobius_map_of_the_moving_disk_changes_no_area_of_the_surfaces():
     sides = sides_of(side, grown(CONTROL), [(folds(MOVING.z)[0], folds(CONTROL.z)[0])])
     found = []
     for moving, f in ((sides.moving, MOVING.z), (replace(sides.moving, disk=moved.disk), MOVING.z)):
-        found.append(engine_of(problem_of(replace(sides, moving=moving)), OWN).areas.log_areal(f))
+        found.append(
+            objective_of(problem_of(replace(sides, moving=moving)), OWN).areas.log_areal(f)
+        )
     off = found[0] - found[1]  # the log of a mean around a vertex, the mean of logs
     assert np.sqrt((off**2).mean()) < 0.01 and np.sqrt((found[0] ** 2).mean()) < 0.02
 
 
 @pytest.mark.parametrize("level", [OWN, ON_GRID])
 def test_the_derivative_of_areas_equals_central_differences(level):
-    engine, rng = (
-        engine_of(problem_of(sides_of(grown(MOVING, -0.2), grown(CONTROL))), level),
+    objective, rng = (
+        objective_of(problem_of(sides_of(grown(MOVING, -0.2), grown(CONTROL))), level),
         np.random.default_rng(5),
     )
-    f, step = mobius(TWIST(engine.link.disk.z), 0.1 + 0.05j, 0.2), 1e-6
+    f, step = mobius(TWIST(objective.coefficient_mesh.disk.z), 0.1 + 0.05j, 0.2), 1e-6
     for _ in range(3):
         a, b, c = rng.normal(size=3) + 1j * rng.normal(size=3)
         change = 0.1 * (1 - abs(f) ** 2) * (a + b * f + c * f.conj() ** 2)
         expected = (
-            engine.areas.residual(f + step * change) - engine.areas.residual(f - step * change)
+            objective.areas.residual(f + step * change)
+            - objective.areas.residual(f - step * change)
         ) / (2 * step)
-        found = (engine.areas.rows(f).conj() @ change).real
+        found = (objective.areas.rows(f).conj() @ change).real
         assert np.linalg.norm(found - expected) < 5e-3 * np.linalg.norm(expected)
 
 
@@ -117,13 +120,13 @@ def test_prior_and_areas_together_are_henckys_energy():
 
 
 def test_a_face_that_folds_costs_much_and_not_infinitely():
-    engine = engine_of(problem_of(sides_of(flat(MOVING), flat(CONTROL))), OWN)
+    objective = objective_of(problem_of(sides_of(flat(MOVING), flat(CONTROL))), OWN)
     f = MOVING.z.copy()
     f[np.argmin(abs(f))] += 0.2
-    residual, rows = engine.areas.residual(f), engine.areas.rows(f)
+    residual, rows = objective.areas.residual(f), objective.areas.rows(f)
     assert np.isfinite(residual).all() and np.isfinite(rows.data).all()
-    assert abs(engine.areas.log_areal(f)).max() == pytest.approx(
-        -np.log(engine.areas.FLOOR), rel=0.1
+    assert abs(objective.areas.log_areal(f)).max() == pytest.approx(
+        -np.log(objective.areas.FLOOR), rel=0.1
     )
 
 

@@ -20,7 +20,7 @@ from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk, square_disk
 from qclearn.plane.mobius import best_mobius, compose_mobius, mobius, mobius_inverse
 from qclearn.plane.tangent import CoefficientMesh
-from qclearn.registration import multiresolution
+from qclearn.registration import multiresolution as multiresolution_module
 from qclearn.registration.fit import fit_landmarks, fit_problem
 from qclearn.registration.gauss_newton import (
     MOBIUS_PRIOR,
@@ -190,7 +190,7 @@ def test_steps_without_a_jacobian_end_where_exact_ones_do_and_cost_few_solves(
 ):
     """exact: the end of steps by adjoint solves for each landmark.
 
-    Steps that do not use what earlier ones have preconditioner take a quarter more solves; those of
+    Steps that do not use what earlier ones have computed take a quarter more solves; those of
     equations that nothing preconditions take 2,500 and more; and equations that are solved in three
     products end at nine times the least.
     """
@@ -201,7 +201,7 @@ def test_steps_without_a_jacobian_end_where_exact_ones_do_and_cost_few_solves(
     assert sum(fit.steps) <= 8 and 0 < len(solves) <= most
 
 
-def small_engine(p, q):
+def small_objective(p, q):
     """The fit of landmarks on their own mesh, with nu on a polar one."""
     return GaussNewtonObjective(
         Discretization(
@@ -211,15 +211,15 @@ def small_engine(p, q):
     )
 
 
-def beginning(engine):
-    return engine.at(np.zeros(len(engine.link.mesh.z), complex), (0j, 0.0))
+def beginning(objective):
+    return objective.at(np.zeros(len(objective.coefficient_mesh.mesh.z), complex), (0j, 0.0))
 
 
 def test_what_is_learnt_of_repeated_directions_stays_positive():
     """Conjugate gradients that rounding lets go on beyond as many steps as there are unknowns."""
     p, q = smooth_problem(6, count=12)
-    engine, gamma = small_engine(p, q), 1e5
-    first = engine.linearise(beginning(engine), gamma).preconditioner
+    objective, gamma = small_objective(p, q), 1e5
+    first = objective.linearise(beginning(objective), gamma).preconditioner
     rng = np.random.default_rng(0)
     root, few = rng.normal(size=(24, 24)), rng.normal(size=(24, 8))
     exact, noise = gamma * root @ root.T, 1e-9 * rng.normal(size=(2, 60, 24))
@@ -232,11 +232,11 @@ def test_what_is_learnt_of_repeated_directions_stays_positive():
 
 
 def test_what_a_step_has_learnt_lies_in_the_state_that_it_leads_to():
-    engine = small_engine(*smooth_problem(6, count=12))
-    begin = beginning(engine)
-    found, again = (engine.step(begin, 1e4) for _ in range(2))
+    objective = small_objective(*smooth_problem(6, count=12))
+    begin = beginning(objective)
+    found, again = (objective.step(begin, 1e4) for _ in range(2))
     assert begin.preconditioner is None and found.preconditioner.shape == (24, 24)
-    assert engine.at(found.nu, found.mobius).preconditioner is None
+    assert objective.at(found.nu, found.mobius).preconditioner is None
     assert np.array_equal(found.nu, again.nu) and np.array_equal(
         found.preconditioner, again.preconditioner
     )
@@ -393,18 +393,18 @@ def test_a_start_is_carried_to_the_polar_mesh():
     np.testing.assert_allclose(bounded(start), TWIST.mu(grid.z), atol=0.05)
 
 
-def test_a_kept_climb_is_fitted_anew_with_other_weights(monkeypatch):
-    """As a new one is, to the last bit, whatever the fits before have preconditioner; its mesh is
+def test_a_multiresolution_fit_is_run_again_with_other_weights(monkeypatch):
+    """As a new one is, to the last bit, whatever the fits before have computed; its mesh is
     not looked at again."""
-    climb = MultiresolutionFit(Problem(MESH, *smooth_problem(3)))
-    fit_problem(climb, Weights(gamma=1e5))
+    resumed = MultiresolutionFit(Problem(MESH, *smooth_problem(3)))
+    fit_problem(resumed, Weights(gamma=1e5))
     new = fit_problem(Problem(Disk(*SMALL), *smooth_problem(3)), Weights(2.0, 0.1, 10.0))
-    monkeypatch.setattr(multiresolution, "CoefficientMesh", None)
-    monkeypatch.setattr(multiresolution, "Discretization", None)
-    assert np.array_equal(fit_problem(climb, Weights(2.0, 0.1, 10.0)).f, new.f)
+    monkeypatch.setattr(multiresolution_module, "CoefficientMesh", None)
+    monkeypatch.setattr(multiresolution_module, "Discretization", None)
+    assert np.array_equal(fit_problem(resumed, Weights(2.0, 0.1, 10.0)).f, new.f)
 
 
-def test_a_problem_that_was_fitted_holds_no_engine_and_goes_to_other_processes():
+def test_a_problem_that_was_fitted_holds_no_objective_and_goes_to_other_processes():
     problem = Problem(Disk(*SMALL), *smooth_problem(3))
     fit = fit_problem(problem, Weights())
     assert set(vars(problem)) == {field.name for field in fields(Problem)} | {"samples", "mobius"}

@@ -65,31 +65,31 @@ def no_landmarks():
 
 @pytest.fixture(scope="module")
 def equations():
-    """Landmarks and features on a small mesh, linearised at a field and a Möbius map: (engine,
+    """Landmarks and features on a small mesh, linearised at a field and a Möbius map: (objective,
     state, step)."""
     rng = np.random.default_rng(1)
     mesh = Disk(*polar_disk(5, 15))
     moving, target = 0.7 * np.exp(1j * np.arange(4)), 0.6 * np.exp(1j * np.arange(4) + 0.2j)
-    setting = Discretization(
+    discretization = Discretization(
         Problem(MOVING, moving, target), CoefficientMesh(mesh, mesh), own=False
     )
     features = FeatureTerm(features_of(TWIST), 16.0, 0.5, Places(CONTROL, mesh.sampling(MOVING.z)))
-    engine = GaussNewtonObjective(setting, Weights(1.0, 0.02, 1e2, 0.5), features)
+    objective = GaussNewtonObjective(discretization, Weights(1.0, 0.02, 1e2, 0.5), features)
     nu = 0.2 * (rng.normal(size=len(mesh.z)) + 1j * rng.normal(size=len(mesh.z)))
-    state = engine.at(nu, (0.1 - 0.05j, 0.2))
-    return engine, state, engine.linearise(state, 1e2)
+    state = objective.at(nu, (0.1 - 0.05j, 0.2))
+    return objective, state, objective.linearise(state, 1e2)
 
 
 def test_the_derivative_of_all_residuals_equals_differences(equations):
     """Up to the slopes, which are averaged over the control's faces."""
-    engine, state, found = equations
+    objective, state, found = equations
     rng, step = np.random.default_rng(2), 1e-4
 
     def residual(x):
         moved = compose_mobius(state.mobius, (complex(x[-2], x[-1]), x[-3]))
-        at = engine.at(state.nu + x[:-3].view(complex), moved)
+        at = objective.at(state.nu + x[:-3].view(complex), moved)
         return np.concatenate(
-            [engine.landmarks.residual(at.points, 1e2), engine.features.residual(at.f)]
+            [objective.landmarks.residual(at.points, 1e2), objective.features.residual(at.f)]
         )
 
     for _ in range(3):
@@ -108,12 +108,12 @@ def test_forward_and_adjoint_are_transposes(equations):
 
 
 def test_the_step_solves_the_normal_equations(equations, monkeypatch):
-    engine, state, found = equations
+    objective, state, found = equations
     monkeypatch.setattr(gauss_newton, "STEPS", 300)
     monkeypatch.setattr(found, "accuracy", 1e-9)
     J = np.stack([found.forward(unit) for unit in np.eye(2 * len(state.nu) + 3)], axis=1)
     W = sparse.block_diag(
-        [sparse.kron(engine.W, np.eye(2)), gauss_newton.MOBIUS_PRIOR * np.eye(3)]
+        [sparse.kron(objective.W, np.eye(2)), gauss_newton.MOBIUS_PRIOR * np.eye(3)]
     ).toarray()
     nu = np.concatenate([state.nu.view(float), np.zeros(3)])
     expected = -np.linalg.solve(W + J.T @ J, W @ nu + J.T @ found.residual)
@@ -128,10 +128,10 @@ def test_the_step_solves_the_normal_equations(equations, monkeypatch):
 
 
 def test_what_a_step_has_learnt_lies_in_the_state_that_it_leads_to(equations):
-    engine, state, _ = equations
-    found, again = (engine.step(state, 1e2) for _ in range(2))
+    objective, state, _ = equations
+    found, again = (objective.step(state, 1e2) for _ in range(2))
     assert state.preconditioner is None and len(found.preconditioner) == 3
-    assert engine.at(found.nu, found.mobius).preconditioner is None
+    assert objective.at(found.nu, found.mobius).preconditioner is None
     assert np.array_equal(found.nu, again.nu)
 
 
@@ -173,16 +173,19 @@ def test_features_lead_between_the_landmarks():
 
 def test_coarse_features_guide_with_less_weight_and_the_whole_is_asked_for_at_last():
     t = np.exp(1j * np.arange(6))
-    climb, features = MultiresolutionFit(Problem(MOVING, 0.6 * t, 0.5 * t)), features_of(TWIST)
+    multiresolution, features = (
+        MultiresolutionFit(Problem(MOVING, 0.6 * t, 0.5 * t)),
+        features_of(TWIST),
+    )
     asked = Weights(gamma=1e5, delta=1.0)
     scales = [level.sigma for level in LEVELS]
     assert scales == sorted(scales, reverse=True) and scales[0] == 32 and LEVELS[-1].own_mesh
     for level in LEVELS:
-        engine = climb.engine(level, asked, features)
-        assert engine.weights.gamma == (1e5 if level.own_mesh else 1e2)
-        delta = (engine.features.scale**2).sum()
+        objective = multiresolution.objective(level, asked, features)
+        assert objective.weights.gamma == (1e5 if level.own_mesh else 1e2)
+        delta = (objective.features.scale**2).sum()
         assert delta == pytest.approx(0.3 if level.sigma >= 16 else 1.0)
-    small = climb.engine(LEVELS[0], Weights(gamma=10.0, delta=0.1), features)
+    small = multiresolution.objective(LEVELS[0], Weights(gamma=10.0, delta=0.1), features)
     assert small.weights.gamma == 10 and (small.features.scale**2).sum() == pytest.approx(0.1)
 
 
@@ -191,11 +194,12 @@ def test_coarse_features_guide_with_less_weight_and_the_whole_is_asked_for_at_la
 )
 def test_a_level_ends_with_a_step_that_gained_little(own_mesh, left, steps):
     class Falling:
-        """An engine whose steps leave one share of the objective each."""
+        """An objective whose steps leave one share of the objective each."""
 
         weights = Weights()
+        spent = False
 
-        def objective(self, state, gamma):
+        def value(self, state, gamma):
             return state
 
         def step(self, state, gamma, worth):
@@ -222,7 +226,7 @@ def fitted(levels):
     )
 
 
-def objective(fit):
+def final_objective(fit):
     return fit.losses["L_CP"] + fit.losses["L_features"]
 
 
@@ -237,7 +241,7 @@ def test_a_polar_mesh_stands_for_a_surface_that_is_then_solved_on_once(usual):
         found.steps[-2] > 0 and found.steps[-1] == 0 and found.bijective and found.fallbacks == ()
     )
     assert abs(found.f - usual.f).mean() < 2e-3 and found.f.shape == MOVING.z.shape
-    assert objective(found) < 1.05 * objective(usual)
+    assert final_objective(found) < 1.05 * final_objective(usual)
 
 
 def test_steps_on_the_surface_follow_where_what_stands_for_it_misleads(usual):
@@ -245,17 +249,21 @@ def test_steps_on_the_surface_follow_where_what_stands_for_it_misleads(usual):
     blind = fitted(
         [level._replace(skip_ratio=np.inf if level.skip_ratio else 0.0) for level in standing(4)]
     )
-    assert found.steps[-1] > 0 and found.bijective and objective(found) < 1.05 * objective(usual)
-    assert blind.steps[-1] == 0 and objective(blind) > 1.1 * objective(usual)
+    assert (
+        found.steps[-1] > 0
+        and found.bijective
+        and final_objective(found) < 1.05 * final_objective(usual)
+    )
+    assert blind.steps[-1] == 0 and final_objective(blind) > 1.1 * final_objective(usual)
 
 
 def test_landmarks_alone_are_fitted_on_what_stands_for_a_large_surface():
     problem, weights = Problem(MOVING, P, TWIST(P)), Weights(gamma=1e2)
-    engine, state, steps = MultiresolutionFit(problem).run(
+    objective, state, steps = MultiresolutionFit(problem).run(
         standing(32, landmark_levels(LARGE_DISK, 16)), weights
     )
-    assert steps[-2] > 0 and steps[-1] == 0 and engine.problem is problem
-    assert engine.objective(state, 1e2) == pytest.approx(
+    assert steps[-2] > 0 and steps[-1] == 0 and objective.problem is problem
+    assert objective.value(state, 1e2) == pytest.approx(
         fit_problem(problem, weights).losses["L_CP"], rel=0.05
     )
 
@@ -265,7 +273,9 @@ def test_only_a_large_surface_has_a_polar_mesh_stand_for_it():
         level.proxy_rings for level in (*LEVELS, *landmark_levels(MOVING, 16))
     )
     for levels in (feature_levels(LARGE_DISK), list(landmark_levels(LARGE_DISK, 16))):
-        assert levels[-2].proxy_rings == 64 and levels[-1].own_mesh and levels[-1].skip_ratio == 1.05
+        assert (
+            levels[-2].proxy_rings == 64 and levels[-1].own_mesh and levels[-1].skip_ratio == 1.05
+        )
 
 
 def test_without_weight_features_change_nothing():
@@ -291,7 +301,7 @@ def test_a_fit_above_the_best_mobius_map_is_not_returned():
 
 def test_an_objective_that_is_no_number_is_not_below(monkeypatch):
     monkeypatch.setattr(
-        "qclearn.registration.gauss_newton.GaussNewtonObjective.objective", lambda *_: np.nan
+        "qclearn.registration.gauss_newton.GaussNewtonObjective.value", lambda *_: np.nan
     )
     levels = [Level(8, 4.0, 0, True)]
     fit = fit_registration(no_landmarks(), Weights(delta=0.3), features_of(TWIST), levels=levels)

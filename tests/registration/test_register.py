@@ -20,10 +20,9 @@ from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import Disk
 from qclearn.plane.mobius import best_mobius, compose_mobius, mobius
 from qclearn.registration import register as pipeline
-from qclearn.registration.curves import detect_curves, sample_curve
+from qclearn.registration.curves import check_curves, detect_curves, sample_curve
 from qclearn.registration.fit import exact_map, fit_landmarks, fit_problem
 from qclearn.registration.problem import LandmarkError, Weights
-from qclearn.registration.register import check_curves
 from qclearn.registration.transfer import transfer
 from qclearn.surfaces.conformal import ParameterizedSurface, disk_conformal_map
 from qclearn.surfaces.surface import Surface, SurfaceError, mirror
@@ -259,7 +258,7 @@ def folding_above(monkeypatch):
                 else replace(fit, bijective=False, flipped=np.array([7]))
             )
 
-        monkeypatch.setattr("qclearn.registration.networks.fit_problem", folding)
+        monkeypatch.setattr("qclearn.registration.fit.fit_problem", folding)
 
     return limit
 
@@ -350,9 +349,7 @@ def networks(monkeypatch):
             solve=solve,
             gamma_used=lambda weights: min(weights.gamma, most),
         )
-        monkeypatch.setattr(
-            sys.modules["qclearn.registration.register"], "load", lambda name: blocks
-        )
+        monkeypatch.setattr("qclearn.nets.load", lambda name: blocks)
 
     return install
 
@@ -510,7 +507,7 @@ def test_the_steps_begin_at_the_networks_coefficient(networks, pair, monkeypatch
         seen.append(options)
         return fit_problem(*arguments, **options)
 
-    monkeypatch.setattr("qclearn.registration.networks.fit_problem", fit)
+    monkeypatch.setattr("qclearn.registration.fit.fit_problem", fit)
     networks(predict=lambda *_, **__: prediction)
     assert by_networks(pair, tolerance=2e-3).report["landmark_error"] <= 2e-3
     assert seen[0]["start"] is prediction and seen[0]["enough"] == pytest.approx(1.8e-3)
@@ -793,8 +790,8 @@ def test_numbers_out_of_range_are_met_with_what_they_may_be(path, table, size, h
 def test_two_vertices_are_endpoints_unless_the_file_says_otherwise():
     surface = bowl(0.6)
     usual, fixed = check_curves([CURVE, CURVE | {"name": "b", "detect": False}], surface, surface)
-    assert usual["detect"] == {"moving": True, "control": False}
-    assert fixed["detect"] == {"moving": False, "control": False}
+    assert usual.detect == {"moving": True, "control": False}
+    assert fixed.detect == {"moving": False, "control": False}
 
 
 # Maps carried over

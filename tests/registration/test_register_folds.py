@@ -13,7 +13,7 @@ from test_register import bowl, entries
 
 from qclearn.plane.bijectivity import BijectivityError
 from qclearn.plane.grids import polar_disk
-from qclearn.registration.curves import detect_curves, held_apart
+from qclearn.registration.curves import Curve, detect_curves, held_apart
 from qclearn.registration.features import Feature, FeatureError
 from qclearn.registration.fit import fit_registration
 from qclearn.registration.problem import DELTA, LandmarkError
@@ -119,7 +119,7 @@ def test_delta_is_lowered_before_gamma(monkeypatch):
         fit = fit_registration(problem, weights, *more)
         return fit if weights.gamma < 1e4 else replace(fit, bijective=False, flipped=np.array([7]))
 
-    monkeypatch.setattr("qclearn.registration.networks.fit_registration", folding)
+    monkeypatch.setattr("qclearn.registration.fit.fit_registration", folding)
     report = register(
         MOVING, CONTROL, entries(0), features=FEATURES[:1], gamma=1e5, delta=0.4
     ).report
@@ -131,7 +131,7 @@ def test_features_that_fold_at_every_delta_are_refused(monkeypatch):
     def folding(problem, weights, *more):
         return SimpleNamespace(bijective=False, flipped=np.array([7]))
 
-    monkeypatch.setattr("qclearn.registration.networks.fit_registration", folding)
+    monkeypatch.setattr("qclearn.registration.fit.fit_registration", folding)
     with pytest.raises(
         BijectivityError,
         match="for these features down to delta = 0.00390625 .*the features of both",
@@ -145,7 +145,7 @@ def test_the_networks_answer_is_where_the_features_begin(monkeypatch):
     blocks = SimpleNamespace(detect=detect_curves, predict=lambda *_, **__: mu, **gamma)
     loaded, counts = [], []
     pipeline = sys.modules["qclearn.registration.register"]
-    monkeypatch.setattr(pipeline, "load", lambda name: loaded.append(name) or blocks)
+    monkeypatch.setattr("qclearn.nets.load", lambda name: loaded.append(name) or blocks)
     made = pipeline.Stages.__init__
     monkeypatch.setattr(
         pipeline.Stages,
@@ -157,7 +157,7 @@ def test_the_networks_answer_is_where_the_features_begin(monkeypatch):
         seen.append(start)
         return fit_registration(problem, weights, features, start)
 
-    monkeypatch.setattr("qclearn.registration.networks.fit_registration", fit)
+    monkeypatch.setattr("qclearn.registration.fit.fit_registration", fit)
     result = register(
         MOVING, CONTROL, entries(0), "network", gamma=1e2, features=FEATURES, delta=1.0
     )
@@ -234,10 +234,10 @@ def test_names_to_hold_out_are_text(names):
 
 
 def test_curves_are_held_apart_by_their_names_alone():
-    """Arrays of one shape, which have no truth value; and a text is one name."""
-    given = [{"name": name, "hold_out": False, "moving": np.arange(3)} for name in "abc"]
+    """And a text is one name."""
+    given = [Curve(name, np.arange(3), np.arange(3), {}) for name in "abc"]
     fitted, held = held_apart(given, "b")
-    assert [entry["name"] for entry in fitted] == ["a", "c"] and held == [given[1]]
+    assert [curve.name for curve in fitted] == ["a", "c"] and held == [given[1]]
 
 
 def test_hold_out_is_true_or_false():

@@ -151,21 +151,23 @@ def test_a_fit_never_ends_above_the_best_mobius_map(case, mesh, gamma):
 
 
 def test_the_work_of_a_fit_of_wrong_landmarks_is_bounded():
-    """Steps of a fit end where its engine has done the work it may; the map is certified, with a
+    """Steps of a fit end where its objective has done the work it may; the map is certified, with a
     word."""
     p, q = (np.asarray(side, complex) for side in ASTRAY["permuted"])
-    engines = []
+    objectives = []
 
     class Watched(GaussNewtonObjective):
         def __init__(self, *given):
             super().__init__(*given)
             self.most_work = min(self.most_work, 20.0)
-            engines.append(self)
+            objectives.append(self)
 
     with patch("qclearn.registration.multiresolution.GaussNewtonObjective", Watched):
         fit = fit_landmarks(*COARSE, p, q, gamma=1e5)
     assert (
-        engines[-1].spent and fit.bijective and fit.fallbacks[-1].startswith("the fit was stopped")
+        objectives[-1].spent
+        and fit.bijective
+        and fit.fallbacks[-1].startswith("the fit was stopped")
     )
 
 
@@ -213,14 +215,14 @@ def test_damped_steps_without_a_jacobian_are_shorter(kind):
         FeatureTerm(featured(side, side, maps)[-1], 16.0, 0.5) if kind is PrimalStep else None
     )
     problem = Problem(disk, 0.5 * TURN, 0.45 * TURN * np.exp(0.2j * TURN.real))
-    engine = GaussNewtonObjective(
+    objective = GaussNewtonObjective(
         Discretization(problem, CoefficientMesh(disk, polar(4)), own=True), Weights(), features
     )
-    step = engine.linearise(
-        engine.at(np.full(len(engine.link.mesh.z), 0.1 + 0.2j), (0.1j, 0.2)), 50.0
+    step = objective.linearise(
+        objective.at(np.full(len(objective.coefficient_mesh.mesh.z), 0.1 + 0.2j), (0.1j, 0.2)), 50.0
     )
     assert type(step) is kind
-    sizes = [engine.prior(step.propose(damping).nu) for damping in (0.0, 1, 10, 1e3)]
+    sizes = [objective.prior(step.propose(damping).nu) for damping in (0.0, 1, 10, 1e3)]
     assert (np.diff(sizes) < 0).all()
 
 

@@ -2,6 +2,7 @@
 seen."""
 
 import contextlib
+import json
 import os
 import socket
 import subprocess
@@ -22,6 +23,7 @@ SETTINGS = {
     # notebook.
     "notebook-extension/tracker": '{"windowingMode": "none", "kernelShutdown": true}',
 }
+NBGRADER = ("assignment_list", "course_list", "formgrader", "validate_assignment")
 IDLE = "#jp-main-statusbar :text-matches('[|] Idle')"
 
 
@@ -58,6 +60,11 @@ def jupyterlab(home, root):
         file = home / "settings" / "@jupyterlab" / f"{name}.jupyterlab-settings"
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text)
+    # nbgrader's extensions take seconds to load, and no page needs them.
+    (home / "config").mkdir(exist_ok=True)
+    without = {f"nbgrader.server_extensions.{name}": False for name in NBGRADER}
+    config = {"ServerApp": {"jpserver_extensions": without}}
+    (home / "config" / "jupyter_server_config.json").write_text(json.dumps(config))
     places = {
         "JUPYTER_CONFIG_DIR": "config",
         "JUPYTER_DATA_DIR": "data",
@@ -129,9 +136,6 @@ LOOK = """() => [...window.panel.content.node.querySelectorAll('.jp-Cell')].map(
         .filter(text => text),
     errors: all('[data-mime-type*=stderr], [data-mime-type*=error]', e => e.innerText),
     figures: all('img.page-figure', e => [e.alt, e.naturalWidth]),
-    captions: all('figcaption', e => e.innerText.trim()),
-    small: all('figcaption', e => getComputedStyle(e).fontSize !== getComputedStyle(area).fontSize && e.innerText)
-        .filter(text => text),
     // A scene waits behind its poster, which has its place.
     scenes: all('iframe.scene', e => [e.hidden ? e.previousElementSibling : e, e.parentElement])
         .map(([scene, cell]) => scene.offsetWidth / cell.offsetWidth),

@@ -11,7 +11,7 @@ from book.builder import decks
 # The height and the width of each slide, the explorable on it at its own size.
 MEASURE = """async () => {
   const sizes = [];
-  for (const section of document.querySelectorAll('.slides > section')) {
+  for (const section of document.querySelectorAll('.slides > section > section')) {
     Reveal.slide(sizes.length);
     await new Promise(requestAnimationFrame);
     await new Promise(requestAnimationFrame);
@@ -46,7 +46,7 @@ def too_large(view):
 
 def test_no_slide_is_larger_than_the_window(deck):
     assert too_large(deck) == []
-    last = deck.page.locator(".slides > section").last
+    last = deck.page.locator(".slides > section > section").last
     last.evaluate("(section, html) => section.insertAdjacentHTML('beforeend', html)", TALL)
     assert [number for number, _, _ in too_large(deck)] == [
         deck.page.locator(".slides > section").count()

@@ -26,7 +26,7 @@ from qclearn.plane.solver import DiskSolver
 from qclearn.registration.curves import sample_curve
 from qclearn.registration.fit import exact_map, fit_problem, moved_map
 from qclearn.registration.metrics import measured_losses
-from qclearn.registration.multiresolution import MultiresolutionFit, few
+from qclearn.registration.multiresolution import Level, MultiresolutionFit
 from qclearn.registration.networks import predicted
 from qclearn.registration.problem import Problem, Weights, distinct
 from qclearn.surfaces.conformal import parameterize
@@ -194,11 +194,12 @@ def stepped(problem, weights, steps=3):
     """The first Gauss-Newton steps by adjoint solves, from nu = 0 and at the whole gamma: (seconds
     so far, map)."""
     start, mesh = time.process_time(), polar(*COARSE)
-    engine = MultiresolutionFit(problem).engine(few(steps, COARSE[0]), weights)
+    level = Level(COARSE[0], None, steps, min_predicted_decrease=0.0)
+    objective = MultiresolutionFit(problem).objective(level, weights)
     to_faces = mesh.sampling(problem.disk.centroids)
-    state = engine.at(np.zeros(len(mesh.z), complex), problem.mobius)
+    state = objective.at(np.zeros(len(mesh.z), complex), problem.mobius)
     for _ in range(steps):
-        state = engine.step(state, weights.gamma) or state
+        state = objective.step(state, weights.gamma) or state
         passed = time.process_time() - start
         yield passed, exact_map(problem, bounded(to_faces @ state.nu))
 

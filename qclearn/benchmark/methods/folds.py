@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from ...plane.mobius import mobius
 from ...registration import diagnose
-from ...registration.networks import fit_with_fallbacks
+from ...registration.fit import fit_with_fallbacks
 from ...registration.pair import align_disks, sample_landmarks
 from ...registration.problem import DELTA, ETA, LandmarkError, Problem, Weights
 from ...surfaces.conformal import repair_folds
@@ -35,7 +35,7 @@ def dense(problem, alpha=Weights.alpha, beta=Weights.beta, delta=DELTA, eta=ETA)
 
 def landmark_free(problem, alpha=Weights.alpha, beta=Weights.beta, delta=DELTA, eta=ETA):
     """Folds alone, from the Möbius map that fits them best: landmarks take no part, f (V,)."""
-    sides = align_disks(replace(with_folds(problem), entries=[], held=[]))
+    sides = align_disks(replace(with_folds(problem), curves=[], held=[]))
     return by_folds(
         sample_landmarks(sides).problem, Weights(alpha, beta, delta=delta, eta=eta), sides
     )

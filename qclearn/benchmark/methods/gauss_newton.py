@@ -9,7 +9,7 @@ from ...plane.coefficients import bounded, unbounded
 from ...plane.grids import COARSE, FINE, polar
 from ...plane.mobius import best_mobius
 from ...registration.fit import exact_map, fit_problem
-from ...registration.multiresolution import Level, MultiresolutionFit, few, run_level
+from ...registration.multiresolution import Level, MultiresolutionFit, run_level
 from ...registration.problem import Weights
 from .solver import warn_of
 
@@ -41,8 +41,10 @@ def coarse_steps(problem, steps=1, alpha=Weights.alpha, beta=Weights.beta, gamma
         Level(COARSE[0], None, 5, rising=True),
         polar(*COARSE),
     )
-    engine = MultiresolutionFit(problem).engine(level, weights)
-    state, _ = run_level(engine, engine.at(np.zeros(len(mesh.z), complex), problem.mobius), level)
+    objective = MultiresolutionFit(problem).objective(level, weights)
+    state, _ = run_level(
+        objective, objective.at(np.zeros(len(mesh.z), complex), problem.mobius), level
+    )
     return few_steps(
         problem, bounded(mesh.sampling(polar(*FINE).centroids) @ state.nu), steps, weights
     )
@@ -55,11 +57,12 @@ def few_steps(problem, mu, steps, weights):
 
     The solve fits the disk Möbius map again. A RepairWarning says if rows were switched.
     """
-    level, mesh = few(steps, FINE[0]), polar(*FINE)
-    engine = MultiresolutionFit(problem).engine(level, weights)
-    begin = engine.at(mesh.to_vertices @ unbounded(mu), (0j, 0.0))
-    best = best_mobius(engine.samples @ begin.solution.f, problem.target)
-    state, _ = run_level(engine, engine.with_mobius(begin, best), level)
+    level = Level(FINE[0], None, steps, min_predicted_decrease=0.0)
+    mesh = polar(*FINE)
+    objective = MultiresolutionFit(problem).objective(level, weights)
+    begin = objective.at(mesh.to_vertices @ unbounded(mu), (0j, 0.0))
+    best = best_mobius(objective.samples @ begin.solution.f, problem.target)
+    state, _ = run_level(objective, objective.with_mobius(begin, best), level)
     result = exact_map(problem, bounded(mesh.sampling(problem.disk.centroids) @ state.nu))
     warn_of(result.fallbacks)
     return result.f

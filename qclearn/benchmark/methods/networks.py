@@ -7,7 +7,6 @@ from ...plane.grids import FINE, polar
 from ...registration.fit import exact_map, moved_map
 from ...registration.networks import certified_network_map, predicted
 from ...registration.problem import Weights
-from ...registration.register import load as network
 from .gauss_newton import few_steps
 from .solver import warn_of
 
@@ -20,6 +19,13 @@ NEEDS = {  # method -> networks
     "cpnet_steps": ("cpnet",),
     "guarded": ("cpnet", "dbsnet"),
 }
+
+
+def network(name, preset="best", gamma=None):
+    """`qclearn.nets.load`."""
+    from ...nets import load  # here, as it needs torch
+
+    return load(name, preset, gamma)
 
 
 def networks_of(method, parameters):

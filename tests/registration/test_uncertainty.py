@@ -44,9 +44,9 @@ def laplace_of(problem, weights=WEIGHTS):
 def test_the_derivative_is_that_of_the_map(problem):
     """By central differences of the map itself."""
     one = laplace_of(problem)
-    state, engine, rng = one.state, one.engine, np.random.default_rng(0)
+    state, objective, rng = one.state, one.objective, np.random.default_rng(0)
     change = (rng.normal(size=(len(state.nu), 2)) @ [1, 1j]) * 1e-5
-    ahead, behind = (engine.at(state.nu + sign * change, state.mobius).f for sign in (1, -1))
+    ahead, behind = (objective.at(state.nu + sign * change, state.mobius).f for sign in (1, -1))
     said = one.G[:, :-3] @ np.ascontiguousarray(change).view(float)
     assert abs(said - (ahead - behind) / 2).max() < 1e-3 * abs(said).max()
 
@@ -239,7 +239,7 @@ def test_the_advised_vertex_is_told_in_the_numbers_of_the_surface_as_given(whole
     pair = registration.Pair(side if whole else side.cut, side.cut, mirrored=False)
     result = SimpleNamespace(
         uncertainty=np.ones(1),
-        report={"suspect": [], "sure": {"next": {"vertex": 5_000, "mean_mm": 1.0}}},
+        report={"suspect": [], "uncertainty": {"next": {"vertex": 5_000, "mean_mm": 1.0}}},
     )
     told = registration.told_by(result, pair, {"curves": []}, "")["uncertainty"]["next"]["vertex"]
     surface = side.given if whole else side.disk

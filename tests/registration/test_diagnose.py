@@ -7,6 +7,7 @@ from copy import deepcopy
 from dataclasses import replace
 from types import SimpleNamespace
 
+import meshes
 import numpy as np
 import pytest
 
@@ -19,15 +20,19 @@ from qclearn.registration import diagnose
 from qclearn.registration.curves import check_curves
 from qclearn.registration.diagnose import (
     LIMITS,
+    align_by_folds,
     diagnose_landmarks,
     large_error,
     odd_curves,
     reasons,
+    rotation_contrast,
     strong_distortion,
     switched_rows,
+    with_folds,
     worse,
 )
-from qclearn.registration.pair import SurfacePair
+from qclearn.registration.features import mirrored_gain
+from qclearn.registration.pair import SurfacePair, align_disks
 from qclearn.registration.problem import LandmarkError
 from qclearn.surfaces.conformal import ParameterizedSurface, parameterize
 from qclearn.surfaces.surface import Surface, mirror
@@ -52,10 +57,10 @@ def sides():
 
 
 def with_curves(sides, curves):
-    return replace(sides, entries=check_curves(curves, sides.moving.surface, sides.control.surface))
+    return replace(sides, curves=check_curves(curves, sides.moving.surface, sides.control.surface))
 
 
-def said(sides, curves):
+def messages_of_curves(sides, curves):
     """The mistakes found in curves of the two sides."""
     return diagnose_landmarks(with_curves(sides, curves))
 
@@ -77,29 +82,29 @@ def words(reasons):
 
 
 def test_what_was_repaired_of_the_disks_is_told(sides):
-    assert sides.words and all(
-        re.match("(moving|control): .*(raised|switched)", word) for word in sides.words
+    assert sides.messages and all(
+        re.match("(moving|control): .*(raised|switched)", word) for word in sides.messages
     )
 
 
 @pytest.mark.parametrize("subset", SUBSETS, ids=str)
 def test_good_landmarks_are_not_suspect(sides, subset):
-    assert said(sides, SULCI[subset]) == []
+    assert messages_of_curves(sides, SULCI[subset]) == []
     back = [
         entry | {"moving": entry["control"], "control": entry["moving"]} for entry in SULCI[subset]
     ]
-    assert said(exchanged(sides), back) == []  # with the landmarks, so no mistake
+    assert messages_of_curves(exchanged(sides), back) == []  # with the landmarks, so no mistake
 
 
 @pytest.mark.parametrize("subset", SUBSETS, ids=str)
 def test_a_forgotten_mirror_is_recognised(sides, subset):
-    (reason,) = said(mirrored(sides), SULCI[subset])
+    (reason,) = messages_of_curves(mirrored(sides), SULCI[subset])
     assert reason.startswith("mirror: ") and "--mirror" in reason
 
 
 @pytest.mark.parametrize("subset", SUBSETS, ids=str)
 def test_exchanged_surfaces_are_recognised(sides, subset):
-    (reason,) = said(exchanged(sides), SULCI[subset])
+    (reason,) = messages_of_curves(exchanged(sides), SULCI[subset])
     assert reason.startswith("exchanged: ") and "MOVING and CONTROL" in reason
 
 
@@ -111,7 +116,7 @@ def test_numbers_of_the_whole_surface_are_recognised(sides, subset, wrong):
         for side in wrong:
             entry[side] = getattr(sides, side).surface.original_vertices[entry[side]].tolist()
     try:
-        (reason,) = said(sides, curves)
+        (reason,) = messages_of_curves(sides, curves)
     except LandmarkError as error:  # one of them is out of range on the cut surface
         reason = str(error).partition("before it was cut open, say)? ")[2]
         assert "collateral" in str(error)
@@ -120,7 +125,9 @@ def test_numbers_of_the_whole_surface_are_recognised(sides, subset, wrong):
 
 @pytest.mark.parametrize("subset", SUBSETS, ids=str)
 def test_curves_all_run_backwards_are_recognised(sides, subset):
-    (reason,) = said(sides, [entry | {"moving": entry["moving"][::-1]} for entry in SULCI[subset]])
+    (reason,) = messages_of_curves(
+        sides, [entry | {"moving": entry["moving"][::-1]} for entry in SULCI[subset]]
+    )
     assert reason.startswith("reversed: ")
     assert all(entry["name"] in reason for entry in SULCI[subset])
 
@@ -129,7 +136,7 @@ def test_curves_all_run_backwards_are_recognised(sides, subset):
 def test_one_curve_run_backwards_is_recognised_and_named(sides, which):
     curves = deepcopy(SULCI)
     curves[which]["control"].reverse()
-    (reason,) = said(sides, curves)
+    (reason,) = messages_of_curves(sides, curves)
     assert reason.startswith(f"reversed: {SULCI[which]['name']!r} fits")
 
 
@@ -140,7 +147,7 @@ def test_two_swapped_names_are_recognised_and_named(sides, first, second):
         curves[second]["moving"],
         curves[first]["moving"],
     )
-    (reason,) = said(sides, curves)
+    (reason,) = messages_of_curves(sides, curves)
     assert reason.startswith("swapped: ")
     assert {entry["name"] for entry in SULCI if repr(entry["name"]) in reason} == {
         SULCI[k]["name"] for k in (first, second)
@@ -153,7 +160,7 @@ def test_several_mistakes_are_told_apart(sides):
     for k in range(3):
         curves[k]["moving"] = SULCI[(k + 1) % 3]["moving"]
     curves[4]["moving"] = curves[4]["moving"][::-1]
-    turned, backwards, ring = said(mirrored(sides), curves)
+    turned, backwards, ring = messages_of_curves(mirrored(sides), curves)
     assert words([turned, backwards, ring]) == ["mirror", "reversed", "swapped"]
     assert repr(SULCI[4]["name"]) in backwards and all(
         repr(SULCI[k]["name"]) in ring for k in range(3)
@@ -164,12 +171,16 @@ def test_what_is_found_does_not_hang_on_the_disk_maps_gauge(sides):
     curves = [entry | {"moving": entry["moving"][::-1]} for entry in SULCI[:5]]
     disk = sides.moving.disk
     moving = replace(sides.moving, disk=disk.at(mobius(disk.z, 0.5 - 0.3j, 2.0)))
-    assert said(replace(sides, moving=moving), curves) == said(sides, curves) != []
+    assert (
+        messages_of_curves(replace(sides, moving=moving), curves)
+        == messages_of_curves(sides, curves)
+        != []
+    )
 
 
 def test_a_surface_onto_itself_is_not_suspect(sides):
     assert (
-        said(
+        messages_of_curves(
             replace(sides, moving=sides.control),
             [entry | {"moving": entry["control"]} for entry in SULCI],
         )
@@ -201,7 +212,7 @@ def test_surfaces_that_share_one_numbering_are_not_called_exchanged(sides):
         SurfacePair(control, replace(control, disk=control.disk.at(moved)), [], []), curves
     )
     given = diagnose.given_hypothesis(both)
-    others = diagnose.of_surfaces(given, both)
+    others = diagnose.surface_hypotheses(given, both)
     found = diagnose.compared(given, next(other for other in others if "exchanged" in other.reason))
     assert found["better"] < 0.1 < found["given"] < LIMITS["surface_given"]
     assert diagnose_landmarks(both) == []
@@ -365,3 +376,125 @@ def test_in_the_table_each_mistake_is_recognised(measured, kind, word, least):
         for case in cases
     ]
     assert len(cases) >= least and np.mean(named) >= 0.95
+
+
+# Fewer than three curves, or none: the folds tell a left from a right, and ends that lie elsewhere.
+
+
+@pytest.fixture(scope="module")
+def folded_pair():
+    """fsaverage5's mirrored right hemisphere and its left one, each on its disk, with their folds."""
+    return with_folds(
+        SurfacePair(
+            parameterize(mirror(fsaverage5("right"))), parameterize(fsaverage5("left")), [], []
+        )
+    )
+
+
+@pytest.fixture(scope="module")
+def aligned(folded_pair):
+    return align_disks(folded_pair)
+
+
+def other_hand(side):
+    """A `ParameterizedSurface` and its features, which know nothing of hands, seen in a mirror."""
+    surface = mirror(side.surface)
+    return replace(side, surface=surface, disk=Disk(side.disk.z.conj(), surface.faces))
+
+
+def messages_of(folded_pair, curves):
+    """The words on curves of two folded_pair, laid upon each other by them."""
+    return diagnose_landmarks(
+        align_disks(
+            replace(
+                folded_pair,
+                curves=check_curves(
+                    curves, folded_pair.moving.surface, folded_pair.control.surface
+                ),
+            )
+        )
+    )
+
+
+def backwards(entry):
+    return entry | {"moving": entry["moving"][::-1]}
+
+
+def test_without_landmarks_the_right_hand_is_not_suspect(aligned):
+    assert diagnose_landmarks(aligned) == []
+    assert mirrored_gain(aligned.moving, aligned.control) < -0.3
+
+
+def test_without_landmarks_the_wrong_hand_is_recognised(folded_pair):
+    wrong = align_disks(replace(folded_pair, moving=other_hand(folded_pair.moving)))
+    (reason,) = diagnose_landmarks(wrong)
+    assert reason.startswith("mirror: the folds fit") and "--mirror" in reason
+    assert mirrored_gain(wrong.moving, wrong.control) > 0.3
+
+
+def test_a_curve_does_not_hide_the_wrong_hand(folded_pair):
+    (reason,) = messages_of(replace(folded_pair, moving=other_hand(folded_pair.moving)), SULCI[:1])
+    assert reason.startswith("mirror: the folds fit")
+
+
+@pytest.mark.parametrize("subset", [slice(0, 1), slice(7, 9)], ids=str)
+def test_one_or_two_good_curves_are_not_suspect(folded_pair, subset):
+    assert messages_of(folded_pair, SULCI[subset]) == []
+
+
+@pytest.mark.parametrize("others", [[], [SULCI[5]]], ids=["alone", "beside another"])
+def test_a_reversed_curve_is_recognised_and_named(folded_pair, others):
+    (reason,) = messages_of(folded_pair, [backwards(SULCI[0]), *others])
+    assert reason.startswith(f"reversed: {SULCI[0]['name']!r} fits")
+
+
+def test_one_curve_in_numbers_of_the_whole_surface_is_recognised(folded_pair):
+    table = folded_pair.moving.surface.original_vertices
+    (reason,) = messages_of(
+        folded_pair, [SULCI[0] | {"moving": table[SULCI[0]["moving"]].tolist()}]
+    )
+    assert reason.startswith("numbering: the moving vertices")
+
+
+def test_what_the_folds_say_does_not_hang_on_where_the_landmarks_laid_the_disk(folded_pair):
+    entries = check_curves(SULCI[:1], folded_pair.moving.surface, folded_pair.control.surface)
+    disk = folded_pair.moving.disk
+    aside = replace(folded_pair.moving, disk=disk.at(mobius(disk.z, 0.9 - 0.3j, 2.0)))
+    places = [
+        align_by_folds(replace(folded_pair, moving=own, curves=entries)).moving.disk.z
+        for own in (folded_pair.moving, aside)
+    ]
+    assert abs(places[0] - places[1]).max() < 1e-3
+
+
+# Where the folds say nothing
+
+
+@pytest.fixture
+def round_bowls():
+    """Two bowls of revolution with one spoke, which runs from the rim inwards on one side: what is
+    right?"""
+    path = np.arange(1, 1 + 24 * 6, 24)
+    moving, control = (
+        parameterize(meshes.bowl(height, curves={"east": path})) for height in (0.6, 0.9)
+    )
+    curves = [{"name": "east", "moving": path[::-1], "control": path}]
+    return SurfacePair(moving, control, check_curves(curves, moving.surface, control.surface), [])
+
+
+def test_surfaces_of_revolution_judge_no_curve(round_bowls):
+    laid = align_by_folds(align_disks(round_bowls))
+    assert rotation_contrast(laid) < LIMITS["rotation_contrast"]
+    assert (
+        abs(mirrored_gain(laid.moving, laid.control)) < LIMITS["hand"]
+        and diagnose_landmarks(align_disks(round_bowls)) == []
+    )
+
+
+def test_flat_surfaces_judge_no_curve(round_bowls):
+    def flat(side):
+        surface = Surface(side.surface.vertices * [1.0, 1.0, 0.0], side.surface.faces)
+        return replace(side, surface=surface)
+
+    plain = replace(round_bowls, moving=flat(round_bowls.moving), control=flat(round_bowls.control))
+    assert align_by_folds(plain) is None and diagnose_landmarks(plain) == []

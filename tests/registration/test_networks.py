@@ -9,9 +9,9 @@ import pytest
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk
 from qclearn.plane.mobius import mobius
-from qclearn.registration.curves import detect_curves
+from qclearn.registration.curves import Curve, checked_curves, detect_curves, fill
 from qclearn.registration.fit import exact_map, moved_map
-from qclearn.registration.networks import checked_curves, fill, refined
+from qclearn.registration.networks import refined
 from qclearn.registration.problem import Problem, Weights
 from qclearn.surfaces.conformal import ParameterizedSurface
 from qclearn.surfaces.surface import Surface
@@ -27,7 +27,7 @@ def spoke(angle, first=2, last=9):
 
 
 def entry(name, path, detect=False):
-    return {"name": name, "moving": path[[0, -1]] if detect else path, "detect": {"moving": detect}}
+    return Curve(name, path[[0, -1]] if detect else path, path, {"moving": detect})
 
 
 def straight(change=lambda line: line):
