@@ -80,14 +80,14 @@ class Carrier:
 class Tangent:
     """Derivatives of maps at points `samples @ z` by a field nu on a polar mesh, mu = T(nu).
 
-    link: the `CoefficientMesh`; samples (P, V): sparse, three entries a row. Near a point the
-    integral is taken over parts of triangles, and for the corners of the triangle that holds the
-    point, as the discrete map is linear between them.
+    coefficient_mesh: the `CoefficientMesh`; samples (P, V): sparse, three entries a row. Near a
+    point the integral is taken over parts of triangles, and for the corners of the triangle that
+    holds the point, as the discrete map is linear between them.
     """
 
-    def __init__(self, link, samples):
-        self.carrier = link.carrier
-        solver = link.solver
+    def __init__(self, coefficient_mesh, samples):
+        self.carrier = coefficient_mesh.carrier
+        solver = coefficient_mesh.solver
         # The points by the corners of their triangles and these corners' shares, (P + 2, 3): after
         # the samples come 0 and 1, which the map holds.
         (first, second), order = solver.loop[:2], np.argsort(solver.origin)
