@@ -41,12 +41,13 @@ def mean_value_matrix(disk, lengths):
     The weights `(tan(a/2) + tan(b/2)) / |e_ij|`, normalised, are positive: where all rows are of
     this kind and the boundary is convex, the map is a bijection (Tutte, Floater).
     """
-    opposite, left, right = lengths, np.roll(lengths, -1, axis=1), np.roll(lengths, -2, axis=1)
+    left = np.roll(lengths, -1, axis=1)
+    right = np.roll(lengths, -2, axis=1)
     # tan(a/2) = sqrt((o^2 - (l - r)^2) / ((l + r)^2 - o^2)); in a sliver rounding can make either
     # part negative.
     smallest = 1e-24 * (left + right) ** 2
-    upper = opposite**2 - (left - right) ** 2
-    lower = (left + right) ** 2 - opposite**2
+    upper = lengths**2 - (left - right) ** 2
+    lower = (left + right) ** 2 - lengths**2
     half = np.sqrt(np.maximum(upper, smallest) / np.maximum(lower, smallest))
     blocks = np.zeros((len(disk.faces), 3, 3))
     for corner in range(3):
@@ -75,7 +76,8 @@ def repair(matrix, disk, lengths, before=()):
     for rounds in range(30):
         # The inner vertices of flipped faces; where all have switched, one ring more, as long as
         # there is one.
-        wanted, reached = _interior(disk, disk.flipped), 0
+        wanted = _interior(disk, disk.flipped)
+        reached = 0
         while wanted.sum() > reached and not (wanted & ~switched).any():
             wanted, reached = _interior(disk, wanted[disk.faces].any(1)), wanted.sum()
         if not (wanted & ~switched).any():

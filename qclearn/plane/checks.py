@@ -10,7 +10,7 @@ class BeltramiError(ValueError):
 
 
 class SurfaceError(ValueError):
-    """A surface, or a file of one, that cannot be used: says what was found, where (indices) and
+    """A surface, or a file of one, that cannot be used; the message has what, where (indices) and
     what to do."""
 
 

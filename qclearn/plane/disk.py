@@ -114,11 +114,13 @@ class Disk:
     @cached_property
     def across(self):
         """The face across from each corner of a face, (F, 3); -1 beyond the boundary."""
-        tails, heads = self.faces.ravel(), _next(self.faces).ravel()
+        tails = self.faces.ravel()
+        heads = _next(self.faces).ravel()
         edge = np.minimum(tails, heads) * len(self.z) + np.maximum(tails, heads)
         order = np.argsort(edge)
         # Both half-edges of an inner edge follow each other in this order.
-        one, two = order[:-1], order[1:]
+        one = order[:-1]
+        two = order[1:]
         twins = (edge[one] == edge[two]) & (tails[one] == heads[two])
         across = np.full(len(order), -1)
         across[one[twins]] = two[twins] // 3
@@ -200,7 +202,8 @@ class Disk:
                 return f_zbar / f_z
             # Summed over the three coordinates: f_zbar^2 is (E - G + 2iF)/4 and |f_z|^2 is (E +
             # G)/4.
-            difference, total = (f_zbar**2).sum(1), (abs(f_z) ** 2).sum(1)
+            difference = (f_zbar**2).sum(1)
+            total = (abs(f_z) ** 2).sum(1)
             area_element = np.sqrt(np.maximum(total**2 - abs(difference) ** 2, 0.0))
             return difference / (total + area_element)
 
@@ -302,8 +305,10 @@ class Lookup:
 
     def once(self, points):
         """The same without a tree of the whole mesh, where few faces come near the points."""
-        corners, points_xy = pairs(self.z[self.faces]), pairs(points)
-        low, high = points_xy.min(0, initial=np.inf), points_xy.max(0, initial=-np.inf)
+        corners = pairs(self.z[self.faces])
+        points_xy = pairs(points)
+        low = points_xy.min(0, initial=np.inf)
+        high = points_xy.max(0, initial=-np.inf)
         near = np.flatnonzero(((corners.max(1) >= low) & (corners.min(1) <= high)).all(1))
         if len(near) >= FEW * len(self.faces):
             return self(points)
@@ -326,7 +331,8 @@ class Lookup:
 
     def _walk(self, points, face):
         """The faces that hold points (P,), a few edges from `face` (P,); or LOST, or BEYOND."""
-        face, at = face.copy(), np.arange(len(points))
+        face = face.copy()
+        at = np.arange(len(points))
         for _ in range(STEPS):
             sides = _edge_distances(self.z[self.faces[face[at]]], points[at])
             corner = sides.argmin(1)
@@ -345,7 +351,8 @@ class Lookup:
     @cached_property
     def _vertices(self):
         """The search tree of the vertices, and a face at each."""
-        at, face = np.flatnonzero(np.bincount(self.faces.ravel())), np.empty(len(self.z), int)
+        at = np.flatnonzero(np.bincount(self.faces.ravel()))
+        face = np.empty(len(self.z), int)
         face[self.faces.ravel()] = np.repeat(np.arange(len(self.faces)), 3)
         tree = scipy.spatial.cKDTree(pairs(self.z[at]), balanced_tree=False, compact_nodes=False)
         return tree, face[at]
@@ -376,7 +383,8 @@ class Lookup:
         """A boundary face for each of the points (P,), and the points moved onto its chord."""
         loop, face = self._rim
         k = np.searchsorted(np.angle(self.z[loop]), np.angle(points), side="right") - 1
-        a, b = self.z[loop[k]], self.z[np.roll(loop, -1)[k]]
+        a = self.z[loop[k]]
+        b = self.z[np.roll(loop, -1)[k]]
         # The ray s p meets the chord a + t (b - a) where Im(conj(b - a)(s p - a)) = 0.
         s = ((b - a).conj() * a).imag / ((b - a).conj() * points).imag
         radius = abs(points)

@@ -48,7 +48,10 @@ def square_disk(n: int) -> tuple[Complex[ndarray, " V"], Integer[ndarray, " F 3"
     x, y = np.meshgrid(np.linspace(-1, 1, n + 1), np.linspace(-1, 1, n + 1))
     corner = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
     # Counter-clockwise from the lower left.
-    a, b, c, d = corner, corner + 1, corner + n + 2, corner + n + 1
+    a = corner
+    b = corner + 1
+    c = corner + n + 2
+    d = corner + n + 1
     row, column = np.divmod(np.arange(n * n), n)
     rising = ((row >= n // 2) == (column >= n // 2))[:, None]
     first = np.where(rising, np.stack([a, b, c], 1), np.stack([a, b, d], 1))
@@ -73,7 +76,8 @@ def polar_disk(
     following = (k + 1) % nt
     faces = [np.stack([np.zeros(nt, int), 1 + k, 1 + following], 1)]
     for j in range(nr - 1):
-        inner, outer = 1 + j * nt, 1 + (j + 1) * nt
+        inner = 1 + j * nt
+        outer = 1 + (j + 1) * nt
         faces += [
             np.stack([inner + k, outer + k, outer + following], 1),
             np.stack([inner + k, outer + following, inner + following], 1),
@@ -162,6 +166,7 @@ def ring_tables(mesh, nt):
     and rings (nr,)."""
     nr = (len(mesh.z) - 1) // nt
     area = np.bincount(mesh.faces.ravel(), np.repeat(mesh.areas, 3))[1::nt] / 3
-    K, first = mesh.laplace, np.arange(nr) * nt + 1
+    K = mesh.laplace
+    first = np.arange(nr) * nt + 1
     spokes = -np.asarray(K[first[:-1], first[1:]]).ravel()
     return area, spokes, -np.asarray(K[first, first + 1]).ravel()

@@ -112,9 +112,10 @@ def middles(m):
 
 def corner_angles(lengths):
     """Interior angles (F, 3) in radians from edge lengths opposite the corners (F, 3)."""
-    opposite, left, right = lengths, np.roll(lengths, -1, axis=1), np.roll(lengths, -2, axis=1)
+    left = np.roll(lengths, -1, axis=1)
+    right = np.roll(lengths, -2, axis=1)
     # Half-angle form: accurate for slivers, where the law of cosines cancels.
-    upper, lower = opposite**2 - (left - right) ** 2, (left + right) ** 2 - opposite**2
+    upper, lower = lengths**2 - (left - right) ** 2, (left + right) ** 2 - lengths**2
     return 2 * np.arctan2(np.sqrt(np.maximum(upper, 0)), np.sqrt(np.maximum(lower, 0)))
 
 

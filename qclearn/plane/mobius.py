@@ -74,7 +74,8 @@ def centring_mobius(z, weights):
     a = 0j
     for _ in range(200):
         w = mobius(z, a)
-        centre, second = weights @ w, weights @ w**2
+        centre = weights @ w
+        second = weights @ w**2
         if abs(centre) < 1e-15:
             break
         step = (centre + second * np.conj(centre)) / (1 - abs(second) ** 2)
@@ -82,11 +83,7 @@ def centring_mobius(z, weights):
     return a
 
 
-def best_mobius(
-    p: Complex[ndarray, " M"],
-    q: Complex[ndarray, " M"],
-    weights: Float[ndarray, " M"] | None = None,
-) -> tuple[complex, float]:
+def best_mobius(p: Complex[ndarray, " M"], q: Complex[ndarray, " M"]) -> tuple[complex, float]:
     """The disk Möbius map, as (a, theta), that minimises `mean |M(p) - q|^2` over points of the
     unit disk.
 
@@ -94,14 +91,13 @@ def best_mobius(
     eight rotations, so that a large turn between the point sets does not end in a local minimum.
     """
     p, q = np.asarray(p, complex), np.asarray(q, complex)
-    scale = np.ones(len(p)) if weights is None else np.sqrt(np.asarray(weights) / np.mean(weights))
 
     def unpack(x):
         s = x[0] + 1j * x[1]
         return s / np.sqrt(1 + abs(s) ** 2), x[2]
 
     def residual(x):
-        r = scale * (mobius(p, *unpack(x)) - q)
+        r = mobius(p, *unpack(x)) - q
         return np.concatenate([r.real, r.imag])
 
     def jacobian(x):
@@ -109,11 +105,11 @@ def best_mobius(
         w = mobius(p, a, theta)
         s = x[0] + 1j * x[1]
         g = 1 / np.sqrt(1 + abs(s) ** 2)
-        by_a, by_conj_a = -np.exp(1j * theta) / (1 - np.conj(a) * p), w * p / (1 - np.conj(a) * p)
+        by_a = -np.exp(1j * theta) / (1 - np.conj(a) * p)
+        by_conj_a = w * p / (1 - np.conj(a) * p)
         # The change of a with s by 1 and by i.
         steps = [g * d - g**3 * (s.conjugate() * d).real * s for d in (1.0, 1j)]
-        columns = [by_a * da + by_conj_a * np.conj(da) for da in steps] + [1j * w]
-        columns = scale * np.stack(columns)
+        columns = np.stack([by_a * da + by_conj_a * np.conj(da) for da in steps] + [1j * w])
         return np.concatenate([columns.real, columns.imag], axis=1).T
 
     fits = [

@@ -131,7 +131,8 @@ class DiskSolver:
                 "`mobius`"
             )
         face, weights = disk.locate([0j])
-        self.origin, self.weights = disk.faces[face[0]], weights[0]
+        self.origin = disk.faces[face[0]]
+        self.weights = weights[0]
         interior = np.setdiff1d(np.arange(len(z)), loop)
         if not len(interior):
             raise SurfaceError("the disk mesh has no interior vertex; refine it")
@@ -211,9 +212,7 @@ class DiskSolver:
         grad_raw += origin[:, None] * grad_centre
         grad_mu = np.zeros((len(self.disk.faces), grad_raw.shape[1]), complex)
         for matrix, lam in zip(self.sensitivities, self.free_boundary.pullback(grad_raw)):
-            some = lam.any(
-                0
-            )  # a gradient of Re f alone has no part in Im f, nor the other way round
+            some = lam.any(0)  # a gradient of Re f alone has no part in Im f, and vice versa
             grad_mu[:, some] += matrix @ lam[:, some]
         return grad_mu.T.reshape(*grad_f.shape[:-1], len(self.disk.faces))
 
@@ -224,7 +223,8 @@ class DiskSolver:
         The system is real: solutions for i times a gradient are i times its own, up to the
         origin's.
         """
-        count, free = grad_f.shape[0], self.free_boundary.dirichlet.free
+        count = grad_f.shape[0]
+        free = self.free_boundary.dirichlet.free
         at = np.unique(np.concatenate([grad_f.indices, self.origin, self.loop[:2]]))
         few = grad_f[:, at].toarray().T
         direct, origin, grad_centre = self._unnormalise(np.concatenate([few, 1j * few], axis=1), at)
@@ -263,7 +263,8 @@ class DiskSolver:
 
         Inside the disk `direct` is complex linear in grad_f.
         """
-        edge, inner = np.searchsorted(at, self.loop[:2]), np.searchsorted(at, self.origin)
+        edge = np.searchsorted(at, self.loop[:2])
+        inner = np.searchsorted(at, self.origin)
         w, by_a, slope, by_conj_a = self._derivatives(at)
         grad_w = grad_f * np.exp(1j * self.turn)
         grad_turn = (grad_f.conj() * self.f[at, None]).imag.sum(0)
@@ -279,7 +280,9 @@ class DiskSolver:
     def _renormalise(self, change):
         """The change of f with a change (V, B) of the raw map, the transpose of `_unnormalise`."""
         w, by_a, slope, by_conj_a = (part[:, None] for part in self._derivatives(slice(None)))
-        dw, at, edge = slope * change, self.origin, self.loop[:2]
+        dw = slope * change
+        at = self.origin
+        edge = self.loop[:2]
         P, Q, centre = (self.weights @ part[at] for part in (by_a, by_conj_a, dw))
         # This change of a holds the value at 0.
         da = (Q * centre.conj() - P.conj() * centre) / (abs(P) ** 2 - abs(Q) ** 2)
@@ -290,17 +293,20 @@ class DiskSolver:
     def _derivatives(self, at):
         """At vertices `at`: w = (raw - a) / (1 - conj(a) raw), its derivatives by a, by raw and by
         conj(a)."""
-        raw, w = self.free_boundary.f[at], self.f[at] * np.exp(1j * self.turn)
+        raw = self.free_boundary.f[at]
+        w = self.f[at] * np.exp(1j * self.turn)
         s = 1 / (1 - np.conj(self.a) * raw)
         return w, -s, (1 - abs(self.a) ** 2) * s**2, w * raw * s
 
     def sensitivity(self, x: Float[ndarray, " V"]) -> Complex[sparse.sparray, " F V"]:
         """Sparse (F, V): applied to lam, the gradient of `lam . K(mu) x` by mu."""
-        mu, scale = self.mu, 1 / (1 - abs(self.mu) ** 2)
+        mu = self.mu
+        scale = 1 / (1 - abs(self.mu) ** 2)
         q = np.einsum("fk,fk->f", self.disk.gradients, x[self.disk.faces])
         r = q + scale * ((2 - 1 / scale) * q - 2 * mu * q.conj())
         # On a face, with p = grad lam: 2 |T| scale (mu Re(conj(p) r) - p q), linear in lam.
-        along, across = 0.5 * mu * r.conj() - q, 0.5 * mu * r
+        along = 0.5 * mu * r.conj() - q
+        across = 0.5 * mu * r
         rows = along[:, None] * self.disk.gradients + across[:, None] * self.disk.gradients.conj()
         rows *= (2 * self.disk.areas * scale)[:, None]
         return three_a_row(rows, self.disk.faces, len(self.disk.z))

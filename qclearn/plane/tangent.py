@@ -80,14 +80,14 @@ class Carrier:
 class Tangent:
     """Derivatives of maps at points `samples @ z` by a field nu on a polar mesh, mu = T(nu).
 
-    link: the `CoefficientMesh`; samples (P, V): sparse, three entries a row. Near a point the
-    integral is taken over parts of triangles, and for the corners of the triangle that holds the
-    point, as the discrete map is linear between them.
+    coefficient_mesh: the `CoefficientMesh`; samples (P, V): sparse, three entries a row. Near a
+    point the integral is taken over parts of triangles, and for the corners of the triangle that
+    holds the point, as the discrete map is linear between them.
     """
 
-    def __init__(self, link, samples):
-        self.carrier = link.carrier
-        solver = link.solver
+    def __init__(self, coefficient_mesh, samples):
+        self.carrier = coefficient_mesh.carrier
+        solver = coefficient_mesh.solver
         # The points by the corners of their triangles and these corners' shares, (P + 2, 3): after
         # the samples come 0 and 1, which the map holds.
         (first, second), order = solver.loop[:2], np.argsort(solver.origin)
@@ -104,7 +104,8 @@ class Tangent:
     def close_pairs(self, z):
         """Sparse (P + 2, N), 1 where a node lies within its reach, and the size of the point's
         triangle, of a point."""
-        carrier, centre = self.carrier, self.points @ z
+        carrier = self.carrier
+        centre = self.points @ z
         size = abs(z[self.corners] - centre[:, None]).max(1)
         reach = REACH * np.sqrt(carrier.areas)
         near = carrier.tree.query_ball_point(pairs(centre), 2 * size + reach.max())
@@ -153,7 +154,8 @@ class Tangent:
         rows = np.stack([P.conj() + Q, 1j * (P.conj() - Q)])  # gradients of Re k and Im k
         # What holds 0 and 1 is taken off: k(0) - conj(k(0)) f^2 and the turn about 0.
         (zero_re, _), (zero_im, one_im) = rows[:, -2:]
-        rows, at = rows[:, :-2], (self.points @ f)[:-2, None]
+        rows = rows[:, :-2]
+        at = (self.points @ f)[:-2, None]
         spin = 2 * zero_im - one_im
         square = at**2
         rows[0] += (square.real - 1) * zero_re + square.imag * zero_im - at.imag * spin

@@ -166,13 +166,15 @@ def check_topology(n_vertices, faces):
     """Edges (E, 2), their faces (E, 2), boundary half-edges (B, 2) of a manifold, oriented,
     connected mesh."""
     # Half-edge 3 f + k leaves corner k of face f; those of one edge follow each other in `order`.
-    tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    tails = faces.ravel()
+    heads = np.roll(faces, -1, axis=1).ravel()
     key = np.minimum(tails, heads) * n_vertices + np.maximum(tails, heads)
     order = np.argsort(key, kind="stable")
     first = np.flatnonzero(np.diff(key[order], prepend=-1))
     count = np.diff(first, append=len(key))
     edges = np.stack(np.divmod(key[order[first]], n_vertices), axis=1)
-    one, two = order[first[count == 2]], order[first[count == 2] + 1]
+    one = order[first[count == 2]]
+    two = order[first[count == 2] + 1]
     crowded = edges[count > 2]
     wrong = tails[one] == tails[two]
     # A cheap test first: where a face is there twice, one of these holds.

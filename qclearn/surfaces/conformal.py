@@ -128,7 +128,8 @@ def apply_mobius(side, parameters):
 def repair_folds(surface, z):
     """The `Disk` of a surface at z (V,), boundary put back onto the circle, folds repaired. Not
     certified."""
-    z, loop = z.copy(), surface.boundary
+    z = z.copy()
+    loop = surface.boundary
     z[loop] /= abs(z[loop])
     disk = Disk(z, surface.faces)
     if disk.certificate.bijective:

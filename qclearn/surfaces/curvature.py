@@ -174,7 +174,7 @@ class AreaRadius:
     image: Float[ndarray, " K"]
 
     def to_image(self, z):
-        """Image coordinates of points z of the disk, complex; angles are kept."""
+        """Image coordinates of points z of the disk, complex; angles stay."""
         return _scale_radius(z, self.disk, self.image)
 
     def from_image(self, w):

@@ -30,7 +30,7 @@ class Surface:
     """An oriented, connected, manifold triangle mesh in space, open or closed; raises SurfaceError
     if it is not one.
 
-    vertices: in any length unit; faces: orientation kept as given (outward = positive `volume`);
+    vertices: in any length unit; faces: orientation as given (outward = positive `volume`);
     curves: name -> vertex path; edges: sorted; edge_faces: the faces beside each edge, -1 beyond
     the boundary; original_vertices: the numbers in the whole surface that this was cut out of, or
     None. float64 and int64, read-only: what was checked stays true.
