@@ -1,6 +1,6 @@
 // The landmark fit: Gauss-Newton steps for a field nu on a polar mesh and a Möbius map M after the map f of mu = T(nu).
 //   minimise  nu^* W nu + gamma mean |M(f(p)) - q|^2,   W = (alpha mass + beta Laplace) / pi.
-// Unknowns are few in the dual: one system of the landmarks' size a step (registration/engine.py does the same).
+// Unknowns are few in the dual: one system of the landmarks' size a step (registration/gauss_newton.py does the same).
 import { bothSides, bounded, dot, dualSolve, largest, meanDistance, sizes, squares, zeros } from "./complex.js";
 import { Cholesky } from "./cholesky.js";
 import { combine, gradients, rooms } from "./gradients.js";

@@ -1,5 +1,5 @@
-// Looks at the truth (registration/looks.py): an exact map on a mesh, and one Gauss-Newton step with its derivative in
-// closed form. nu lives on the polar mesh of a `Spectrum`, in whose eigenvectors the prior is diagonal.
+// Looks at the truth (registration/refinement.py): an exact map on a mesh, and one Gauss-Newton step with its derivative
+// in closed form. nu lives on the polar mesh of a `Spectrum`, in whose eigenvectors the prior is diagonal.
 import { apart, bothSides, bounded, dot, dualSolve, zeros } from "./complex.js";
 import { rooms } from "./gradients.js";
 import { DiskMap } from "./map.js";

@@ -1,4 +1,4 @@
-// Fields on a polar mesh in the eigenvectors of its Laplace operator (plane/spectrum.py), by Fourier transforms along
+// Fields on a polar mesh in the eigenvectors of its Laplace operator (plane/grids.py), by Fourier transforms along
 // the rings. Coefficients are {x, y}, by angular mode, then radial.
 import { zeros } from "./complex.js";
 import { TAU } from "./mesh.js";
