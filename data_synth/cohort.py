@@ -115,9 +115,8 @@ def _is_whole(path):
 def _require_writable(inner):
     try:
         inner.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(
-            dir=inner
-        ).close()  # of a name of its own: others may try at the same time
+        # Of a name of its own: others may try at the same time.
+        tempfile.TemporaryFile(dir=inner).close()
     except OSError as error:
         raise CortexError(
             f"the cohort's folder {inner.parent} cannot be written ({error.strerror or error}); "

@@ -67,9 +67,8 @@ class ImageFolder:
 
 def _read_grey(path):
     try:
-        image = img_as_float(
-            io.imread(BytesIO(path.read_bytes()))
-        )  # from a path, the reader may leave the file open
+        # From a path, the reader may leave the file open.
+        image = img_as_float(io.imread(BytesIO(path.read_bytes())))
     except Exception as error:
         reason = " ".join(str(error).split())[:80]
         raise ImageError(f"{path}: not a readable image ({reason}); remove or replace it") from None

@@ -33,9 +33,8 @@ def principal_curvatures(surface, rings=4):
     x_axis = np.cross(normal, across)
     x_axis /= np.linalg.norm(x_axis, axis=1, keepdims=True)
     frame = np.stack([x_axis, np.cross(normal, x_axis), normal], axis=1)
-    scale = np.sqrt(
-        surface.vertex_areas
-    )  # heights and distances in this unit: well-conditioned sums
+    # Heights and distances in this unit: well-conditioned sums.
+    scale = np.sqrt(surface.vertex_areas)
     offset = (surface.vertices[other] - surface.vertices[centre]) / scale[centre, None]
     u, v, height = np.einsum("pak,pk->ap", frame[centre], offset)
     quadric = _least_squares(
@@ -100,10 +99,8 @@ def facing_distance(surface, start):
     locator = vtkStaticCellLocator()
     locator.SetDataSet(pyvista.PolyData.from_regular_faces(surface.vertices, surface.faces))
     locator.BuildLocator()
-    normal, reach = (
-        vertex_normals(surface.vertices, surface.faces),
-        2 * np.ptp(surface.vertices, axis=0).max(),
-    )
+    normal = vertex_normals(surface.vertices, surface.faces)
+    reach = 2 * np.ptp(surface.vertices, axis=0).max()
     distance = np.full(len(normal), np.inf)
     t, hit, local, part = reference(0.0), [0.0] * 3, [0.0] * 3, reference(0)
     begins, ends = surface.vertices + start * normal, surface.vertices + reach * normal

@@ -29,12 +29,10 @@ class Guidance:
     corridor: float = 0.06  # how far beside its course a fundus is traced
     aside: float = 0.02  # the distance there at which a poor valley costs twice as much ...
     aside_cost: float = 0.1  # ... and what it adds in the best one, whose own cost is 0.02
-    hold: float = (
-        0.003  # narrow inward force on furrows that stays, so that the fold cannot slide off
-    )
-    pattern: float = (
-        0.0016  # force towards the folds that the template grows by itself, which stays
-    )
+    # Narrow inward force on furrows that stays, so that the fold cannot slide off.
+    hold: float = 0.003
+    # Force towards the folds that the template grows by itself, which stays.
+    pattern: float = 0.0016
     presence: tuple[float, float, float] = (
         0.7,
         0.5,

@@ -81,11 +81,9 @@ def _cells(x, size):
     cell = np.empty(len(x), np.int64)
     start = np.zeros(shape[0] * shape[1] * shape[2] + 1, np.int64)
     for i in range(len(x)):
-        a, b, c = (
-            int((x[i, 0] - low[0]) / size),
-            int((x[i, 1] - low[1]) / size),
-            int((x[i, 2] - low[2]) / size),
-        )
+        a = int((x[i, 0] - low[0]) / size)
+        b = int((x[i, 1] - low[1]) / size)
+        c = int((x[i, 2] - low[2]) / size)
         cell[i] = (a * shape[1] + b) * shape[2] + c
         start[cell[i] + 1] += 1
     for k in range(len(start) - 1):
@@ -104,11 +102,9 @@ def _close_pairs(x, rest, reach, apart):
     pairs = np.empty((64 * len(x), 2), np.int64)
     count = 0
     for i in range(len(x)):
-        a, b, c = (
-            int((x[i, 0] - low[0]) / reach),
-            int((x[i, 1] - low[1]) / reach),
-            int((x[i, 2] - low[2]) / reach),
-        )
+        a = int((x[i, 0] - low[0]) / reach)
+        b = int((x[i, 1] - low[1]) / reach)
+        c = int((x[i, 2] - low[2]) / reach)
         for p in range(max(a - 1, 0), min(a + 2, shape[0])):
             for q in range(max(b - 1, 0), min(b + 2, shape[1])):
                 row = (p * shape[1] + q) * shape[2]

@@ -125,11 +125,9 @@ class Individual:
             along[stronger] = (
                 unit(np.gradient(path, axis=0))[nearest[stronger]] if k < straight else 0
             )
-            pull, hold, band = (
-                np.maximum(pull, early),
-                np.maximum(hold, lasting),
-                np.maximum(band, wide),
-            )
+            pull = np.maximum(pull, early)
+            hold = np.maximum(hold, lasting)
+            band = np.maximum(band, wide)
         return Furrows(pull, hold, band, along)
 
     def presence(self, directions):

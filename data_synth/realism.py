@@ -27,9 +27,8 @@ from .folding_measures import (
 )
 from .intersections import self_intersections
 
-CANONICAL_VERTICES = (
-    10_000  # folding is measured at this resolution, so that meshes of 10,000 to 160,000 compare
-)
+# Folding is measured at this resolution, so that meshes of 10,000 to 160,000 compare.
+CANONICAL_VERTICES = 10_000
 BURIED = 0.012  # deeper than this, in units of sqrt(hull area), counts as buried
 
 TARGETS = {

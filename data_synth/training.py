@@ -175,9 +175,8 @@ class Pairs(Seeded):
             looks = CoefficientRefinement(self.link, self.spectrum, (p, q), *10**logs)
             born, *changes = looks.born()
             *_, (proposal, look) = looks.run(born, LOOKS)
-            nu = (
-                look.proposal.nu if proposal.cut else proposal.nu
-            )  # what was looked at, where a step was cut
+            # What was looked at, where a step was cut.
+            nu = look.proposal.nu if proposal.cut else proposal.nu
             if np.isfinite(nu).all() and abs(nu).max() < WILD:
                 break
         padding, shape = (0, self.most - len(p)), (self.spectrum.rings, -1)
@@ -199,9 +198,8 @@ class Pairs(Seeded):
         elif rng.random() < 0.25:
             p = twisted(q, rng)
         else:
-            kind = (
-                "image" if rng.random() < 0.2 else "smooth"
-            )  # images take longer than all the rest
+            # Images take longer than all the rest.
+            kind = "image" if rng.random() < 0.2 else "smooth"
             mu = random_coefficient(self.maps.disk, rng, kind, max_abs=(0.05, 0.8))
             p = self.maps.disk.sampling(q) @ self.maps.solve(mu)
         return (mobius(p, *refit(p, q)) if rng.random() < 0.85 else p), q

@@ -20,9 +20,8 @@ from scipy.spatial import cKDTree
 from .plane.disk import Disk
 from .plot import CURVE_STYLES, map_curves, picture_html
 
-SHADES = LinearSegmentedColormap.from_list(
-    "shades", ["0.38", "1.0"]
-)  # lit from one side, black to white is too dark
+# Lit from one side, black to white is too dark.
+SHADES = LinearSegmentedColormap.from_list("shades", ["0.38", "1.0"])
 LIFT = 0.6  # of tubes in 3-D above the surface, in their radius
 # Styles stand in the elements: JupyterLab knows no style sheet of the book.
 FRAME = 'class="scene" width="100%" style="border:0"'
@@ -102,9 +101,8 @@ class Scene:
         _keep_what_is_shown(plotter)
         self.picture = _png(plotter) if poster else None
         with warnings.catch_warnings():
-            warnings.simplefilter(
-                "ignore", DeprecationWarning
-            )  # trame-vtk 2.8 calls what VTK 9.6 deprecates
+            # trame-vtk 2.8 calls what VTK 9.6 deprecates.
+            warnings.simplefilter("ignore", DeprecationWarning)
             page = _named(plotter.export_html(None).getvalue(), description)
         self.page = page.replace("</body>", _legend(legend) + "</body>") if legend else page
         plotter.close()

@@ -205,10 +205,8 @@ def prepare(pair, source="given"):
     else:
         samples_control, _, more = sample_curves(pair.control, entries, "control", detect)
         notes = notes + more
-        target, target_mm = (
-            samples_control @ pair.control.disk.z,
-            samples_control @ control.vertices,
-        )
+        target = samples_control @ pair.control.disk.z
+        target_mm = samples_control @ control.vertices
     p = samples @ own.disk.z
     once = distinct_landmarks(entries, p, target)
     sides = SurfacePair(

@@ -59,11 +59,9 @@ def problems(subjects, sets):
 
 def every_problem(subjects):
     """Every Spec of all sets, in their order."""
-    control, left, right = (
-        (mapped_subject, CONTROL),
-        (fsaverage_side, "left"),
-        (fsaverage_side, "right"),
-    )
+    control = (mapped_subject, CONTROL)
+    left = (fsaverage_side, "left")
+    right = (fsaverage_side, "right")
     for seed in SEEDS[:subjects]:
         yield Spec("cohort", f"{seed} to {CONTROL}", cohort_pair, ((mapped_subject, seed), control))
     for curves in CURVE_COUNTS:

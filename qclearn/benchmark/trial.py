@@ -209,9 +209,8 @@ def memory(name, reset_peak=False):
     """This process' resident memory now ("VmRSS") or at its peak ("VmHWM"), MB; None outside Linux."""
     try:
         if reset_peak:
-            ctypes.CDLL(None).malloc_trim(
-                0
-            )  # hand back what earlier tasks freed: to use that again would not show
+            # Hand back what earlier tasks freed: to use that again would not show.
+            ctypes.CDLL(None).malloc_trim(0)
             Path("/proc/self/clear_refs").write_text("5")
         lines = Path("/proc/self/status").read_text().splitlines()
         return next(int(line.split()[1]) / 1024 for line in lines if line.startswith(name))

@@ -18,9 +18,8 @@ def main(arguments=None):
     """Run a command; bad input becomes one line on stderr and exit code 2."""
     try:
         command = Command(["qclearn", *(sys.argv[1:] if arguments is None else arguments)])
-        command.begun = time.perf_counter() - (
-            time.process_time() if arguments is None else 0
-        )  # Python's own start
+        # Python's own start.
+        command.begun = time.perf_counter() - (time.process_time() if arguments is None else 0)
         cli.main(arguments, prog_name="qclearn", standalone_mode=False, obj=command)
     except click.exceptions.Exit as stop:
         sys.exit(stop.exit_code)

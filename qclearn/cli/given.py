@@ -50,9 +50,8 @@ def feature_of(hemisphere, path):
     given = read_map(path)
     require_side(path, given.side, hemisphere.frame.side, hemisphere.path)
     values = hemisphere.numbering.on_disk(given.values, path)
-    if (
-        len(given.values) > len(values) and not np.isfinite(values).all()
-    ):  # `register` would give the disk's numbers
+    # `register` would give the disk's numbers.
+    if len(given.values) > len(values) and not np.isfinite(values).all():
         bad = hemisphere.numbering.table[~np.isfinite(values.reshape(len(values), -1)).all(axis=1)]
         raise FeatureError(
             f"{path}: not finite on the cortex at vertices {bad[:5].tolist()}; fill them in first"

@@ -274,11 +274,9 @@ def register_into(out, pair, curves, accept_suspect, **options):
     report; exit code 3 if suspect."""
     from ..plot import registration_figure
 
-    command, stages, paged = (
-        click.get_current_context().obj,
-        Stages(2, False),
-        options.pop("report"),
-    )
+    command = click.get_current_context().obj
+    stages = Stages(2, False)
+    paged = options.pop("report")
     read = time.perf_counter() - command.begun
     with output_folder(out, instead=["report.html", SURE, *SPHERES]) as folder:
         result = run_registration(

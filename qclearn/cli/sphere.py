@@ -127,11 +127,9 @@ def write_sphere(folder, arrays, given):
     for name, values in zip(FILES[2:], maps):
         whole = numbering_of_side(arrays, "moving").on_whole(values, 0)
         qc.write_values(folder / name, whole, own, names=[name.split(".")[0]])
-    wall, cortex, far = (
-        (rings[moved] == 0).sum(),
-        (rings[moved] > 0).sum(),
-        (rings[moved] > RINGS).sum(),
-    )
+    wall = (rings[moved] == 0).sum()
+    cortex = (rings[moved] > 0).sum()
+    far = (rings[moved] > RINGS).sum()
     return (
         f"{len(surface.vertices)} vertices on the control's sphere, no face flipped; untangling "
         f"moved {wall} on the "

@@ -22,13 +22,11 @@ class Group:
     rounds."""
 
     def __init__(self, client, members, names, kept, bar):
-        self.client, self.members, self.names, self.kept, self.bar = (
-            client,
-            members,
-            names,
-            kept,
-            bar,
-        )
+        self.client = client
+        self.members = members
+        self.names = names
+        self.kept = kept
+        self.bar = bar
         surfaces = [client.scatter(member.surface, hash=False) for member in members]
         self.subjects = [
             self.submit(of.prepared, surface, names, member.given)
@@ -104,9 +102,8 @@ class Group:
         other = [
             self.result(task, member) > OTHER_SIDE for task, member in zip(tasks, self.members)
         ]
-        most = 2 * sum(other) > len(
-            other
-        )  # True: the subject that the others were laid upon is the odd one
+        # True: the subject that the others were laid upon is the odd one.
+        most = 2 * sum(other) > len(other)
         names = ", ".join(
             sorted(member.name for member, odd in zip(self.members, other) if odd != most)
         )

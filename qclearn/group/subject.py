@@ -23,9 +23,8 @@ from ..registration.problem import Problem
 from ..surfaces.conformal import apply_mobius, parameterize, repair_folds
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 
-SCALES = sorted(
-    {level.sigma for level in LEVELS if level.sigma} | {SCALE}
-)  # of the features that are compared
+# Of the features that are compared.
+SCALES = sorted({level.sigma for level in LEVELS if level.sigma} | {SCALE})
 COMPUTED = dict(zip(FOLDS, (sulcal_depth, mean_curvature)))
 
 

@@ -27,9 +27,8 @@ class Born(nn.Module):
     def moved(self, nu):
         """Displacements (B, nr, nt) of the nodes by a field nu (B, nr, nt), to first order."""
         c = self.grid.coefficients(nu)
-        parts = torch.cat(
-            [c[:, None] * self.one, c.conj()[:, None] * self.two], 2
-        )  # (B, nr, 2 modes)
+        # (B, nr, 2 modes).
+        parts = torch.cat([c[:, None] * self.one, c.conj()[:, None] * self.two], 2)
         waves = parts.new_zeros(*parts.shape[:2], self.grid.nt).index_add(2, self.waves, parts)
         return torch.fft.ifft(waves, norm="forward")
 

@@ -83,10 +83,8 @@ class BestCPNet(CoefficientNetwork):
     def forward(self, p, wanted, left, mask, logs, nu):
         with torch.autocast(p.device.type, enabled=False), torch.no_grad():
             size = self.grid.mean_square(nu).sqrt() + SMALL
-            features, conditions = (
-                self.features(p, wanted, left, mask, nu, size),
-                self.conditions(mask, logs, size),
-            )
+            features = self.features(p, wanted, left, mask, nu, size)
+            conditions = self.conditions(mask, logs, size)
         change = self.unet(features, conditions).float()
         factor, more = torch.complex(change[:, ::2], change[:, 1::2]).unbind(1)
         return nu * (1 + factor) + size[:, None, None] * more * self.spoke**2
@@ -232,9 +230,8 @@ class BestCPNet(CoefficientNetwork):
             spokes = self.config.spokes
             by = torch.randint(spokes, (len(mask), 1), generator=generator)
             mirror = torch.rand(len(mask), 1, generator=generator) < 0.5
-            places = (
-                torch.where(mirror, -1, 1) * (torch.arange(spokes) - by)
-            ) % spokes  # whose values come here
+            # Whose values come here.
+            places = (torch.where(mirror, -1, 1) * (torch.arange(spokes) - by)) % spokes
             places = places.to(mask.device)[:, None].expand(born.shape)
             turn, mirror = torch.exp(2j * torch.pi * by / spokes).to(born), mirror.to(mask.device)
             points = [torch.where(mirror, x.conj(), x) * turn for x in points]

@@ -69,9 +69,8 @@ class PaperCPNet(CoefficientNetwork):
     def forward(self, p):
         """mu (B, size, size) of landmarks (B, M), curve by curve."""
         p = p - self.targets  # the network need not learn where the control is
-        curves = (
-            torch.view_as_real(SCALE * p).unflatten(1, (self.config.curves, -1)).flatten(2)
-        )  # (B, K, 2 points)
+        # (B, K, 2 points).
+        curves = torch.view_as_real(SCALE * p).unflatten(1, (self.config.curves, -1)).flatten(2)
         channels = [
             group(curve).unflatten(1, (self.split, self.side, self.side))
             for group, curve in zip(self.groups, curves.unbind(1))

@@ -110,9 +110,8 @@ class BestDBSNet(DiskNetwork):
         """FEATURES (B, 14, rings, spokes), which are known in closed form, and the first u, v (B,
         rings, spokes)."""
         maps, potentials, angles = two_steps(self.solver, mu)
-        first, second, beyond = (
-            f[:, 1:].view(-1, *self.z.shape[1:]) for f in maps
-        )  # (B, rings, spokes)
+        # (B, rings, spokes).
+        first, second, beyond = (f[:, 1:].view(-1, *self.z.shape[1:]) for f in maps)
         start, change, residual = (
             torch.log(a / b) for a, b in ((second, self.z), (second, first), (beyond, second))
         )
@@ -124,9 +123,8 @@ class BestDBSNet(DiskNetwork):
         )
         rows = mu.view(len(mu), -1, self.config.spokes)  # (B, 2 rings - 1, spokes)
         turn = torch.complex(*self.solver.tables(rows.real)["turn"])
-        pairs = (
-            torch.cat([rows[:, :1], rows], 1) * turn
-        )  # the two faces of each cell, those at the centre twice
+        # The two faces of each cell, those at the centre twice.
+        pairs = torch.cat([rows[:, :1], rows], 1) * turn
         inner, outer = pairs[:, ::2], pairs[:, 1::2]  # (B, rings, spokes)
         known = [
             part
@@ -165,10 +163,8 @@ class BestDBSNet(DiskNetwork):
         `max_abs`."""
         if generator is None:
             return mu
-        draw, order = (
-            torch.rand(4, len(mu), generator=generator),
-            torch.randperm(len(mu), generator=generator),
-        )
+        draw = torch.rand(4, len(mu), generator=generator)
+        order = torch.randperm(len(mu), generator=generator)
         shift = int(torch.randint(self.config.spokes, (), generator=generator))
         draw = torch.cat([draw, torch.rand(1, len(mu), generator=generator)])
         mu = mixed(mu, order, draw, self.config.max_abs).view(len(mu), -1, self.config.spokes)

@@ -18,9 +18,8 @@ from .losses import L_LBS, L_DBSNet, L_Energy, L_LBS_printed, L_Maps, LossMesh
 from .squaremaps import SquareMaps
 
 LOSSES = ("printed", "rows", "energy", "maps")  # see `PaperDBSNet.distance`
-TOLERANCE = (
-    1e-3  # of the exact maps of the loss "maps": a tenth of what lies between two discretisations
-)
+# Of the exact maps of the loss "maps": a tenth of what lies between two discretisations.
+TOLERANCE = 1e-3
 FURTHEST = 0.95  # from 0 that f(0) is believed to be before the Möbius map that takes it there
 
 
@@ -45,9 +44,8 @@ class FourierLayer(nn.Module):
 
     def __init__(self, size, k):
         super().__init__()
-        start = (
-            torch.from_numpy(fourier_matrix(size, k)).to(torch.complex64) * size
-        )  # entries of modulus 1
+        # Entries of modulus 1.
+        start = torch.from_numpy(fourier_matrix(size, k)).to(torch.complex64) * size
         self.M = nn.Parameter(torch.view_as_real(start))
         self.N = nn.Parameter(torch.view_as_real(start.T.contiguous()))
 
@@ -109,9 +107,8 @@ class BoundaryRoute(nn.Module):
         super().__init__()
         self.layers = perceptron(inputs, hidden, hidden, len(usual))
         zero(self.layers[-1])
-        self.register_buffer(
-            "usual", torch.log(usual), persistent=False
-        )  # of the mesh itself, where the MLP says 0
+        # Of the mesh itself, where the MLP says 0.
+        self.register_buffer("usual", torch.log(usual), persistent=False)
 
     def forward(self, coefficients):
         return 2 * torch.pi * torch.softmax(self.usual + self.layers(coefficients), -1)
@@ -162,9 +159,8 @@ class PaperDBSNet(DiskNetwork):
                 torch.stack([x.real, x.imag], 1) for x in (10 * low, back @ low @ back.T, mu)
             )
         shift = self.inner_route(small, image)
-        with torch.autocast(
-            mu.device.type, enabled=False
-        ):  # the loss differentiates, so all digits count
+        # The loss differentiates, so all digits count.
+        with torch.autocast(mu.device.type, enabled=False):
             angles = self.boundary_route(low.flatten(1))
             shift = 0.1 * self.inner_route.last(shift.float()).flatten(2)
             shift = torch.complex(shift[:, 0], shift[:, 1])

@@ -57,25 +57,22 @@ class PaperLDNet(nn.Module):
         """Curves (B, K, points), complex, from images (B, 2, S, S) in 0..255 and ends (B, K, 2),
         complex."""
         seen = self.flat(self.image(images / 255))  # (B, hidden)
+        # (B, 2K) -> (B, hidden).
         start, end = (
-            route(
-                torch.view_as_real(ends[..., k].contiguous()).flatten(1)
-            )  # (B, 2K) -> (B, hidden)
+            route(torch.view_as_real(ends[..., k].contiguous()).flatten(1))
             for k, route in enumerate((self.start, self.end))
         )
         inner = self.joined(torch.cat([seen, start, end], 1)).float()
-        inner = torch.view_as_complex(
-            inner.view(len(images), self.config.curves, -1, 2)
-        )  # (B, K, points - 2)
+        # (B, K, points - 2).
+        inner = torch.view_as_complex(inner.view(len(images), self.config.curves, -1, 2))
         return torch.cat([ends[..., :1], inner, ends[..., 1:]], 2)
 
     def loss(self, batch, generator):
         """Mean `L_LD` of the batch under random symmetries of the square; the points' mean distance
         in the image."""
         images, _, curves = batch
-        every = (curves.shape[2] - 1) // (
-            self.config.points - 1
-        )  # the set has more points, equally spaced too
+        # The set has more points, equally spaced too.
+        every = (curves.shape[2] - 1) // (self.config.points - 1)
         curves = curves[..., ::every]
         if generator is not None:
             images, curves = turn(images, curves, generator)

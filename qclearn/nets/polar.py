@@ -44,9 +44,8 @@ class PolarSolver:
             raise ValueError(f"PolarSolver needs at least 2 rings; got {nr}")
         self.nr, self.nt = nr, nt
         self.mesh = Disk(*polar_disk(nr, nt, power))
-        edges = _edge_tables(
-            self.mesh.gradients[::nt], self.mesh.areas[::nt]
-        )  # a face a ring, the others are turned
+        # A face a ring, the others are turned.
+        edges = _edge_tables(self.mesh.gradients[::nt], self.mesh.areas[::nt])
         turn = np.exp(-4j * np.pi * np.arange(nt) / nt)
         tables = {
             "edges": edges,
@@ -93,9 +92,8 @@ class PolarSolver:
         pole = ((fan * U[:, 0]).sum(1) - 2 * torch.pi) / fan.sum(1)
         U = torch.cat([pole[:, None, None].expand(-1, 1, self.nt), U], 1)
         centre = f.detach()[:, :1, None].expand(-1, 1, self.nt)
-        parts = torch.view_as_real(torch.cat([centre, rings], 1)).movedim(
-            -1, 1
-        )  # (B, 2, nr + 1, nt)
+        # (B, 2, nr + 1, nt).
+        parts = torch.view_as_real(torch.cat([centre, rings], 1)).movedim(-1, 1)
         return U[:, None], parts[:, :, :-1].contiguous(), parts[:, :, -1:]
 
     def finish(self, f, boundary):
@@ -148,9 +146,8 @@ class PolarSystem:
     def boundary(self, U):
         """cos and sin (B, 2, 1, nt) of the boundary angles from U (B, nr, nt)."""
         spoke, diagonal, U = self.spoke[:, -1], self.diagonal[:, -1], U[:, -1]
-        density = (
-            -(spoke * U + (diagonal * U).roll(1, -1)) / 2
-        )  # over two edges of the one length, which cancels
+        # Over two edges of the one length, which cancels.
+        density = -(spoke * U + (diagonal * U).roll(1, -1)) / 2
         steps, mean = density + density.roll(-1, -1), 2 * torch.pi / self.nt
         lost = steps.amin(1, keepdim=True) <= LOST_STEP * mean
         raised = lost & (steps < SMALLEST_STEP * mean)
@@ -206,9 +203,8 @@ def _refuse(mu, bad):
 def _normalise(inner, boundary):
     """The Möbius map after f to f(0) = 0 and f(1) = 1."""
     a = inner[:, :1]
-    a = torch.where(
-        a.abs() < 1, a, torch.zeros_like(a)
-    )  # beyond, f is folded and the circle must not turn over
+    # beyond, f is folded and the circle must not turn over.
+    a = torch.where(a.abs() < 1, a, torch.zeros_like(a))
     inner, boundary = ((w - a) / (1 - a.conj() * w) for w in (inner, boundary))
     turn = (boundary[:, :1] / boundary[:, :1].abs()).conj()
     boundary = boundary[:, 1:] * turn

@@ -42,10 +42,8 @@ class PolarMesh(nn.Module):
         lower = (y <= outer * out) | (j == 0)
         first = torch.where(lower, 1 - out, x / inner.clamp(min=1e-9))
         far = torch.where(lower, y / outer, out)
-        ring, spoke = (
-            torch.stack([j, j + 1, j + lower.long()], -1),
-            torch.stack([k, k + 1, k + 1 - lower.long()], -1),
-        )
+        ring = torch.stack([j, j + 1, j + lower.long()], -1)
+        spoke = torch.stack([k, k + 1, k + 1 - lower.long()], -1)
         corners = torch.where(ring > 0, 1 + (ring - 1) * self.nt + spoke % self.nt, 0)
         return corners, torch.stack([first, far, 1 - first - far], -1)
 

@@ -27,9 +27,8 @@ from tqdm import tqdm
 from ..io.checkpoint import Checkpoint
 from ..io.safe import write_whole
 
-CHECKPOINT_SECONDS = (
-    10  # of training between two checkpoints at most; one takes a tenth of a second
-)
+# Of training between two checkpoints at most; one takes a tenth of a second.
+CHECKPOINT_SECONDS = 10
 
 
 class TrainingError(ValueError):

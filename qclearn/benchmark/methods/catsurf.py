@@ -19,9 +19,8 @@ def main(task, *paths):
     if task == "sphere":
         result = cat_surf.surf_to_sphere(*meshes[0], stop_at=5, relax=True)
     else:
-        result = cat_surf.spherical_demon(
-            *meshes
-        )  # its defaults, its own search for a rotation among them
+        # Its defaults, its own search for a rotation among them.
+        result = cat_surf.spherical_demon(*meshes)
     cat_surf.write_surface(out, *result)
 
 

@@ -36,11 +36,9 @@ def gauss_newton(
 @threadpool_limits.wrap(limits=1)
 def coarse_steps(problem, steps=1, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma):
     """`few_steps` from the fit settled on a coarse polar mesh: CP-Net's exact twin, f (V,)."""
-    weights, level, mesh = (
-        Weights(alpha, beta, gamma),
-        Level(COARSE[0], None, 5, rising=True),
-        polar(*COARSE),
-    )
+    weights = Weights(alpha, beta, gamma)
+    level = Level(COARSE[0], None, 5, rising=True)
+    mesh = polar(*COARSE)
     engine = MultiresolutionFit(problem).engine(level, weights)
     state, _ = run_level(engine, engine.at(np.zeros(len(mesh.z), complex), problem.mobius), level)
     return few_steps(

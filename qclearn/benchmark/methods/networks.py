@@ -11,9 +11,8 @@ from ...registration.register import load as network
 from .gauss_newton import few_steps
 from .solver import warn_of
 
-TIGHT_TOLERANCE = (
-    2e-3  # landmark error in the disk above which `guarded` refines; `register` allows more
-)
+# Landmark error in the disk above which `guarded` refines; `register` allows more.
+TIGHT_TOLERANCE = 2e-3
 NEEDS = {  # method -> networks
     "cpnet_dbsnet": ("cpnet", "dbsnet"),
     "cpnet_exact": ("cpnet",),

@@ -37,9 +37,8 @@ def rotation(problem):
     tree, best = cKDTree(control.points), Rotation.identity()
     for span in SPANS:
         here, there = sides.features.at(FINEST if span <= 4 else SCALE)
-        there = np.pad(
-            there, ((0, len(control.points) - len(there)), (0, 0))
-        )  # the wall has no folds
+        # The wall has no folds.
+        there = np.pad(there, ((0, len(control.points) - len(there)), (0, 0)))
         steps = STEPS[span < SPANS[0]]
         angles = np.stack(
             np.meshgrid(*[np.arange(-steps, steps + 1) * span / steps] * 3), -1

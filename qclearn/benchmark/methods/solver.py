@@ -25,10 +25,8 @@ class LandmarkSolver:
     def __init__(self, problem):
         self.disk, self.samples, self.target = problem.disk, problem.samples, problem.target
         boundary = mobius(self.disk.z[self.disk.loop], *problem.mobius)
-        self.boundary, self.normal = (
-            boundary / abs(boundary),
-            (self.samples.T @ self.samples).tocsc(),
-        )
+        self.boundary = boundary / abs(boundary)
+        self.normal = (self.samples.T @ self.samples).tocsc()
 
     @cached_property
     def order(self):
