@@ -6,7 +6,7 @@ TABLE = {
     "io.fsaverage": ["demo_landmarks", "fsaverage5"],
     "io.meshes": ["read_surface", "write_surface"],
     "io.values": ["read_mask", "read_values", "write_values"],
-    "group.kept": ["TemplateError"],
+    "group.members": ["TemplateError"],
     "group.template": ["Template", "template"],
     "group.workers": ["WorkersError"],
     "plane.beltrami": [

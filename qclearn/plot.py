@@ -34,8 +34,7 @@ def disk_axes(ax):
 
 
 def disk_plot(ax, z, faces, values, cmap="viridis", vmin=None, vmax=None):
-    """Colour a planar mesh z (V,) by values per vertex (V,), blended, or per face (F,), flat;
-    returns the artist."""
+    """Colour a planar mesh z (V,) by values per vertex (V,) or per face (F,); the artist."""
     shading = "gouraud" if len(values) == len(z) else "flat"
     disk_axes(ax)
     look = {"shading": shading, "cmap": cmap, "vmin": vmin, "vmax": vmax}
@@ -58,15 +57,13 @@ def square_lines(lines=17, samples=181):
 
 
 def map_curves(disk, f, curves):
-    """Curves (list of complex arrays) of a `Disk` carried by the piecewise linear map f (V,): a
-    list again."""
+    """Complex curves (list) of a `Disk` carried by the piecewise linear map f (V,), a list."""
     ends = np.cumsum([len(curve) for curve in curves])[:-1]
     return np.split(disk.sampling(np.concatenate(curves)) @ f, ends)
 
 
 def grid_plot(ax, z, faces, f, lines=None, color="#1F4E79"):
-    """Draw grid lines of the disk (`polar_lines` by default) as the map f (V,) of the mesh deforms
-    them."""
+    """Draw grid lines of the disk (`polar_lines` by default) as the map f (V,) deforms them."""
     return lines_plot(disk_axes(ax), map_curves(Disk(z, faces), f, lines or polar_lines()), color)
 
 
@@ -101,8 +98,7 @@ def curve_legend(ax, *styles):
 
 
 def ellipse_field(ax, z, mu, size=0.08, color="#0072B2"):
-    """Draw the images of small circles at z (K,) under a map with coefficient mu (K,), up to turn
-    and scale by f_z.
+    """Draw the images of small circles at z (K,) under a map with mu (K,), up to f_z.
 
     `dz + mu conj(dz)`: long axis of length `size` at the angle `arg(mu) / 2`, axes' ratio `(1 +
     |mu|) / (1 - |mu|)`.
@@ -119,8 +115,7 @@ def ellipse_field(ax, z, mu, size=0.08, color="#0072B2"):
 
 
 def mu_histogram(ax, mu, weights=None, bins=40):
-    """Histogram of |mu| (F,) from 0 to 1 as shares, by face or by `weights` (F,), with the mean
-    marked."""
+    """Histogram of |mu| (F,) as shares, by face or by `weights` (F,), with the mean marked."""
     size = abs(np.asarray(mu))
     share = np.ones(len(size)) if weights is None else np.asarray(weights)
     share = share / share.sum()
@@ -196,8 +191,7 @@ def registration_figure(registration, moving, control):
 
 
 def drawn_part(disk, surface):
-    """What is drawn of a surface on its `Disk`: vertices (N,), all or DRAWN, triangles, sparse (N,
-    V): means there."""
+    """(drawn vertices (N,) of a surface, triangles, sparse (N, V) that averages values there)."""
     if len(disk.z) <= DRAWN:
         return np.arange(len(disk.z)), disk.faces, sparse.eye_array(len(disk.z))
     some, small = thinned(disk, None, DRAWN)
@@ -237,8 +231,7 @@ def _label_registration(figure, rows, colours, report):
 
 
 def registration_disks(axes, registration, moving, vmax=0.6):
-    """One `Registration` on four Axes: landmarks after the best Möbius map and after the fit, the
-    deformed grid, |mu|.
+    """One `Registration` on four Axes: best Möbius map, registered, the deformed grid, |mu|.
 
     Equal parts of a picture have equal moving area. Returns the coloured artist of |mu|.
     """

@@ -49,8 +49,7 @@ def _loads(*libraries):
 
 
 def _egl_finds_a_device():
-    """Whether EGL can draw: the library alone is not enough, it needs a driver (Mesa's, or a
-    graphics card's)."""
+    """Whether EGL can draw: besides the library it needs a driver (Mesa's or a graphics card's)."""
     egl = _loads("libEGL.so.1")
     if egl is None:
         return False
@@ -66,8 +65,7 @@ def _egl_finds_a_device():
 
 
 def require_renderer():
-    """Choose how VTK draws without a screen; RendererError, not VTK's segmentation fault, where
-    nothing can draw.
+    """Choose how VTK draws without a screen; RendererError instead of its segmentation fault.
 
     Does nothing with a screen, outside Linux, or where VTK_DEFAULT_OPENGL_WINDOW is set.
     """
@@ -158,8 +156,7 @@ POINT_STEPS, VALUE_STEPS = 2**13, 2**8
 
 
 def _rounded(array, steps):
-    """The array in single precision, rounded to a power of two: the digits that nobody sees cost
-    most on the page."""
+    """The array in float32, rounded to a power of two: fewer digits take fewer bytes."""
     unit = 2.0 ** np.floor(np.log2(max(np.ptp(array), np.finfo(np.float32).tiny) / steps))
     return (np.round(array / unit) * unit).astype(np.float32)
 
@@ -185,8 +182,7 @@ def _keep_what_is_shown(plotter):
 
 
 def surface_scene(surface, values=None, curves=(), cmap=SHADES, clim=None, title=None):
-    """A PyVista Plotter of the surface in 3-D, coloured by values (V,), with curves upon it; show
-    it with `Scene`.
+    """A PyVista Plotter of the surface, coloured by values (V,), with curves; show it by `Scene`.
 
     curves: pairs (points (k, 3) or vertex path (k,), style of `CURVE_STYLES`), as tubes a little
     above the surface. An open surface is seen from the side away from its opening. A page carries
@@ -238,8 +234,7 @@ def _add_surface(plotter, surface, values, shift=(0, 0, 0), cmap=SHADES, clim=No
 
 
 def stacked_scene(surfaces, values, **more):
-    """A Plotter with surfaces one below the other, to scale, turned by one camera; `more` goes to
-    `surface_scene`.
+    """A Plotter with surfaces one below the other, to scale, turned by one camera.
 
     surfaces: list, the first on top; values: list of (V,). Seen horizontally, from the first one's
     side.
@@ -260,8 +255,7 @@ def stacked_scene(surfaces, values, **more):
 
 
 def surface_picture(surface, values=None, direction=None, up=(0, 0, 1), height=138.0, **more):
-    """A photograph (rows, columns, 3) of the surface, without perspective: `height` units of length
-    fill its height.
+    """A photograph (rows, columns, 3) of the surface; `height` units of length fill its height.
 
     direction: towards the eye; by default away from its opening. `more` goes to `surface_scene`.
     """
@@ -277,8 +271,7 @@ def surface_picture(surface, values=None, direction=None, up=(0, 0, 1), height=1
 
 
 def registration_scene(registration, shape, registered=True, **more):
-    """The landmarks of one `Registration` in 3-D, as in the paper: registered curves yellow,
-    targets red; a Plotter.
+    """A Plotter of a `Registration`'s landmarks: registered curves yellow, targets red.
 
     shape: the control surface, or another with its faces (inflated, say); registered=False: the
     moving curves after the best Möbius map. `more` goes to `surface_scene`.

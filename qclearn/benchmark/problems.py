@@ -43,13 +43,11 @@ class Spec:
 
 
 def problems(subjects, sets):
-    """The problems of the sets, list of Spec; BenchmarkError for bad arguments, ImportError without
-    a set's files."""
+    """The Specs of the sets, list; BenchmarkError, or ImportError where a set's files are missing."""
     unknown = sorted(set(sets) - set(SETS))
     if unknown or not sets:
-        raise BenchmarkError(
-            f"no set of problems {', '.join(unknown) or 'given'}; there are {', '.join(SETS)}"
-        )
+        names = ", ".join(unknown) or "given"
+        raise BenchmarkError(f"no set of problems {names}; there are {', '.join(SETS)}")
     if not isinstance(subjects, int) or not 1 <= subjects <= len(SEEDS):
         raise BenchmarkError(f"{subjects!r} subjects: the cohort has 1 to {len(SEEDS)}")
     if "conte69" in sets:
@@ -71,9 +69,8 @@ def every_problem(subjects):
     yield Spec("fsaverage5", "right to left", fsaverage_pair)
     for sides in ((right, left), (left, right)):
         for part in HALVES:
-            yield Spec(
-                "heldout", f"{sides[0][1]} to {sides[1][1]}, {part}", heldout_pair, sides, (part,)
-            )
+            name = f"{sides[0][1]} to {sides[1][1]}, {part}"
+            yield Spec("heldout", name, heldout_pair, sides, (part,))
     for name, side in (("fsaverage5", left), ("synthetic", control)):
         for amplitude in AMPLITUDES:
             yield Spec("warp", f"{name}, {amplitude:g} mm", warp_pair, (side,), (amplitude,))

@@ -1,5 +1,4 @@
-"""conte69, the average cortex of 69 young adults, and maps of the human brain on it, from the
-package brainspace.
+"""conte69, the average cortex of 69 young adults, with maps, from the package brainspace.
 
 Its mesh is fs_LR (Van Essen et al. 2012), on which the two sides correspond vertex by vertex: a
 truth on real cortex. The maps (T1w/T2w, thickness, gradients of connectivity) are averages too, and
@@ -27,8 +26,7 @@ MAPS = {
 
 
 class Conte69(NamedTuple):
-    """Both sides of conte69, open at the medial wall, in mm; vertex k of one corresponds to vertex
-    k of the other.
+    """Both sides of conte69, open at the medial wall, in mm; equal vertex numbers correspond.
 
     maps: name -> (left (V,), right (V,)), NaN where a map has no value.
     """
@@ -39,8 +37,7 @@ class Conte69(NamedTuple):
 
 
 def conte69(folder=None):
-    """The two sides of conte69 and their maps, both cut by both sides' masks, so that vertices keep
-    corresponding.
+    """The two sides of conte69 and their maps, all cut by both sides' masks.
 
     folder: of brainspace's data sets, by default the installed package's. ImportError without the
     package; SurfaceError where a file is missing or does not fit the others.

@@ -111,8 +111,7 @@ def frame_of_text(text, whole=None):
 
 
 def sound_volume(volume):
-    """FreeSurfer's volume geometry (nibabel's dict) with lists, or None where it says that it is
-    not valid."""
+    """FreeSurfer's volume geometry (nibabel's dict) with lists, or None where it is not valid."""
     keys = ("head", "valid", "filename", "volume", "voxelsize", *_AXES)
     geometry = {key: np.asarray(volume[key]).tolist() for key in keys}
     if not str(geometry["valid"]).startswith("1"):

@@ -1,5 +1,4 @@
-"""fsaverage5, the template hemispheres that come with nilearn, cut open at the medial wall, and
-their named sulci."""
+"""fsaverage5, the template that comes with nilearn, open at the medial wall, with named sulci."""
 
 import json
 from functools import cache
@@ -18,8 +17,7 @@ _FILES = {"pial": "pial", "white": "white", "inflated": "infl", "sphere": "spher
 
 
 def fsaverage5(hemisphere: str = "left", kind: str = "pial") -> Surface:
-    """The open hemisphere "left" or "right" of fsaverage5 as "pial", "white", "inflated" or
-    "sphere" surface, in mm.
+    """The open hemisphere "left" or "right" of fsaverage5, in mm, of a kind.
 
     The medial wall (thickness 0) is cut away on the pial surface; all kinds of a hemisphere share
     the cut, so their vertices and faces correspond. SurfaceError where nilearn is missing.
@@ -40,8 +38,7 @@ def whole_fsaverage5(hemisphere="left", kind="sphere"):
 
 
 def named_sulci(hemisphere, original_indices):
-    """Endpoints of fsaverage5's named sulci: dict name -> (start, end) on the opened surface, alike
-    on both sides.
+    """Ends of fsaverage5's named sulci: dict name -> (start, end) on the opened surface.
 
     hemisphere: "left" or "right"; original_indices (V',): the opened surface's vertices on the
     closed mesh, as from `open_surface`. fsaverage5_sulci.json tells how each was chosen.
@@ -60,8 +57,7 @@ def named_sulci(hemisphere, original_indices):
 
 
 def demo_landmarks() -> dict:
-    """Landmarks of `mirror(fsaverage5("right"))` (moving) and `fsaverage5("left")` (control), as in
-    a landmarks file.
+    """Landmarks of `mirror(fsaverage5("right"))` (moving) and `fsaverage5("left")` (control).
 
     `{"curves": [{"name", "moving": [start, end], "control": [start, end]}]}`: endpoints only.
     """

@@ -1,5 +1,4 @@
-"""GIFTI through nibabel: a first pass sees that sizes are true; Workbench finds hemisphere,
-coordinates and labels."""
+"""GIFTI through nibabel: sizes are checked first; Workbench finds hemisphere and labels."""
 
 import base64
 import colorsys
@@ -97,8 +96,7 @@ def _announced(attributes):
 
 
 def parse(data):
-    """The nibabel image of a GIFTI file's bytes; FormatError where an array is not as large as
-    it is announced."""
+    """The nibabel image of a GIFTI file's bytes; FormatError for an array of another size."""
     sizes = _Sizes(len(data))
     parser = expat.ParserCreate()
     parser.buffer_text = True
@@ -240,8 +238,7 @@ def _array(data, intent, meta, **more):
 
 
 def values_bytes(values, side=None, labels=None, names=None):
-    """The bytes of maps (V,) or (V, k) with their names, float32 or int32; int32 with the table
-    `labels` are labels."""
+    """The bytes of named maps (V,) or (V, k), float32 or int32; int32 with `labels` are labels."""
     meta = GiftiMetaData(_structure(side))
     intent = "NIFTI_INTENT_SHAPE" if values.dtype.kind == "f" else "NIFTI_INTENT_NONE"
     table = GiftiLabelTable()
@@ -256,8 +253,7 @@ def values_bytes(values, side=None, labels=None, names=None):
 
 
 def table_of(values, known=None):
-    """The label table of whole numbers: the known one, and further keys, which are named by
-    their number; {} for more numbers than there are regions."""
+    """The label table of whole numbers, unknown keys named by their number; {} for too many."""
     keys = np.unique(values).tolist()
     if not known and (len(keys) > _MOST_LABELS or keys[0] < -1):
         return {}
@@ -268,8 +264,7 @@ def table_of(values, known=None):
 
 
 def _from_zero(values, table):
-    """The same labels without key -1: it becomes 0, which shows nothing; where 0 is a region,
-    all are raised by one."""
+    """The same labels without key -1: it becomes 0; where 0 is a region, all are raised by one."""
     if min(table) < -1:
         raise SurfaceError(
             f"label {min(table)}: keys below 0 are not allowed in a .label.gii; number them from 1"

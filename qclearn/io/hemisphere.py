@@ -1,5 +1,4 @@
-"""A hemisphere as commands take it: whole or cut open, a file or fsaverage5; and the numbers of
-both of its forms."""
+"""A hemisphere as commands take it: a file or fsaverage5, whole or cut open."""
 
 import re
 from dataclasses import dataclass, replace
@@ -115,8 +114,7 @@ def read_hemisphere(path, cortex=None):
 
 
 def cut_out(surface, cortex):
-    """The disk of a whole surface that a file says to keep; SurfaceError where it is not in one
-    piece without holes."""
+    """The disk that a file names in a whole surface; SurfaceError unless it is in one piece."""
     require_outward(surface)
     wall = read_mask(cortex, surface, keep=True)
     disk, table = open_surface(surface, wall)
@@ -143,8 +141,7 @@ def frame_of_whole(frame, surface):
 
 
 def require_side(path, side, other, owner):
-    """SurfaceError where a file says that it is of one hemisphere, and the surface it is used
-    for of the other."""
+    """SurfaceError where a file and the surface that it is for are of different hemispheres."""
     if side and other and side != other:
         raise SurfaceError(
             f"{path}: is of the {side} hemisphere, {owner} of the {other} one; give the {other} "

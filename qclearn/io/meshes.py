@@ -95,8 +95,7 @@ def frame_of(path):
 
 
 def _frame_of_npz(data, named):
-    """What an npz says in `about` and `whole_faces`, or a synthetic subject's in `hemisphere`,
-    else `named`."""
+    """The Frame of an npz's `about` and `whole_faces`, or a subject's `hemisphere`, or `named`."""
     arrays = npz_arrays(data, lambda key: key in ("about", "whole_faces", "hemisphere"))
     if "about" in arrays:
         frame = frame_of_text(arrays["about"], arrays.get("whole_faces"))
@@ -111,8 +110,7 @@ def write_surface(
     original_vertices: Integer[ndarray, " V"] | None = None,
     frame: Frame | None = None,
 ) -> None:
-    """Write a surface, whole or not at all, in the format of the path's suffix (as read_surface; a
-    FreeSurfer name such as lh.pial, or no suffix: FreeSurfer's binary).
+    """Write a surface, whole or not at all, in the format of the path's suffix, as read_surface.
 
     Coordinates keep float64; FreeSurfer, GIFTI and STL store float32, STL no vertex numbers. Only
     npz keeps the curves, only npz and GIFTI original_vertices, `open_surface`'s second result
@@ -265,8 +263,7 @@ def _write_vtp(surface):
 
 
 def _warn_of_slits(path, surface):
-    """Warn of torn corners (of one face, on a loop of four) and of neighbours' neighbours on a
-    rim that almost meet."""
+    """Warn of torn corners and of neighbours' neighbours on a rim that almost meet."""
     count = np.bincount(surface.faces.ravel())
     for loop in surface.boundary_loops:
         here, beside, twin = (surface.vertices[np.roll(loop, -k)] for k in range(3))

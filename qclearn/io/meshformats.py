@@ -21,8 +21,7 @@ _TRIANGLES = {"face": {"vertex_indices": 3, "vertex_index": 3}}
 
 
 def read_ply(path, data):
-    """Vertices and faces of a PLY file, ASCII or binary; further properties and elements are
-    skipped."""
+    """Vertices and faces of a PLY file, ASCII or binary; other properties are skipped."""
     header, end, body = data.partition(b"end_header")
     for count in re.findall(rb"element\s+\S+\s+(\d+)", header):
         if int(count) > len(data):  # plyfile would make room for as many
@@ -74,8 +73,7 @@ def write_ply(surface):
 
 
 def read_off(data):
-    """Vertices and faces of an OFF file; colours and normals that follow a row's numbers are
-    skipped."""
+    """Vertices and faces of an OFF file; colours and normals are skipped."""
     lines = [line.partition(b"#")[0].split() for line in data.splitlines()]
     rows = [row for row in lines if row]
     if not rows or rows[0][0] not in (b"OFF", b"COFF"):
@@ -98,8 +96,7 @@ def read_off(data):
 
 
 def _integers(rows):
-    """Rows of texts as int64; ValueError where one is no whole number, OverflowError beyond 64
-    bits."""
+    """Rows of texts as int64; ValueError or OverflowError where that is impossible."""
     return np.array([[int(text) for text in row] for row in rows], dtype=np.int64)
 
 

@@ -47,8 +47,7 @@ def versions(*packages):
 
 
 def origin(inputs, curves, command):
-    """Where a report.json comes from: dict of `inputs`, `landmarks` (a whole landmarks file),
-    `versions`, `command`.
+    """The origin in a report.json: dict of `inputs`, `landmarks`, `versions`, `command`.
 
     inputs: side -> (path, surface as read); curves: landmarks as given; command: the words of the
     command line.

@@ -50,8 +50,7 @@ def allowance(size):
 
 
 def read_bytes(path):
-    """All bytes of a regular file, unzipped where it is called .gz or .mgz; SurfaceError where
-    it cannot be read."""
+    """All bytes of a regular file, unzipped if it is a .gz or .mgz; SurfaceError."""
     try:
         mode = path.stat().st_mode
         if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):  # reading it might never end
@@ -96,8 +95,7 @@ def out_of_memory(path):
 
 @contextmanager
 def explain(path, kind, lead="not a readable"):
-    """Turn what parsers raise on bad bytes into one SurfaceError, "PATH: not a readable KIND ...";
-    no warning gets out.
+    """Turn what parsers raise on bad bytes into one SurfaceError, "PATH: not a readable KIND ...".
 
     A KeyError, TypeError and the like pass as they are unless a library raised them: in our own
     code they are bugs.
@@ -134,8 +132,7 @@ def require_all(name, there, announced, exactly=False):
 
 
 def npz_arrays(data, wanted):
-    """The arrays (dict) of an npz file's bytes whose names `wanted` accepts; FormatError where
-    sizes contradict."""
+    """The arrays (dict) of an npz's bytes that `wanted` accepts by name; FormatError for bad sizes."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         infos = archive.infolist()
         members = [info for info in infos if wanted(info.filename.removesuffix(".npy"))]
@@ -150,8 +147,7 @@ def npz_arrays(data, wanted):
 
 
 def npz_bytes(arrays):
-    """The bytes of an npz file of arrays (dict), packed lightly: in a third of NumPy's time, a
-    tenth larger."""
+    """The bytes of an npz file of arrays (dict), packed lightly: three times as fast as NumPy."""
     data = io.BytesIO()
     with zipfile.ZipFile(data, "w") as archive:
         for name, array in arrays.items():
@@ -163,8 +159,7 @@ def npz_bytes(arrays):
 
 
 def npy_array(data):
-    """The array of the bytes of a .npy file; FormatError unless its header announces just what
-    follows."""
+    """The array of a .npy file's bytes; FormatError unless the header announces what follows."""
     file = io.BytesIO(data)
     headers = {
         (1, 0): np.lib.format.read_array_header_1_0,
@@ -188,8 +183,7 @@ def npy_array(data):
 
 
 def write_whole(path, write, size=None):
-    """Let `write(temporary_path)` write a file that then takes its place in one step; SurfaceError
-    if it cannot.
+    """Let `write(temporary_path)` write a file that takes its place in one step; SurfaceError.
 
     size: its bytes, about, for a full disk's message. Leftovers of killed runs go from the folder.
     """
@@ -218,8 +212,7 @@ def write_whole(path, write, size=None):
 
 
 def is_full(error, free=None):
-    """Whether an OSError says that a disk is full; NumPy's says only how much was written, then
-    `free` bytes decide."""
+    """Whether an OSError means a full disk; `free` bytes decide where it has no errno."""
     return error.errno in (errno.ENOSPC, errno.EDQUOT) or (
         error.errno is None and free is not None and free < 1 << 16
     )
@@ -241,8 +234,7 @@ def _megabytes(size):
 
 
 def own_prefix():
-    """The head of temporary names: this process's number and machine, which tell others whether
-    it still runs."""
+    """The head of temporary names: this process's number and machine, by which `sweep` knows it."""
     return f".qclearn-{os.getpid()}@{_machine()}-"
 
 
@@ -251,8 +243,7 @@ def _machine():
 
 
 def sweep(folder):
-    """Remove from a folder what killed runs of this machine left, and nothing of a run that goes
-    on."""
+    """Remove the leftovers of this machine's killed runs from a folder."""
     for leftover in folder.glob(".qclearn-*"):
         name = _LEFTOVER.fullmatch(leftover.name)
         if name and name[2] == _machine() and not _runs(int(name[1])):
@@ -275,14 +266,12 @@ def _runs(process):
 
 
 def is_plain_name(name):
-    """Whether a curve's name can be shown: up to 200 characters, none of which moves the
-    terminal's cursor."""
+    """Whether a curve's name can be shown: up to 200 characters, no control characters."""
     return len(name) <= 200 and name.isprintable()
 
 
 def printable(text):
-    """A text as one line for the terminal: control characters as escapes, the middle of a very
-    long one left out."""
+    """A text as one line for the terminal: control characters escaped, a long one cut inside."""
     line = " ".join(text.split())
     escaped = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
     text = "".join(escaped)

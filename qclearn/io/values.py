@@ -37,8 +37,7 @@ Values = Real[ndarray, " V *k"] | Bool[ndarray, " V *k"]
 
 
 def read_mask(path: str | Path, surface: Surface, keep: bool = False) -> Bool[ndarray, " V"]:
-    """Mask of the vertices that open_surface cuts away: those that a file names or gives a nonzero
-    value.
+    """Mask of the vertices to cut away: those that a file names or gives a nonzero value.
 
     Files: a FreeSurfer .label, or one number a vertex as of `read_values`. keep=True: the file says
     what to keep (lh.cortex.label, thickness). SurfaceError, also for an .annot, and for more than
@@ -151,8 +150,7 @@ def _read_annot(path, data):
 
 
 def read_regions(path):
-    """The name of each vertex's region (V,), "" for none, of a .label.gii of one map or an
-    .annot; SurfaceError for others."""
+    """The name of each vertex's region (V,), "" for none, of a .label.gii or an .annot."""
     regions = read_map(path)
     if not regions.labels or regions.values.ndim != 1 or regions.values.dtype.kind not in "iu":
         raise SurfaceError(f"{path}: names no regions; give a .label.gii of one map, or an .annot")
@@ -168,8 +166,7 @@ def write_values(
     labels: dict | None = None,
     names: list | None = None,
 ) -> None:
-    """Write values (V,) or (V, k) in the format of the path's suffix, as `read_values` reads them;
-    whole or not at all.
+    """Write values (V,) or (V, k), whole or not at all, in the format of the path's suffix.
 
     GIFTI, MGH and morphometry store float32, GIFTI and MGH integers as int32; morphometry and
     .annot take (V,) alone. A GIFTI gets the hemisphere, side = "left" or "right" (else by its
@@ -224,8 +221,7 @@ def _require_known(path, suffix, done):
 
 
 def _fitting(path, values, whole=True):
-    """Values as int32 or float32; SurfaceError where one would change. whole=False: the format
-    has float32 alone."""
+    """Values as int32 or float32 (whole=False: float32 alone); SurfaceError where one changes."""
     if values.ndim == 2 and not whole:
         raise SurfaceError(
             f"{path}: morphometry holds one map, not {values.shape[1]}; choose .mgh or .func.gii"

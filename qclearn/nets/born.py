@@ -1,5 +1,4 @@
-"""What a coefficient does to the disk, to first order: the derivative of the map at the identity,
-as a fixed layer."""
+"""The derivative of the map at the identity by the coefficient (the Born step), as a layer."""
 
 import numpy as np
 import torch
@@ -10,8 +9,7 @@ from .polargrid import as_tensor
 
 
 class Born(nn.Module):
-    """Displacements `df = sum conj(one) c + two conj(c)` of the nodes of a polar grid by
-    coefficients c of nu.
+    """Displacements `df = sum conj(one) c + two conj(c)` of polar nodes by coefficients c of nu.
 
     one, two (nr, modes): at the first spoke's nodes; a turn of the disk turns them.
     """

@@ -1,9 +1,8 @@
-"""CP-Net, the coefficient prediction network: landmarks and the weights of `L_CP` to the Beltrami
-coefficient mu.
+"""CP-Net, the coefficient prediction network: from landmarks and weights to mu.
 
 Preset `best` corrects the first Gauss-Newton step (the Born step) by a U-Net that has learned from
 fits, and looks at the map of its answer on the caller's mesh (`registration.refinement`). Preset
-`paper` is the paper's, mended.
+`paper` is the paper's, corrected.
 """
 
 from dataclasses import dataclass
@@ -62,8 +61,7 @@ link_of = lru_cache(maxsize=8)(CoefficientMesh)  # of the last few disks that we
 
 
 class BestCPNet(CoefficientNetwork):
-    """nu on a polar grid, the start of the looks, from landmarks p (B, M) with a mask (B, M) and
-    the Born step.
+    """nu on a polar grid, the start of the refinement, from landmarks (B, M) and the Born step.
 
     wanted, left (B, M): where the landmarks should go, and what the Born step nu (B, rings, spokes)
     leaves of that; logs (B, 2): log10 of beta / alpha and gamma / alpha, since only ratios decide
@@ -90,8 +88,7 @@ class BestCPNet(CoefficientNetwork):
         return nu * (1 + factor) + size[:, None, None] * more * self.spoke**2
 
     def features(self, p, wanted, left, mask, nu, size):
-        """SEEN as channels (B, 10, rings, spokes), the number at a node after `wanted`, and the
-        radius."""
+        """SEEN as channels (B, 10, rings, spokes), the count after `wanted`, and the radius."""
         places = self.grid.locate(p)
         (wanted, count), (left, _) = (self.landmarks(places, x, mask) for x in (wanted, left))
         fields = zip(SEEN.values(), (nu / size[:, None, None], self.born.moved(nu), wanted, left))
@@ -101,15 +98,13 @@ class BestCPNet(CoefficientNetwork):
         return torch.stack([*channels[:6], count, *channels[6:], radius], 1)
 
     def landmarks(self, places, values, mask):
-        """Complex values at the landmarks as a field (B, rings, spokes), and their number at each
-        node."""
+        """Values at the landmarks as a field (B, rings, spokes), and their number at each node."""
         values = torch.stack([values.real, values.imag, torch.ones_like(mask)], 1) * mask[:, None]
         spread = self.grid.splat(values, places)[:, :, 1:].unflatten(2, self.grid.z.shape)
         return torch.complex(spread[:, 0], spread[:, 1]), spread[:, 2]
 
     def conditions(self, mask, logs, size):
-        """The weights, cut to the configuration's ranges, the number of landmarks and the size of
-        nu: (B, 4)."""
+        """(B, 4): the clipped weights, the number of landmarks and the size of nu."""
         low, high = torch.tensor([self.config.smooth, self.config.match]).to(logs).T
         sizes = torch.log10(torch.stack([mask.sum(1) / 100, size], 1))
         return torch.cat([logs.clamp(low, high) - logs.new_tensor([0, 4]), sizes], 1)
@@ -128,8 +123,7 @@ class BestCPNet(CoefficientNetwork):
     @inference
     @threadpool_limits.wrap(limits=1)
     def answers(self, problem, weights, looks=3):
-        """The answers mu (F,) to a `Problem` after 0 to `looks` looks from either start, dict name
-        -> mu, in order.
+        """The answers mu (F,) after 0 to `looks` refinements from either start, dict name -> mu.
 
         "Born step" has learned nothing, "CP-Net" begins where the U-Net says; `predict` returns one
         of these.
@@ -203,16 +197,14 @@ class BestCPNet(CoefficientNetwork):
         return config.finer if apart < config.close / config.rings else config.rings
 
     def carrier(self, rings):
-        """The `Spectrum` of so many rings, and the sparse matrix to its vertices from those of the
-        network's mesh."""
+        """The `Spectrum` of so many rings, and the sparse matrix to its vertices."""
         if rings not in self.carriers:
             spectrum = Spectrum(rings, rings * self.config.spokes // self.config.rings)
             self.carriers[rings] = spectrum, self.grid.mesh.sampling(spectrum.mesh.z)
         return self.carriers[rings]
 
     def loss(self, batch, generator):
-        """Mean log of the answer's squared distance from the field of a fit over the Born step's,
-        without a look."""
+        """Mean log of the squared error against a fit's field, over that of the Born step."""
         with torch.autocast(batch[0].device.type, enabled=False):
             *given, target = self.draw(batch, generator)
         nu = self(*given)

@@ -1,5 +1,4 @@
-"""The paper's CP-Net, mended: the control's landmarks fixed, those of a subject in, one network for
-each (alpha, beta, gamma)."""
+"""The paper's CP-Net, corrected: one control, one network for each (alpha, beta, gamma)."""
 
 from dataclasses import dataclass
 
@@ -20,18 +19,18 @@ from .torchplane import mobius as mobius_of
 
 NEAR = 1e-4  # in the unit disk: targets closer than this to the control's are the control's
 STOPPING = 1e-3, 100  # of the exact solver in training: tolerance and steps
-LOSSES = ("mended", "whole", "printed")  # see `PaperCPNet.distance`
+LOSSES = ("corrected", "whole", "printed")  # see `PaperCPNet.distance`
 SCALE = 10.0  # of the landmarks' displacements, a few hundredths of the disk
 
 
 @dataclass(frozen=True)
 class PaperCPNetConfig:
-    """Sizes of the paper's CP-Net, mended."""
+    """Sizes of the paper's CP-Net, corrected."""
 
     preset: str = "paper"
     gamma: float = 1e4  # alpha and beta are 1
     through: str = "paper"  # what makes its mu a map in training: a preset of DBS-Net, or "exact"
-    loss: str = "mended"  # one of LOSSES
+    loss: str = "corrected"  # one of LOSSES
     curves: int = 8
     points: int = 10  # of each curve
     size: int = 64  # of the square, in pixels: that of its DBS-Net
@@ -39,8 +38,7 @@ class PaperCPNetConfig:
 
 
 class PaperCPNet(CoefficientNetwork):
-    """Landmarks (B, M) on a subject's disk to mu (B, size, size), rows upwards, on the square of
-    the paper's DBS-Net.
+    """Landmarks (B, M) on a subject's disk to mu (B, size, size) on the square, rows upwards.
 
     Each curve passes through an MLP of its own and is reshaped into channels; all are concatenated,
     and transposed convolutions make the image. The last layer is linear, so that nu may point
@@ -104,10 +102,9 @@ class PaperCPNet(CoefficientNetwork):
         return loss.mean(), {"error": error.item(), "mu": mu.abs().mean().item()}
 
     def distance(self, mesh, mu, w, targets):
-        """The loss (B,) of coefficients mu (B, F) whose maps take the landmarks to w (B, M), by
-        `config.loss`.
+        """The loss (B,), by `config.loss`, of mu (B, F) whose maps take the landmarks to w (B, M).
 
-        "mended": `L_CP` with means over the area, of landmarks after the best Möbius map, as in
+        "corrected": `L_CP` with means over the area, of landmarks after the best Möbius map, as in
         `register`; "whole": what its averages lose is counted, too; "printed": means over faces, of
         landmarks where the map leaves them.
         """
@@ -119,8 +116,7 @@ class PaperCPNet(CoefficientNetwork):
         )
 
     def twin(self, device):
-        """The square's mesh, and what gives maps (B, V) on it of images mu: fixed, no part of this
-        network's own."""
+        """[the square's mesh, images mu -> maps (B, V)]: no part of this network's weights."""
         if self.solver is None:
             mesh = LossMesh(Disk(*square_disk(self.config.size))).to(device)
             self.solver = [mesh, maps_through(self.config.through, self.config.size, device)]
@@ -181,8 +177,7 @@ class PaperCPNet(CoefficientNetwork):
 
 
 def maps_through(name, size, device):
-    """From images mu (B, size, size) to maps on the square's vertices: by "exact", the polar
-    solver, or a DBS-Net.
+    """From images mu (B, size, size) to the square's maps: by "exact" or a preset of DBS-Net.
 
     Differentiable. The closed forms that preset "best" starts from are not: its maps are its own,
     their derivative that of the exact solver.

@@ -1,8 +1,7 @@
-"""DBS-Net, the disk Beltrami solver network: mu on the faces of a disk mesh to the map f, f(0) = 0
-and f(1) = 1.
+"""DBS-Net, the disk Beltrami solver network: from mu (F,) to the map f, f(0) = 0, f(1) = 1.
 
 Preset `best` corrects, in logarithmic coordinates, what two preconditioned steps know about the
-map; the circle is kept exactly. Preset `paper` (`dbsnet_paper`) is the paper's, mended.
+map; the circle is kept exactly. Preset `paper` (`dbsnet_paper`) is the paper's, corrected.
 """
 
 from dataclasses import dataclass
@@ -60,8 +59,7 @@ class BestDBSNetConfig:
 
 
 class BestDBSNet(DiskNetwork):
-    """f = z exp(u + iv): first two preconditioned steps, then what a U-Net on the polar mesh adds
-    to u and v.
+    """f = z exp(u + iv): two preconditioned steps, plus what a U-Net on the polar mesh adds.
 
     u = 0 on the circle and v(1) = 0 by construction, so that the boundary stays on the circle, f(0)
     = 0 and f(1) = 1.
@@ -83,14 +81,12 @@ class BestDBSNet(DiskNetwork):
         return self.solver.mesh.centroids
 
     def run(self, mu, steps=0):
-        """The map of mu (F,) on the polar mesh, after `steps` steps of the exact solver, as a
-        function of points."""
+        """The map of mu (F,), after `steps` steps of the exact solver, as a function of points."""
         f = self.refine(torch.from_numpy(mu).to(self.z)[None], steps)
         return PolarFunction((f[:, 1:].view(self.z.shape) / self.z)[0].cpu().numpy())
 
     def refine(self, mu, steps, f=None):
-        """The maps (B, V) after `steps` steps of conjugate gradients from f (default: the network's
-        own)."""
+        """The maps (B, V) after `steps` conjugate gradient steps from f (default: its own)."""
         f = self(mu) if f is None else f
         return self.solver.solve(mu, 0.0, steps, start=f) if steps else f
 
@@ -107,8 +103,7 @@ class BestDBSNet(DiskNetwork):
             return torch.cat([f.new_zeros(len(f), 1), f.flatten(1)], 1)
 
     def features(self, mu):
-        """FEATURES (B, 14, rings, spokes), which are known in closed form, and the first u, v (B,
-        rings, spokes)."""
+        """FEATURES (B, 14, rings, spokes) in closed form, and the first u, v (B, rings, spokes)."""
         maps, potentials, angles = two_steps(self.solver, mu)
         # (B, rings, spokes).
         first, second, beyond = (f[:, 1:].view(-1, *self.z.shape[1:]) for f in maps)
@@ -141,8 +136,7 @@ class BestDBSNet(DiskNetwork):
         )
 
     def loss(self, batch, generator):
-        """Position error over displacement plus relative error of the derivatives, against the
-        exact maps."""
+        """Relative position error plus relative error of the derivatives, against exact maps."""
         mu = batch[0]
         with torch.autocast(mu.device.type, enabled=False), torch.no_grad():
             mu = self.rescale(mu, generator)
@@ -159,8 +153,7 @@ class BestDBSNet(DiskNetwork):
         }
 
     def rescale(self, mu, generator):
-        """Coefficients (B, F); with a generator mixed, turned and of a largest |mu| uniform in
-        `max_abs`."""
+        """mu (B, F); with a generator mixed, turned, with a largest |mu| uniform in `max_abs`."""
         if generator is None:
             return mu
         draw = torch.rand(4, len(mu), generator=generator)
@@ -172,8 +165,7 @@ class BestDBSNet(DiskNetwork):
 
 
 def position_error(f, exact, z):
-    """Mean distance (B,) between maps (B, 1 + V) in units of the mean displacement of `exact` after
-    the best turn."""
+    """Mean distance (B,) of maps (B, 1 + V), in units of the exact map's mean displacement."""
     exact, f = exact[:, 1:], f[:, 1:]
     turn = (exact * z.conj()).sum(1, keepdim=True)
     displacement = (exact - turn / turn.abs() * z).abs().mean(1)
@@ -181,8 +173,7 @@ def position_error(f, exact, z):
 
 
 def derivative_error(mesh, f, exact):
-    """Error of the derivatives against the smaller stretch of the exact map, (root mean square,
-    excess) (B,) each.
+    """Error of the derivatives over the exact map's smaller stretch: (RMS, excess), (B,) each.
 
     `d = (|e_z| + |e_zbar|) / (|f_z| - |f_zbar|)` a face, e = f - exact: a face folds only where d
     >= 1; excess is the mean of `max(d - 0.5, 0)^2`. Maps (B, V) on the `LossMesh`.

@@ -1,5 +1,4 @@
-"""The paper's DBS-Net, mended: the square in place of the disk, a Fourier layer, an inner and a
-boundary route."""
+"""The paper's DBS-Net, corrected: a Fourier layer on the square, an inner and a boundary route."""
 
 from dataclasses import dataclass
 
@@ -25,7 +24,7 @@ FURTHEST = 0.95  # from 0 that f(0) is believed to be before the Möbius map tha
 
 @dataclass(frozen=True)
 class PaperDBSNetConfig:
-    """Sizes of the paper's DBS-Net, mended, and the weights of its loss."""
+    """Sizes of the paper's DBS-Net, corrected, and the weights of its loss."""
 
     preset: str = "paper"
     max_abs: tuple = (0.05, 0.6)  # of the coefficients it is trained on
@@ -39,8 +38,7 @@ class PaperDBSNetConfig:
 
 
 class FourierLayer(nn.Module):
-    """`M mu N` (B, 2k + 1, 2k + 1) of images mu (B, size, size), M and N learnable, at the start
-    the truncated DFT."""
+    """`M mu N` (B, 2k + 1, 2k + 1) of images mu, M and N learnable, first the truncated DFT."""
 
     def __init__(self, size, k):
         super().__init__()
@@ -55,8 +53,7 @@ class FourierLayer(nn.Module):
 
 
 class InnerRoute(nn.Module):
-    """Low frequencies (and, by the shortcut, the image itself) to the inner vertices' (B, 2, size -
-    1, size - 1).
+    """Low frequencies (and, by the shortcut, the image) to inner vertices (B, 2, size - 1, ...).
 
     The coefficients are first transformed back, to an image of 2k + 1 pixels a side. The paper does
     not say so, but convolutions and bilinear upsampling mean something for neighbours in space, not
@@ -100,8 +97,7 @@ class InnerRoute(nn.Module):
 
 
 class BoundaryRoute(nn.Module):
-    """Low frequencies as a vector (B, n) to boundary angles (B, 4 size), positive and of sum 2 pi,
-    by an MLP."""
+    """An MLP from low frequencies (B, n) to positive boundary angles (B, 4 size) of sum 2 pi."""
 
     def __init__(self, inputs, usual, hidden=512):
         super().__init__()
@@ -150,8 +146,7 @@ class PaperDBSNet(DiskNetwork):
         )
 
     def forward(self, mu):
-        """(f (B, V), angles (B, 4 size)) of images mu (B, size, size), rows upwards, a pixel a cell
-        of the mesh."""
+        """(f (B, V), angles (B, 4 size)) of images mu (B, size, size), a pixel per cell."""
         with torch.autocast(mu.device.type, enabled=False):
             low = self.fourier(mu)
             back = self.inner_route.back
@@ -180,8 +175,7 @@ class PaperDBSNet(DiskNetwork):
 
     @property
     def pixels(self):
-        """Where the pixels of the square lie in the disk, (size^2,): mu is resampled, not pulled
-        back."""
+        """The places (size^2,) of the pixels in the disk: mu is resampled, not pulled back."""
         return square_to_disk(pixel_centres(self.config.size)).ravel()
 
     def run(self, mu):
@@ -201,8 +195,7 @@ class PaperDBSNet(DiskNetwork):
         return mu.flatten(1).repeat(1, 2)
 
     def loss(self, batch, generator):
-        """The configured loss of the fields batch[0]; with a generator also mixed and turned in
-        phase.
+        """The configured loss of the fields batch[0], with a generator of mixed and turned ones.
 
         Figures: `gauge_errors`, where the batch brings exact maps as well.
         """
@@ -221,7 +214,7 @@ class PaperDBSNet(DiskNetwork):
         """How far maps f (B, V) are from those of mu.
 
         "printed": L_DBSNet with L_LBS_printed, in thousandths, where one boundary point is all that
-        a map f holds; "rows": the same with its rows mended, and with f(0) = 0; "energy": L_Energy;
+        a map f holds; "rows": the same with its rows corrected, and with f(0) = 0; "energy": L_Energy;
         "maps": L_Maps against exact maps.
         """
         given, config = self.on_faces(mu), self.config
@@ -240,8 +233,7 @@ class PaperDBSNet(DiskNetwork):
 
 
 def poisson_matrix(z, boundary):
-    """Matrix (B, V) of the harmonic extension of values at B boundary points, in order, to the
-    points z (V,).
+    """Matrix (B, V) of the harmonic extension from B boundary points, in order, to z (V,).
 
     Poisson's kernel, its rows normalised; points nearer to the circle than the boundary points to
     one another are taken back to that distance, where the sum still resolves the kernel.
@@ -254,8 +246,7 @@ def poisson_matrix(z, boundary):
 
 
 def mixed(mu, order, draw, max_abs):
-    """Coefficients (B, ...) of which half are sums with another of the batch; phase and largest
-    |mu| are drawn too.
+    """Coefficients (B, ...), half of them sums of two; phase and largest |mu| are random.
 
     order (B,): a permutation, the other ones; draw (5, B): uniform in 0..1; max_abs: the range of
     the largest |mu|.

@@ -1,5 +1,4 @@
-"""LD-Net: the course of sulci between given endpoints, from the curvature image of a surface on its
-disk.
+"""LD-Net: sulci between given endpoints, from the curvature image of a surface on its disk.
 
 Preset `paper` (`ldnet_paper`) predicts a set number of points on a fixed list of curves. Preset
 `best` shows where sulci run and lets the shortest path on the surface follow. Source: paper,
@@ -41,8 +40,7 @@ class BestLDNetConfig:
 
 
 def refine(curves, finer=FINER):
-    """Points (B, K, n) along polylines (B, K, P), `finer` on each segment, and where they lie, (n,)
-    in 0..P-1."""
+    """Points (B, K, n) along polylines (B, K, P), `finer` per segment, and their places (n,)."""
     place = torch.linspace(
         0, curves.shape[-1] - 1, finer * (curves.shape[-1] - 1) + 1, device=curves.device
     )
@@ -63,8 +61,7 @@ class Residual(nn.Module):
 
 
 class BestLDNet(nn.Module):
-    """A U-Net that shows where the sulci between the given endpoints run; the curve is the shortest
-    path on that map.
+    """A U-Net that maps where sulci between endpoints run; the curve is the shortest path on it.
 
     It sees the curvature, the disk, the endpoints and the chords between them; any number of curves
     at once, with no names. Endpoints are exact by construction, and curves are paths on the
@@ -84,8 +81,7 @@ class BestLDNet(nn.Module):
         self.head = nn.Sequential(nn.Conv2d(widths[0], 4, 1), nn.PixelShuffle(2))
 
     def from_images(self, images, ends):
-        """Logits (B, S, S) from what `CurveDataset` gives: images (B, 2, S, S), ends (B, K, 2), all
-        curves shown."""
+        """Logits (B, S, S) from images (B, 2, S, S) and ends (B, K, 2) of a `CurveDataset`."""
         return self(
             self.channels(
                 images[:, 0], ends, torch.ones(ends.shape[:2], dtype=torch.bool, device=ends.device)
@@ -104,8 +100,7 @@ class BestLDNet(nn.Module):
         return self.head(x)[:, 0]
 
     def channels(self, grey, ends, shown):
-        """What the network sees, (B, 4, S, S), of images (B, S, S) in 0..255 and endpoints (B, K,
-        2) where shown (B, K)."""
+        """The input (B, 4, S, S): images (B, S, S) in 0..255, shown endpoints (B, K, 2)."""
         size = self.config.size
         centre = (2 * torch.arange(size, device=grey.device) + 1) / size - 1
         disk = ((centre[:, None] ** 2 + centre**2) <= 1).to(grey.dtype)
@@ -118,8 +113,7 @@ class BestLDNet(nn.Module):
         return torch.stack([(grey / 127.5 - 1) * disk, disk.expand_as(grey), marks, chords], 1)
 
     def loss(self, batch, generator):
-        """Binary cross-entropy with the soft band around the shown curves, a hit counting four
-        times; the overlap.
+        """Binary cross-entropy with the soft band around shown curves, hits weighted by four.
 
         batch: images (B, 2, S, S), ends (B, K, 2), curves (B, K, P) as `CurveDataset` gives them.
         Augmentation: the symmetries of the square, contrast, some of the curves, parts of curves.
@@ -152,8 +146,7 @@ class BestLDNet(nn.Module):
 
     @inference
     def heat(self, surface, z, endpoints):
-        """Probability (V,) of lying on one of the sulci between the endpoints, the mean curvature
-        (V,) beside it."""
+        """Probability (V,) of lying on a sulcus between the endpoints, and the mean curvature."""
         z, endpoints = check_input(surface, z, endpoints)
         grey, radius, H = picture(surface, z, self.config.size)
         w = torch.as_tensor(radius.to_image(z)).to(next(self.parameters()).device, torch.complex64)
@@ -166,8 +159,7 @@ class BestLDNet(nn.Module):
         return sampled.sigmoid().double().cpu().numpy(), H
 
     def detect(self, surface, z, endpoints):
-        """The sulci between pairs of endpoints (K, 2) as curves in the disk map z: list of (k,)
-        complex, vertices' images.
+        """The sulci between endpoints (K, 2) as vertices' images in the disk map z: list of (k,).
 
         The shortest paths in `heat_metric`. SurfaceError for a surface that is not a disk or
         another's z; LandmarkError for endpoints out of range or equal.
@@ -201,8 +193,7 @@ def smoothed(surface, values, rounds=ROUNDS):
 
 
 def whole(curves):
-    """First and last point of each curve, (B, K) int, and which curves are shown, (B, K): all of
-    all."""
+    """First and last point (B, K) of each curve, and which curves are shown (B, K): all."""
     first = torch.zeros(curves.shape[:2], dtype=torch.long, device=curves.device)
     return first, first + curves.shape[2] - 1, first == 0
 
@@ -221,8 +212,7 @@ def some(curves, generator):
 
 
 def contrast(grey, generator):
-    """Images (B, 1, S, S) in 0..255 with another gamma, 0.6 to 1.6, some smoothed: surfaces differ
-    in both."""
+    """Images (B, 1, S, S) in 0..255 with a random gamma of 0.6 to 1.6, some of them smoothed."""
     gamma, blur = (
         torch.rand(len(grey), 1, 1, 1, generator=generator).to(grey.device) for _ in range(2)
     )

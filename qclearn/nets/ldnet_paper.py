@@ -1,4 +1,4 @@
-"""The paper's LD-Net, mended: a fixed list of curves, a set number of points on each."""
+"""The paper's LD-Net, corrected: a fixed list of curves, a set number of points on each."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ from .pictures import check_input, picture, turn
 
 @dataclass(frozen=True)
 class PaperLDNetConfig:
-    """Sizes of the paper's LD-Net, mended. size: of the image, a power of two; widths: channels of
+    """Sizes of the paper's LD-Net, corrected. size: of the image, a power of two; widths: channels of
     the convolutions, which halve the image one by one; curves, points: how many curves and points
     on each, ends included; hidden: width of the perceptrons."""
 
@@ -27,8 +27,7 @@ class PaperLDNetConfig:
 
 
 class PaperLDNet(nn.Module):
-    """The image through convolutions, starting and ending points through a perceptron each,
-    concatenated.
+    """The image through convolutions, start and end points through perceptrons, concatenated.
 
     For a fixed list of curves, in the order it was trained on; `points` on each, the inner ones
     predicted, the endpoints as given. The curves are polylines of the image and need not lie on
@@ -54,8 +53,7 @@ class PaperLDNet(nn.Module):
         self.joined = perceptron(3 * config.hidden, 2 * config.hidden, inner, activation=nn.ReLU)
 
     def forward(self, images, ends):
-        """Curves (B, K, points), complex, from images (B, 2, S, S) in 0..255 and ends (B, K, 2),
-        complex."""
+        """Curves (B, K, points), complex, from images (B, 2, S, S) in 0..255 and ends (B, K, 2)."""
         seen = self.flat(self.image(images / 255))  # (B, hidden)
         # (B, 2K) -> (B, hidden).
         start, end = (
@@ -68,8 +66,7 @@ class PaperLDNet(nn.Module):
         return torch.cat([ends[..., :1], inner, ends[..., 1:]], 2)
 
     def loss(self, batch, generator):
-        """Mean `L_LD` of the batch under random symmetries of the square; the points' mean distance
-        in the image."""
+        """Mean `L_LD` under random symmetries of the square, and the points' mean distance."""
         images, _, curves = batch
         # The set has more points, equally spaced too.
         every = (curves.shape[2] - 1) // (self.config.points - 1)
@@ -83,8 +80,7 @@ class PaperLDNet(nn.Module):
 
     @inference
     def detect(self, surface, z, endpoints):
-        """The curves between pairs of endpoints (K, 2) in the disk map z: list of (points,)
-        complex.
+        """The curves between endpoints (K, 2) in the disk map z: list of (points,) complex.
 
         LandmarkError unless K is the number it was trained on; the pairs in that order. Others as
         `BestLDNet.detect`.

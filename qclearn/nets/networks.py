@@ -1,5 +1,4 @@
-"""The table of networks. To add one: a module of its own with `PRESETS` and `TRAINING`, and a row
-here."""
+"""The table of networks. A new one is a module with `PRESETS` and `TRAINING`, and a row here."""
 
 import importlib
 import pkgutil

@@ -1,5 +1,4 @@
-"""The exact disk solver without a matrix: batched conjugate gradients on a polar mesh,
-preconditioned at mu = 0.
+"""The exact disk solver without a matrix: batched conjugate gradients on a polar mesh.
 
 The stiffness matrix of mu = 0 on a polar mesh does not change under a turn by one spoke. An FFT in
 the angle therefore leaves one tridiagonal system over the rings for each mode, which cyclic
@@ -29,8 +28,7 @@ IDENTITY = torch.pi**0.5  # energy norm of x and of y on the unit disk
 
 
 class PolarSolver:
-    """Disk self-maps with Beltrami coefficients mu and a free boundary on `mesh`, that of
-    `polar_disk(nr, nt, power)`.
+    """Disk self-maps with coefficients mu and a free boundary on `polar_disk(nr, nt, power)`.
 
     The same map as `BeltramiDiskSolver(z, faces).solve(mu)` up to the tolerance, for a batch at
     once and differentiable, on the device and in the precision of mu. Not certified: ask
@@ -84,8 +82,7 @@ class PolarSolver:
         return self.finish(f, boundary)
 
     def _begin(self, f, spoke):
-        """(U, f, f on the circle) to begin with from maps f (B, V): U = log|f|, at the centre what
-        its row asks for."""
+        """(U, f, f on the circle) of maps f (B, V): U = log|f|, by its own row at the centre."""
         rings = f.detach()[:, 1:].view(len(f), self.nr, self.nt)
         U = rings[:, :-1].abs().clamp(min=torch.finfo(spoke.dtype).tiny).log()
         fan = spoke.detach()[:, 0]
@@ -97,8 +94,7 @@ class PolarSolver:
         return U[:, None], parts[:, :, :-1].contiguous(), parts[:, :, -1:]
 
     def finish(self, f, boundary):
-        """The normalised maps (B, V) from Re f and Im f (B, 2, nr, nt) inside and (B, 2, 1, nt) on
-        the circle."""
+        """The normalised maps (B, V) from (B, 2, nr, nt) inside and (B, 2, 1, nt) on the circle."""
         inner = torch.cat([f[:, :, 0].mean(-1, keepdim=True), f[:, :, 1:].flatten(2)], 2)
         return _normalise(
             torch.complex(*inner.unbind(1)), torch.complex(*boundary[:, :, 0].unbind(1))
@@ -106,8 +102,7 @@ class PolarSolver:
 
 
 class PolarSystem:
-    """K(mu) and the loads of one batch mu (B, F) on the mesh of a `PolarSolver`, for fields (B, S,
-    nr, nt).
+    """K(mu) and the loads of a batch mu (B, F) on a `PolarSolver`, for fields (B, S, nr, nt).
 
     spoke, arc, diagonal (B, nr, nt): edge weights -K_ab of the spokes outwards from each ring, the
     arcs on it and the diagonals outwards from it; pole: the load of U; floored (B,): how many steps
@@ -196,7 +191,7 @@ def _refuse(mu, bad):
     raise BeltramiError(
         f"|mu| < 1 fails on {int(bad.sum())} faces (first: sample {sample}, face {face}, mu = "
         f"{mu[sample, face].item():.3g}); no orientation-preserving map has such a coefficient: "
-        "truncate or mend mu there"
+        "truncate or repair mu there"
     )
 
 
@@ -212,8 +207,7 @@ def _normalise(inner, boundary):
 
 
 def _edge_tables(gradients, areas):
-    """Coefficients (edge, 3, face, 1) of (1 + |mu|^2, 2 Re mu, 2 Im mu)/(1 - |mu|^2) in each face's
-    edge weights."""
+    """Coefficients (edge, 3, face, 1) of the edge weights by the terms in mu."""
     inward = np.arange(len(areas)) % 2 == 1
     inward[0] = True
     tables = []
@@ -225,8 +219,7 @@ def _edge_tables(gradients, areas):
 
 
 def _reduction(plain, nt):
-    """Cyclic reduction of the modes at mu = 0, from the edge weights (3, faces) of each ring of
-    faces.
+    """Cyclic reduction of the modes at mu = 0, from the edge weights (3, faces) per ring.
 
     Every second of the remaining rings is eliminated from its neighbours until the centre alone is
     left: `K = L D L^T`, `lower` holds the entries of -L level by level, `pivots` 1 / D; all twice,
@@ -258,8 +251,7 @@ def _reduction(plain, nt):
 
 
 def two_steps(solver, mu):
-    """Maps (f1, f2, f3), potentials (U1, U2) of log|f|, (B, nr - 1, nt), and boundary angles (d1,
-    d2), (B, nt).
+    """Maps (f1, f2, f3), potentials (U1, U2) of log|f|, and boundary angles (d1, d2), (B, nt).
 
     1 and 2 are of first and second order in mu: two preconditioned steps from mu = 0 for U (the
     very first step of conjugate gradients only scales its potential), and from the harmonic map
@@ -289,8 +281,7 @@ def two_steps(solver, mu):
 
 
 def harmonic_extension(solver, values):
-    """Harmonic functions (B, C, nr, nt) on the rings outside the centre with values (B, C, nt) on
-    the circle."""
+    """Harmonic functions (B, C, nr, nt) off the centre with values (B, C, nt) on the circle."""
     tables, values = solver.tables(values), values[:, :, None]
     load = torch.cat(
         [values.new_zeros(*values.shape[:2], solver.nr - 1, solver.nt), tables["rim"] * values], 2

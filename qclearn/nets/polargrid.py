@@ -1,5 +1,4 @@
-"""Points and complex fields on a polar mesh, batched: interpolation in closed form, and the mesh's
-eigenvectors."""
+"""Points and complex fields on a polar mesh, batched: closed-form interpolation, eigenvectors."""
 
 import numpy as np
 import torch
@@ -21,8 +20,7 @@ class PolarMesh(nn.Module):
         )
 
     def locate(self, points):
-        """Corners (..., 3), as vertices of the mesh, and barycentric weights (..., 3) of points of
-        the disk."""
+        """Corners (..., 3), vertices of the mesh, and barycentric weights (..., 3) of points."""
         step = 2 * torch.pi / self.nt
         k = (
             torch.floor(torch.remainder(points.angle(), 2 * torch.pi) / step)
@@ -48,8 +46,7 @@ class PolarMesh(nn.Module):
         return corners, torch.stack([first, far, 1 - first - far], -1)
 
     def sample(self, values, places):
-        """Values (B, V) at the mesh's vertices, interpolated linearly at places (B, P) that
-        `locate` found."""
+        """Vertex values (B, V), interpolated linearly at places (B, P) from `locate`."""
         corners, weights = places
         return (values.gather(1, corners.flatten(1)).view(corners.shape) * weights).sum(-1)
 
@@ -62,8 +59,7 @@ class PolarMesh(nn.Module):
 
 
 class PolarGrid(PolarMesh):
-    """Complex fields nu (B, nr, nt) on the rings of a polar mesh; the centre takes the first ring's
-    mean.
+    """Complex fields nu (B, nr, nt) on the rings of a polar mesh; the centre has the first's mean.
 
     modes: how many eigenvectors E of a `Spectrum` are kept, the smoothest: `E^* A E = pi`.
     """

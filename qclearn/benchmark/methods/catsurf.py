@@ -1,5 +1,4 @@
-"""CAT-Surface behind a command line, as a program of its own: the package cat-surf is under the
-GPL.
+"""CAT-Surface as a program of its own, since the package cat-surf is under the GPL.
 
     python catsurf.py sphere SURFACE OUT
     python catsurf.py demons MOVING MOVING_SPHERE CONTROL CONTROL_SPHERE OUT

@@ -1,5 +1,4 @@
-"""The library's fit to the folds of both surfaces: with landmarks, after their Möbius map alone,
-and without them."""
+"""The library's fit to folds: with landmarks, after their Möbius map alone, and without them."""
 
 from dataclasses import replace
 

@@ -48,8 +48,7 @@ def coarse_steps(problem, steps=1, alpha=Weights.alpha, beta=Weights.beta, gamma
 
 @threadpool_limits.wrap(limits=1)
 def few_steps(problem, mu, steps, weights):
-    """At most `steps` steps of the fit on `polar(*FINE)`, from mu on its faces, then one exact
-    solve: f (V,).
+    """Up to `steps` steps of the fit on `polar(*FINE)` from mu (F,), then one exact solve: f (V,).
 
     The solve fits the disk Möbius map again. A RepairWarning says if rows were switched.
     """

@@ -1,5 +1,4 @@
-"""Landmark-constrained quasi-conformal iteration: a smooth coefficient and a map that meets the
-landmarks, in turns."""
+"""Quasi-conformal iteration: a smooth coefficient and a map that meets the landmarks, in turns."""
 
 import numpy as np
 

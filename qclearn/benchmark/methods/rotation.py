@@ -21,8 +21,7 @@ JUDGES = 4000  # vertices that judge a rotation
 
 
 def rotation(problem):
-    """The rotation of the moving sphere whose folds fit the control's best: points (V', 3) on the
-    control's sphere.
+    """The rotation of the moving sphere whose folds fit the control's best: points (V', 3).
 
     Greatest mean over the moving area of depth times depth and curvature times curvature,
     standardised, each moving vertex with the control's nearest: at the scale SCALE from far, at

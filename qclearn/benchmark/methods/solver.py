@@ -1,5 +1,4 @@
-"""What several methods share: the Beltrami solver with circle and landmarks held, and how they say
-what they did."""
+"""Shared by methods: the Beltrami solver with circle and landmarks held, and repair warnings."""
 
 import warnings
 from functools import cached_property
@@ -30,14 +29,12 @@ class LandmarkSolver:
 
     @cached_property
     def order(self):
-        """In which a large mesh's vertices are eliminated; landmarks couple those of one face,
-        neighbours anyway."""
+        """Elimination order of a large mesh; landmarks couple only neighbours."""
         disk = self.disk
         return elimination_order(disk.laplace, disk.z, disk.loop) if len(disk.z) > LARGE else None
 
     def solve(self, mu, weight=0.0):
-        """The map f (V,) with coefficient mu (F,) and landmarks of this weight; BeltramiError for
-        |mu| >= 1."""
+        """The map f (V,) for mu (F,) and this weight of landmarks; BeltramiError for |mu| >= 1."""
         dirichlet = Dirichlet(
             self.disk.stiffness(mu) + weight * self.normal, self.disk.loop, self.order
         )
@@ -53,15 +50,13 @@ class LandmarkSolver:
 
 
 def truncated(mu, largest=LARGEST):
-    """mu with |mu| cut to `largest`; 0 where mu is infinite or undefined (a collapsed face): its
-    direction is lost."""
+    """mu with |mu| cut to `largest`; 0 where mu is infinite or undefined, on collapsed faces."""
     mu = np.where(np.isfinite(mu), mu, 0)
     size = abs(mu)
     return mu * np.divide(largest, size, out=np.ones_like(size), where=size > largest)
 
 
 def warn_of(repairs):
-    """A RepairWarning for each thing a method did beyond its plain formula; the benchmark's rows
-    hold the messages."""
+    """A RepairWarning for each repair of a method; the benchmark's rows hold the messages."""
     for message in repairs:
         warnings.warn(message, RepairWarning, stacklevel=3)

@@ -1,5 +1,4 @@
-"""Surfaces on spheres, for methods that turn or bend a sphere: the whole surface, closed where it
-was cut open."""
+"""Whole surfaces on spheres, closed where they were cut open, for methods on spheres."""
 
 import hashlib
 import sys
@@ -70,8 +69,7 @@ def sphere_of(side):
 
 
 def closed(surface):
-    """The surface with its opening closed by a patch, a closed `Surface`; the open one's vertices
-    come first.
+    """The surface with its opening closed by a patch; the open surface's vertices come first.
 
     The rim lies on the unit circle by its length; rings of ever fewer points fill the disk in
     Delaunay's triangles, and each coordinate is the harmonic function of its values on the rim.
@@ -108,8 +106,7 @@ def inflated(whole):
 
 
 def facing(whole, points):
-    """Points (V', 3) on a sphere around 0, checked, at radius 1 and turned as the whole surface
-    lies in space."""
+    """Points (V', 3) on a sphere around 0, checked, scaled to radius 1 and turned as the surface."""
     unit = unit_points(points, whole, "the surface's sphere")
     folded = inward(unit[whole.faces])
     if folded:
@@ -123,8 +120,7 @@ def facing(whole, points):
 
 
 def unit_points(points, whole, whose):
-    """Points (V', 3) of the vertices of `whole` at radius 1, or SphereError unless they lie on a
-    sphere, outward."""
+    """Points (V', 3) at radius 1; SphereError unless they are an outward sphere of `whole`."""
     count = len(whole.vertices)
     if points.shape != (count, 3):
         raise SphereError(f"{whose} has {len(points):,} vertices, where its surface has {count:,}")
