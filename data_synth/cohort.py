@@ -9,7 +9,7 @@ from pathlib import Path
 from platformdirs import user_cache_path
 from tqdm import tqdm
 
-from qclearn.io.meshes import write_whole
+from qclearn.io.safe import write_whole
 
 from .cortex import CortexError, make_cortex, require_generation
 from .generations import GENERATION
@@ -83,8 +83,7 @@ def _of_generation(generation, path, subject):
     if subject.generation != generation:
         raise CortexError(
             f"{path} holds a subject of generation {subject.generation} where those of generation "
-            f"{generation} lie; "
-            "remove it, and it is made again."
+            f"{generation} lie; remove it, and it is made again."
         )
     return subject
 

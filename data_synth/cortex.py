@@ -85,9 +85,8 @@ def require_one_generation(subjects):
     found = sorted({subject.generation for subject in subjects})
     if len(found) > 1:
         raise CortexError(
-            f"the subjects are of the generations {', '.join(map(str, found))}, whose folds "
-            "follow other rules; "
-            "make all with one version of the generator."
+            f"the subjects are of the generations {', '.join(map(str, found))}, whose folds follow "
+            "other rules; make all with one version of the generator."
         )
 
 

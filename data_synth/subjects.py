@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from qclearn.io.meshes import write_whole
+from qclearn.io.safe import write_whole
 from qclearn.surfaces.surface import Surface, SurfaceError
 
 from .cortex import HEMISPHERES, Cortex, CortexError

@@ -223,11 +223,11 @@ def _label_registration(figure, rows, colours, report):
         ax.yaxis.tick_right()
         ax.yaxis.set_label_position("right")
     state = "certified bijective" if report["bijective"] else f"{report['flipped']} faces flipped"
-    words = "no landmarks"
+    landmarks = "no landmarks"
     if report["curves"]:
         before, after, mm = (report[f"landmark_error{name}"] for name in ("_before", "", "_mm"))
-        words = f"landmark error {before:.2g} before, {after:.2g} after ({mm:.2g} mm)"
-    figure.suptitle(rf"{words}; mean $|\mu|$ {report['mean_abs_mu']:.3f}; {state}", fontsize=12)
+        landmarks = f"landmark error {before:.2g} before, {after:.2g} after ({mm:.2g} mm)"
+    figure.suptitle(rf"{landmarks}; mean $|\mu|$ {report['mean_abs_mu']:.3f}; {state}", fontsize=12)
 
 
 def registration_disks(axes, registration, moving, vmax=0.6):
@@ -261,7 +261,7 @@ def pairs(z):
     return np.stack([z.real, z.imag], axis=-1)
 
 
-def picture_html(png, words, attributes=""):
+def picture_html(png, description, attributes=""):
     """PNG bytes as an element with a description."""
     data = base64.b64encode(png).decode()
-    return f'<img alt="{html.escape(words)}" src="data:image/png;base64,{data}"{attributes}>'
+    return f'<img alt="{html.escape(description)}" src="data:image/png;base64,{data}"{attributes}>'

@@ -30,8 +30,7 @@ POSTER = (
 )
 WORDS = (
     "position:absolute;left:50%;bottom:16px;transform:translateX(-50%);padding:5px "
-    "13px;border-radius:16px;"
-    "background:#595959;color:white;font:16px sans-serif"
+    "13px;border-radius:16px;background:#595959;color:white;font:16px sans-serif"
 )
 
 
@@ -129,7 +128,7 @@ def _named(page, title):
     head = f'<html lang="en"><head><title>{html.escape(title)}</title>{zoom}'
     page = re.sub(r'<meta name="viewport"[^>]*>', "", page, count=1)
     page = re.sub(r'\w+\.p\+"[0-9a-f]+\.jpg"', '"data:,"', page)
-    return re.sub(r"<html>\s*<head>", lambda found: head, page, count=1)
+    return re.sub(r"<html>\s*<head>", lambda match: head, page, count=1)
 
 
 def _legend(colours):

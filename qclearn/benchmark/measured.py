@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ..io.extras import require
-from ..io.meshes import write_whole
+from ..io.safe import write_whole
 from ..surfaces.surface import SurfaceError
 
 # Of the benchmark: raise it when a field's meaning changes, so that old files are not read as new.

@@ -8,7 +8,7 @@ from ..io.extras import require
 from ..registration.problem import DELTA, Weights
 from .measured import BenchmarkError
 from .methods.networks import network, networks_of
-from .methods.programs import command_words
+from .methods.programs import command_parts
 from .pairs import DETECTORS, SOURCES
 
 SETS = ("cohort", "displacement", "fsaverage5", "heldout", "warp", "conte69")
@@ -126,7 +126,7 @@ def program_of(text, limit):
     """The Run of a command line's "NAME=COMMAND", a method that is a program; BenchmarkError."""
     name, _, command = text.partition("=")
     try:
-        command_words(command)
+        command_parts(command)
     except ValueError as error:
         raise BenchmarkError(f"--program {text!r}: {error}") from None
     if not name.strip() or not limit > 0:

@@ -15,30 +15,14 @@ from ..plane.bijectivity import RepairWarning
 from ..plane.disk import Disk
 from ..plane.grids import polar
 from ..plane.mobius import mobius
-from ..registration.metrics import (
-    coefficient_histogram,
-    coefficient_measures,
-    correspondence_measures,
-    distortion_measures,
-    landmark_measures,
-    near_curves,
-)
+from ..registration import metrics
 from ..registration.register import register
+from . import reference_metrics as reference
 from .images import OnDisk, image_of, reversed_on_sphere
 from .methods.networks import networks_of
 from .methods.programs import Answer, costs_alone
 from .methods.spheres import inward
 from .pairs import prepare, reverse
-from .reference_metrics import (
-    TRUE_MAP,
-    curve_errors,
-    folds_agree,
-    held_out,
-    log2_means,
-    maps_agree,
-    tails,
-    true_map,
-)
 
 # A map is computed again for its time, at most so often, within so many seconds.
 REPETITIONS = 3
@@ -48,7 +32,7 @@ ON_CIRCLE = 1e-6
 OF_RADIUS = "coverage", "rank"
 CORRESPONDENCE = ["correspondence_mm", "median_correspondence_mm", "p95_correspondence_mm"]
 CORRESPONDENCE += ["correspondence_sulci_mm"]
-WITHOUT_TRUTH = dict.fromkeys([*CORRESPONDENCE, *TRUE_MAP])
+WITHOUT_TRUTH = dict.fromkeys([*CORRESPONDENCE, *reference.TRUE_MAP])
 
 
 def trial(pair, run, method):
@@ -203,29 +187,33 @@ def memory(name, reset_peak=False):
 
 def map_figures(pair, prepared, f, lookup, keep_field):
     """All figures of a map f (V,) or, on the sphere, (V', 3); lookup: in the control's disk."""
-    moving, problem = pair.moving.surface, prepared.problem
-    whole, f, image = f, f[: len(moving.vertices)], image_of(pair.control, f, lookup)
-    disk, before = OnDisk(pair.control, lookup), mobius(problem.disk.z, *problem.mobius)
+    moving = pair.moving.surface
+    problem = prepared.problem
+    figures = in_disk(moving, problem, f) if f.ndim == 1 else on_sphere(pair, f)
+    f = f[: len(moving.vertices)]  # of a whole surface: its cortex
+    image = image_of(pair.control, f, lookup)
     places = image.locate(f)
-    points, mapped = image.lift(places), prepared.samples @ f
+    points = image.lift(places)
+    mapped = prepared.samples @ f
     off = np.linalg.norm(image.lift(image.locate(mapped)) - prepared.target_mm, axis=1)
-    figures = {
-        **(in_disk(moving, problem, f) if f.ndim == 1 else on_sphere(pair, whole)),
-        **landmark_measures(mapped if f.ndim == 1 else np.nan, prepared.target, off),
-        **true_errors(pair, f, image),
-        **held_out(pair, problem.sides, f, image),
-        **distortion_measures(moving, points),
-        **log2_means(moving, points),
-        **tails(moving, points),
-        **folds_agree(pair, image, places),
-        **{f"{name}_before": r for name, r in folds_agree(pair, disk, lookup(before)).items()},
-        "r_maps": maps_agree(pair, image, places),
-        **WITHOUT_TRUTH,
-        "reversed_on_sphere": reversed_on_sphere(pair, places, f),
-    }
+    figures |= metrics.landmark_measures(mapped if f.ndim == 1 else np.nan, prepared.target, off)
+    figures |= true_errors(pair, f, image)
+    figures |= reference.held_out(pair, problem.sides, f, image)
+    figures |= metrics.distortion_measures(moving, points)
+    figures |= reference.log2_means(moving, points)
+    figures |= reference.tails(moving, points)
+    figures |= reference.folds_agree(pair, image, places)
+    before = lookup(mobius(problem.disk.z, *problem.mobius))
+    agreement = reference.folds_agree(pair, OnDisk(pair.control, lookup), before)
+    figures |= {f"{name}_before": r for name, r in agreement.items()}
+    figures["r_maps"] = reference.maps_agree(pair, image, places)
+    figures |= WITHOUT_TRUTH
+    figures["reversed_on_sphere"] = reversed_on_sphere(pair, places, f)
     if pair.truth is not None:
-        near = near_curves(moving, [curve["moving"] for curve in (*pair.curves, *pair.held)], NEAR)
-        figures |= correspondence_measures(points, pair.truth, near) | true_map(pair, lookup)
+        curves = [curve["moving"] for curve in (*pair.curves, *pair.held)]
+        near = metrics.near_curves(moving, curves, NEAR)
+        figures |= metrics.correspondence_measures(points, pair.truth, near)
+        figures |= reference.true_map(pair, lookup)
     if keep_field and f.ndim == 1 and figures["certified"]:
         mu = problem.disk.coefficient(f)
         figures["field"] = np.round(abs(mu)[problem.disk.at(f).locate(polar(16).centroids)[0]], 4)
@@ -238,8 +226,8 @@ def in_disk(moving, problem, f):
     certificate = problem.disk.certify(f)
     off_circle = float(abs(abs(f[moving.boundary]) - 1).max())
     return {
-        **coefficient_measures(moving, problem.disk, mu),
-        "histogram": coefficient_histogram(mu),
+        **metrics.coefficient_measures(moving, problem.disk, mu),
+        "histogram": metrics.coefficient_histogram(mu),
         "flipped": len(certificate.flipped),
         "bijective": certificate.bijective,
         "off_circle": off_circle,
@@ -261,6 +249,6 @@ def true_errors(pair, f, image):
     whole = [curve for curve in pair.curves if min(len(curve["moving"]), len(curve["control"])) > 2]
     if not whole or pair.given == "exact":
         return {"landmark_error_true": None, "landmark_error_true_mm": None}
-    plane, in_space = curve_errors(pair, whole, f, image)
+    plane, in_space = reference.curve_errors(pair, whole, f, image)
     error = None if plane is None else float(plane.mean())
     return {"landmark_error_true": error, "landmark_error_true_mm": float(in_space.mean())}

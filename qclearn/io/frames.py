@@ -66,7 +66,7 @@ class Frame:
 
     @property
     def in_scanner(self):
-        """Whether the coordinates are said to be the scanner's."""
+        """Whether the coordinates are the scanner's."""
         if not isinstance(self.space, GiftiCoordSystem):
             return False
         return xform_codes.label[self.space.dataspace] == "scanner"

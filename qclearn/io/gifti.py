@@ -25,7 +25,7 @@ from .frames import ANATOMICAL, SHAPES, TKR, Frame, kind_of_name, side_of_name, 
 from .safe import FormatError, allowance
 
 STRUCTURES = {"left": "CortexLeft", "right": "CortexRight"}
-# FreeSurfer's volume geometry: its own words -> the endings of those that mris_convert writes into
+# FreeSurfer's volume geometry: its own names -> the endings of those that mris_convert writes into
 # a GIFTI.
 _VOLUME = {
     "volume": ("Width", "Height", "Depth"), "voxelsize": ("Xsize", "Ysize", "Zsize"),
@@ -220,7 +220,7 @@ def surface_bytes(surface, frame, table=None):
 
 
 def _kind(kind):
-    """Workbench's words for a kind; an inflated surface needs a second one, and gets HCP's."""
+    """Workbench's terms for a kind; an inflated surface needs a second one, and gets HCP's."""
     if kind in (None, "Spherical"):
         return {"GeometricType": kind} if kind else {}
     shape = "Anatomical" if kind in ANATOMICAL else kind

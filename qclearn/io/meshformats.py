@@ -61,9 +61,8 @@ def _parse_ply(path, header, body):
 def write_ply(surface):
     """Binary PLY with double coordinates."""
     header = (
-        "ply\nformat binary_little_endian 1.0\ncomment qclearn\n"
-        f"element vertex {len(surface.vertices)}\n"
-        "property double x\nproperty double y\nproperty double z\n"
+        "ply\nformat binary_little_endian 1.0\ncomment qclearn\nelement vertex "
+        f"{len(surface.vertices)}\nproperty double x\nproperty double y\nproperty double z\n"
         f"element face {len(surface.faces)}\nproperty list uchar int vertex_indices\nend_header\n"
     )
     faces = np.empty(len(surface.faces), dtype=[("sides", "u1"), ("corners", "<i4", (3,))])

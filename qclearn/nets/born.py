@@ -17,7 +17,7 @@ class Born(nn.Module):
     def __init__(self, grid):
         super().__init__()
         self.grid, (one, two) = grid, _responses(grid)
-        mode = grid.kept.numpy() // grid.nr
+        mode = grid.selected.numpy() // grid.nr
         waves = np.concatenate([mode - 1, 3 - mode]) % grid.nt
         for name, table in {"one": one.conj(), "two": two, "waves": waves}.items():
             self.register_buffer(name, as_tensor(table), persistent=False)
@@ -42,5 +42,5 @@ def _responses(grid):
     imaginary[:, rim] -= z[rings, None] * 1j * z[rim] / nt
     grad_mu = solver.pullback(np.concatenate([real, imaginary]))
     grad_nu = grad_mu @ grid.mesh.to_faces
-    re, im = grid.spectrum.gradients(grad_nu)[:, grid.kept.numpy()].reshape(2, nr, -1)
+    re, im = grid.spectrum.gradients(grad_nu)[:, grid.selected.numpy()].reshape(2, nr, -1)
     return (re - 1j * im) / 2, (re + 1j * im) / 2

@@ -128,12 +128,12 @@ class BestCPNet(CoefficientNetwork):
         "Born step" has learned nothing, "CP-Net" begins where the U-Net says; `predict` returns one
         of these.
         """
-        found = {}
+        answers = {}
         for learned, name in ((False, "Born step"), (True, "CP-Net")):
             for number, mu in enumerate(self.stages(problem, weights, looks, learned)):
                 seen = "" if number == 0 else f", {number} look{'s' * (number > 1)}"
-                found[name + (seen or ", no look" * learned)] = mu
-        return found
+                answers[name + (seen or ", no look" * learned)] = mu
+        return answers
 
     def stages(self, problem, weights, looks=None, learned=None):
         """The answers mu (F,) before any look and after each, one after the other.
@@ -157,8 +157,8 @@ class BestCPNet(CoefficientNetwork):
         for number, (proposal, best) in enumerate(
             CoefficientRefinement(link, spectrum, points, *ratios).run(start, looks)
         ):
-            said = best.proposal if number and stiff else proposal
-            yield link.coefficient(said.nu)
+            chosen = best.proposal if number and stiff else proposal
+            yield link.coefficient(chosen.nu)
 
     def start(self, points, ratios):
         """nu (N,) at the vertices of the network's mesh, before any look."""
@@ -170,7 +170,7 @@ class BestCPNet(CoefficientNetwork):
         p, wanted, left, nu = (
             torch.from_numpy(x)[None].to(self.grid.z) for x in (points[0], wanted, left, nu)
         )
-        found = self(
+        nu = self(
             p,
             wanted,
             left,
@@ -178,7 +178,7 @@ class BestCPNet(CoefficientNetwork):
             torch.from_numpy(logs)[None].to(self.grid.area),
             nu,
         )
-        return self.grid.with_centre(found)[0].cpu().numpy().astype(complex)
+        return self.grid.with_centre(nu)[0].cpu().numpy().astype(complex)
 
     def is_stiff(self, weights):
         """Whether gamma / beta is so large that the landmarks' last digits decide."""

@@ -127,8 +127,8 @@ class PaperCPNet(CoefficientNetwork):
         side = self.config.size + 1
         image = torch.stack([values.real, values.imag], 1).unflatten(2, (side, side))
         places = square_places(points)[:, None]  # (B, 1, P, 2)
-        found = functional.grid_sample(image, places, align_corners=True)[:, :, 0]
-        return torch.complex(found[:, 0], found[:, 1])
+        sampled = functional.grid_sample(image, places, align_corners=True)[:, :, 0]
+        return torch.complex(sampled[:, 0], sampled[:, 1])
 
     def usual(self, alpha):
         return Weights(alpha, 1.0, alpha * self.config.gamma)
@@ -144,9 +144,8 @@ class PaperCPNet(CoefficientNetwork):
         if not np.allclose(ratios, [1.0, self.config.gamma], rtol=1e-3):
             raise LandmarkError(
                 f"this network is trained for the weights (1, 1, {self.config.gamma:g}) and was "
-                "given "
-                f"({weights.alpha:g}, {weights.beta:g}, {weights.gamma:g}); use the preset best "
-                "for others"
+                f"given ({weights.alpha:g}, {weights.beta:g}, {weights.gamma:g}); use the preset "
+                "best for others"
             )
         moved = torch.from_numpy(p)[None].to(self.targets)
         a, theta = (parameter.item() for parameter in fit_mobius(moved, self.targets[None]))
@@ -156,11 +155,11 @@ class PaperCPNet(CoefficientNetwork):
             None, None
         ]
         image = torch.stack([mu.real, mu.imag], 1)
-        found = functional.grid_sample(image, places, align_corners=False, padding_mode="border")[
+        parts = functional.grid_sample(image, places, align_corners=False, padding_mode="border")[
             0, :, 0
         ]
         slope = mobius_slope(disk.centroids, a, theta)  # mu of f after M is mu(M) conj(M') / M'
-        return torch.complex(*found).cpu().numpy() * np.conj(slope) / slope
+        return torch.complex(*parts).cpu().numpy() * np.conj(slope) / slope
 
     def in_order(self, moving, target):
         """The landmarks (M,) in the order of the control's; two curves may share one."""

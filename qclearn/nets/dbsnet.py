@@ -1,7 +1,7 @@
 """DBS-Net, the disk Beltrami solver network: from mu (F,) to the map f, f(0) = 0, f(1) = 1.
 
 Preset `best` corrects, in logarithmic coordinates, what two preconditioned steps know about the
-map; the circle is kept exactly. Preset `paper` (`dbsnet_paper`) is the paper's, corrected.
+map; the circle is preserved exactly. Preset `paper` (`dbsnet_paper`) is the paper's, corrected.
 """
 
 from dataclasses import dataclass

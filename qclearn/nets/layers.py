@@ -134,12 +134,13 @@ class PolarUNet(nn.Module):
 
     def forward(self, x, modulate=lambda x: x):
         """modulate changes the first features of each level on the way down."""
-        x, kept = modulate(self.stem(x.contiguous(memory_format=torch.channels_last))), []
+        x = modulate(self.stem(x.contiguous(memory_format=torch.channels_last)))
+        skips = []
         for block, coarser in zip(self.down, self.coarser):
-            kept.append(block(x))
-            x = modulate(coarser(kept[-1]))
+            skips.append(block(x))
+            x = modulate(coarser(skips[-1]))
         x = self.bottom(x)
-        for finer, block, skip in zip(reversed(self.finer), reversed(self.up), reversed(kept)):
+        for finer, block, skip in zip(reversed(self.finer), reversed(self.up), reversed(skips)):
             x = block(functional.interpolate(finer(x), scale_factor=2.0, mode="nearest") + skip)
         return self.head(functional.silu(x))
 

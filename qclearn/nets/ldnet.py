@@ -90,13 +90,14 @@ class BestLDNet(nn.Module):
 
     def forward(self, channels):
         """Logits (B, S, S) of lying on one of the sulci, from `channels` (B, 4, S, S)."""
-        x, kept = self.stem(channels), []  # (B, w0, S/2, S/2)
+        x = self.stem(channels)  # (B, w0, S/2, S/2)
+        skips = []
         for block, shrink in zip(self.down, self.shrink):
-            kept.append(block(x))
-            x = shrink(kept[-1])  # (B, w1, S/4, S/4) ...
+            skips.append(block(x))
+            x = shrink(skips[-1])  # (B, w1, S/4, S/4) ...
         x = self.bottom(x)
         for block, grow in zip(reversed(self.up), reversed(self.grow)):
-            x = block(F.interpolate(grow(x), scale_factor=2.0) + kept.pop())
+            x = block(F.interpolate(grow(x), scale_factor=2.0) + skips.pop())
         return self.head(x)[:, 0]
 
     def channels(self, grey, ends, shown):

@@ -73,9 +73,9 @@ class PaperLDNet(nn.Module):
         curves = curves[..., ::every]
         if generator is not None:
             images, curves = turn(images, curves, generator)
-        found = self(images, curves[..., [0, -1]])
-        return L_LD(found, curves).mean(), {
-            "distance": abs(found - curves)[..., 1:-1].mean().item()
+        predicted = self(images, curves[..., [0, -1]])
+        return L_LD(predicted, curves).mean(), {
+            "distance": abs(predicted - curves)[..., 1:-1].mean().item()
         }
 
     @inference

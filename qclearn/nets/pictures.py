@@ -21,14 +21,12 @@ def check_input(surface, z, endpoints):
     if z.shape != (len(surface.vertices),) or not np.isfinite(z).all():
         raise SurfaceError(
             f"z has the shape {z.shape}, {np.count_nonzero(~np.isfinite(z))} of its numbers not "
-            "finite; give "
-            f"the disk map of this surface, {len(surface.vertices)} complex numbers"
+            f"finite; give the disk map of this surface, {len(surface.vertices)} complex numbers"
         )
     if endpoints.ndim != 2 or endpoints.shape[1] != 2 or not len(endpoints):
         raise LandmarkError(
             f"endpoints have the shape {endpoints.shape}; give (K, 2) vertices, the start and the "
-            "end of "
-            "each of at least one curve"
+            "end of each of at least one curve"
         )
     for pair in endpoints:
         check_path(surface, pair)

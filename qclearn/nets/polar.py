@@ -113,8 +113,7 @@ class PolarSystem:
         if mu.shape[1:] != (len(solver.mesh.faces),) or not mu.is_complex():
             raise BeltramiError(
                 f"mu has shape {tuple(mu.shape)} and type {mu.dtype}: give complex (B, F) or (F,) "
-                "with "
-                f"F = {len(solver.mesh.faces)}, one value a face"
+                f"with F = {len(solver.mesh.faces)}, one value a face"
             )
         rows = mu.reshape(len(mu), -1, solver.nt)
         self.nr, self.nt, self.tables = solver.nr, solver.nt, solver.tables(rows.real)
@@ -233,12 +232,12 @@ def _reduction(plain, nt):
     coupling = np.repeat(-spoke[:-1, None], len(modes), axis=1)
     lower, stride = [], 1
     while stride < len(spoke):
-        kept, gone = pivots[:: 2 * stride], pivots[stride :: 2 * stride]
-        left, right = -coupling[::2] / gone, -coupling[1::2] / gone[: len(kept) - 1]
-        kept[: len(gone)] += left * coupling[::2]
-        kept[1:] += right * coupling[1::2]
+        rest, gone = pivots[:: 2 * stride], pivots[stride :: 2 * stride]
+        left, right = -coupling[::2] / gone, -coupling[1::2] / gone[: len(rest) - 1]
+        rest[: len(gone)] += left * coupling[::2]
+        rest[1:] += right * coupling[1::2]
         coupling = left[: len(right)] * coupling[1::2]
-        coupling = coupling[: len(kept) - 1]
+        coupling = coupling[: len(rest) - 1]
         lower += [left, right]
         stride *= 2
     inverse = 1 / pivots

@@ -15,22 +15,22 @@ class Preconditioner:
         self.x = torch.view_as_real(self.modes).flatten(-2)  # a view
         self.steps, lower, stride = [], tables["lower"], 1
         while stride < load.shape[-2]:
-            kept, gone = self.x[..., :: 2 * stride, :], self.x[..., stride :: 2 * stride, :]
-            n_left, n_right = gone.shape[-2], kept.shape[-2] - 1
+            rest, gone = self.x[..., :: 2 * stride, :], self.x[..., stride :: 2 * stride, :]
+            n_left, n_right = gone.shape[-2], rest.shape[-2] - 1
             left, right, lower = lower.split([n_left, n_right, len(lower) - n_left - n_right])
             self.steps += [
-                (kept[..., :n_left, :], gone, left),
-                (kept[..., 1:, :], gone[..., :n_right, :], right),
+                (rest[..., :n_left, :], gone, left),
+                (rest[..., 1:, :], gone[..., :n_right, :], right),
             ]
             stride *= 2
 
     def __call__(self, r):
         torch.fft.rfft(r, out=self.modes)
-        for kept, gone, factor in self.steps:
-            kept.addcmul_(factor, gone)
+        for rest, gone, factor in self.steps:
+            rest.addcmul_(factor, gone)
         self.x.mul_(self.pivots)
-        for kept, gone, factor in reversed(self.steps):
-            gone.addcmul_(factor, kept)
+        for rest, gone, factor in reversed(self.steps):
+            gone.addcmul_(factor, rest)
         return torch.fft.irfft(self.modes, self.nt)
 
 

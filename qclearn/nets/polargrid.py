@@ -61,7 +61,7 @@ class PolarMesh(nn.Module):
 class PolarGrid(PolarMesh):
     """Complex fields nu (B, nr, nt) on the rings of a polar mesh; the centre has the first's mean.
 
-    modes: how many eigenvectors E of a `Spectrum` are kept, the smoothest: `E^* A E = pi`.
+    modes: how many eigenvectors E of a `Spectrum` are used, the smoothest: `E^* A E = pi`.
     """
 
     def __init__(self, nr, nt, modes=512):
@@ -71,7 +71,7 @@ class PolarGrid(PolarMesh):
             "z": self.mesh.z[1:].reshape(nr, nt),
             "area": self.spectrum.areas[::nt, None],
             "radial": self.spectrum.radial,
-            "kept": np.argsort(self.spectrum.values, kind="stable")[:modes],
+            "selected": np.argsort(self.spectrum.values, kind="stable")[:modes],
         }
         for name, table in tables.items():
             self.register_buffer(name, as_tensor(table), persistent=False)
@@ -87,7 +87,7 @@ class PolarGrid(PolarMesh):
     def coefficients(self, nu):
         """Coefficients (B, modes) of a field, those of its projection: `E^* A nu / pi`."""
         waves = torch.fft.fft(nu * self.area, norm="ortho").mT[..., None, :]  # (B, nt, 1, nr)
-        return (waves @ self.radial.to(waves)).flatten(1)[:, self.kept] / torch.pi
+        return (waves @ self.radial.to(waves)).flatten(1)[:, self.selected] / torch.pi
 
 
 def as_tensor(table):

@@ -10,7 +10,7 @@ import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 
-from ..io.meshes import write_whole
+from ..io.safe import write_whole
 from .networks import NETWORKS, WeightsError, gamma_fault, network
 
 # Raise it when a header's meaning or a network's layers change, so that old weights are refused.

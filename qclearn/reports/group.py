@@ -68,8 +68,8 @@ class Subject:
         return "bad" if self.broken else "odd" if self.worst >= ODD else "good"
 
     @property
-    def words(self):
-        """The fixed words that its reasons begin with."""
+    def reasons(self):
+        """The kinds of reasons, such as "error"."""
         return [reason.split(":")[0] for reason in self.suspect]
 
 
