@@ -69,9 +69,8 @@ def grid_plot(ax, z, faces, f, lines=None, color="#1F4E79"):
 
 def lines_plot(ax, curves, color):
     """Draw complex curves as thin lines; returns the LineCollection."""
-    return ax.add_collection(
-        LineCollection([pairs(curve) for curve in curves], colors=color, linewidths=0.6)
-    )
+    lines = LineCollection([pairs(curve) for curve in curves], colors=color, linewidths=0.6)
+    return ax.add_collection(lines)
 
 
 def curves_plot(ax, curves, style):
@@ -89,10 +88,8 @@ def curves_plot(ax, curves, style):
 
 def curve_legend(ax, *styles):
     """A legend below the Axes for curve styles drawn in it."""
-    handles = [
-        Line2D([], [], **CURVE_STYLES[style], markeredgecolor="black", label=style)
-        for style in styles
-    ]
+    looks = {style: CURVE_STYLES[style] | {"markeredgecolor": "black"} for style in styles}
+    handles = [Line2D([], [], label=style, **look) for style, look in looks.items()]
     place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.02), "ncols": len(styles)}
     ax.legend(handles=handles, frameon=False, fontsize=8, handlelength=3, **place)
 
@@ -107,11 +104,8 @@ def ellipse_field(ax, z, mu, size=0.08, color="#0072B2"):
     short = size * (1 - abs(mu)) / (1 + abs(mu))
     place = {"units": "xy", "offsets": pairs(z), "offset_transform": ax.transData}
     turns = np.degrees(np.angle(mu) / 2)
-    return ax.add_collection(
-        EllipseCollection(
-            np.full(len(z), size), short, turns, facecolors=color, alpha=0.75, **place
-        )
-    )
+    sizes = np.full(len(z), size), short, turns
+    return ax.add_collection(EllipseCollection(*sizes, facecolors=color, alpha=0.75, **place))
 
 
 def mu_histogram(ax, mu, weights=None, bins=40):
@@ -122,11 +116,8 @@ def mu_histogram(ax, mu, weights=None, bins=40):
     ax.hist(size, np.linspace(0, max(1, size.max()), bins + 1), weights=share, color="#0072B2")
     mean = size @ share
     ax.axvline(mean, color="black", linestyle="--", linewidth=1, label=f"mean {mean:.3f}")
-    ax.set(
-        xlabel=r"$|\mu|$",
-        ylabel="share of faces" if weights is None else "share of area",
-        xlim=(0, None),
-    )
+    share_of = "share of faces" if weights is None else "share of area"
+    ax.set(xlabel=r"$|\mu|$", ylabel=share_of, xlim=(0, None))
     ax.legend(frameon=False, fontsize=8)
 
 
@@ -141,14 +132,8 @@ def registration_figure(registration, moving, control):
     r, radius = registration, area_radius(moving, registration.disk_moving)
     disk = Disk(r.disk_moving, moving.faces)
     figure = Figure(figsize=(16, 6.8), dpi=110)
-    margins = {
-        "left": 0.02,
-        "right": 0.955,
-        "bottom": 0.11,
-        "top": 0.88,
-        "wspace": 0.08,
-        "hspace": 0.1,
-    }
+    margins = {"left": 0.02, "right": 0.955, "bottom": 0.11, "top": 0.88}
+    margins |= {"wspace": 0.08, "hspace": 0.1}
     widths = (1, 1, 1, 1, 0.8) if r.uncertainty is None else (1, 1, 1, 1, 0.8, 1.6)
     rows = figure.subplots(2, len(widths), width_ratios=widths, gridspec_kw=margins)
     curves = [list(side) for side in zip(*r.curves.values())] or [[], []]
@@ -160,9 +145,8 @@ def registration_figure(registration, moving, control):
         shown, sides, around = drawn_part(Disk(r.disk_control, control.faces), control)
         first = sides, around @ grey_levels(mean_curvature(control), control.vertex_areas)
         start = r.disk_control[shown]
-    for axes, scale, unscale in zip(
-        rows, (np.asarray, radius.to_image), (np.asarray, radius.from_image)
-    ):
+    scales = (np.asarray, np.asarray), (radius.to_image, radius.from_image)
+    for axes, (scale, unscale) in zip(rows, scales):
         lines = [unscale(line) for line in polar_lines()]
         mapped = map_curves(disk, scale(r.disk_map), curves[0] + lines)
         targets = [scale(curve) for curve in curves[1]]
@@ -175,14 +159,8 @@ def registration_figure(registration, moving, control):
         lines_plot(disk_axes(axes[2]), mapped[len(targets) :], "#1F4E79")
         colours = disk_plot(axes[3], scale(r.disk_moving[some]), faces, mu, vmin=0, vmax=1)
         if r.uncertainty is not None:
-            uncertainty = disk_plot(
-                axes[5],
-                scale(r.disk_moving[some]),
-                faces,
-                means @ r.uncertainty,
-                cmap="magma_r",
-                vmin=0,
-            )
+            mesh = scale(r.disk_moving[some]), faces, means @ r.uncertainty
+            uncertainty = disk_plot(axes[5], *mesh, cmap="magma_r", vmin=0)
             figure.colorbar(uncertainty, ax=axes[5], shrink=0.6)
     mu_histogram(rows[0, 4], r.mu)
     mu_histogram(rows[1, 4], r.mu, moving.face_areas)
@@ -242,9 +220,8 @@ def registration_disks(axes, registration, moving, vmax=0.6):
     mapped = map_curves(Disk(r.disk_moving, moving.faces), after, curves + lines)
     curvature = grey_levels(mean_curvature(moving), moving.vertex_areas)
     drawn = [radius.to_image(curve) for curve in curves], mapped[: len(curves)]
-    for ax, z, registered, title in zip(
-        axes, (before, after), drawn, ("best Möbius map only", "registered")
-    ):
+    titles = "best Möbius map only", "registered"
+    for ax, z, registered, title in zip(axes, (before, after), drawn, titles):
         disk_plot(ax, z, moving.faces, curvature, cmap="gray", vmin=-80, vmax=335)
         curves_plot(ax, registered, "registered")
         curves_plot(ax, [radius.to_image(curve) for curve in targets], "target")

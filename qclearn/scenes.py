@@ -25,10 +25,9 @@ SHADES = LinearSegmentedColormap.from_list("shades", ["0.38", "1.0"])
 LIFT = 0.6  # of tubes in 3-D above the surface, in their radius
 # Styles stand in the elements: JupyterLab knows no style sheet of the book.
 FRAME = 'class="scene" width="100%" style="border:0"'
-POSTER = (
-    "position:relative;display:block;width:100%;padding:0;border:0;background:white;cursor:pointer"
-)
-WORDS = (
+POSTER = "position:relative;display:block;width:100%;padding:0;border:0;background:white;"
+POSTER += "cursor:pointer"
+CAPTION = (
     "position:absolute;left:50%;bottom:16px;transform:translateX(-50%);padding:5px "
     "13px;border-radius:16px;background:#595959;color:white;font:16px sans-serif"
 )
@@ -56,9 +55,8 @@ def _egl_finds_a_device():
     address = egl.eglGetProcAddress(b"eglQueryDevicesEXT")
     if not address:
         return False
-    query = ctypes.CFUNCTYPE(
-        ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.POINTER(ctypes.c_int)
-    )(address)
+    arguments = ctypes.c_int, ctypes.c_void_p, ctypes.POINTER(ctypes.c_int)
+    query = ctypes.CFUNCTYPE(ctypes.c_uint, *arguments)(address)
     count = ctypes.c_int(0)
     return bool(query(0, None, ctypes.byref(count))) and count.value > 0
 
@@ -68,11 +66,8 @@ def require_renderer():
 
     Does nothing with a screen, outside Linux, or where VTK_DEFAULT_OPENGL_WINDOW is set.
     """
-    if (
-        not sys.platform.startswith("linux")
-        or os.environ.get("DISPLAY")
-        or "VTK_DEFAULT_OPENGL_WINDOW" in os.environ
-    ):
+    chosen = os.environ.get("DISPLAY") or "VTK_DEFAULT_OPENGL_WINDOW" in os.environ
+    if chosen or not sys.platform.startswith("linux"):
         return
     if _egl_finds_a_device():
         os.environ["VTK_DEFAULT_OPENGL_WINDOW"] = "vtkEGLRenderWindow"
@@ -105,25 +100,26 @@ class Scene:
         plotter.close()
 
     def _repr_html_(self):
-        title, page = html.escape(self.description), html.escape(self.page)
+        page = html.escape(self.page)
+        frame = f'{FRAME} title="{html.escape(self.description)}" height="{self.height}"'
         if self.picture is None:
-            return (
-                f'<iframe {FRAME} title="{title}" height="{self.height}" srcdoc="{page}"></iframe>'
-            )
+            return f'<iframe {frame} srcdoc="{page}"></iframe>'
         picture = picture_html(self.picture, self.description, ' style="width:100%"')
         load = (
             "const f=this.nextElementSibling;f.srcdoc=f.dataset.page;f.hidden=false;this.remove()"
         )
         return (
             f'<button class="scene-poster" type="button" style="{POSTER}" onclick="{load}">'
-            f'{picture}<span style="{WORDS}">turn it in 3-D</span></button>'
-            f'<iframe {FRAME} title="{title}" height="{self.height}" data-page="{page}" hidden></iframe>'
+            f'{picture}<span style="{CAPTION}">turn it in 3-D</span></button>'
+            f'<iframe {frame} data-page="{page}" hidden></iframe>'
         )
 
 
 def _named(page, title):
-    """The page with language, title and the reader's zoom, which trame-vtk's template forbids, and
-    without the picture that its viewer asks for while it has no scene."""
+    """The page with language, title and the reader's zoom, and without a picture from a server.
+
+    trame-vtk's template forbids zooming, and its viewer asks for a picture while it has no scene.
+    """
     zoom = '<meta name="viewport" content="width=device-width">'
     head = f'<html lang="en"><head><title>{html.escape(title)}</title>{zoom}'
     page = re.sub(r'<meta name="viewport"[^>]*>', "", page, count=1)
@@ -197,19 +193,16 @@ def surface_scene(surface, values=None, curves=(), cmap=SHADES, clim=None, title
         points = surface.vertices[curve] if curve.ndim == 1 else curve
         # A tube about a line within the surface would sink and rise with its faces, and flicker
         # where the two meet.
-        points = (
-            points + LIFT * radius * mesh["Normals"][cKDTree(surface.vertices).query(points)[1]]
-        )
+        nearest = cKDTree(surface.vertices).query(points)[1]
+        points = points + LIFT * radius * mesh["Normals"][nearest]
         tube = pv.lines_from_points(points.astype(np.float32)).tube(radius=radius, n_sides=8)
         tube.clear_data()
         plotter.add_mesh(tube, color=CURVE_STYLES[style]["color"])
     if surface.boundary_loops:
-        away = surface.vertices.mean(0) - surface.vertices[
-            np.concatenate(surface.boundary_loops)
-        ].mean(0)
-        plotter.view_vector(
-            away, viewup=(0, 1, 0) if abs(away[2]) > 0.9 * np.linalg.norm(away) else (0, 0, 1)
-        )
+        rim = np.concatenate(surface.boundary_loops)
+        away = surface.vertices.mean(0) - surface.vertices[rim].mean(0)
+        is_vertical = abs(away[2]) > 0.9 * np.linalg.norm(away)
+        plotter.view_vector(away, viewup=(0, 1, 0) if is_vertical else (0, 0, 1))
     return plotter
 
 
@@ -223,11 +216,9 @@ def _add_surface(plotter, surface, values, shift=(0, 0, 0), cmap=SHADES, clim=No
     colour = {"color": "lightgray"}
     if values is not None:
         mesh.point_data["values"] = np.asarray(values, np.float32)
-        bar = {
-            "show_scalar_bar": title is not None,
-            "scalar_bar_args": {"title": title or "", "color": "black"},
-        }
-        colour = {"scalars": "values", "cmap": cmap, "clim": clim, **bar}
+        colour = {"scalars": "values", "cmap": cmap, "clim": clim}
+        colour["show_scalar_bar"] = title is not None
+        colour["scalar_bar_args"] = {"title": title or "", "color": "black"}
     plotter.add_mesh(mesh, smooth_shading=True, ambient=0.15, **colour)
     return mesh
 
@@ -243,9 +234,8 @@ def stacked_scene(surfaces, values, **more):
     for surface, colours in zip(surfaces[1:], values[1:]):
         middle = (surfaces[0].vertices.mean(0) - surface.vertices.mean(0))[:2]
         edge -= 0.08 * np.ptp(surface.vertices[:, 2])
-        _add_surface(
-            plotter, surface, colours, (*middle, edge - surface.vertices[:, 2].max()), **more
-        )
+        shift = *middle, edge - surface.vertices[:, 2].max()
+        _add_surface(plotter, surface, colours, shift, **more)
         edge -= np.ptp(surface.vertices[:, 2])
     plotter.camera.parallel_projection = True  # the lower one is as near as the upper one
     x, y, _ = plotter.camera.direction

@@ -45,14 +45,12 @@ def named_sulci(hemisphere, original_indices):
     SurfaceError where an endpoint was cut away.
     """
     if hemisphere not in ("left", "right"):
-        raise SurfaceError(
-            f"fsaverage5 has no hemisphere '{hemisphere}'; hemispheres are left and right"
-        )
+        message = f"fsaverage5 has no hemisphere '{hemisphere}'"
+        raise SurfaceError(f"{message}; hemispheres are left and right")
     original_indices = np.asarray(original_indices)
     text = files(__package__).joinpath("fsaverage5_sulci.json").read_text(encoding="utf-8")
-    ends = {
-        name: entry[hemisphere]["vertices"] for name, entry in json.loads(text)["sulci"].items()
-    }
+    sulci = {name: entry[hemisphere] for name, entry in json.loads(text)["sulci"].items()}
+    ends = {name: entry["vertices"] for name, entry in sulci.items()}
     return {name: _renumbered(name, pair, original_indices) for name, pair in ends.items()}
 
 
@@ -62,10 +60,8 @@ def demo_landmarks() -> dict:
     `{"curves": [{"name", "moving": [start, end], "control": [start, end]}]}`: endpoints only.
     """
     moving, control = (named_sulci(side, _opening(side)[0]) for side in ("right", "left"))
-    curves = [
-        {"name": name, "moving": list(moving[name]), "control": list(control[name])}
-        for name in control
-    ]
+    ends = {name: (list(moving[name]), list(control[name])) for name in control}
+    curves = [{"name": name, "moving": a, "control": b} for name, (a, b) in ends.items()]
     return {"curves": curves}
 
 

@@ -101,13 +101,13 @@ def write_surface(
 ) -> None:
     """Write a surface, whole or not at all, in the format of the path's suffix, as read_surface.
 
-    Coordinates keep float64; FreeSurfer, GIFTI and STL store float32, STL no vertex numbers. Only
-    npz keeps the curves, only npz and GIFTI original_vertices, `open_surface`'s second result
-    (default: the surface's own). surface: also a named tuple such as `Registration.surface`. frame:
-    `frame_of` the coordinates' file, which npz keeps whole, GIFTI and FreeSurfer as far as they
-    can; hemisphere and kind are else by the name. FreeSurfer's coordinates become the scanner's in
-    GIFTI, and its own again in its own format. SurfaceError: unknown format, or a folder not
-    writable.
+    A FreeSurfer name such as lh.pial, or no suffix: FreeSurfer's binary. FreeSurfer, GIFTI and STL
+    store float32, STL no vertex numbers. Only npz has the curves, only npz and GIFTI
+    original_vertices, `open_surface`'s second result (default: the surface's own). surface: also a
+    named tuple such as `Registration.surface`. frame: `frame_of` the coordinates' file, which npz
+    stores whole, GIFTI and FreeSurfer as far as they can; hemisphere and kind are else by the name.
+    FreeSurfer's coordinates become the scanner's in GIFTI, and its own again in its own format.
+    SurfaceError: unknown format, or a folder not writable.
     """
     path = Path(path)
     frame = frame or Frame()
@@ -132,21 +132,24 @@ def write_surface(
             nibabel.freesurfer.write_geometry(place, vertices, surface.faces, **stamp)
 
     last = path.suffix.lower()
-    side_named = path.name.startswith(("lh.", "rh.")) and last not in FOREIGN_SUFFIXES
-    freesurfer = side_named or last in _FREESURFER_SUFFIXES
+    freesurfer = last in _FREESURFER_SUFFIXES or is_freesurfer_name(path, last)
     if suffix not in (".npz", ".gii", *_WRITERS) and not freesurfer:
-        raise SurfaceError(
-            f"{path}: {_unknown_format('nor is the name one of FreeSurfer, such as lh.pial')}"
-        )
+        message = _unknown_format("nor is the name one of FreeSurfer, such as lh.pial")
+        raise SurfaceError(f"{path}: {message}")
     safe.write_whole(path, write, size=surface.vertices.nbytes + surface.faces.nbytes)
 
 
-# Names of files that are no FreeSurfer surface or map, whatever they begin with (lh.map.csv).
-FOREIGN_SUFFIXES = (
+# Of files that are no FreeSurfer surface or map, whatever they begin with (lh.map.csv).
+_FOREIGN_SUFFIXES = (
     ".csv", ".tsv", ".json", ".xml", ".mat", ".nii", ".gz", ".zip", ".label", ".annot", ".mgh",
     ".mgz", ".npy", ".npz", ".txt", ".gii", ".xlsx", ".h5", ".png", ".ply", ".obj", ".off", ".stl",
     ".vtk", ".vtp", ".asc",
 )  # fmt: skip
+
+
+def is_freesurfer_name(path, suffix):
+    """Whether a file's name is that of a hemisphere's FreeSurfer file, such as lh.curv."""
+    return path.name.startswith(("lh.", "rh.")) and suffix not in _FOREIGN_SUFFIXES
 
 
 def suffix_of(path):
@@ -163,17 +166,13 @@ def _read_npz(_, data):
     arrays = safe.npz_arrays(data, lambda key: key in names or key.startswith("curve_"))
     missing = {"vertices", "faces"} - set(arrays)
     if missing:
-        raise SurfaceError(
-            f"lacks the array {' and '.join(sorted(missing))}; save vertices (V, 3), faces (F, 3)"
-        )
-    curve_keys = [key for key in arrays if key.startswith("curve_")]
-    curves = {key.removeprefix("curve_"): arrays[key] for key in curve_keys}
+        names = " and ".join(sorted(missing))
+        raise SurfaceError(f"lacks the array {names}; save vertices (V, 3), faces (F, 3)")
+    curves = {k.removeprefix("curve_"): v for k, v in arrays.items() if k.startswith("curve_")}
     bad = next((name for name in curves if not safe.is_plain_name(name)), None)
     if bad is not None:
-        raise SurfaceError(
-            f"has a curve whose name is too long or holds control characters, {bad[:40]!r}; "
-            "rename it"
-        )
+        message = "has a curve whose name is too long or holds control characters"
+        raise SurfaceError(f"{message}, {bad[:40]!r}; rename it")
     return arrays["vertices"], arrays["faces"], curves, arrays.get("original_vertices")
 
 
@@ -190,9 +189,8 @@ def _write_npz(path, surface, original_vertices, frame):
 
 def _read_freesurfer(path, data):
     if data.startswith(_FREESURFER_QUADS):
-        raise SurfaceError(
-            "holds quadrangles (FreeSurfer's old format); convert it with mris_convert to triangles"
-        )
+        message = "holds quadrangles (FreeSurfer's old format)"
+        raise SurfaceError(f"{message}; convert it with mris_convert to triangles")
     _check_freesurfer(data)
     return nibabel.freesurfer.read_geometry(path)
 

@@ -56,17 +56,15 @@ def read_bytes(path):
         if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):  # reading it might never end
             pipe_or_socket = "a pipe" if stat.S_ISFIFO(mode) else "a socket"
             kind = "a device" if stat.S_ISCHR(mode) or stat.S_ISBLK(mode) else pipe_or_socket
-            raise SurfaceError(
-                f"{path}: is {kind}, not a regular file; save what it gives in a file first"
-            )
+            advice = "save what it gives in a file first"
+            raise SurfaceError(f"{path}: is {kind}, not a regular file; {advice}")
         data = path.read_bytes()
         if path.suffix.lower() in (".gz", ".mgz"):
             data = _unzipped(path, data)
     except (OSError, EOFError, zlib.error) as error:
         reason = getattr(error, "strerror", None) or error  # damaged gzip has none
-        raise SurfaceError(
-            f"{path}: cannot be read ({reason}); check the name and copy the file again"
-        ) from None
+        advice = "check the name and copy the file again"
+        raise SurfaceError(f"{path}: cannot be read ({reason}); {advice}") from None
     except MemoryError:
         raise out_of_memory(path) from None
     if not data:
@@ -79,18 +77,15 @@ def _unzipped(path, data):
     with gzip.GzipFile(fileobj=io.BytesIO(data)) as file:
         unzipped = file.read(most + 1)
     if len(unzipped) > most:
-        raise SurfaceError(
-            f"{path}: {len(data)} bytes unzip to more than {most}, as no surface does; if it is "
-            "sound, gunzip it first"
-        )
+        message = f"{len(data)} bytes unzip to more than {most}, as no surface does"
+        raise SurfaceError(f"{path}: {message}; if it is sound, gunzip it first")
     return unzipped
 
 
 def out_of_memory(path):
     """The SurfaceError for a file that the memory has no room for."""
-    return SurfaceError(
-        f"{path}: there is not enough memory; close other programs or give a coarser surface"
-    )
+    advice = "close other programs or give a coarser surface"
+    return SurfaceError(f"{path}: there is not enough memory; {advice}")
 
 
 @contextmanager
@@ -139,9 +134,8 @@ def npz_arrays(data, wanted):
         size = sum(info.file_size for info in members)
         most = allowance(len(data))
         if size > most:
-            raise FormatError(
-                f"its arrays would unpack to {size} bytes, and those of a surface to {most} at most"
-            )
+            limit = f"those of a surface to {most} at most"
+            raise FormatError(f"its arrays would unpack to {size} bytes, and {limit}")
         names = [info.filename.removesuffix(".npy") for info in members]
         return {name: npy_array(archive.read(info)) for name, info in zip(names, members)}
 
@@ -174,9 +168,8 @@ def npy_array(data):
     announced = math.prod(shape) * dtype.itemsize
     there = len(data) - file.tell()
     if min(shape, default=0) < 0 or announced != there:
-        raise FormatError(
-            f"an array of the shape {shape} takes {announced} bytes, {there} are there"
-        )
+        size = f"takes {announced} bytes, {there} are there"
+        raise FormatError(f"an array of the shape {shape} {size}")
     numbers = np.frombuffer(data, dtype, offset=file.tell())
     array = numbers.reshape(shape, order="F" if fortran else "C")
     return array.astype(dtype.newbyteorder("="))
@@ -205,17 +198,16 @@ def write_whole(path, write, size=None):
     except OSError as error:
         if is_full(error, free):
             raise SurfaceError(f"{path}: {full_disk(path.parent, written, size)}") from None
-        raise SurfaceError(
-            f"{path}: cannot be written ({error.strerror or error}); choose a folder that exists "
-            "and is writable"
-        ) from None
+        message = f"cannot be written ({error.strerror or error})"
+        advice = "choose a folder that exists and is writable"
+        raise SurfaceError(f"{path}: {message}; {advice}") from None
 
 
 def is_full(error, free=None):
     """Whether an OSError means a full disk; `free` bytes decide where it has no errno."""
-    return error.errno in (errno.ENOSPC, errno.EDQUOT) or (
-        error.errno is None and free is not None and free < 1 << 16
-    )
+    if error.errno is None:  # NumPy's says only how much was written
+        return free is not None and free < 1 << 16
+    return error.errno in (errno.ENOSPC, errno.EDQUOT)
 
 
 def full_disk(folder, written, size=None):

@@ -144,40 +144,29 @@ class BestCPNet(CoefficientNetwork):
         """
         points = p, q = problem.moving, problem.target
         if len(p) > (most := self.config.most):
-            raise LandmarkError(
-                f"{len(p)} landmarks, and CP-Net takes at most {most}: thin the curves, or use "
-                "fit_landmarks"
-            )
+            advice = "thin the curves, or use fit_landmarks"
+            raise LandmarkError(f"{len(p)} landmarks, and CP-Net takes at most {most}: {advice}")
         ratios = weights.beta / weights.alpha, weights.gamma / weights.alpha
         looks, stiff = self.looks_at(weights) if looks is None else looks, self.is_stiff(weights)
         learned = not stiff if learned is None else learned
         spectrum, spread = self.carrier(self.rings(p, q, weights))
         link = link_of(problem.disk, spectrum.mesh)
         start = spread @ self.start(points, ratios) if learned else None
-        for number, (proposal, best) in enumerate(
-            CoefficientRefinement(link, spectrum, points, *ratios).run(start, looks)
-        ):
+        refinement = CoefficientRefinement(link, spectrum, points, *ratios)
+        for number, (proposal, best) in enumerate(refinement.run(start, looks)):
             chosen = best.proposal if number and stiff else proposal
             yield link.coefficient(chosen.nu)
 
     def start(self, points, ratios):
         """nu (N,) at the vertices of the network's mesh, before any look."""
         own, _ = self.carrier(self.config.rings)
-        born, wanted, left = CoefficientRefinement(
-            link_of(own.mesh, own.mesh), own, points, *ratios
-        ).born()
-        logs, nu = np.log10(np.maximum(ratios, 1e-12)), born[1:].reshape(self.grid.z.shape)
-        p, wanted, left, nu = (
-            torch.from_numpy(x)[None].to(self.grid.z) for x in (points[0], wanted, left, nu)
-        )
-        nu = self(
-            p,
-            wanted,
-            left,
-            torch.ones_like(p.real),
-            torch.from_numpy(logs)[None].to(self.grid.area),
-            nu,
-        )
+        link = link_of(own.mesh, own.mesh)
+        born, wanted, left = CoefficientRefinement(link, own, points, *ratios).born()
+        nu = born[1:].reshape(self.grid.z.shape)
+        fields = points[0], wanted, left, nu
+        p, wanted, left, nu = (torch.from_numpy(x)[None].to(self.grid.z) for x in fields)
+        logs = torch.from_numpy(np.log10(np.maximum(ratios, 1e-12)))[None].to(self.grid.area)
+        nu = self(p, wanted, left, torch.ones_like(p.real), logs, nu)
         return self.grid.with_centre(nu)[0].cpu().numpy().astype(complex)
 
     def is_stiff(self, weights):

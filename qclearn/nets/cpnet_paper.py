@@ -52,10 +52,8 @@ class PaperCPNet(CoefficientNetwork):
         self.config, groups, first = config, config.curves, config.widths[0]
         self.side = config.size // 2 ** (len(config.widths) - 1)
         self.split = first // groups
-        self.groups = nn.ModuleList(
-            perceptron(2 * config.points, 128, 128, self.split * self.side**2)
-            for _ in range(groups)
-        )
+        sizes = 2 * config.points, 128, 128, self.split * self.side**2
+        self.groups = nn.ModuleList(perceptron(*sizes) for _ in range(groups))
         pairs = list(zip([groups * self.split, *config.widths[1:-1]], config.widths[1:]))
         self.up = nn.ModuleList(nn.ConvTranspose2d(a, b, 4, stride=2, padding=1) for a, b in pairs)
         self.head = nn.Conv2d(config.widths[-1], 2, 3, padding=1)
@@ -111,9 +109,9 @@ class PaperCPNet(CoefficientNetwork):
         shares = None if self.config.loss == "printed" else mesh.areas / mesh.areas.sum()
         weights = Weights(1.0, 1.0, self.config.gamma)
         loss = L_CP(mesh, mu, w, targets, weights, shares=shares)
-        return (
-            loss + weights.beta * L_lost(mesh, mu, shares) if self.config.loss == "whole" else loss
-        )
+        if self.config.loss == "whole":
+            loss = loss + weights.beta * L_lost(mesh, mu, shares)
+        return loss
 
     def twin(self, device):
         """[the square's mesh, images mu -> maps (B, V)]: no part of this network's weights."""
@@ -151,15 +149,12 @@ class PaperCPNet(CoefficientNetwork):
         a, theta = (parameter.item() for parameter in fit_mobius(moved, self.targets[None]))
         aligned = torch.from_numpy(mobius(p, a, theta))[None].to(self.targets)
         mu = self(aligned)
-        places = square_places(torch.from_numpy(mobius(disk.centroids, a, theta)).to(self.targets))[
-            None, None
-        ]
+        centroids = torch.from_numpy(mobius(disk.centroids, a, theta)).to(self.targets)
+        places = square_places(centroids)[None, None]
         image = torch.stack([mu.real, mu.imag], 1)
-        parts = functional.grid_sample(image, places, align_corners=False, padding_mode="border")[
-            0, :, 0
-        ]
+        parts = functional.grid_sample(image, places, align_corners=False, padding_mode="border")
         slope = mobius_slope(disk.centroids, a, theta)  # mu of f after M is mu(M) conj(M') / M'
-        return torch.complex(*parts).cpu().numpy() * np.conj(slope) / slope
+        return torch.complex(*parts[0, :, 0]).cpu().numpy() * np.conj(slope) / slope
 
     def in_order(self, moving, target):
         """The landmarks (M,) in the order of the control's; two curves may share one."""
@@ -169,8 +164,7 @@ class PaperCPNet(CoefficientNetwork):
         if away.min(1).max() > NEAR or away.min(0).max() > NEAR:
             raise LandmarkError(
                 f"the {len(target)} targets are not the {len(control)} landmarks of the control "
-                "that this "
-                'network was trained for; the preset best takes any: load("cpnet")'
+                'that this network was trained for; the preset best takes any: load("cpnet")'
             )
         return moving[nearest]
 

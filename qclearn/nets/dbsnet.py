@@ -17,31 +17,22 @@ from .train import TrainConfig
 
 TOLERANCE = 1e-5  # of the exact maps that the network learns from
 
-# What the network sees, in order: name -> (scale, which brings it to the size of 1 at |mu| = 0.5;
-# why it is shown).
+# The network's input, in order: name -> (scale, which brings it to the size of 1 at |mu| = 0.5; why
+# it is shown).
 FEATURES = {
-    "inner.re": (
-        1,
-        "mu of each cell's face towards the centre, in the frame that turns with the spoke",
-    ),
+    "inner.re": (1, "mu of each cell's inner face, in the frame that turns with the spoke"),
     "inner.im": (1, "the same, imaginary part"),
-    "outer.re": (1, "mu of each cell's face towards the circle"),
+    "outer.re": (1, "mu of each cell's outer face"),
     "outer.im": (1, "the same, imaginary part"),
     "u": (3, "log-radius of the map after two steps, which is corrected"),
     "v": (3, "its turn, which is corrected"),
     "change.re": (10, "from the first step to the second: how fast u converges"),
     "change.im": (10, "and v"),
-    "residual.re": (20, "what a third step would add to u: the error that is left, to first order"),
+    "residual.re": (20, "what a third step would add to u: the remaining error, to first order"),
     "residual.im": (20, "and to v"),
     "U.change": (10, "from the first potential of log|f| to the second"),
-    "U.against u": (
-        10,
-        "two discretisations of one function: where they differ, the mesh is too coarse for mu",
-    ),
-    "rim.change": (
-        5,
-        "turn of the boundary from the first step to the second, carried inwards harmonically",
-    ),
+    "U.against u": (10, "two discretisations of log|f|: they differ where the mesh is too coarse"),
+    "rim.change": (5, "turn of the boundary between the steps, carried inwards harmonically"),
     "rim.residual": (20, "what the next step would add to it"),
 }
 
@@ -113,27 +104,19 @@ class BestDBSNet(DiskNetwork):
         u, v = start.real.clone(), start.imag
         u[:, -1] = 0
         angles = harmonic_extension(self.solver, torch.stack(angles, 1))  # (B, 2, rings, spokes)
-        lower, U = (
-            functional.pad(U - torch.log(self.radius[:, :-1]), (0, 0, 0, 1)) for U in potentials
-        )
+        radius = torch.log(self.radius[:, :-1])
+        lower, U = (functional.pad(U - radius, (0, 0, 0, 1)) for U in potentials)
         rows = mu.view(len(mu), -1, self.config.spokes)  # (B, 2 rings - 1, spokes)
         turn = torch.complex(*self.solver.tables(rows.real)["turn"])
         # The two faces of each cell, those at the centre twice.
         pairs = torch.cat([rows[:, :1], rows], 1) * turn
         inner, outer = pairs[:, ::2], pairs[:, 1::2]  # (B, rings, spokes)
-        known = [
-            part
-            for x in (inner, outer, torch.complex(u, v), change, residual)
-            for part in (x.real, x.imag)
-        ]
+        fields = inner, outer, torch.complex(u, v), change, residual
+        known = [part for x in fields for part in (x.real, x.imag)]
         known += [U - lower, U - u, *angles.unbind(1)]  # (B, rings, spokes) each, as in FEATURES
-        return (
-            torch.stack(
-                [scale * x for (scale, _), x in zip(FEATURES.values(), known, strict=True)], 1
-            ),
-            u,
-            v,
-        )
+        scales = [scale for scale, _ in FEATURES.values()]
+        scaled = [scale * x for scale, x in zip(scales, known, strict=True)]
+        return torch.stack(scaled, 1), u, v
 
     def loss(self, batch, generator):
         """Relative position error plus relative error of the derivatives, against exact maps."""
@@ -146,11 +129,8 @@ class BestDBSNet(DiskNetwork):
             position = position_error(f, exact, self.z.flatten()).mean()
             size, folds = derivative_error(self.mesh, f, exact)
             loss = position + 0.5 * size.mean() + 2 * folds.mean()
-        return loss, {
-            "position": position.item(),
-            "derivative": size.mean().item(),
-            "folds": folds.mean().item(),
-        }
+        figures = {"position": position, "derivative": size.mean(), "folds": folds.mean()}
+        return loss, {name: value.item() for name, value in figures.items()}
 
     def rescale(self, mu, generator):
         """mu (B, F); with a generator mixed, turned, with a largest |mu| uniform in `max_abs`."""

@@ -63,10 +63,8 @@ class InnerRoute(nn.Module):
     def __init__(self, size, k, shortcut):
         super().__init__()
         self.size, wide, narrow = size, 64, 16
-        back = torch.from_numpy(fourier_matrix(2 * k + 1, k)).to(torch.complex64).conj().T * (
-            2 * k + 1
-        )
-        self.register_buffer("back", back, persistent=False)
+        matrix = torch.from_numpy(fourier_matrix(2 * k + 1, k)).to(torch.complex64)
+        self.register_buffer("back", matrix.conj().T * (2 * k + 1), persistent=False)
 
         def conv(channels_in, channels_out):
             return nn.Conv2d(channels_in, channels_out, 3, padding=1)
@@ -141,9 +139,8 @@ class PaperDBSNet(DiskNetwork):
             self.register_buffer(name, torch.from_numpy(table), persistent=False)
         self.fourier = FourierLayer(config.size, config.frequencies)
         self.inner_route = InnerRoute(config.size, config.frequencies, config.shortcut)
-        self.boundary_route = BoundaryRoute(
-            2 * (2 * config.frequencies + 1) ** 2, torch.from_numpy(usual).float()
-        )
+        inputs = 2 * (2 * config.frequencies + 1) ** 2
+        self.boundary_route = BoundaryRoute(inputs, torch.from_numpy(usual).float())
 
     def forward(self, mu):
         """(f (B, V), angles (B, 4 size)) of images mu (B, size, size), a pixel per cell."""
@@ -222,10 +219,8 @@ class PaperDBSNet(DiskNetwork):
             return L_Energy(self.mesh, given, f).mean()
         if config.loss in ("printed", "rows"):
             equation = L_LBS if config.loss == "rows" else L_LBS_printed
-            return (
-                1e3
-                * L_DBSNet(self.mesh, given, f, angles, rho=config.rho, equation=equation).mean()
-            )
+            options = {"rho": config.rho, "equation": equation}
+            return 1e3 * L_DBSNet(self.mesh, given, f, angles, **options).mean()
         self.exact = self.exact or SquareMaps(config.size)
         with torch.no_grad():
             exact = self.exact(mu, TOLERANCE)

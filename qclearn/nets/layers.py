@@ -41,9 +41,8 @@ def inference(method):
 def perceptron(*sizes, activation=nn.SiLU):
     """Linear layers from each of these sizes to the next, with activations between them."""
     linear = [nn.Linear(*pair) for pair in pairwise(sizes)]
-    return nn.Sequential(
-        linear[0], *(part for layer in linear[1:] for part in (activation(), layer))
-    )
+    later = [part for layer in linear[1:] for part in (activation(), layer)]
+    return nn.Sequential(linear[0], *later)
 
 
 def convolution(channels_in, channels_out, **options):
@@ -71,9 +70,8 @@ class PolarPad(torch.autograd.Function):
     @staticmethod
     def forward(ctx, x):
         rings, spokes = x.shape[-2:]
-        wide = x.new_empty(*x.shape[:2], rings + 2, spokes + 2).contiguous(
-            memory_format=torch.channels_last
-        )
+        wide = x.new_empty(*x.shape[:2], rings + 2, spokes + 2)
+        wide = wide.contiguous(memory_format=torch.channels_last)
         wide[..., 1:-1, 1:-1] = x
         wide[..., 0, 1:-1] = x[..., 0, :].roll(spokes // 2, -1)
         wide[..., -1, 1:-1] = x[..., -1, :]
@@ -226,9 +224,9 @@ class CoefficientNetwork(nn.Module):
         BeltramiError or SurfaceError where the mesh is no disk. options: of the network's `answer`.
         """
         usual = self.usual(alpha)
-        weights = Weights(
-            alpha, usual.beta if beta is None else beta, usual.gamma if gamma is None else gamma
-        )
+        beta = usual.beta if beta is None else beta
+        gamma = usual.gamma if gamma is None else gamma
+        weights = Weights(alpha, beta, gamma)
         return self.answer(Problem(disk_of(z, faces), moving, target, curve), weights, **options)
 
     def gamma_used(self, weights):
@@ -258,9 +256,10 @@ def output_shapes(parts, run):
     rows = []
 
     def note(name):
-        return lambda part, _, output: rows.append(
-            (name, part, " × ".join(map(str, output.shape[1:])))
-        )
+        def hook(part, _, output):
+            rows.append((name, part, " × ".join(map(str, output.shape[1:]))))
+
+        return hook
 
     hooks = [part.register_forward_hook(note(name)) for name, part in parts]
     with torch.no_grad():

@@ -19,32 +19,26 @@ from .ldnet_paper import PaperLDNet, PaperLDNetConfig
 from .pictures import check_input, picture, stamp, turn
 from .train import TrainConfig
 
-CURVATURE_WEIGHT, DEPTH_WEIGHT, FLOOR, ROUNDS = (
-    0.5,
-    1.0,
-    0.3,
-    2,
-)  # of `heat_metric`, chosen on the validation subjects
+# Of `heat_metric`, chosen on the validation subjects.
+CURVATURE_WEIGHT, DEPTH_WEIGHT, FLOOR, ROUNDS = 0.5, 1.0, 0.3, 2
 ENDS, CHORDS, FINER = 1.0, 64, 3  # pixels; points on a chord; points on a curve's segment
 
 
 @dataclass(frozen=True)
 class BestLDNetConfig:
-    """Sizes of the better LD-Net. size: of the image, a power of two; widths: channels at 1/2, 1/4,
-    ... of the size; band: standard deviation of the soft band around a curve, in pixels."""
+    """Sizes of the better LD-Net."""
 
     preset: str = "best"
-    size: int = 128
-    widths: tuple[int, ...] = (32, 64, 96, 96)
-    band: float = 1.0
+    size: int = 128  # of the image, a power of two
+    widths: tuple[int, ...] = (32, 64, 96, 96)  # channels at 1/2, 1/4, ... of the size
+    band: float = 1.0  # standard deviation of the soft band around a curve, in pixels
 
 
 def refine(curves, finer=FINER):
     """Points (B, K, n) along polylines (B, K, P), `finer` per segment, and their places (n,)."""
-    place = torch.linspace(
-        0, curves.shape[-1] - 1, finer * (curves.shape[-1] - 1) + 1, device=curves.device
-    )
-    first = place.floor().long().clamp(max=curves.shape[-1] - 2)
+    last = curves.shape[-1] - 1
+    place = torch.linspace(0, last, finer * last + 1, device=curves.device)
+    first = place.floor().long().clamp(max=last - 1)
     share = place - first
     return curves[..., first] * (1 - share) + curves[..., first + 1] * share, place
 
@@ -82,11 +76,8 @@ class BestLDNet(nn.Module):
 
     def from_images(self, images, ends):
         """Logits (B, S, S) from images (B, 2, S, S) and ends (B, K, 2) of a `CurveDataset`."""
-        return self(
-            self.channels(
-                images[:, 0], ends, torch.ones(ends.shape[:2], dtype=torch.bool, device=ends.device)
-            )
-        )
+        shown = torch.ones(ends.shape[:2], dtype=torch.bool, device=ends.device)
+        return self(self.channels(images[:, 0], ends, shown))
 
     def forward(self, channels):
         """Logits (B, S, S) of lying on one of the sulci, from `channels` (B, 4, S, S)."""
@@ -131,17 +122,13 @@ class BestLDNet(nn.Module):
             points, place = refine(curves)
             seen = shown[..., None] & (place >= first[..., None]) & (place <= last[..., None])
             band = stamp(points.flatten(1), seen.flatten(1), self.config.size, self.config.band)
-            channels = self.channels(grey[:, 0], ends, shown).contiguous(
-                memory_format=torch.channels_last
-            )
+            channels = self.channels(grey[:, 0], ends, shown)
+            channels = channels.contiguous(memory_format=torch.channels_last)
         logits = self(channels).float()
         disk = channels[:, 1]
-        error = (
-            F.binary_cross_entropy_with_logits(
-                logits, band, weight=disk, pos_weight=logits.new_tensor(4.0), reduction="sum"
-            )
-            / disk.sum()
-        )
+        weights = {"weight": disk, "pos_weight": logits.new_tensor(4.0)}
+        total = F.binary_cross_entropy_with_logits(logits, band, **weights, reduction="sum")
+        error = total / disk.sum()
         heat = logits.detach().sigmoid() * disk
         return error, {"overlap": (2 * (heat * band).sum() / (heat**2 + band**2).sum()).item()}
 
@@ -154,10 +141,8 @@ class BestLDNet(nn.Module):
         grey = torch.as_tensor(grey, dtype=torch.float32, device=w.device)[None, None]
         logits = self.from_images(grey, w[torch.as_tensor(endpoints, device=w.device)][None])
         place = torch.view_as_real(w)[None, None]  # (1, 1, V, 2): x, y, as grid_sample takes them
-        sampled = F.grid_sample(logits[None], place, padding_mode="border", align_corners=False)[
-            0, 0, 0
-        ]
-        return sampled.sigmoid().double().cpu().numpy(), H
+        sampled = F.grid_sample(logits[None], place, padding_mode="border", align_corners=False)
+        return sampled[0, 0, 0].sigmoid().double().cpu().numpy(), H
 
     def detect(self, surface, z, endpoints):
         """The sulci between endpoints (K, 2) as vertices' images in the disk map z: list of (k,).
@@ -167,10 +152,8 @@ class BestLDNet(nn.Module):
         """
         heat, H = self.heat(surface, z, endpoints)
         metric = heat_metric(surface, heat, H)
-        return [
-            np.asarray(z)[fundus_path(surface, start, end, metric)]
-            for start, end in np.asarray(endpoints)
-        ]
+        paths = (fundus_path(surface, *ends, metric) for ends in np.asarray(endpoints))
+        return [np.asarray(z)[path] for path in paths]
 
 
 def heat_metric(surface, heat, H):

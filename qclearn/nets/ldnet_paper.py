@@ -14,16 +14,20 @@ from .pictures import check_input, picture, turn
 
 @dataclass(frozen=True)
 class PaperLDNetConfig:
-    """Sizes of the paper's LD-Net, corrected. size: of the image, a power of two; widths: channels of
-    the convolutions, which halve the image one by one; curves, points: how many curves and points
-    on each, ends included; hidden: width of the perceptrons."""
+    """Sizes of the paper's LD-Net, corrected."""
 
     preset: str = "paper"
-    size: int = 128
-    widths: tuple[int, ...] = (16, 32, 64, 96, 64)
+    size: int = 128  # of the image, a power of two
+    widths: tuple[int, ...] = (
+        16,
+        32,
+        64,
+        96,
+        64,
+    )  # channels of convolutions, each halves the image
     curves: int = 8
-    points: int = 10
-    hidden: int = 256
+    points: int = 10  # on each curve, ends included
+    hidden: int = 256  # width of the perceptrons
 
 
 class PaperLDNet(nn.Module):
@@ -39,12 +43,10 @@ class PaperLDNet(nn.Module):
         self.config = config
         pairs = list(zip((2, *config.widths), config.widths))
         side = config.size >> len(pairs)  # of the last image
-        self.image = nn.Sequential(
-            *(layer for pair in pairs for layer in convolution(*pair, stride=2))
-        )
-        self.flat = nn.Sequential(
-            nn.Flatten(), nn.Linear(config.widths[-1] * side**2, config.hidden), nn.ReLU()
-        )
+        layers = [layer for pair in pairs for layer in convolution(*pair, stride=2)]
+        self.image = nn.Sequential(*layers)
+        flat = nn.Linear(config.widths[-1] * side**2, config.hidden)
+        self.flat = nn.Sequential(nn.Flatten(), flat, nn.ReLU())
         ends = 2 * config.curves, config.hidden, config.hidden
         self.start, self.end = (
             nn.Sequential(*perceptron(*ends, activation=nn.ReLU), nn.ReLU()) for _ in range(2)
@@ -74,9 +76,8 @@ class PaperLDNet(nn.Module):
         if generator is not None:
             images, curves = turn(images, curves, generator)
         predicted = self(images, curves[..., [0, -1]])
-        return L_LD(predicted, curves).mean(), {
-            "distance": abs(predicted - curves)[..., 1:-1].mean().item()
-        }
+        distance = abs(predicted - curves)[..., 1:-1].mean().item()
+        return L_LD(predicted, curves).mean(), {"distance": distance}
 
     @inference
     def detect(self, surface, z, endpoints):
@@ -89,17 +90,16 @@ class PaperLDNet(nn.Module):
         if len(endpoints) != self.config.curves:
             raise LandmarkError(
                 f"{len(endpoints)} pairs of endpoints; this network was trained on "
-                f"{self.config.curves} "
-                "curves in a fixed order: give all of them, or use preset 'best'"
+                f"{self.config.curves} curves in a fixed order: give all of them, or use preset "
+                "'best'"
             )
         grey, radius, _ = picture(surface, z, self.config.size)
         device = next(self.parameters()).device
         ends = torch.as_tensor(radius.to_image(z[endpoints]))
         marks = nearest_pixels(ends.flatten(), self.config.size)
         images = torch.stack([torch.as_tensor(grey), marks])[None].to(device, torch.float32)
-        curves = (
-            self(images, ends[None].to(device, torch.complex64))[0].cpu().numpy().astype(complex)
-        )
+        curves = self(images, ends[None].to(device, torch.complex64))[0]
+        curves = curves.cpu().numpy().astype(complex)
         curves = radius.from_image(curves / np.maximum(abs(curves), 1))
         curves[:, [0, -1]] = z[endpoints]
         return list(curves)

@@ -53,9 +53,8 @@ def stamp(points, shown, size, width):
     value = down[..., :, None] * across[..., None, :] * shown[..., None, None]
     place = rows.clamp(0, size - 1)[..., :, None] * size + columns.clamp(0, size - 1)[..., None, :]
     image = torch.zeros(len(points), size * size, dtype=value.dtype, device=points.device)
-    return image.scatter_reduce(1, place.flatten(1), value.flatten(1), "amax").unflatten(
-        1, (size, size)
-    )
+    image = image.scatter_reduce(1, place.flatten(1), value.flatten(1), "amax")
+    return image.unflatten(1, (size, size))
 
 
 def turn(images, points, generator):

@@ -45,11 +45,8 @@ class PolarSolver:
         # A face a ring, the others are turned.
         edges = _edge_tables(self.mesh.gradients[::nt], self.mesh.areas[::nt])
         turn = np.exp(-4j * np.pi * np.arange(nt) / nt)
-        tables = {
-            "edges": edges,
-            "turn": np.stack([turn.real, turn.imag]),
-            **_reduction(edges[:, 0, :, 0], nt),
-        }
+        tables = {"edges": edges, "turn": np.stack([turn.real, turn.imag])}
+        tables |= _reduction(edges[:, 0, :, 0], nt)
         self._tables = {None: {name: torch.from_numpy(table) for name, table in tables.items()}}
 
     def tables(self, like):
@@ -96,9 +93,8 @@ class PolarSolver:
     def finish(self, f, boundary):
         """The normalised maps (B, V) from (B, 2, nr, nt) inside and (B, 2, 1, nt) on the circle."""
         inner = torch.cat([f[:, :, 0].mean(-1, keepdim=True), f[:, :, 1:].flatten(2)], 2)
-        return _normalise(
-            torch.complex(*inner.unbind(1)), torch.complex(*boundary[:, :, 0].unbind(1))
-        )
+        parts = inner, boundary[:, :, 0]
+        return _normalise(*(torch.complex(*part.unbind(1)) for part in parts))
 
 
 class PolarSystem:
@@ -153,9 +149,8 @@ class PolarSystem:
 
     def pull(self, boundary):
         """The load (B, 2, nr, nt) of values (B, 2, 1, nt) on the circle, `-K_ib f_b`."""
-        pull = self.spoke[:, None, -1:] * boundary + self.diagonal[:, None, -1:] * boundary.roll(
-            -1, -1
-        )
+        spoke, diagonal = self.spoke[:, None, -1:], self.diagonal[:, None, -1:]
+        pull = spoke * boundary + diagonal * boundary.roll(-1, -1)
         return torch.cat([self._zeros(2), pull], 2)
 
     def harmonic(self, boundary):
@@ -168,10 +163,9 @@ def _edge_weights(mu, rows, tables):
     if not (m < 1).all():
         _refuse(mu, ~(m.flatten(1) < 1))
     cos, sin = tables["turn"]
-    re, im = (
-        rows.real * cos - rows.imag * sin,
-        rows.real * sin + rows.imag * cos,
-    )  # in the frame of the spoke
+    # In the frame of the spoke.
+    re = rows.real * cos - rows.imag * sin
+    im = rows.real * sin + rows.imag * cos
     scale = 1 / (1 - m)
     parts = (1 + m) * scale, 2 * scale * re, 2 * scale * im
     spoke, arc, diagonal = (
@@ -242,11 +236,8 @@ def _reduction(plain, nt):
         stride *= 2
     inverse = 1 / pivots
     inverse[0, 1:] = 0  # the centre has mode 0 only
-    return {
-        "pivots": np.repeat(inverse, 2, axis=1),
-        "lower": np.repeat(np.concatenate(lower), 2, axis=1),
-        "rim": spoke[-1:],
-    }
+    pivots, lower = (np.repeat(x, 2, axis=1) for x in (inverse, np.concatenate(lower)))
+    return {"pivots": pivots, "lower": lower, "rim": spoke[-1:]}
 
 
 def two_steps(solver, mu):
@@ -260,9 +251,8 @@ def two_steps(solver, mu):
     system = PolarSystem(solver, mu)
     potentials = [system.solve(system.pole, None, 0.0, 2)[0]]
     potentials.append(system.solve(system.pole, potentials[0], 0.0, 1)[0])
-    beyond = potentials[1] + system.precondition(system.pole)(
-        system.residual(system.pole, potentials[1])
-    )
+    residual = system.residual(system.pole, potentials[1])
+    beyond = potentials[1] + system.precondition(system.pole)(residual)
     circle = [system.boundary(U[:, 0]) for U in (*potentials, beyond)]
     angles = [
         torch.atan2(a[:, 0, 0] * b[:, 1, 0] - a[:, 1, 0] * b[:, 0, 0], (a * b).sum(1)[:, 0])
@@ -282,7 +272,6 @@ def two_steps(solver, mu):
 def harmonic_extension(solver, values):
     """Harmonic functions (B, C, nr, nt) off the centre with values (B, C, nt) on the circle."""
     tables, values = solver.tables(values), values[:, :, None]
-    load = torch.cat(
-        [values.new_zeros(*values.shape[:2], solver.nr - 1, solver.nt), tables["rim"] * values], 2
-    )
+    inside = values.new_zeros(*values.shape[:2], solver.nr - 1, solver.nt)
+    load = torch.cat([inside, tables["rim"] * values], 2)
     return torch.cat([Preconditioner(load, tables)(load)[:, :, 1:], values], 2)

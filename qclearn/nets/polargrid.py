@@ -22,19 +22,15 @@ class PolarMesh(nn.Module):
     def locate(self, points):
         """Corners (..., 3), vertices of the mesh, and barycentric weights (..., 3) of points."""
         step = 2 * torch.pi / self.nt
-        k = (
-            torch.floor(torch.remainder(points.angle(), 2 * torch.pi) / step)
-            .long()
-            .clamp(max=self.nt - 1)
-        )
+        angle = torch.remainder(points.angle(), 2 * torch.pi)
+        k = torch.floor(angle / step).long().clamp(max=self.nt - 1)
         turned = points * torch.exp(-1j * step * k)
         y = turned.imag / np.sin(step)  # point = x spoke_k + y spoke_(k + 1)
         x = turned.real - y * np.cos(step)
         shrink = 1 / (x + y).clamp(min=1)  # beyond the last chord: onto it
         x, y = x * shrink, y * shrink
-        j = (torch.bucketize((x + y).contiguous(), self.radius, right=True) - 1).clamp(
-            0, self.nr - 1
-        )
+        j = torch.bucketize((x + y).contiguous(), self.radius, right=True) - 1
+        j = j.clamp(0, self.nr - 1)
         inner, outer = self.radius[j], self.radius[j + 1]
         out = (x + y - inner) / (outer - inner)
         lower = (y <= outer * out) | (j == 0)

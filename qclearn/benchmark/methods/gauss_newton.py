@@ -24,11 +24,8 @@ def gauss_newton(
     carries nu. A RepairWarning says if rows were switched. Source: paper, eq. RegLoss; Gauss-Newton
     in its dual form.
     """
-    fit = fit_problem(
-        replace(problem, sliding=sliding or problem.sliding),
-        Weights(alpha, beta, gamma),
-        rings=rings,
-    )
+    problem = replace(problem, sliding=sliding or problem.sliding)
+    fit = fit_problem(problem, Weights(alpha, beta, gamma), rings=rings)
     warn_of(fit.fallbacks)
     return fit.f
 
@@ -41,9 +38,8 @@ def coarse_steps(problem, steps=1, alpha=Weights.alpha, beta=Weights.beta, gamma
     mesh = polar(*COARSE)
     engine = MultiresolutionFit(problem).engine(level, weights)
     state, _ = run_level(engine, engine.at(np.zeros(len(mesh.z), complex), problem.mobius), level)
-    return few_steps(
-        problem, bounded(mesh.sampling(polar(*FINE).centroids) @ state.nu), steps, weights
-    )
+    mu = bounded(mesh.sampling(polar(*FINE).centroids) @ state.nu)
+    return few_steps(problem, mu, steps, weights)
 
 
 @threadpool_limits.wrap(limits=1)

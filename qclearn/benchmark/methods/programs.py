@@ -118,10 +118,9 @@ def run_task(path):
     from . import METHODS
 
     method, parameters, curves, pairs = pickle.loads(Path(path).read_bytes())
-    sides = [
-        replace(parameterize(one), sphere=sphere and Sphere(one, sphere)) for one, sphere in pairs
-    ]
-    sides = SurfacePair(*sides, check_curves(curves, pairs[0][0], pairs[1][0]), [])
-    METHODS[method](
-        replace(sample_landmarks(align_disks(sides)).problem, sides=sides), **parameters
-    )
+    spheres = [sphere and Sphere(one, sphere) for one, sphere in pairs]
+    moving, control = (one for one, _ in pairs)
+    surfaces = [replace(parameterize(pairs[k][0]), sphere=spheres[k]) for k in range(2)]
+    sides = SurfacePair(*surfaces, check_curves(curves, moving, control), [])
+    problem = replace(sample_landmarks(align_disks(sides)).problem, sides=sides)
+    METHODS[method](problem, **parameters)

@@ -35,9 +35,8 @@ class LandmarkSolver:
 
     def solve(self, mu, weight=0.0):
         """The map f (V,) for mu (F,) and this weight of landmarks; BeltramiError for |mu| >= 1."""
-        dirichlet = Dirichlet(
-            self.disk.stiffness(mu) + weight * self.normal, self.disk.loop, self.order
-        )
+        matrix = self.disk.stiffness(mu) + weight * self.normal
+        dirichlet = Dirichlet(matrix, self.disk.loop, self.order)
         load = weight * (self.samples.T @ self.target)[dirichlet.free]
         f = np.empty(len(self.disk.z), complex)
         f[self.disk.loop] = self.boundary

@@ -21,7 +21,8 @@ CATSURF = (
     sys.executable,
     "-P",
     str(Path(__file__).with_name("catsurf.py")),
-)  # GPL: a program beside us, never imported
+)  # GPL: a program beside us, never imported.
+CATSURF = sys.executable, "-P", str(Path(__file__).with_name("catsurf.py"))
 LIMIT = 3600.0  # seconds that a program may take
 ROUND = 1.01  # the largest radius by the smallest of what passes for a sphere
 THINNER = 0.8  # of a ring of the patch: its number of points by that of the ring around it
@@ -61,10 +62,8 @@ class Sphere:
 def sphere_of(side):
     """The `Sphere` of a `ParameterizedSurface`, or SphereError."""
     if side.sphere is None:
-        raise SphereError(
-            "this method turns spheres, and the surfaces come without: give each "
-            "`ParameterizedSurface` a `sphere`"
-        )
+        advice = "give each `ParameterizedSurface` a `sphere`"
+        raise SphereError(f"this method turns spheres, and the surfaces come without: {advice}")
     return side.sphere
 
 
@@ -76,20 +75,18 @@ def closed(surface):
     """
     rim = surface.boundary[::-1]  # around the patch, seen from outside
     steps = norms(np.roll(surface.vertices[rim], -1, axis=0) - surface.vertices[rim])
-    count, radius = len(rim), 1.0
+    count = len(rim)
+    radius = 1.0
     rings = [np.exp(2j * np.pi * np.append(0, np.cumsum(steps[:-1])) / steps.sum())]
     while count > 6:
-        radius, count = radius * (1 - 2 * np.pi / count * np.sqrt(3) / 2), int(THINNER * count)
-        rings.append(
-            max(radius, 0)
-            * np.exp(2j * np.pi * (np.arange(count) + 0.5 * (len(rings) % 2)) / count)
-        )
+        radius *= 1 - 2 * np.pi / count * np.sqrt(3) / 2
+        count = int(THINNER * count)
+        turns = (np.arange(count) + 0.5 * (len(rings) % 2)) / count
+        rings.append(max(radius, 0) * np.exp(2j * np.pi * turns))
     patch = joined(np.append(np.concatenate(rings), 0j))
-    outer = np.arange(len(rim))
-    places = np.stack(
-        [Dirichlet(patch.laplace, outer).solve(column).real for column in surface.vertices[rim].T],
-        1,
-    )
+    harmonic = Dirichlet(patch.laplace, np.arange(len(rim)))
+    columns = [harmonic.solve(column).real for column in surface.vertices[rim].T]
+    places = np.stack(columns, 1)
     numbers = np.concatenate([rim, len(surface.vertices) + np.arange(len(patch.z) - len(rim))])
     vertices = np.concatenate([surface.vertices, places[len(rim) :]])
     return Surface(vertices, np.concatenate([surface.faces, numbers[patch.faces]]))
