@@ -1,4 +1,4 @@
-"""A cohort of synthetic hemispheres, made once and kept in the user's cache folder."""
+"""A cohort of synthetic hemispheres, made once and stored in the user's cache folder."""
 
 import hashlib
 import tempfile
@@ -19,14 +19,13 @@ SEEDS = tuple(range(1001, 1025))
 
 
 class CohortWarning(UserWarning):
-    """A damaged file of the cohort was found and made again."""
+    """A damaged file of the cohort was made again."""
 
 
 def cohort(
     count=24, n_vertices=10_000, folder=None, progress=True, workers=2, generation=GENERATION
 ):
-    """The first `count` (1 to 24) left hemispheres of the fixed seeds, a list of Cortex:
-    `hemispheres` of those seeds.
+    """The first `count` (1 to 24) left hemispheres of the fixed seeds, a list of Cortex.
 
     CortexError for a bad count or generation, or an unwritable folder.
     """
@@ -65,7 +64,7 @@ def hemispheres(
 
 
 def default_folder():
-    """Where the cohort is kept unless a folder is given: the user's cache folder of this platform."""
+    """The default folder of the cohort: the user's cache folder of this platform."""
     return user_cache_path("qclearn") / "cohort"
 
 

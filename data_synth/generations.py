@@ -1,5 +1,4 @@
-"""The generations of synthetic subjects: the constants that tie their folds to the template, under
-a number each.
+"""The generations of synthetic subjects: numbered constants that tie folds to the template.
 
 A subject's seed, size and side make the same surface for ever within a generation; another set of
 constants is another generation. Files and results carry the number, and subjects of two generations
