@@ -369,9 +369,13 @@ def test_the_papers_losses_differ_in_means_gauge_and_what_is_lost(paper):
     torch.testing.assert_close(
         losses["corrected"], (L_mu(mu, shares) + L_grad_mu(mesh, mu, shares) + points).item()
     )
-    torch.testing.assert_close(losses["whole"], losses["corrected"] + L_lost(mesh, mu, shares).item())
+    torch.testing.assert_close(
+        losses["whole"], losses["corrected"] + L_lost(mesh, mu, shares).item()
+    )
     assert errors["corrected"] == errors["whole"] < 0.1 * errors["printed"]
-    with pytest.raises(ValueError, match="unknown loss 'half'; there are corrected, whole, printed"):
+    with pytest.raises(
+        ValueError, match="unknown loss 'half'; there are corrected, whole, printed"
+    ):
         PaperCPNet(replace(PAPER, loss="half"))
 
 
