@@ -1,4 +1,4 @@
-"""A cohort of synthetic hemispheres, made once and kept in the user's cache folder."""
+"""A cohort of synthetic hemispheres, made once and stored in the user's cache folder."""
 
 import hashlib
 import tempfile
@@ -9,7 +9,7 @@ from pathlib import Path
 from platformdirs import user_cache_path
 from tqdm import tqdm
 
-from qclearn.io.meshes import write_whole
+from qclearn.io.safe import write_whole
 
 from .cortex import CortexError, make_cortex, require_generation
 from .generations import GENERATION
@@ -19,14 +19,13 @@ SEEDS = tuple(range(1001, 1025))
 
 
 class CohortWarning(UserWarning):
-    """A damaged file of the cohort was found and made again."""
+    """A damaged file of the cohort was made again."""
 
 
 def cohort(
     count=24, n_vertices=10_000, folder=None, progress=True, workers=2, generation=GENERATION
 ):
-    """The first `count` (1 to 24) left hemispheres of the fixed seeds, a list of Cortex:
-    `hemispheres` of those seeds.
+    """The first `count` (1 to 24) left hemispheres of the fixed seeds, a list of Cortex.
 
     CortexError for a bad count or generation, or an unwritable folder.
     """
@@ -65,7 +64,7 @@ def hemispheres(
 
 
 def default_folder():
-    """Where the cohort is kept unless a folder is given: the user's cache folder of this platform."""
+    """The default folder of the cohort: the user's cache folder of this platform."""
     return user_cache_path("qclearn") / "cohort"
 
 
@@ -83,8 +82,7 @@ def _of_generation(generation, path, subject):
     if subject.generation != generation:
         raise CortexError(
             f"{path} holds a subject of generation {subject.generation} where those of generation "
-            f"{generation} lie; "
-            "remove it, and it is made again."
+            f"{generation} lie; remove it, and it is made again."
         )
     return subject
 
@@ -115,9 +113,8 @@ def _is_whole(path):
 def _require_writable(inner):
     try:
         inner.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(
-            dir=inner
-        ).close()  # of a name of its own: others may try at the same time
+        # Of a name of its own: others may try at the same time.
+        tempfile.TemporaryFile(dir=inner).close()
     except OSError as error:
         raise CortexError(
             f"the cohort's folder {inner.parent} cannot be written ({error.strerror or error}); "

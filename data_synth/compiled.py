@@ -1,12 +1,10 @@
-"""Compilation of the inner loops by numba: kept on disk where there is a place for it, in memory
-elsewhere."""
+"""Compilation of the inner loops by numba, cached on disk where that is possible."""
 
 from numba import njit
 
 
 def compiled(function):
-    """The function compiled at its first call, without the interpreter's lock; the same result on
-    every run."""
+    """The function compiled at its first call, without the interpreter's lock; deterministic."""
     try:
         return njit(cache=True, nogil=True)(function)
     except (

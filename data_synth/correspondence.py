@@ -11,8 +11,7 @@ CANDIDATES = (6, 40)
 
 
 def correspondence(a, b):
-    """Points (V_a, 3) on b's surface, in mm, that correspond to a's vertices: b's face that holds
-    a's template point.
+    """Points (V_a, 3) on b's surface, in mm, that correspond to a's vertices.
 
     Total: one wall bounds every template, and a rim point between the chords of b's rim goes to the
     nearest face. The map commutes with the sides: homologous points of a left and a right
@@ -36,15 +35,13 @@ def depth_correlation(a, b):
 
 
 def at_places(values, surface, places):
-    """Per-vertex values (V, ...) of a surface, linear in each face, at places (face, weights) that
-    were located."""
+    """Per-vertex values (V, ...) of a surface, linear in each face, at places (face, weights)."""
     face, weights = places
     return np.einsum("pk,pk...->p...", weights, values[surface.faces[face]])
 
 
 def locate_on_sphere(template, faces, points):
-    """Face (P,) and barycentric coordinates (P, 3) of directions on a mesh of the sphere, seen from
-    its centre."""
+    """Face (P,) and barycentric coordinates (P, 3) of directions on a mesh of the sphere."""
     tree = cKDTree(template[faces].mean(1))
     face, barycentric = np.zeros(len(points), np.int64), np.full((len(points), 3), -np.inf)
     open_points = np.arange(len(points))
@@ -63,8 +60,7 @@ def locate_on_sphere(template, faces, points):
 
 
 def _central_coordinates(corners, points):
-    """Barycentric coordinates (..., 3) where the rays from the origin through points (..., 3)
-    meet the triangles' planes."""
+    """Barycentric coordinates (..., 3) of rays from the origin in the triangles' planes."""
     a, b, c = np.moveaxis(corners, -2, 0)
     weights = np.stack(
         [

@@ -20,14 +20,12 @@ FEWEST, MOST = 1_000, 200_000
 
 
 class CortexError(ValueError):
-    """A synthetic hemisphere that cannot be made, read or matched: says what was asked and what is
-    possible."""
+    """A synthetic hemisphere that cannot be made, read or matched: says what is possible."""
 
 
 @dataclass(frozen=True)
 class Mechanics:
-    """The growing shell. Unit of length: half the hemisphere; of stiffness: an edge spring, at
-    10,000 vertices."""
+    """The growing shell. Lengths in half the hemisphere, stiffness in edge springs."""
 
     growth: float = 1.81  # final stretch of the rest lengths
     modulation: float = 0.03  # its smooth relative variation
@@ -50,8 +48,7 @@ class Mechanics:
 
 @dataclass(frozen=True)
 class Cortex:
-    """A synthetic hemisphere: the surface in mm with its curves, and each vertex' point on the
-    template sphere (V, 3).
+    """A synthetic hemisphere in mm with its curves, and its vertices' template points (V, 3).
 
     The template's frame is lateral, anterior, superior for both sides, so homologous points of left
     and right agree. generation: of the generator's constants. interrupted, branched: the names of
@@ -82,12 +79,11 @@ def require_generation(generation):
 
 def require_one_generation(subjects):
     """CortexError if the subjects, a list of Cortex, are of several generations."""
-    found = sorted({subject.generation for subject in subjects})
-    if len(found) > 1:
+    generations = sorted({subject.generation for subject in subjects})
+    if len(generations) > 1:
         raise CortexError(
-            f"the subjects are of the generations {', '.join(map(str, found))}, whose folds "
-            "follow other rules; "
-            "make all with one version of the generator."
+            f"the subjects are of the generations {', '.join(map(str, generations))}, whose folds follow "
+            "other rules; make all with one version of the generator."
         )
 
 
@@ -137,7 +133,7 @@ def make_cortex(
     give the same hemisphere, and both sides of a seed resemble each other. Folds have the width of
     real ones from 8,000 vertices; coarser meshes fold more coarsely. Folds form 1 to 3 mm beside
     what corresponds on the template. Takes time like n^1.5, 10 s at 10,000; `clock`, int64 (2,), is
-    kept at the steps of growth done and in all, for a progress bar in another thread. CortexError
+    set to the steps of growth done and in all, for a progress bar in another thread. CortexError
     for a seed, size, side or generation that is not possible.
     """
     _check(seed, n_vertices, hemisphere)
@@ -149,8 +145,7 @@ def make_cortex(
 
 
 def unfolded(cortex, template):
-    """The smooth surface (k, 3) that a subject grew from, at template points (k, 3); unit: half a
-    hemisphere."""
+    """The smooth surface (k, 3) that a subject grew from, at template points (k, 3)."""
     require_generation(cortex.generation)
     person = Individual(cortex.seed, cortex.hemisphere, GENERATIONS[cortex.generation])
     return person.position(person.deform(template))
@@ -177,8 +172,7 @@ def growth_frames(seed, n_vertices=3_000, frames=20):
 
 
 def grown(person, n_vertices, mechanics=Mechanics(), clock=None, film=None):
-    """The folded surface of an `Individual` with its curves, and each vertex' template point (V,
-    3).
+    """The folded surface of an `Individual` with its curves, and its template points (V, 3).
 
     film (K, V, 3): becomes positions of its growth, as in `grow`, to the scale of the surface."""
     directions, rim = even_points(person.position, n_vertices, person.rng)

@@ -1,5 +1,4 @@
-"""Torch datasets for the three trainings: item k depends on the seed and k alone, whatever the
-number of workers."""
+"""Torch datasets for the three trainings: item k depends on the seed and k alone."""
 
 import atexit
 import hashlib
@@ -35,11 +34,11 @@ atexit.register(shared_cache.clear)
 
 
 class DatasetError(ValueError):
-    """A training set that cannot be drawn or kept: says why and what to do."""
+    """A training set that cannot be drawn or stored: says why and what to do."""
 
 
 class DatasetWarning(UserWarning):
-    """A kept training set was damaged or of another recipe, and was drawn again."""
+    """A stored training set was damaged or of another recipe, and was drawn again."""
 
 
 class Seeded(Dataset):
@@ -84,16 +83,14 @@ def _tensor(array):
 
 
 def quiet_disk_map(surface):
-    """The disk map of a subject, without a word on boundary steps that had to be raised: coarse
-    ones need it."""
+    """The disk map of a subject, without warnings of raised boundary steps."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RepairWarning)
         return disk_conformal_map(surface)
 
 
 class CurveDataset(Seeded):
-    """For LD-Net: (image (2, size, size), ends (K, 2), curves (K, points)) of synthetic subjects,
-    turned and distorted.
+    """For LD-Net: (image (2, size, size), ends (K, 2), curves (K, points)) of synthetic subjects.
 
     Channels: curvature in 0..255 on the disk (0 outside it) and the endpoints as 255; ends and
     curves are complex points of the same image coordinates, whose radius follows the area. Each
@@ -128,8 +125,7 @@ class CurveDataset(Seeded):
 
     @cached_property
     def subjects(self):
-        """What the items are drawn from; most of a second each, and not needed where a kept set is
-        read."""
+        """The sources of the items, prepared at first use: most of a second each."""
         return [self._prepare(surface) for surface in self.surfaces]
 
     def _prepare(self, surface):
@@ -154,38 +150,41 @@ class CurveDataset(Seeded):
 
 
 def cached(dataset, path, workers=0, progress=True):
-    """The whole dataset as a TensorDataset, read from `path` or drawn once by `workers` processes
-    and kept there.
+    """The whole dataset as a TensorDataset, read from `path` or drawn and stored there.
 
     The file carries the dataset's recipe and a checksum; one that is damaged or of another recipe
     is drawn again, with a DatasetWarning. DatasetError, before anything is drawn, where the file
     cannot be written.
     """
     path = Path(path)
-    kept = _read(path, dataset.recipe)
-    if kept is None:
+    columns = _read(path, dataset.recipe)
+    if columns is None:
         if path.exists():
             warnings.warn(
                 f"{path} is damaged or of another recipe; it is drawn again",
                 DatasetWarning,
                 stacklevel=2,
             )
-        kept = _drawn(dataset, path, workers, progress)
-    return TensorDataset(*kept)
+        columns = _drawn(dataset, path, workers, progress)
+    return TensorDataset(*columns)
 
 
 def _drawn(dataset, path, workers, progress):
     """The columns of a dataset, drawn and written to `path`, whole or not at all."""
-    kept = []
+    drawn = []
 
     def draw(place):
         loader = DataLoader(dataset, batch_size=16, num_workers=workers)
         batches = list(tqdm(loader, desc=f"drawing {path.name}", delay=2, disable=not progress))
-        kept.extend(torch.cat(column) for column in zip(*batches))
-        columns = {f"column_{k}": tensor.numpy() for k, tensor in enumerate(kept)}
+        drawn.extend(torch.cat(column) for column in zip(*batches))
+        columns = {f"column_{k}": tensor.numpy() for k, tensor in enumerate(drawn)}
         with place.open("wb") as file:
             np.savez(
-                file, columns=len(kept), recipe=dataset.recipe, checksum=_checksum(kept), **columns
+                file,
+                columns=len(drawn),
+                recipe=dataset.recipe,
+                checksum=_checksum(drawn),
+                **columns,
             )
 
     try:
@@ -201,7 +200,7 @@ def _drawn(dataset, path, workers, progress):
         write_whole(path, draw)
     except SurfaceError as error:
         raise DatasetError(str(error)) from None
-    return kept
+    return drawn
 
 
 def _checksum(tensors):

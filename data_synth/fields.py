@@ -1,5 +1,4 @@
-"""Random Beltrami coefficients: from photographs as in the paper, from a procedural stand-in, and
-smooth ones.
+"""Random Beltrami coefficients: from photographs, from a procedural stand-in, and smooth ones.
 
 The paper turns two random photographs grey, takes one as the real and one as the imaginary part,
 smooths them, adds noise and scales the result below 1. Any callable `source(size, rng) -> grey
@@ -29,8 +28,7 @@ class ImageError(ValueError):
 
 
 class ImageFolder:
-    """Photographs of a local folder as a source of grey images: `folder(size, rng)` gives a random
-    square part.
+    """Photographs of a folder as a source: `folder(size, rng)` gives a random square in grey.
 
     Every file with an image suffix is read once at the start, so that a long run does not meet a
     damaged one; they are read again when drawn, so that memory does not grow with the folder.
@@ -67,9 +65,8 @@ class ImageFolder:
 
 def _read_grey(path):
     try:
-        image = img_as_float(
-            io.imread(BytesIO(path.read_bytes()))
-        )  # from a path, the reader may leave the file open
+        # From a path, the reader may leave the file open.
+        image = img_as_float(io.imread(BytesIO(path.read_bytes())))
     except Exception as error:
         reason = " ".join(str(error).split())[:80]
         raise ImageError(f"{path}: not a readable image ({reason}); remove or replace it") from None
@@ -98,8 +95,7 @@ def power_noise(size, rng, slope):
 
 
 def dead_leaves(size, rng, leaves=400):
-    """Grey image (size, size) in [0, 1]: disks of radius density r^-3 hide one another, each with a
-    1/f texture."""
+    """Grey image (size, size) in [0, 1]: overlapping disks of density r^-3 with 1/f textures."""
     y, x = np.mgrid[:size, :size]
     smallest, largest = 0.015 * size, 0.5 * size
     u = rng.random(leaves)
@@ -113,8 +109,7 @@ def dead_leaves(size, rng, leaves=400):
 
 
 def image_coefficient(size, rng, source=dead_leaves, smoothing=(0.01, 0.06), noise=0.03):
-    """Complex image (size, size) by the paper's recipe from two grey images of `source`, mean 0,
-    largest modulus 1.
+    """Complex image (size, size) from two grey images of `source`, mean 0, largest modulus 1.
 
     smoothing: the Gaussian's standard deviation is log-uniform in this interval, as a share of the
     size; noise: the added white noise's standard deviation as a share of the image's.

@@ -1,5 +1,4 @@
-"""Measurements of a folded sheet for the realism metrics: smoothing, bending, gaps, fold
-wavelengths, sulcal pits."""
+"""Measurements of a folded sheet: smoothing, bending, gaps, fold wavelengths, sulcal pits."""
 
 import numpy as np
 from scipy import sparse
@@ -10,8 +9,7 @@ from .cortex import vertex_normals
 
 
 def smooth(surface, values, length, steps=3):
-    """Values (V,) after heat flow over the surface for the time length^2: a low pass, in implicit
-    Euler steps."""
+    """Values (V,) after heat flow over the surface for the time length^2, a low pass."""
     mass = sparse.diags_array(surface.vertex_areas)
     return heat_flow(mass, length**2 / steps * surface.stiffness, mass @ values, steps)
 
@@ -33,9 +31,8 @@ def principal_curvatures(surface, rings=4):
     x_axis = np.cross(normal, across)
     x_axis /= np.linalg.norm(x_axis, axis=1, keepdims=True)
     frame = np.stack([x_axis, np.cross(normal, x_axis), normal], axis=1)
-    scale = np.sqrt(
-        surface.vertex_areas
-    )  # heights and distances in this unit: well-conditioned sums
+    # Heights and distances in this unit: well-conditioned sums.
+    scale = np.sqrt(surface.vertex_areas)
     offset = (surface.vertices[other] - surface.vertices[centre]) / scale[centre, None]
     u, v, height = np.einsum("pak,pk->ap", frame[centre], offset)
     quadric = _least_squares(
@@ -59,8 +56,7 @@ def _ring_pairs(surface, rings):
 
 
 def _least_squares(design, target, group, n_groups):
-    """Solutions (n_groups, k) of one least-squares problem a group, with a trace of ridge for
-    deficient ones."""
+    """Solutions (n_groups, k) of one least-squares problem per group, with a small ridge."""
 
     def total(values):
         return np.bincount(group, values, n_groups)
@@ -75,8 +71,7 @@ def _least_squares(design, target, group, n_groups):
 
 
 def _bending(a, b, c, d, e):
-    """Principal curvatures at 0 of the graph a u^2 + b uv + c v^2 + d u + e v, positive where it
-    bends down."""
+    """Principal curvatures at 0 of a u^2 + b uv + c v^2 + d u + e v, positive if it bends down."""
     g11, g12, g22 = 1 + d * d, d * e, 1 + e * e
     determinant = 1 + d * d + e * e
     h11, h12, h22 = (-x / np.sqrt(determinant) for x in (2 * a, b, 2 * c))
@@ -87,8 +82,7 @@ def _bending(a, b, c, d, e):
 
 
 def facing_distance(surface, start):
-    """Distance (V,) from each vertex along its outward normal to the next sheet, infinite where
-    none is met.
+    """Distance (V,) from each vertex along its outward normal to the next sheet, or infinity.
 
     The ray begins at the distance `start`, so that it leaves its own faces. At a buried vertex: the
     sulcal width.
@@ -100,10 +94,8 @@ def facing_distance(surface, start):
     locator = vtkStaticCellLocator()
     locator.SetDataSet(pyvista.PolyData.from_regular_faces(surface.vertices, surface.faces))
     locator.BuildLocator()
-    normal, reach = (
-        vertex_normals(surface.vertices, surface.faces),
-        2 * np.ptp(surface.vertices, axis=0).max(),
-    )
+    normal = vertex_normals(surface.vertices, surface.faces)
+    reach = 2 * np.ptp(surface.vertices, axis=0).max()
     distance = np.full(len(normal), np.inf)
     t, hit, local, part = reference(0.0), [0.0] * 3, [0.0] * 3, reference(0)
     begins, ends = surface.vertices + start * normal, surface.vertices + reach * normal
@@ -114,8 +106,7 @@ def facing_distance(surface, start):
 
 
 def fold_spectrum(surface, values):
-    """Power of a map over wavelength, the latter in units of sqrt(area): (wavelengths (25,), shares
-    of power (25,)).
+    """Power of a map over wavelength in sqrt(area): (wavelengths (25,), shares of power (25,)).
 
     Band-pass filters `(4 x / (1 + x)^2)^4`, x = eigenvalue / centre, of the Laplace-Beltrami
     operator at 25 centres with wavelength 2 pi / sqrt(eigenvalue) from 0.04 to 1.2: rational, so
@@ -134,8 +125,7 @@ def fold_spectrum(surface, values):
 
 
 def spectral_peak(wavelengths, power):
-    """Wavelength of the highest power: the vertex of the parabola through it and its neighbours, in
-    log wavelength."""
+    """Wavelength of the highest power, by a parabola through its neighbours in log wavelength."""
     top = int(np.clip(np.argmax(power), 1, len(power) - 2))
     left, middle, right = power[top - 1 : top + 2]
     shift = np.clip(0.5 * (left - right) / (left - 2 * middle + right), -1, 1)
@@ -173,8 +163,7 @@ def pits_and_fundi(surface, depth, deep, persistence):
 
 
 def _merge_tree(depth, neighbours, deep, persistence):
-    """Persistent maxima, and (saddle, deepest neighbour) for both sides of every join, while the
-    depth is flooded."""
+    """Persistent maxima, and (saddle, deepest neighbour) for both sides of every join."""
     parent, peak, pits, saddles = {}, {}, 0, []
 
     def root(vertex):

@@ -22,8 +22,7 @@ def concavity(x, normal, start, index):
 
 
 def valley_path(x, sheet, valley, distance, ends, guidance):
-    """Vertices (k,) of the cheapest path between two vertices, an edge costing its length over how
-    good a valley it is.
+    """Vertices (k,) of the cheapest path: an edge costs its length over the valley's quality.
 
     valley (V,) in 0..1, 1 = fundus; distance (V,) from the course on the rest surface; guidance:
     `generations.Guidance`, for the corridor around the course.
@@ -47,8 +46,7 @@ def valley_path(x, sheet, valley, distance, ends, guidance):
 
 
 def trace(x, sheet, normal, depth, course, guidance):
-    """Fundus path (k,) that follows a course (m, 3) of points on the rest surface; depth (V,) below
-    the hull.
+    """Fundus path (k,) along a course (m, 3) on the rest surface; depth (V,) below the hull.
 
     x, normal (V, 3): the folded surface; sheet: the same one at rest, a `growth.Sheet`; guidance:
     how closely.

@@ -1,5 +1,4 @@
-"""The generations of synthetic subjects: the constants that tie their folds to the template, under
-a number each.
+"""The generations of synthetic subjects: numbered constants that tie folds to the template.
 
 A subject's seed, size and side make the same surface for ever within a generation; another set of
 constants is another generation. Files and results carry the number, and subjects of two generations
@@ -29,12 +28,10 @@ class Guidance:
     corridor: float = 0.06  # how far beside its course a fundus is traced
     aside: float = 0.02  # the distance there at which a poor valley costs twice as much ...
     aside_cost: float = 0.1  # ... and what it adds in the best one, whose own cost is 0.02
-    hold: float = (
-        0.003  # narrow inward force on furrows that stays, so that the fold cannot slide off
-    )
-    pattern: float = (
-        0.0016  # force towards the folds that the template grows by itself, which stays
-    )
+    # Narrow inward force on furrows that stays, so that the fold cannot slide off.
+    hold: float = 0.003
+    # Force towards the folds that the template grows by itself, which stays.
+    pattern: float = 0.0016
     presence: tuple[float, float, float] = (
         0.7,
         0.5,

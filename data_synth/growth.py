@@ -1,5 +1,4 @@
-"""The folding of a growing elastic shell: explicit dynamics of springs, bending, foundation,
-limits and self-contact."""
+"""A growing elastic shell: explicit dynamics of springs, bending, limits and self-contact."""
 
 from typing import NamedTuple
 
@@ -14,8 +13,7 @@ GROWN = 0.85  # share of the steps after which the rest lengths grow no more
 
 
 class Sheet(NamedTuple):
-    """The surface before it grows: rest (V, 3), faces (F, 3), and the neighbours as
-    `neighbour_table` lists them."""
+    """The surface before it grows: rest (V, 3), faces (F, 3), and its `neighbour_table`."""
 
     rest: np.ndarray
     faces: np.ndarray
@@ -43,8 +41,7 @@ def neighbour_table(faces, count):
 
 
 def hull_distance(radius, spacing=0.03, samples=40_000):
-    """Signed distance to the hull, positive inside, on a grid around it: field (a, b, c), low
-    corner (3,), spacing.
+    """Signed distance to the hull, positive inside: (field (a, b, c), low corner (3,), spacing).
 
     radius(u) is the hull's distance from CENTRE; it decides the sign far from the hull.
     """
@@ -73,19 +70,16 @@ def hull_distance(radius, spacing=0.03, samples=40_000):
 
 @compiled
 def _cells(x, size):
-    """Vertices sorted by grid cell: keys' grid origin, grid shape, sorted order, start of each cell
-    in it."""
+    """Vertices sorted by grid cell: origin, shape, order, and each cell's start in it."""
     low = np.array([x[:, 0].min(), x[:, 1].min(), x[:, 2].min()])
     high = np.array([x[:, 0].max(), x[:, 1].max(), x[:, 2].max()])
     shape = ((high - low) / size).astype(np.int64) + 1
     cell = np.empty(len(x), np.int64)
     start = np.zeros(shape[0] * shape[1] * shape[2] + 1, np.int64)
     for i in range(len(x)):
-        a, b, c = (
-            int((x[i, 0] - low[0]) / size),
-            int((x[i, 1] - low[1]) / size),
-            int((x[i, 2] - low[2]) / size),
-        )
+        a = int((x[i, 0] - low[0]) / size)
+        b = int((x[i, 1] - low[1]) / size)
+        c = int((x[i, 2] - low[2]) / size)
         cell[i] = (a * shape[1] + b) * shape[2] + c
         start[cell[i] + 1] += 1
     for k in range(len(start) - 1):
@@ -104,11 +98,9 @@ def _close_pairs(x, rest, reach, apart):
     pairs = np.empty((64 * len(x), 2), np.int64)
     count = 0
     for i in range(len(x)):
-        a, b, c = (
-            int((x[i, 0] - low[0]) / reach),
-            int((x[i, 1] - low[1]) / reach),
-            int((x[i, 2] - low[2]) / reach),
-        )
+        a = int((x[i, 0] - low[0]) / reach)
+        b = int((x[i, 1] - low[1]) / reach)
+        c = int((x[i, 2] - low[2]) / reach)
         for p in range(max(a - 1, 0), min(a + 2, shape[0])):
             for q in range(max(b - 1, 0), min(b + 2, shape[1])):
                 row = (p * shape[1] + q) * shape[2]
@@ -136,8 +128,7 @@ def _close_pairs(x, rest, reach, apart):
 
 @compiled
 def _depth_at(point, field, low, spacing, out):
-    """Trilinear value of the signed-distance field at a point and its gradient, written to out
-    (4,)."""
+    """The signed distance at a point and its gradient, trilinear, written to out (4,)."""
     cell, part = np.empty(3, np.int64), np.empty(3)
     for k in range(3):
         scaled = (point[k] - low[k]) / spacing

@@ -1,5 +1,4 @@
-"""One individual: the deformed template, its size, its growth and its sulci with gaps, branches and
-neighbours."""
+"""One individual: the deformed template, its size, its growth and its sulci."""
 
 from typing import NamedTuple
 
@@ -38,8 +37,7 @@ def smooth_field(rng, directions, width, count):
 
 
 class Furrows(NamedTuple):
-    """Furrows at points of the unfolded surface: strengths (V,) in 0..1, which fall off at three
-    widths, and direction.
+    """Furrows at points of the unfolded surface: strengths (V,) of three widths, and direction.
 
     pull: of the early inward force; hold: of the one that stays; band: where the sheet grows less
     along the furrow; along (V, 3): unit, zero at short furrows.
@@ -52,8 +50,7 @@ class Furrows(NamedTuple):
 
 
 class Individual:
-    """The random traits of one hemisphere; the two sides of a seed share two thirds of the
-    deformation's variance."""
+    """The random traits of a hemisphere; a seed's sides share two thirds of the deformation."""
 
     def __init__(self, seed, hemisphere, guidance=GENERATIONS[GENERATION]):
         self.hemisphere, self.guidance = hemisphere, guidance
@@ -95,8 +92,7 @@ class Individual:
         return CENTRE + directions * self.hull(directions)[:, None]
 
     def position(self, directions):
-        """The surface before folding (k, 3): the hull with the open Sylvian fossa, whose floor
-        becomes the insula."""
+        """The surface before folding (k, 3): the hull with the open Sylvian fossa."""
         radius = self.hull(directions)
         distance, nearest = self._fossa.query(CENTRE + directions * radius[:, None])
         width = self._fossa_width[nearest]
@@ -125,16 +121,13 @@ class Individual:
             along[stronger] = (
                 unit(np.gradient(path, axis=0))[nearest[stronger]] if k < straight else 0
             )
-            pull, hold, band = (
-                np.maximum(pull, early),
-                np.maximum(hold, lasting),
-                np.maximum(band, wide),
-            )
+            pull = np.maximum(pull, early)
+            hold = np.maximum(hold, lasting)
+            band = np.maximum(band, wide)
         return Furrows(pull, hold, band, along)
 
     def presence(self, directions):
-        """How much of the template's own folds (k,) this individual has at directions (k, 3), a
-        smooth random field."""
+        """How much of the template's own folds (k,) this individual has at directions (k, 3)."""
         mean, deviation, most = self.guidance.presence
         return np.clip(mean + deviation * smooth_field(self.rng, directions, 0.35, 80), 0, most)
 
@@ -158,8 +151,7 @@ class Individual:
         return lines
 
     def _interrupted(self, count):
-        """Strength (count,) along a course: one, but for a gap where a gyrus bridges about every
-        third sulcus."""
+        """Strength (count,) along a course: one, but for gaps in about every third sulcus."""
         strength = np.ones(count)
         if self.rng.random() < 0.35:
             place = self.rng.uniform(0.25, 0.75)
@@ -198,8 +190,7 @@ class Individual:
         return pattern(self.template(dimple)).mean() > 0
 
     def _segment(self, start, along, angle, length):
-        """Directions (30, 3) of a slightly bent segment that leaves `start` at an angle to the
-        heading `along`."""
+        """Directions (30, 3) of a slightly bent segment from `start`, at an angle to `along`."""
         heading = np.cos(angle) * along + np.sin(angle) * np.cross(start, along)
         step = np.linspace(0, length, 30)[:, None]
         return unit(start + step * heading + self.rng.normal() * step**2 * np.cross(start, heading))

@@ -4,12 +4,11 @@ import numpy as np
 
 
 def self_intersections(vertices, faces):
-    """Indices (k,) of the faces that another face of the mesh pierces or touches away from common
-    vertices.
+    """Indices (k,) of the faces that another face pierces or touches off common vertices.
 
     Two triangles meet exactly where an edge of one meets the other, so that every edge is tried
     against the faces near it that it shares no vertex with (the test of Moeller and Trumbore 1997).
-    Double precision, not exact arithmetic: contact within rounding may be told either way, and
+    Double precision, not exact arithmetic: contact within rounding may go either way, and
     triangles folded flat onto each other escape.
     """
     vertices, faces = np.asarray(vertices, float), np.asarray(faces)
@@ -41,8 +40,7 @@ def _pierces(start, end, a, b, c):
 
 
 def _box_pairs(first, second):
-    """All pairs (i, j) of point sets (n, k, 3), (m, l, 3) whose bounding boxes meet, found by cells
-    of a grid."""
+    """All pairs (i, j) of point sets (n, k, 3), (m, l, 3) whose bounding boxes meet."""
     boxes = [(points.min(axis=1), points.max(axis=1)) for points in (first, second)]
     cell = np.mean(boxes[1][1] - boxes[1][0])
     (box_a, key_a), (box_b, key_b) = (

@@ -23,8 +23,7 @@ class DiskMaps:
 
 
 class Perturbation:
-    """Draws random maps of one `Disk` and moves landmarks by them: `p = f(q)`, with f and its mu
-    known.
+    """Draws random maps f of one `Disk` and moves landmarks by them: `p = f(q)`, f and mu known.
 
     landmarks (M,) complex: the targets q on the control. Source: paper, section 'Training the
     Coefficient Prediction Network'.

@@ -1,8 +1,8 @@
 """The folds that the template grows by itself, to which subjects lean.
 
-They are kept in `pattern.json`, which `book/studies/grow_pattern.py` writes: a subject that is the
-template itself is grown once, and the depth of its folds kept. Kept and not grown anew, because a
-seed shall give the same subject everywhere.
+They are stored in `pattern.json`, which `book/studies/grow_pattern.py` writes: a subject that is the
+template itself is grown once, and the depth of its folds stored: growing it anew could give
+another subject for the same seed on another machine.
 """
 
 import json
@@ -15,22 +15,20 @@ from scipy.spatial import cKDTree
 from .tessellation import fibonacci_sphere
 
 FILE = Path(__file__).with_name("pattern.json")
-COUNT = 6000  # directions, at which the depth is kept
+COUNT = 6000  # directions, at which the depth is stored
 NEAREST = 4  # of them, between which it is interpolated
 
 
 @cache
-def kept():
-    """A tree of the template's directions, and how deep it folds there (COUNT,), in standard
-    deviations."""
+def template_folds():
+    """A tree of the template's directions, and its folds' depth (COUNT,) there, in SD."""
     depth = json.loads(FILE.read_text(encoding="utf-8"))["percent"]
     return cKDTree(fibonacci_sphere(len(depth))), np.array(depth) / 100
 
 
 def pattern(template):
-    """Depth (k,) of the template's own folds at points (k, 3) of it, in standard deviations:
-    negative on crowns."""
-    tree, depth = kept()
+    """Depth (k,) of the template's own folds at points (k, 3), in SD: negative on crowns."""
+    tree, depth = template_folds()
     distance, near = tree.query(template, k=NEAREST)
     weight = 1 / (distance + 1e-6) ** 2
     return (weight * depth[near]).sum(1) / weight.sum(1)

@@ -1,5 +1,4 @@
-"""How much like cortex a surface is: 29 measurements and the ranges that they have on real
-hemispheres.
+"""How much like cortex a surface is: 29 measurements and their ranges on real hemispheres.
 
 The ranges are minimum to maximum over nine surfaces (pial, white and middle) of seven hemispheres
 of six people from open data (pycortex S1, fsbrain subject1, the demonstration brain of Choi's disk
@@ -27,9 +26,8 @@ from .folding_measures import (
 )
 from .intersections import self_intersections
 
-CANONICAL_VERTICES = (
-    10_000  # folding is measured at this resolution, so that meshes of 10,000 to 160,000 compare
-)
+# Folding is measured at this resolution, so that meshes of 10,000 to 160,000 compare.
+CANONICAL_VERTICES = 10_000
 BURIED = 0.012  # deeper than this, in units of sqrt(hull area), counts as buried
 
 TARGETS = {
@@ -76,8 +74,7 @@ class Row(NamedTuple):
 
 
 def realism(surface):
-    """The metrics of `TARGETS` for an outward-oriented surface, dict name -> number, free of the
-    length unit.
+    """The metrics of `TARGETS` for an outward surface, dict name -> number, free of units.
 
     With L = sqrt(area): curvatures times L, fundus length, widths and wavelengths over L; depths
     over sqrt(area of the convex hull); areas as shares of the patch. All but topology, triangles
@@ -105,8 +102,7 @@ def realism(surface):
 
 
 def mesh_metrics(surface):
-    """The rows on topology, self-intersection and the shape of triangles, dict; they need no
-    decimation."""
+    """The rows on topology, self-intersection and triangle shape, dict, without decimation."""
     corners = surface.vertices[surface.faces]
     to_next, to_last = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
     normal = np.cross(to_next[:, 0], to_last[:, 0])
@@ -145,8 +141,7 @@ def _canonical(surface):
 
 
 def low_pass_curvature(surface):
-    """Mean curvature (V,) with its extreme 0.2 % cut at each end, then smoothed over 0.006 L;
-    1/length."""
+    """Mean curvature (V,), 0.2 % cut at each end, smoothed over 0.006 L; 1/length."""
     curvature = mean_curvature(surface)
     return smooth(
         surface,
@@ -213,8 +208,7 @@ def _depth_metrics(patch, depth, relative, share):
 
 
 def weighted_percentiles(values, weights, percent):
-    """Percentiles of values (k,) that count by weight, linear between the middles of the sorted
-    weights."""
+    """Percentiles of weighted values (k,), linear between the middles of the sorted weights."""
     order = np.argsort(values)
     share = np.cumsum(weights[order]) - 0.5 * weights[order]
     return np.interp(np.asarray(percent) / 100 * weights.sum(), share, values[order])

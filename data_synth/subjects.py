@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from qclearn.io.meshes import write_whole
+from qclearn.io.safe import write_whole
 from qclearn.surfaces.surface import Surface, SurfaceError
 
 from .cortex import HEMISPHERES, Cortex, CortexError
@@ -37,8 +37,7 @@ def save_cortex(path, cortex):
 
 
 def load_cortex(path):
-    """Read a hemisphere that save_cortex wrote; CortexError names what the file lacks or why it
-    cannot be read."""
+    """Read a hemisphere that save_cortex wrote; CortexError where that is impossible."""
     path = Path(path)
     try:
         # From memory: np.load leaves the file open where the archive is damaged.

@@ -1,5 +1,4 @@
-"""The template hemisphere: hull, medial wall, sulci and the random diffeomorphisms that make
-individuals.
+"""The template hemisphere: hull, medial wall, sulci and random diffeomorphisms.
 
 Frame: x lateral, y anterior, z superior, the same for both sides; unit = half the hemisphere's
 length. A point of the template is a unit vector, the direction from CENTRE; `hull_radius` says how
@@ -101,8 +100,7 @@ def _ellipsoid_exit(directions, centre, axes, tilt):
 
 
 def differences(function, directions):
-    """Two tangents (k, 3) at unit directions, and along each the difference (k, ...) of a function
-    over twice STEP."""
+    """Two tangents (k, 3) at unit directions, and a function's difference (k, ...) along each."""
     helper = np.where(np.abs(directions[:, :1]) < 0.7, [[1.0, 0, 0]], [[0, 1.0, 0]])
     first = unit(np.cross(directions, helper))
     tangents = first, np.cross(directions, first)
@@ -113,15 +111,13 @@ def differences(function, directions):
 
 
 def area_vectors(position, directions):
-    """Outward normals (k, 3) of a star-shaped surface position(u), as long as its area per solid
-    angle."""
+    """Outward normals (k, 3) of a star-shaped surface position(u), of area per solid angle."""
     _, along = differences(position, directions)
     return np.cross(*along) / (2 * STEP) ** 2
 
 
 def hull_radius(directions, lobe_scale=None):
-    """Distance (k,) from CENTRE to the smooth hull along unit directions (k, 3); the medial face is
-    nearly flat."""
+    """Distance (k,) from CENTRE to the smooth hull along unit directions (k, 3)."""
     scale = np.ones(len(LOBES)) if lobe_scale is None else lobe_scale
     exits = np.stack([s * _ellipsoid_exit(directions, *lobe) for s, lobe in zip(scale, LOBES)])
     largest = exits.max(0)
@@ -131,8 +127,7 @@ def hull_radius(directions, lobe_scale=None):
 
 
 def wall_level(directions):
-    """Elliptic radius (k,) on the medial plane: below 1 inside the medial wall, infinite on the
-    lateral side."""
+    """Elliptic radius (k,) on the medial plane: below 1 inside the wall, infinite on the side."""
     depth = -directions[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         plane = CENTRE[1:] + directions[:, 1:] * (CENTRE[0] / depth)[:, None]
@@ -159,8 +154,7 @@ def sulcus_course(points, count=120):
 
 
 class Diffeomorphism:
-    """A random diffeomorphism of the template sphere, the flow of a smooth field that vanishes at
-    the medial wall."""
+    """A random diffeomorphism of the template sphere, the identity at the medial wall."""
 
     def __init__(self, rng, amplitude, width=0.38, count=60):
         self.centres = unit(rng.normal(size=(count, 3)))

@@ -16,8 +16,7 @@ def fibonacci_sphere(count):
 
 
 def even_points(position, count, rng, iterations=14, samples_per_point=9):
-    """Directions (count, 3) outside the wall, the rim's first, that spread evenly over the surface
-    position(u).
+    """Directions (count, 3) outside the wall, its rim first, spread evenly over position(u).
 
     Centroidal Voronoi points by Lloyd's iteration over weighted samples; rim points stay on the
     wall's curve. Returns (directions, number of rim points).
@@ -42,8 +41,7 @@ def even_points(position, count, rng, iterations=14, samples_per_point=9):
 
 
 def _clear_of_wall(directions, rim_count):
-    """Directions (k, 3), those inside the wall or less than half an edge from its rim moved out on
-    the medial plane.
+    """Directions (k, 3), moved out of the wall and half an edge away from its rim.
 
     Then the rim's own edges belong to the Delaunay mesh: its circles over them are empty.
     """
@@ -58,8 +56,7 @@ def _clear_of_wall(directions, rim_count):
 
 
 def _even_samples(position, count, rng):
-    """Random directions (about count, 3) outside the wall, even on the surface, and the surface's
-    area."""
+    """Random directions (about count, 3) outside the wall, even on the surface, and its area."""
     u = fibonacci_sphere(2 * count)
     u = u[wall_level(u) > 1]
     area = np.cumsum(np.linalg.norm(area_vectors(position, u), axis=1))
@@ -69,8 +66,7 @@ def _even_samples(position, count, rng):
 
 
 def triangulate(rim_count, vertices, template):
-    """Faces (F, 3), outward oriented, of a nearly Delaunay mesh of `vertices` without the faces
-    that span the wall.
+    """Faces (F, 3), outward, of a nearly Delaunay mesh without faces that span the wall.
 
     Starts from the spherical Delaunay mesh of the template, which is one-to-one; an edge is flipped
     where the angles opposite it sum to more than pi, unless a triangle would turn over on the
@@ -88,8 +84,7 @@ def triangulate(rim_count, vertices, template):
 
 
 def interior_edges(faces):
-    """Pairs of faces and of corners: face a's corner i and face b's corner j lie opposite a shared
-    edge."""
+    """Pairs of faces and of corners: face a's corner i and b's corner j face a shared edge."""
     edge = np.sort(np.concatenate([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]]), axis=1)
     key = edge[:, 0] * (faces.max() + 1) + edge[:, 1]
     order = np.argsort(key, kind="stable")
@@ -115,8 +110,7 @@ def _volume(p, q, r):
 
 @compiled
 def _flip_pass(faces, x, u, face_a, corner_a, face_b, corner_b):
-    """One pass of Lawson flips over edges whose two faces were not touched in this pass; returns
-    how many flipped."""
+    """One pass of Lawson flips over edges of untouched faces; the number of flips."""
     touched = np.zeros(len(faces), np.bool_)
     degree = np.zeros(len(x), np.int64)
     for f in range(len(faces)):

@@ -1,7 +1,6 @@
-"""What each network is trained on, one function a network: (config, folder, quick) -> (training,
-validation) sets.
+"""Training sets, one function per network: (config, folder, quick) -> (training, validation).
 
-The sets are drawn once and kept in `folder`; `quick` draws a few items only, for a trial.
+The sets are drawn once and stored in `folder`; `quick` draws a few items only, for a trial.
 Validation subjects served for the logs and for two settings of use; held-out figures come from
 other seeds still.
 """
@@ -34,8 +33,7 @@ from .template import SULCI
 
 
 class Fields(Seeded):
-    """Beltrami coefficients alone, (mu (F,),), on the faces of `polar_disk(rings, spokes)`;
-    both kinds equally often."""
+    """Beltrami coefficients alone, (mu (F,),), on `polar_disk(rings, spokes)`; of both kinds."""
 
     def __init__(self, count, seed, rings=48, spokes=144, max_abs=MAX_ABS, source=dead_leaves):
         super().__init__(count, seed, rings, spokes, max_abs, source)
@@ -47,8 +45,7 @@ class Fields(Seeded):
 
 
 class SquareFields(Seeded):
-    """The same fields before they are resampled to a disk: complex images (mu (size, size),) of the
-    square."""
+    """The same fields before resampling to a disk: complex images (mu (size, size),)."""
 
     def __init__(self, count, seed, size=64, max_abs=MAX_ABS, source=dead_leaves):
         super().__init__(count, seed, size, max_abs, source)
@@ -97,14 +94,13 @@ def dbsnet(config, folder, quick=False):
             Fields(count, seed, config.rings, config.spokes)
             for count, seed in zip(counts, (5101, 5102))
         ]
-    return kept(sets, f"{folder}/dbsnet-{config.preset}", quick)
+    return stored(sets, f"{folder}/dbsnet-{config.preset}", quick)
 
 
-def kept(sets, start, quick):
-    """The training and the validation set, each drawn once and kept in a file whose name begins so."""
-    names = (
-        f"{start}-{part}{'-quick' if quick else ''}.npz" for part in ("training", "validation")
-    )
+def stored(sets, start, quick):
+    """The training and the validation set, each drawn once and stored in a file named by `start`."""
+    end = "-quick.npz" if quick else ".npz"
+    names = (f"{start}-{part}{end}" for part in ("training", "validation"))
     return tuple(cached(items, name, progress=not quick) for items, name in zip(sets, names))
 
 
@@ -112,15 +108,13 @@ DATA_POINTS = 37  # on each curve: every fourth of them are the ten of preset `p
 LOOKS = 2  # on the network's own mesh, where the fields that CP-Net imitates come from
 STIFF = 1e-2, 1e5  # beta / alpha and gamma / alpha of the stiffest fit that is usual
 SHARE, WILD = 0.3, 1.6  # of examples that have these; |nu| beyond which one is drawn again
-TRAINING_SEEDS, VALIDATION_SEEDS = (
-    tuple(range(2001, 2097)),
-    tuple(range(3001, 3013)),
-)  # none of the cohort's
+# None of the cohort's.
+TRAINING_SEEDS = tuple(range(2001, 2097))
+VALIDATION_SEEDS = tuple(range(3001, 3013))
 
 
 def subjects(seeds, folder, quick=False):
-    """Synthetic left hemispheres of 10,000 vertices, grown once and kept in `folder`; `quick`:
-    coarse ones, at once."""
+    """Synthetic left hemispheres of 10,000 vertices, stored in `folder`; `quick`: coarse ones."""
     return hemispheres(seeds, 1_000 if quick else 10_000, folder, progress=not quick)
 
 
@@ -141,12 +135,11 @@ def ldnet(config, folder, quick=False):
         )
         for k, (group, count) in enumerate(zip(seeds, counts))
     )
-    return kept(sets, f"{folder}/ldnet", quick)
+    return stored(sets, f"{folder}/ldnet", quick)
 
 
 class Pairs(Seeded):
-    """For CP-Net: (moving, wanted, left, mask (128,), logs (2,), born, nu (rings, spokes)): its
-    input and answer.
+    """For CP-Net: (moving, wanted, left, mask (128,), logs (2,), born, nu (rings, spokes)).
 
     Targets are the curves of a subject, some of them or what lies between those of two, at several
     numbers of points, or points scattered over the disk. They are moved to another subject's
@@ -177,9 +170,8 @@ class Pairs(Seeded):
             )
             born, *changes = refinement.born()
             *_, (proposal, best) = refinement.run(born, LOOKS)
-            nu = (
-                best.proposal if proposal.cut else proposal
-            ).nu  # a step that was cut is not tried
+            # A step that was cut is not tried.
+            nu = best.proposal.nu if proposal.cut else proposal.nu
             if np.isfinite(nu).all() and abs(nu).max() < WILD:
                 break
         padding, shape = (0, self.most - len(p)), (self.spectrum.rings, -1)
@@ -201,9 +193,8 @@ class Pairs(Seeded):
         elif rng.random() < 0.25:
             p = twisted(q, rng)
         else:
-            kind = (
-                "image" if rng.random() < 0.2 else "smooth"
-            )  # images take longer than all the rest
+            # Images take longer than all the rest.
+            kind = "image" if rng.random() < 0.2 else "smooth"
             mu = random_coefficient(self.maps.disk, rng, kind, max_abs=(0.05, 0.8))
             p = self.maps.disk.sampling(q) @ self.maps.solve(mu)
         return (mobius(p, *best_mobius(p, q)) if rng.random() < 0.85 else p), q
@@ -224,8 +215,7 @@ def twisted(z, rng):
 
 
 class ControlPairs(Seeded):
-    """For the paper's CP-Net: (moving (M,), target (M,)) with the landmarks of one control as the
-    targets.
+    """For the paper's CP-Net: (moving (M,), target (M,)), targets of one control.
 
     moving: the targets moved by a random map, as the paper does, or those of another subject (or of
     what lies between two), aligned by the best Möbius map. curves, control: (S, C, points) and (C,
@@ -275,12 +265,11 @@ def cpnet(config, folder, quick=False):
             )
         else:
             sets.append(Pairs(count, 7001 + k, curves, config))
-    return kept(sets, f"{folder}/cpnet-{config.preset}", quick)
+    return stored(sets, f"{folder}/cpnet-{config.preset}", quick)
 
 
 def disk_curves(seeds, folder, quick=False):
-    """Every sulcus of every subject as DATA_POINTS points of its disk, equally spaced by arc
-    length: (S, C, points)."""
+    """All sulci as DATA_POINTS points on the subjects' disks, by arc length: (S, C, points)."""
     curves = []
     for subject in subjects(seeds, folder, quick):
         surface = subject.surface

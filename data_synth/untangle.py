@@ -8,8 +8,7 @@ ROUNDS = 8
 
 
 def untangle(x, faces, start, index, held):
-    """Positions (V, 3) without self-intersections where that is possible: patches around them are
-    relaxed.
+    """Positions (V, 3) without self-intersections where possible: their patches are relaxed.
 
     A patch is the vertices of the faces at fault and a growing number of rings; umbrella smoothing
     draws what has pierced another bank back to its own side. The rim (`held`) does not move.

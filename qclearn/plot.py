@@ -34,8 +34,7 @@ def disk_axes(ax):
 
 
 def disk_plot(ax, z, faces, values, cmap="viridis", vmin=None, vmax=None):
-    """Colour a planar mesh z (V,) by values per vertex (V,), blended, or per face (F,), flat;
-    returns the artist."""
+    """Colour a planar mesh z (V,) by values per vertex (V,) or per face (F,); the artist."""
     shading = "gouraud" if len(values) == len(z) else "flat"
     disk_axes(ax)
     look = {"shading": shading, "cmap": cmap, "vmin": vmin, "vmax": vmax}
@@ -58,23 +57,20 @@ def square_lines(lines=17, samples=181):
 
 
 def map_curves(disk, f, curves):
-    """Curves (list of complex arrays) of a `Disk` carried by the piecewise linear map f (V,): a
-    list again."""
+    """Complex curves (list) of a `Disk` carried by the piecewise linear map f (V,), a list."""
     ends = np.cumsum([len(curve) for curve in curves])[:-1]
     return np.split(disk.sampling(np.concatenate(curves)) @ f, ends)
 
 
 def grid_plot(ax, z, faces, f, lines=None, color="#1F4E79"):
-    """Draw grid lines of the disk (`polar_lines` by default) as the map f (V,) of the mesh deforms
-    them."""
+    """Draw grid lines of the disk (`polar_lines` by default) as the map f (V,) deforms them."""
     return lines_plot(disk_axes(ax), map_curves(Disk(z, faces), f, lines or polar_lines()), color)
 
 
 def lines_plot(ax, curves, color):
     """Draw complex curves as thin lines; returns the LineCollection."""
-    return ax.add_collection(
-        LineCollection([pairs(curve) for curve in curves], colors=color, linewidths=0.6)
-    )
+    lines = LineCollection([pairs(curve) for curve in curves], colors=color, linewidths=0.6)
+    return ax.add_collection(lines)
 
 
 def curves_plot(ax, curves, style):
@@ -92,17 +88,14 @@ def curves_plot(ax, curves, style):
 
 def curve_legend(ax, *styles):
     """A legend below the Axes for curve styles drawn in it."""
-    handles = [
-        Line2D([], [], **CURVE_STYLES[style], markeredgecolor="black", label=style)
-        for style in styles
-    ]
+    looks = {style: CURVE_STYLES[style] | {"markeredgecolor": "black"} for style in styles}
+    handles = [Line2D([], [], label=style, **look) for style, look in looks.items()]
     place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.02), "ncols": len(styles)}
     ax.legend(handles=handles, frameon=False, fontsize=8, handlelength=3, **place)
 
 
 def ellipse_field(ax, z, mu, size=0.08, color="#0072B2"):
-    """Draw the images of small circles at z (K,) under a map with coefficient mu (K,), up to turn
-    and scale by f_z.
+    """Draw the images of small circles at z (K,) under a map with mu (K,), up to f_z.
 
     `dz + mu conj(dz)`: long axis of length `size` at the angle `arg(mu) / 2`, axes' ratio `(1 +
     |mu|) / (1 - |mu|)`.
@@ -111,27 +104,20 @@ def ellipse_field(ax, z, mu, size=0.08, color="#0072B2"):
     short = size * (1 - abs(mu)) / (1 + abs(mu))
     place = {"units": "xy", "offsets": pairs(z), "offset_transform": ax.transData}
     turns = np.degrees(np.angle(mu) / 2)
-    return ax.add_collection(
-        EllipseCollection(
-            np.full(len(z), size), short, turns, facecolors=color, alpha=0.75, **place
-        )
-    )
+    sizes = np.full(len(z), size), short, turns
+    return ax.add_collection(EllipseCollection(*sizes, facecolors=color, alpha=0.75, **place))
 
 
 def mu_histogram(ax, mu, weights=None, bins=40):
-    """Histogram of |mu| (F,) from 0 to 1 as shares, by face or by `weights` (F,), with the mean
-    marked."""
+    """Histogram of |mu| (F,) as shares, by face or by `weights` (F,), with the mean marked."""
     size = abs(np.asarray(mu))
     share = np.ones(len(size)) if weights is None else np.asarray(weights)
     share = share / share.sum()
     ax.hist(size, np.linspace(0, max(1, size.max()), bins + 1), weights=share, color="#0072B2")
     mean = size @ share
     ax.axvline(mean, color="black", linestyle="--", linewidth=1, label=f"mean {mean:.3f}")
-    ax.set(
-        xlabel=r"$|\mu|$",
-        ylabel="share of faces" if weights is None else "share of area",
-        xlim=(0, None),
-    )
+    share_of = "share of faces" if weights is None else "share of area"
+    ax.set(xlabel=r"$|\mu|$", ylabel=share_of, xlim=(0, None))
     ax.legend(frameon=False, fontsize=8)
 
 
@@ -146,14 +132,8 @@ def registration_figure(registration, moving, control):
     r, radius = registration, area_radius(moving, registration.disk_moving)
     disk = Disk(r.disk_moving, moving.faces)
     figure = Figure(figsize=(16, 6.8), dpi=110)
-    margins = {
-        "left": 0.02,
-        "right": 0.955,
-        "bottom": 0.11,
-        "top": 0.88,
-        "wspace": 0.08,
-        "hspace": 0.1,
-    }
+    margins = {"left": 0.02, "right": 0.955, "bottom": 0.11, "top": 0.88}
+    margins |= {"wspace": 0.08, "hspace": 0.1}
     widths = (1, 1, 1, 1, 0.8) if r.uncertainty is None else (1, 1, 1, 1, 0.8, 1.6)
     rows = figure.subplots(2, len(widths), width_ratios=widths, gridspec_kw=margins)
     curves = [list(side) for side in zip(*r.curves.values())] or [[], []]
@@ -165,9 +145,8 @@ def registration_figure(registration, moving, control):
         shown, sides, around = drawn_part(Disk(r.disk_control, control.faces), control)
         first = sides, around @ grey_levels(mean_curvature(control), control.vertex_areas)
         start = r.disk_control[shown]
-    for axes, scale, unscale in zip(
-        rows, (np.asarray, radius.to_image), (np.asarray, radius.from_image)
-    ):
+    scales = (np.asarray, np.asarray), (radius.to_image, radius.from_image)
+    for axes, (scale, unscale) in zip(rows, scales):
         lines = [unscale(line) for line in polar_lines()]
         mapped = map_curves(disk, scale(r.disk_map), curves[0] + lines)
         targets = [scale(curve) for curve in curves[1]]
@@ -180,14 +159,8 @@ def registration_figure(registration, moving, control):
         lines_plot(disk_axes(axes[2]), mapped[len(targets) :], "#1F4E79")
         colours = disk_plot(axes[3], scale(r.disk_moving[some]), faces, mu, vmin=0, vmax=1)
         if r.uncertainty is not None:
-            uncertainty = disk_plot(
-                axes[5],
-                scale(r.disk_moving[some]),
-                faces,
-                means @ r.uncertainty,
-                cmap="magma_r",
-                vmin=0,
-            )
+            mesh = scale(r.disk_moving[some]), faces, means @ r.uncertainty
+            uncertainty = disk_plot(axes[5], *mesh, cmap="magma_r", vmin=0)
             figure.colorbar(uncertainty, ax=axes[5], shrink=0.6)
     mu_histogram(rows[0, 4], r.mu)
     mu_histogram(rows[1, 4], r.mu, moving.face_areas)
@@ -196,8 +169,7 @@ def registration_figure(registration, moving, control):
 
 
 def drawn_part(disk, surface):
-    """What is drawn of a surface on its `Disk`: vertices (N,), all or DRAWN, triangles, sparse (N,
-    V): means there."""
+    """(drawn vertices (N,) of a surface, triangles, sparse (N, V) that averages values there)."""
     if len(disk.z) <= DRAWN:
         return np.arange(len(disk.z)), disk.faces, sparse.eye_array(len(disk.z))
     some, small = thinned(disk, None, DRAWN)
@@ -229,16 +201,15 @@ def _label_registration(figure, rows, colours, report):
         ax.yaxis.tick_right()
         ax.yaxis.set_label_position("right")
     state = "certified bijective" if report["bijective"] else f"{report['flipped']} faces flipped"
-    words = "no landmarks"
+    landmarks = "no landmarks"
     if report["curves"]:
         before, after, mm = (report[f"landmark_error{name}"] for name in ("_before", "", "_mm"))
-        words = f"landmark error {before:.2g} before, {after:.2g} after ({mm:.2g} mm)"
-    figure.suptitle(rf"{words}; mean $|\mu|$ {report['mean_abs_mu']:.3f}; {state}", fontsize=12)
+        landmarks = f"landmark error {before:.2g} before, {after:.2g} after ({mm:.2g} mm)"
+    figure.suptitle(rf"{landmarks}; mean $|\mu|$ {report['mean_abs_mu']:.3f}; {state}", fontsize=12)
 
 
 def registration_disks(axes, registration, moving, vmax=0.6):
-    """One `Registration` on four Axes: landmarks after the best Möbius map and after the fit, the
-    deformed grid, |mu|.
+    """One `Registration` on four Axes: best Möbius map, registered, the deformed grid, |mu|.
 
     Equal parts of a picture have equal moving area. Returns the coloured artist of |mu|.
     """
@@ -249,9 +220,8 @@ def registration_disks(axes, registration, moving, vmax=0.6):
     mapped = map_curves(Disk(r.disk_moving, moving.faces), after, curves + lines)
     curvature = grey_levels(mean_curvature(moving), moving.vertex_areas)
     drawn = [radius.to_image(curve) for curve in curves], mapped[: len(curves)]
-    for ax, z, registered, title in zip(
-        axes, (before, after), drawn, ("best Möbius map only", "registered")
-    ):
+    titles = "best Möbius map only", "registered"
+    for ax, z, registered, title in zip(axes, (before, after), drawn, titles):
         disk_plot(ax, z, moving.faces, curvature, cmap="gray", vmin=-80, vmax=335)
         curves_plot(ax, registered, "registered")
         curves_plot(ax, [radius.to_image(curve) for curve in targets], "target")
@@ -268,7 +238,7 @@ def pairs(z):
     return np.stack([z.real, z.imag], axis=-1)
 
 
-def picture_html(png, words, attributes=""):
+def picture_html(png, description, attributes=""):
     """PNG bytes as an element with a description."""
     data = base64.b64encode(png).decode()
-    return f'<img alt="{html.escape(words)}" src="data:image/png;base64,{data}"{attributes}>'
+    return f'<img alt="{html.escape(description)}" src="data:image/png;base64,{data}"{attributes}>'

@@ -20,19 +20,16 @@ from scipy.spatial import cKDTree
 from .plane.disk import Disk
 from .plot import CURVE_STYLES, map_curves, picture_html
 
-SHADES = LinearSegmentedColormap.from_list(
-    "shades", ["0.38", "1.0"]
-)  # lit from one side, black to white is too dark
+# Lit from one side, black to white is too dark.
+SHADES = LinearSegmentedColormap.from_list("shades", ["0.38", "1.0"])
 LIFT = 0.6  # of tubes in 3-D above the surface, in their radius
 # Styles stand in the elements: JupyterLab knows no style sheet of the book.
 FRAME = 'class="scene" width="100%" style="border:0"'
-POSTER = (
-    "position:relative;display:block;width:100%;padding:0;border:0;background:white;cursor:pointer"
-)
-WORDS = (
+POSTER = "position:relative;display:block;width:100%;padding:0;border:0;background:white;"
+POSTER += "cursor:pointer"
+CAPTION = (
     "position:absolute;left:50%;bottom:16px;transform:translateX(-50%);padding:5px "
-    "13px;border-radius:16px;"
-    "background:#595959;color:white;font:16px sans-serif"
+    "13px;border-radius:16px;background:#595959;color:white;font:16px sans-serif"
 )
 
 
@@ -50,8 +47,7 @@ def _loads(*libraries):
 
 
 def _egl_finds_a_device():
-    """Whether EGL can draw: the library alone is not enough, it needs a driver (Mesa's, or a
-    graphics card's)."""
+    """Whether EGL can draw: besides the library it needs a driver (Mesa's or a graphics card's)."""
     egl = _loads("libEGL.so.1")
     if egl is None:
         return False
@@ -59,24 +55,19 @@ def _egl_finds_a_device():
     address = egl.eglGetProcAddress(b"eglQueryDevicesEXT")
     if not address:
         return False
-    query = ctypes.CFUNCTYPE(
-        ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.POINTER(ctypes.c_int)
-    )(address)
+    arguments = ctypes.c_int, ctypes.c_void_p, ctypes.POINTER(ctypes.c_int)
+    query = ctypes.CFUNCTYPE(ctypes.c_uint, *arguments)(address)
     count = ctypes.c_int(0)
     return bool(query(0, None, ctypes.byref(count))) and count.value > 0
 
 
 def require_renderer():
-    """Choose how VTK draws without a screen; RendererError, not VTK's segmentation fault, where
-    nothing can draw.
+    """Choose how VTK draws without a screen; RendererError instead of its segmentation fault.
 
     Does nothing with a screen, outside Linux, or where VTK_DEFAULT_OPENGL_WINDOW is set.
     """
-    if (
-        not sys.platform.startswith("linux")
-        or os.environ.get("DISPLAY")
-        or "VTK_DEFAULT_OPENGL_WINDOW" in os.environ
-    ):
+    chosen = os.environ.get("DISPLAY") or "VTK_DEFAULT_OPENGL_WINDOW" in os.environ
+    if chosen or not sys.platform.startswith("linux"):
         return
     if _egl_finds_a_device():
         os.environ["VTK_DEFAULT_OPENGL_WINDOW"] = "vtkEGLRenderWindow"
@@ -102,38 +93,38 @@ class Scene:
         _keep_what_is_shown(plotter)
         self.picture = _png(plotter) if poster else None
         with warnings.catch_warnings():
-            warnings.simplefilter(
-                "ignore", DeprecationWarning
-            )  # trame-vtk 2.8 calls what VTK 9.6 deprecates
+            # trame-vtk 2.8 calls what VTK 9.6 deprecates.
+            warnings.simplefilter("ignore", DeprecationWarning)
             page = _named(plotter.export_html(None).getvalue(), description)
         self.page = page.replace("</body>", _legend(legend) + "</body>") if legend else page
         plotter.close()
 
     def _repr_html_(self):
-        title, page = html.escape(self.description), html.escape(self.page)
+        page = html.escape(self.page)
+        frame = f'{FRAME} title="{html.escape(self.description)}" height="{self.height}"'
         if self.picture is None:
-            return (
-                f'<iframe {FRAME} title="{title}" height="{self.height}" srcdoc="{page}"></iframe>'
-            )
+            return f'<iframe {frame} srcdoc="{page}"></iframe>'
         picture = picture_html(self.picture, self.description, ' style="width:100%"')
         load = (
             "const f=this.nextElementSibling;f.srcdoc=f.dataset.page;f.hidden=false;this.remove()"
         )
         return (
             f'<button class="scene-poster" type="button" style="{POSTER}" onclick="{load}">'
-            f'{picture}<span style="{WORDS}">turn it in 3-D</span></button>'
-            f'<iframe {FRAME} title="{title}" height="{self.height}" data-page="{page}" hidden></iframe>'
+            f'{picture}<span style="{CAPTION}">turn it in 3-D</span></button>'
+            f'<iframe {frame} data-page="{page}" hidden></iframe>'
         )
 
 
 def _named(page, title):
-    """The page with language, title and the reader's zoom, which trame-vtk's template forbids, and
-    without the picture that its viewer asks for while it has no scene."""
+    """The page with language, title and the reader's zoom, and without a picture from a server.
+
+    trame-vtk's template forbids zooming, and its viewer asks for a picture while it has no scene.
+    """
     zoom = '<meta name="viewport" content="width=device-width">'
     head = f'<html lang="en"><head><title>{html.escape(title)}</title>{zoom}'
     page = re.sub(r'<meta name="viewport"[^>]*>', "", page, count=1)
     page = re.sub(r'\w+\.p\+"[0-9a-f]+\.jpg"', '"data:,"', page)
-    return re.sub(r"<html>\s*<head>", lambda found: head, page, count=1)
+    return re.sub(r"<html>\s*<head>", lambda match: head, page, count=1)
 
 
 def _legend(colours):
@@ -160,8 +151,7 @@ POINT_STEPS, VALUE_STEPS = 2**13, 2**8
 
 
 def _rounded(array, steps):
-    """The array in single precision, rounded to a power of two: the digits that nobody sees cost
-    most on the page."""
+    """The array in float32, rounded to a power of two: fewer digits take fewer bytes."""
     unit = 2.0 ** np.floor(np.log2(max(np.ptp(array), np.finfo(np.float32).tiny) / steps))
     return (np.round(array / unit) * unit).astype(np.float32)
 
@@ -187,8 +177,7 @@ def _keep_what_is_shown(plotter):
 
 
 def surface_scene(surface, values=None, curves=(), cmap=SHADES, clim=None, title=None):
-    """A PyVista Plotter of the surface in 3-D, coloured by values (V,), with curves upon it; show
-    it with `Scene`.
+    """A PyVista Plotter of the surface, coloured by values (V,), with curves; show it by `Scene`.
 
     curves: pairs (points (k, 3) or vertex path (k,), style of `CURVE_STYLES`), as tubes a little
     above the surface. An open surface is seen from the side away from its opening. A page carries
@@ -204,19 +193,16 @@ def surface_scene(surface, values=None, curves=(), cmap=SHADES, clim=None, title
         points = surface.vertices[curve] if curve.ndim == 1 else curve
         # A tube about a line within the surface would sink and rise with its faces, and flicker
         # where the two meet.
-        points = (
-            points + LIFT * radius * mesh["Normals"][cKDTree(surface.vertices).query(points)[1]]
-        )
+        nearest = cKDTree(surface.vertices).query(points)[1]
+        points = points + LIFT * radius * mesh["Normals"][nearest]
         tube = pv.lines_from_points(points.astype(np.float32)).tube(radius=radius, n_sides=8)
         tube.clear_data()
         plotter.add_mesh(tube, color=CURVE_STYLES[style]["color"])
     if surface.boundary_loops:
-        away = surface.vertices.mean(0) - surface.vertices[
-            np.concatenate(surface.boundary_loops)
-        ].mean(0)
-        plotter.view_vector(
-            away, viewup=(0, 1, 0) if abs(away[2]) > 0.9 * np.linalg.norm(away) else (0, 0, 1)
-        )
+        rim = np.concatenate(surface.boundary_loops)
+        away = surface.vertices.mean(0) - surface.vertices[rim].mean(0)
+        is_vertical = abs(away[2]) > 0.9 * np.linalg.norm(away)
+        plotter.view_vector(away, viewup=(0, 1, 0) if is_vertical else (0, 0, 1))
     return plotter
 
 
@@ -230,18 +216,15 @@ def _add_surface(plotter, surface, values, shift=(0, 0, 0), cmap=SHADES, clim=No
     colour = {"color": "lightgray"}
     if values is not None:
         mesh.point_data["values"] = np.asarray(values, np.float32)
-        bar = {
-            "show_scalar_bar": title is not None,
-            "scalar_bar_args": {"title": title or "", "color": "black"},
-        }
-        colour = {"scalars": "values", "cmap": cmap, "clim": clim, **bar}
+        colour = {"scalars": "values", "cmap": cmap, "clim": clim}
+        colour["show_scalar_bar"] = title is not None
+        colour["scalar_bar_args"] = {"title": title or "", "color": "black"}
     plotter.add_mesh(mesh, smooth_shading=True, ambient=0.15, **colour)
     return mesh
 
 
 def stacked_scene(surfaces, values, **more):
-    """A Plotter with surfaces one below the other, to scale, turned by one camera; `more` goes to
-    `surface_scene`.
+    """A Plotter with surfaces one below the other, to scale, turned by one camera.
 
     surfaces: list, the first on top; values: list of (V,). Seen horizontally, from the first one's
     side.
@@ -251,9 +234,8 @@ def stacked_scene(surfaces, values, **more):
     for surface, colours in zip(surfaces[1:], values[1:]):
         middle = (surfaces[0].vertices.mean(0) - surface.vertices.mean(0))[:2]
         edge -= 0.08 * np.ptp(surface.vertices[:, 2])
-        _add_surface(
-            plotter, surface, colours, (*middle, edge - surface.vertices[:, 2].max()), **more
-        )
+        shift = *middle, edge - surface.vertices[:, 2].max()
+        _add_surface(plotter, surface, colours, shift, **more)
         edge -= np.ptp(surface.vertices[:, 2])
     plotter.camera.parallel_projection = True  # the lower one is as near as the upper one
     x, y, _ = plotter.camera.direction
@@ -262,8 +244,7 @@ def stacked_scene(surfaces, values, **more):
 
 
 def surface_picture(surface, values=None, direction=None, up=(0, 0, 1), height=138.0, **more):
-    """A photograph (rows, columns, 3) of the surface, without perspective: `height` units of length
-    fill its height.
+    """A photograph (rows, columns, 3) of the surface; `height` units of length fill its height.
 
     direction: towards the eye; by default away from its opening. `more` goes to `surface_scene`.
     """
@@ -279,8 +260,7 @@ def surface_picture(surface, values=None, direction=None, up=(0, 0, 1), height=1
 
 
 def registration_scene(registration, shape, registered=True, **more):
-    """The landmarks of one `Registration` in 3-D, as in the paper: registered curves yellow,
-    targets red; a Plotter.
+    """A Plotter of a `Registration`'s landmarks: registered curves yellow, targets red.
 
     shape: the control surface, or another with its faces (inflated, say); registered=False: the
     moving curves after the best Möbius map. `more` goes to `surface_scene`.

@@ -937,6 +937,6 @@ def test_a_bug_is_not_called_bad_input(folder, monkeypatch):
     def buggy(data):
         return {}["vertices"]
 
-    monkeypatch.setattr("qclearn.io.meshes.npz_arrays", lambda data, wanted: buggy(data))
+    monkeypatch.setattr("qclearn.io.safe.npz_arrays", lambda data, wanted: buggy(data))
     with pytest.raises(KeyError):
         run(*to_register(folder))

@@ -4,6 +4,8 @@ from importlib import import_module
 
 import pytest
 
+from qclearn.cli import main
+
 
 @pytest.mark.parametrize(
     "old, new",
@@ -21,3 +23,11 @@ def test_an_old_module_names_the_new_one(old, new):
     assert str(refused.value) == f"{'.'.join(old.split('.')[:2])} of version 0.1 is now {new}"
     for name in new.partition(",")[0].split():
         import_module(name)
+
+
+def test_the_old_option_names_the_new_one(capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["register", "moving.npz", "control.npz", "--out", "out", "--sure"])
+    message = capsys.readouterr().err
+    assert stop.value.code == 2 and message.count("\n") == 1
+    assert message.startswith("qclearn: --sure of version 0.1 is now --uncertainty")

@@ -61,7 +61,7 @@ def cpnet_file(network):
     tables = {
         "one": born.one.conj().resolve_conj().numpy(),
         "two": born.two.numpy(),
-        "kept": network.grid.kept.numpy(),
+        "kept": network.grid.selected.numpy(),
         "area": network.grid.area.numpy(),
         "radial": spectrum.radial,
         "eigenvalues": spectrum.values,

@@ -17,7 +17,7 @@ from data_synth.generations import Guidance
 from data_synth.individual import Individual
 from data_synth.pattern import COUNT, FILE
 from data_synth.tessellation import fibonacci_sphere
-from qclearn.io.meshes import write_whole
+from qclearn.io.safe import write_whole
 from qclearn.surfaces.curvature import sulcal_depth
 
 VERTICES = 10_000

@@ -24,7 +24,7 @@ from tqdm import tqdm
 
 import qclearn as qc
 from data_synth.cohort import cohort
-from qclearn.benchmark.measured import KEPT, plain, read_measured, write_measured
+from qclearn.benchmark.measured import RESULTS, plain, read_measured, write_measured
 from qclearn.io.checkpoint import Checkpoint
 from qclearn.io.provenance import commit
 from qclearn.plane.disk import Disk
@@ -330,7 +330,7 @@ def table(cases):
 
 @click.command(help=__doc__)
 @click.option("--also", multiple=True, help="npz surface with curves named as those of fsaverage5.")
-@click.option("--out", default=str(KEPT / "suspect.json"), show_default=False)
+@click.option("--out", default=str(RESULTS / "suspect.json"), show_default=False)
 def main(also, out):
     warnings.simplefilter("ignore", qc.RepairWarning)
     rng = np.random.default_rng(0)

@@ -26,9 +26,8 @@ from data_synth.cohort import cohort
 from data_synth.correspondence import correspondence
 from data_synth.generations import GENERATION
 from qclearn.benchmark.measured import write_measured
-from qclearn.group.kept import Folder
 from qclearn.group.members import members_of
-from qclearn.group.rounds import Group
+from qclearn.group.rounds import Folder, Group
 from qclearn.group.subject import alone
 from qclearn.group.workers import client_of
 from qclearn.io.provenance import provenance
@@ -113,12 +112,12 @@ def one_control(subjects, folder, workers):
     """The subject of median area, whose mesh the template has; the `Mean` of all that are
     registered to it as to a template that stays as it is, and their disk maps, name -> (V,)."""
     members, features = members_of(subjects, FOLDS)
-    laid = Folder(folder, json.loads((folder / "settings.json").read_text(encoding="utf-8")))
+    aligned = Folder(folder, json.loads((folder / "settings.json").read_text(encoding="utf-8")))
     with client_of(None, workers) as client:
-        group = Group(client, members, features, laid, tqdm(disable=True))
-        group.lay_upon_mean()
-        group.kept, control = Folder(None, {}), group.median()
-        first = alone(group.result(group.subjects[control], members[control]))
+        group = Group(client, members, features, aligned, tqdm(disable=True))
+        group.align_to_mean()
+        group.folder, control = Folder(None, {}), group.median()
+        first = alone(group.subjects[control].result())
         used = group.used(group.register_all(first, 1, Weights(delta=BY_DISKS)))
         mean = group.average(first, used, first.disk.z)
     return members[control].name, mean, {members[k].name: f for k, f in used.items()}

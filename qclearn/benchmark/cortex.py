@@ -1,9 +1,8 @@
-"""The benchmark's problems on real cortex, where a small landmark error does not prove a good map.
-Three sets:
+"""The benchmark's problems on real cortex, where a small landmark error proves little.
 
 "heldout": fsaverage5, either side onto the other, with half of its curves held out. "warp":
-fsaverage5's left side or a synthetic one with another mesh, warped in space, onto itself: the truth
-is known. "conte69": sides that correspond by vertex index and carry maps that take no part.
+fsaverage5's left side or a synthetic one with another mesh, warped in space, onto itself: ground
+truth. "conte69": sides that correspond by vertex index and carry held-out maps.
 """
 
 import numpy as np
@@ -17,11 +16,8 @@ from ..registration.curves import curves_of_both, fundus_metric, fundus_path
 from ..surfaces.surface import Surface, mirror
 from .pairs import Pair, fsaverage_sphere, fsaverage_surface, mapped
 
-PARTS = {
-    "first half": slice(0, None, 2),
-    "second half": slice(1, None, 2),
-    "all": slice(None),
-}  # of the curves: fitted
+# Of the curves: fitted.
+PARTS = {"first half": slice(0, None, 2), "second half": slice(1, None, 2), "all": slice(None)}
 HALVES = tuple(PARTS)[:2]
 AMPLITUDES = (6.0, 9.0, 12.0)  # of the warps, mm: root mean square over the vertices
 BUMPS, WIDTH = 40, 22.0  # number and standard deviation (mm) of the Gaussians of a warp
@@ -36,8 +32,7 @@ def fsaverage_side(hemisphere):
 
 
 def with_curves(surface, ends):
-    """A surface whose curves are the shortest fundus paths between ends, name -> (start, end)
-    vertices."""
+    """A surface with the shortest fundus paths between ends, name -> (start, end) vertices."""
     metric = fundus_metric(surface)
     curves = {name: fundus_path(surface, *pair, metric) for name, pair in ends.items()}
     return Surface(surface.vertices, surface.faces, curves)
@@ -56,27 +51,21 @@ def parted(curves, part):
 
 
 def warp_pair(control, amplitude):
-    """A surface with another mesh and another shape onto itself: the true map of every vertex is
-    known."""
+    """A surface with another mesh and another shape onto itself: the true map is known."""
     faces, weights, curves = other_mesh(control)
     surface = control.surface
     truth = weights @ surface.vertices
     moving = Surface(warped(truth, amplitude) * STRETCH, faces, curves)
-    return Pair(
-        mapped(moving),
-        control,
-        tuple(curves_of_both(moving, surface)),
-        truth,
-        weights @ control.disk.z,
-    )
+    shared = tuple(curves_of_both(moving, surface))
+    return Pair(mapped(moving), control, shared, truth, weights @ control.disk.z)
 
 
 def other_mesh(control):
-    """Another mesh of a `Mapped` surface: faces (G, 3), its vertices as sparse weights (W, V) of
-    the old, its curves.
+    """Another mesh of a `Mapped` surface: faces (G, 3), sparse weights (W, V), curves.
 
-    Vertices of boundary and curves stay; the centre of a face beside it replaces every other one.
-    Delaunay's faces in the disk, where angles are those in space.
+    The weights give its vertices from the old ones. Vertices of boundary and curves stay; the
+    centre of a face beside it replaces every other one. Delaunay's faces in the disk, where angles
+    are those in space.
     """
     surface, rng = control.surface, np.random.default_rng(0)
     stay = np.unique(np.concatenate([surface.boundary, *surface.curves.values()]))
@@ -89,11 +78,8 @@ def other_mesh(control):
     values = np.concatenate([np.ones(len(stay)), np.full(centres.size, 1 / 3)])
     shape = len(stay) + len(centres), len(surface.vertices)
     weights = sparse.csr_array((values, (rows, columns)), shape=shape)
-    return (
-        joined(weights @ control.disk.z).faces,
-        weights,
-        {name: np.searchsorted(stay, path) for name, path in surface.curves.items()},
-    )
+    curves = {name: np.searchsorted(stay, path) for name, path in surface.curves.items()}
+    return joined(weights @ control.disk.z).faces, weights, curves
 
 
 def warped(points, amplitude):
@@ -106,27 +92,22 @@ def warped(points, amplitude):
 
 
 def conte69_sides():
-    """conte69's mirrored right side and its left one, `Mapped` with named sulci, and its maps,
-    right before left."""
-    brain, sides = (
-        conte69(),
-        [],
-    )  # in the same space as fsaverage5, whose ends of curves lie next to theirs
+    """conte69's mirrored right and its left side, `Mapped` with sulci, and its maps."""
+    brain = conte69()
+    sides = []
+    # In the same space as fsaverage5: the ends of its curves are the vertices nearest to theirs.
     for hemisphere, surface in (("right", brain.right), ("left", brain.left)):
         template = fsaverage5(hemisphere)
-        ends, tree = named_sulci(hemisphere, template.original_vertices), cKDTree(surface.vertices)
-        nearest = {
-            name: tree.query(template.vertices[list(pair)])[1] for name, pair in ends.items()
-        }
-        sides.append(
-            mapped(with_curves(surface if hemisphere == "left" else mirror(surface), nearest))
-        )
+        sulci = named_sulci(hemisphere, template.original_vertices)
+        tree = cKDTree(surface.vertices)
+        ends = {n: tree.query(template.vertices[list(pair)])[1] for n, pair in sulci.items()}
+        surface = surface if hemisphere == "left" else mirror(surface)
+        sides.append(mapped(with_curves(surface, ends)))
     return *sides, {name: pair[::-1] for name, pair in brain.maps.items()}
 
 
 def conte69_pair(sides, part):
-    """The mirrored right side of conte69 onto its left, whose vertex of the same number is the
-    truth."""
+    """conte69's mirrored right side onto its left; equal vertex numbers are the ground truth."""
     right, left, maps = sides
     fitted, held = parted(curves_of_both(right.surface, left.surface), part)
     return Pair(right, left, fitted, left.surface.vertices, left.disk.z, held=held, maps=maps)

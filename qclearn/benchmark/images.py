@@ -32,8 +32,7 @@ class OnDisk:
 
 
 class OnSphere:
-    """The same for maps onto its sphere, points (P, 3); places are on the whole control, whose wall
-    has no values."""
+    """The same for maps onto its sphere, points (P, 3); the control's wall has no values."""
 
     def __init__(self, control):
         self.sphere = control.sphere
@@ -47,10 +46,8 @@ class OnSphere:
 
     def values(self, values, places):
         wall = len(self.sphere.points) - len(values)
-        return self.at(
-            np.pad(values, ((0, wall), *((0, 0),) * (np.ndim(values) - 1)), constant_values=np.nan),
-            places,
-        )
+        padding = (0, wall), *[(0, 0)] * (np.ndim(values) - 1)
+        return self.at(np.pad(values, padding, constant_values=np.nan), places)
 
     def lift(self, places):
         return self.at(self.sphere.whole.vertices, places)
@@ -66,15 +63,13 @@ def image_of(control, f, lookup):
 
 
 def carried(pair, f):
-    """Where a map f (V,) into the control's disk, or (V', 3) onto its sphere, takes the moving
-    vertices: (V, 3), mm."""
+    """The moving vertices' images (V, 3), in mm, under a map f (V,) to the disk or (V', 3)."""
     image = image_of(pair.control, f, pair.control.disk.lookup)
     return image.lift(image.locate(f[: len(pair.moving.surface.vertices)]))
 
 
 def reversed_on_sphere(pair, places, f):
-    """Faces of the moving cortex that look inward once a map (V,) or (V, 3) has carried them onto
-    the control's sphere.
+    """Number of moving faces that a map (V,) or (V, 3) reverses on the control's sphere.
 
     None where the control has no sphere and none can be made here.
     """

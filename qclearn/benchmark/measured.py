@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 
 from ..io.extras import require
-from ..io.meshes import write_whole
+from ..io.safe import write_whole
 from ..surfaces.surface import SurfaceError
 
 # Of the benchmark: raise it when a field's meaning changes, so that old files are not read as new.
 SCHEMA_VERSION = 2
-KEPT = Path(__file__).with_name("results")
-RESULTS = "benchmark", "peers"  # files that the benchmark itself writes
-WRITERS = {  # of the files that come with the package
+RESULTS = Path(__file__).with_name("results")
+OWN = "benchmark", "peers"  # files that the benchmark itself writes
+WRITERS = {  # of the files in RESULTS
     "benchmark": "qclearn benchmark",
     "networks": "book/studies/evaluate_networks.py",
     "peers": "qclearn benchmark --peers only",
@@ -24,13 +24,9 @@ WRITERS = {  # of the files that come with the package
     "training": "book/studies/training.py",
     "weights": "book/studies/choose_weights.py",
 }
-DENSE = ("template", "training")  # an entry a line
-LISTED = {
-    "benchmark": "rows",
-    "peers": "rows",
-    "sizes": "rows",
-    "suspect": "cases",
-}  # the list that has an entry a line
+# Files with a line per entry, and the list in a file that has a line per entry.
+DENSE = ("template", "training")
+LISTED = {"benchmark": "rows", "peers": "rows", "sizes": "rows", "suspect": "cases"}
 
 
 class BenchmarkError(ValueError):
@@ -49,47 +45,37 @@ def plain(value):
 
 
 def write_measured(name, path, figures):
-    """Write figures, whole or not at all; BenchmarkError if they do not fit their schema or cannot
-    be written."""
+    """Write figures, whole or not at all; BenchmarkError if their schema or the disk refuses them."""
     figures = plain(figures)
     check_schema(path, figures, name)
+    text = as_text(name, figures)
     try:
-        write_whole(
-            Path(path),
-            lambda place: place.write_text(parameterize(name, figures), encoding="utf-8"),
-        )
+        write_whole(Path(path), lambda place: place.write_text(text, encoding="utf-8"))
     except SurfaceError as error:
         raise BenchmarkError(str(error)) from None
 
 
-def parameterize(name, figures):
-    """The text of a file: a row, a case or a training a line; else a number a line."""
+def as_text(name, figures):
+    """The text of a file: a line per row, case or training; else a line per number."""
     if name in DENSE:
-        lines = ",\n".join(
-            f"{json.dumps(key)}: {json.dumps(value)}" for key, value in figures.items()
-        )
-        return f"{{\n{lines}\n}}\n"
+        entries = (f"{json.dumps(key)}: {json.dumps(value)}" for key, value in figures.items())
+        return "{\n" + ",\n".join(entries) + "\n}\n"
     if name not in LISTED:
         return json.dumps(figures, indent=1) + "\n"
-    many = LISTED[name]
-    lines = ",\n  ".join(json.dumps(entry) for entry in figures[many])
-    return (
-        json.dumps(figures | {many: []}, indent=1).replace(
-            f'"{many}": []', f'"{many}": [\n  {lines}\n ]'
-        )
-        + "\n"
-    )
+    key = LISTED[name]
+    entries = ",\n  ".join(json.dumps(entry) for entry in figures[key])
+    text = json.dumps(figures | {key: []}, indent=1)
+    return text.replace(f'"{key}": []', f'"{key}": [\n  {entries}\n ]') + "\n"
 
 
 def read_measured(name, path=None):
-    """The measured figures `name` ("benchmark", "networks", "template", ...) of the package or of a
-    file `path`: dict.
+    """The measured figures `name` ("benchmark", ...) of the package, or of a file `path`: dict.
 
     BenchmarkError where they are missing or do not fit their schema.
     """
-    path = KEPT / f"{name}.json" if path is None else path
+    path = RESULTS / f"{name}.json" if path is None else path
     figures = read_json(path, name)
-    if name in RESULTS:
+    if name in OWN:
         check_version(path, figures)
     check_schema(path, figures, name)
     return figures
@@ -109,11 +95,9 @@ def read_json(path, name):
 def check_version(path, results):
     version = results.get("schema_version") if isinstance(results, dict) else None
     if version != SCHEMA_VERSION:
-        content = (
-            "no results of this program"
-            if version is None
-            else f"results of schema version {version}"
-        )
+        content = "no results of this program"
+        if version is not None:
+            content = f"results of schema version {version}"
         advice = "run the benchmark again, or use the version that wrote the file"
         raise BenchmarkError(f"{path}: {content}; this version reads {SCHEMA_VERSION}: {advice}")
 
@@ -121,7 +105,7 @@ def check_version(path, results):
 def schema(name="benchmark"):
     """The JSON schema of a file of measured figures; its descriptions name units."""
     folder = Path(__file__).parent
-    own = folder / f"{'benchmark' if name in RESULTS else name}.schema.json"
+    own = folder / f"{'benchmark' if name in OWN else name}.schema.json"
     if own.is_file():
         return json.loads(own.read_text(encoding="utf-8"))
     others = json.loads((folder / "measured.schema.json").read_text(encoding="utf-8"))
@@ -135,6 +119,5 @@ def check_schema(path, figures, name):
     error = next(Draft202012Validator(schema(name)).iter_errors(figures), None)
     if error:
         fault = f"{error.json_path}: {error.message[:200]}"
-        raise BenchmarkError(
-            f"{path}: not a valid results file: {fault}; run `{WRITERS[name]}` again"
-        )
+        advice = f"run `{WRITERS[name]}` again"
+        raise BenchmarkError(f"{path}: not a valid results file: {fault}; {advice}")

@@ -1,5 +1,4 @@
-"""The benchmark's problems: pairs of surfaces with landmark curves and, where it is known, the true
-dense map.
+"""The benchmark's problems: pairs of surfaces with landmark curves and, if known, the true map.
 
 "cohort": synthetic subjects against one control. "displacement": one surface whose landmarks a
 known map moves farther and farther. "fsaverage5": its mirrored right side against its left, truth
@@ -94,19 +93,15 @@ class Prepared:
 
 def mapped_subject(seed, n_vertices, folder=None, generation=GENERATION):
     """The synthetic left hemisphere of a seed, grown or read from `folder`, `Mapped`."""
-    (subject,) = hemispheres(
-        [seed], n_vertices, folder, progress=False, workers=1, generation=generation
-    )
+    settings = {"progress": False, "workers": 1, "generation": generation}
+    (subject,) = hemispheres([seed], n_vertices, folder, **settings)
     return replace(mapped(subject.surface), template=subject.template)
 
 
 def mapped(surface, whole=None):
-    """A surface with its disk conformal map, timed on the second, warm run: `Mapped`. whole: of its
-    `Sphere`."""
-    side, fresh = (
-        parameterize(surface),
-        Surface(surface.vertices, surface.faces),
-    )  # which keeps no stiffness yet
+    """A surface with its disk conformal map, timed on a warm run: `Mapped`; whole: of its sphere."""
+    side = parameterize(surface)
+    fresh = Surface(surface.vertices, surface.faces)  # a copy without a stiffness matrix
     start = time.perf_counter()
     parameterize(fresh)
     seconds = time.perf_counter() - start
@@ -127,17 +122,15 @@ def cohort_pair(moving, control):
 
 
 def displacement_pair(control, distance, n_curves, seed):
-    """One surface against itself: a random known map of the disk, the answer, moves its first
-    n_curves.
+    """One surface against itself: a random known map of the disk moves its first n_curves.
 
     distance: the landmarks' mean distance from their targets in the unit disk, before alignment.
     """
     curves = tuple(curves_of_both(control.surface, control.surface)[:n_curves])
     p = control.disk.z[np.concatenate([curve["moving"] for curve in curves])]
     rng = np.random.default_rng([seed, n_curves])
-    centres = (
-        REACH * np.sqrt(rng.uniform(size=TWISTS)) * np.exp(2j * np.pi * rng.uniform(size=TWISTS))
-    )
+    radii = REACH * np.sqrt(rng.uniform(size=TWISTS))
+    centres = radii * np.exp(2j * np.pi * rng.uniform(size=TWISTS))
     turns = rng.uniform(0.5, 1, TWISTS) * rng.choice([-1, 1], TWISTS)
 
     def excess(strength):
@@ -159,8 +152,7 @@ def twisted(z, centres, turns):
 
 
 def fsaverage_pair():
-    """fsaverage5's mirrored right side against its left, sulci given by their ends; the true map is
-    unknown."""
+    """fsaverage5's mirrored right side against its left, sulci given by their ends; no truth."""
     sides = [mapped(fsaverage_surface(side), fsaverage_sphere(side)) for side in ("right", "left")]
     return Pair(*sides, tuple(demo_landmarks()["curves"]), there_and_back=True)
 
@@ -171,8 +163,7 @@ def fsaverage_surface(hemisphere):
 
 
 def fsaverage_sphere(hemisphere):
-    """That side whole, the open one's vertices first, and its own sphere's points (V', 3), as a
-    `Sphere` takes them."""
+    """That side whole, the open one's vertices first, and its sphere's points, for `Sphere`."""
     open_vertices = fsaverage5(hemisphere).original_vertices
     surface, ball = (whole_fsaverage5(hemisphere, kind) for kind in ("pial", "sphere"))
     order = np.append(open_vertices, np.setdiff1d(np.arange(len(surface.vertices)), open_vertices))
@@ -183,10 +174,8 @@ def fsaverage_sphere(hemisphere):
 
 def reverse(pair):
     """The pair for the way back: sides exchanged, no truth, nothing held out."""
-    curves = tuple(
-        {**curve, "moving": curve["control"], "control": curve["moving"]} for curve in pair.curves
-    )
-    return Pair(pair.control, pair.moving, curves)
+    curves = [c | {"moving": c["control"], "control": c["moving"]} for c in pair.curves]
+    return Pair(pair.control, pair.moving, tuple(curves))
 
 
 def prepare(pair, source="given"):
@@ -198,9 +187,9 @@ def prepare(pair, source="given"):
     """
     source = pair.given if source == "given" else source
     moving, control = pair.moving.surface, pair.control.surface
-    curves = (
-        pair.curves if source in ("given", "exact") else [ends_only(curve) for curve in pair.curves]
-    )
+    curves = pair.curves
+    if source not in ("given", "exact"):
+        curves = [c | {"moving": [c["moving"][0], c["moving"][-1]]} for c in curves]
     detect = None
     if source in DETECTORS:
         from ..nets import load  # here, as it needs torch
@@ -226,12 +215,3 @@ def prepare(pair, source="given"):
     sides = SurfacePair(pair.moving, pair.control, fitted, held)
     problem = Problem(own.disk, p[once], target[once], once // POINTS_PER_CURVE, sides=sides)
     return Prepared(problem, samples, target, target_mm, time.perf_counter() - start, notes)
-
-
-def ends_only(curve):
-    """A curve with only the two ends of its moving side."""
-    return {
-        "name": curve["name"],
-        "moving": [curve["moving"][0], curve["moving"][-1]],
-        "control": curve["control"],
-    }

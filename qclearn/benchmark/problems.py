@@ -6,16 +6,7 @@ from dataclasses import dataclass
 from data_synth.cohort import SEEDS
 
 from ..io.conte69 import installed_folder
-from .cortex import (
-    AMPLITUDES,
-    HALVES,
-    PARTS,
-    conte69_pair,
-    conte69_sides,
-    fsaverage_side,
-    heldout_pair,
-    warp_pair,
-)
+from . import cortex
 from .measured import BenchmarkError
 from .pairs import CONTROL, cohort_pair, displacement_pair, fsaverage_pair, mapped_subject
 from .runs import SETS
@@ -43,13 +34,11 @@ class Spec:
 
 
 def problems(subjects, sets):
-    """The problems of the sets, list of Spec; BenchmarkError for bad arguments, ImportError without
-    a set's files."""
+    """The Specs of the sets, list; BenchmarkError, or ImportError where a set's files are missing."""
     unknown = sorted(set(sets) - set(SETS))
     if unknown or not sets:
-        raise BenchmarkError(
-            f"no set of problems {', '.join(unknown) or 'given'}; there are {', '.join(SETS)}"
-        )
+        names = ", ".join(unknown) or "given"
+        raise BenchmarkError(f"no set of problems {names}; there are {', '.join(SETS)}")
     if not isinstance(subjects, int) or not 1 <= subjects <= len(SEEDS):
         raise BenchmarkError(f"{subjects!r} subjects: the cohort has 1 to {len(SEEDS)}")
     if "conte69" in sets:
@@ -59,11 +48,9 @@ def problems(subjects, sets):
 
 def every_problem(subjects):
     """Every Spec of all sets, in their order."""
-    control, left, right = (
-        (mapped_subject, CONTROL),
-        (fsaverage_side, "left"),
-        (fsaverage_side, "right"),
-    )
+    control = (mapped_subject, CONTROL)
+    left = (cortex.fsaverage_side, "left")
+    right = (cortex.fsaverage_side, "right")
     for seed in SEEDS[:subjects]:
         yield Spec("cohort", f"{seed} to {CONTROL}", cohort_pair, ((mapped_subject, seed), control))
     for curves in CURVE_COUNTS:
@@ -72,15 +59,15 @@ def every_problem(subjects):
             yield Spec("displacement", name, displacement_pair, (control,), (distance, curves, 0))
     yield Spec("fsaverage5", "right to left", fsaverage_pair)
     for sides in ((right, left), (left, right)):
-        for part in HALVES:
-            yield Spec(
-                "heldout", f"{sides[0][1]} to {sides[1][1]}, {part}", heldout_pair, sides, (part,)
-            )
+        for part in cortex.HALVES:
+            name = f"{sides[0][1]} to {sides[1][1]}, {part}"
+            yield Spec("heldout", name, cortex.heldout_pair, sides, (part,))
     for name, side in (("fsaverage5", left), ("synthetic", control)):
-        for amplitude in AMPLITUDES:
-            yield Spec("warp", f"{name}, {amplitude:g} mm", warp_pair, (side,), (amplitude,))
-    for part in PARTS:
-        yield Spec("conte69", f"right to left, {part}", conte69_pair, ((conte69_sides,),), (part,))
+        for amplitude in cortex.AMPLITUDES:
+            yield Spec("warp", f"{name}, {amplitude:g} mm", cortex.warp_pair, (side,), (amplitude,))
+    sides = ((cortex.conte69_sides,),)
+    for part in cortex.PARTS:
+        yield Spec("conte69", f"right to left, {part}", cortex.conte69_pair, sides, (part,))
 
 
 def submit_pair(client, spec, grown):

@@ -1,4 +1,4 @@
-"""Measures without a true map: held-out curves, folds and held-out maps; with one, its own figures."""
+"""Measures by held-out curves, folds and held-out maps, and those of the true map itself."""
 
 import numpy as np
 import scipy
@@ -15,42 +15,30 @@ from ..registration.metrics import distortion_maps, log2_distortions, quantile
 from ..registration.pair import curve_lines
 from .images import OnDisk
 
-HELD_OUT = (
-    "held_out",
-    "held_out_mm",
-    "worst_held_out_mm",
-    "held_out_points_mm",
-    "held_out_middle_mm",
-)
-OWN = (
-    "r_depth",
-    "r_curvature",
-    "r_maps",
-    "log2_area",
-    "log2_shape",
-)  # figures of the true map itself
-TRUE_MAP = ("floor_mm", "floor_curve_mm", *(f"true_{name}" for name in OWN))
+# Figures of held-out curves, figures of the true map itself, and their names in a row.
+HELD_OUT = ["held_out", "held_out_mm", "worst_held_out_mm", "held_out_points_mm"]
+HELD_OUT += ["held_out_middle_mm"]
+OWN = ["r_depth", "r_curvature", "r_maps", "log2_area", "log2_shape"]
+TRUE_MAP = ["floor_mm", "floor_curve_mm", *(f"true_{name}" for name in OWN)]
 
 
 def curve_errors(pair, curves, f, image):
-    """Distances of curves' mapped points from the control's of equal arc length, disk (None
-    elsewhere) and mm: each (10 K,)."""
+    """Distances (10 K,) of mapped curves from the control's at equal arc length: (in disk, mm).
+
+    In the disk None for a map to the sphere.
+    """
     moving, control = pair.moving.surface, pair.control.surface
-    mapped = np.concatenate(
-        [sample_curve(moving, curve["moving"], POINTS_PER_CURVE) @ f for curve in curves]
-    )
+    here = [sample_curve(moving, curve["moving"], POINTS_PER_CURVE) for curve in curves]
     there = [sample_curve(control, curve["control"], POINTS_PER_CURVE) for curve in curves]
-    target, target_mm = (
-        np.concatenate([samples @ data for samples in there])
-        for data in (pair.control.disk.z, control.vertices)
-    )
+    mapped = np.concatenate([samples @ f for samples in here])
+    target = np.concatenate([samples @ pair.control.disk.z for samples in there])
+    target_mm = np.concatenate([samples @ control.vertices for samples in there])
     in_disk = abs(mapped - target) if f.ndim == 1 else None
     return in_disk, np.linalg.norm(image.lift(image.locate(mapped)) - target_mm, axis=1)
 
 
 class Carried:
-    """A moving `ParameterizedSurface` whose points are lifted to where a map f (V, ...) takes them
-    on the control."""
+    """A moving `ParameterizedSurface` whose points are lifted to their images on the control."""
 
     def __init__(self, side, f, image):
         self.disk, self.f, self.image = side.disk, f, image
@@ -60,30 +48,28 @@ class Carried:
 
 
 def held_out(pair, sides, f, image):
-    """The held-out curves' distances from the control's, mm, by the names of HELD_OUT: each
-    curve's, mean over both ways, their mean and worst; point to point by arc length; and the mean
-    of `middle_distance`. None without any."""
+    """The held-out curves' distances from the control's, mm, by the names of HELD_OUT.
+
+    In order: each curve's, mean over both ways; their mean; their worst; point to point by arc
+    length; the mean of `middle_distance`. None without any.
+    """
     if not pair.held:
         return dict.fromkeys(HELD_OUT)
     names = [curve.name for curve in sides.held]
     here, _ = curve_lines(sides.moving, sides.held, "moving")
     there, _ = curve_lines(sides.control, sides.held, "control")
     images = curves_in_space(Carried(sides.moving, f, image), here)
-    wanted = curves_in_space(sides.control, there)
-    each = {name: float(curve_distance(*both)) for name, both in zip(names, zip(images, wanted))}
-    middle = np.mean([middle_distance(*both) for both in zip(images, wanted)])
-    figures = (
-        np.mean(list(each.values())),
-        max(each.values()),
-        curve_errors(pair, pair.held, f, image)[1].mean(),
-        middle,
-    )
+    pairs = list(zip(images, curves_in_space(sides.control, there)))
+    each = {name: float(curve_distance(*both)) for name, both in zip(names, pairs)}
+    distances = list(each.values())
+    points = curve_errors(pair, pair.held, f, image)[1].mean()
+    middle = np.mean([middle_distance(*both) for both in pairs])
+    figures = np.mean(distances), max(distances), points, middle
     return dict(zip(HELD_OUT, (each, *map(float, figures))))
 
 
 def middle_distance(one, other):
-    """Mean distance from the middle three fifths of either curve (n, 3), (m, 3) to the nearest
-    point of the other.
+    """Mean distance of the middle three fifths of either curve (n, 3), (m, 3) from the other.
 
     The ends of a curve are less certain than its course.
     """
@@ -106,8 +92,7 @@ def maps_agree(pair, image, places):
 
 
 def correlations(pair, target, here, there):
-    """r by moving area of each map here (V,) with the one there (W,) where both are known: name ->
-    r.
+    """r by moving area of the maps here (V,) and there (W,) where both are known: name -> r.
 
     target: the image of a map and its places there.
     """
@@ -131,16 +116,17 @@ def log2_means(surface, points):
 
 
 def area_and_shape(surface, points):
-    """log2 J and log2 R at the vertices, (V,) each, of surface -> points (V, 3), both total areas
-    made equal: those of `wb_command -surface-distortion -local-affine-method -log2`."""
+    """log2 J and log2 R (V,) at the vertices, for surface -> points (V, 3) of equal total area.
+
+    As `wb_command -surface-distortion -local-affine-method -log2`.
+    """
     a, b, c = (points[corner] for corner in surface.faces.T)
     share = np.sqrt(2 * surface.area / np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
     return distortion_maps(surface.vertices, surface.faces, share * points)
 
 
 def tails(surface, points):
-    """ "areal_95" and "shape_95": 95th percentiles of |log2 J| and of log2 R of `area_and_shape`, by
-    area."""
+    """95th percentiles by area of `area_and_shape`: "areal_95" of |log2 J|, "shape_95"."""
     areas = surface.vertex_areas / surface.area
     log2_j, log2_r = area_and_shape(surface, points)
     return {"areal_95": quantile(abs(log2_j), areas), "shape_95": quantile(abs(log2_r), areas)}
@@ -156,8 +142,7 @@ def true_map(pair, lookup):
 
 
 def floors(pair):
-    """How far the true images of the curves lie from the control's curves, mm: a dict of two
-    figures.
+    """Distance of the curves' true images from the control's curves, mm: a dict of two figures.
 
     A sulcus forms beside its course on the template, so a map that takes curves to curves is off by
     this much: "floor_mm" by points of equal arc length, "floor_curve_mm" by distance of curves.
@@ -171,8 +156,7 @@ def floors(pair):
             there = sample_curve(control, curve["control"], count) @ control.vertices
             yield sample_curve(moving, curve["moving"], count) @ pair.truth, there
 
-    off = [
-        np.linalg.norm(image - there, axis=1).mean() for image, there in images(POINTS_PER_CURVE)
-    ]
+    pairs = images(POINTS_PER_CURVE)
+    off = [np.linalg.norm(image - there, axis=1).mean() for image, there in pairs]
     apart = [curve_distance(image, there) for image, there in images(SAMPLES)]
     return {"floor_mm": float(np.mean(off)), "floor_curve_mm": float(np.mean(apart))}

@@ -1,5 +1,4 @@
-"""The benchmark: every run on every problem, as tasks on one machine or many; each is saved when it
-finishes.
+"""The benchmark: every run on every problem, as tasks on one machine or many, saved one by one.
 
     from qclearn.benchmark import benchmark, Run
     results = benchmark("small.json", subjects=3)
@@ -48,8 +47,7 @@ def benchmark(
     peers=True,
     programs=(),
 ):
-    """Run all `runs` on all problems of `sets`, write the results file `out` and return its
-    contents.
+    """Run all `runs` on all problems of `sets`, write the results file `out`, return its contents.
 
     subjects: number, of the cohort's 24; runs: by default the table of `table_of(peers, fronts)`,
     without those whose networks have no weights here or whose extra is missing; programs: more
@@ -69,12 +67,8 @@ def benchmark(
         wanted = f"{FEWEST:,} to {MOST:,} vertices and at least one worker"
         raise BenchmarkError(f"{vertices} vertices, {workers} workers: give {wanted}")
     known = versions() | ({"cat-surf": version("cat-surf")} if find_spec("cat_surf") else {})
-    origin = {
-        "commit": commit(),
-        "date": date.today().isoformat(),
-        "versions": known,
-        "threads_per_task": 1,
-    }
+    origin = {"commit": commit(), "date": date.today().isoformat(), "versions": known}
+    origin["threads_per_task"] = 1
     seeds = {seed for spec in specs for seed in spec.seeds}
     settings = {
         "sets": list(sets),
@@ -92,29 +86,25 @@ def benchmark(
     if scheduler is None and settings["controls"]:
         hemispheres([], vertices, folder)  # refuses an unwritable folder now, not in each task
     journal, start = Journal(out, settings), time.perf_counter()
-    done = {
-        (row["set"], row["pair"], row["run"]) for row in journal.rows if row["status"] == "done"
-    }
+    finished_rows = [row for row in journal.rows if row["status"] == "done"]
+    done = {(row["set"], row["pair"], row["run"]) for row in finished_rows}
     wanted = [(spec, run) for spec in specs for run in runs if spec.set in run.sets]
     tasks = [(spec, run) for spec, run in wanted if (spec.set, spec.pair, run.name) not in done]
+    counts = {"total": len(wanted), "initial": len(done)}
     with connect(scheduler, workers) if tasks else nullcontext() as client:
         machines = machine(client) if tasks else {"workers": 1, "processors": [processor()]}
-        with tqdm(
-            total=len(wanted), initial=len(done), desc="benchmark", disable=not progress
-        ) as bar:
+        with tqdm(desc="benchmark", disable=not progress, **counts) as bar:
             for row in finished(client, tasks, methods, (vertices, folder, GENERATION)):
                 journal.append(row)
                 bar.set_postfix_str(f"{row['pair']}, {row['run']}", refresh=False)
                 bar.update()
     seconds = round(time.perf_counter() - start, 1)
-    return journal.finish(
-        origin | machines | {"seconds": seconds, "resumed": bool(done), "left_out": left_out}
-    )
+    costs = {"seconds": seconds, "resumed": bool(done), "left_out": left_out}
+    return journal.finish(origin | machines | costs)
 
 
 def finished(client, tasks, methods, grown):
-    """Rows as their tasks finish; a task that fails, with its worker or its problem, gives a row
-    that says so."""
+    """Rows as their tasks finish; a failed task, worker or problem gives a row with a message."""
     if not tasks:
         return
     from distributed import as_completed
@@ -133,24 +123,14 @@ def finished(client, tasks, methods, grown):
                 "the scheduler was lost; what was finished is kept: run it again to go on"
             )
         error = future.exception() if future.status == "error" else None
-        row = (
-            {"status": "failed", "message": f"{type(error).__name__}: {error}"}
-            if error
-            else future.result()
-        )
-        yield {
-            "set": spec.set,
-            "pair": spec.pair,
-            "run": run.name,
-            "method": run.method,
-            "parameters": run.parameters,
-            "landmarks": run.landmarks,
-            **row,
-        }
+        row = {"set": spec.set, "pair": spec.pair, "run": run.name, "method": run.method}
+        row |= {"parameters": run.parameters, "landmarks": run.landmarks}
+        if error:
+            yield row | {"status": "failed", "message": f"{type(error).__name__}: {error}"}
+        else:
+            yield row | future.result()
 
 
 def machine(client):
-    return {
-        "workers": len(client.nthreads()),
-        "processors": sorted(set(client.run(processor).values())),
-    }
+    processors = sorted(set(client.run(processor).values()))
+    return {"workers": len(client.nthreads()), "processors": processors}

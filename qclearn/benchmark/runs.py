@@ -8,7 +8,7 @@ from ..io.extras import require
 from ..registration.problem import DELTA, Weights
 from .measured import BenchmarkError
 from .methods.networks import network, networks_of
-from .methods.programs import command_words
+from .methods.programs import command_parts
 from .pairs import DETECTORS, SOURCES
 
 SETS = ("cohort", "displacement", "fsaverage5", "heldout", "warp", "conte69")
@@ -16,8 +16,7 @@ SETS = ("cohort", "displacement", "fsaverage5", "heldout", "warp", "conte69")
 
 @dataclass(frozen=True)
 class Run:
-    """One row's recipe: its name in the tables, the method and its parameters, the landmarks'
-    source (`SOURCES`).
+    """A row's recipe: its name, the method and its parameters, the landmarks' source (SOURCES).
 
     sets: the sets of problems it is run on; keep_field: keep |mu| on the control's disk, for
     pictures over subjects; alone: run it once more in a process of its own, for the CPU seconds and
@@ -36,26 +35,21 @@ class Run:
 
 
 KNOWN = ("cohort",)  # the set with true curves and a true map
-DETECTED = (
-    *KNOWN,
-    "fsaverage5",
-)  # sets of real or synthetic cortex, whose curves have ends to detect them from
-WEIGHED = (
-    *KNOWN,
-    "displacement",
-    "fsaverage5",
-)  # sets on which every weight of a method has its line
-HELD_OUT = ("heldout", "conte69")  # sets with curves that take no part
-FOLDED = (*DETECTED, *HELD_OUT, "warp")  # all sets on which folds say where to go
+DETECTED = (*KNOWN, "fsaverage5")  # sets whose curves have ends to detect them from
+WEIGHED = (*KNOWN, "displacement", "fsaverage5")  # sets with a row for every weight of a method
+HELD_OUT = ("heldout", "conte69")  # sets with held-out curves
+FOLDED = (*DETECTED, *HELD_OUT, "warp")  # all sets with folds to match
 COARSE = (*WEIGHED, "heldout", "warp")  # all but conte69 with its 29,000 vertices: for slow methods
-USUAL = {
-    "alpha": Weights.alpha,
-    "beta": Weights.beta,
-    "gamma": Weights.gamma,
-}  # named where a run differs
+USUAL = {"alpha": Weights.alpha, "beta": Weights.beta, "gamma": Weights.gamma}
 HYBRID = USUAL | {"delta": DELTA}
 EQUAL = {"alpha": 1.0, "beta": 1.0}
 PRINTED = {"preset": "paper"} | EQUAL
+
+
+def paper_run(name, gamma, **more):
+    """A run of the paper's networks; its CP-Net has weights for one control and each gamma."""
+    return Run(name, "cpnet_dbsnet", PRINTED | {"gamma": gamma}, sets=KNOWN, **more)
+
 
 RUNS = (
     Run("Möbius", "mobius_only"),
@@ -79,30 +73,11 @@ RUNS = (
     Run("landmark-free", "landmark_free", {"delta": DELTA}, sets=FOLDED, uncertainty=True),
     Run("Gauss-Newton, path", "gauss_newton", USUAL, "path", KNOWN),
     Run("Gauss-Newton, exact landmarks", "gauss_newton", USUAL, "exact", KNOWN),
-    # The paper's CP-Net has weights for one control and each gamma.
-    Run("paper's networks (1, 1, 1e4)", "cpnet_dbsnet", PRINTED | {"gamma": 1e4}, sets=KNOWN),
-    Run(
-        "paper's networks (1, 1, 1e5)",
-        "cpnet_dbsnet",
-        PRINTED | {"gamma": 1e5},
-        sets=KNOWN,
-        keep_field=True,
-    ),
-    Run("paper's networks (1, 1, 2e5)", "cpnet_dbsnet", PRINTED | {"gamma": 2e5}, sets=KNOWN),
-    Run(
-        "paper's networks (1, 1, 1e5), LD-Net",
-        "cpnet_dbsnet",
-        PRINTED | {"gamma": 1e5},
-        "ldnet_paper",
-        KNOWN,
-    ),
-    Run(
-        "paper's networks (1, 1, 1e5), path",
-        "cpnet_dbsnet",
-        PRINTED | {"gamma": 1e5},
-        "path",
-        KNOWN,
-    ),
+    paper_run("paper's networks (1, 1, 1e4)", 1e4),
+    paper_run("paper's networks (1, 1, 1e5)", 1e5, keep_field=True),
+    paper_run("paper's networks (1, 1, 2e5)", 2e5),
+    paper_run("paper's networks (1, 1, 1e5), LD-Net", 1e5, landmarks="ldnet_paper"),
+    paper_run("paper's networks (1, 1, 1e5), path", 1e5, landmarks="path"),
     Run("CP-Net and DBS-Net", "cpnet_dbsnet", USUAL, sets=WEIGHED, keep_field=True),
     Run("CP-Net and DBS-Net, LD-Net", "cpnet_dbsnet", USUAL, "ldnet", DETECTED),
     Run("CP-Net, exact solver", "cpnet_exact", USUAL, sets=WEIGHED),
@@ -126,16 +101,11 @@ PEERS = (
     Run("rotation", "rotation", sets=FOLDED, alone=True),
     Run("Spherical Demons", "spherical_demons", sets=FOLDED),
 )
-BESIDE = (
-    "Möbius",
-    "Gauss-Newton",
-    "hybrid",
-    "landmark-free",
-)  # of ours, whose whole processes stand beside theirs
+# Our runs that are measured as whole processes, too, to compare with the competitors.
+BESIDE = ("Möbius", "Gauss-Newton", "hybrid", "landmark-free")
 
-
-# For comparisons at the harmonic maps' distortion, some on a mesh like the subject's: a third of
-# all runs' time.
+# For comparisons at the harmonic maps' distortion, some on a mesh as fine as the subject's: a third
+# of all runs' time.
 FRONT = (
     *(along_front("1e-4", gamma) for gamma in (0.5, 2.0, 8.0)),
     *(along_front("1e-5", gamma, rings=64) for gamma in (0.25, 1.0, 4.0, 16.0, 64.0)),
@@ -143,29 +113,25 @@ FRONT = (
 
 
 def table_of(peers, fronts):
-    """The runs of the table: ours, with FRONT if `fronts`, and with `peers` PEERS beside them;
-    "only": those and what stands BESIDE them."""
+    """The runs of the table: RUNS, with `fronts` FRONT, with `peers` PEERS; peers "only": BESIDE."""
     own = RUNS + FRONT * fronts
+    if peers == "only":
+        own = [run for run in own if run.name in BESIDE]
     if peers:
-        own = tuple(
-            replace(run, alone=run.name in BESIDE)
-            for run in own
-            if peers != "only" or run.name in BESIDE
-        )
-    return own + PEERS * bool(peers)
+        own = [replace(run, alone=run.name in BESIDE) for run in own]
+    return (*own, *(PEERS if peers else ()))
 
 
 def program_of(text, limit):
     """The Run of a command line's "NAME=COMMAND", a method that is a program; BenchmarkError."""
     name, _, command = text.partition("=")
     try:
-        command_words(command)
+        command_parts(command)
     except ValueError as error:
         raise BenchmarkError(f"--program {text!r}: {error}") from None
     if not name.strip() or not limit > 0:
-        raise BenchmarkError(
-            f"--program {text!r}, --limit {limit}: write NAME=COMMAND, and seconds above 0"
-        )
+        advice = "write NAME=COMMAND, and seconds above 0"
+        raise BenchmarkError(f"--program {text!r}, --limit {limit}: {advice}")
     return Run(name.strip(), "program", {"command": command, "limit": limit}, sets=FOLDED)
 
 
@@ -180,45 +146,39 @@ def run_of(text):
         except ValueError:
             parameters[name.strip()] = value.strip()
         if not equals:
-            raise BenchmarkError(
-                f"{text}: {pair!r} is no parameter; write {method}:NAME=VALUE,NAME=VALUE"
-            )
+            advice = f"write {method}:NAME=VALUE,NAME=VALUE"
+            raise BenchmarkError(f"{text}: {pair!r} is no parameter; {advice}")
     source = parameters.pop("landmarks", "given")
     return Run(text, method, parameters, source)
 
 
 def check_runs(runs, methods):
-    """The runs as a tuple, or BenchmarkError for an unknown method, parameter or source, or a name
-    used twice."""
+    """The runs as a tuple; BenchmarkError for an unknown method, parameter, source or a twin."""
     for run in runs:
         if run.method not in methods:
-            raise BenchmarkError(
-                f"{run.name}: there is no method {run.method!r}; there are {', '.join(methods)}"
-            )
+            message = f"there is no method {run.method!r}; there are {', '.join(methods)}"
+            raise BenchmarkError(f"{run.name}: {message}")
         known = list(inspect.signature(methods[run.method]).parameters)[1:]
-        unknown = sorted(set(run.parameters) - set(known))
+        unknown = ", ".join(sorted(set(run.parameters) - set(known)))
         if unknown:
-            raise BenchmarkError(
-                f"{run.name}: {run.method} has no parameter {', '.join(unknown)}; it has "
-                f"{', '.join(known) or 'none'}"
-            )
+            message = f"no parameter {unknown}; it has {', '.join(known) or 'none'}"
+            raise BenchmarkError(f"{run.name}: {run.method} has {message}")
         if run.landmarks not in SOURCES or not set(run.sets) <= set(SETS):
             raise BenchmarkError(
                 f"{run.name}: no landmarks {run.landmarks!r} or sets {run.sets}; landmarks are "
-                "one of "
-                f"{', '.join(SOURCES)}, sets some of {', '.join(SETS)}"
+                f"one of {', '.join(SOURCES)}, sets some of {', '.join(SETS)}"
             )
     names = [run.name for run in runs]
     twice = sorted({name for name in names if names.count(name) > 1})
-    if twice or not names:
-        raise BenchmarkError(
-            f"runs named twice: {twice}; give each a name of its own" if twice else "no runs given"
-        )
+    if twice:
+        raise BenchmarkError(f"runs named twice: {twice}; give each a name of its own")
+    if not names:
+        raise BenchmarkError("no runs given")
     return tuple(runs)
 
 
 def lacking(run):
-    """Why a run's networks cannot be loaded, or its extra is missing, as a message, or None."""
+    """A message where a run's networks cannot be loaded or its extra is missing, or None."""
     try:
         if run.method == "spherical_demons":
             require("peers", "Spherical Demons")

@@ -1,5 +1,4 @@
-"""One run on one problem, in one thread: the map, its time and memory, and all that is measured of
-it."""
+"""One run on one problem, in one thread: the map, its time, its memory and all its figures."""
 
 import ctypes
 import sys
@@ -16,52 +15,28 @@ from ..plane.bijectivity import RepairWarning
 from ..plane.disk import Disk
 from ..plane.grids import polar
 from ..plane.mobius import mobius
-from ..registration.metrics import (
-    coefficient_histogram,
-    coefficient_measures,
-    correspondence_measures,
-    distortion_measures,
-    landmark_measures,
-    near_curves,
-)
+from ..registration import metrics
 from ..registration.register import register
+from . import reference_metrics as reference
 from .images import OnDisk, image_of, reversed_on_sphere
 from .methods.networks import networks_of
 from .methods.programs import Answer, costs_alone
 from .methods.spheres import inward
 from .pairs import prepare, reverse
-from .reference_metrics import (
-    TRUE_MAP,
-    curve_errors,
-    folds_agree,
-    held_out,
-    log2_means,
-    maps_agree,
-    tails,
-    true_map,
-)
 
-LONG, REPETITIONS = (
-    2.0,
-    3,
-)  # a map is computed again for its time, at most so often, within so many seconds
+# A map is computed again for its time, at most so often, within so many seconds.
+REPETITIONS = 3
+LONG = 2.0
 NEAR = 10.0  # largest distance from a sulcus along the surface, mm
 ON_CIRCLE = 1e-6
-SURE = "coverage", "rank"  # of a radius
-WITHOUT_TRUTH = dict.fromkeys(
-    (
-        "correspondence_mm",
-        "median_correspondence_mm",
-        "p95_correspondence_mm",
-        "correspondence_sulci_mm",
-        *TRUE_MAP,
-    )
-)
+OF_RADIUS = "coverage", "rank"
+CORRESPONDENCE = ["correspondence_mm", "median_correspondence_mm", "p95_correspondence_mm"]
+CORRESPONDENCE += ["correspondence_sulci_mm"]
+WITHOUT_TRUTH = dict.fromkeys([*CORRESPONDENCE, *reference.TRUE_MAP])
 
 
 def trial(pair, run, method):
-    """The figures of one run on one pair, dict: `status` "done" and the results schema's, or
-    "failed" and a message."""
+    """The figures of one run on one pair, dict for the results schema, or a failure's message."""
     try:
         with threadpool_limits(1):
             prepared = prepare(pair, run.landmarks)
@@ -81,25 +56,22 @@ def trial(pair, run, method):
             sides = {"moving": pair.moving.messages, "control": pair.control.messages}
             of_disks = [f"{side}: {note}" for side, notes in sides.items() for note in notes]
             costs["notes"] = [*of_disks, *prepared.notes, *costs["notes"]]
-            figures = map_figures(pair, prepared, f, lookup, run.keep_field) | how_sure(pair, run)
-            return {
-                "status": "done",
-                **figures,
-                "there_and_back_mm": way_back(pair, run, method, places),
-                **costs,
-            }
+            figures = map_figures(pair, prepared, f, lookup, run.keep_field)
+            figures |= judge_radius(pair, run)
+            figures["there_and_back_mm"] = way_back(pair, run, method, places)
+            return {"status": "done"} | figures | costs
     except Exception as error:
         return {"status": "failed", "message": f"{type(error).__name__}: {error}"}
 
 
 def timed(method, problem, parameters):
-    """(f, costs): the map, its median time over the warm ones of up to REPETITIONS, in one thread,
-    and its memory.
+    """(f, costs): the map, its median time over up to REPETITIONS warm runs, and its memory.
 
-    Each knows nothing of the problem. The first is measured for memory; its time counts only from
-    LONG on.
+    Each run begins with nothing computed of the problem. The first is measured for memory; its time
+    counts only from LONG on.
     """
-    seconds, whole = [], {}
+    seconds = []
+    whole = {}
     while not seconds or (sum(seconds) < LONG and len(seconds) < REPETITIONS):
         fresh = forgotten(problem)
         if "torch" in sys.modules:  # it keeps its own count of threads
@@ -113,11 +85,8 @@ def timed(method, problem, parameters):
             seconds.append(time.perf_counter() - start)
         if len(seconds) == 1:
             peak = memory("VmHWM")
-        notes = [
-            str(warning.message)
-            for warning in caught
-            if issubclass(warning.category, RepairWarning)
-        ]
+        repairs = [each for each in caught if issubclass(each.category, RepairWarning)]
+        notes = [str(each.message) for each in repairs]
         if isinstance(f, Answer):  # whose own process took the time
             f, whole, seconds = f.points, of_process(f.costs), [f.costs.seconds]
             break
@@ -131,7 +100,7 @@ def timed(method, problem, parameters):
 
 
 def of_process(costs):
-    """What a row keeps of the `Costs` of a whole process."""
+    """The figures of a whole process in a row, from its `Costs`."""
     return {"cpu_seconds": costs.cpu_seconds, "memory_mb": costs.memory_mb}
 
 
@@ -151,24 +120,21 @@ def unknown(disk):
 
 
 def checked(f, problem):
-    """A method's answer as points of the disk (V,) complex or of the control's sphere (V', 3), or
-    ValueError."""
+    """A method's answer as (V,) complex or, on the sphere, (V', 3) float; ValueError."""
     f = np.asarray(f)
     f = f.astype(float if f.ndim == 2 and not np.iscomplexobj(f) else complex)
     sphere = problem.sides.moving.sphere if f.ndim == 2 else None
     shape = problem.disk.z.shape if sphere is None else sphere.points.shape
     if f.shape != shape or not np.isfinite(f).all():
-        given = (
-            f"an array of shape {f.shape} with {(~np.isfinite(f)).sum()} values that are not finite"
-        )
+        count = (~np.isfinite(f)).sum()
+        given = f"an array of shape {f.shape} with {count} values that are not finite"
         wanted = f"{shape}, one point of the {'disk' if sphere is None else 'sphere'} a vertex"
         raise ValueError(f"the method returned {given}; expected {wanted}")
     return f
 
 
 def way_back(pair, run, method, places):
-    """Mean distance, mm, that the run's maps to `places` on the control and back move vertices;
-    None if not asked."""
+    """Mean distance, mm, between vertices and their images there and back; None if not asked."""
     if not pair.there_and_back:
         return None
     problem = prepare(reverse(pair), run.landmarks).problem
@@ -181,75 +147,73 @@ def way_back(pair, run, method, places):
     return float(np.linalg.norm(home - pair.moving.surface.vertices, axis=1).mean())
 
 
-def how_sure(pair, run):
-    """Of the 90 % radius that `register` gives with a run's settings: the share of the moving area
-    whose true places lie within it of `register`'s, and Spearman's correlation of radius and error;
-    None where nothing is to judge."""
-    if (
-        not run.uncertainty
-        or pair.truth is None
-        or (run.landmarks, pair.given) != ("given", "given")
-    ):
-        return dict.fromkeys(SURE)
-    moving, curves = pair.moving.surface, () if run.method == "landmark_free" else pair.curves
-    folds = {"features": None} if run.method == "gauss_newton" else {}
+def judge_radius(pair, run):
+    """How good the 90 % radius is that `register` gives with a run's settings, dict.
+
+    "coverage": share of the moving area with an error within the radius; "rank": Spearman's
+    correlation of radius and error. None where nothing is to judge.
+    """
+    given = (run.landmarks, pair.given) == ("given", "given")
+    if not run.uncertainty or pair.truth is None or not given:
+        return dict.fromkeys(OF_RADIUS)
+    moving, control = pair.moving.surface, pair.control.surface
+    curves = [] if run.method == "landmark_free" else list(pair.curves)
+    settings = {"features": None} if run.method == "gauss_newton" else {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RepairWarning)
-        registration = register(
-            moving, pair.control.surface, list(curves), uncertainty=True, **folds, **run.parameters
-        )
-    if registration.uncertainty is None:  # wrong landmarks, which are not fitted
-        return dict.fromkeys(SURE)
-    off = np.linalg.norm(registration.curves - pair.truth, axis=1)
-    inside = np.average(off <= registration.uncertainty, weights=moving.vertex_areas)
-    return dict(zip(SURE, map(float, (inside, spearmanr(registration.uncertainty, off)[0]))))
+        settings |= run.parameters
+        registration = register(moving, control, curves, uncertainty=True, **settings)
+    radius = registration.uncertainty
+    if radius is None:  # wrong landmarks, which are not fitted
+        return dict.fromkeys(OF_RADIUS)
+    off = np.linalg.norm(registration.points - pair.truth, axis=1)
+    coverage = np.average(off <= radius, weights=moving.vertex_areas)
+    return {"coverage": float(coverage), "rank": float(spearmanr(radius, off)[0])}
 
 
 def memory(name, reset_peak=False):
-    """This process' resident memory now ("VmRSS") or at its peak ("VmHWM"), MB; None outside Linux."""
+    """This process' resident memory now ("VmRSS") or at its peak ("VmHWM"), MB; None off Linux."""
     try:
         if reset_peak:
-            ctypes.CDLL(None).malloc_trim(
-                0
-            )  # hand back what earlier tasks freed: to use that again would not show
+            # Memory that earlier tasks freed goes back first: to use it again would not show.
+            ctypes.CDLL(None).malloc_trim(0)
             Path("/proc/self/clear_refs").write_text("5")
         lines = Path("/proc/self/status").read_text().splitlines()
         return next(int(line.split()[1]) / 1024 for line in lines if line.startswith(name))
-    except (
-        AttributeError,
-        OSError,
-        StopIteration,
-        TypeError,
-    ):  # a C library without malloc_trim, or none by this name
+    # A C library without malloc_trim, or none by this name.
+    except (AttributeError, OSError, StopIteration, TypeError):
         return None
 
 
 def map_figures(pair, prepared, f, lookup, keep_field):
-    """All figures of a map f (V,) complex or, onto the control's sphere, (V', 3); lookup: in the
-    control's disk."""
-    moving, problem = pair.moving.surface, prepared.problem
-    whole, f, image = f, f[: len(moving.vertices)], image_of(pair.control, f, lookup)
-    disk, before = OnDisk(pair.control, lookup), mobius(problem.disk.z, *problem.mobius)
+    """All figures of a map f (V,) or, on the sphere, (V', 3); lookup: in the control's disk."""
+    moving = pair.moving.surface
+    problem = prepared.problem
+    figures = in_disk(moving, problem, f) if f.ndim == 1 else on_sphere(pair, f)
+    f = f[: len(moving.vertices)]  # of a whole surface: its cortex
+    image = image_of(pair.control, f, lookup)
     places = image.locate(f)
-    points, mapped = image.lift(places), prepared.samples @ f
+    points = image.lift(places)
+    mapped = prepared.samples @ f
     off = np.linalg.norm(image.lift(image.locate(mapped)) - prepared.target_mm, axis=1)
-    figures = {
-        **(in_disk(moving, problem, f) if f.ndim == 1 else on_sphere(pair, whole)),
-        **landmark_measures(mapped if f.ndim == 1 else np.nan, prepared.target, off),
-        **true_errors(pair, f, image),
-        **held_out(pair, problem.sides, f, image),
-        **distortion_measures(moving, points),
-        **log2_means(moving, points),
-        **tails(moving, points),
-        **folds_agree(pair, image, places),
-        **{f"{name}_before": r for name, r in folds_agree(pair, disk, lookup(before)).items()},
-        "r_maps": maps_agree(pair, image, places),
-        **WITHOUT_TRUTH,
-        "reversed_on_sphere": reversed_on_sphere(pair, places, f),
-    }
+    figures |= metrics.landmark_measures(mapped if f.ndim == 1 else np.nan, prepared.target, off)
+    figures |= true_errors(pair, f, image)
+    figures |= reference.held_out(pair, problem.sides, f, image)
+    figures |= metrics.distortion_measures(moving, points)
+    figures |= reference.log2_means(moving, points)
+    figures |= reference.tails(moving, points)
+    figures |= reference.folds_agree(pair, image, places)
+    before = lookup(mobius(problem.disk.z, *problem.mobius))
+    agreement = reference.folds_agree(pair, OnDisk(pair.control, lookup), before)
+    figures |= {f"{name}_before": r for name, r in agreement.items()}
+    figures["r_maps"] = reference.maps_agree(pair, image, places)
+    figures |= WITHOUT_TRUTH
+    figures["reversed_on_sphere"] = reversed_on_sphere(pair, places, f)
     if pair.truth is not None:
-        near = near_curves(moving, [curve["moving"] for curve in (*pair.curves, *pair.held)], NEAR)
-        figures |= correspondence_measures(points, pair.truth, near) | true_map(pair, lookup)
+        curves = [curve["moving"] for curve in (*pair.curves, *pair.held)]
+        near = metrics.near_curves(moving, curves, NEAR)
+        figures |= metrics.correspondence_measures(points, pair.truth, near)
+        figures |= reference.true_map(pair, lookup)
     if keep_field and f.ndim == 1 and figures["certified"]:
         mu = problem.disk.coefficient(f)
         figures["field"] = np.round(abs(mu)[problem.disk.at(f).locate(polar(16).centroids)[0]], 4)
@@ -257,14 +221,13 @@ def map_figures(pair, prepared, f, lookup, keep_field):
 
 
 def in_disk(moving, problem, f):
-    """Figures of a map f (V,) of the disks alone: its coefficient, whether it is a bijection, and
-    what it folds."""
+    """Figures of a map f (V,) between the disks: coefficient, certificate and flipped faces."""
     mu = problem.disk.coefficient(f)
     certificate = problem.disk.certify(f)
     off_circle = float(abs(abs(f[moving.boundary]) - 1).max())
     return {
-        **coefficient_measures(moving, problem.disk, mu),
-        "histogram": coefficient_histogram(mu),
+        **metrics.coefficient_measures(moving, problem.disk, mu),
+        "histogram": metrics.coefficient_histogram(mu),
         "flipped": len(certificate.flipped),
         "bijective": certificate.bijective,
         "off_circle": off_circle,
@@ -273,8 +236,7 @@ def in_disk(moving, problem, f):
 
 
 def on_sphere(pair, f):
-    """The same of a map of the spheres f (V', 3), which has no coefficient in the disk: its flipped
-    faces, anywhere."""
+    """The same for a map of spheres f (V', 3), which has no coefficient in the disk."""
     flipped = inward(f[pair.moving.sphere.whole.faces])
     sizes = ("mean_abs_mu", "sd_abs_mu", "p95_abs_mu", "max_abs_mu")
     weighed = (f"{kind}_abs_mu_{areas}" for kind in ("mean", "sd") for areas in ("disk", "area"))
@@ -283,11 +245,10 @@ def on_sphere(pair, f):
 
 
 def true_errors(pair, f, image):
-    """A map's errors on the true curves, whatever its landmarks were; None where a side has ends
-    only."""
+    """A map's errors on the true curves; None where a side has ends only."""
     whole = [curve for curve in pair.curves if min(len(curve["moving"]), len(curve["control"])) > 2]
     if not whole or pair.given == "exact":
         return {"landmark_error_true": None, "landmark_error_true_mm": None}
-    plane, in_space = curve_errors(pair, whole, f, image)
+    plane, in_space = reference.curve_errors(pair, whole, f, image)
     error = None if plane is None else float(plane.mean())
     return {"landmark_error_true": error, "landmark_error_true_mm": float(in_space.mean())}

@@ -18,8 +18,7 @@ def of_one_size(here, printed):
 
 
 def judge_ratio(printed, here, low=None, high=None):
-    """The verdict on a printed quotient of two methods: is ours on the same side of 1, and of the
-    same size?
+    """The verdict on a printed quotient of two methods, by its side of 1 and its size.
 
     low, high: the interval of ours, where there is one; it has to lie on one side of 1 as a whole.
     "agrees": direction and size hold. "agrees in direction only": the size is off by more than
@@ -34,20 +33,16 @@ def judge_ratio(printed, here, low=None, high=None):
 
 
 def judge_size(printed, here):
-    """The verdict on a printed figure with a unit: "agrees" within `FACTOR`, else how many times
-    larger or smaller."""
+    """The verdict on a printed figure with a unit: "agrees" within `FACTOR`, else by how much not."""
     if of_one_size(here, printed):
         return "agrees"
-    return (
-        f"{printed / here:.0f} times smaller"
-        if here < printed
-        else f"{here / printed:.0f} times larger"
-    )
+    if here < printed:
+        return f"{printed / here:.0f} times smaller"
+    return f"{here / printed:.0f} times larger"
 
 
 def judge_order(values, rising):
-    """The verdict on an order: "agrees" where each value lies above (or, not `rising`, below) the
-    one before it."""
+    """The verdict on an order: "agrees" where the values rise or, without `rising`, fall."""
     steps = [later - earlier for earlier, later in pairwise(values)]
     return holds(all(step > 0 if rising else step < 0 for step in steps))
 
@@ -63,9 +58,10 @@ def judge_all(count, total):
 
 
 def judge_start(row, start):
-    """The verdict on a map by the row of the one that it, or its like, begins from: "failed here"
-    where it ends farther from the truth or, where none is known, from the curves that took no part;
-    else "". Such a row is nobody's win.
+    """The verdict on a map's row against that of its start: "failed here" where it ends worse.
+
+    Measured by the ground truth or, where there is none, by the held-out curves; else "". Such a
+    row counts for no method.
     """
     key = "held_out_mm" if row.get("correspondence_mm") is None else "correspondence_mm"
     known = row.get(key) is not None and start.get(key) is not None
@@ -83,6 +79,5 @@ def side(low, high, of=0.0):
 
 
 def compared(one, other):
-    """One figure beside another of the same study: "below", "above", or "level" within `MARGIN` of
-    it."""
+    """A figure against another of the same study: "below", "above", or "level" within `MARGIN`."""
     return side(one / other - MARGIN, one / other + MARGIN, of=1)

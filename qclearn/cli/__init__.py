@@ -1,7 +1,6 @@
 """The command line: `qclearn register`, `open`, `transfer`, `demo`, ...
 
-One line on stderr and exit code 2 for bad input; exit code 3 for a registration that is written,
-but suspect.
+Exit code 2: bad input, one line on stderr says what. Exit code 3: written, but suspect.
 """
 
 import sys
@@ -18,9 +17,8 @@ def main(arguments=None):
     """Run a command; bad input becomes one line on stderr and exit code 2."""
     try:
         command = Command(["qclearn", *(sys.argv[1:] if arguments is None else arguments)])
-        command.begun = time.perf_counter() - (
-            time.process_time() if arguments is None else 0
-        )  # Python's own start
+        # The process's time so far is that of Python's own start.
+        command.begun = time.perf_counter() - (time.process_time() if arguments is None else 0)
         cli.main(arguments, prog_name="qclearn", standalone_mode=False, obj=command)
     except click.exceptions.Exit as stop:
         sys.exit(stop.exit_code)
@@ -29,49 +27,33 @@ def main(arguments=None):
     except click.ClickException as error:
         fail(f"{error.format_message()} (qclearn --help lists the commands)")
     except MemoryError:
-        fail(
-            "there is not enough memory for this; close other programs, use a machine with more, "
-            "or coarser surfaces"
-        )
-    except (
-        ValueError,
-        OSError,
-        ImportError,
-    ) as error:  # ours are ValueErrors; torch may be missing
+        advice = "close other programs, use a machine with more, or coarser surfaces"
+        fail(f"there is not enough memory for this; {advice}")
+    # Our own errors are ValueErrors; a package of an extra may be missing.
+    except (ValueError, OSError, ImportError) as error:
         fail(str(error))
 
 
-@click.group(no_args_is_help=False)
+@click.group(no_args_is_help=False, context_settings={"show_default": True})
 @click.version_option(version("qclearn"))
 def cli():
     """Quasi-conformal registration of cortical surfaces."""
 
 
 @click.command(
-    hidden=True, add_help_option=False, context_settings={"ignore_unknown_options": True}
+    hidden=True, context_settings={"ignore_unknown_options": True, "help_option_names": []}
 )
-@click.argument("words", nargs=-1, type=click.UNPROCESSED)
-def grade(words):
-    """Version 0.1 graded hand-ins by itself."""
+@click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
+def grade(arguments):
+    """Refuse the command of version 0.1 that graded hand-ins."""
     raise click.UsageError(
         "grade: nbgrader grades hand-ins now: `make course` writes its folder, and the guide for "
-        "teachers"
-        " (book/teaching.md) has the commands"
+        "teachers (book/teaching.md) has the commands"
     )
 
 
-for command in (
-    landmarks.landmarks,
-    registration.register,
-    registration.demo,
-    group.template,
-    reports.report,
-    surfaces.open_command,
-    surfaces.transfer,
-    sphere.sphere,
-    surfaces.synth,
-    studies.train,
-    studies.benchmark,
-    grade,
-):
+COMMANDS = [landmarks.landmarks, registration.register, registration.demo, group.template]
+COMMANDS += [reports.report, surfaces.open_command, surfaces.transfer, sphere.sphere]
+COMMANDS += [surfaces.synth, studies.train, studies.benchmark, grade]
+for command in COMMANDS:
     cli.add_command(command)

@@ -1,5 +1,4 @@
-"""What options of `qclearn register` give: weights, and features and regions from files, of whole
-surfaces too."""
+"""Weights, features and regions from the options of `qclearn register`."""
 
 from pathlib import Path
 
@@ -40,9 +39,8 @@ def given_feature(pair, moving, control):
         weight = 1.0
     if moving == control and moving in FOLDS:
         return moving, weight
-    return Feature(
-        Path(moving).name, feature_of(pair.moving, moving), feature_of(pair.control, control)
-    ), weight
+    values = feature_of(pair.moving, moving), feature_of(pair.control, control)
+    return Feature(Path(moving).name, *values), weight
 
 
 def feature_of(hemisphere, path):
@@ -50,10 +48,10 @@ def feature_of(hemisphere, path):
     given = read_map(path)
     require_side(path, given.side, hemisphere.frame.side, hemisphere.path)
     values = hemisphere.numbering.on_disk(given.values, path)
-    if (
-        len(given.values) > len(values) and not np.isfinite(values).all()
-    ):  # `register` would give the disk's numbers
-        bad = hemisphere.numbering.table[~np.isfinite(values.reshape(len(values), -1)).all(axis=1)]
+    finite = np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+    # `register` would name the vertices by their numbers on the disk.
+    if len(given.values) > len(values) and not finite.all():
+        bad = hemisphere.numbering.table[~finite]
         raise FeatureError(
             f"{path}: not finite on the cortex at vertices {bad[:5].tolist()}; fill them in first"
         )

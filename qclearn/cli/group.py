@@ -1,5 +1,4 @@
-"""`qclearn template`: many surfaces to a folder with what they have in common and all their
-registrations."""
+"""`qclearn template`: from many surfaces to a folder with their template and registrations."""
 
 import json
 from pathlib import Path
@@ -22,56 +21,21 @@ from .output import fail, output_folder, say
 
 @click.command()
 @click.argument("subjects", nargs=-1, required=True)
+@click.option("--out", required=True, help="Folder to write to.")
 @click.option(
-    "--out",
-    required=True,
-    help="Folder for template.npz, report.json and a registration-NN.npz a subject.",
+    "--mirror", multiple=True, metavar="SUBJECT", help="Mirror one first (right to left)."
 )
-@click.option(
-    "--mirror",
-    multiple=True,
-    metavar="SUBJECT",
-    help="One of them to mirror first (right onto left).",
-)
-@click.option(
-    "--feature",
-    "features",
-    multiple=True,
-    type=click.Choice(FOLDS),
-    default=FOLDS,
-    show_default=True,
-)
-@click.option(
-    "--rounds",
-    type=int,
-    default=4,
-    show_default=True,
-    help="At most so many; 0: Möbius maps alone.",
-)
-@click.option(
-    "--delta",
-    type=float,
-    default=BY_DISKS,
-    show_default=True,
-    help="Weight of the features' mismatch.",
-)
-@click.option(
-    "--folder",
-    help="Where finished registrations are kept, to go on with  [default: rounds in --out].",
-)
-@click.option(
-    "--scheduler",
-    help="Address of a dask scheduler, tcp://HOST:8786 (default: processes of this machine).",
-)
-@click.option(
-    "--workers", type=int, default=2, show_default=True, help="Processes, without --scheduler."
-)
+@click.option("--feature", "features", multiple=True, type=click.Choice(FOLDS), default=FOLDS)
+@click.option("--rounds", type=int, default=4, help="At most so many; 0: Möbius maps alone.")
+@click.option("--delta", type=float, default=BY_DISKS, help="Weight of the features' mismatch.")
+@click.option("--folder", help="Where finished rounds are stored  [default: rounds in --out]")
+@click.option("--scheduler", help="Address of a dask scheduler, tcp://HOST:8786.")
+@click.option("--workers", type=int, default=2, help="Processes, without --scheduler.")
 def template(subjects, out, mirror, folder, **options):
-    """Make an unbiased template of SUBJECTS (surface files of disks of one side), all registered to
-    it.
+    """Make an unbiased template of SUBJECTS, surface files of disks of one side.
 
-    Exit code 3 where a subject takes no part, as its registration folds or is suspect: one line on
-    stderr says who.
+    The folder gets template.npz, report.json and a registration-NN.npz per subject. Exit code 3 if
+    a subject is left out because its registration folds or is suspect: one line on stderr names it.
     """
     unknown = sorted(set(mirror) - set(subjects))
     if unknown:
@@ -82,17 +46,14 @@ def template(subjects, out, mirror, folder, **options):
     made = qc.template(members, folder=folder or Path(out) / "rounds", progress=True, **options)
     with output_folder(out) as place:
         write_template(place, made, members)
-    tell(made.report, out)
+    print_rounds(made.report, out)
     if made.left_out:
-        fail(
-            "left out: "
-            + "; ".join(f"{name}: {reasons[0]}" for name, reasons in made.left_out.items()),
-            3,
-        )
+        messages = [f"{name}: {reasons[0]}" for name, reasons in made.left_out.items()]
+        fail(f"left out: {'; '.join(messages)}", 3)
 
 
 def member_of(path, mirrored):
-    """A subject with the TRAITS that its file says."""
+    """A subject with the TRAITS that its file names."""
     surface, frame = qc.read_surface(path), frame_of(path)
     known = {"hemisphere": frame.side}
     if Path(path).suffix == ".npz":
@@ -106,8 +67,7 @@ def member_of(path, mirrored):
 
 
 def write_template(folder, made, members):
-    """template.npz, report.json, and a registration-NN.npz a subject, which `qclearn transfer`
-    reads."""
+    """Write a `Template`; `qclearn transfer` reads the registrations."""
     mean = {"vertices": made.surface.vertices, "faces": made.surface.faces, "disk": made.disk}
     means = {f"map_{name}": values for name, values in made.maps.items()}
     np.savez_compressed(folder / "template.npz", **mean, **means)
@@ -117,22 +77,19 @@ def write_template(folder, made, members):
         if name in made.disk_maps
     }
     for name, file in files.items():
-        maps = {
-            "disk_moving": made.disks[name],
-            "disk_map": made.disk_maps[name],
-            "disk_control": made.disk,
-        }
-        faces = {"faces_moving": members[name].surface.faces, "faces_control": mean["faces"]}
-        sides = side_arrays("moving", members[name].surface, members[name].frame)
-        sides |= side_arrays("control", made.surface, Frame()) | {
-            "mirrored": np.array(members[name].mirrored)
-        }
-        write_registration(folder / file, maps | faces | sides)
+        member = members[name]
+        disks = {"disk_moving": made.disks[name], "disk_map": made.disk_maps[name]}
+        disks["disk_control"] = made.disk
+        faces = {"faces_moving": member.surface.faces, "faces_control": mean["faces"]}
+        sides = side_arrays("moving", member.surface, member.frame)
+        sides |= side_arrays("control", made.surface, Frame())
+        mirrored = {"mirrored": np.array(member.mirrored)}
+        write_registration(folder / file, disks | faces | sides | mirrored)
     (folder / "report.json").write_text(json.dumps(made.report | {"files": files}, indent=2) + "\n")
 
 
-def tell(report, out):
-    """Print a line of each round, and whether the template stands still."""
+def print_rounds(report, out):
+    """Print a line per round, and whether the template has converged."""
     say("round  moved, mm  " + "  ".join(f"r({name})  variance" for name in report["features"]))
     for number, row in enumerate(report["rounds"]):
         r = [f"{row['r'].get(name, np.nan):{len(name) + 3}.3f}" for name in report["features"]]

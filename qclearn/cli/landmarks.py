@@ -1,5 +1,4 @@
-"""`qclearn landmarks`: a landmarks file from FreeSurfer labels, points in mm, or fsaverage5's own
-curves."""
+"""`qclearn landmarks`: a landmarks file from labels, points in mm, or fsaverage5's own curves."""
 
 import json
 from pathlib import Path
@@ -31,11 +30,7 @@ DOUBT = 0.6  # of the ends' distance when reversed: 0.02 to 0.42 on known curves
 @click.command()
 @click.argument("moving")
 @click.argument("control")
-@click.option(
-    "--cortex",
-    metavar="FILE",
-    help="lh.cortex.label of a whole MOVING; vertices get the whole one's numbers.",
-)
+@click.option("--cortex", metavar="FILE", help="lh.cortex.label of a whole MOVING.")
 @click.option("--control-cortex", metavar="FILE", help="The same of a whole CONTROL.")
 @click.option(
     "--label",
@@ -50,69 +45,55 @@ DOUBT = 0.6  # of the ends' distance when reversed: 0.02 to 0.42 on known curves
     help="A csv file: name, side (moving, control), order (numbers, or begin and end), x, y, z.",
 )
 @click.option(
-    "--space",
-    type=click.Choice([TKR, SCANNER]),
-    help="Of --points  [default: the surface file's own].",
+    "--space", type=click.Choice([TKR, SCANNER]), help="Of --points  [default: the file's own]"
 )
+@click.option("--carry", type=click.Choice(["fsaverage5"]), help="Its eleven curves, by folds.")
 @click.option(
-    "--carry",
-    type=click.Choice(["fsaverage5"]),
-    help="Its eleven curves, found by folds on both surfaces.",
+    "--mirror", is_flag=True, help="As for `register`: MOVING is of the other hemisphere."
 )
-@click.option(
-    "--mirror",
-    is_flag=True,
-    help="As for `register`: the moving surface is of the other hemisphere.",
-)
-@click.option(
-    "--out", required=True, help="The landmarks file to write, for `register --landmarks`."
-)
+@click.option("--out", required=True, help="The file to write, for `register --landmarks`.")
 def landmarks(moving, control, cortex, control_cortex, labels, points, space, carry, mirror, out):
-    """Write a landmarks file for MOVING and CONTROL from what people have.
+    """Write a landmarks file for MOVING and CONTROL from labels, points or a template.
 
-    Both are given as to `register`, and the file has the numbers of the surfaces as given. Two
-    points are the ends of a sulcus, which `register` finds between them. Labels have the whole
-    surface's numbers where it is known.
+    Both are given as to `register`, and the file has the vertex numbers of the surfaces as given.
+    Two points are the ends of a sulcus, which `register` detects between them. Labels have the
+    whole surface's numbers where it is known.
     """
     if not (labels or points or carry):
         raise click.UsageError("landmarks needs --label, --points or --carry")
     if space and not points:
         raise click.UsageError("--space belongs to --points")
-    sides = dict(
-        zip(SIDES, (read_hemisphere(moving, cortex), read_hemisphere(control, control_cortex)))
-    )
+    hemispheres = read_hemisphere(moving, cortex), read_hemisphere(control, control_cortex)
+    sides = dict(zip(SIDES, hemispheres))
     for one in sides.values():
         qc.require_disk(one.disk)
         qc.require_outward(one.disk)
     require_hands(sides, mirror)
-    curves, told, more = [], [], {}
-    curves += from_labels(labels, sides, mirror, told) if labels else []
-    curves += from_points(points, sides, space, told) if points else []
+    curves = []
+    lines = []
+    curves += from_labels(labels, sides, mirror, lines) if labels else []
+    curves += from_points(points, sides, space, lines) if points else []
+    fingerprints = {side: one.given.fingerprint for side, one in sides.items()}
+    contents = {"surfaces": fingerprints, "curves": curves}
     if carry:
-        found, more["off_fundus_mm"] = from_template(sides, told)
-        curves += found
-    contents = {
-        "surfaces": {side: one.given.fingerprint for side, one in sides.items()},
-        "curves": curves,
-        **more,
-    }
+        template_curves, contents["off_fundus_mm"] = from_template(sides, lines)
+        curves += template_curves
     for curve in curves:
         curve |= {side: as_given(one, curve[side]) for side, one in sides.items()}
     check_curves(contents, *(one.given for one in sides.values()))
     write_whole(Path(out), lambda place: place.write_text(json.dumps(contents, indent=2) + "\n"))
-    for line in (*told, f"{out}: {counted(curves, 'curve')}"):
+    for line in (*lines, f"{out}: {counted(curves, 'curve')}"):
         say(line)
 
 
 def as_given(one, path):
-    """The numbers that vertices of a `Hemisphere`'s disk have in the surface as it was given, a
-    list."""
+    """Vertices of a `Hemisphere`'s disk by their numbers in the surface as given, a list."""
     path = np.asarray(path)
     return (one.numbering.table[path] if one.is_whole else path).tolist()
 
 
 def require_hands(sides, mirror):
-    """LandmarkError where both files say their hemisphere and --mirror does not go with that."""
+    """LandmarkError where the hemispheres that both files name contradict --mirror."""
     hands = [one.frame.side for one in sides.values()]
     if None not in hands and (hands[0] != hands[1]) != mirror:
         remedy = "leave out --mirror" if mirror else "add --mirror, here and to `register`"
@@ -121,31 +102,31 @@ def require_hands(sides, mirror):
         )
 
 
-def from_labels(labels, sides, mirror, told):
-    """Curves from pairs of labels; which end is first is decided by where the folds lay them. told:
-    lines to say."""
+def from_labels(labels, sides, mirror, lines):
+    """Curves from pairs of labels; the ends nearer to each other after a map by folds are first.
+
+    lines: list of messages to the user, which grows.
+    """
     paths = [
         [label_path(name, file, sides[side]) for side, file in zip(SIDES, files)]
         for name, *files in labels
     ]
     moving, control = (one.disk for one in sides.values())
-    laid = aligned_by_folds(qc.mirror(moving) if mirror else moving, control)
+    aligned = aligned_by_folds(qc.mirror(moving) if mirror else moving, control)
     curves = []
     for (name, *_), (here, there) in zip(labels, paths):
-        straight, crossed = ends_apart(laid, here, there)
+        straight, crossed = ends_apart(aligned, here, there)
         there = there[::-1] if crossed < straight else there
         near, far = sorted((straight, crossed))
         doubt = "; check which end is first" if near > DOUBT * far else ""
-        told.append(
-            f"{name}: {len(here)} and {len(there)} vertices, ends {near:.1f} mm apart ({far:.1f} "
-            f"if reversed){doubt}"
-        )
+        counts = f"{name}: {len(here)} and {len(there)} vertices"
+        lines.append(f"{counts}, ends {near:.1f} mm apart ({far:.1f} if reversed){doubt}")
         curves.append({"name": name, "moving": here, "control": there, "detect": False})
     return curves
 
 
 def label_path(name, file, one):
-    """The path of a label's vertices on a `Hemisphere`'s disk; LandmarkError that names the label."""
+    """The path of a label's vertices on a `Hemisphere`'s disk; LandmarkError names the label."""
     require_side(file, side_of_name(file), one.frame.side, one.path)
     try:
         return ordered(one.disk, own_numbers(one.disk, read_label(file)))
@@ -154,8 +135,7 @@ def label_path(name, file, one):
 
 
 def own_numbers(surface, numbers):
-    """Vertices of a surface that have these numbers (n,) in the whole one, if it was cut; those cut
-    away drop out."""
+    """Vertices of a surface by their numbers (n,) in the whole one; those cut away drop out."""
     whole = surface.original_vertices
     if whole is not None:
         return np.flatnonzero(np.isin(whole, numbers))
@@ -163,54 +143,46 @@ def own_numbers(surface, numbers):
     if len(bad):
         raise qc.LandmarkError(
             f"names vertex {bad[0]}, and the surface has {len(surface.vertices)}: if it was cut "
-            "open, give the npz "
-            "that `qclearn open` writes, or the whole surface and --cortex"
+            "open, give the npz that `qclearn open` writes, or the whole surface and --cortex"
         )
     return numbers
 
 
-def from_points(file, sides, space, told):
+def from_points(file, sides, space, lines):
     """Curves from a table of points in mm."""
     table = read_points(file)
-    found = {name: {} for name in table}
+    curves = {name: {} for name in table}
     for side, one in sides.items():
-        known, distances = spaces(one.frame), []
+        known = spaces(one.frame)
+        distances = []
         if space and space not in known:
             raise qc.LandmarkError(
                 f"{one.path} does not say how {space} coordinates become its own; give the "
-                "FreeSurfer file, or points "
-                "in the surface's own coordinates without --space"
+                "FreeSurfer file, or points in the surface's own coordinates without --space"
             )
         for name, both in table.items():
             try:
                 vertices, distance = nearest_vertices(one.disk, both[side], space, known)
             except qc.LandmarkError as error:
                 raise qc.LandmarkError(f"{file}: {name!r}, {side} side: {error}") from None
-            found[name][side] = threaded(one.disk, vertices)
+            curves[name][side] = threaded(one.disk, vertices)
             distances += distance.tolist()
-        told.append(
-            f"{side}: points {np.mean(distances):.1f} mm from the nearest vertices, at most "
-            f"{max(distances):.1f}"
-        )
-    return [{"name": name, **paths} for name, paths in found.items()]
+        mean, most = np.mean(distances), max(distances)
+        lines.append(f"{side}: points {mean:.1f} mm from the nearest vertices, at most {most:.1f}")
+    return [{"name": name, **paths} for name, paths in curves.items()]
 
 
-def from_template(sides, told):
-    """fsaverage5's curves on both sides, and each one's distance from the nearest fundus: name ->
-    side -> mm."""
-    carry = {side: carried(one.disk, one.frame.side) for side, one in sides.items()}
-    for side, one in carry.items():
-        told.append(f"{side}: curves of fsaverage5's {one.hemisphere} hemisphere")
-    off = {
-        name: {side: one.off[name] for side, one in carry.items()} for name in carry["moving"].ends
-    }
-    for name, distances in off.items():
-        there = [
-            f"{side} {far:.1f} mm from the fundus"
-            for side, far in distances.items()
-            if far is not None
-        ]
-        told.append(f"{name}: {', '.join(there) or 'as it is'}")
-    return [
-        {"name": name, **{side: one.ends[name] for side, one in carry.items()}} for name in off
-    ], off
+def from_template(sides, lines):
+    """fsaverage5's curves on both sides, and their distances from the fundi: name -> side -> mm."""
+    sulci = {side: carried(one.disk, one.frame.side) for side, one in sides.items()}
+    for side, one in sulci.items():
+        lines.append(f"{side}: curves of fsaverage5's {one.hemisphere} hemisphere")
+    off = {}
+    curves = []
+    for name in sulci["moving"].ends:
+        off[name] = {side: one.off[name] for side, one in sulci.items()}
+        known = {side: mm for side, mm in off[name].items() if mm is not None}
+        parts = [f"{side} {mm:.1f} mm from the fundus" for side, mm in known.items()]
+        lines.append(f"{name}: {', '.join(parts) or 'as it is'}")
+        curves.append({"name": name} | {side: one.ends[name] for side, one in sulci.items()})
+    return curves, off

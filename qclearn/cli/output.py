@@ -1,5 +1,4 @@
-"""What the commands say and where they write: lines harmless to the terminal, and a folder as a
-whole."""
+"""Lines of the commands that cannot harm the terminal, and folders that are written whole."""
 
 import os
 import sys
@@ -15,7 +14,7 @@ SEAL = "report.json"  # of every folder that a command writes: the last of its f
 
 
 class Command(list):
-    """The words of a command line; begun: when, by `time.perf_counter`."""
+    """The arguments of a command line; begun: when, by `time.perf_counter`."""
 
     begun = 0.0
 
@@ -27,7 +26,7 @@ def fail(message, code=2):
 
 
 def say(line):
-    """Print one line on stdout, with names and paths in it made harmless to the terminal."""
+    """Print one line on stdout, without control characters."""
     click.echo(printable(line))
 
 
@@ -68,8 +67,7 @@ def output_folder(path, instead=()):
 
 
 def move_into(path, folder, instead):
-    """Move the files of a folder into the one at `path`; where they replace its SEAL, it is not
-    whole in the meantime and has none."""
+    """Move a folder's files into the one at `path`, which has no SEAL while it is not whole."""
     for name in (*[SEAL] * (folder / SEAL).exists(), *instead):
         (path / name).unlink(missing_ok=True)
     for file in sorted(folder.iterdir(), key=lambda file: file.name == SEAL):

@@ -1,5 +1,4 @@
-"""`qclearn register` and `demo`: a pair of surfaces to a folder with the map, the report and the
-figure."""
+"""`qclearn register` and `demo`: from two surfaces to a folder with map, report and figure."""
 
 import json
 import time
@@ -23,142 +22,86 @@ from .output import fail, output_folder
 from .sphere import FILES as SPHERES
 from .sphere import ControlSphere, sphere_of, write_sphere
 
-MAPS = (
-    "points",
-    "disk_moving",
-    "disk_control",
-    "disk_map",
-    "mu",
-    "faces_moving",
-    "faces_control",
-)  # that are written
+# The arrays of a `Registration` that registration.npz holds.
+MAPS = ["points", "disk_moving", "disk_control", "disk_map", "mu", "faces_moving", "faces_control"]
 UNCERTAINTY = "uncertainty.shape.gii"
+INDIVIDUAL_OPTIONS = " ".join(f"--{name} {value:g}" for name, value in INDIVIDUAL.items())
+
+accept_suspect_option = click.option(
+    "--accept-suspect", is_flag=True, help="Also fit wrong landmarks; exit code 0 if suspect."
+)
+report_option = click.option("--report", is_flag=True, help="Also write the page report.html.")
+
+
+def refuse_sure(context, parameter, value):
+    """Refuse the name that --uncertainty had in version 0.1."""
+    if value:
+        raise click.UsageError("--sure of version 0.1 is now --uncertainty")
 
 
 @click.command()
 @click.argument("moving")
 @click.argument("control")
-@click.option(
-    "--cortex", metavar="FILE", help="lh.cortex.label of a whole MOVING, which is cut open by it."
-)
-@click.option("--control-cortex", metavar="FILE", help="The same of a whole CONTROL.")
-@click.option(
-    "--landmarks",
-    help="JSON file of curves; without it, those that both npz surfaces carry, or none.",
-)
-@click.option(
-    "--out",
-    required=True,
-    help="Folder for registration.npz, report.json, registered.surf.gii, figure.png.",
-)
+@click.option("--cortex", metavar="FILE", help="lh.cortex.label of a whole MOVING, to cut it open.")
+@click.option("--control-cortex", metavar="FILE", help="The same for a whole CONTROL.")
+@click.option("--landmarks", help="JSON file of curves  [default: those in both npz, or none]")
+@click.option("--out", required=True, help="Folder to write to.")
 @click.option(
     "--method",
     type=click.Choice(["exact", "network"]),
     default="exact",
-    show_default=True,
-    help="network: LD-Net, CP-Net, DBS-Net, with the exact method where they fall short.",
+    help="network: LD-Net, CP-Net, DBS-Net, and the exact method where they fall short.",
 )
-@click.option(
-    "--tolerance",
-    type=float,
-    help="Refine a network's map above this landmark error (inf: never)  [default: 0.005]",
-)
-@click.option(
-    "--alpha", type=float, default=Weights.alpha, show_default=True, help="Weight of |mu|^2."
-)
-@click.option(
-    "--beta", type=float, default=Weights.beta, show_default=True, help="Weight of |grad mu|^2."
-)
-@click.option(
-    "--gamma",
-    type=float,
-    default=Weights.gamma,
-    show_default=True,
-    help="Weight of the landmark mismatch.",
-)
+@click.option("--tolerance", type=float, help="Refine networks above this error  [default: 0.005]")
+@click.option("--alpha", type=float, default=Weights.alpha, help="Weight of |mu|^2.")
+@click.option("--beta", type=float, default=Weights.beta, help="Weight of |grad mu|^2.")
+@click.option("--gamma", type=float, default=Weights.gamma, help="Weight of the landmark mismatch.")
 @click.option(
     "--delta",
     type=float,
-    help=f"Weight of the features' mismatch  [default: {DELTA:g}, or {BY_DISKS:g} with --eta 0]",
+    help=f"Weight of the feature mismatch  [default: {DELTA:g}, or {BY_DISKS:g} with --eta 0]",
 )
 @click.option(
-    "--eta",
-    type=float,
-    help=f"Weight of areas, mean (log J)^2  [default: {ETA:g} with features, else 0]",
+    "--eta", type=float, help=f"Weight of mean (log J)^2  [default: {ETA:g} with features, else 0]"
 )
-@click.option(
-    "--individual",
-    is_flag=True,
-    help="Weights for one person's brain onto a template: --"
-    + " --".join(f"{name} {value:g}" for name, value in INDIVIDUAL.items()),
-)
+@click.option("--individual", is_flag=True, help=f"A person to a template: {INDIVIDUAL_OPTIONS}")
 @click.option(
     "--feature",
     "given",
     nargs=2,
     multiple=True,
     metavar="MOVING CONTROL[:WEIGHT]",
-    help="Per-vertex files, one a side, that shall lie on each other (lh.sulc, thickness, ...); repeatable. "
-    "depth depth, curvature curvature: computed  [default: these two]",
+    help="Per-vertex files to match, repeatable  [default: depth depth, curvature curvature]",
 )
 @click.option("--no-features", is_flag=True, help="Landmarks alone, the paper's setting.")
 @click.option("--no-landmarks", is_flag=True, help="Features alone.")
-@click.option(
-    "--hold-out",
-    multiple=True,
-    metavar="NAME",
-    help="A curve that is measured and not fitted; repeatable.",
-)
+@click.option("--hold-out", multiple=True, metavar="NAME", help="Measure a curve, do not fit it.")
 @click.option(
     "--annot",
     nargs=2,
     metavar="MOVING CONTROL",
-    help="Annotations (.annot, .label.gii), compared by their regions' names; they take no part in the fit.",
+    help="Annotations (.annot, .label.gii) to compare by the regions' names; they are not fitted.",
 )
-@click.option(
-    "--uncertainty",
-    is_flag=True,
-    help="Also how far the map may be off at each vertex: uncertainty.shape.gii, in mm.",
-)
+@click.option("--uncertainty", is_flag=True, help=f"Also write {UNCERTAINTY}: the 90 % radius, mm.")
+@click.option("--sure", is_flag=True, hidden=True, expose_value=False, callback=refuse_sure)
 @click.option("--sliding", is_flag=True, help="Let inner points slide along their target curves.")
 @click.option("--mirror", is_flag=True, help="Mirror the moving surface first (right onto left).")
-@click.option(
-    "--report", is_flag=True, help="Write report.html, too: one page to look at, without a network."
-)
-@click.option(
-    "--sphere", metavar="FILE", help="The control's sphere: also writes what `qclearn sphere` does."
-)
-@click.option(
-    "--accept-suspect",
-    is_flag=True,
-    help="Fit wrong landmarks, too, and end with exit code 0 where the registration is suspect.",
-)
-def register(
-    moving,
-    control,
-    landmarks,
-    out,
-    mirror,
-    accept_suspect,
-    given,
-    annot,
-    no_features,
-    no_landmarks,
-    individual,
-    **options,
-):
-    """Register MOVING to CONTROL by their folds and along landmark curves; writes a certified
-    point-to-point map.
+@report_option
+@click.option("--sphere", metavar="FILE", help="The control's; also do `qclearn sphere`.")
+@accept_suspect_option
+def register(moving, control, cortex, control_cortex, landmarks, out, mirror, sphere, **options):
+    """Register MOVING to CONTROL by folds and landmark curves; write a certified map.
 
-    Each is a surface file, or fsaverage5:left or fsaverage5:right. Landmarks and per-vertex files
-    belong to the surfaces as given: to a whole one, those of the whole one.
+    Each of the two is a surface file, or fsaverage5:left or fsaverage5:right. Landmarks and
+    per-vertex files have the vertex numbers of the surface as given: whole if it is whole. The
+    folder gets registration.npz, report.json, registered.surf.gii and figure.png.
 
     \b
     Exit codes: 0  registered
                 2  refused: one line on stderr says what, where and what to do; nothing is written
                 3  written, but suspect: one line on stderr, and "suspect" in report.json, say why
 
-    \b The first five words below are said before the fit, which is then not made: what is written
+    The first five reasons below are checked before the fit, which is then not made: what is written
     is the map that aligns the curves' ends, and "stopped" in report.json says so. --accept-suspect
     fits all the same.
 
@@ -177,61 +120,43 @@ def register(
       features:    those of the two sides hardly agree after the best Möbius map, or have opposite signs
       worse:       a held-out curve or the annotations fit clearly worse than after the best Möbius map
     """
+    no_features, no_landmarks, individual, annot = (
+        options.pop(name) for name in ("no_features", "no_landmarks", "individual", "annot")
+    )
     if no_landmarks and landmarks:
         raise qc.LandmarkError("--landmarks and --no-landmarks exclude each other; drop one")
-    cortex = {
-        side: options.pop(name)
-        for side, name in (("moving", "cortex"), ("control", "control_cortex"))
-    }
-    pair = Pair(
-        read_hemisphere(moving, cortex["moving"]),
-        read_hemisphere(control, cortex["control"]),
-        mirror,
-    )
-    sphere = options.pop("sphere")
+    hemispheres = read_hemisphere(moving, cortex), read_hemisphere(control, control_cortex)
+    pair = Pair(*hemispheres, mirror)
     pair = replace(pair, sphere=sphere and sphere_of(pair, sphere))
-    features = given_features(pair, given, no_features, options["delta"])
-    curves = (
-        read_landmarks(landmarks)
-        if landmarks
-        else []
-        if no_landmarks
-        else shared_curves(pair, features)
-    )
-    options["annotations"] = (
-        [regions_of(*one) for one in zip(pair.given.values(), annot)] if annot else None
-    )
+    features = given_features(pair, options.pop("given"), no_features, options["delta"])
+    curves = [] if no_landmarks else curves_to_fit(pair, features, landmarks)
+    regions = [regions_of(*one) for one in zip(hemispheres, annot)] if annot else None
     options |= given_weights(no_features) if individual else {}
-    register_into(out, pair, curves, accept_suspect, features=features, **options)
+    register_into(out, pair, curves, features=features, annotations=regions, **options)
 
 
 @click.command()
-@click.option("--out", default="qclearn-demo", show_default=True, help="Folder to write to.")
-@click.option(
-    "--report", is_flag=True, help="Write report.html, too: one page to look at, without a network."
-)
-@click.option(
-    "--accept-suspect",
-    is_flag=True,
-    help="Fit wrong landmarks, too, and end with exit code 0 where the registration is suspect.",
-)
-def demo(out, accept_suspect, report):
-    """Register real cortex: fsaverage5's right hemisphere, mirrored, onto its left one along six
-    named sulci.
+@click.option("--out", default="qclearn-demo", help="Folder to write to.")
+@report_option
+@accept_suspect_option
+def demo(out, **options):
+    """Register real cortex: fsaverage5's mirrored right hemisphere onto its left one.
 
-    Five more take no part and are measured.
+    Six named sulci are fitted; five more are held out and measured.
     """
     landmarks = qc.demo_landmarks()
     hold_out = [curve["name"] for curve in landmarks["curves"][1::2]]
     moving, control = (read_hemisphere(f"fsaverage5:{side}").cut for side in ("right", "left"))
     pair = Pair(moving, control, mirrored=True)
-    register_into(out, pair, landmarks, accept_suspect, hold_out=hold_out, report=report)
+    register_into(out, pair, landmarks, hold_out=hold_out, **options)
 
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """The two `Hemisphere`s of a call, whether the moving one is mirrored, and the control's sphere
-    if it is wanted."""
+    """The two `Hemisphere`s of a call; mirrored: whether the moving one is mirrored first.
+
+    sphere: the control's sphere, None where none is wanted.
+    """
 
     moving: Hemisphere
     control: Hemisphere
@@ -249,37 +174,35 @@ class Pair:
         return {"moving": self.moving, "control": self.control}
 
     @property
-    def other_hand(self):
-        """`mirror:` where the files of both sides say their hemisphere and `mirrored` does not go
-        with that, list."""
+    def wrong_hemisphere(self):
+        """A list with the message `mirror:` where the files' hemispheres contradict --mirror."""
         one, other = (side.frame.side for side in self.given.values())
         if None in (one, other) or (one != other) == self.mirrored:
             return []
-        found = f"{self.moving.path} is a {one} and {self.control.path} a {other} hemisphere by their names or metadata"
-        advice = f"{'leave --mirror out' if self.mirrored else 'give --mirror'}, or name the files for what they hold"
-        return [f"mirror: {found}; {advice}"]
+        return [
+            f"mirror: {self.moving.path} is a {one} and {self.control.path} a {other} hemisphere "
+            f"by their names or metadata; {'leave --mirror out' if self.mirrored else 'give --mirror'}, "
+            "or name the files for what they hold"
+        ]
 
     @property
     def arrays(self):
-        """What registration.npz keeps of the surfaces."""
-        moving, control = self.disks
-        sides = side_arrays("moving", moving, self.moving.frame) | side_arrays(
-            "control", control, self.control.frame
-        )
+        """What registration.npz says of the surfaces."""
+        sides = side_arrays("moving", self.disks[0], self.moving.frame)
+        sides |= side_arrays("control", self.disks[1], self.control.frame)
         return sides | {"mirrored": np.array(self.mirrored)}
 
 
-def register_into(out, pair, curves, accept_suspect, **options):
-    """Run the pipeline on a `Pair`, write its files, with option `report` a page too, and print the
-    report; exit code 3 if suspect."""
+def register_into(out, pair, curves, report, accept_suspect, **options):
+    """Register a `Pair`, write the files, print the report; exit code 3 if it is suspect.
+
+    report: also write the page. options: those of `qclearn.register`.
+    """
     from ..plot import registration_figure
 
-    command, stages, paged = (
-        click.get_current_context().obj,
-        Stages(2, False),
-        options.pop("report"),
-    )
-    read = time.perf_counter() - command.begun
+    command = click.get_current_context().obj
+    stages = Stages(2, False)
+    read_seconds = time.perf_counter() - command.begun
     with output_folder(out, instead=["report.html", UNCERTAINTY, *SPHERES]) as folder:
         result = run_registration(
             *pair.disks,
@@ -291,26 +214,26 @@ def register_into(out, pair, curves, accept_suspect, **options):
         with stages("figure"):
             registration_figure(result, *pair.disks).savefig(folder / "figure.png", dpi=150)
         with stages("write"):
-            told = write_maps(folder, result, pair)
-            report = told_by(result, pair, curves, command)
-        spent = {"read": round(read, 4), **report["seconds"], **stages.seconds}
-        del spent["total"]  # of the call alone
-        report["seconds"] = {**spent, "total": round(time.perf_counter() - command.begun, 4)}
-        (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n")
-        if paged:
+            sphere_line = write_maps(folder, result, pair)
+            contents = full_report(result, pair, curves, command)
+        seconds = {"read": round(read_seconds, 4), **contents["seconds"], **stages.seconds}
+        del seconds["total"]  # of `run_registration` alone
+        total = round(time.perf_counter() - command.begun, 4)
+        contents["seconds"] = {**seconds, "total": total}
+        (folder / "report.json").write_text(json.dumps(contents, indent=2) + "\n")
+        if report:
             from ..reports import write_pair
 
             write_pair(folder, folder / "report.html")
-    print_report(report, out)
-    if told:
-        click.echo(f"{'sphere':15s} {told}")
-    if report["suspect"]:
-        fail("suspect: " + "; ".join(report["suspect"]), 0 if accept_suspect else 3)
+    print_report(contents, out)
+    if sphere_line:
+        click.echo(f"{'sphere':15s} {sphere_line}")
+    if contents["suspect"]:
+        fail("suspect: " + "; ".join(contents["suspect"]), 0 if accept_suspect else 3)
 
 
 def write_maps(folder, result, pair):
-    """Write the maps of a `Registration`, and its sphere if the `Pair` has the control's; a line on
-    that, or None."""
+    """Write the maps of a `Registration`; a line on its sphere, or None without one."""
     arrays = {name: getattr(result, name) for name in MAPS} | pair.arrays
     write_registration(folder / "registration.npz", arrays)
     qc.write_surface(folder / "registered.surf.gii", result.surface, frame=pair.control.frame)
@@ -318,25 +241,26 @@ def write_maps(folder, result, pair):
         numbering = pair.moving.numbering
         radius = result.uncertainty.astype(np.float32)
         whole = numbering.on_whole(radius, np.nan) if numbering.known else radius
-        qc.write_values(
-            folder / UNCERTAINTY, whole, pair.moving.frame.side, names=["radius of 90 %, mm"]
-        )
+        name = "radius of 90 %, mm"
+        qc.write_values(folder / UNCERTAINTY, whole, pair.moving.frame.side, names=[name])
     return pair.sphere and write_sphere(folder, arrays, pair.sphere)
 
 
-def told_by(result, pair, curves, command):
-    """The report of a `Registration` with its origin; what files say of their hands counts before
-    what folds say, and vertices are told by their numbers in the surface as given."""
-    wrong = pair.other_hand
-    words = [
-        word for word in result.report["suspect"] if not (wrong and word.startswith("mirror:"))
-    ]
+def full_report(result, pair, curves, command):
+    """The report of a `Registration` with its origin, dict for JSON.
+
+    The hemispheres that files name outrank what the folds suggest. Vertices have the numbers of
+    the surface as given.
+    """
+    wrong = pair.wrong_hemisphere
+    reasons = result.report["suspect"]
+    reasons = [reason for reason in reasons if not (wrong and reason.startswith("mirror:"))]
     inputs = {side: (one.path, one.given) for side, one in pair.given.items()}
-    report = result.report | {"suspect": [*wrong, *words]} | origin(inputs, curves, command)
-    if result.uncertainty is not None and pair.moving.given is not pair.moving.disk:
-        further = report["uncertainty"]["next"]
-        told = further | {"vertex": int(pair.moving.numbering.table[further["vertex"]])}
-        report["uncertainty"] = report["uncertainty"] | {"next": told}
+    report = result.report | {"suspect": [*wrong, *reasons]} | origin(inputs, curves, command)
+    if result.uncertainty is not None and pair.moving.is_whole:
+        following = report["uncertainty"]["next"]
+        vertex = int(pair.moving.numbering.table[following["vertex"]])
+        report["uncertainty"] = report["uncertainty"] | {"next": following | {"vertex": vertex}}
     return report
 
 
@@ -354,37 +278,34 @@ def print_report(report, out):
         line("landmarks", f"none; registered by {' and '.join(report['features'])} alone")
     if report["held_out_mm"]:
         before, after = np.mean(list(report["held_out_mm"].values()), axis=0)
-        line(
-            "held out",
-            f"{after:.2f} mm, mean of the curves ({before:.2f} after the best Möbius map)",
-        )
+        text = f"{after:.2f} mm, mean of the curves ({before:.2f} after the best Möbius map)"
+        line("held out", text)
     if report["dice"]:
         before, after = report["dice"]["before"], report["dice"]["after"]
         line("Dice", f"{after:.3f} of the annotations ({before:.3f} after the best Möbius map)")
     for name, (before, after) in report["r"].items():
         line(f"r({name})", f"{after:.3f} ({before:.3f} after the best Möbius map)")
-    mean, deviation, most = (report[f"{word}_abs_mu"] for word in ("mean", "sd", "max"))
+    mean, deviation, most = (report[f"{name}_abs_mu"] for name in ("mean", "sd", "max"))
     line("|mu|", f"mean {mean:.3f}, SD {deviation:.3f}, maximum {most:.3f}")
     faces = f"{report['flipped']} faces flipped, {report['degenerate']} without area on the control"
     line("bijective", f"{'yes' if report['bijective'] else 'no'}, {faces}")
     if "uncertainty" in report:
         least, _, most = report["uncertainty"]["quantiles_mm"].values()
-        line(
-            "uncertainty",
-            f"within {report['uncertainty']['mean_mm']:.1f} mm on average, 9 in 10 vertices ({least:.1f} "
-            f"to {most:.1f})",
-        )
+        mean_mm = report["uncertainty"]["mean_mm"]
+        text = f"within {mean_mm:.1f} mm on average, 9 in 10 vertices ({least:.1f} to {most:.1f})"
+        line("uncertainty", text)
     if report["stopped"]:
         line("stopped", report["stopped"])
     line("fallbacks", "; ".join(report["fallbacks"]) or "none")
-    line("suspect", "; ".join(word.split(":")[0] for word in report["suspect"]) or "no")
+    line("suspect", "; ".join(reason.split(":")[0] for reason in report["suspect"]) or "no")
     line("seconds", f"{report['seconds']['total']:.1f}")
     line("written to", out)
 
 
-def shared_curves(pair, features):
-    """Landmarks from the curves that both surfaces carry under the same name, or none, where there
-    are features."""
+def curves_to_fit(pair, features, path):
+    """The curves of a landmarks file; without one, those that both npz surfaces carry, or none."""
+    if path:
+        return read_landmarks(path)
     curves = curves_of_both(pair.moving.disk, pair.control.disk)
     if not curves and features is None:
         raise qc.LandmarkError(

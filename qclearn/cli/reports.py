@@ -7,14 +7,12 @@ from .output import say
 
 @click.command()
 @click.argument("folders", nargs=-1, required=True, metavar="DIR...")
-@click.option(
-    "--out", required=True, help="HTML file to write; of several folders also a csv beside it."
-)
+@click.option("--out", required=True, help="HTML file to write; of several folders also a csv.")
 def report(folders, out):
     """Write a page on the finished registrations in DIR..., folders that `qclearn register` wrote.
 
     Of one folder: the verdict, views before and after, a surface in 3-D, all figures. Of several,
-    on one control: a line a subject, worst first, and the mean curvature. A page is one file and
+    on one control: a line per subject, worst first, and the mean curvature. A page is one file and
     needs no network.
     """
     from ..reports import write_group, write_pair  # Matplotlib: only where it is used

@@ -1,5 +1,4 @@
-"""`qclearn sphere`: the registered hemisphere, whole, on the control's sphere, for Workbench and
-FreeSurfer."""
+"""`qclearn sphere`: the whole registered hemisphere on the control's sphere."""
 
 from typing import NamedTuple
 
@@ -18,24 +17,15 @@ from ..registration.transfer import frame_of_side, numbering_of_side, read_regis
 from .output import output_folder, say
 
 OTHER = {"left": "right", "right": "left", None: None}
-
-
-FILES = [
-    "sphere.reg",
-    "sphere.reg.surf.gii",
-    "ArealDistortion.shape.gii",
-    "ShapeDistortion.shape.gii",
-]
+SPHERE_FILES = ["sphere.reg", "sphere.reg.surf.gii"]
+DISTORTION_FILES = ["ArealDistortion.shape.gii", "ShapeDistortion.shape.gii"]
+FILES = SPHERE_FILES + DISTORTION_FILES
 
 
 @click.command()
 @click.argument("registration")
 @click.argument("control_sphere")
-@click.option(
-    "--out",
-    required=True,
-    help="Folder for sphere.reg, sphere.reg.surf.gii and two maps of distortion.",
-)
+@click.option("--out", required=True, help="Folder for the sphere and two maps of distortion.")
 def sphere(registration, control_sphere, out):
     """Lay the moving hemisphere of a REGISTRATION (registration.npz), whole, on the CONTROL_SPHERE.
 
@@ -64,12 +54,10 @@ def sphere(registration, control_sphere, out):
     """
     arrays = read_registration(registration, surfaces=True)
     for side in ("moving", "control"):
-        require_whole_of(
-            registration, side, arrays.get(f"table_{side}"), arrays.get(f"whole_faces_{side}")
-        )
-    given = read_sphere(
-        control_sphere, arrays["whole_faces_control"], frame_of_side(arrays, "control").side
-    )
+        table, faces = arrays.get(f"table_{side}"), arrays.get(f"whole_faces_{side}")
+        require_whole_of(registration, side, table, faces)
+    hemisphere = frame_of_side(arrays, "control").side
+    given = read_sphere(control_sphere, arrays["whole_faces_control"], hemisphere)
     with output_folder(out) as folder:
         line = write_sphere(folder, arrays, given)
     say(f"{out}: {line}")
@@ -84,7 +72,7 @@ def require_whole_of(path, side, table, faces):
 
 
 class ControlSphere(NamedTuple):
-    """The control's sphere, and the hemisphere that its file says."""
+    """The control's sphere, and the hemisphere that its file names."""
 
     surface: qc.Surface
     side: str | None
@@ -118,22 +106,18 @@ def write_sphere(folder, arrays, given):
     frame, own = Frame(given.side, kind="Spherical"), frame_of_side(arrays, "moving").side
     if frame.side is None:
         frame = Frame(OTHER[own] if arrays["mirrored"] else own, kind="Spherical")
-    for name in FILES[:2]:
+    for name in SPHERE_FILES:
         qc.write_surface(folder / name, surface, frame=frame)
-    here, there = (
-        arrays[name].astype(np.float32).astype(float) for name in ("vertices_moving", "points")
-    )  # as in files
+    # In single precision, as the files store them.
+    names = "vertices_moving", "points"
+    here, there = (arrays[name].astype(np.float32).astype(float) for name in names)
     maps = distortion_maps(here, arrays["faces_moving"], there)
-    for name, values in zip(FILES[2:], maps):
+    for name, values in zip(DISTORTION_FILES, maps):
         whole = numbering_of_side(arrays, "moving").on_whole(values, 0)
         qc.write_values(folder / name, whole, own, names=[name.split(".")[0]])
-    wall, cortex, far = (
-        (rings[moved] == 0).sum(),
-        (rings[moved] > 0).sum(),
-        (rings[moved] > RINGS).sum(),
-    )
+    depth = rings[moved]
     return (
         f"{len(surface.vertices)} vertices on the control's sphere, no face flipped; untangling "
-        f"moved {wall} on the "
-        f"wall and {cortex} on the cortex, {far} of them more than {RINGS - 1} rings from its rim"
+        f"moved {(depth == 0).sum()} on the wall and {(depth > 0).sum()} on the cortex, "
+        f"{(depth > RINGS).sum()} of them more than {RINGS - 1} rings from its rim"
     )

@@ -24,33 +24,25 @@ FIGURES = {  # of the benchmark's table: key of a run's summary -> head of the c
 
 @click.command()
 @click.argument("network", type=click.Choice(["ldnet", "cpnet", "dbsnet"]))
-@click.option("--preset", type=click.Choice(["best", "paper"]), default="best", show_default=True)
-@click.option(
-    "--gamma",
-    type=float,
-    help="The paper's CP-Net alone: the weight it is trained for (1e4, 1e5 or 2e5).",
-)
-@click.option(
-    "--out",
-    required=True,
-    help="Folder of the run; one that was interrupted goes on from its checkpoint.",
-)
-@click.option("--data", help="Folder where training sets are kept (default: the user's cache).")
+@click.option("--preset", type=click.Choice(["best", "paper"]), default="best")
+@click.option("--gamma", type=float, help="Of the paper's CP-Net alone: 1e4, 1e5 or 2e5.")
+@click.option("--out", required=True, help="Folder; an interrupted run in it goes on.")
+@click.option("--data", help="Folder of training sets  [default: the user's cache]")
 @click.option("--steps", type=int, help="Fewer or more steps than the recipe.")
 @click.option("--seed", type=int, help="Another seed than the recipe's.")
-@click.option("--quick", is_flag=True, help="A tiny training set, to see that all works.")
-@click.option("--threads", type=int, help="Threads of torch (default: all cores).")
+@click.option("--quick", is_flag=True, help="A tiny training set, for a trial.")
+@click.option("--threads", type=int, help="Threads of torch  [default: all cores]")
 def train(network, preset, gamma, out, data, steps, seed, quick, threads):
-    """Train a network by the recipe of its shipped weights; writes log, checkpoint and weights.
-    `torchrun` runs it on several processes or machines: torchrun --nproc-per-node 2 -m qclearn
-    train dbsnet --out run."""
-    from ..nets.run import run_training, use_threads
+    """Train a network by the recipe of its shipped weights; write log, checkpoint and weights.
 
-    use_threads(threads)
-    changes = {
-        name: value for name, value in (("steps", steps), ("seed", seed)) if value is not None
-    }
-    path, row = run_training(network, preset, gamma, Path(out), data, quick, **changes)
+    `torchrun` runs it on several processes or machines: torchrun --nproc-per-node 2 -m qclearn
+    train dbsnet --out run.
+    """
+    from ..nets.run import run_training
+
+    changes = {"steps": steps, "seed": seed}
+    changes = {name: value for name, value in changes.items() if value is not None}
+    path, row = run_training(network, preset, gamma, Path(out), data, quick, threads, **changes)
     if path:
         click.echo(
             f"{path}: validation loss {row['validation_loss']:.4g} after {row['step']:.0f} steps, "
@@ -59,26 +51,15 @@ def train(network, preset, gamma, out, data, steps, seed, quick, threads):
 
 
 @click.command()
-@click.option(
-    "--out",
-    required=True,
-    help="JSON file to write; a run that was stopped goes on from FILE.partial.",
-)
-@click.option(
-    "--subjects",
-    type=int,
-    default=24,
-    show_default=True,
-    help="How many of the synthetic cohort's 24.",
-)
-@click.option("--vertices", type=int, default=10_000, show_default=True)
+@click.option("--out", required=True, help="JSON file; a stopped run goes on from FILE.partial.")
+@click.option("--subjects", type=int, default=24, help="How many of the synthetic cohort's 24.")
+@click.option("--vertices", type=int, default=10_000)
 @click.option(
     "--set",
     "sets",
     multiple=True,
     default=["cohort"],
-    show_default=True,
-    help="cohort, displacement, fsaverage5, heldout, warp or conte69; may be repeated.",
+    help="cohort, displacement, fsaverage5, heldout, warp or conte69; repeatable.",
 )
 @click.option(
     "--method",
@@ -90,46 +71,32 @@ def train(network, preset, gamma, out, data, steps, seed, quick, threads):
     "--program",
     "programs",
     multiple=True,
-    help="A method that is a program, NAME='COMMAND' with {moving}, {moving_sphere}, {control}, {control_sphere} and "
-    "{out}: GIFTI surfaces and spheres in, the moving sphere on the control's out; repeatable.",
+    help="A method that is a program: NAME='COMMAND', see below; repeatable.",
 )
-@click.option(
-    "--limit",
-    type=float,
-    default=3600,
-    show_default=True,
-    help="Seconds that a --program may take.",
-)
+@click.option("--limit", type=float, default=3600, help="Seconds for a --program.")
 @click.option(
     "--peers",
     type=click.Choice(["with", "without", "only"]),
     default="with",
-    show_default=True,
-    help="Competitors: beside ours, not at all, or with those of ours alone that the page 'Peers' shows.",
+    help="Competitors: with all our runs, without any, or only with our runs on the page 'Peers'.",
 )
 @click.option(
-    "--fronts",
-    is_flag=True,
-    help="Also fits along a front of weights, to compare at equal distortion.",
+    "--fronts", is_flag=True, help="Also fits along a front, to compare at one distortion."
 )
-@click.option(
-    "--scheduler",
-    help="Address of a dask scheduler, tcp://HOST:8786 (default: processes of this machine).",
-)
-@click.option(
-    "--workers", type=int, default=2, show_default=True, help="Processes, without --scheduler."
-)
-@click.option(
-    "--data", help="Folder where synthetic subjects are kept (default: the user's cache)."
-)
+@click.option("--scheduler", help="Address of a dask scheduler, tcp://HOST:8786.")
+@click.option("--workers", type=int, default=2, help="Processes, without --scheduler.")
+@click.option("--data", help="Folder of synthetic subjects  [default: the user's cache]")
 def benchmark(
     out, subjects, vertices, sets, methods, programs, limit, peers, fronts, scheduler, workers, data
 ):
     """Run registration methods on the same problems and write all figures to one file.
 
-    heldout and warp measure on real cortex, by curves that take no part and by the same folds in
-    another shape; conte69 does so where the package brainspace is installed: `pip install
-    'qclearn[conte69]'`. Competitors on spheres need cat-surf: `pip install 'qclearn[peers]'`.
+    heldout and warp measure on real cortex: with held-out curves, and with the same folds in another
+    shape. conte69 needs `pip install 'qclearn[conte69]'`, competitors on spheres need
+    `pip install 'qclearn[peers]'`.
+
+    COMMAND may name {moving}, {moving_sphere}, {control}, {control_sphere} and {out}: GIFTI surfaces
+    and spheres in, the moving sphere on the control's out.
     """
     from ..benchmark.run import benchmark as run_benchmark
     from ..benchmark.runs import program_of, run_of
@@ -158,21 +125,17 @@ def benchmark(
 
 
 def lines_of(rows):
-    """Lines of one set's rows: each run's means, and the true map's own figures where it is known."""
+    """Lines of one set's rows: each run's means, and the figures of the true map if it is known."""
     from ..benchmark.rows import failures, summary
 
     table = summary(rows)
     for run, line in table.items():
-        failed = failures(rows, run)
-        words = (
-            f"  failed here on {len(failed)}: ends farther off than the rotation" if failed else ""
-        )
+        failed = len(failures(rows, run))
+        note = f"  failed here on {failed}: ends farther off than the rotation" if failed else ""
         figures = [(len(head), line.get(key)) for key, head in FIGURES.items()]
-        cells = [
-            " " * width if value is None else f"{value:{width}.2g}" for width, value in figures
-        ]
+        cells = [" " * size if value is None else f"{value:{size}.2g}" for size, value in figures]
         counts = f"{line['pairs'] - line['failed']:2}/{line['pairs']:<2}  {line['certified']:9}"
-        yield f"{run:38} {counts}  " + "  ".join(cells) + words
+        yield f"{run:38} {counts}  " + "  ".join(cells) + note
     failed = {}
     for row in rows:
         if row["status"] == "failed":
@@ -183,6 +146,5 @@ def lines_of(rows):
     if line:
         yield (
             f"the true map itself: curves {line['floor_curve_mm']:.1f} mm apart, "
-            f"{line['floor_mm']:.1f} mm by arc "
-            f"length, r depth {line['true_r_depth']:.2f}"
+            f"{line['floor_mm']:.1f} mm by arc length, r depth {line['true_r_depth']:.2f}"
         )

@@ -18,38 +18,28 @@ from ..registration.transfer import frame_of_side, numbering_of_side, read_regis
 from ..registration.transfer import transfer as transfer_map
 from .output import say
 
+hemisphere_option = click.option(
+    "--hemisphere", type=click.Choice(["left", "right"]), help="For GIFTI, if no file names it."
+)
+
 
 @click.command("open")
 @click.argument("surface")
-@click.option(
-    "--mask",
-    help="Per-vertex file (.npy, .txt, .gii, .mgh, morphometry): non-zero vertices are cut away.",
-)
+@click.option("--mask", help="Per-vertex file: non-zero vertices are cut away.")
 @click.option("--label", help="FreeSurfer .label file: its vertices are cut away.")
 @click.option(
-    "--keep",
-    is_flag=True,
-    help="The file names what to keep (lh.cortex.label, thickness), not what to cut.",
+    "--keep", is_flag=True, help="The file names what stays (lh.cortex.label, thickness)."
 )
-@click.option(
-    "--reverse", is_flag=True, help="Reverse every face first (for a surface that is inside out)."
-)
-@click.option(
-    "--hemisphere",
-    type=click.Choice(["left", "right"]),
-    help="For GIFTI output, if no name says it.",
-)
-@click.option(
-    "--out", required=True, help="File to write; an npz also keeps the original vertex numbers."
-)
+@click.option("--reverse", is_flag=True, help="Reverse all faces first: the surface is inside out.")
+@hemisphere_option
+@click.option("--out", required=True, help="File; npz and GIFTI store the original numbers, too.")
 def open_command(surface, mask, label, keep, reverse, hemisphere, out):
     """Cut a closed hemisphere open at its medial wall, so that it becomes a disk."""
     if (mask is None) == (label is None):
         raise click.UsageError("open needs one of --mask FILE and --label FILE")
     closed = qc.read_surface(surface)
-    closed = (
-        qc.Surface(closed.vertices, closed.faces[:, ::-1], closed.curves) if reverse else closed
-    )
+    if reverse:
+        closed = qc.Surface(closed.vertices, closed.faces[:, ::-1], closed.curves)
     qc.require_outward(closed)
     frame = frame_of(surface)
     require_side(mask or label, frame_of(mask or label).side, hemisphere or frame.side, surface)
@@ -57,59 +47,34 @@ def open_command(surface, mask, label, keep, reverse, hemisphere, out):
     opened, original = qc.open_surface(closed, mask)
     frame = frame_of_whole(replace(frame, side=hemisphere or frame.side), closed)
     qc.write_surface(out, opened, original_vertices=original, frame=frame)
-    say(
-        f"{out}: {len(opened.vertices)} of {len(closed.vertices)} vertices, boundary of "
-        f"{len(opened.boundary)}"
-    )
+    count, rim = len(opened.vertices), len(opened.boundary)
+    say(f"{out}: {count} of {len(closed.vertices)} vertices, boundary of {rim}")
     if filled := int(mask[original].sum()):
-        say(
-            f"{filled} of the mask's {int(mask.sum())} vertices stay: holes away from the opening "
-            "are filled"
-        )
+        holes = "holes away from the opening are filled"
+        say(f"{filled} of the mask's {int(mask.sum())} vertices stay: {holes}")
     if lost := int((~mask).sum() - (~mask)[original].sum()):
-        say(
-            f"{lost} vertices outside the mask go: they lie apart from the largest piece, or on "
-            "its rim alone"
-        )
+        reason = "they lie apart from the largest piece, or on its rim alone"
+        say(f"{lost} vertices outside the mask go: {reason}")
 
 
 @click.command()
 @click.argument("registration")
 @click.argument("values")
-@click.option(
-    "--to",
-    type=click.Choice(["moving", "control"]),
-    required=True,
-    help="Where the values are carried.",
-)
-@click.option(
-    "--nearest",
-    is_flag=True,
-    help="Nearest corner's value, not interpolated; labels and .annot need it.",
-)
-@click.option(
-    "--hemisphere",
-    type=click.Choice(["left", "right"]),
-    help="For GIFTI output, where nothing says it.",
-)
+@click.option("--to", type=click.Choice(["moving", "control"]), required=True)
+@click.option("--nearest", is_flag=True, help="The nearest vertex's value; for labels and .annot.")
+@hemisphere_option
 @click.option(
     "--wall",
     type=click.Choice(["0", "nan", "cut"]),
     default="0",
-    show_default=True,
-    help="What stands on the medial wall of a whole surface; cut: the cut-open surface's values alone.",
+    help="Value on the medial wall; cut: write the cut-open surface's values alone.",
 )
-@click.option(
-    "--out",
-    required=True,
-    help="File to write: .npy, .txt, .gii, .mgh, .annot or a FreeSurfer morphometry name.",
-)
+@click.option("--out", required=True, help=".npy, .txt, .gii, .mgh, .annot or a morphometry name.")
 def transfer(registration, values, to, nearest, hemisphere, wall, out):
-    """Carry a per-vertex map (VALUES) over to the other surface of a REGISTRATION
-    (registration.npz).
+    """Carry the per-vertex file VALUES to the other surface of REGISTRATION, a registration.npz.
 
-    VALUES may be of the whole surface or of the cut-open one. What comes out is of the whole one
-    where the registration knows it, with `cortex.shape.gii` beside it: 1 on the cortex, 0 on the
+    VALUES belong to the whole surface or to the cut-open one. The result is of the whole one if
+    the registration knows it, with `cortex.shape.gii` beside it: 1 on the cortex, 0 on the
     medial wall.
     """
     arrays = read_registration(registration)
@@ -122,30 +87,26 @@ def transfer(registration, values, to, nearest, hemisphere, wall, out):
     if given.values.dtype.kind in "biu" and not nearest:
         raise ValueError(
             f"{values}: holds whole numbers, which interpolation would blend into others; add "
-            "--nearest to carry "
-            "them as labels, or save them with a decimal point (as floats) to interpolate"
+            "--nearest to carry them as labels, or save them with a decimal point (as floats) to "
+            "interpolate"
         )
     here = numberings[source].on_disk(given.values, values)
     carried = transfer_map(here, z[source], arrays[f"faces_{source}"], z[to], nearest)
     carried = Map(carried, hemisphere or sides[to], given.labels if nearest else None, given.names)
     count = write_carried(out, carried, numberings[to], wall)
-    say(
-        f"{out}: {count} values on the {to} surface"
-        + f", {len(z[to])} on its cortex" * (count > len(z[to]))
-    )
+    on_cortex = f", {len(z[to])} on its cortex" if count > len(z[to]) else ""
+    say(f"{out}: {count} values on the {to} surface{on_cortex}")
 
 
 def write_carried(out, carried, numbering, wall):
-    """Write a `Map` of a disk, in the whole surface's form where it is known, with the cortex
-    beside it: how many."""
-    beside, labels = Path(out).with_name("cortex.shape.gii"), carried.values.dtype.kind in "biu"
-    if wall == "nan" and (labels or not numbering.known):
-        reason = (
-            "labels are whole numbers"
-            if labels
-            else "the registration does not know the whole surface"
+    """Write a `Map` of a disk, for the whole surface if that is known; the number of values."""
+    beside = Path(out).with_name("cortex.shape.gii")
+    if wall == "nan" and carried.values.dtype.kind in "biu":
+        raise ValueError("--wall nan: labels are whole numbers; leave it out")
+    if wall == "nan" and not numbering.known:
+        raise ValueError(
+            "--wall nan: the registration does not know the whole surface; leave it out"
         )
-        raise ValueError(f"--wall nan: {reason}; leave it out")
     if wall == "cut" or not numbering.known:
         qc.write_values(out, *carried)
         return numbering.size
@@ -158,41 +119,23 @@ def write_carried(out, carried, numbering, wall):
 
 
 def require_same(out, beside, cortex):
-    """SurfaceError where the cortex cannot be written beside a file without replacing something
-    else."""
-    if Path(out) == beside or (
-        beside.exists() and not np.array_equal(qc.read_values(beside), cortex)
-    ):
+    """SurfaceError where writing the cortex beside a file would replace another file."""
+    differs = beside.exists() and not np.array_equal(qc.read_values(beside), cortex)
+    if differs or Path(out) == beside:
+        advice = "choose another folder or name"
         raise qc.SurfaceError(
-            f"{beside}: would be replaced by the cortex of this surface; choose another folder or "
-            "name"
+            f"{beside}: would be replaced by the cortex of this surface; {advice}"
         )
 
 
 @click.command()
-@click.option("--seed", type=int, help="Which individual (default 0).")
-@click.option("--vertices", type=int, default=10_000, show_default=True)
-@click.option(
-    "--hemisphere", type=click.Choice(["left", "right"]), help="Which side (default left)."
-)
-@click.option(
-    "--cohort", type=int, help="Instead of one: make the first K subjects of the fixed cohort."
-)
-@click.option(
-    "--generation",
-    type=int,
-    help="Of the generator's constants (default: that of the other commands).",
-)
-@click.option(
-    "--workers",
-    type=int,
-    default=2,
-    show_default=True,
-    help="Subjects of the cohort made at the same time.",
-)
-@click.option(
-    "--out", help="File to write (.npz); with --cohort the folder (default: the user's cache)."
-)
+@click.option("--seed", type=int, help="Which individual  [default: 0]")
+@click.option("--vertices", type=int, default=10_000)
+@click.option("--hemisphere", type=click.Choice(["left", "right"]), help="[default: left]")
+@click.option("--cohort", type=int, help="Instead: the first so many subjects of the cohort.")
+@click.option("--generation", type=int, help="Of the generator  [default: other commands' one]")
+@click.option("--workers", type=int, default=2, help="Subjects of the cohort at the same time.")
+@click.option("--out", help="npz file; with --cohort a folder  [default: the user's cache]")
 def synth(seed, vertices, hemisphere, cohort, generation, workers, out):
     """Grow a synthetic hemisphere with named sulci, or a cohort of them."""
     import data_synth  # here: compiles the growth kernel
@@ -205,22 +148,18 @@ def synth(seed, vertices, hemisphere, cohort, generation, workers, out):
                 "a cohort has its own seeds and left hemispheres: drop --seed and --hemisphere"
             )
         folder = Path(out) if out else default_folder()
-        subjects = data_synth.cohort(
-            cohort, vertices, folder, workers=workers, generation=generation
-        )
+        sizes = cohort, vertices, folder
+        subjects = data_synth.cohort(*sizes, workers=workers, generation=generation)
         click.echo(f"{len(subjects)} subjects in {folder}")
         return
     if out is None:
         raise click.UsageError("synth needs --out FILE.npz")
     if Path(out).suffix != ".npz" or Path(out).is_dir():
-        raise click.UsageError(
-            f"{out}: synth writes a file whose name ends in .npz; give such an --out"
-        )
+        advice = "give such an --out"
+        raise click.UsageError(f"{out}: synth writes a file whose name ends in .npz; {advice}")
     if not os.access(Path(out).absolute().parent, os.W_OK):
-        raise OSError(
-            f"{out}: its folder does not exist or cannot be written to; make it, or give another "
-            "--out"
-        )
+        advice = "make it, or give another --out"
+        raise OSError(f"{out}: its folder does not exist or cannot be written to; {advice}")
     seed, hemisphere = seed or 0, hemisphere or "left"
     made = grow_with_bar(data_synth.make_cortex, seed, vertices, hemisphere, generation=generation)
     data_synth.save_cortex(out, made)

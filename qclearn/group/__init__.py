@@ -1,2 +1,1 @@
-"""What many subjects have in common: a template that all are registered to, round by round, on many
-workers."""
+"""Templates: subjects registered to their mean, round after round, on many workers."""

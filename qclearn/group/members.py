@@ -1,5 +1,4 @@
-"""Who belongs to a group: surfaces of one side with their features, checked once and sorted by what
-they hold."""
+"""The subjects of a group: surfaces of one side with their features, checked and sorted."""
 
 import hashlib
 from collections.abc import Mapping
@@ -9,15 +8,18 @@ import numpy as np
 
 from ..registration.features import FOLDS, FeatureError, check_values
 from ..surfaces.surface import Surface, SurfaceError, require_disk, require_outward
-from .kept import TemplateError
 
-TRAITS = ("hemisphere", "generation")  # of synthetic subjects, which all of a group share
+# Attributes of synthetic subjects that all of a group share.
+TRAITS = ("hemisphere", "generation")
+
+
+class TemplateError(ValueError):
+    """A group that has no template, or a folder of another group: says why and what to do."""
 
 
 @dataclass(frozen=True, eq=False)
 class Member:
-    """A subject as given: name, surface, own maps (feature -> (V,)), and a hash of surface and
-    maps, its key."""
+    """A subject: name, surface, own maps (feature -> (V,)), and as key a hash of both."""
 
     name: str
     surface: Surface
@@ -26,8 +28,10 @@ class Member:
 
 
 def members_of(subjects, features):
-    """The `Member`s by their keys, and the features' names; TemplateError, FeatureError,
-    SurfaceError with a name."""
+    """The `Member`s, sorted by key, and the features' names.
+
+    TemplateError, FeatureError or SurfaceError, with the subject's name, where one cannot be used.
+    """
     named = check_subjects(subjects)
     names, maps = check_features(features, named)
     members = [
@@ -51,13 +55,9 @@ def check_subjects(subjects):
             "two"
         )
     for trait in TRAITS:
-        check_trait(
-            trait,
-            {name: getattr(one, trait) for name, one in subjects.items() if hasattr(one, trait)},
-        )
-    named = [
-        (str(name), getattr(subject, "surface", subject)) for name, subject in subjects.items()
-    ]
+        with_trait = [name for name, subject in subjects.items() if hasattr(subject, trait)]
+        check_trait(trait, {name: getattr(subjects[name], trait) for name in with_trait})
+    named = [(str(name), getattr(one, "surface", one)) for name, one in subjects.items()]
     for name, surface in named:
         if not isinstance(surface, Surface):
             raise TemplateError(
@@ -71,15 +71,13 @@ def check_subjects(subjects):
     return named
 
 
-def check_trait(trait, found):
-    """TemplateError unless all that have a trait (name -> value) have the same."""
-    a = next(iter(found), None)
-    b = next((name for name in found if found[name] != found[a]), None)
-    if b is not None:
-        raise TemplateError(
-            f"subjects of more than one {trait} ({a}: {found[a]}, {b}: {found[b]}); give those of "
-            "one"
-        )
+def check_trait(trait, values):
+    """TemplateError unless all values of a trait (dict name -> value) are the same."""
+    first = next(iter(values), None)
+    for name, value in values.items():
+        if value != values[first]:
+            both = f"{first}: {values[first]}, {name}: {value}"
+            raise TemplateError(f"subjects of more than one {trait} ({both}); give those of one")
 
 
 def check_features(features, named):
@@ -88,28 +86,21 @@ def check_features(features, named):
         raise FeatureError(
             f"features are {features!r}: give a list of them, {' and '.join(FOLDS)} for instance"
         )
-    names, maps = [], [{} for _ in named]
+    names = []
+    maps = [{} for _ in named]
     for given in features:
         if isinstance(given, str):
             if given not in FOLDS:
-                raise FeatureError(
-                    f"unknown feature {given!r}: {' and '.join(FOLDS)} are computed, others "
-                    "(name, arrays)"
-                )
+                known = f"{' and '.join(FOLDS)} are computed, others (name, arrays)"
+                raise FeatureError(f"unknown feature {given!r}: {known}")
             names.append(given)
             continue
-        name, arrays = (
-            given if isinstance(given, (list, tuple)) and len(given) == 2 else (None, None)
-        )
-        if (
-            not isinstance(name, str)
-            or not isinstance(arrays, (list, tuple))
-            or len(arrays) != len(named)
-        ):
-            raise FeatureError(
-                f"feature {given!r:.60}: give a name and a list of {len(named)} arrays, one a "
-                "subject"
-            )
+        is_pair = isinstance(given, (list, tuple)) and len(given) == 2
+        name, arrays = given if is_pair else (None, None)
+        is_list = isinstance(arrays, (list, tuple)) and len(arrays) == len(named)
+        if not isinstance(name, str) or not is_list:
+            wanted = f"give a name and a list of {len(named)} arrays, one a subject"
+            raise FeatureError(f"feature {given!r:.60}: {wanted}")
         names.append(name)
         for own, values, (subject, surface) in zip(maps, arrays, named):
             own[name] = check_values(values, f"{name}, {subject}", surface)

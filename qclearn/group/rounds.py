@@ -1,34 +1,63 @@
-"""The rounds of a template: tasks for each subject, their results kept, and the mean of all in
-between."""
+"""The rounds of a template: tasks for each subject, stored results, and the mean in between."""
 
+import json
+from dataclasses import asdict
 from operator import attrgetter
 
 import numpy as np
 
+from ..io.checkpoint import Checkpoint
+from ..io.safe import npz_arrays, npz_bytes
 from ..registration.features import HEMISPHERE, mirrored_gain
 from . import subject as of
-from .kept import TemplateError
+from .members import TemplateError
 from .subject import Fitted, alone, mean_of
 from .workers import result_of
 
-PASSES = 3  # in which the subjects are laid upon their mean by Möbius maps, before the first round
-# Mm, on a surface of the area of a HEMISPHERE: a template that moves less on average stands still.
+PASSES = 3  # of aligning the subjects with their mean by Möbius maps, before the first round
+# Mm, on a surface of the area of a HEMISPHERE: the template has converged if it moves less.
 SETTLED = 0.1
-OTHER_SIDE = 0.1  # gain in correlation at which a subject is taken for one of the other side
+OTHER_SIDE = 0.1  # gain in correlation from which a subject is taken for one of the other side
+
+
+class Folder:
+    """The registrations of finished rounds in a folder, a file for each round and subject's key."""
+
+    def __init__(self, path, settings):
+        self.checkpoint = Checkpoint(path, settings, TemplateError)
+
+    def read(self, number, key):
+        """The `Fitted` of a subject in a round; None where its file is missing or damaged."""
+        try:
+            data = self.checkpoint.read(file_name(number, key))
+            arrays = npz_arrays(data, lambda name: True)
+            f = arrays["f"] if arrays["f"].size else None
+            return Fitted(f, **json.loads(str(arrays["messages"])))
+        except Exception:
+            return None
+
+    def write(self, number, key, fit):
+        """Store a `Fitted`, whole or not at all."""
+        messages = asdict(fit)
+        f = messages.pop("f")
+        f = np.zeros(0, complex) if f is None else f
+        data = npz_bytes({"f": f, "messages": np.array(json.dumps(messages))})
+        self.checkpoint.write(file_name(number, key), data)
+
+
+def file_name(number, key):
+    return f"round-{number}-{key}.npz"
 
 
 class Group:
-    """The subjects of a template on a client, in the order of their keys, and the tasks of its
-    rounds."""
+    """The subjects of a template on a client, in the order of their keys, and their tasks."""
 
-    def __init__(self, client, members, names, kept, bar):
-        self.client, self.members, self.names, self.kept, self.bar = (
-            client,
-            members,
-            names,
-            kept,
-            bar,
-        )
+    def __init__(self, client, members, names, folder, bar):
+        self.client = client
+        self.members = members
+        self.names = names
+        self.folder = folder
+        self.bar = bar
         surfaces = [client.scatter(member.surface, hash=False) for member in members]
         self.subjects = [
             self.submit(of.prepared, surface, names, member.given)
@@ -36,13 +65,14 @@ class Group:
         ]
 
     def run(self, rounds, weights):
-        """The last `Mean`, the average c of its maps' inverses, the subjects' `Fitted`, and a `row`
-        for each round."""
-        mean, fits = self.lay_upon_mean()
-        centre, rows = mean.disk.z, [self.row(mean, mean, fits)]
+        """(the last `Mean`, the inverses' average c, the subjects' `Fitted`, a row per round)."""
+        mean, fits = self.align_to_mean()
+        centre = mean.disk.z
+        rows = [self.row(mean, mean, fits)]
         for number in range(1, rounds + 1):
-            fits = self.register_all(mean, number, weights)
-            before, (mean, centre) = mean, self.mean(mean, self.used(fits))
+            before = mean
+            fits = self.register_all(before, number, weights)
+            mean, centre = self.mean(before, self.used(fits))
             rows.append(self.row(before, mean, fits))
             if rows[-1]["settled"]:
                 break
@@ -51,105 +81,89 @@ class Group:
     def submit(self, function, *arguments):
         return self.client.submit(function, *arguments, pure=False)
 
-    def result(self, future, member):
-        return result_of(future, member.name)
+    def results(self, tasks):
+        """The results of one task per subject, list."""
+        return [result_of(task, member.name) for task, member in zip(tasks, self.members)]
 
     def disks(self):
-        """Tasks: the disk maps (V,) of the subjects as laid."""
-        return [self.submit(attrgetter("disk.z"), subject) for subject in self.subjects]
+        """The aligned disk maps (V,) of all subjects, list."""
+        return self.results([self.submit(attrgetter("disk.z"), each) for each in self.subjects])
 
     def median(self):
-        """The subject of median area, on whose mesh the others are averaged: its number."""
-        return int(
-            np.argsort([member.surface.area for member in self.members], kind="stable")[
-                len(self.members) // 2
-            ]
-        )
+        """The number of the subject of median area, on whose mesh the others are averaged."""
+        areas = [member.surface.area for member in self.members]
+        return int(np.argsort(areas, kind="stable")[len(areas) // 2])
 
-    def lay_upon_mean(self):
-        """Lay the subjects upon their mean by Möbius maps: that `Mean`, and their disk maps as
-        `Fitted`."""
+    def align_to_mean(self):
+        """Align the subjects with their mean by Möbius maps: that `Mean`, and their `Fitted`."""
         median = self.median()
-        first = alone(self.result(self.subjects[median], self.members[median]))
-        fits = [self.kept.read(0, member.key) for member in self.members]
+        first = alone(result_of(self.subjects[median], self.members[median].name))
+        fits = [self.folder.read(0, member.key) for member in self.members]
         if all(fits):
-            self.subjects = [
-                self.submit(of.at_disk, subject, fit.f) for subject, fit in zip(self.subjects, fits)
-            ]
+            pairs = zip(self.subjects, fits)
+            self.subjects = [self.submit(of.at_disk, subject, fit.f) for subject, fit in pairs]
         else:
             self.align(first)
-            fits = [
-                Fitted(self.result(disk, member))
-                for disk, member in zip(self.disks(), self.members)
-            ]
+            fits = [Fitted(z) for z in self.disks()]
         for member, fit in zip(self.members, fits):
-            self.kept.keep(0, member.key, fit)
+            self.folder.write(0, member.key, fit)
             self.bar.update()
         return self.average(first, self.used(fits), first.disk.z), fits
 
     def align(self, mean):
-        """Lay the subjects by Möbius maps upon one of them, then twice upon their mean."""
+        """Align the subjects by Möbius maps with one of them, then twice with their mean."""
         for number in range(PASSES):
-            there, near = self.client.scatter(mean), number == PASSES - 1
-            self.subjects = [
-                self.submit(of.laid, subject, there, near) for subject in self.subjects
-            ]
+            there = self.client.scatter(mean)
+            near = number == PASSES - 1
+            self.subjects = [self.submit(of.aligned, each, there, near) for each in self.subjects]
             if number == 0:
                 self.check_sides(there)
             mean = self.average(mean, dict(enumerate(self.disks())), mean.disk.z)
 
     def check_sides(self, mean):
         """TemplateError where subjects fit the mean much better if they are mirrored."""
-        tasks = [self.submit(mirrored_gain, subject, mean) for subject in self.subjects]
-        other = [
-            self.result(task, member) > OTHER_SIDE for task, member in zip(tasks, self.members)
-        ]
-        most = 2 * sum(other) > len(
-            other
-        )  # True: the subject that the others were laid upon is the odd one
-        names = ", ".join(
-            sorted(member.name for member, odd in zip(self.members, other) if odd != most)
-        )
-        if names:
-            raise TemplateError(
-                f"{names}: of the other side than most; mirror them first (library: qc.mirror)"
-            )
+        gains = self.results([self.submit(mirrored_gain, each, mean) for each in self.subjects])
+        other = [gain > OTHER_SIDE for gain in gains]
+        # True: the subject that the others are aligned with is the odd one.
+        most = 2 * sum(other) > len(other)
+        odd = [member.name for member, is_other in zip(self.members, other) if is_other != most]
+        if odd:
+            advice = "mirror them first (library: qc.mirror)"
+            raise TemplateError(f"{', '.join(sorted(odd))}: of the other side than most; {advice}")
 
     def register_all(self, mean, number, weights):
         """The `Fitted` of all subjects to the mean."""
         there = self.client.scatter(mean)
-        fits = [self.kept.read(number, member.key) for member in self.members]
+        fits = [self.folder.read(number, member.key) for member in self.members]
         tasks = [
             fit or self.submit(of.fitted, subject, there, weights)
             for fit, subject in zip(fits, self.subjects)
         ]
-        for k, (fit, task, member) in enumerate(zip(fits, tasks, self.members)):
-            if fit is None:
-                fits[k] = self.result(task, member)
-                self.kept.keep(number, member.key, fits[k])
+        for k, (task, member) in enumerate(zip(tasks, self.members)):
+            if fits[k] is None:
+                fits[k] = result_of(task, member.name)
+                self.folder.write(number, member.key, fits[k])
             self.bar.update()
         return fits
 
     def used(self, fits):
-        """Disk maps that take part in the mean: number of the subject -> f; TemplateError for fewer
-        than two."""
+        """The disk maps that are averaged, dict subject's number -> f; TemplateError below two."""
         maps = {k: fit.f for k, fit in enumerate(fits) if not fit.reasons}
         if len(maps) < 2:
-            told = [
-                f"{member.name}: {fit.reasons[0]}"
-                for member, fit in zip(self.members, fits)
-                if fit.reasons
-            ]
-            raise TemplateError(
-                f"fewer than two subjects can be registered ({'; '.join(sorted(told))})"
-            )
+            pairs = zip(self.members, fits)
+            reasons = [f"{one.name}: {fit.reasons[0]}" for one, fit in pairs if fit.reasons]
+            message = "fewer than two subjects can be registered"
+            raise TemplateError(f"{message} ({'; '.join(sorted(reasons))})")
         return maps
 
     def mean(self, before, maps):
-        """The next `Mean`, of the maps (subject's number -> f) followed by their inverses' average
-        c; and c (N,)."""
+        """The next `Mean`, and the average c (N,) of the inverses of the maps.
+
+        maps: subject's number -> f. The next mean averages the subjects under c o f.
+        """
         inverses = self.each(of.inverse, maps, before.disk.z)
-        centre, loop = sum(inverses) / len(maps), before.disk.loop
+        centre = sum(inverses) / len(maps)
+        loop = before.disk.loop
         centre[loop] /= abs(centre[loop])
         image = before.disk.at(centre)
         if not image.certificate.bijective:
@@ -160,35 +174,32 @@ class Group:
         return self.average(before, maps, back), centre
 
     def average(self, before, maps, points):
-        """The `Mean` of what the subjects have where their maps reach points (N,), at the vertices
-        before."""
+        """The `Mean` of the subjects where their maps reach points (N,), on the mesh of `before`."""
         return mean_of(self.each(of.carried, maps, points, before), len(maps), before)
 
     def each(self, function, maps, *arguments):
-        """The results of a function of a subject, its map and arguments shared by all, one by one."""
+        """The results of function(subject, its map, *arguments), one by one."""
         there = [self.client.scatter(argument) for argument in arguments]
         tasks = {k: self.submit(function, self.subjects[k], f, *there) for k, f in maps.items()}
-        return (self.result(task, self.members[k]) for k, task in tasks.items())
+        return (result_of(task, self.members[k].name) for k, task in tasks.items())
 
     def row(self, before, after, fits):
         """What a round has changed, dict for JSON."""
-        moved = np.linalg.norm(after.points - before.points, axis=1)
-        r = {
-            name: [fit.r[name] for fit in fits if name in fit.r and not fit.reasons]
-            for name in self.names
-        }
-        moved_mm, unit = float(after.shares @ moved), np.sqrt(after.areas.sum() / HEMISPHERE)
+        distances = np.linalg.norm(after.points - before.points, axis=1)
+        moved_mm = float(after.shares @ distances)
+        unit = np.sqrt(after.areas.sum() / HEMISPHERE)
+        used = [fit for fit in fits if not fit.reasons]
+        r = {name: [fit.r[name] for fit in used if name in fit.r] for name in self.names}
         return {
             "moved_mm": moved_mm,
-            "most_moved_mm": float(moved.max()),
+            "most_moved_mm": float(distances.max()),
             "settled": before is not after and bool(moved_mm < SETTLED * unit),
             "r": {name: float(np.mean(values)) for name, values in r.items() if values},
             "variance": dict(zip(self.names, after.variance.tolist())),
         }
 
     def finish(self, mean, centre, fits):
-        """Number of the subject -> `composed`, and how many mm the inverses' average is from the
-        identity."""
+        """(subject's number -> `composed`, mm between the inverses' average and the identity)."""
         used = self.used(fits)
         ends = dict(zip(used, self.each(of.composed, used, mean, centre)))
         inverses = [back for _, bijective, back in ends.values() if bijective]

@@ -1,4 +1,4 @@
-"""What workers compute: one subject laid upon the mean of all, registered to it and carried to it."""
+"""What workers compute: a subject aligned with the mean, registered to it and carried to it."""
 
 from dataclasses import dataclass, field, replace
 from functools import reduce
@@ -23,9 +23,9 @@ from ..registration.problem import Problem
 from ..surfaces.conformal import apply_mobius, parameterize, repair_folds
 from ..surfaces.curvature import mean_curvature, sulcal_depth
 
-SCALES = sorted(
-    {level.sigma for level in LEVELS if level.sigma} | {SCALE}
-)  # of the features that are compared
+# Of the features that are compared.
+# Of the features that are compared.
+SCALES = sorted({level.sigma for level in LEVELS if level.sigma} | {SCALE})
 COMPUTED = dict(zip(FOLDS, (sulcal_depth, mean_curvature)))
 
 
@@ -75,12 +75,14 @@ class Mean(Shared):
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """A subject's registration: disk map f (V,) or None, reasons to leave it out, repairs,
-    correlations by feature."""
+    """A subject's registration: its disk map f (V,), or None where there is none.
+
+    reasons: to leave it out; messages: of repairs; r: feature -> correlation.
+    """
 
     f: np.ndarray | None
     reasons: list = field(default_factory=list)
-    words: list = field(default_factory=list)
+    messages: list = field(default_factory=list)
     r: dict = field(default_factory=dict)
 
 
@@ -96,21 +98,22 @@ def prepared(surface, names, given):
 
 def alone(subject):
     """A subject as the mean of itself, on its own mesh."""
-    surface, features = subject.surface, subject.features
-    return Mean(
-        surface.vertices, features.values, features.levels, surface.vertex_areas, subject.disk
-    )
+    own, surface = subject.features, subject.surface
+    return Mean(surface.vertices, own.values, own.levels, surface.vertex_areas, subject.disk)
 
 
-def laid(subject, mean, near=False):
-    """The subject laid upon the mean by the Möbius map that matches their features best; near: a
-    local search."""
-    found = apply_mobius(subject, mobius_by_features(Features(subject, mean), subject.disk.z, near))
-    if not found.whole:
+def aligned(subject, mean, near=False):
+    """The subject after the Möbius map that matches its features to the mean's best.
+
+    near: a local search. FeatureError where that map pulls the disk onto its boundary.
+    """
+    best = mobius_by_features(Features(subject, mean), subject.disk.z, near)
+    moved = apply_mobius(subject, best)
+    if not moved.whole:
         raise FeatureError(
             "the features pull its disk onto the rim; check that they are those of the others"
         )
-    return found
+    return moved
 
 
 def at_disk(subject, z):
@@ -119,25 +122,18 @@ def at_disk(subject, z):
 
 
 def fitted(subject, mean, weights):
-    """Register a laid subject to the mean by features alone: `Fitted`."""
-    features, surface, z = Features(subject, mean), subject.surface, subject.disk.z
+    """Register an aligned subject to the mean by features alone: `Fitted`."""
+    features = Features(subject, mean)
+    surface = subject.surface
+    problem = Problem(subject.disk, [], [], fewest=0)
     try:
-        fit = fit_with_fallbacks(
-            Problem(subject.disk, [], [], fewest=0), weights, None, 0.0, features
-        )
+        fit = fit_with_fallbacks(problem, weights, None, 0.0, features)
     except BijectivityError as error:
         return Fitted(None, [f"folds: {error}"])
-    reasons = [
-        *switched_rows(fit, surface),
-        *strong_distortion(surface, fit.mu),
-        *disagreeing(features, z),
-    ]
-    return Fitted(
-        fit.f,
-        reasons,
-        [*subject.messages, *fit.fallbacks],
-        {name: after for name, (_, after) in fit.r.items()},
-    )
+    reasons = [*switched_rows(fit, surface), *strong_distortion(surface, fit.mu)]
+    reasons += disagreeing(features, subject.disk.z)
+    r = {name: after for name, (_, after) in fit.r.items()}
+    return Fitted(fit.f, reasons, [*subject.messages, *fit.fallbacks], r)
 
 
 def inverse(subject, f, points):
@@ -146,27 +142,29 @@ def inverse(subject, f, points):
 
 
 def carried(subject, f, points, mean):
-    """What a subject has where its disk map f (V,) reaches points (N,) of the mean's disk:
-    `Shared`."""
-    image, own, faces = subject.disk.at(f), subject.features, mean.disk.faces
+    """`Shared` of a subject where its disk map f (V,) reaches points (N,) of the mean's disk."""
+    image = subject.disk.at(f)
     places = image.locate(points)
     space = onto(image.interpolate(subject.surface.vertices, places), mean.points, mean.areas)
-    a, b, c = (space[corner] for corner in faces.T)
-    areas = vertex_areas(faces, np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
+    a, b, c = (space[corner] for corner in mean.disk.faces.T)
+    face_areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    own = subject.features
     levels = {sigma: image.interpolate(own.at(sigma), places) for sigma in SCALES}
-    return Shared(space, image.interpolate(own.values, places), levels, areas)
+    values = image.interpolate(own.values, places)
+    return Shared(space, values, levels, vertex_areas(mean.disk.faces, face_areas))
 
 
 def composed(subject, f, mean, centre):
-    """f (V,) followed by centre (N,), mended where that folds: (map (V,), whether it is a
-    bijection, inverse (N,))."""
+    """f (V,) followed by centre (N,), repaired where that folds: (map, is bijective, inverse)."""
     f = repair_folds(subject.surface, mean.disk.interpolate(centre, mean.disk.locate(f))).z
     return f, subject.disk.certify(f).bijective, inverse(subject, f, mean.disk.z)
 
 
 def onto(points, target, weights):
-    """Points (N, 3) turned and shifted so that `sum_k weights_k |points_k - target_k|^2` is least
-    (Kabsch 1976)."""
+    """Points (N, 3) rotated and shifted to the least `sum_k weights_k |points_k - target_k|^2`.
+
+    Source: Kabsch (1976).
+    """
     centre, there = (np.average(side, axis=0, weights=weights) for side in (points, target))
     left, _, right = np.linalg.svd(((points - centre) * weights[:, None]).T @ (target - there))
     flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])  # a turn, not a reflection
@@ -179,17 +177,15 @@ def vertex_areas(faces, areas):
 
 
 def mean_of(shares, count, before):
-    """The `Mean` of `count` shares, added up one at a time, on the mesh of the mean before."""
+    """The `Mean` of `count` `Shared`, added up one at a time, on the mesh of the mean before."""
     total = reduce(added, shares)
     levels = {sigma: values / count for sigma, values in total.levels.items()}
-    return Mean(
-        total.points / count, total.values / count, levels, total.areas / count, before.disk
-    )
+    points, values, areas = (x / count for x in (total.points, total.values, total.areas))
+    return Mean(points, values, levels, areas, before.disk)
 
 
 def added(one, other):
     """The sums of two `Shared`."""
     levels = {sigma: one.levels[sigma] + other.levels[sigma] for sigma in one.levels}
-    return Shared(
-        one.points + other.points, one.values + other.values, levels, one.areas + other.areas
-    )
+    points = one.points + other.points
+    return Shared(points, one.values + other.values, levels, one.areas + other.areas)

@@ -1,9 +1,8 @@
-"""An unbiased template: what subjects have in common, after all are registered to it, round after
-round.
+"""An unbiased template: subjects are registered to their mean, round after round.
 
 A round registers each subject to the mean by features, f_k from its disk to the mean's. With the
 inverses' average, `c = mean f_k^-1`, the inverses of the maps `c o f_k` have the identity as
-average, and nobody's shape is preferred (Guimond, Meunier and Thirion 2000; Joshi and others 2004).
+average, and no subject's shape is preferred (Guimond, Meunier and Thirion 2000; Joshi and others 2004).
 The next mean averages features, positions, areas there.
 """
 
@@ -20,9 +19,8 @@ from ..registration.features import FOLDS
 from ..registration.problem import BY_DISKS, Weights
 from ..registration.register import check_delta
 from ..surfaces.surface import Surface
-from .kept import Folder, TemplateError
-from .members import members_of
-from .rounds import Group
+from .members import TemplateError, members_of
+from .rounds import Folder, Group
 from .workers import client_of
 
 CHANGED = "folds: its map, once the average of all is taken off"
@@ -33,9 +31,9 @@ class Template:
     """Result of `template`.
 
     surface: the mean shape; disk: its disk map; maps: feature -> the subjects' mean at its
-    vertices, in their units; disks: name -> a subject's disk map, laid upon the others by a Möbius
-    map; disk_maps: name -> its vertices' places in the template's disk, certified; left_out: name
-    -> why a subject takes no part; report: dict for JSON.
+    vertices, in their units; disks: name -> a subject's disk map, aligned with the others by a
+    Möbius map; disk_maps: name -> its vertices' places in the template's disk, certified; left_out:
+    name -> why a subject is left out; report: dict for JSON.
     """
 
     surface: Surface
@@ -64,10 +62,10 @@ def template(
     `data_synth.make_cortex`'s result); their order changes nothing. features: "depth", "curvature",
     or the user's own (name, [one array (V,) a subject]). rounds: at most so many, until the
     template moves less than SETTLED on average (`report["settled"]`); 0: the mean after Möbius maps
-    alone. delta: the features' weight, as in `register`. folder: keeps each registration, so that a
-    stopped run goes on. scheduler: address of a dask scheduler, None for `workers` processes of
-    this machine (1: this process itself). A subject whose registration folds or is suspect takes no
-    part in the mean: see `left_out`. Errors: TemplateError, SurfaceError, FeatureError,
+    alone. delta: the features' weight, as in `register`. folder: stores each registration, so that
+    a stopped run goes on. scheduler: address of a dask scheduler, None for `workers` processes of
+    this machine (1: this process itself). A subject whose registration folds or is suspect is left
+    out of the mean: see `left_out`. Errors: TemplateError, SurfaceError, FeatureError,
     WorkersError; ImportError for several workers without dask.
     """
     members, names = members_of(subjects, features)
@@ -78,34 +76,32 @@ def template(
             "worker"
         )
     settings = {"subjects": [member.key for member in members], "features": names, "delta": delta}
-    kept = Folder(folder, settings | {"version": version("qclearn"), "commit": commit()})
+    settings |= {"version": version("qclearn"), "commit": commit()}
+    rounds_folder = Folder(folder, settings)
+    total = len(members) * (rounds + 1)
     with (
-        tqdm(total=len(members) * (rounds + 1), desc="template", disable=not progress) as bar,
+        tqdm(total=total, desc="template", disable=not progress) as bar,
         client_of(scheduler, workers) as client,
     ):
-        group = Group(client, members, names, kept, bar)
+        group = Group(client, members, names, rounds_folder, bar)
         mean, centre, fits, rows = group.run(rounds, weights)
         ends, off = group.finish(mean, centre, fits)
-        laid = {
-            member.name: group.result(disk, member) for disk, member in zip(group.disks(), members)
-        }
+        disks = {member.name: z for member, z in zip(members, group.disks())}
     maps = {members[k].name: f for k, (f, bijective, _) in ends.items() if bijective}
-    left_out = {
-        member.name: fit.reasons or [CHANGED]
-        for member, fit in zip(members, fits)
-        if member.name not in maps
-    }
+    fit_of = {member.name: fit for member, fit in zip(members, fits)}
+    left_out = {n: fit.reasons or [CHANGED] for n, fit in fit_of.items() if n not in maps}
     report = {
-        "subjects": sorted(member.name for member in members),
+        "subjects": sorted(fit_of),
         "features": names,
         "delta": delta,
         "rounds": rows,
         "settled": rows[-1]["settled"],
         "centre_mm": off,
-        "r": {member.name: fit.r for member, fit in zip(members, fits)},
-        "words": {member.name: fit.words for member, fit in zip(members, fits) if fit.words},
+        "r": {name: fit.r for name, fit in fit_of.items()},
+        "words": {name: fit.messages for name, fit in fit_of.items() if fit.messages},
         "left_out": left_out,
         "version": version("qclearn"),
     }
-    surface, means = Surface(mean.points, mean.disk.faces), dict(zip(names, mean.values.T))
-    return Template(surface, mean.disk.z, means, laid, maps, left_out, report)
+    surface = Surface(mean.points, mean.disk.faces)
+    means = dict(zip(names, mean.values.T))
+    return Template(surface, mean.disk.z, means, disks, maps, left_out, report)

@@ -1,5 +1,4 @@
-"""Where tasks run: in this process, in processes of this machine, or on the workers of a dask
-scheduler."""
+"""Where tasks run: in this process, in processes of this machine, or on a dask scheduler."""
 
 import gc
 from contextlib import contextmanager, nullcontext
@@ -23,7 +22,7 @@ class WorkersError(ValueError):
 
 @dataclass(frozen=True)
 class Done:
-    """A task that has ended, in place of dask's future."""
+    """A finished task, in place of dask's future."""
 
     value: object
 
@@ -35,9 +34,8 @@ class Here:
     """In place of a dask client: each task runs in this process when it is submitted."""
 
     def submit(self, function, *arguments, **_):
-        return Done(
-            function(*[given.value if isinstance(given, Done) else given for given in arguments])
-        )
+        values = [given.value if isinstance(given, Done) else given for given in arguments]
+        return Done(function(*values))
 
     def scatter(self, value, **_):
         return Done(value)
@@ -53,13 +51,11 @@ def client_of(scheduler, workers):
 
 @contextmanager
 def connect(scheduler, workers):
-    """A dask client of the scheduler, or of `workers` processes of this machine; WorkersError if
-    there is none."""
+    """A dask client of the scheduler, or of `workers` processes of this machine; WorkersError."""
     import dask
     from distributed import Client, LocalCluster
 
-    # A client that failed, thrown away while the next one is made, would wait for its lock for
-    # ever.
+    # A failed client that is collected while the next one is made would wait for its lock forever.
     gc.collect()
     if scheduler is None:
         # dask has its workers hand memory back at once, and methods then wait for pages: up to a
@@ -84,19 +80,16 @@ def connect(scheduler, workers):
 
 
 def check_workers(client, scheduler):
-    """WorkersError unless the scheduler has workers, each with one thread and this version of
-    qclearn."""
+    """WorkersError unless there are workers, each with one thread and this version of qclearn."""
     try:
         client.wait_for_workers(1, timeout=PATIENCE)
     except TimeoutError:
-        raise WorkersError(
-            f"{scheduler} has no workers; start some: `dask worker {scheduler} --nthreads 1`"
-        ) from None
+        advice = f"start some: `dask worker {scheduler} --nthreads 1`"
+        raise WorkersError(f"{scheduler} has no workers; {advice}") from None
     many = sorted(address for address, threads in client.nthreads().items() if threads != 1)
     if many:
-        raise WorkersError(
-            f"workers {', '.join(many[:5])} have several threads: start them with --nthreads 1"
-        )
+        names = ", ".join(many[:5])
+        raise WorkersError(f"workers {names} have several threads: start them with --nthreads 1")
     own = versions()
     differ = [
         f"{address} has {name} {theirs.get(name, 'none')}, here {own.get(name, 'none')}"
@@ -105,9 +98,8 @@ def check_workers(client, scheduler):
         if theirs.get(name) != own.get(name)
     ]
     if differ:
-        raise WorkersError(
-            f"workers have other versions ({'; '.join(differ[:5])}): install the same on all"
-        )
+        names = "; ".join(differ[:5])
+        raise WorkersError(f"workers have other versions ({names}): install the same on all")
 
 
 def versions():
@@ -115,8 +107,7 @@ def versions():
 
 
 def result_of(future, name):
-    """A task's result; its ValueError with the name of whose task it was, WorkersError where its
-    worker is lost."""
+    """A task's result; its ValueError with the subject's name; WorkersError for a lost worker."""
     try:
         return future.result()
     except ValueError as error:

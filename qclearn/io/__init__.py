@@ -1,2 +1,1 @@
-"""Surfaces and values in the formats of the field, fsaverage5, conte69, and where figures come
-from."""
+"""Surfaces and values in the field's formats, fsaverage5, conte69, and provenance."""

@@ -43,8 +43,7 @@ def labels_of(table, names):
 
 
 def write(path, values, labels):
-    """Write values (V,) of keys in the order of the keys of `labels`, which become places in the
-    table.
+    """Write keys (V,) as an annotation, in the order of the keys of `labels`.
 
     Key -1, or key 0 where it is shown by nothing (Workbench's ???), is none. Colours are made
     distinct where two regions have the same, since a vertex keeps its region's colour alone; black

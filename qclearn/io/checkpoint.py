@@ -10,8 +10,7 @@ SETTINGS = "settings.json"
 
 
 class Checkpoint:
-    """A folder with a run's settings and a file for each finished part; path None: nothing is
-    stored.
+    """A folder with a run's settings and a file for each finished part; path None stores nothing.
 
     settings: dict for JSON of all that the parts depend on, stored in the file `record`. error: the
     exception for a folder with other settings, with files but no `record` (unless shared=True), or

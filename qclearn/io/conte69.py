@@ -1,9 +1,8 @@
-"""conte69, the average cortex of 69 young adults, and maps of the human brain on it, from the
-package brainspace.
+"""conte69, the average cortex of 69 young adults, with maps, from the package brainspace.
 
-Its mesh is fs_LR (Van Essen et al. 2012), on which the two sides correspond vertex by vertex: a
-truth on real cortex. The maps (T1w/T2w, thickness, gradients of connectivity) are averages too, and
-took no part in making the mesh.
+Its mesh is fs_LR (Van Essen et al. 2012), on which the two sides correspond vertex by vertex:
+ground truth on real cortex. The maps (T1w/T2w, thickness, gradients of connectivity) are averages,
+too, and were not used to make the mesh.
 """
 
 from importlib.util import find_spec
@@ -17,7 +16,8 @@ from ..surfaces.surface import Surface, SurfaceError
 from .extras import require
 from .meshes import read_surface
 
-SIDES = {"left": "lh", "right": "rh"}
+SIDES = ["lh", "rh"]
+ADVICE = "install brainspace again"
 MAPS = {
     "T1w/T2w": "t1wt2w",
     "thickness": "thickness",
@@ -27,8 +27,7 @@ MAPS = {
 
 
 class Conte69(NamedTuple):
-    """Both sides of conte69, open at the medial wall, in mm; vertex k of one corresponds to vertex
-    k of the other.
+    """Both sides of conte69, open at the medial wall, in mm; equal vertex numbers correspond.
 
     maps: name -> (left (V,), right (V,)), NaN where a map has no value.
     """
@@ -39,36 +38,25 @@ class Conte69(NamedTuple):
 
 
 def conte69(folder=None):
-    """The two sides of conte69 and their maps, both cut by both sides' masks, so that vertices keep
-    corresponding.
+    """The two sides of conte69 and their maps, all cut by both sides' masks.
 
     folder: of brainspace's data sets, by default the installed package's. ImportError without the
     package; SurfaceError where a file is missing or does not fit the others.
     """
     folder = installed_folder() if folder is None else Path(folder)
-    closed = {
-        side: read_surface(folder / "surfaces" / f"conte69_32k_{word}.gii")
-        for side, word in SIDES.items()
-    }
-    if not np.array_equal(*(np.sort(surface.edges, axis=1) for surface in closed.values())):
-        raise SurfaceError(
-            f"{folder}: the two sides of conte69 differ in their mesh; install brainspace again"
-        )
-    count = len(closed["left"].vertices)
-    masks = [
-        numbers(folder / "surfaces" / f"conte69_32k_{word}_mask.csv", count)
-        for word in SIDES.values()
-    ]
-    wall = ~np.all(masks, axis=0)
-    (left, vertices), (right, same) = (open_surface(closed[side], wall) for side in SIDES)
+    closed = [read_surface(folder / "surfaces" / f"conte69_32k_{side}.gii") for side in SIDES]
+    if not np.array_equal(*(np.sort(surface.edges, axis=1) for surface in closed)):
+        raise SurfaceError(f"{folder}: the two sides of conte69 differ in their mesh; {ADVICE}")
+    count = len(closed[0].vertices)
+    masks = [folder / "surfaces" / f"conte69_32k_{side}_mask.csv" for side in SIDES]
+    wall = ~np.all([numbers(mask, count) for mask in masks], axis=0)
+    (left, vertices), (right, same) = (open_surface(surface, wall) for surface in closed)
     if not np.array_equal(vertices, same):
-        raise SurfaceError(
-            f"{folder}: the masks open the two sides of conte69 differently; install brainspace "
-            "again"
-        )
+        message = "the masks open the two sides of conte69 differently"
+        raise SurfaceError(f"{folder}: {message}; {ADVICE}")
     maps = {}
-    for name, word in MAPS.items():
-        values = numbers(folder / "matrices" / "main_group" / f"conte69_32k_{word}.csv", 2 * count)
+    for name, file in MAPS.items():
+        values = numbers(folder / "matrices" / "main_group" / f"conte69_32k_{file}.csv", 2 * count)
         maps[name] = values[:count][vertices], values[count:][vertices]
     return Conte69(left, right, maps)
 
@@ -84,9 +72,7 @@ def numbers(path, count):
     try:
         values = np.loadtxt(path, delimiter=",").ravel()
     except (OSError, ValueError) as error:
-        raise SurfaceError(f"{path}: cannot be read ({error}); install brainspace again") from None
+        raise SurfaceError(f"{path}: cannot be read ({error}); {ADVICE}") from None
     if len(values) != count:
-        raise SurfaceError(
-            f"{path}: {len(values)} numbers for {count} vertices; install brainspace again"
-        )
+        raise SurfaceError(f"{path}: {len(values)} numbers for {count} vertices; {ADVICE}")
     return values

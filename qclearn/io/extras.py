@@ -14,8 +14,7 @@ EXTRAS = {
 
 
 def require(extra, what):
-    """ImportError, with the command that installs it, where a package of an extra is missing;
-    imports nothing.
+    """ImportError, with the command to install it, where a package of an extra is missing.
 
     what: who needs it, in the plural. An empty context: `with require("nets", "the networks"):
     import torch`.

@@ -33,10 +33,12 @@ _TKR_AXES = np.array([[-1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # of the voxels, in
 
 @dataclass(frozen=True)
 class Frame:
-    """What a file says: side "left" or "right"; space of the coordinates: TKR or a
-    GiftiCoordSystem; FreeSurfer's volume geometry; kind, one of ANATOMICAL or SHAPES; and of the
-    whole surface that a disk was cut out of, how many vertices it has (count) and its faces (F,
-    3), whole. None where the file does not say."""
+    """What a file says of its surface; None where it does not say.
+
+    side: "left" or "right"; space of the coordinates: TKR or a GiftiCoordSystem; volume:
+    FreeSurfer's geometry; kind: one of ANATOMICAL or SHAPES; count, whole: the number of vertices
+    and the faces (F, 3) of the whole surface that a disk was cut out of.
+    """
 
     side: str | None = None
     space: GiftiCoordSystem | str | None = None
@@ -50,23 +52,15 @@ class Frame:
         """All but the whole surface's faces, as JSON."""
         space = self.space
         if isinstance(space, GiftiCoordSystem):
-            codes = {
-                name: xform_codes.label[getattr(space, name)]
-                for name in ("dataspace", "xformspace")
-            }
+            names = "dataspace", "xformspace"
+            codes = {name: xform_codes.label[getattr(space, name)] for name in names}
             space = codes | {"xform": np.asarray(space.xform).tolist()}
-        entries = {
-            "side": self.side,
-            "space": space,
-            "volume": self.volume,
-            "kind": self.kind,
-            "count": self.count,
-        }
-        return json.dumps(entries)
+        entries = {"side": self.side, "space": space, "volume": self.volume}
+        return json.dumps(entries | {"kind": self.kind, "count": self.count})
 
     @property
     def in_scanner(self):
-        """Whether the coordinates are said to be the scanner's."""
+        """Whether the coordinates are the scanner's."""
         if not isinstance(self.space, GiftiCoordSystem):
             return False
         return xform_codes.label[self.space.dataspace] == "scanner"
@@ -95,24 +89,22 @@ def frame_of_text(text, whole=None):
             space = GiftiCoordSystem(*codes, np.array(space["xform"], dtype=float).reshape(4, 4))
         volume = volume and sound_volume(volume)
     except (KeyError, TypeError, ValueError, RecursionError):
-        raise FormatError(
-            "what it says of the file a surface came from cannot be understood"
-        ) from None
-    sound = (
-        side in (None, "left", "right")
-        and (space is None or space == TKR or isinstance(space, GiftiCoordSystem))
-        and (kind is None or kind in (*ANATOMICAL, *SHAPES))
-        and (count is None or (type(count) is int and count > 0))
-        and (space != TKR or volume)
-    )
-    if not sound:
+        message = "what it says of the file a surface came from cannot be understood"
+        raise FormatError(message) from None
+    sound = [
+        side in (None, "left", "right"),
+        space is None or space == TKR or isinstance(space, GiftiCoordSystem),
+        kind is None or kind in (*ANATOMICAL, *SHAPES),
+        count is None or (type(count) is int and count > 0),
+        space != TKR or volume,
+    ]
+    if not all(sound):
         raise FormatError("what it says of the file a surface came from makes no sense")
     return Frame(side, space, volume, kind, count, whole)
 
 
 def sound_volume(volume):
-    """FreeSurfer's volume geometry (nibabel's dict) with lists, or None where it says that it is
-    not valid."""
+    """FreeSurfer's volume geometry (nibabel's dict) with lists, or None where it is not valid."""
     keys = ("head", "valid", "filename", "volume", "voxelsize", *_AXES)
     geometry = {key: np.asarray(volume[key]).tolist() for key in keys}
     if not str(geometry["valid"]).startswith("1"):

@@ -1,5 +1,4 @@
-"""fsaverage5, the template hemispheres that come with nilearn, cut open at the medial wall, and
-their named sulci."""
+"""fsaverage5, the template that comes with nilearn, open at the medial wall, with named sulci."""
 
 import json
 from functools import cache
@@ -18,8 +17,7 @@ _FILES = {"pial": "pial", "white": "white", "inflated": "infl", "sphere": "spher
 
 
 def fsaverage5(hemisphere: str = "left", kind: str = "pial") -> Surface:
-    """The open hemisphere "left" or "right" of fsaverage5 as "pial", "white", "inflated" or
-    "sphere" surface, in mm.
+    """The open hemisphere "left" or "right" of fsaverage5, in mm, of a kind.
 
     The medial wall (thickness 0) is cut away on the pial surface; all kinds of a hemisphere share
     the cut, so their vertices and faces correspond. SurfaceError where nilearn is missing.
@@ -40,36 +38,30 @@ def whole_fsaverage5(hemisphere="left", kind="sphere"):
 
 
 def named_sulci(hemisphere, original_indices):
-    """Endpoints of fsaverage5's named sulci: dict name -> (start, end) on the opened surface, alike
-    on both sides.
+    """Ends of fsaverage5's named sulci: dict name -> (start, end) on the opened surface.
 
     hemisphere: "left" or "right"; original_indices (V',): the opened surface's vertices on the
     closed mesh, as from `open_surface`. fsaverage5_sulci.json tells how each was chosen.
     SurfaceError where an endpoint was cut away.
     """
     if hemisphere not in ("left", "right"):
-        raise SurfaceError(
-            f"fsaverage5 has no hemisphere '{hemisphere}'; hemispheres are left and right"
-        )
+        message = f"fsaverage5 has no hemisphere '{hemisphere}'"
+        raise SurfaceError(f"{message}; hemispheres are left and right")
     original_indices = np.asarray(original_indices)
     text = files(__package__).joinpath("fsaverage5_sulci.json").read_text(encoding="utf-8")
-    ends = {
-        name: entry[hemisphere]["vertices"] for name, entry in json.loads(text)["sulci"].items()
-    }
+    sulci = {name: entry[hemisphere] for name, entry in json.loads(text)["sulci"].items()}
+    ends = {name: entry["vertices"] for name, entry in sulci.items()}
     return {name: _renumbered(name, pair, original_indices) for name, pair in ends.items()}
 
 
 def demo_landmarks() -> dict:
-    """Landmarks of `mirror(fsaverage5("right"))` (moving) and `fsaverage5("left")` (control), as in
-    a landmarks file.
+    """Landmarks of `mirror(fsaverage5("right"))` (moving) and `fsaverage5("left")` (control).
 
     `{"curves": [{"name", "moving": [start, end], "control": [start, end]}]}`: endpoints only.
     """
     moving, control = (named_sulci(side, _opening(side)[0]) for side in ("right", "left"))
-    curves = [
-        {"name": name, "moving": list(moving[name]), "control": list(control[name])}
-        for name in control
-    ]
+    ends = {name: (list(moving[name]), list(control[name])) for name in control}
+    curves = [{"name": name, "moving": a, "control": b} for name, (a, b) in ends.items()]
     return {"curves": curves}
 
 

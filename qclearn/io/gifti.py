@@ -1,5 +1,4 @@
-"""GIFTI through nibabel: a first pass sees that sizes are true; Workbench finds hemisphere,
-coordinates and labels."""
+"""GIFTI through nibabel: sizes are checked first; Workbench finds hemisphere and labels."""
 
 import base64
 import colorsys
@@ -11,14 +10,8 @@ from xml.parsers import expat
 
 import nibabel
 import numpy as np
-from nibabel.gifti import (
-    GiftiCoordSystem,
-    GiftiDataArray,
-    GiftiImage,
-    GiftiLabel,
-    GiftiLabelTable,
-    GiftiMetaData,
-)
+from nibabel import gifti as nib
+from nibabel.gifti import GiftiCoordSystem, GiftiImage, GiftiMetaData
 
 from ..surfaces.surface import SurfaceError
 from .annotations import NONE
@@ -26,7 +19,7 @@ from .frames import ANATOMICAL, SHAPES, TKR, Frame, kind_of_name, side_of_name, 
 from .safe import FormatError, allowance
 
 STRUCTURES = {"left": "CortexLeft", "right": "CortexRight"}
-# FreeSurfer's volume geometry: its own words -> the endings of those that mris_convert writes into
+# FreeSurfer's volume geometry: its own names -> the endings of those that mris_convert writes into
 # a GIFTI.
 _VOLUME = {
     "volume": ("Width", "Height", "Depth"), "voxelsize": ("Xsize", "Ysize", "Zsize"),
@@ -67,10 +60,9 @@ class _Sizes:
             packed = base64.b64decode("".join(self.text))
             unpacked = len(zlib.decompressobj().decompress(packed, self.expected + 1))
             if unpacked != self.expected:
-                more = "more" if unpacked > self.expected else unpacked
-                raise FormatError(
-                    f"an array of {self.expected} bytes is announced, {more} are there"
-                )
+                there = "more" if unpacked > self.expected else unpacked
+                message = f"an array of {self.expected} bytes is announced"
+                raise FormatError(f"{message}, {there} are there")
             self.text = None
 
 
@@ -78,9 +70,8 @@ def _announced(attributes):
     """Number of bytes that a DataArray's attributes announce."""
     dimensions = attributes.get("Dimensionality", "")
     if not re.fullmatch("[1-6]", dimensions):
-        raise FormatError(
-            f"an array has {dimensions[:20] or 'no'} dimensions, where 1 or 2 are needed"
-        )
+        count = dimensions[:20] or "no"
+        raise FormatError(f"an array has {count} dimensions, where 1 or 2 are needed")
     sides = [attributes.get(f"Dim{k}", "") for k in range(int(dimensions))]
     if not all(re.fullmatch("[0-9]{1,12}", side) for side in sides):
         raise FormatError("an array's sides are no whole numbers of vertices or faces")
@@ -89,16 +80,13 @@ def _announced(attributes):
     if kind not in known:
         raise FormatError(f"an array has the unknown type {kind[:40]}")
     if attributes.get("Encoding") == "ExternalFileBinary":
-        raise SurfaceError(
-            "keeps its data in another file; convert it: wb_command -gifti-convert "
-            "GZIP_BASE64_BINARY IN OUT"
-        )
+        command = "wb_command -gifti-convert GZIP_BASE64_BINARY IN OUT"
+        raise SurfaceError(f"keeps its data in another file; convert it: {command}")
     return math.prod(map(int, sides)) * nibabel.nifti1.data_type_codes.dtype[kind].itemsize
 
 
 def parse(data):
-    """The nibabel image of a GIFTI file's bytes; FormatError where an array is not as large as
-    it is announced."""
+    """The nibabel image of a GIFTI file's bytes; FormatError for an array of another size."""
     sizes = _Sizes(len(data))
     parser = expat.ParserCreate()
     parser.buffer_text = True
@@ -127,9 +115,8 @@ def surface_arrays(image):
     points = image.get_arrays_from_intent("NIFTI_INTENT_POINTSET")
     triangles = image.get_arrays_from_intent("NIFTI_INTENT_TRIANGLE")
     if len(points) != 1 or len(triangles) != 1:
-        raise SurfaceError(
-            "is GIFTI, but not one surface; give a .surf.gii with one point set and its triangles"
-        )
+        advice = "give a .surf.gii with one point set and its triangles"
+        raise SurfaceError(f"is GIFTI, but not one surface; {advice}")
     return points[0].data, triangles[0].data, {}, _table_of(points[0].meta, len(points[0].data))
 
 
@@ -154,9 +141,8 @@ def values_of(image):
     arrays = [array.data for array in image.darrays]
     meshes = map(image.get_arrays_from_intent, ("NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE"))
     if any(meshes) or not arrays or len({array.shape for array in arrays}) > 1:
-        raise SurfaceError(
-            "holds no maps of one value a vertex; give a .func.gii, .shape.gii or .label.gii"
-        )
+        advice = "give a .func.gii, .shape.gii or .label.gii"
+        raise SurfaceError(f"holds no maps of one value a vertex; {advice}")
     return arrays[0] if len(arrays) == 1 else np.stack(arrays, axis=-1)
 
 
@@ -222,7 +208,7 @@ def surface_bytes(surface, frame, table=None):
 
 
 def _kind(kind):
-    """Workbench's words for a kind; an inflated surface needs a second one, and gets HCP's."""
+    """Workbench's terms for a kind; an inflated surface needs a second one, and gets HCP's."""
     if kind in (None, "Spherical"):
         return {"GeometricType": kind} if kind else {}
     shape = "Anatomical" if kind in ANATOMICAL else kind
@@ -236,15 +222,14 @@ def _structure(side):
 
 def _array(data, intent, meta, **more):
     data = np.ascontiguousarray(data)
-    return GiftiDataArray(data, intent=intent, meta=GiftiMetaData(meta), **more)
+    return nib.GiftiDataArray(data, intent=intent, meta=GiftiMetaData(meta), **more)
 
 
 def values_bytes(values, side=None, labels=None, names=None):
-    """The bytes of maps (V,) or (V, k) with their names, float32 or int32; int32 with the table
-    `labels` are labels."""
+    """The bytes of named maps (V,) or (V, k), float32 or int32; int32 with `labels` are labels."""
     meta = GiftiMetaData(_structure(side))
     intent = "NIFTI_INTENT_SHAPE" if values.dtype.kind == "f" else "NIFTI_INTENT_NONE"
-    table = GiftiLabelTable()
+    table = nib.GiftiLabelTable()
     if labels:
         values, labels = _from_zero(values, labels)
         intent = "NIFTI_INTENT_LABEL"
@@ -256,8 +241,7 @@ def values_bytes(values, side=None, labels=None, names=None):
 
 
 def table_of(values, known=None):
-    """The label table of whole numbers: the known one, and further keys, which are named by
-    their number; {} for more numbers than there are regions."""
+    """The label table of whole numbers, unknown keys named by their number; {} for too many."""
     keys = np.unique(values).tolist()
     if not known and (len(keys) > _MOST_LABELS or keys[0] < -1):
         return {}
@@ -268,12 +252,10 @@ def table_of(values, known=None):
 
 
 def _from_zero(values, table):
-    """The same labels without key -1: it becomes 0, which shows nothing; where 0 is a region,
-    all are raised by one."""
+    """The same labels without key -1: it becomes 0; where 0 is a region, all are raised by one."""
     if min(table) < -1:
-        raise SurfaceError(
-            f"label {min(table)}: keys below 0 are not allowed in a .label.gii; number them from 1"
-        )
+        message = "keys below 0 are not allowed in a .label.gii"
+        raise SurfaceError(f"label {min(table)}: {message}; number them from 1")
     if min(table) >= 0:
         return values, table
     name, colour = table.get(0, NONE)
@@ -284,7 +266,7 @@ def _from_zero(values, table):
 
 
 def _label(key, name, colour):
-    label = GiftiLabel(key, *colour)
+    label = nib.GiftiLabel(key, *colour)
     label.label = name
     return label
 

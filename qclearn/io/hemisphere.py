@@ -1,5 +1,4 @@
-"""A hemisphere as commands take it: whole or cut open, a file or fsaverage5; and the numbers of
-both of its forms."""
+"""A hemisphere as commands take it: a file or fsaverage5, whole or cut open."""
 
 import re
 from dataclasses import dataclass, replace
@@ -22,8 +21,11 @@ LOOSE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Numbering:
-    """size: number of vertices of a disk; table (V,): their numbers in the whole surface it was
-    cut out of; count: of that surface's vertices. None where it was never cut, or nobody knows."""
+    """The vertex numbers of a disk in the whole surface that it was cut out of.
+
+    size: number of the disk's vertices; table (V,): their numbers in the whole surface; count: of
+    that surface's vertices. None where it was never cut, or that is unknown.
+    """
 
     size: int
     table: np.ndarray | None = None
@@ -43,10 +45,9 @@ class Numbering:
         whole = " (the cut-open one, if it was cut)"
         if self.known:
             whole = f", {self.count} before it was cut open"
-        raise SurfaceError(
-            f"{name}: {len(values)} values for {self.size} vertices of the surface they come "
-            f"from{whole}; give the file that belongs to this surface"
-        )
+        message = f"{len(values)} values for {self.size} vertices of the surface they come from"
+        advice = "give the file that belongs to this surface"
+        raise SurfaceError(f"{name}: {message}{whole}; {advice}")
 
     def on_whole(self, values, wall):
         """The whole surface's values of the disk's (V, ...), with `wall` where it was cut away."""
@@ -97,9 +98,8 @@ def read_hemisphere(path, cortex=None):
     """
     if named := NAMED.fullmatch(str(path)):
         if cortex is not None:
-            raise SurfaceError(
-                f"{cortex}: {path} is cut at its own medial wall; leave the label out"
-            )
+            message = f"{path} is cut at its own medial wall"
+            raise SurfaceError(f"{cortex}: {message}; leave the label out")
         whole, disk = (make(named[1], "pial") for make in (whole_fsaverage5, fsaverage5))
         return Hemisphere(path, whole, disk, frame_of_whole(Frame(named[1], kind="Pial"), whole))
     surface = read_surface(path)
@@ -107,16 +107,14 @@ def read_hemisphere(path, cortex=None):
     if cortex is None:
         return Hemisphere(path, surface, surface, frame)
     if surface.boundary_loops:
-        raise SurfaceError(
-            f"{cortex}: {path} is open already; leave the label out, or give the whole surface"
-        )
+        advice = "leave the label out, or give the whole surface"
+        raise SurfaceError(f"{cortex}: {path} is open already; {advice}")
     require_side(cortex, frame_of(cortex).side, frame.side, path)
     return Hemisphere(path, surface, cut_out(surface, cortex), frame_of_whole(frame, surface))
 
 
 def cut_out(surface, cortex):
-    """The disk of a whole surface that a file says to keep; SurfaceError where it is not in one
-    piece without holes."""
+    """The disk that a file names in a whole surface; SurfaceError unless it is in one piece."""
     require_outward(surface)
     wall = read_mask(cortex, surface, keep=True)
     disk, table = open_surface(surface, wall)
@@ -143,10 +141,8 @@ def frame_of_whole(frame, surface):
 
 
 def require_side(path, side, other, owner):
-    """SurfaceError where a file says that it is of one hemisphere, and the surface it is used
-    for of the other."""
+    """SurfaceError where a file and the surface that it is for are of different hemispheres."""
     if side and other and side != other:
-        raise SurfaceError(
-            f"{path}: is of the {side} hemisphere, {owner} of the {other} one; give the {other} "
-            "one's, or rename what has a wrong name"
-        )
+        advice = f"give the {other} one's, or rename what has a wrong name"
+        message = f"is of the {side} hemisphere, {owner} of the {other} one"
+        raise SurfaceError(f"{path}: {message}; {advice}")

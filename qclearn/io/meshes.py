@@ -13,19 +13,8 @@ from jaxtyping import Integer
 from numpy import ndarray
 
 from ..surfaces.surface import Surface, SurfaceError
-from . import gifti, meshformats
+from . import gifti, meshformats, safe
 from .frames import TKR, Frame, frame_of_text, kind_of_name, side_of_name, sound_volume
-from .safe import (
-    FormatError,
-    explain,
-    is_plain_name,
-    npz_arrays,
-    npz_bytes,
-    out_of_memory,
-    read_bytes,
-    require_all,
-    write_whole,
-)
 
 _FREESURFER_TRIANGLES = b"\xff\xff\xfe"
 _FREESURFER_QUADS = (b"\xff\xff\xff", b"\xff\xff\xfd")
@@ -55,7 +44,7 @@ def read_surface(path: str | Path) -> Surface:
     its size.
     """
     path = Path(path)
-    data = read_bytes(path)
+    data = safe.read_bytes(path)
     suffix = suffix_of(path)
     if suffix in _READERS:
         kind, reader = _READERS[suffix]
@@ -63,14 +52,14 @@ def read_surface(path: str | Path) -> Surface:
         kind, reader = "FreeSurfer surface", _read_freesurfer
     else:
         raise SurfaceError(f"{path}: {_unknown_format('nor is the content a FreeSurfer surface')}")
-    with explain(path, kind):
+    with safe.explain(path, kind):
         arrays = reader(path, data)
     try:
         surface = Surface(*arrays)
     except SurfaceError as error:
         raise SurfaceError(f"{path}: {error}") from None
     except MemoryError:
-        raise out_of_memory(path) from None
+        raise safe.out_of_memory(path) from None
     if suffix == ".stl":
         _warn_of_slits(path, surface)
     return surface
@@ -79,9 +68,9 @@ def read_surface(path: str | Path) -> Surface:
 def frame_of(path):
     """The Frame of a surface's or a map's file that `read_surface` or `read_values` reads."""
     path = Path(path)
-    data = read_bytes(path)
+    data = safe.read_bytes(path)
     named = Frame(side_of_name(path), kind=kind_of_name(path))
-    with explain(path, "file with a coordinate system"):
+    with safe.explain(path, "file with a coordinate system"):
         if suffix_of(path) == ".gii":
             return gifti.frame_of_image(path, gifti.parse(data))
         if suffix_of(path) == ".npz":
@@ -95,9 +84,8 @@ def frame_of(path):
 
 
 def _frame_of_npz(data, named):
-    """What an npz says in `about` and `whole_faces`, or a synthetic subject's in `hemisphere`,
-    else `named`."""
-    arrays = npz_arrays(data, lambda key: key in ("about", "whole_faces", "hemisphere"))
+    """The Frame of an npz's `about` and `whole_faces`, or a subject's `hemisphere`, or `named`."""
+    arrays = safe.npz_arrays(data, lambda key: key in ("about", "whole_faces", "hemisphere"))
     if "about" in arrays:
         frame = frame_of_text(arrays["about"], arrays.get("whole_faces"))
         return replace(frame, side=frame.side or named.side, kind=frame.kind or named.kind)
@@ -111,16 +99,15 @@ def write_surface(
     original_vertices: Integer[ndarray, " V"] | None = None,
     frame: Frame | None = None,
 ) -> None:
-    """Write a surface, whole or not at all, in the format of the path's suffix (as read_surface; a
-    FreeSurfer name such as lh.pial, or no suffix: FreeSurfer's binary).
+    """Write a surface, whole or not at all, in the format of the path's suffix, as read_surface.
 
-    Coordinates keep float64; FreeSurfer, GIFTI and STL store float32, STL no vertex numbers. Only
-    npz keeps the curves, only npz and GIFTI original_vertices, `open_surface`'s second result
-    (default: the surface's own). surface: also a named tuple such as `Registration.surface`. frame:
-    `frame_of` the coordinates' file, which npz keeps whole, GIFTI and FreeSurfer as far as they
-    can; hemisphere and kind are else by the name. FreeSurfer's coordinates become the scanner's in
-    GIFTI, and its own again in its own format. SurfaceError: unknown format, or a folder not
-    writable.
+    A FreeSurfer name such as lh.pial, or no suffix: FreeSurfer's binary. FreeSurfer, GIFTI and STL
+    store float32, STL no vertex numbers. Only npz has the curves, only npz and GIFTI
+    original_vertices, `open_surface`'s second result (default: the surface's own). surface: also a
+    named tuple such as `Registration.surface`. frame: `frame_of` the coordinates' file, which npz
+    stores whole, GIFTI and FreeSurfer as far as they can; hemisphere and kind are else by the name.
+    FreeSurfer's coordinates become the scanner's in GIFTI, and its own again in its own format.
+    SurfaceError: unknown format, or a folder not writable.
     """
     path = Path(path)
     frame = frame or Frame()
@@ -145,21 +132,24 @@ def write_surface(
             nibabel.freesurfer.write_geometry(place, vertices, surface.faces, **stamp)
 
     last = path.suffix.lower()
-    side_named = path.name.startswith(("lh.", "rh.")) and last not in FOREIGN_SUFFIXES
-    freesurfer = side_named or last in _FREESURFER_SUFFIXES
+    freesurfer = last in _FREESURFER_SUFFIXES or is_freesurfer_name(path, last)
     if suffix not in (".npz", ".gii", *_WRITERS) and not freesurfer:
-        raise SurfaceError(
-            f"{path}: {_unknown_format('nor is the name one of FreeSurfer, such as lh.pial')}"
-        )
-    write_whole(path, write, size=surface.vertices.nbytes + surface.faces.nbytes)
+        message = _unknown_format("nor is the name one of FreeSurfer, such as lh.pial")
+        raise SurfaceError(f"{path}: {message}")
+    safe.write_whole(path, write, size=surface.vertices.nbytes + surface.faces.nbytes)
 
 
-# Names of files that are no FreeSurfer surface or map, whatever they begin with (lh.map.csv).
-FOREIGN_SUFFIXES = (
+# Of files that are no FreeSurfer surface or map, whatever they begin with (lh.map.csv).
+_FOREIGN_SUFFIXES = (
     ".csv", ".tsv", ".json", ".xml", ".mat", ".nii", ".gz", ".zip", ".label", ".annot", ".mgh",
     ".mgz", ".npy", ".npz", ".txt", ".gii", ".xlsx", ".h5", ".png", ".ply", ".obj", ".off", ".stl",
     ".vtk", ".vtp", ".asc",
 )  # fmt: skip
+
+
+def is_freesurfer_name(path, suffix):
+    """Whether a file's name is that of a hemisphere's FreeSurfer file, such as lh.curv."""
+    return path.name.startswith(("lh.", "rh.")) and suffix not in _FOREIGN_SUFFIXES
 
 
 def suffix_of(path):
@@ -173,20 +163,16 @@ def _unknown_format(content):
 
 def _read_npz(_, data):
     names = ("vertices", "faces", "original_vertices")
-    arrays = npz_arrays(data, lambda key: key in names or key.startswith("curve_"))
+    arrays = safe.npz_arrays(data, lambda key: key in names or key.startswith("curve_"))
     missing = {"vertices", "faces"} - set(arrays)
     if missing:
-        raise SurfaceError(
-            f"lacks the array {' and '.join(sorted(missing))}; save vertices (V, 3), faces (F, 3)"
-        )
-    curve_keys = [key for key in arrays if key.startswith("curve_")]
-    curves = {key.removeprefix("curve_"): arrays[key] for key in curve_keys}
-    bad = next((name for name in curves if not is_plain_name(name)), None)
+        names = " and ".join(sorted(missing))
+        raise SurfaceError(f"lacks the array {names}; save vertices (V, 3), faces (F, 3)")
+    curves = {k.removeprefix("curve_"): v for k, v in arrays.items() if k.startswith("curve_")}
+    bad = next((name for name in curves if not safe.is_plain_name(name)), None)
     if bad is not None:
-        raise SurfaceError(
-            f"has a curve whose name is too long or holds control characters, {bad[:40]!r}; "
-            "rename it"
-        )
+        message = "has a curve whose name is too long or holds control characters"
+        raise SurfaceError(f"{message}, {bad[:40]!r}; rename it")
     return arrays["vertices"], arrays["faces"], curves, arrays.get("original_vertices")
 
 
@@ -198,14 +184,13 @@ def _write_npz(path, surface, original_vertices, frame):
         more["about"] = np.array(frame.text)
     if frame.whole is not None:
         more["whole_faces"] = frame.whole.astype(np.int32)
-    path.write_bytes(npz_bytes({"vertices": surface.vertices, "faces": surface.faces, **more}))
+    path.write_bytes(safe.npz_bytes({"vertices": surface.vertices, "faces": surface.faces, **more}))
 
 
 def _read_freesurfer(path, data):
     if data.startswith(_FREESURFER_QUADS):
-        raise SurfaceError(
-            "holds quadrangles (FreeSurfer's old format); convert it with mris_convert to triangles"
-        )
+        message = "holds quadrangles (FreeSurfer's old format)"
+        raise SurfaceError(f"{message}; convert it with mris_convert to triangles")
     _check_freesurfer(data)
     return nibabel.freesurfer.read_geometry(path)
 
@@ -214,11 +199,11 @@ def _check_freesurfer(data):
     """FormatError unless as much is there as the counts after the two lines of the header say."""
     counts = data[3:].split(b"\n", 2)[2:]
     if not counts or len(counts[0]) < 8:
-        raise FormatError("the header is incomplete")
+        raise safe.FormatError("the header is incomplete")
     n_vertices, n_faces = (int(count) for count in np.frombuffer(counts[0], ">i4", 2))
     records = (len(counts[0]) - 8) // 12
-    require_all("vertex", records, n_vertices)
-    require_all("face", records - n_vertices, n_faces)
+    safe.require_all("vertex", records, n_vertices)
+    safe.require_all("face", records - n_vertices, n_faces)
 
 
 def _read_vtk(path, data):
@@ -229,10 +214,10 @@ def _read_vtk(path, data):
     try:
         child = subprocess.run(command, capture_output=True, timeout=VTK_SECONDS, check=False)
     except subprocess.TimeoutExpired:
-        raise FormatError(f"VTK's reader has not ended after {VTK_SECONDS} s") from None
+        raise safe.FormatError(f"VTK's reader has not ended after {VTK_SECONDS} s") from None
     if child.returncode:
         reason = child.stdout.decode() if child.returncode == 1 else ""
-        raise FormatError(reason or "VTK's reader breaks down on it")
+        raise safe.FormatError(reason or "VTK's reader breaks down on it")
     arrays = io.BytesIO(child.stdout)
     return np.load(arrays), np.load(arrays)
 
@@ -265,8 +250,7 @@ def _write_vtp(surface):
 
 
 def _warn_of_slits(path, surface):
-    """Warn of torn corners (of one face, on a loop of four) and of neighbours' neighbours on a
-    rim that almost meet."""
+    """Warn of torn corners and of neighbours' neighbours on a rim that almost meet."""
     count = np.bincount(surface.faces.ravel())
     for loop in surface.boundary_loops:
         here, beside, twin = (surface.vertices[np.roll(loop, -k)] for k in range(3))

@@ -21,8 +21,7 @@ _TRIANGLES = {"face": {"vertex_indices": 3, "vertex_index": 3}}
 
 
 def read_ply(path, data):
-    """Vertices and faces of a PLY file, ASCII or binary; further properties and elements are
-    skipped."""
+    """Vertices and faces of a PLY file, ASCII or binary; other properties are skipped."""
     header, end, body = data.partition(b"end_header")
     for count in re.findall(rb"element\s+\S+\s+(\d+)", header):
         if int(count) > len(data):  # plyfile would make room for as many
@@ -62,9 +61,8 @@ def _parse_ply(path, header, body):
 def write_ply(surface):
     """Binary PLY with double coordinates."""
     header = (
-        "ply\nformat binary_little_endian 1.0\ncomment qclearn\n"
-        f"element vertex {len(surface.vertices)}\n"
-        "property double x\nproperty double y\nproperty double z\n"
+        "ply\nformat binary_little_endian 1.0\ncomment qclearn\nelement vertex "
+        f"{len(surface.vertices)}\nproperty double x\nproperty double y\nproperty double z\n"
         f"element face {len(surface.faces)}\nproperty list uchar int vertex_indices\nend_header\n"
     )
     faces = np.empty(len(surface.faces), dtype=[("sides", "u1"), ("corners", "<i4", (3,))])
@@ -74,8 +72,7 @@ def write_ply(surface):
 
 
 def read_off(data):
-    """Vertices and faces of an OFF file; colours and normals that follow a row's numbers are
-    skipped."""
+    """Vertices and faces of an OFF file; colours and normals are skipped."""
     lines = [line.partition(b"#")[0].split() for line in data.splitlines()]
     rows = [row for row in lines if row]
     if not rows or rows[0][0] not in (b"OFF", b"COFF"):
@@ -98,8 +95,7 @@ def read_off(data):
 
 
 def _integers(rows):
-    """Rows of texts as int64; ValueError where one is no whole number, OverflowError beyond 64
-    bits."""
+    """Rows of texts as int64; ValueError or OverflowError where that is impossible."""
     return np.array([[int(text) for text in row] for row in rows], dtype=np.int64)
 
 

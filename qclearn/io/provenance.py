@@ -47,11 +47,10 @@ def versions(*packages):
 
 
 def origin(inputs, curves, command):
-    """Where a report.json comes from: dict of `inputs`, `landmarks` (a whole landmarks file),
-    `versions`, `command`.
+    """The origin in a report.json: dict of `inputs`, `landmarks`, `versions`, `command`.
 
-    inputs: side -> (path, surface as read); curves: landmarks as given; command: the words of the
-    command line.
+    inputs: side -> (path, surface as read); curves: landmarks as given; command: the
+    arguments of the command line.
     """
     marks = {side: surface.fingerprint for side, (_, surface) in inputs.items()}
     torch = ["torch"] if "torch" in sys.modules else []

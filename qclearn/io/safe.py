@@ -50,24 +50,21 @@ def allowance(size):
 
 
 def read_bytes(path):
-    """All bytes of a regular file, unzipped where it is called .gz or .mgz; SurfaceError where
-    it cannot be read."""
+    """All bytes of a regular file, unzipped if it is a .gz or .mgz; SurfaceError."""
     try:
         mode = path.stat().st_mode
         if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):  # reading it might never end
             pipe_or_socket = "a pipe" if stat.S_ISFIFO(mode) else "a socket"
             kind = "a device" if stat.S_ISCHR(mode) or stat.S_ISBLK(mode) else pipe_or_socket
-            raise SurfaceError(
-                f"{path}: is {kind}, not a regular file; save what it gives in a file first"
-            )
+            advice = "save what it gives in a file first"
+            raise SurfaceError(f"{path}: is {kind}, not a regular file; {advice}")
         data = path.read_bytes()
         if path.suffix.lower() in (".gz", ".mgz"):
             data = _unzipped(path, data)
     except (OSError, EOFError, zlib.error) as error:
         reason = getattr(error, "strerror", None) or error  # damaged gzip has none
-        raise SurfaceError(
-            f"{path}: cannot be read ({reason}); check the name and copy the file again"
-        ) from None
+        advice = "check the name and copy the file again"
+        raise SurfaceError(f"{path}: cannot be read ({reason}); {advice}") from None
     except MemoryError:
         raise out_of_memory(path) from None
     if not data:
@@ -80,24 +77,20 @@ def _unzipped(path, data):
     with gzip.GzipFile(fileobj=io.BytesIO(data)) as file:
         unzipped = file.read(most + 1)
     if len(unzipped) > most:
-        raise SurfaceError(
-            f"{path}: {len(data)} bytes unzip to more than {most}, as no surface does; if it is "
-            "sound, gunzip it first"
-        )
+        message = f"{len(data)} bytes unzip to more than {most}, as no surface does"
+        raise SurfaceError(f"{path}: {message}; if it is sound, gunzip it first")
     return unzipped
 
 
 def out_of_memory(path):
     """The SurfaceError for a file that the memory has no room for."""
-    return SurfaceError(
-        f"{path}: there is not enough memory; close other programs or give a coarser surface"
-    )
+    advice = "close other programs or give a coarser surface"
+    return SurfaceError(f"{path}: there is not enough memory; {advice}")
 
 
 @contextmanager
 def explain(path, kind, lead="not a readable"):
-    """Turn what parsers raise on bad bytes into one SurfaceError, "PATH: not a readable KIND ...";
-    no warning gets out.
+    """Turn what parsers raise on bad bytes into one SurfaceError, "PATH: not a readable KIND ...".
 
     A KeyError, TypeError and the like pass as they are unless a library raised them: in our own
     code they are bugs.
@@ -134,24 +127,21 @@ def require_all(name, there, announced, exactly=False):
 
 
 def npz_arrays(data, wanted):
-    """The arrays (dict) of an npz file's bytes whose names `wanted` accepts; FormatError where
-    sizes contradict."""
+    """The arrays (dict) of an npz's bytes that `wanted` accepts by name; FormatError for bad sizes."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         infos = archive.infolist()
         members = [info for info in infos if wanted(info.filename.removesuffix(".npy"))]
         size = sum(info.file_size for info in members)
         most = allowance(len(data))
         if size > most:
-            raise FormatError(
-                f"its arrays would unpack to {size} bytes, and those of a surface to {most} at most"
-            )
+            limit = f"those of a surface to {most} at most"
+            raise FormatError(f"its arrays would unpack to {size} bytes, and {limit}")
         names = [info.filename.removesuffix(".npy") for info in members]
         return {name: npy_array(archive.read(info)) for name, info in zip(names, members)}
 
 
 def npz_bytes(arrays):
-    """The bytes of an npz file of arrays (dict), packed lightly: in a third of NumPy's time, a
-    tenth larger."""
+    """The bytes of an npz file of arrays (dict), packed lightly: three times as fast as NumPy."""
     data = io.BytesIO()
     with zipfile.ZipFile(data, "w") as archive:
         for name, array in arrays.items():
@@ -163,8 +153,7 @@ def npz_bytes(arrays):
 
 
 def npy_array(data):
-    """The array of the bytes of a .npy file; FormatError unless its header announces just what
-    follows."""
+    """The array of a .npy file's bytes; FormatError unless the header announces what follows."""
     file = io.BytesIO(data)
     headers = {
         (1, 0): np.lib.format.read_array_header_1_0,
@@ -179,17 +168,15 @@ def npy_array(data):
     announced = math.prod(shape) * dtype.itemsize
     there = len(data) - file.tell()
     if min(shape, default=0) < 0 or announced != there:
-        raise FormatError(
-            f"an array of the shape {shape} takes {announced} bytes, {there} are there"
-        )
+        size = f"takes {announced} bytes, {there} are there"
+        raise FormatError(f"an array of the shape {shape} {size}")
     numbers = np.frombuffer(data, dtype, offset=file.tell())
     array = numbers.reshape(shape, order="F" if fortran else "C")
     return array.astype(dtype.newbyteorder("="))
 
 
 def write_whole(path, write, size=None):
-    """Let `write(temporary_path)` write a file that then takes its place in one step; SurfaceError
-    if it cannot.
+    """Let `write(temporary_path)` write a file that takes its place in one step; SurfaceError.
 
     size: its bytes, about, for a full disk's message. Leftovers of killed runs go from the folder.
     """
@@ -211,18 +198,16 @@ def write_whole(path, write, size=None):
     except OSError as error:
         if is_full(error, free):
             raise SurfaceError(f"{path}: {full_disk(path.parent, written, size)}") from None
-        raise SurfaceError(
-            f"{path}: cannot be written ({error.strerror or error}); choose a folder that exists "
-            "and is writable"
-        ) from None
+        message = f"cannot be written ({error.strerror or error})"
+        advice = "choose a folder that exists and is writable"
+        raise SurfaceError(f"{path}: {message}; {advice}") from None
 
 
 def is_full(error, free=None):
-    """Whether an OSError says that a disk is full; NumPy's says only how much was written, then
-    `free` bytes decide."""
-    return error.errno in (errno.ENOSPC, errno.EDQUOT) or (
-        error.errno is None and free is not None and free < 1 << 16
-    )
+    """Whether an OSError means a full disk; `free` bytes decide where it has no errno."""
+    if error.errno is None:  # NumPy's says only how much was written
+        return free is not None and free < 1 << 16
+    return error.errno in (errno.ENOSPC, errno.EDQUOT)
 
 
 def full_disk(folder, written, size=None):
@@ -241,8 +226,7 @@ def _megabytes(size):
 
 
 def own_prefix():
-    """The head of temporary names: this process's number and machine, which tell others whether
-    it still runs."""
+    """The head of temporary names: this process's number and machine, by which `sweep` knows it."""
     return f".qclearn-{os.getpid()}@{_machine()}-"
 
 
@@ -251,8 +235,7 @@ def _machine():
 
 
 def sweep(folder):
-    """Remove from a folder what killed runs of this machine left, and nothing of a run that goes
-    on."""
+    """Remove the leftovers of this machine's killed runs from a folder."""
     for leftover in folder.glob(".qclearn-*"):
         name = _LEFTOVER.fullmatch(leftover.name)
         if name and name[2] == _machine() and not _runs(int(name[1])):
@@ -275,14 +258,12 @@ def _runs(process):
 
 
 def is_plain_name(name):
-    """Whether a curve's name can be shown: up to 200 characters, none of which moves the
-    terminal's cursor."""
+    """Whether a curve's name can be shown: up to 200 characters, no control characters."""
     return len(name) <= 200 and name.isprintable()
 
 
 def printable(text):
-    """A text as one line for the terminal: control characters as escapes, the middle of a very
-    long one left out."""
+    """A text as one line for the terminal: control characters escaped, a long one cut inside."""
     line = " ".join(text.split())
     escaped = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
     text = "".join(escaped)

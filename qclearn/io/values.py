@@ -13,7 +13,7 @@ from numpy import ndarray
 from ..surfaces.surface import Surface, SurfaceError
 from . import annotations, gifti
 from .frames import side_of_name
-from .meshes import FOREIGN_SUFFIXES, suffix_of
+from .meshes import is_freesurfer_name, suffix_of
 from .safe import FormatError, explain, npy_array, read_bytes, require_all, write_whole
 
 _MORPHOMETRY = b"\xff\xff\xff"
@@ -37,8 +37,7 @@ Values = Real[ndarray, " V *k"] | Bool[ndarray, " V *k"]
 
 
 def read_mask(path: str | Path, surface: Surface, keep: bool = False) -> Bool[ndarray, " V"]:
-    """Mask of the vertices that open_surface cuts away: those that a file names or gives a nonzero
-    value.
+    """Mask of the vertices to cut away: those that a file names or gives a nonzero value.
 
     Files: a FreeSurfer .label, or one number a vertex as of `read_values`. keep=True: the file says
     what to keep (lh.cortex.label, thickness). SurfaceError, also for an .annot, and for more than
@@ -50,28 +49,21 @@ def read_mask(path: str | Path, surface: Surface, keep: bool = False) -> Bool[nd
         values = read_label(path)
         bad = values[(values < 0) | (values >= n_vertices)]
         if bad.size:
-            raise SurfaceError(
-                f"{path}: names vertices that do not exist, the first {bad[0]}; "
-                f"{_other(n_vertices)}"
-            )
+            message = f"names vertices that do not exist, the first {bad[0]}"
+            raise SurfaceError(f"{path}: {message}; {_other(n_vertices)}")
         mask = np.bincount(values, minlength=n_vertices) > 0
     elif suffix_of(path) == ".annot":
-        raise SurfaceError(
-            f"{path}: an annotation does not say which regions to cut; give lh.cortex.label with "
-            "--keep, or a mask"
-        )
+        advice = "give lh.cortex.label with --keep, or a mask"
+        raise SurfaceError(f"{path}: an annotation does not say which regions to cut; {advice}")
     else:
         values = read_values(path)
         if values.shape != (n_vertices,):
-            raise SurfaceError(
-                f"{path}: holds values of the shape {values.shape}; {_other(n_vertices)}"
-            )
+            message = f"holds values of the shape {values.shape}"
+            raise SurfaceError(f"{path}: {message}; {_other(n_vertices)}")
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
-            raise SurfaceError(
-                f"{path}: is NaN or infinite at {len(bad)} vertices, the first {bad[0]}; use 0 "
-                "and 1"
-            )
+            message = f"is NaN or infinite at {len(bad)} vertices, the first {bad[0]}"
+            raise SurfaceError(f"{path}: {message}; use 0 and 1")
         mask = values != 0
     if keep:
         return ~mask
@@ -85,8 +77,10 @@ def read_mask(path: str | Path, surface: Surface, keep: bool = False) -> Bool[nd
 
 
 class Map(NamedTuple):
-    """What a per-vertex file holds: values (V,) or (V, k); the hemisphere, "left", "right" or
-    None; labels, key -> (name, (r, g, b, a) from 0 to 1), or None; the maps' names, or None."""
+    """What a per-vertex file holds: values (V,) or (V, k), and, or None, what it says of them.
+
+    side: "left" or "right"; labels: key -> (name, (r, g, b, a) from 0 to 1); names: of the maps.
+    """
 
     values: np.ndarray
     side: str | None = None
@@ -127,13 +121,11 @@ def read_map(path):
         result = result if isinstance(result, Map) else Map(result, side_of_name(path))
         values = np.asarray(result.values)
         if values.dtype.kind not in "biuf":
-            raise SurfaceError(
-                f"holds {values.dtype}, not real numbers; save one real number a vertex"
-            )
+            advice = "save one real number a vertex"
+            raise SurfaceError(f"holds {values.dtype}, not real numbers; {advice}")
         if values.ndim not in (1, 2) or not values.size:
-            raise SurfaceError(
-                f"holds the shape {values.shape}, not (V,) or (V, k); save one number a vertex"
-            )
+            advice = "save one number a vertex"
+            raise SurfaceError(f"holds the shape {values.shape}, not (V,) or (V, k); {advice}")
     return result._replace(values=values.astype(values.dtype.newbyteorder("=")))
 
 
@@ -151,8 +143,7 @@ def _read_annot(path, data):
 
 
 def read_regions(path):
-    """The name of each vertex's region (V,), "" for none, of a .label.gii of one map or an
-    .annot; SurfaceError for others."""
+    """The name of each vertex's region (V,), "" for none, of a .label.gii or an .annot."""
     regions = read_map(path)
     if not regions.labels or regions.values.ndim != 1 or regions.values.dtype.kind not in "iu":
         raise SurfaceError(f"{path}: names no regions; give a .label.gii of one map, or an .annot")
@@ -168,8 +159,7 @@ def write_values(
     labels: dict | None = None,
     names: list | None = None,
 ) -> None:
-    """Write values (V,) or (V, k) in the format of the path's suffix, as `read_values` reads them;
-    whole or not at all.
+    """Write values (V,) or (V, k), whole or not at all, in the format of the path's suffix.
 
     GIFTI, MGH and morphometry store float32, GIFTI and MGH integers as int32; morphometry and
     .annot take (V,) alone. A GIFTI gets the hemisphere, side = "left" or "right" (else by its
@@ -182,16 +172,15 @@ def write_values(
     suffix = suffix_of(path)
     _require_known(path, suffix, "written")
     if values.dtype.kind not in "biuf" or values.ndim not in (1, 2):
-        raise SurfaceError(
-            f"{path}: {values.dtype} {values.shape} cannot be written; give (V,) or (V, k), real "
-            "and imaginary apart"
-        )
+        advice = "give (V,) or (V, k), real and imaginary apart"
+        raise SurfaceError(f"{path}: {values.dtype} {values.shape} cannot be written; {advice}")
     if suffix == ".gii":
         side = side or side_of_name(path)
         names = names or gifti.names_of(path, values)
         values = _fitting(path, values)
         with explain(path, "label table"):
-            is_label = values.dtype.kind == "i" and not _is_metric(path)
+            is_metric = any(part.lower() in (".func", ".shape") for part in path.suffixes)
+            is_label = values.dtype.kind == "i" and not is_metric
             table = gifti.table_of(values, labels) if is_label else None
             data = gifti.zipped(path, gifti.values_bytes(values, side, table, names))
         write_whole(path, lambda place: place.write_bytes(data), len(data))
@@ -205,16 +194,13 @@ def write_values(
         write_whole(path, lambda place: annotations.write(place, keys, table), 8 * keys.nbytes)
     elif suffix in (".npy", ".txt"):
         write_whole(path, lambda place: _WRITERS[suffix](place, values), values.nbytes)
-    elif suffix in _MAP_SUFFIXES or (
-        path.name.startswith(("lh.", "rh.")) and suffix not in FOREIGN_SUFFIXES
-    ):
+    elif suffix in _MAP_SUFFIXES or is_freesurfer_name(path, suffix):
         numbers = _fitting(path, values, whole=False)
         write = nibabel.freesurfer.write_morph_data
         write_whole(path, lambda place: write(place, numbers), numbers.nbytes)
     else:
-        raise SurfaceError(
-            f"{path}: not a format that is written here: {_FORMATS}; choose another name"
-        )
+        message = f"not a format that is written here: {_FORMATS}"
+        raise SurfaceError(f"{path}: {message}; choose another name")
 
 
 def _require_known(path, suffix, done):
@@ -224,36 +210,26 @@ def _require_known(path, suffix, done):
 
 
 def _fitting(path, values, whole=True):
-    """Values as int32 or float32; SurfaceError where one would change. whole=False: the format
-    has float32 alone."""
+    """Values as int32 or float32 (whole=False: float32 alone); SurfaceError where one changes."""
     if values.ndim == 2 and not whole:
-        raise SurfaceError(
-            f"{path}: morphometry holds one map, not {values.shape[1]}; choose .mgh or .func.gii"
-        )
+        message = f"morphometry holds one map, not {values.shape[1]}"
+        raise SurfaceError(f"{path}: {message}; choose .mgh or .func.gii")
     integers = values.dtype.kind in "biu"
     largest = np.iinfo(np.int32).max if whole else 1 << 24  # float32 has every integer up to there
     largest = largest if integers else float(np.finfo(np.float32).max)
     bad = np.argwhere(np.isfinite(values) & ((values > largest) | (values < -largest)))
     if bad.size:
         value = values[tuple(bad[0])]
-        raise SurfaceError(
-            f"{path}: {value} at vertex {bad[0][0]} does not fit the format (up to "
-            f"{largest:.10g}); choose .npy or .txt"
-        )
+        message = f"{value} at vertex {bad[0][0]} does not fit the format (up to {largest:.10g})"
+        raise SurfaceError(f"{path}: {message}; choose .npy or .txt")
     return values.astype(np.int32 if integers and whole else np.float32)
-
-
-def _is_metric(path):
-    return any(suffix.lower() in (".func", ".shape") for suffix in path.suffixes)
 
 
 def _keys(path, values):
     """Values as an annotation's keys, or SurfaceError."""
     if values.dtype.kind not in "biu" or values.ndim != 1 or values.min() < -1:
-        raise SurfaceError(
-            f"{path}: an annotation holds one label a vertex, a whole number from 0 on, or -1 for "
-            "none"
-        )
+        wanted = "one label a vertex, a whole number from 0 on, or -1 for none"
+        raise SurfaceError(f"{path}: an annotation holds {wanted}")
     return values.astype(np.int64)
 
 
@@ -277,9 +253,8 @@ def _read_morphometry(path, data):
         raise FormatError(f"it holds {header[2]} values a vertex, where one is read")
     require_all("value", (len(data) - 15) // 4, header[0])
     if len(data) != 15 + 4 * header[0]:
-        raise FormatError(
-            f"{header[0]} value records are announced, {len(data) - 15} bytes are there"
-        )
+        there = f"{len(data) - 15} bytes are there"
+        raise FormatError(f"{header[0]} value records are announced, {there}")
     return nibabel.freesurfer.read_morph_data(path)
 
 
@@ -290,10 +265,8 @@ def _read_mgh(_, data):
     if header[0] != 1 or size is None or min(shape) < 1:
         raise FormatError("its header is none of MGH")
     if sum(side > 1 for side in shape[:3]) > 1:
-        raise SurfaceError(
-            f"holds a volume of {' x '.join(map(str, shape[:3]))}, not a map on a surface; use "
-            "mri_vol2surf"
-        )
+        volume = " x ".join(map(str, shape[:3]))
+        raise SurfaceError(f"holds a volume of {volume}, not a map on a surface; use mri_vol2surf")
     require_all("value", (len(data) - 284) // size, math.prod(shape))
     values = np.asarray(nibabel.MGHImage.from_bytes(data).dataobj).reshape(-1, shape[3], order="F")
     return values[:, 0] if shape[3] == 1 else values

@@ -44,8 +44,7 @@ def read(path):
 
 
 def limit_memory(room):
-    """Allow `room` further bytes of addresses, where the system has such limits (not on Windows
-    or macOS)."""
+    """Allow `room` further bytes of addresses, where the system has such limits."""
     with contextlib.suppress(ImportError, OSError, ValueError):
         import resource
 

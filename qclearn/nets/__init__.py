@@ -5,37 +5,19 @@ import lazy_loader as lazy
 from ..io.extras import require
 
 TABLE = {
-    "cpnet": ["BestCPNet", "BestCPNetConfig"],
-    "gauges": ["gauge_errors"],
-    "layers": ["DiskNetwork", "PolarFunction", "output_shapes"],
-    "ldnet": ["heat_metric"],
-    "losses": [
-        "L_LBS",
-        "L_Boundary",
-        "L_DBSNet",
-        "L_Energy",
-        "L_LBS_printed",
-        "L_grad_mu",
-        "L_lost",
-        "LossMesh",
-        "area",
-        "energy",
-    ],
-    "networks": ["NETWORKS", "Network", "WeightsError"],
-    "pictures": ["picture", "stamp"],
-    "polar": ["PolarSolver"],
-    "run": ["header"],
-    "train": [
-        "Objective",
-        "Process",
-        "TrainConfig",
-        "TrainingError",
-        "rate_at",
-        "take_step",
-        "train",
-    ],
-    "weights": ["FOLDER", "build", "load", "load_file", "read_weights", "save_weights"],
+    "cpnet": "BestCPNet BestCPNetConfig",
+    "gauges": "gauge_errors",
+    "layers": "DiskNetwork PolarFunction output_shapes",
+    "ldnet": "heat_metric",
+    "losses": "L_LBS L_Boundary L_DBSNet L_Energy L_LBS_printed L_grad_mu L_lost LossMesh area energy",
+    "networks": "NETWORKS Network WeightsError",
+    "pictures": "picture stamp",
+    "polar": "PolarSolver",
+    "run": "header",
+    "train": "Objective Process TrainConfig TrainingError rate_at take_step train",
+    "weights": "FOLDER build load load_file read_weights save_weights",
 }
+MODULES = {module: names.split() for module, names in TABLE.items()}
 
 with require("nets", "the networks"):
-    __getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=TABLE)
+    __getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=MODULES)

@@ -1,5 +1,4 @@
-"""What a coefficient does to the disk, to first order: the derivative of the map at the identity,
-as a fixed layer."""
+"""The derivative of the map at the identity by the coefficient (the Born step), as a layer."""
 
 import numpy as np
 import torch
@@ -10,8 +9,7 @@ from .polargrid import as_tensor
 
 
 class Born(nn.Module):
-    """Displacements `df = sum conj(one) c + two conj(c)` of the nodes of a polar grid by
-    coefficients c of nu.
+    """Displacements `df = sum conj(one) c + two conj(c)` of polar nodes by coefficients c of nu.
 
     one, two (nr, modes): at the first spoke's nodes; a turn of the disk turns them.
     """
@@ -19,7 +17,7 @@ class Born(nn.Module):
     def __init__(self, grid):
         super().__init__()
         self.grid, (one, two) = grid, _responses(grid)
-        mode = grid.kept.numpy() // grid.nr
+        mode = grid.selected.numpy() // grid.nr
         waves = np.concatenate([mode - 1, 3 - mode]) % grid.nt
         for name, table in {"one": one.conj(), "two": two, "waves": waves}.items():
             self.register_buffer(name, as_tensor(table), persistent=False)
@@ -27,9 +25,8 @@ class Born(nn.Module):
     def moved(self, nu):
         """Displacements (B, nr, nt) of the nodes by a field nu (B, nr, nt), to first order."""
         c = self.grid.coefficients(nu)
-        parts = torch.cat(
-            [c[:, None] * self.one, c.conj()[:, None] * self.two], 2
-        )  # (B, nr, 2 modes)
+        # (B, nr, 2 modes).
+        parts = torch.cat([c[:, None] * self.one, c.conj()[:, None] * self.two], 2)
         waves = parts.new_zeros(*parts.shape[:2], self.grid.nt).index_add(2, self.waves, parts)
         return torch.fft.ifft(waves, norm="forward")
 
@@ -45,5 +42,5 @@ def _responses(grid):
     imaginary[:, rim] -= z[rings, None] * 1j * z[rim] / nt
     grad_mu = solver.pullback(np.concatenate([real, imaginary]))
     grad_nu = grad_mu @ grid.mesh.to_faces
-    re, im = grid.spectrum.gradients(grad_nu)[:, grid.kept.numpy()].reshape(2, nr, -1)
+    re, im = grid.spectrum.gradients(grad_nu)[:, grid.selected.numpy()].reshape(2, nr, -1)
     return (re - 1j * im) / 2, (re + 1j * im) / 2

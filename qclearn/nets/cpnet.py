@@ -1,9 +1,8 @@
-"""CP-Net, the coefficient prediction network: landmarks and the weights of `L_CP` to the Beltrami
-coefficient mu.
+"""CP-Net, the coefficient prediction network: from landmarks and weights to mu.
 
 Preset `best` corrects the first Gauss-Newton step (the Born step) by a U-Net that has learned from
-fits, and refines its answer by exact maps on the caller's mesh (`registration.refinement`). Preset
-`paper` is the paper's, mended.
+fits, and looks at the map of its answer on the caller's mesh (`registration.refinement`). Preset
+`paper` is the paper's, corrected.
 """
 
 from dataclasses import dataclass
@@ -64,8 +63,7 @@ coefficient_mesh_of = lru_cache(maxsize=8)(
 
 
 class BestCPNet(CoefficientNetwork):
-    """nu on a polar grid, the start of the refinement, from landmarks p (B, M) with a mask (B, M)
-    and the Born step.
+    """nu on a polar grid, the start of the refinement, from landmarks (B, M) and the Born step.
 
     wanted, left (B, M): where the landmarks should go, and what the Born step nu (B, rings, spokes)
     leaves of that; logs (B, 2): log10 of beta / alpha and gamma / alpha, since only ratios decide
@@ -85,17 +83,14 @@ class BestCPNet(CoefficientNetwork):
     def forward(self, p, wanted, left, mask, logs, nu):
         with torch.autocast(p.device.type, enabled=False), torch.no_grad():
             size = self.grid.mean_square(nu).sqrt() + SMALL
-            features, conditions = (
-                self.features(p, wanted, left, mask, nu, size),
-                self.conditions(mask, logs, size),
-            )
+            features = self.features(p, wanted, left, mask, nu, size)
+            conditions = self.conditions(mask, logs, size)
         change = self.unet(features, conditions).float()
         factor, more = torch.complex(change[:, ::2], change[:, 1::2]).unbind(1)
         return nu * (1 + factor) + size[:, None, None] * more * self.spoke**2
 
     def features(self, p, wanted, left, mask, nu, size):
-        """SEEN as channels (B, 10, rings, spokes), the number at a node after `wanted`, and the
-        radius."""
+        """SEEN as channels (B, 10, rings, spokes), the count after `wanted`, and the radius."""
         places = self.grid.locate(p)
         (wanted, count), (left, _) = (self.landmarks(places, x, mask) for x in (wanted, left))
         fields = zip(SEEN.values(), (nu / size[:, None, None], self.born.moved(nu), wanted, left))
@@ -105,15 +100,13 @@ class BestCPNet(CoefficientNetwork):
         return torch.stack([*channels[:6], count, *channels[6:], radius], 1)
 
     def landmarks(self, places, values, mask):
-        """Complex values at the landmarks as a field (B, rings, spokes), and their number at each
-        node."""
+        """Values at the landmarks as a field (B, rings, spokes), and their number at each node."""
         values = torch.stack([values.real, values.imag, torch.ones_like(mask)], 1) * mask[:, None]
         spread = self.grid.splat(values, places)[:, :, 1:].unflatten(2, self.grid.z.shape)
         return torch.complex(spread[:, 0], spread[:, 1]), spread[:, 2]
 
     def conditions(self, mask, logs, size):
-        """The weights, cut to the configuration's ranges, the number of landmarks and the size of
-        nu: (B, 4)."""
+        """(B, 4): the clipped weights, the number of landmarks and the size of nu."""
         low, high = torch.tensor([self.config.smooth, self.config.match]).to(logs).T
         sizes = torch.log10(torch.stack([mask.sum(1) / 100, size], 1))
         return torch.cat([logs.clamp(low, high) - logs.new_tensor([0, 4]), sizes], 1)
@@ -132,18 +125,17 @@ class BestCPNet(CoefficientNetwork):
     @inference
     @threadpool_limits.wrap(limits=1)
     def answers(self, problem, weights, looks=3):
-        """The answers mu (F,) to a `Problem` after 0 to `looks` looks from either start, dict name
-        -> mu, in order.
+        """The answers mu (F,) after 0 to `looks` refinements from either start, dict name -> mu.
 
         "Born step" has learned nothing, "CP-Net" begins where the U-Net says; `predict` returns one
         of these.
         """
-        found = {}
+        answers = {}
         for learned, name in ((False, "Born step"), (True, "CP-Net")):
             for number, mu in enumerate(self.stages(problem, weights, looks, learned)):
                 seen = "" if number == 0 else f", {number} look{'s' * (number > 1)}"
-                found[name + (seen or ", no look" * learned)] = mu
-        return found
+                answers[name + (seen or ", no look" * learned)] = mu
+        return answers
 
     def stages(self, problem, weights, looks=None, learned=None):
         """The answers mu (F,) before any look and after each, one after the other.
@@ -154,41 +146,30 @@ class BestCPNet(CoefficientNetwork):
         """
         points = p, q = problem.moving, problem.target
         if len(p) > (most := self.config.most):
-            raise LandmarkError(
-                f"{len(p)} landmarks, and CP-Net takes at most {most}: thin the curves, or use "
-                "fit_landmarks"
-            )
+            advice = "thin the curves, or use fit_landmarks"
+            raise LandmarkError(f"{len(p)} landmarks, and CP-Net takes at most {most}: {advice}")
         ratios = weights.beta / weights.alpha, weights.gamma / weights.alpha
         looks, stiff = self.looks_at(weights) if looks is None else looks, self.is_stiff(weights)
         learned = not stiff if learned is None else learned
         spectrum, spread = self.carrier(self.rings(p, q, weights))
         mesh = coefficient_mesh_of(problem.disk, spectrum.mesh)
         start = spread @ self.start(points, ratios) if learned else None
-        for number, (proposal, best) in enumerate(
-            CoefficientRefinement(mesh, spectrum, points, *ratios).run(start, looks)
-        ):
-            answer = best.proposal if number and stiff else proposal
-            yield mesh.coefficient(answer.nu)
+        refinement = CoefficientRefinement(mesh, spectrum, points, *ratios)
+        for number, (proposal, best) in enumerate(refinement.run(start, looks)):
+            chosen = best.proposal if number and stiff else proposal
+            yield mesh.coefficient(chosen.nu)
 
     def start(self, points, ratios):
         """nu (N,) at the vertices of the network's mesh, before any look."""
         own, _ = self.carrier(self.config.rings)
-        born, wanted, left = CoefficientRefinement(
-            coefficient_mesh_of(own.mesh, own.mesh), own, points, *ratios
-        ).born()
-        logs, nu = np.log10(np.maximum(ratios, 1e-12)), born[1:].reshape(self.grid.z.shape)
-        p, wanted, left, nu = (
-            torch.from_numpy(x)[None].to(self.grid.z) for x in (points[0], wanted, left, nu)
-        )
-        found = self(
-            p,
-            wanted,
-            left,
-            torch.ones_like(p.real),
-            torch.from_numpy(logs)[None].to(self.grid.area),
-            nu,
-        )
-        return self.grid.with_centre(found)[0].cpu().numpy().astype(complex)
+        mesh = coefficient_mesh_of(own.mesh, own.mesh)
+        born, wanted, left = CoefficientRefinement(mesh, own, points, *ratios).born()
+        nu = born[1:].reshape(self.grid.z.shape)
+        fields = points[0], wanted, left, nu
+        p, wanted, left, nu = (torch.from_numpy(x)[None].to(self.grid.z) for x in fields)
+        logs = torch.from_numpy(np.log10(np.maximum(ratios, 1e-12)))[None].to(self.grid.area)
+        nu = self(p, wanted, left, torch.ones_like(p.real), logs, nu)
+        return self.grid.with_centre(nu)[0].cpu().numpy().astype(complex)
 
     def is_stiff(self, weights):
         """Whether gamma / beta is so large that the landmarks' last digits decide."""
@@ -207,16 +188,14 @@ class BestCPNet(CoefficientNetwork):
         return config.finer if apart < config.close / config.rings else config.rings
 
     def carrier(self, rings):
-        """The `Spectrum` of so many rings, and the sparse matrix to its vertices from those of the
-        network's mesh."""
+        """The `Spectrum` of so many rings, and the sparse matrix to its vertices."""
         if rings not in self.carriers:
             spectrum = Spectrum(rings, rings * self.config.spokes // self.config.rings)
             self.carriers[rings] = spectrum, self.grid.mesh.sampling(spectrum.mesh.z)
         return self.carriers[rings]
 
     def loss(self, batch, generator):
-        """Mean log of the answer's squared distance from the field of a fit over the Born step's,
-        without a look."""
+        """Mean log of the squared error against a fit's field, over that of the Born step."""
         with torch.autocast(batch[0].device.type, enabled=False):
             *given, target = self.draw(batch, generator)
         nu = self(*given)
@@ -234,9 +213,8 @@ class BestCPNet(CoefficientNetwork):
             spokes = self.config.spokes
             by = torch.randint(spokes, (len(mask), 1), generator=generator)
             mirror = torch.rand(len(mask), 1, generator=generator) < 0.5
-            places = (
-                torch.where(mirror, -1, 1) * (torch.arange(spokes) - by)
-            ) % spokes  # whose values come here
+            # Whose values come here.
+            places = (torch.where(mirror, -1, 1) * (torch.arange(spokes) - by)) % spokes
             places = places.to(mask.device)[:, None].expand(born.shape)
             turn, mirror = torch.exp(2j * torch.pi * by / spokes).to(born), mirror.to(mask.device)
             points = [torch.where(mirror, x.conj(), x) * turn for x in points]

@@ -1,5 +1,4 @@
-"""The paper's CP-Net, mended: the control's landmarks fixed, those of a subject in, one network for
-each (alpha, beta, gamma)."""
+"""The paper's CP-Net, corrected: one control, one network for each (alpha, beta, gamma)."""
 
 from dataclasses import dataclass
 
@@ -20,18 +19,18 @@ from .torchplane import mobius as mobius_of
 
 NEAR = 1e-4  # in the unit disk: targets closer than this to the control's are the control's
 STOPPING = 1e-3, 100  # of the exact solver in training: tolerance and steps
-LOSSES = ("mended", "whole", "printed")  # see `PaperCPNet.distance`
+LOSSES = ("corrected", "whole", "printed")  # see `PaperCPNet.distance`
 SCALE = 10.0  # of the landmarks' displacements, a few hundredths of the disk
 
 
 @dataclass(frozen=True)
 class PaperCPNetConfig:
-    """Sizes of the paper's CP-Net, mended."""
+    """Sizes of the paper's CP-Net, corrected."""
 
     preset: str = "paper"
     gamma: float = 1e4  # alpha and beta are 1
     through: str = "paper"  # what makes its mu a map in training: a preset of DBS-Net, or "exact"
-    loss: str = "mended"  # one of LOSSES
+    loss: str = "corrected"  # one of LOSSES
     curves: int = 8
     points: int = 10  # of each curve
     size: int = 64  # of the square, in pixels: that of its DBS-Net
@@ -39,8 +38,7 @@ class PaperCPNetConfig:
 
 
 class PaperCPNet(CoefficientNetwork):
-    """Landmarks (B, M) on a subject's disk to mu (B, size, size), rows upwards, on the square of
-    the paper's DBS-Net.
+    """Landmarks (B, M) on a subject's disk to mu (B, size, size) on the square, rows upwards.
 
     Each curve passes through an MLP of its own and is reshaped into channels; all are concatenated,
     and transposed convolutions make the image. The last layer is linear, so that nu may point
@@ -54,10 +52,8 @@ class PaperCPNet(CoefficientNetwork):
         self.config, groups, first = config, config.curves, config.widths[0]
         self.side = config.size // 2 ** (len(config.widths) - 1)
         self.split = first // groups
-        self.groups = nn.ModuleList(
-            perceptron(2 * config.points, 128, 128, self.split * self.side**2)
-            for _ in range(groups)
-        )
+        sizes = 2 * config.points, 128, 128, self.split * self.side**2
+        self.groups = nn.ModuleList(perceptron(*sizes) for _ in range(groups))
         pairs = list(zip([groups * self.split, *config.widths[1:-1]], config.widths[1:]))
         self.up = nn.ModuleList(nn.ConvTranspose2d(a, b, 4, stride=2, padding=1) for a, b in pairs)
         self.head = nn.Conv2d(config.widths[-1], 2, 3, padding=1)
@@ -69,9 +65,8 @@ class PaperCPNet(CoefficientNetwork):
     def forward(self, p):
         """mu (B, size, size) of landmarks (B, M), curve by curve."""
         p = p - self.targets  # the network need not learn where the control is
-        curves = (
-            torch.view_as_real(SCALE * p).unflatten(1, (self.config.curves, -1)).flatten(2)
-        )  # (B, K, 2 points)
+        # (B, K, 2 points).
+        curves = torch.view_as_real(SCALE * p).unflatten(1, (self.config.curves, -1)).flatten(2)
         channels = [
             group(curve).unflatten(1, (self.split, self.side, self.side))
             for group, curve in zip(self.groups, curves.unbind(1))
@@ -105,23 +100,21 @@ class PaperCPNet(CoefficientNetwork):
         return loss.mean(), {"error": error.item(), "mu": mu.abs().mean().item()}
 
     def distance(self, mesh, mu, w, targets):
-        """The loss (B,) of coefficients mu (B, F) whose maps take the landmarks to w (B, M), by
-        `config.loss`.
+        """The loss (B,), by `config.loss`, of mu (B, F) whose maps take the landmarks to w (B, M).
 
-        "mended": `L_CP` with means over the area, of landmarks after the best Möbius map, as in
+        "corrected": `L_CP` with means over the area, of landmarks after the best Möbius map, as in
         `register`; "whole": what its averages lose is counted, too; "printed": means over faces, of
         landmarks where the map leaves them.
         """
         shares = None if self.config.loss == "printed" else mesh.areas / mesh.areas.sum()
         weights = Weights(1.0, 1.0, self.config.gamma)
         loss = L_CP(mesh, mu, w, targets, weights, shares=shares)
-        return (
-            loss + weights.beta * L_lost(mesh, mu, shares) if self.config.loss == "whole" else loss
-        )
+        if self.config.loss == "whole":
+            loss = loss + weights.beta * L_lost(mesh, mu, shares)
+        return loss
 
     def twin(self, device):
-        """The square's mesh, and what gives maps (B, V) on it of images mu: fixed, no part of this
-        network's own."""
+        """[the square's mesh, images mu -> maps (B, V)]: no part of this network's weights."""
         if self.solver is None:
             mesh = LossMesh(Disk(*square_disk(self.config.size))).to(device)
             self.solver = [mesh, maps_through(self.config.through, self.config.size, device)]
@@ -132,8 +125,8 @@ class PaperCPNet(CoefficientNetwork):
         side = self.config.size + 1
         image = torch.stack([values.real, values.imag], 1).unflatten(2, (side, side))
         places = square_places(points)[:, None]  # (B, 1, P, 2)
-        found = functional.grid_sample(image, places, align_corners=True)[:, :, 0]
-        return torch.complex(found[:, 0], found[:, 1])
+        sampled = functional.grid_sample(image, places, align_corners=True)[:, :, 0]
+        return torch.complex(sampled[:, 0], sampled[:, 1])
 
     def usual(self, alpha):
         return Weights(alpha, 1.0, alpha * self.config.gamma)
@@ -149,23 +142,19 @@ class PaperCPNet(CoefficientNetwork):
         if not np.allclose(ratios, [1.0, self.config.gamma], rtol=1e-3):
             raise LandmarkError(
                 f"this network is trained for the weights (1, 1, {self.config.gamma:g}) and was "
-                "given "
-                f"({weights.alpha:g}, {weights.beta:g}, {weights.gamma:g}); use the preset best "
-                "for others"
+                f"given ({weights.alpha:g}, {weights.beta:g}, {weights.gamma:g}); use the preset "
+                "best for others"
             )
         moved = torch.from_numpy(p)[None].to(self.targets)
         a, theta = (parameter.item() for parameter in fit_mobius(moved, self.targets[None]))
         aligned = torch.from_numpy(mobius(p, a, theta))[None].to(self.targets)
         mu = self(aligned)
-        places = square_places(torch.from_numpy(mobius(disk.centroids, a, theta)).to(self.targets))[
-            None, None
-        ]
+        centroids = torch.from_numpy(mobius(disk.centroids, a, theta)).to(self.targets)
+        places = square_places(centroids)[None, None]
         image = torch.stack([mu.real, mu.imag], 1)
-        found = functional.grid_sample(image, places, align_corners=False, padding_mode="border")[
-            0, :, 0
-        ]
+        parts = functional.grid_sample(image, places, align_corners=False, padding_mode="border")
         slope = mobius_slope(disk.centroids, a, theta)  # mu of f after M is mu(M) conj(M') / M'
-        return torch.complex(*found).cpu().numpy() * np.conj(slope) / slope
+        return torch.complex(*parts[0, :, 0]).cpu().numpy() * np.conj(slope) / slope
 
     def in_order(self, moving, target):
         """The landmarks (M,) in the order of the control's; two curves may share one."""
@@ -175,15 +164,13 @@ class PaperCPNet(CoefficientNetwork):
         if away.min(1).max() > NEAR or away.min(0).max() > NEAR:
             raise LandmarkError(
                 f"the {len(target)} targets are not the {len(control)} landmarks of the control "
-                "that this "
-                'network was trained for; the preset best takes any: load("cpnet")'
+                'that this network was trained for; the preset best takes any: load("cpnet")'
             )
         return moving[nearest]
 
 
 def maps_through(name, size, device):
-    """From images mu (B, size, size) to maps on the square's vertices: by "exact", the polar
-    solver, or a DBS-Net.
+    """From images mu (B, size, size) to the square's maps: by "exact" or a preset of DBS-Net.
 
     Differentiable. The closed forms that preset "best" starts from are not: its maps are its own,
     their derivative that of the exact solver.

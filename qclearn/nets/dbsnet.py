@@ -1,8 +1,7 @@
-"""DBS-Net, the disk Beltrami solver network: mu on the faces of a disk mesh to the map f, f(0) = 0
-and f(1) = 1.
+"""DBS-Net, the disk Beltrami solver network: from mu (F,) to the map f, f(0) = 0, f(1) = 1.
 
 Preset `best` corrects, in logarithmic coordinates, what two preconditioned steps know about the
-map; the circle is kept exactly. Preset `paper` (`dbsnet_paper`) is the paper's, mended.
+map; the circle is preserved exactly. Preset `paper` (`dbsnet_paper`) is the paper's, corrected.
 """
 
 from dataclasses import dataclass
@@ -18,31 +17,22 @@ from .train import TrainConfig
 
 TOLERANCE = 1e-5  # of the exact maps that the network learns from
 
-# What the network sees, in order: name -> (scale, which brings it to the size of 1 at |mu| = 0.5;
-# why it is shown).
+# The network's input, in order: name -> (scale, which brings it to the size of 1 at |mu| = 0.5; why
+# it is shown).
 FEATURES = {
-    "inner.re": (
-        1,
-        "mu of each cell's face towards the centre, in the frame that turns with the spoke",
-    ),
+    "inner.re": (1, "mu of each cell's inner face, in the frame that turns with the spoke"),
     "inner.im": (1, "the same, imaginary part"),
-    "outer.re": (1, "mu of each cell's face towards the circle"),
+    "outer.re": (1, "mu of each cell's outer face"),
     "outer.im": (1, "the same, imaginary part"),
     "u": (3, "log-radius of the map after two steps, which is corrected"),
     "v": (3, "its turn, which is corrected"),
     "change.re": (10, "from the first step to the second: how fast u converges"),
     "change.im": (10, "and v"),
-    "residual.re": (20, "what a third step would add to u: the error that is left, to first order"),
+    "residual.re": (20, "what a third step would add to u: the remaining error, to first order"),
     "residual.im": (20, "and to v"),
     "U.change": (10, "from the first potential of log|f| to the second"),
-    "U.against u": (
-        10,
-        "two discretisations of one function: where they differ, the mesh is too coarse for mu",
-    ),
-    "rim.change": (
-        5,
-        "turn of the boundary from the first step to the second, carried inwards harmonically",
-    ),
+    "U.against u": (10, "two discretisations of log|f|: they differ where the mesh is too coarse"),
+    "rim.change": (5, "turn of the boundary between the steps, carried inwards harmonically"),
     "rim.residual": (20, "what the next step would add to it"),
 }
 
@@ -60,8 +50,7 @@ class BestDBSNetConfig:
 
 
 class BestDBSNet(DiskNetwork):
-    """f = z exp(u + iv): first two preconditioned steps, then what a U-Net on the polar mesh adds
-    to u and v.
+    """f = z exp(u + iv): two preconditioned steps, plus what a U-Net on the polar mesh adds.
 
     u = 0 on the circle and v(1) = 0 by construction, so that the boundary stays on the circle, f(0)
     = 0 and f(1) = 1.
@@ -83,14 +72,12 @@ class BestDBSNet(DiskNetwork):
         return self.solver.mesh.centroids
 
     def run(self, mu, steps=0):
-        """The map of mu (F,) on the polar mesh, after `steps` steps of the exact solver, as a
-        function of points."""
+        """The map of mu (F,), after `steps` steps of the exact solver, as a function of points."""
         f = self.refine(torch.from_numpy(mu).to(self.z)[None], steps)
         return PolarFunction((f[:, 1:].view(self.z.shape) / self.z)[0].cpu().numpy())
 
     def refine(self, mu, steps, f=None):
-        """The maps (B, V) after `steps` steps of conjugate gradients from f (default: the network's
-        own)."""
+        """The maps (B, V) after `steps` conjugate gradient steps from f (default: its own)."""
         f = self(mu) if f is None else f
         return self.solver.solve(mu, 0.0, steps, start=f) if steps else f
 
@@ -107,44 +94,32 @@ class BestDBSNet(DiskNetwork):
             return torch.cat([f.new_zeros(len(f), 1), f.flatten(1)], 1)
 
     def features(self, mu):
-        """FEATURES (B, 14, rings, spokes), which are known in closed form, and the first u, v (B,
-        rings, spokes)."""
+        """FEATURES (B, 14, rings, spokes) in closed form, and the first u, v (B, rings, spokes)."""
         maps, potentials, angles = two_steps(self.solver, mu)
-        first, second, beyond = (
-            f[:, 1:].view(-1, *self.z.shape[1:]) for f in maps
-        )  # (B, rings, spokes)
+        # (B, rings, spokes).
+        first, second, beyond = (f[:, 1:].view(-1, *self.z.shape[1:]) for f in maps)
         start, change, residual = (
             torch.log(a / b) for a, b in ((second, self.z), (second, first), (beyond, second))
         )
         u, v = start.real.clone(), start.imag
         u[:, -1] = 0
         angles = harmonic_extension(self.solver, torch.stack(angles, 1))  # (B, 2, rings, spokes)
-        lower, U = (
-            functional.pad(U - torch.log(self.radius[:, :-1]), (0, 0, 0, 1)) for U in potentials
-        )
+        radius = torch.log(self.radius[:, :-1])
+        lower, U = (functional.pad(U - radius, (0, 0, 0, 1)) for U in potentials)
         rows = mu.view(len(mu), -1, self.config.spokes)  # (B, 2 rings - 1, spokes)
         turn = torch.complex(*self.solver.tables(rows.real)["turn"])
-        pairs = (
-            torch.cat([rows[:, :1], rows], 1) * turn
-        )  # the two faces of each cell, those at the centre twice
+        # The two faces of each cell, those at the centre twice.
+        pairs = torch.cat([rows[:, :1], rows], 1) * turn
         inner, outer = pairs[:, ::2], pairs[:, 1::2]  # (B, rings, spokes)
-        known = [
-            part
-            for x in (inner, outer, torch.complex(u, v), change, residual)
-            for part in (x.real, x.imag)
-        ]
+        fields = inner, outer, torch.complex(u, v), change, residual
+        known = [part for x in fields for part in (x.real, x.imag)]
         known += [U - lower, U - u, *angles.unbind(1)]  # (B, rings, spokes) each, as in FEATURES
-        return (
-            torch.stack(
-                [scale * x for (scale, _), x in zip(FEATURES.values(), known, strict=True)], 1
-            ),
-            u,
-            v,
-        )
+        scales = [scale for scale, _ in FEATURES.values()]
+        scaled = [scale * x for scale, x in zip(scales, known, strict=True)]
+        return torch.stack(scaled, 1), u, v
 
     def loss(self, batch, generator):
-        """Position error over displacement plus relative error of the derivatives, against the
-        exact maps."""
+        """Relative position error plus relative error of the derivatives, against exact maps."""
         mu = batch[0]
         with torch.autocast(mu.device.type, enabled=False), torch.no_grad():
             mu = self.rescale(mu, generator)
@@ -154,21 +129,15 @@ class BestDBSNet(DiskNetwork):
             position = position_error(f, exact, self.z.flatten()).mean()
             size, folds = derivative_error(self.mesh, f, exact)
             loss = position + 0.5 * size.mean() + 2 * folds.mean()
-        return loss, {
-            "position": position.item(),
-            "derivative": size.mean().item(),
-            "folds": folds.mean().item(),
-        }
+        figures = {"position": position, "derivative": size.mean(), "folds": folds.mean()}
+        return loss, {name: value.item() for name, value in figures.items()}
 
     def rescale(self, mu, generator):
-        """Coefficients (B, F); with a generator mixed, turned and of a largest |mu| uniform in
-        `max_abs`."""
+        """mu (B, F); with a generator mixed, turned, with a largest |mu| uniform in `max_abs`."""
         if generator is None:
             return mu
-        draw, order = (
-            torch.rand(4, len(mu), generator=generator),
-            torch.randperm(len(mu), generator=generator),
-        )
+        draw = torch.rand(4, len(mu), generator=generator)
+        order = torch.randperm(len(mu), generator=generator)
         shift = int(torch.randint(self.config.spokes, (), generator=generator))
         draw = torch.cat([draw, torch.rand(1, len(mu), generator=generator)])
         mu = mixed(mu, order, draw, self.config.max_abs).view(len(mu), -1, self.config.spokes)
@@ -176,8 +145,7 @@ class BestDBSNet(DiskNetwork):
 
 
 def position_error(f, exact, z):
-    """Mean distance (B,) between maps (B, 1 + V) in units of the mean displacement of `exact` after
-    the best turn."""
+    """Mean distance (B,) of maps (B, 1 + V), in units of the exact map's mean displacement."""
     exact, f = exact[:, 1:], f[:, 1:]
     turn = (exact * z.conj()).sum(1, keepdim=True)
     displacement = (exact - turn / turn.abs() * z).abs().mean(1)
@@ -185,8 +153,7 @@ def position_error(f, exact, z):
 
 
 def derivative_error(mesh, f, exact):
-    """Error of the derivatives against the smaller stretch of the exact map, (root mean square,
-    excess) (B,) each.
+    """Error of the derivatives over the exact map's smaller stretch: (RMS, excess), (B,) each.
 
     `d = (|e_z| + |e_zbar|) / (|f_z| - |f_zbar|)` a face, e = f - exact: a face folds only where d
     >= 1; excess is the mean of `max(d - 0.5, 0)^2`. Maps (B, V) on the `LossMesh`.

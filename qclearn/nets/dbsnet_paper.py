@@ -1,5 +1,4 @@
-"""The paper's DBS-Net, mended: the square in place of the disk, a Fourier layer, an inner and a
-boundary route."""
+"""The paper's DBS-Net, corrected: a Fourier layer on the square, an inner and a boundary route."""
 
 from dataclasses import dataclass
 
@@ -18,15 +17,14 @@ from .losses import L_LBS, L_DBSNet, L_Energy, L_LBS_printed, L_Maps, LossMesh
 from .squaremaps import SquareMaps
 
 LOSSES = ("printed", "rows", "energy", "maps")  # see `PaperDBSNet.distance`
-TOLERANCE = (
-    1e-3  # of the exact maps of the loss "maps": a tenth of what lies between two discretisations
-)
+# Of the exact maps of the loss "maps": a tenth of what lies between two discretisations.
+TOLERANCE = 1e-3
 FURTHEST = 0.95  # from 0 that f(0) is believed to be before the Möbius map that takes it there
 
 
 @dataclass(frozen=True)
 class PaperDBSNetConfig:
-    """Sizes of the paper's DBS-Net, mended, and the weights of its loss."""
+    """Sizes of the paper's DBS-Net, corrected, and the weights of its loss."""
 
     preset: str = "paper"
     max_abs: tuple = (0.05, 0.6)  # of the coefficients it is trained on
@@ -40,14 +38,12 @@ class PaperDBSNetConfig:
 
 
 class FourierLayer(nn.Module):
-    """`M mu N` (B, 2k + 1, 2k + 1) of images mu (B, size, size), M and N learnable, at the start
-    the truncated DFT."""
+    """`M mu N` (B, 2k + 1, 2k + 1) of images mu, M and N learnable, first the truncated DFT."""
 
     def __init__(self, size, k):
         super().__init__()
-        start = (
-            torch.from_numpy(fourier_matrix(size, k)).to(torch.complex64) * size
-        )  # entries of modulus 1
+        # Entries of modulus 1.
+        start = torch.from_numpy(fourier_matrix(size, k)).to(torch.complex64) * size
         self.M = nn.Parameter(torch.view_as_real(start))
         self.N = nn.Parameter(torch.view_as_real(start.T.contiguous()))
 
@@ -57,8 +53,7 @@ class FourierLayer(nn.Module):
 
 
 class InnerRoute(nn.Module):
-    """Low frequencies (and, by the shortcut, the image itself) to the inner vertices' (B, 2, size -
-    1, size - 1).
+    """Low frequencies (and, by the shortcut, the image) to inner vertices (B, 2, size - 1, ...).
 
     The coefficients are first transformed back, to an image of 2k + 1 pixels a side. The paper does
     not say so, but convolutions and bilinear upsampling mean something for neighbours in space, not
@@ -68,10 +63,8 @@ class InnerRoute(nn.Module):
     def __init__(self, size, k, shortcut):
         super().__init__()
         self.size, wide, narrow = size, 64, 16
-        back = torch.from_numpy(fourier_matrix(2 * k + 1, k)).to(torch.complex64).conj().T * (
-            2 * k + 1
-        )
-        self.register_buffer("back", back, persistent=False)
+        matrix = torch.from_numpy(fourier_matrix(2 * k + 1, k)).to(torch.complex64)
+        self.register_buffer("back", matrix.conj().T * (2 * k + 1), persistent=False)
 
         def conv(channels_in, channels_out):
             return nn.Conv2d(channels_in, channels_out, 3, padding=1)
@@ -102,16 +95,14 @@ class InnerRoute(nn.Module):
 
 
 class BoundaryRoute(nn.Module):
-    """Low frequencies as a vector (B, n) to boundary angles (B, 4 size), positive and of sum 2 pi,
-    by an MLP."""
+    """An MLP from low frequencies (B, n) to positive boundary angles (B, 4 size) of sum 2 pi."""
 
     def __init__(self, inputs, usual, hidden=512):
         super().__init__()
         self.layers = perceptron(inputs, hidden, hidden, len(usual))
         zero(self.layers[-1])
-        self.register_buffer(
-            "usual", torch.log(usual), persistent=False
-        )  # of the mesh itself, where the MLP says 0
+        # Of the mesh itself, where the MLP says 0.
+        self.register_buffer("usual", torch.log(usual), persistent=False)
 
     def forward(self, coefficients):
         return 2 * torch.pi * torch.softmax(self.usual + self.layers(coefficients), -1)
@@ -148,13 +139,11 @@ class PaperDBSNet(DiskNetwork):
             self.register_buffer(name, torch.from_numpy(table), persistent=False)
         self.fourier = FourierLayer(config.size, config.frequencies)
         self.inner_route = InnerRoute(config.size, config.frequencies, config.shortcut)
-        self.boundary_route = BoundaryRoute(
-            2 * (2 * config.frequencies + 1) ** 2, torch.from_numpy(usual).float()
-        )
+        inputs = 2 * (2 * config.frequencies + 1) ** 2
+        self.boundary_route = BoundaryRoute(inputs, torch.from_numpy(usual).float())
 
     def forward(self, mu):
-        """(f (B, V), angles (B, 4 size)) of images mu (B, size, size), rows upwards, a pixel a cell
-        of the mesh."""
+        """(f (B, V), angles (B, 4 size)) of images mu (B, size, size), a pixel per cell."""
         with torch.autocast(mu.device.type, enabled=False):
             low = self.fourier(mu)
             back = self.inner_route.back
@@ -162,9 +151,8 @@ class PaperDBSNet(DiskNetwork):
                 torch.stack([x.real, x.imag], 1) for x in (10 * low, back @ low @ back.T, mu)
             )
         shift = self.inner_route(small, image)
-        with torch.autocast(
-            mu.device.type, enabled=False
-        ):  # the loss differentiates, so all digits count
+        # The loss differentiates, so all digits count.
+        with torch.autocast(mu.device.type, enabled=False):
             angles = self.boundary_route(low.flatten(1))
             shift = 0.1 * self.inner_route.last(shift.float()).flatten(2)
             shift = torch.complex(shift[:, 0], shift[:, 1])
@@ -184,8 +172,7 @@ class PaperDBSNet(DiskNetwork):
 
     @property
     def pixels(self):
-        """Where the pixels of the square lie in the disk, (size^2,): mu is resampled, not pulled
-        back."""
+        """The places (size^2,) of the pixels in the disk: mu is resampled, not pulled back."""
         return square_to_disk(pixel_centres(self.config.size)).ravel()
 
     def run(self, mu):
@@ -205,8 +192,7 @@ class PaperDBSNet(DiskNetwork):
         return mu.flatten(1).repeat(1, 2)
 
     def loss(self, batch, generator):
-        """The configured loss of the fields batch[0]; with a generator also mixed and turned in
-        phase.
+        """The configured loss of the fields batch[0], with a generator of mixed and turned ones.
 
         Figures: `gauge_errors`, where the batch brings exact maps as well.
         """
@@ -225,7 +211,7 @@ class PaperDBSNet(DiskNetwork):
         """How far maps f (B, V) are from those of mu.
 
         "printed": L_DBSNet with L_LBS_printed, in thousandths, where one boundary point is all that
-        a map f holds; "rows": the same with its rows mended, and with f(0) = 0; "energy": L_Energy;
+        a map f holds; "rows": the same with its rows corrected, and with f(0) = 0; "energy": L_Energy;
         "maps": L_Maps against exact maps.
         """
         given, config = self.on_faces(mu), self.config
@@ -233,10 +219,8 @@ class PaperDBSNet(DiskNetwork):
             return L_Energy(self.mesh, given, f).mean()
         if config.loss in ("printed", "rows"):
             equation = L_LBS if config.loss == "rows" else L_LBS_printed
-            return (
-                1e3
-                * L_DBSNet(self.mesh, given, f, angles, rho=config.rho, equation=equation).mean()
-            )
+            options = {"rho": config.rho, "equation": equation}
+            return 1e3 * L_DBSNet(self.mesh, given, f, angles, **options).mean()
         self.exact = self.exact or SquareMaps(config.size)
         with torch.no_grad():
             exact = self.exact(mu, TOLERANCE)
@@ -244,8 +228,7 @@ class PaperDBSNet(DiskNetwork):
 
 
 def poisson_matrix(z, boundary):
-    """Matrix (B, V) of the harmonic extension of values at B boundary points, in order, to the
-    points z (V,).
+    """Matrix (B, V) of the harmonic extension from B boundary points, in order, to z (V,).
 
     Poisson's kernel, its rows normalised; points nearer to the circle than the boundary points to
     one another are taken back to that distance, where the sum still resolves the kernel.
@@ -258,8 +241,7 @@ def poisson_matrix(z, boundary):
 
 
 def mixed(mu, order, draw, max_abs):
-    """Coefficients (B, ...) of which half are sums with another of the batch; phase and largest
-    |mu| are drawn too.
+    """Coefficients (B, ...), half of them sums of two; phase and largest |mu| are random.
 
     order (B,): a permutation, the other ones; draw (5, B): uniform in 0..1; max_abs: the range of
     the largest |mu|.

@@ -8,8 +8,7 @@ ROUNDS = 12  # of the fit of Möbius maps, which begins at the best rotation
 
 
 def gauge_errors(maps, exact, z):
-    """`mean|f - f*| / mean|z - f*|` over the vertices z (V,): the ratio of both sums over maps and
-    exact maps (B, V).
+    """`sum|f - f*| / sum|z - f*|` over z (V,), for maps f and exact maps f* (B, V): dict.
 
     A dict: "comes", both as they come (f(0) = 0 and f(1) = 1), and "mobius", after the best Möbius
     map for f and for z.

@@ -1,5 +1,4 @@
-"""What several networks share: small stacks of layers, convolutions on the polar mesh, and calls
-from NumPy."""
+"""Shared by networks: small stacks of layers, polar convolutions, and calls from NumPy."""
 
 from functools import lru_cache, wraps
 from itertools import pairwise
@@ -42,9 +41,8 @@ def inference(method):
 def perceptron(*sizes, activation=nn.SiLU):
     """Linear layers from each of these sizes to the next, with activations between them."""
     linear = [nn.Linear(*pair) for pair in pairwise(sizes)]
-    return nn.Sequential(
-        linear[0], *(part for layer in linear[1:] for part in (activation(), layer))
-    )
+    later = [part for layer in linear[1:] for part in (activation(), layer)]
+    return nn.Sequential(linear[0], *later)
 
 
 def convolution(channels_in, channels_out, **options):
@@ -61,8 +59,7 @@ def zero(layer):
 
 
 class PolarPad(torch.autograd.Function):
-    """x (B, C, rings, spokes) with one more ring and spoke on every side, for a 3 x 3 convolution
-    on the disk.
+    """x (B, C, rings, spokes) with a ring and a spoke more on every side, for 3 x 3 convolutions.
 
     The angle is periodic, the disk goes on at the opposite spoke beyond the centre, and the last
     ring is repeated beyond the circle. This is right for functions, and for components of mu in the
@@ -73,9 +70,8 @@ class PolarPad(torch.autograd.Function):
     @staticmethod
     def forward(ctx, x):
         rings, spokes = x.shape[-2:]
-        wide = x.new_empty(*x.shape[:2], rings + 2, spokes + 2).contiguous(
-            memory_format=torch.channels_last
-        )
+        wide = x.new_empty(*x.shape[:2], rings + 2, spokes + 2)
+        wide = wide.contiguous(memory_format=torch.channels_last)
         wide[..., 1:-1, 1:-1] = x
         wide[..., 0, 1:-1] = x[..., 0, :].roll(spokes // 2, -1)
         wide[..., -1, 1:-1] = x[..., -1, :]
@@ -96,8 +92,7 @@ class PolarPad(torch.autograd.Function):
 
 
 class PolarConv(nn.Conv2d):
-    """3 x 3 convolution on the grid of rings and spokes with the neighbours of the disk
-    (`PolarPad`)."""
+    """3 x 3 convolution on rings and spokes with the disk's neighbours (`PolarPad`)."""
 
     def __init__(self, channels_in, channels_out):
         super().__init__(channels_in, channels_out, 3)
@@ -107,8 +102,7 @@ class PolarConv(nn.Conv2d):
 
 
 class PolarBlock(nn.Module):
-    """x + conv(act(conv(act(x)))). The last convolution begins at zero, and so the block as the
-    identity."""
+    """x + conv(act(conv(act(x)))), the identity at first: the last convolution begins at zero."""
 
     def __init__(self, channels):
         super().__init__()
@@ -119,8 +113,7 @@ class PolarBlock(nn.Module):
 
 
 class PolarUNet(nn.Module):
-    """U-Net on the grid of rings and spokes: (B, inputs, rings, spokes) -> (B, outputs, rings,
-    spokes).
+    """U-Net on rings and spokes: (B, inputs, rings, spokes) -> (B, outputs, rings, spokes).
 
     channels: one number a level; each level is half as fine as the one before, and 2^(levels - 1)
     must divide rings and spokes. blocks: residual blocks on the coarsest level; the other levels
@@ -139,19 +132,19 @@ class PolarUNet(nn.Module):
 
     def forward(self, x, modulate=lambda x: x):
         """modulate changes the first features of each level on the way down."""
-        x, kept = modulate(self.stem(x.contiguous(memory_format=torch.channels_last))), []
+        x = modulate(self.stem(x.contiguous(memory_format=torch.channels_last)))
+        skips = []
         for block, coarser in zip(self.down, self.coarser):
-            kept.append(block(x))
-            x = modulate(coarser(kept[-1]))
+            skips.append(block(x))
+            x = modulate(coarser(skips[-1]))
         x = self.bottom(x)
-        for finer, block, skip in zip(reversed(self.finer), reversed(self.up), reversed(kept)):
+        for finer, block, skip in zip(reversed(self.finer), reversed(self.up), reversed(skips)):
             x = block(functional.interpolate(finer(x), scale_factor=2.0, mode="nearest") + skip)
         return self.head(functional.silu(x))
 
 
 class ConditionedUNet(PolarUNet):
-    """The polar U-Net with FiLM layers: conditions (B, n) scale and shift every channel of every
-    level."""
+    """The polar U-Net with FiLM: conditions (B, n) scale and shift the channels of every level."""
 
     def __init__(self, inputs, outputs, conditions, channels, blocks):
         super().__init__(inputs, outputs, channels, blocks)
@@ -171,8 +164,7 @@ class ConditionedUNet(PolarUNet):
 
 
 def disk_of(z, faces):
-    """The `Disk` of z (V,) and faces (F, 3); the last four are kept, with all that was found out
-    about them."""
+    """The `Disk` of z (V,) and faces (F, 3); the last four are cached, with their properties."""
     return _disk_of(np.asarray(z, complex).tobytes(), np.asarray(faces, np.int64).tobytes())
 
 
@@ -190,8 +182,7 @@ def holding(disk, network):
 
 
 class DiskNetwork(nn.Module):
-    """A network that maps coefficients to maps on a mesh of its own, and serves any disk mesh by
-    resampling both.
+    """A network from coefficients to maps on its own mesh, which serves any mesh by resampling.
 
     A subclass offers `pixels`, the points (P,) where it takes mu, and `run(mu (P,), **options)`,
     which returns the map as a function of points of the disk.
@@ -199,8 +190,7 @@ class DiskNetwork(nn.Module):
 
     @inference
     def solve(self, z, faces, mu, **options):
-        """The map f (V,) that the network gives for mu (F,) on a disk mesh z (V,), faces (F, 3);
-        deterministic.
+        """The network's map f (V,) for mu (F,) on a disk mesh z (V,), faces (F, 3); deterministic.
 
         f(0) = 0, and boundary vertices lie on the circle. Not certified: ask `check_bijective`.
         BeltramiError for NaN or |mu| >= 1, or faces that are no disk; SurfaceError where the
@@ -227,17 +217,16 @@ class CoefficientNetwork(nn.Module):
     def predict(
         self, z, faces, moving, target, alpha=1.0, beta=None, gamma=None, curve=None, **options
     ):
-        """mu (F,) on a disk mesh z (V,), faces (F, 3) whose map takes `moving` to `target` (M,), as
-        `fit_landmarks`.
+        """mu (F,) on a disk mesh whose map takes `moving` to `target` (M,), as `fit_landmarks`.
 
         The map is `solve_beltrami_disk(z, faces, mu)` and the best Möbius map after it. curve is
         checked, not used. LandmarkError for landmarks or weights that the network cannot take;
         BeltramiError or SurfaceError where the mesh is no disk. options: of the network's `answer`.
         """
         usual = self.usual(alpha)
-        weights = Weights(
-            alpha, usual.beta if beta is None else beta, usual.gamma if gamma is None else gamma
-        )
+        beta = usual.beta if beta is None else beta
+        gamma = usual.gamma if gamma is None else gamma
+        weights = Weights(alpha, beta, gamma)
         return self.answer(Problem(disk_of(z, faces), moving, target, curve), weights, **options)
 
     def gamma_used(self, weights):
@@ -246,8 +235,7 @@ class CoefficientNetwork(nn.Module):
 
 
 class PolarFunction:
-    """The map f(z) = z q(z) of values q (rings, spokes) at the radii 1/rings ... 1, bilinear in
-    radius and angle.
+    """The map f(z) = z q(z), q (rings, spokes) at the radii 1/rings ... 1, bilinear between.
 
     Inside the first ring q has that ring's values. Cubic interpolation is no more accurate and
     takes longer.
@@ -264,14 +252,14 @@ class PolarFunction:
 
 
 def output_shapes(parts, run):
-    """A row (name, module, shape in words) for each output of `parts`, pairs (name, module), during
-    run(), in order."""
+    """A row (name, module, shape as text) per output of `parts`, pairs, during run()."""
     rows = []
 
     def note(name):
-        return lambda part, _, output: rows.append(
-            (name, part, " × ".join(map(str, output.shape[1:])))
-        )
+        def hook(part, _, output):
+            rows.append((name, part, " × ".join(map(str, output.shape[1:]))))
+
+        return hook
 
     hooks = [part.register_forward_hook(note(name)) for name, part in parts]
     with torch.no_grad():

@@ -1,5 +1,4 @@
-"""LD-Net: the course of sulci between given endpoints, from the curvature image of a surface on its
-disk.
+"""LD-Net: sulci between given endpoints, from the curvature image of a surface on its disk.
 
 Preset `paper` (`ldnet_paper`) predicts a set number of points on a fixed list of curves. Preset
 `best` shows where sulci run and lets the shortest path on the surface follow. Source: paper,
@@ -20,33 +19,26 @@ from .ldnet_paper import PaperLDNet, PaperLDNetConfig
 from .pictures import check_input, picture, stamp, turn
 from .train import TrainConfig
 
-CURVATURE_WEIGHT, DEPTH_WEIGHT, FLOOR, ROUNDS = (
-    0.5,
-    1.0,
-    0.3,
-    2,
-)  # of `heat_metric`, chosen on the validation subjects
+# Of `heat_metric`, chosen on the validation subjects.
+CURVATURE_WEIGHT, DEPTH_WEIGHT, FLOOR, ROUNDS = 0.5, 1.0, 0.3, 2
 ENDS, CHORDS, FINER = 1.0, 64, 3  # pixels; points on a chord; points on a curve's segment
 
 
 @dataclass(frozen=True)
 class BestLDNetConfig:
-    """Sizes of the better LD-Net. size: of the image, a power of two; widths: channels at 1/2, 1/4,
-    ... of the size; band: standard deviation of the soft band around a curve, in pixels."""
+    """Sizes of the better LD-Net."""
 
     preset: str = "best"
-    size: int = 128
-    widths: tuple[int, ...] = (32, 64, 96, 96)
-    band: float = 1.0
+    size: int = 128  # of the image, a power of two
+    widths: tuple[int, ...] = (32, 64, 96, 96)  # channels at 1/2, 1/4, ... of the size
+    band: float = 1.0  # standard deviation of the soft band around a curve, in pixels
 
 
 def refine(curves, finer=FINER):
-    """Points (B, K, n) along polylines (B, K, P), `finer` on each segment, and where they lie, (n,)
-    in 0..P-1."""
-    place = torch.linspace(
-        0, curves.shape[-1] - 1, finer * (curves.shape[-1] - 1) + 1, device=curves.device
-    )
-    first = place.floor().long().clamp(max=curves.shape[-1] - 2)
+    """Points (B, K, n) along polylines (B, K, P), `finer` per segment, and their places (n,)."""
+    last = curves.shape[-1] - 1
+    place = torch.linspace(0, last, finer * last + 1, device=curves.device)
+    first = place.floor().long().clamp(max=last - 1)
     share = place - first
     return curves[..., first] * (1 - share) + curves[..., first + 1] * share, place
 
@@ -63,8 +55,7 @@ class Residual(nn.Module):
 
 
 class BestLDNet(nn.Module):
-    """A U-Net that shows where the sulci between the given endpoints run; the curve is the shortest
-    path on that map.
+    """A U-Net that maps where sulci between endpoints run; the curve is the shortest path on it.
 
     It sees the curvature, the disk, the endpoints and the chords between them; any number of curves
     at once, with no names. Endpoints are exact by construction, and curves are paths on the
@@ -84,28 +75,24 @@ class BestLDNet(nn.Module):
         self.head = nn.Sequential(nn.Conv2d(widths[0], 4, 1), nn.PixelShuffle(2))
 
     def from_images(self, images, ends):
-        """Logits (B, S, S) from what `CurveDataset` gives: images (B, 2, S, S), ends (B, K, 2), all
-        curves shown."""
-        return self(
-            self.channels(
-                images[:, 0], ends, torch.ones(ends.shape[:2], dtype=torch.bool, device=ends.device)
-            )
-        )
+        """Logits (B, S, S) from images (B, 2, S, S) and ends (B, K, 2) of a `CurveDataset`."""
+        shown = torch.ones(ends.shape[:2], dtype=torch.bool, device=ends.device)
+        return self(self.channels(images[:, 0], ends, shown))
 
     def forward(self, channels):
         """Logits (B, S, S) of lying on one of the sulci, from `channels` (B, 4, S, S)."""
-        x, kept = self.stem(channels), []  # (B, w0, S/2, S/2)
+        x = self.stem(channels)  # (B, w0, S/2, S/2)
+        skips = []
         for block, shrink in zip(self.down, self.shrink):
-            kept.append(block(x))
-            x = shrink(kept[-1])  # (B, w1, S/4, S/4) ...
+            skips.append(block(x))
+            x = shrink(skips[-1])  # (B, w1, S/4, S/4) ...
         x = self.bottom(x)
         for block, grow in zip(reversed(self.up), reversed(self.grow)):
-            x = block(F.interpolate(grow(x), scale_factor=2.0) + kept.pop())
+            x = block(F.interpolate(grow(x), scale_factor=2.0) + skips.pop())
         return self.head(x)[:, 0]
 
     def channels(self, grey, ends, shown):
-        """What the network sees, (B, 4, S, S), of images (B, S, S) in 0..255 and endpoints (B, K,
-        2) where shown (B, K)."""
+        """The input (B, 4, S, S): images (B, S, S) in 0..255, shown endpoints (B, K, 2)."""
         size = self.config.size
         centre = (2 * torch.arange(size, device=grey.device) + 1) / size - 1
         disk = ((centre[:, None] ** 2 + centre**2) <= 1).to(grey.dtype)
@@ -118,8 +105,7 @@ class BestLDNet(nn.Module):
         return torch.stack([(grey / 127.5 - 1) * disk, disk.expand_as(grey), marks, chords], 1)
 
     def loss(self, batch, generator):
-        """Binary cross-entropy with the soft band around the shown curves, a hit counting four
-        times; the overlap.
+        """Binary cross-entropy with the soft band around shown curves, hits weighted by four.
 
         batch: images (B, 2, S, S), ends (B, K, 2), curves (B, K, P) as `CurveDataset` gives them.
         Augmentation: the symmetries of the square, contrast, some of the curves, parts of curves.
@@ -136,48 +122,38 @@ class BestLDNet(nn.Module):
             points, place = refine(curves)
             seen = shown[..., None] & (place >= first[..., None]) & (place <= last[..., None])
             band = stamp(points.flatten(1), seen.flatten(1), self.config.size, self.config.band)
-            channels = self.channels(grey[:, 0], ends, shown).contiguous(
-                memory_format=torch.channels_last
-            )
+            channels = self.channels(grey[:, 0], ends, shown)
+            channels = channels.contiguous(memory_format=torch.channels_last)
         logits = self(channels).float()
         disk = channels[:, 1]
-        error = (
-            F.binary_cross_entropy_with_logits(
-                logits, band, weight=disk, pos_weight=logits.new_tensor(4.0), reduction="sum"
-            )
-            / disk.sum()
-        )
+        weights = {"weight": disk, "pos_weight": logits.new_tensor(4.0)}
+        total = F.binary_cross_entropy_with_logits(logits, band, **weights, reduction="sum")
+        error = total / disk.sum()
         heat = logits.detach().sigmoid() * disk
         return error, {"overlap": (2 * (heat * band).sum() / (heat**2 + band**2).sum()).item()}
 
     @inference
     def heat(self, surface, z, endpoints):
-        """Probability (V,) of lying on one of the sulci between the endpoints, the mean curvature
-        (V,) beside it."""
+        """Probability (V,) of lying on a sulcus between the endpoints, and the mean curvature."""
         z, endpoints = check_input(surface, z, endpoints)
         grey, radius, H = picture(surface, z, self.config.size)
         w = torch.as_tensor(radius.to_image(z)).to(next(self.parameters()).device, torch.complex64)
         grey = torch.as_tensor(grey, dtype=torch.float32, device=w.device)[None, None]
         logits = self.from_images(grey, w[torch.as_tensor(endpoints, device=w.device)][None])
         place = torch.view_as_real(w)[None, None]  # (1, 1, V, 2): x, y, as grid_sample takes them
-        sampled = F.grid_sample(logits[None], place, padding_mode="border", align_corners=False)[
-            0, 0, 0
-        ]
-        return sampled.sigmoid().double().cpu().numpy(), H
+        sampled = F.grid_sample(logits[None], place, padding_mode="border", align_corners=False)
+        return sampled[0, 0, 0].sigmoid().double().cpu().numpy(), H
 
     def detect(self, surface, z, endpoints):
-        """The sulci between pairs of endpoints (K, 2) as curves in the disk map z: list of (k,)
-        complex, vertices' images.
+        """The sulci between endpoints (K, 2) as vertices' images in the disk map z: list of (k,).
 
         The shortest paths in `heat_metric`. SurfaceError for a surface that is not a disk or
         another's z; LandmarkError for endpoints out of range or equal.
         """
         heat, H = self.heat(surface, z, endpoints)
         metric = heat_metric(surface, heat, H)
-        return [
-            np.asarray(z)[fundus_path(surface, start, end, metric)]
-            for start, end in np.asarray(endpoints)
-        ]
+        paths = (fundus_path(surface, *ends, metric) for ends in np.asarray(endpoints))
+        return [np.asarray(z)[path] for path in paths]
 
 
 def heat_metric(surface, heat, H):
@@ -201,8 +177,7 @@ def smoothed(surface, values, rounds=ROUNDS):
 
 
 def whole(curves):
-    """First and last point of each curve, (B, K) int, and which curves are shown, (B, K): all of
-    all."""
+    """First and last point (B, K) of each curve, and which curves are shown (B, K): all."""
     first = torch.zeros(curves.shape[:2], dtype=torch.long, device=curves.device)
     return first, first + curves.shape[2] - 1, first == 0
 
@@ -221,8 +196,7 @@ def some(curves, generator):
 
 
 def contrast(grey, generator):
-    """Images (B, 1, S, S) in 0..255 with another gamma, 0.6 to 1.6, some smoothed: surfaces differ
-    in both."""
+    """Images (B, 1, S, S) in 0..255 with a random gamma of 0.6 to 1.6, some of them smoothed."""
     gamma, blur = (
         torch.rand(len(grey), 1, 1, 1, generator=generator).to(grey.device) for _ in range(2)
     )

@@ -1,4 +1,4 @@
-"""The losses of the paper in its order, each named after its equation, with what had to be mended.
+"""The losses of the paper in its order, each named after its equation, with their corrections.
 
 All are batched and return one value a sample, (B,): take the mean. Points and maps are complex, (B,
 N) and (B, V); coefficients complex, (B, F), |mu| < 1. Losses on a mesh take its `LossMesh` first.
@@ -10,8 +10,7 @@ from torch import nn
 
 
 class LossMesh(nn.Module):
-    """A `Disk` as tables on a network's device: the matrix K(mu), the boundary, and gradients of
-    mu."""
+    """A `Disk` on a network's device: the matrix K(mu), the boundary, and gradients of mu."""
 
     def __init__(self, disk, precision=torch.float32):
         super().__init__()
@@ -27,8 +26,7 @@ class LossMesh(nn.Module):
             self.register_buffer(name, table.to(kind), persistent=False)
 
     def gradient(self, values):
-        """Gradients (B, F), complex `d/dx + i d/dy`, of real vertex values (B, V), linear on each
-        face."""
+        """Gradients (B, F), `d/dx + i d/dy`, of real vertex values (B, V), linear on each face."""
         return (values[:, self.faces] * self.gradients).sum(-1)
 
     def wirtinger(self, f):
@@ -43,8 +41,7 @@ class LossMesh(nn.Module):
         return total.index_add(1, self.faces.flatten(), corners.flatten(1))
 
     def apply(self, mu, f):
-        """K(mu) f, complex (B, V): `A grad u = ((1 + |mu|^2) grad u - 2 mu conj(grad u)) / (1 -
-        |mu|^2)`."""
+        """K(mu) f (B, V): `A grad u = ((1 + |mu|^2) grad u - 2 mu conj(grad u)) / (1 - |mu|^2)`."""
         size = mu.real**2 + mu.imag**2
         parts = []
         for u in (f.real, f.imag):
@@ -59,8 +56,7 @@ class LossMesh(nn.Module):
 
 
 def energy(mesh, mu, f):
-    """Dirichlet energy `1/2 int grad f . A grad f` (B,) of the map; no smaller than `area`, equal
-    for the right map."""
+    """Dirichlet energy `1/2 int grad f . A grad f` (B,), at least `area`, equal at the right map."""
     return 0.5 * (f.conj() * mesh.apply(mu, f)).real.sum(-1)
 
 
@@ -71,8 +67,7 @@ def area(mesh, f):
 
 
 def L_Energy(mesh, mu, f):
-    """`2 int |f_zbar - mu f_z|^2 / (1 - |mu|^2)` (B,), which is `energy - area`: 0 for the maps
-    with coefficient mu.
+    """`2 int |f_zbar - mu f_z|^2 / (1 - |mu|^2)` (B,), i.e. `energy - area`: 0 for the right map.
 
     The square of an H1 norm of the error, face by face, where `L_LBS` is an L1 norm of second
     differences; and blind to Möbius maps after f.
@@ -83,8 +78,7 @@ def L_Energy(mesh, mu, f):
 
 
 def L_Maps(f, exact, z):
-    """`sum |f - f*| / sum |z - f*|`, for maps and exact maps (B, V): what is left of the identity's
-    error."""
+    """`sum |f - f*| / sum |z - f*|`, for maps f and exact maps f* (B, V)."""
     return (f - exact).abs().sum() / (z - exact).abs().sum()
 
 
@@ -98,11 +92,10 @@ def L_LD(points, target):
 
 
 def L_LBS(mesh, mu, f):
-    """`1/(2N) sum_i |Re R_i| + |Im R_i|` (B,), R the gradient of energy minus area: 0 at the map
-    with coefficient mu.
+    """`1/(2N) sum_i |Re R_i| + |Im R_i|` (B,), R the gradient of `energy - area`.
 
     `R_i = (K(mu) f)_i` at interior vertices and `(K(mu) f)_i + (i/2)(f_next - f_previous)` on the
-    boundary; f must hold f(0) = 0 and f(1) = 1. Mended (eqs central_coeff, cv_coeff, LBS_loss): the
+    boundary; f must hold f(0) = 0 and f(1) = 1. Corrected (eqs central_coeff, cv_coeff, LBS_loss): the
     weight Area(T) of each face, A and B of the neighbour itself, the rows of the boundary, and
     1/(2N) for the mean of 2N terms.
     """
@@ -113,10 +106,9 @@ def L_LBS(mesh, mu, f):
 
 
 def L_LBS_printed(mesh, mu, f):
-    """`1/(2N) sum_i |(K s)_i| + |(K t)_i|` (B,) over all rows, as eq. LBS_loss has them: it is 0
-    where f is constant.
+    """`1/(2N) sum_i |(K s)_i| + |(K t)_i|` (B,), eq. LBS_loss: it is 0 where f is constant.
 
-    Weights and neighbours are mended as in `L_LBS`, the rows are not: on the boundary that of the
+    Weights and neighbours are corrected as in `L_LBS`, the rows are not: on the boundary that of the
     right map is not 0, that of the collapse onto the point 1 is. This, not the freedom of Möbius
     maps, is why points cluster there.
     """
@@ -128,8 +120,7 @@ def _mean_size(residual):
 
 
 def L_Boundary(angles):
-    """`sum_i 1/theta_i` (B,) of the angles (B, N) between neighbouring boundary points, theta_i >
-    0, sum 2 pi.
+    """`sum_i 1/theta_i` (B,) of the boundary angles (B, N), theta_i > 0, of sum 2 pi.
 
     At its smallest, `N^2 / (2 pi)`, for equal angles: its weight rho belongs to one N.
     """
@@ -137,14 +128,12 @@ def L_Boundary(angles):
 
 
 def L_DBSNet(mesh, mu, f, angles, eta=1.0, rho=1e-8, equation=L_LBS):
-    """`eta L_LBS + rho L_Boundary` (B,), eq. BSnetLoss; equation: `L_LBS`, or `L_LBS_printed` to
-    see it collapse."""
+    """`eta L_LBS + rho L_Boundary` (B,), eq. BSnetLoss; equation: also `L_LBS_printed`."""
     return eta * equation(mesh, mu, f) + rho * L_Boundary(angles)
 
 
 def L_mu(mu, shares=None):
-    """`1/N sum_i |mu_i|^2` (B,) over the faces of mu (B, F), eq. muloss; shares (F,): of the faces,
-    sum 1."""
+    """`1/N sum_i |mu_i|^2` (B,) over faces, eq. muloss; shares (F,): of the faces, of sum 1."""
     return _mean(mu.abs() ** 2, shares)
 
 
@@ -162,8 +151,7 @@ def L_grad_mu(mesh, mu, shares=None):
 
 
 def L_lost(mesh, mu, shares=None):
-    """`1/N sum_i 4 |mu_i - m_i|^2 / |T_i|` (B,) over faces T_i, m_i the mean of the averages at the
-    corners.
+    """`1/N sum_i 4 |mu_i - m_i|^2 / |T_i|` (B,) over faces T_i, m_i the corners' mean.
 
     What the averages of `L_grad_mu` lose, in its measure: where mu is +-a by turns and the averages
     are 0, it is `4 a^2 / |T|`, the squares of the differences of neighbouring pixels over their
@@ -183,7 +171,6 @@ def L_Landmark(points, target):
 
 
 def L_CP(mesh, mu, points, target, weights, shares=None):
-    """`alpha L_mu + beta L_grad_mu + gamma L_Landmark` (B,), eq. RegLoss, with the three of a
-    `Weights`."""
+    """`alpha L_mu + beta L_grad_mu + gamma L_Landmark` (B,), eq. RegLoss, of a `Weights`."""
     terms = L_mu(mu, shares), L_grad_mu(mesh, mu, shares), L_Landmark(points, target)
     return weights.alpha * terms[0] + weights.beta * terms[1] + weights.gamma * terms[2]

@@ -1,5 +1,4 @@
-"""The table of networks. To add one: a module of its own with `PRESETS` and `TRAINING`, and a row
-here."""
+"""The table of networks. A new one is a module with `PRESETS` and `TRAINING`, and a row here."""
 
 import importlib
 import pkgutil
@@ -57,7 +56,7 @@ def network(name):
 
 
 def gamma_fault(name, preset, gamma):
-    """What is wrong with this gamma (None: not given) for a network's preset, in words, or None."""
+    """A message where a network's preset cannot take this gamma (None: not given), or None."""
     row = NETWORKS.get(name)
     if gamma in (row.gammas.get(preset, (None,)) if row else (None,)):
         return None

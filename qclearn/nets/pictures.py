@@ -1,5 +1,4 @@
-"""What both LD-Nets share: their input and its checks, points stamped into images, the symmetries
-of an image.
+"""Shared by both LD-Nets: checked input, points stamped into images, symmetries of an image.
 
 Points of an image are complex, `w = radius.to_image(z)` with `radius` the image's `AreaRadius`; the
 pixel in row i and column j of a size x size image lies at `w = x + iy`, x = (2j + 1)/size - 1, y =
@@ -16,21 +15,18 @@ from ..surfaces.surface import SurfaceError, require_disk
 
 
 def check_input(surface, z, endpoints):
-    """z (V,) complex and endpoints (K, 2) int as arrays; SurfaceError or LandmarkError for what
-    cannot be used."""
+    """z (V,) complex and endpoints (K, 2) int as arrays; SurfaceError or LandmarkError."""
     require_disk(surface)
     z, endpoints = np.asarray(z, complex), np.asarray(endpoints)
     if z.shape != (len(surface.vertices),) or not np.isfinite(z).all():
         raise SurfaceError(
             f"z has the shape {z.shape}, {np.count_nonzero(~np.isfinite(z))} of its numbers not "
-            "finite; give "
-            f"the disk map of this surface, {len(surface.vertices)} complex numbers"
+            f"finite; give the disk map of this surface, {len(surface.vertices)} complex numbers"
         )
     if endpoints.ndim != 2 or endpoints.shape[1] != 2 or not len(endpoints):
         raise LandmarkError(
             f"endpoints have the shape {endpoints.shape}; give (K, 2) vertices, the start and the "
-            "end of "
-            "each of at least one curve"
+            "end of each of at least one curve"
         )
     for pair in endpoints:
         check_path(surface, pair)
@@ -38,16 +34,14 @@ def check_input(surface, z, endpoints):
 
 
 def picture(surface, z, size):
-    """Curvature image (size, size), 0..255 and 0 outside the disk; its `AreaRadius`; the mean
-    curvature H (V,)."""
+    """Curvature image (size, size) in 0..255, 0 off the disk; its `AreaRadius`; H (V,)."""
     H = mean_curvature(surface)
     image, radius = curvature_image(surface, z, size, grey_levels(H, surface.vertex_areas))
     return np.nan_to_num(image), radius, H
 
 
 def stamp(points, shown, size, width):
-    """Images (B, size, size) of points (B, n), complex: the largest of `exp(-d^2 / 2 width^2)`, d
-    in pixels, where shown."""
+    """Images (B, size, size) of points (B, n): the largest `exp(-d^2 / 2 width^2)`, d in pixels."""
     column, row = (((part + 1) * size - 1) / 2 for part in (points.real, points.imag))
     reach = int(3 * width + 0.5)
     step = torch.arange(-reach, reach + 1, device=points.device)
@@ -59,14 +53,12 @@ def stamp(points, shown, size, width):
     value = down[..., :, None] * across[..., None, :] * shown[..., None, None]
     place = rows.clamp(0, size - 1)[..., :, None] * size + columns.clamp(0, size - 1)[..., None, :]
     image = torch.zeros(len(points), size * size, dtype=value.dtype, device=points.device)
-    return image.scatter_reduce(1, place.flatten(1), value.flatten(1), "amax").unflatten(
-        1, (size, size)
-    )
+    image = image.scatter_reduce(1, place.flatten(1), value.flatten(1), "amax")
+    return image.unflatten(1, (size, size))
 
 
 def turn(images, points, generator):
-    """One of the eight symmetries of the square for each item, of images (B, C, S, S) and complex
-    points (B, ...).
+    """A random symmetry of the square per item, of images (B, C, S, S) and points (B, ...).
 
     Exact on pixels. Reflections too, as a mirrored right hemisphere is as good as a left one.
     """

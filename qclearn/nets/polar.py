@@ -1,5 +1,4 @@
-"""The exact disk solver without a matrix: batched conjugate gradients on a polar mesh,
-preconditioned at mu = 0.
+"""The exact disk solver without a matrix: batched conjugate gradients on a polar mesh.
 
 The stiffness matrix of mu = 0 on a polar mesh does not change under a turn by one spoke. An FFT in
 the angle therefore leaves one tridiagonal system over the rings for each mode, which cyclic
@@ -29,8 +28,7 @@ IDENTITY = torch.pi**0.5  # energy norm of x and of y on the unit disk
 
 
 class PolarSolver:
-    """Disk self-maps with Beltrami coefficients mu and a free boundary on `mesh`, that of
-    `polar_disk(nr, nt, power)`.
+    """Disk self-maps with coefficients mu and a free boundary on `polar_disk(nr, nt, power)`.
 
     The same map as `BeltramiDiskSolver(z, faces).solve(mu)` up to the tolerance, for a batch at
     once and differentiable, on the device and in the precision of mu. Not certified: ask
@@ -44,15 +42,11 @@ class PolarSolver:
             raise ValueError(f"PolarSolver needs at least 2 rings; got {nr}")
         self.nr, self.nt = nr, nt
         self.mesh = Disk(*polar_disk(nr, nt, power))
-        edges = _edge_tables(
-            self.mesh.gradients[::nt], self.mesh.areas[::nt]
-        )  # a face a ring, the others are turned
+        # A face a ring, the others are turned.
+        edges = _edge_tables(self.mesh.gradients[::nt], self.mesh.areas[::nt])
         turn = np.exp(-4j * np.pi * np.arange(nt) / nt)
-        tables = {
-            "edges": edges,
-            "turn": np.stack([turn.real, turn.imag]),
-            **_reduction(edges[:, 0, :, 0], nt),
-        }
+        tables = {"edges": edges, "turn": np.stack([turn.real, turn.imag])}
+        tables |= _reduction(edges[:, 0, :, 0], nt)
         self._tables = {None: {name: torch.from_numpy(table) for name, table in tables.items()}}
 
     def tables(self, like):
@@ -85,31 +79,26 @@ class PolarSolver:
         return self.finish(f, boundary)
 
     def _begin(self, f, spoke):
-        """(U, f, f on the circle) to begin with from maps f (B, V): U = log|f|, at the centre what
-        its row asks for."""
+        """(U, f, f on the circle) of maps f (B, V): U = log|f|, by its own row at the centre."""
         rings = f.detach()[:, 1:].view(len(f), self.nr, self.nt)
         U = rings[:, :-1].abs().clamp(min=torch.finfo(spoke.dtype).tiny).log()
         fan = spoke.detach()[:, 0]
         pole = ((fan * U[:, 0]).sum(1) - 2 * torch.pi) / fan.sum(1)
         U = torch.cat([pole[:, None, None].expand(-1, 1, self.nt), U], 1)
         centre = f.detach()[:, :1, None].expand(-1, 1, self.nt)
-        parts = torch.view_as_real(torch.cat([centre, rings], 1)).movedim(
-            -1, 1
-        )  # (B, 2, nr + 1, nt)
+        # (B, 2, nr + 1, nt).
+        parts = torch.view_as_real(torch.cat([centre, rings], 1)).movedim(-1, 1)
         return U[:, None], parts[:, :, :-1].contiguous(), parts[:, :, -1:]
 
     def finish(self, f, boundary):
-        """The normalised maps (B, V) from Re f and Im f (B, 2, nr, nt) inside and (B, 2, 1, nt) on
-        the circle."""
+        """The normalised maps (B, V) from (B, 2, nr, nt) inside and (B, 2, 1, nt) on the circle."""
         inner = torch.cat([f[:, :, 0].mean(-1, keepdim=True), f[:, :, 1:].flatten(2)], 2)
-        return _normalise(
-            torch.complex(*inner.unbind(1)), torch.complex(*boundary[:, :, 0].unbind(1))
-        )
+        parts = inner, boundary[:, :, 0]
+        return _normalise(*(torch.complex(*part.unbind(1)) for part in parts))
 
 
 class PolarSystem:
-    """K(mu) and the loads of one batch mu (B, F) on the mesh of a `PolarSolver`, for fields (B, S,
-    nr, nt).
+    """K(mu) and the loads of a batch mu (B, F) on a `PolarSolver`, for fields (B, S, nr, nt).
 
     spoke, arc, diagonal (B, nr, nt): edge weights -K_ab of the spokes outwards from each ring, the
     arcs on it and the diagonals outwards from it; pole: the load of U; floored (B,): how many steps
@@ -120,8 +109,7 @@ class PolarSystem:
         if mu.shape[1:] != (len(solver.mesh.faces),) or not mu.is_complex():
             raise BeltramiError(
                 f"mu has shape {tuple(mu.shape)} and type {mu.dtype}: give complex (B, F) or (F,) "
-                "with "
-                f"F = {len(solver.mesh.faces)}, one value a face"
+                f"with F = {len(solver.mesh.faces)}, one value a face"
             )
         rows = mu.reshape(len(mu), -1, solver.nt)
         self.nr, self.nt, self.tables = solver.nr, solver.nt, solver.tables(rows.real)
@@ -148,9 +136,8 @@ class PolarSystem:
     def boundary(self, U):
         """cos and sin (B, 2, 1, nt) of the boundary angles from U (B, nr, nt)."""
         spoke, diagonal, U = self.spoke[:, -1], self.diagonal[:, -1], U[:, -1]
-        density = (
-            -(spoke * U + (diagonal * U).roll(1, -1)) / 2
-        )  # over two edges of the one length, which cancels
+        # Over two edges of the one length, which cancels.
+        density = -(spoke * U + (diagonal * U).roll(1, -1)) / 2
         steps, mean = density + density.roll(-1, -1), 2 * torch.pi / self.nt
         lost = steps.amin(1, keepdim=True) <= LOST_STEP * mean
         raised = lost & (steps < SMALLEST_STEP * mean)
@@ -162,9 +149,8 @@ class PolarSystem:
 
     def pull(self, boundary):
         """The load (B, 2, nr, nt) of values (B, 2, 1, nt) on the circle, `-K_ib f_b`."""
-        pull = self.spoke[:, None, -1:] * boundary + self.diagonal[:, None, -1:] * boundary.roll(
-            -1, -1
-        )
+        spoke, diagonal = self.spoke[:, None, -1:], self.diagonal[:, None, -1:]
+        pull = spoke * boundary + diagonal * boundary.roll(-1, -1)
         return torch.cat([self._zeros(2), pull], 2)
 
     def harmonic(self, boundary):
@@ -177,10 +163,9 @@ def _edge_weights(mu, rows, tables):
     if not (m < 1).all():
         _refuse(mu, ~(m.flatten(1) < 1))
     cos, sin = tables["turn"]
-    re, im = (
-        rows.real * cos - rows.imag * sin,
-        rows.real * sin + rows.imag * cos,
-    )  # in the frame of the spoke
+    # In the frame of the spoke.
+    re = rows.real * cos - rows.imag * sin
+    im = rows.real * sin + rows.imag * cos
     scale = 1 / (1 - m)
     parts = (1 + m) * scale, 2 * scale * re, 2 * scale * im
     spoke, arc, diagonal = (
@@ -199,16 +184,15 @@ def _refuse(mu, bad):
     raise BeltramiError(
         f"|mu| < 1 fails on {int(bad.sum())} faces (first: sample {sample}, face {face}, mu = "
         f"{mu[sample, face].item():.3g}); no orientation-preserving map has such a coefficient: "
-        "truncate or mend mu there"
+        "truncate or repair mu there"
     )
 
 
 def _normalise(inner, boundary):
     """The Möbius map after f to f(0) = 0 and f(1) = 1."""
     a = inner[:, :1]
-    a = torch.where(
-        a.abs() < 1, a, torch.zeros_like(a)
-    )  # beyond, f is folded and the circle must not turn over
+    # beyond, f is folded and the circle must not turn over.
+    a = torch.where(a.abs() < 1, a, torch.zeros_like(a))
     inner, boundary = ((w - a) / (1 - a.conj() * w) for w in (inner, boundary))
     turn = (boundary[:, :1] / boundary[:, :1].abs()).conj()
     boundary = boundary[:, 1:] * turn
@@ -216,8 +200,7 @@ def _normalise(inner, boundary):
 
 
 def _edge_tables(gradients, areas):
-    """Coefficients (edge, 3, face, 1) of (1 + |mu|^2, 2 Re mu, 2 Im mu)/(1 - |mu|^2) in each face's
-    edge weights."""
+    """Coefficients (edge, 3, face, 1) of the edge weights by the terms in mu."""
     inward = np.arange(len(areas)) % 2 == 1
     inward[0] = True
     tables = []
@@ -229,8 +212,7 @@ def _edge_tables(gradients, areas):
 
 
 def _reduction(plain, nt):
-    """Cyclic reduction of the modes at mu = 0, from the edge weights (3, faces) of each ring of
-    faces.
+    """Cyclic reduction of the modes at mu = 0, from the edge weights (3, faces) per ring.
 
     Every second of the remaining rings is eliminated from its neighbours until the centre alone is
     left: `K = L D L^T`, `lower` holds the entries of -L level by level, `pivots` 1 / D; all twice,
@@ -244,26 +226,22 @@ def _reduction(plain, nt):
     coupling = np.repeat(-spoke[:-1, None], len(modes), axis=1)
     lower, stride = [], 1
     while stride < len(spoke):
-        kept, gone = pivots[:: 2 * stride], pivots[stride :: 2 * stride]
-        left, right = -coupling[::2] / gone, -coupling[1::2] / gone[: len(kept) - 1]
-        kept[: len(gone)] += left * coupling[::2]
-        kept[1:] += right * coupling[1::2]
+        rest, gone = pivots[:: 2 * stride], pivots[stride :: 2 * stride]
+        left, right = -coupling[::2] / gone, -coupling[1::2] / gone[: len(rest) - 1]
+        rest[: len(gone)] += left * coupling[::2]
+        rest[1:] += right * coupling[1::2]
         coupling = left[: len(right)] * coupling[1::2]
-        coupling = coupling[: len(kept) - 1]
+        coupling = coupling[: len(rest) - 1]
         lower += [left, right]
         stride *= 2
     inverse = 1 / pivots
     inverse[0, 1:] = 0  # the centre has mode 0 only
-    return {
-        "pivots": np.repeat(inverse, 2, axis=1),
-        "lower": np.repeat(np.concatenate(lower), 2, axis=1),
-        "rim": spoke[-1:],
-    }
+    pivots, lower = (np.repeat(x, 2, axis=1) for x in (inverse, np.concatenate(lower)))
+    return {"pivots": pivots, "lower": lower, "rim": spoke[-1:]}
 
 
 def two_steps(solver, mu):
-    """Maps (f1, f2, f3), potentials (U1, U2) of log|f|, (B, nr - 1, nt), and boundary angles (d1,
-    d2), (B, nt).
+    """Maps (f1, f2, f3), potentials (U1, U2) of log|f|, and boundary angles (d1, d2), (B, nt).
 
     1 and 2 are of first and second order in mu: two preconditioned steps from mu = 0 for U (the
     very first step of conjugate gradients only scales its potential), and from the harmonic map
@@ -273,9 +251,8 @@ def two_steps(solver, mu):
     system = PolarSystem(solver, mu)
     potentials = [system.solve(system.pole, None, 0.0, 2)[0]]
     potentials.append(system.solve(system.pole, potentials[0], 0.0, 1)[0])
-    beyond = potentials[1] + system.precondition(system.pole)(
-        system.residual(system.pole, potentials[1])
-    )
+    residual = system.residual(system.pole, potentials[1])
+    beyond = potentials[1] + system.precondition(system.pole)(residual)
     circle = [system.boundary(U[:, 0]) for U in (*potentials, beyond)]
     angles = [
         torch.atan2(a[:, 0, 0] * b[:, 1, 0] - a[:, 1, 0] * b[:, 0, 0], (a * b).sum(1)[:, 0])
@@ -293,10 +270,8 @@ def two_steps(solver, mu):
 
 
 def harmonic_extension(solver, values):
-    """Harmonic functions (B, C, nr, nt) on the rings outside the centre with values (B, C, nt) on
-    the circle."""
+    """Harmonic functions (B, C, nr, nt) off the centre with values (B, C, nt) on the circle."""
     tables, values = solver.tables(values), values[:, :, None]
-    load = torch.cat(
-        [values.new_zeros(*values.shape[:2], solver.nr - 1, solver.nt), tables["rim"] * values], 2
-    )
+    inside = values.new_zeros(*values.shape[:2], solver.nr - 1, solver.nt)
+    load = torch.cat([inside, tables["rim"] * values], 2)
     return torch.cat([Preconditioner(load, tables)(load)[:, :, 1:], values], 2)

@@ -1,12 +1,10 @@
-"""Systems K x = load on a polar mesh without a matrix: a stencil, a preconditioner by FFT,
-conjugate gradients, their adjoint."""
+"""Systems K x = load on a polar mesh: stencil, FFT preconditioner, conjugate gradients, adjoint."""
 
 import torch
 
 
 class Preconditioner:
-    """The inverse of the matrix of mu = 0, values 0 on the circle, for loads of one shape (B, S,
-    nr, nt).
+    """The inverse of the matrix of mu = 0, 0 on the circle, for loads of one shape (B, S, nr, nt).
 
     It keeps the array of modes and all views of it: on small meshes to make them would cost more
     than to use them.
@@ -17,22 +15,22 @@ class Preconditioner:
         self.x = torch.view_as_real(self.modes).flatten(-2)  # a view
         self.steps, lower, stride = [], tables["lower"], 1
         while stride < load.shape[-2]:
-            kept, gone = self.x[..., :: 2 * stride, :], self.x[..., stride :: 2 * stride, :]
-            n_left, n_right = gone.shape[-2], kept.shape[-2] - 1
+            rest, gone = self.x[..., :: 2 * stride, :], self.x[..., stride :: 2 * stride, :]
+            n_left, n_right = gone.shape[-2], rest.shape[-2] - 1
             left, right, lower = lower.split([n_left, n_right, len(lower) - n_left - n_right])
             self.steps += [
-                (kept[..., :n_left, :], gone, left),
-                (kept[..., 1:, :], gone[..., :n_right, :], right),
+                (rest[..., :n_left, :], gone, left),
+                (rest[..., 1:, :], gone[..., :n_right, :], right),
             ]
             stride *= 2
 
     def __call__(self, r):
         torch.fft.rfft(r, out=self.modes)
-        for kept, gone, factor in self.steps:
-            kept.addcmul_(factor, gone)
+        for rest, gone, factor in self.steps:
+            rest.addcmul_(factor, gone)
         self.x.mul_(self.pivots)
-        for kept, gone, factor in reversed(self.steps):
-            gone.addcmul_(factor, kept)
+        for rest, gone, factor in reversed(self.steps):
+            gone.addcmul_(factor, rest)
         return torch.fft.irfft(self.modes, self.nt)
 
 
@@ -75,8 +73,7 @@ class Stencil:
 
 
 def conjugate_gradients(stencil, load, start, size, tables, tolerance, limit):
-    """Solutions of K x = load (B, S, nr, nt) and the number of steps (B, S); `size` None measures
-    against the load."""
+    """Solutions of K x = load (B, S, nr, nt) and steps (B, S); `size` None: measure by the load."""
     precondition = Preconditioner(load, tables)
     x = torch.zeros_like(load) if start is None else start.clone()
     r = load.clone() if start is None else load - stencil.apply(start)
@@ -105,8 +102,7 @@ def _dot(a, b):
 
 
 class Solve(torch.autograd.Function):
-    """x with K x = load by conjugate gradients; its adjoint: `K lam = grad_x`, then `-(lam_a -
-    lam_b)(x_a - x_b)`."""
+    """x with K x = load; its adjoint: `K lam = grad_x`, then `-(lam_a - lam_b)(x_a - x_b)`."""
 
     @staticmethod
     def forward(ctx, spoke, arc, diagonal, load, start, size, *stopping):

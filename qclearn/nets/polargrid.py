@@ -1,5 +1,4 @@
-"""Points and complex fields on a polar mesh, batched: interpolation in closed form, and the mesh's
-eigenvectors."""
+"""Points and complex fields on a polar mesh, batched: closed-form interpolation, eigenvectors."""
 
 import numpy as np
 import torch
@@ -21,37 +20,29 @@ class PolarMesh(nn.Module):
         )
 
     def locate(self, points):
-        """Corners (..., 3), as vertices of the mesh, and barycentric weights (..., 3) of points of
-        the disk."""
+        """Corners (..., 3), vertices of the mesh, and barycentric weights (..., 3) of points."""
         step = 2 * torch.pi / self.nt
-        k = (
-            torch.floor(torch.remainder(points.angle(), 2 * torch.pi) / step)
-            .long()
-            .clamp(max=self.nt - 1)
-        )
+        angle = torch.remainder(points.angle(), 2 * torch.pi)
+        k = torch.floor(angle / step).long().clamp(max=self.nt - 1)
         turned = points * torch.exp(-1j * step * k)
         y = turned.imag / np.sin(step)  # point = x spoke_k + y spoke_(k + 1)
         x = turned.real - y * np.cos(step)
         shrink = 1 / (x + y).clamp(min=1)  # beyond the last chord: onto it
         x, y = x * shrink, y * shrink
-        j = (torch.bucketize((x + y).contiguous(), self.radius, right=True) - 1).clamp(
-            0, self.nr - 1
-        )
+        j = torch.bucketize((x + y).contiguous(), self.radius, right=True) - 1
+        j = j.clamp(0, self.nr - 1)
         inner, outer = self.radius[j], self.radius[j + 1]
         out = (x + y - inner) / (outer - inner)
         lower = (y <= outer * out) | (j == 0)
         first = torch.where(lower, 1 - out, x / inner.clamp(min=1e-9))
         far = torch.where(lower, y / outer, out)
-        ring, spoke = (
-            torch.stack([j, j + 1, j + lower.long()], -1),
-            torch.stack([k, k + 1, k + 1 - lower.long()], -1),
-        )
+        ring = torch.stack([j, j + 1, j + lower.long()], -1)
+        spoke = torch.stack([k, k + 1, k + 1 - lower.long()], -1)
         corners = torch.where(ring > 0, 1 + (ring - 1) * self.nt + spoke % self.nt, 0)
         return corners, torch.stack([first, far, 1 - first - far], -1)
 
     def sample(self, values, places):
-        """Values (B, V) at the mesh's vertices, interpolated linearly at places (B, P) that
-        `locate` found."""
+        """Vertex values (B, V), interpolated linearly at places (B, P) from `locate`."""
         corners, weights = places
         return (values.gather(1, corners.flatten(1)).view(corners.shape) * weights).sum(-1)
 
@@ -64,10 +55,9 @@ class PolarMesh(nn.Module):
 
 
 class PolarGrid(PolarMesh):
-    """Complex fields nu (B, nr, nt) on the rings of a polar mesh; the centre takes the first ring's
-    mean.
+    """Complex fields nu (B, nr, nt) on the rings of a polar mesh; the centre has the first's mean.
 
-    modes: how many eigenvectors E of a `Spectrum` are kept, the smoothest: `E^* A E = pi`.
+    modes: how many eigenvectors E of a `Spectrum` are used, the smoothest: `E^* A E = pi`.
     """
 
     def __init__(self, nr, nt, modes=512):
@@ -77,7 +67,7 @@ class PolarGrid(PolarMesh):
             "z": self.mesh.z[1:].reshape(nr, nt),
             "area": self.spectrum.areas[::nt, None],
             "radial": self.spectrum.radial,
-            "kept": np.argsort(self.spectrum.values, kind="stable")[:modes],
+            "selected": np.argsort(self.spectrum.values, kind="stable")[:modes],
         }
         for name, table in tables.items():
             self.register_buffer(name, as_tensor(table), persistent=False)
@@ -93,7 +83,7 @@ class PolarGrid(PolarMesh):
     def coefficients(self, nu):
         """Coefficients (B, modes) of a field, those of its projection: `E^* A nu / pi`."""
         waves = torch.fft.fft(nu * self.area, norm="ortho").mT[..., None, :]  # (B, nt, 1, nr)
-        return (waves @ self.radial.to(waves)).flatten(1)[:, self.kept] / torch.pi
+        return (waves @ self.radial.to(waves)).flatten(1)[:, self.selected] / torch.pi
 
 
 def as_tensor(table):

@@ -1,5 +1,4 @@
-"""What `qclearn train` does: a recipe's training set, the loop, and a weights file that says where
-it comes from."""
+"""`qclearn train`: a recipe's training set, the loop, and a weights file with its origin."""
 
 import os
 import platform
@@ -19,20 +18,28 @@ from .weights import digest, stem
 
 
 def run_training(
-    network, preset="best", gamma=None, out=Path("run"), data=None, quick=False, **changes
+    network,
+    preset="best",
+    gamma=None,
+    out=Path("run"),
+    data=None,
+    quick=False,
+    threads=None,
+    **changes,
 ):
-    """Train `network` by its recipe: (path of its weights file, last row of the log); (None, row)
-    off the first process.
+    """Train `network` by its recipe: (path of its weights, last row of the log), or (None, row).
 
     The recipe is the network's row in `nets.networks`: `TRAINING[preset]` of its module and the
     function of its data; changes replace fields of its `TrainConfig`, as in steps=100. preset: its
-    name, or as `build` a dict with fields of the network's configuration beside it. TrainingError
-    as `train`.
+    name, or as `build` a dict with fields of the network's configuration beside it. threads: of
+    torch, None for all cores. TrainingError as `train`.
     """
     given = {"preset": preset} if isinstance(preset, str) else dict(preset)
     row, preset = row_of(network), given["preset"]
     if fault := gamma_fault(network, preset, gamma):
         raise TrainingError(fault)
+    if threads:
+        torch.set_num_threads(threads)
     recipe = replace(row.training[preset], **changes)
     torch.manual_seed(recipe.seed)  # of the parameters' first values
     model = build(network, given | ({} if gamma is None else {"gamma": gamma}))
@@ -46,27 +53,18 @@ def run_training(
     return path, last
 
 
-def use_threads(count):
-    """As many threads of torch, or as torch has it where none are given."""
-    if count:
-        torch.set_num_threads(count)
-
-
 def header(network, recipe, training, quick, last):
-    """What a weights file says of its origin."""
+    """The header of a weights file: its origin."""
     row = row_of(network)
+    what = row.draw.__doc__.splitlines()[0]
+    data = {"recipe": row.data.replace(":", "."), "what": what, "quick": quick}
+    data |= {"items": len(training), "digest": digest(training.tensors)}
     return {
         "network": network,
         "training": asdict(recipe),
         "seed": recipe.seed,
         "steps": int(last["step"]),
-        "data": {
-            "recipe": row.data.replace(":", "."),
-            "what": row.draw.__doc__.splitlines()[0],
-            "quick": quick,
-            "items": len(training),
-            "digest": digest(training.tensors),
-        },
+        "data": data,
         "commit": commit(),
         "version": version("qclearn"),
         "torch": torch.__version__,

@@ -1,5 +1,4 @@
-"""The square's exact twin: maps of images of mu by a solver on a polar mesh, at the vertices of the
-square."""
+"""The square's exact twin: maps of images mu by a polar solver, at the square's vertices."""
 
 import numpy as np
 import torch
@@ -11,8 +10,7 @@ RINGS, SPOKES = 48, 144
 
 
 class SquareMaps:
-    """From images mu (B, size, size) to maps (B, (size + 1)^2) of `square_disk(size)` through maps
-    of a polar mesh.
+    """From images mu (B, size, size) to maps (B, (size + 1)^2) of `square_disk(size)`.
 
     solve: (B, F) -> (B, V) on a `Disk`, by default the exact one; what it is differentiable for,
     this is. Two discretisations of one map: between this one and the square's own lie 0.3 % of the

@@ -1,5 +1,4 @@
-"""One plain training loop for the three networks: seeded, resumable, in one process or in many
-(torchrun).
+"""One training loop for the three networks: seeded, resumable, in one process or in many.
 
 Everything random in step k is drawn from generators seeded by (seed, k), and the order of the items
 by (seed, epoch): a run that was killed goes on from its checkpoint to the same losses, bit for bit
@@ -27,9 +26,8 @@ from tqdm import tqdm
 from ..io.checkpoint import Checkpoint
 from ..io.safe import write_whole
 
-CHECKPOINT_SECONDS = (
-    10  # of training between two checkpoints at most; one takes a tenth of a second
-)
+# Of training between two checkpoints at most; one takes a tenth of a second.
+CHECKPOINT_SECONDS = 10
 
 
 class TrainingError(ValueError):
@@ -38,8 +36,7 @@ class TrainingError(ValueError):
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """How a network is trained: AdamW, the rate warmed up over `warmup` steps and then lowered to 0
-    along a cosine.
+    """AdamW, its rate warmed up over `warmup` steps, then lowered to 0 along a cosine.
 
     batch: items a step, over all processes; bfloat16: convolutions and matrix products in that
     precision; clip: largest norm of the gradient; validate_every: steps between two rows of the
@@ -59,8 +56,7 @@ class TrainConfig:
 
 
 class Process(NamedTuple):
-    """One of the processes that train together: its number, how many there are, and where its
-    tensors are."""
+    """One of the processes that train together: number, how many, and the tensors' device."""
 
     rank: int = 0
     world: int = 1
@@ -107,7 +103,7 @@ def train(model, training, validation, config, folder, progress=True):
         objective = DistributedDataParallel(objective) if world > 1 else objective
         disable = not progress or rank > 0 or None  # None: unless on a terminal
         bar = tqdm(total=config.steps, initial=step, disable=disable, desc="training")
-        kept = time.perf_counter()
+        saved = time.perf_counter()
         while step < config.steps:
             loss, figures = take_step(objective, optimiser, training, config, step, process)
             step += 1
@@ -118,10 +114,10 @@ def train(model, training, validation, config, folder, progress=True):
                 bar.set_postfix(
                     loss=f"{row['loss']:.4g}", validation=f"{row['validation_loss']:.4g}"
                 )
-                kept = -inf
-            if rank == 0 and time.perf_counter() - kept > CHECKPOINT_SECONDS:
+                saved = -inf
+            if rank == 0 and time.perf_counter() - saved > CHECKPOINT_SECONDS:
                 write_checkpoint(folder, model, optimiser, step, log)
-                kept = time.perf_counter()
+                saved = time.perf_counter()
         bar.close()
     model.eval()
     return log.last()
@@ -141,8 +137,7 @@ def take_step(objective, optimiser, training, config, step, process):
     if not torch.isfinite(loss):
         raise TrainingError(
             f"the loss is {loss.item()} at step {step}; lower the rate (now {config.rate:g}) and "
-            "start "
-            "in another folder"
+            "start in another folder"
         )
     loss.backward()
     nn.utils.clip_grad_norm_(objective.parameters(), config.clip)
@@ -151,16 +146,12 @@ def take_step(objective, optimiser, training, config, step, process):
 
 
 def batch_items(count, step, config):
-    """Which items (batch,) step `step` takes: every epoch is a permutation of its own, joined end
-    to end."""
+    """The items (batch,) of a step: every epoch is a permutation of its own, joined end to end."""
     places = np.arange(step * config.batch, (step + 1) * config.batch)
-    orders = {
-        epoch: np.random.default_rng([config.seed, epoch]).permutation(count)
-        for epoch in set(places // count)
-    }
-    return torch.tensor(
-        [orders[epoch][place] for epoch, place in zip(places // count, places % count)]
-    )
+    orders = {}
+    for epoch in set(places // count):
+        orders[epoch] = np.random.default_rng([config.seed, epoch]).permutation(count)
+    return torch.tensor([orders[k // count][k % count] for k in places])
 
 
 def seed_of(*numbers):
@@ -181,26 +172,25 @@ def validate(model, validation, config, device):
     model.eval()
     rows, counts = [], []
     for first in range(0, len(validation), config.batch):
-        batch = tuple(
-            tensor[first : first + config.batch].to(device) for tensor in validation.tensors
-        )
+        items = slice(first, first + config.batch)
+        batch = tuple(tensor[items].to(device) for tensor in validation.tensors)
         with torch.autocast(device.type, torch.bfloat16, enabled=config.bfloat16):
             loss, figures = model.loss(batch, None)
         rows.append({"loss": loss.item(), **figures})
         counts.append(len(batch[0]))
     model.train()
-    return {
-        f"validation_{name}": float(np.average([row[name] for row in rows], weights=counts))
-        for name in rows[0]
-    }
+    columns = {name: [row[name] for row in rows] for name in rows[0]}
+    means = {name: np.average(column, weights=counts) for name, column in columns.items()}
+    return {f"validation_{name}": float(mean) for name, mean in means.items()}
 
 
 class Log:
-    """`log.csv`: means over the steps since the last row, the validation's figures, and seconds of
-    training so far."""
+    """`log.csv`: means over the steps since the last row, validation figures, seconds."""
 
     def __init__(self, folder, step, seconds, sums):
-        self.path, self.start, self.sums = folder / "log.csv", time.perf_counter() - seconds, sums
+        self.path = folder / "log.csv"
+        self.start = time.perf_counter() - seconds
+        self.sums = sums
         with self.path.open(newline="") if self.path.exists() else open(os.devnull) as file:
             self.rows = [row for row in csv.DictReader(file) if int(row["step"]) <= step]
 
@@ -233,9 +223,8 @@ class Log:
 @contextmanager
 def process_group():
     """A `Process`: what torchrun has set, or one alone."""
-    accelerator = (
-        torch.accelerator.current_accelerator() if torch.accelerator.is_available() else None
-    )
+    present = torch.accelerator.is_available()
+    accelerator = torch.accelerator.current_accelerator() if present else None
     if "RANK" not in os.environ:
         yield Process(device=accelerator or torch.device("cpu"))
         return
@@ -264,8 +253,7 @@ def check_config(config, training, world):
 
 
 def write_checkpoint(folder, model, optimiser, step, log):
-    """Write parameters, optimiser, step and the log's sums since its last row as one file, whole or
-    not at all."""
+    """Write parameters, optimiser, step and the log's sums as one file, whole or not at all."""
     tensors = {f"model.{name}": tensor for name, tensor in model.state_dict().items()}
     for number, state in optimiser.state_dict()["state"].items():
         tensors |= {f"optimiser.{number}.{key}": value for key, value in state.items()}
@@ -275,8 +263,7 @@ def write_checkpoint(folder, model, optimiser, step, log):
 
 
 def read_checkpoint(folder, model, optimiser, device):
-    """(step, seconds, the log's sums) of the checkpoint after loading it, (0, 0, []) where there is
-    none."""
+    """Load the checkpoint: (step, seconds, the log's sums), (0, 0, []) where there is none."""
     path = folder / "checkpoint.safetensors"
     if not path.exists():
         return 0, 0.0, []
@@ -285,14 +272,15 @@ def read_checkpoint(folder, model, optimiser, device):
             header, tensors = file.metadata(), {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     except SafetensorError as error:
         raise TrainingError(f"{path} is damaged ({error}); remove it to start again") from None
-    part = "model."
-    model.load_state_dict(
-        {name[len(part) :]: value for name, value in tensors.items() if name.startswith(part)}
-    )
+    parameters = {}
     state = {}
     for name, value in tensors.items():
-        if name.startswith("optimiser."):
-            _, number, key = name.split(".")
+        part, name = name.split(".", 1)
+        if part == "model":
+            parameters[name] = value
+        else:
+            number, key = name.split(".")
             state.setdefault(int(number), {})[key] = value if key == "step" else value.to(device)
+    model.load_state_dict(parameters)
     optimiser.load_state_dict({**optimiser.state_dict(), "state": state})
     return int(header["step"]), float(header["seconds"]), json.loads(header.get("sums", "[]"))

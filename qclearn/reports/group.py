@@ -25,13 +25,8 @@ MEASURES = {
 FEWEST = 3  # subjects for a z-score
 ODD = 2.0  # z-score on the bad side from which a row is marked
 MOST_PICTURES = 150  # more would make the page too heavy
-SPREAD = ColorScale(
-    label="spread over the subjects, after",
-    colormap="viridis",
-    low=0,
-    high=1.5,
-    unit="standard deviation, in SD",
-)
+SPREAD_UNIT = "standard deviation, in SD"
+SPREAD = ColorScale("spread over the subjects, after", "viridis", 0, 1.5, SPREAD_UNIT)
 PICTURES = {
     "before": "mean curvature of the subjects before registration",
     "after": "mean curvature of the subjects after registration",
@@ -41,8 +36,10 @@ PICTURES = {
 
 @dataclass(frozen=True)
 class Subject:
-    """A subject of a group: its registration's folder, figures (name -> number), reasons that make
-    it suspect, a picture and a page of its own (addresses, "" without), z-scores of MEASURES."""
+    """A subject of a group with its registration's folder.
+
+    figures: name -> number; suspect: reasons; picture, page: addresses, "" without; z: of MEASURES.
+    """
 
     name: str
     folder: Path
@@ -68,8 +65,8 @@ class Subject:
         return "bad" if self.broken else "odd" if self.worst >= ODD else "good"
 
     @property
-    def words(self):
-        """The fixed words that its reasons begin with."""
+    def reasons(self):
+        """The kinds of reasons, such as "error"."""
         return [reason.split(":")[0] for reason in self.suspect]
 
 
@@ -171,22 +168,16 @@ def scored(subjects):
     NaN where fewer than FEWEST have a figure, or all have the same.
     """
     sound = [subject for subject in subjects if not subject.broken]
-    if len(sound) < FEWEST:
-        sound = subjects
-    mean, spread = {}, {}
+    sound = sound if len(sound) >= FEWEST else subjects
+    scores = [{} for _ in subjects]
     for key in MEASURES:
         values = np.array([subject.figures[key] for subject in sound], float)
         values = values[np.isfinite(values)]
         enough = len(values) >= FEWEST and np.ptp(values) > 0
-        mean[key] = values.mean() if enough else np.nan
-        spread[key] = values.std(ddof=1) if enough else np.nan
-    return [
-        replace(
-            subject,
-            z={key: float((subject.figures[key] - mean[key]) / spread[key]) for key in MEASURES},
-        )
-        for subject in subjects
-    ]
+        mean, spread = (values.mean(), values.std(ddof=1)) if enough else (np.nan, np.nan)
+        for score, subject in zip(scores, subjects):
+            score[key] = float((subject.figures[key] - mean) / spread)
+    return [replace(subject, z=score) for subject, score in zip(subjects, scores)]
 
 
 def csv_of(subjects):

@@ -7,7 +7,7 @@ from .render import render, require_html, write_text
 from .views import ColorScale, InflatedView, curvature_scale
 
 DIFFERENCE = ColorScale("difference, after − control", "RdBu_r", -3, 3, "SD")
-MU = ColorScale("shape |μ|", "viridis", 0, 0.8, "0: angles kept, 1: flat")
+MU = ColorScale("shape |μ|", "viridis", 0, 0.8, "0: conformal, 1: flat")
 AREA = ColorScale("area log2 J", "PuOr_r", -2, 2, "−1: half of its area, 1: twice")
 PICTURES = {
     "before": "The moving surface's curvature on the inflated control before registration",

@@ -77,17 +77,13 @@ class InflatedView:
 
     def pictures(self, curvatures, descriptions):
         """Both sides of each curvature: name -> pairs (data: address, description)."""
-        sides = {"from outside": 1, "from the inner side": -1}
-        return {
-            name: [
-                (
-                    self.picture(curvatures[name], curvature_scale(name), side),
-                    f"{text}, seen {place}",
-                )
-                for place, side in sides.items()
-            ]
-            for name, text in descriptions.items()
-        }
+        pictures = {}
+        for name, text in descriptions.items():
+            values, scale = curvatures[name], curvature_scale(name)
+            outer = self.picture(values, scale), f"{text}, seen from outside"
+            inner = self.picture(values, scale, side=-1), f"{text}, seen from the inner side"
+            pictures[name] = [outer, inner]
+        return pictures
 
     def picture(self, values, scale, side=1, width=PIXELS):
         """A picture of a map (W,) as a data: address; side: 1 from outside, -1 from the inside."""

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from qclearn.benchmark.measured import (
-    KEPT,
+    RESULTS,
     WRITERS,
     BenchmarkError,
-    parameterize,
+    as_text,
     read_measured,
     write_measured,
 )
@@ -25,12 +25,12 @@ def test_the_kept_figures_fit_their_schema_and_come_back(figures, tmp_path):
     assert set(figures) == {"polar", "ldnet", "cpnet", "controls", "dbsnet", "losses", "whole"}
     write_measured("networks", tmp_path / "networks.json", figures)
     assert read_measured("networks", tmp_path / "networks.json") == figures
-    assert (tmp_path / "networks.json").read_text() == (KEPT / "networks.json").read_text()
+    assert (tmp_path / "networks.json").read_text() == (RESULTS / "networks.json").read_text()
 
 
 def test_a_file_and_the_program_that_writes_it_are_named_for_each_other():
-    root = KEPT.parents[2]
-    assert {path.stem for path in KEPT.iterdir()} == set(WRITERS)
+    root = RESULTS.parents[2]
+    assert {path.stem for path in RESULTS.iterdir()} == set(WRITERS)
     for name, writer in WRITERS.items():
         assert writer.startswith("qclearn benchmark") or (root / writer).is_file()
         assert name in (root / "book/studies/README.md").read_text()
@@ -42,12 +42,12 @@ def test_a_file_and_the_program_that_writes_it_are_named_for_each_other():
 @pytest.mark.parametrize("name", WRITERS)
 def test_kept_figures_fit_their_schema_and_can_be_written_again(name):
     figures = read_measured(name)
-    assert json.loads(parameterize(name, figures)) == figures
+    assert json.loads(as_text(name, figures)) == figures
 
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_kept_figures_were_measured_on_a_committed_tree(name):
-    text = (KEPT / f"{name}.json").read_text()
+    text = (RESULTS / f"{name}.json").read_text()
     assert '"commit"' in text and "+changes" not in text, "measure again, on a committed tree"
 
 

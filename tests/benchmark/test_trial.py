@@ -10,7 +10,7 @@ import pytest
 from qclearn.benchmark import Run
 from qclearn.benchmark.methods import METHODS
 from qclearn.benchmark.pairs import cohort_pair, displacement_pair, mapped, prepare, twisted
-from qclearn.benchmark.trial import how_sure, trial
+from qclearn.benchmark.trial import judge_radius, trial
 from qclearn.plane.bijectivity import RepairWarning
 from qclearn.plane.grids import polar, polar_disk
 from qclearn.plane.mobius import mobius
@@ -123,7 +123,7 @@ def test_the_true_map_is_measured_as_one(pair):
 
 def test_a_radius_is_judged_where_it_is_asked_for_and_the_truth_is_known(pair, monkeypatch):
     def far(moving, control, curves, **settings):
-        assert settings == {"sure": True, "features": None, "gamma": 1e4} and curves == list(
+        assert settings == {"uncertainty": True, "features": None, "gamma": 1e4} and curves == list(
             pair.curves
         )
         radius = np.arange(1.0, len(pair.truth) + 1)
@@ -135,13 +135,13 @@ def test_a_radius_is_judged_where_it_is_asked_for_and_the_truth_is_known(pair, m
     inside = np.average(
         np.arange(len(pair.truth)) % 4 > 0, weights=pair.moving.surface.vertex_areas
     )
-    found = how_sure(pair, run)
+    found = judge_radius(pair, run)
     assert found["coverage"] == pytest.approx(inside) and 0.5 < found["rank"] < 0.9
     for other, problem in (
         (replace(run, uncertainty=False), pair),
         (run, replace(pair, truth=None)),
     ):
-        assert how_sure(problem, other) == {"coverage": None, "rank": None}
+        assert judge_radius(problem, other) == {"coverage": None, "rank": None}
 
 
 def test_a_shifted_map_is_off_by_its_shift(pair):

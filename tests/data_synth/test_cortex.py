@@ -20,7 +20,7 @@ from data_synth.generations import GENERATION, GENERATIONS
 from data_synth.growth import depth_below, grow, hull_distance, neighbour_table
 from data_synth.individual import Individual
 from data_synth.intersections import self_intersections
-from data_synth.pattern import FILE, kept, pattern
+from data_synth.pattern import FILE, pattern, template_folds
 from data_synth.template import (
     CENTRE,
     SULCI,
@@ -189,7 +189,7 @@ def test_the_template_leans_to_itself():
     even in between."""
     courses = {name: sulcus_course(points)[20:-20] for name, points in SULCI.items()}
     assert min(pattern(course).mean() for course in courses.values()) > 0.3
-    tree, depth = kept()
+    tree, depth = template_folds()
     np.testing.assert_allclose(pattern(tree.data[:50]), depth[:50], atol=1e-3)
     assert depth.min() < 0 < depth.max()
 

@@ -14,8 +14,8 @@ from exactmaps import twist
 import qclearn as qc
 from qclearn.cli import main
 from qclearn.group import subject as of
-from qclearn.group.kept import Folder
 from qclearn.group.members import members_of
+from qclearn.group.rounds import Folder
 from qclearn.group.subject import Fitted, Mean, Shared, mean_of, onto
 from qclearn.plane.disk import Disk
 from qclearn.plane.grids import polar_disk
@@ -174,9 +174,9 @@ def test_a_scheduler_gives_what_this_process_gives(found, folder):
 def test_a_suspect_subject_is_named_and_takes_no_part(found, folder, tmp_path):
     """As if the first round had found it so."""
     shutil.copytree(folder, tmp_path / "rounds")
-    kept = Folder(tmp_path / "rounds", json.loads((folder / "settings.json").read_text()))
+    rounds = Folder(tmp_path / "rounds", json.loads((folder / "settings.json").read_text()))
     keys = {member.name: member.key for member in members_of(SURFACES, FEATURES)[0]}
-    kept.keep(1, keys["bowl 2"], Fitted(found.disk_maps["bowl 2"], ["features: hardly agree"]))
+    rounds.write(1, keys["bowl 2"], Fitted(found.disk_maps["bowl 2"], ["features: hardly agree"]))
     two = of_bowls(1, folder=tmp_path / "rounds")
     assert two.left_out == two.report["left_out"] == {"bowl 2": ["features: hardly agree"]}
     assert set(two.disk_maps) == {"bowl 0", "bowl 1"}
@@ -186,7 +186,7 @@ def test_a_suspect_subject_is_named_and_takes_no_part(found, folder, tmp_path):
         ).mean()
         > 1e-3
     )
-    kept.keep(1, keys["bowl 1"], Fitted(None, ["folds: everywhere"]))
+    rounds.write(1, keys["bowl 1"], Fitted(None, ["folds: everywhere"]))
     with pytest.raises(
         qc.TemplateError, match="fewer than two .* .bowl 1: folds: everywhere; bowl 2: features:"
     ):

@@ -18,7 +18,7 @@ def folder(tmp_path):
     the masks differ, and each map says its side and vertex."""
     for name in ("surfaces", "matrices/main_group"):
         (tmp_path / name).mkdir(parents=True)
-    for side, word in SIDES.items():
+    for side, word in zip(("left", "right"), SIDES):
         surface = BALL if side == "left" else mirror(Surface(BALL.vertices * 1.1, BALL.faces))
         write_surface(tmp_path / f"surfaces/conte69_32k_{word}.gii", surface)
         keep = BALL.vertices[:, 2] > (-0.8 if side == "left" else -0.7)

@@ -100,7 +100,7 @@ def test_the_prior_is_diagonal_in_the_coefficients(grid):
     spectrum, (_, spokes, arcs) = grid.spectrum, ring_tables(grid.mesh, 36)
     nu = spectrum.field(c)[1:].reshape(12, 36)
     (on_rings,) = tensors(nu)
-    kept = torch.tensor(c[grid.kept.numpy()]).to(torch.complex64)[None]
+    kept = torch.tensor(c[grid.selected.numpy()]).to(torch.complex64)[None]
     torch.testing.assert_close(grid.coefficients(on_rings), kept, rtol=1e-3, atol=1e-3)
     assert grid.mean_square(on_rings).item() == pytest.approx((abs(c) ** 2).sum(), rel=1e-3)
     slope = spokes @ (abs(np.diff(nu, axis=0)) ** 2).sum(1) + arcs @ (
@@ -111,7 +111,7 @@ def test_the_prior_is_diagonal_in_the_coefficients(grid):
 
 def test_displacements_are_those_of_the_exact_map(grid, born):
     rng, c = np.random.default_rng(1), np.zeros(432, complex)
-    c[grid.kept[:40].numpy()] = (rng.normal(size=(40, 2)) @ [1, 1j]) * 3e-4
+    c[grid.selected[:40].numpy()] = (rng.normal(size=(40, 2)) @ [1, 1j]) * 3e-4
     nu, solver = grid.spectrum.field(c), PolarSolver(12, 36, 1.4)
     given = bounded(torch.tensor(grid.mesh.to_faces @ nu))[None]
     exact = solver.solve(given, 1e-9) - torch.tensor(solver.mesh.z)
@@ -367,11 +367,15 @@ def test_the_papers_losses_differ_in_means_gauge_and_what_is_lost(paper):
     points = PAPER.gamma * L_Landmark(p, q)
     torch.testing.assert_close(losses["printed"], (L_mu(mu) + L_grad_mu(mesh, mu) + points).item())
     torch.testing.assert_close(
-        losses["mended"], (L_mu(mu, shares) + L_grad_mu(mesh, mu, shares) + points).item()
+        losses["corrected"], (L_mu(mu, shares) + L_grad_mu(mesh, mu, shares) + points).item()
     )
-    torch.testing.assert_close(losses["whole"], losses["mended"] + L_lost(mesh, mu, shares).item())
-    assert errors["mended"] == errors["whole"] < 0.1 * errors["printed"]
-    with pytest.raises(ValueError, match="unknown loss 'half'; there are mended, whole, printed"):
+    torch.testing.assert_close(
+        losses["whole"], losses["corrected"] + L_lost(mesh, mu, shares).item()
+    )
+    assert errors["corrected"] == errors["whole"] < 0.1 * errors["printed"]
+    with pytest.raises(
+        ValueError, match="unknown loss 'half'; there are corrected, whole, printed"
+    ):
         PaperCPNet(replace(PAPER, loss="half"))
 
 

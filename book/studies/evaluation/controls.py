@@ -1,4 +1,4 @@
-"""The paper's CP-Net, mended, trained through each solver, alike in all else, on subjects that it
+"""The paper's CP-Net, corrected, trained through each solver, alike in all else, on subjects that it
 has not seen."""
 
 from platformdirs import user_cache_path

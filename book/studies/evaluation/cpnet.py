@@ -270,7 +270,7 @@ def paper(subjects, quick):
 
 
 def printed(net, subjects, quick):
-    """Means over subjects (M,) of one of the paper's CP-Nets, mended.
+    """Means over subjects (M,) of one of the paper's CP-Nets, corrected.
 
     "dbsnet_...": by the map of the paper's DBS-Net, which the paper's own table is about; "error",
     "loss_ratio" and |mu|: by the exact map of the same coefficient. "whole_ratio": of L_CP with

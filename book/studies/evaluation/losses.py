@@ -1,4 +1,4 @@
-"""Small networks of the kind of the paper's CP-Net by three losses, alike in all else: mended,
+"""Small networks of the kind of the paper's CP-Net by three losses, alike in all else: corrected,
 whole, and as printed.
 
 Each is trained through the exact solver with several seeds: on three curves that random twists have

@@ -1,4 +1,4 @@
-"""The paper's CP-Net, mended, at gamma = 1e5 as it is shipped, and trained with what its averages
+"""The paper's CP-Net, corrected, at gamma = 1e5 as it is shipped, and trained with what its averages
 lose counted in."""
 
 from qclearn.nets import load
@@ -18,6 +18,6 @@ def figures(seeds, quick=False):
         raise SystemExit(f"not trained here: {NAME}; python -m book.studies.training --only {NAME}")
     subjects = curves_of(seeds[:2] if quick else seeds[: EACH + 1], 2_500 if quick else 10_000)
     return {
-        "mended": printed(load("cpnet", "paper", 1e5), subjects, quick),
+        "corrected": printed(load("cpnet", "paper", 1e5), subjects, quick),
         "whole": printed(load_file(path), subjects, quick),
     }

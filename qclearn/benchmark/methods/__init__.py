@@ -1,5 +1,4 @@
-"""Registration methods behind one call: `METHODS[name](problem, **parameters) -> f (V,)`, one short
-file each.
+"""Registration methods: `METHODS[name](problem, **parameters) -> f (V,)`, one short file each.
 
 A method takes a `Problem` and keyword parameters with defaults, returns where each vertex of the
 moving disk mesh lies in the control's disk, and warns with a RepairWarning of what it did beyond

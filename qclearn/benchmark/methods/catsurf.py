@@ -1,5 +1,4 @@
-"""CAT-Surface behind a command line, as a program of its own: the package cat-surf is under the
-GPL.
+"""CAT-Surface as a program of its own, since the package cat-surf is under the GPL.
 
     python catsurf.py sphere SURFACE OUT
     python catsurf.py demons MOVING MOVING_SPHERE CONTROL CONTROL_SPHERE OUT
@@ -19,9 +18,8 @@ def main(task, *paths):
     if task == "sphere":
         result = cat_surf.surf_to_sphere(*meshes[0], stop_at=5, relax=True)
     else:
-        result = cat_surf.spherical_demon(
-            *meshes
-        )  # its defaults, its own search for a rotation among them
+        # Its defaults, its own search for a rotation among them.
+        result = cat_surf.spherical_demon(*meshes)
     cat_surf.write_surface(out, *result)
 
 

@@ -1,5 +1,4 @@
-"""The library's fit to the folds of both surfaces: with landmarks, after their Möbius map alone,
-and without them."""
+"""The library's fit to folds: with landmarks, after their Möbius map alone, and without them."""
 
 from dataclasses import replace
 
@@ -28,17 +27,15 @@ def dense(problem, alpha=Weights.alpha, beta=Weights.beta, delta=DELTA, eta=ETA)
     """`hybrid` with gamma = 0: folds alone, from the landmarks' best Möbius map on, f (V,)."""
     sides = sides_of(problem)
     disk = repair_folds(sides.moving.surface, mobius(problem.disk.z, *problem.mobius))
-    return by_folds(
-        Problem(disk, [], [], fewest=0, sides=sides), Weights(alpha, beta, delta=delta, eta=eta)
-    )
+    problem = Problem(disk, [], [], fewest=0, sides=sides)
+    return by_folds(problem, Weights(alpha, beta, delta=delta, eta=eta))
 
 
 def landmark_free(problem, alpha=Weights.alpha, beta=Weights.beta, delta=DELTA, eta=ETA):
-    """Folds alone, from the Möbius map that fits them best: landmarks take no part, f (V,)."""
+    """Folds alone, from the Möbius map that fits them best, without landmarks: f (V,)."""
     sides = align_disks(replace(with_folds(problem), curves=[], held=[]))
-    return by_folds(
-        sample_landmarks(sides).problem, Weights(alpha, beta, delta=delta, eta=eta), sides
-    )
+    weights = Weights(alpha, beta, delta=delta, eta=eta)
+    return by_folds(sample_landmarks(sides).problem, weights, sides)
 
 
 def by_folds(problem, weights, sides=None):
@@ -57,7 +54,6 @@ def with_folds(problem):
 
 def sides_of(problem):
     if problem.sides is None:
-        raise LandmarkError(
-            "this method looks at folds, and the problem has landmarks alone: give it `sides`"
-        )
+        message = "this method looks at folds, and the problem has landmarks alone"
+        raise LandmarkError(f"{message}: give it `sides`")
     return problem.sides

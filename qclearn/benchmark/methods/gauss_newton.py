@@ -24,11 +24,8 @@ def gauss_newton(
     carries nu. A RepairWarning says if rows were switched. Source: paper, eq. RegLoss; Gauss-Newton
     in its dual form.
     """
-    fit = fit_problem(
-        replace(problem, sliding=sliding or problem.sliding),
-        Weights(alpha, beta, gamma),
-        rings=rings,
-    )
+    problem = replace(problem, sliding=sliding or problem.sliding)
+    fit = fit_problem(problem, Weights(alpha, beta, gamma), rings=rings)
     warn_of(fit.fallbacks)
     return fit.f
 
@@ -36,24 +33,19 @@ def gauss_newton(
 @threadpool_limits.wrap(limits=1)
 def coarse_steps(problem, steps=1, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma):
     """`few_steps` from the fit settled on a coarse polar mesh: CP-Net's exact twin, f (V,)."""
-    weights, level, mesh = (
-        Weights(alpha, beta, gamma),
-        Level(COARSE[0], None, 5, rising=True),
-        polar(*COARSE),
-    )
+    weights = Weights(alpha, beta, gamma)
+    level = Level(COARSE[0], None, 5, rising=True)
+    mesh = polar(*COARSE)
     objective = MultiresolutionFit(problem).objective(level, weights)
-    state, _ = run_level(
-        objective, objective.at(np.zeros(len(mesh.z), complex), problem.mobius), level
-    )
-    return few_steps(
-        problem, bounded(mesh.sampling(polar(*FINE).centroids) @ state.nu), steps, weights
-    )
+    start = objective.at(np.zeros(len(mesh.z), complex), problem.mobius)
+    state, _ = run_level(objective, start, level)
+    mu = bounded(mesh.sampling(polar(*FINE).centroids) @ state.nu)
+    return few_steps(problem, mu, steps, weights)
 
 
 @threadpool_limits.wrap(limits=1)
 def few_steps(problem, mu, steps, weights):
-    """At most `steps` steps of the fit on `polar(*FINE)`, from mu on its faces, then one exact
-    solve: f (V,).
+    """Up to `steps` steps of the fit on `polar(*FINE)` from mu (F,), then one exact solve: f (V,).
 
     The solve fits the disk Möbius map again. A RepairWarning says if rows were switched.
     """

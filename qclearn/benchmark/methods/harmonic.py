@@ -1,5 +1,4 @@
-"""The paper's baseline: the landmark-constrained optimised harmonic map, with its overlap
-correction."""
+"""The paper's baseline: the harmonic map with soft landmarks and its overlap correction."""
 
 import numpy as np
 from scipy import sparse
@@ -27,8 +26,7 @@ def harmonic(problem, weight=1.0, correct=True):
 
 
 def unfold(solver, f, smoothness):
-    """FLASH's overlap correction: rounds of four steps until no face is flipped; a RepairWarning
-    says what it did.
+    """FLASH's overlap correction: rounds of four steps until no face is flipped; warns of repairs.
 
     1. smooth |mu| and truncate it; 2. solve with the landmarks held and measure the coefficient mu'; 3. blend,
     `mu' + smoothness (nu - mu')`, and truncate; 4. solve with that and without landmarks. smoothness in [0, 1]:
@@ -52,9 +50,8 @@ def smoothed(solver, mu, weight):
     disk = solver.disk
     nodal = disk.to_vertices @ mu
     matrix = (1 + 1 / weight) * sparse.eye_array(len(nodal)) + (2 / weight) * disk.laplace
-    problem = Dirichlet(
-        matrix, [], None if solver.order is None else np.append(solver.order, disk.loop)
-    )
+    order = None if solver.order is None else np.append(solver.order, disk.loop)
+    problem = Dirichlet(matrix, [], order)
     size = np.empty(len(nodal))
     size[problem.free] = problem.solve_free(abs(nodal[problem.free]))
     turned = np.divide(size, abs(nodal), out=np.zeros_like(size), where=nodal != 0) * nodal

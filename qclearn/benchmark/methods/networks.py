@@ -1,5 +1,4 @@
-"""The paper's networks as registration methods: CP-Net proposes mu; DBS-Net, the exact solver or
-steps make maps."""
+"""The networks as methods: CP-Net proposes mu; DBS-Net, the exact solver or steps make maps."""
 
 from dataclasses import replace
 
@@ -10,9 +9,8 @@ from ...registration.problem import Weights
 from .gauss_newton import few_steps
 from .solver import warn_of
 
-TIGHT_TOLERANCE = (
-    2e-3  # landmark error in the disk above which `guarded` refines; `register` allows more
-)
+# Landmark error in the disk above which `guarded` refines; `register` allows more.
+TIGHT_TOLERANCE = 2e-3
 NEEDS = {  # method -> networks
     "cpnet_dbsnet": ("cpnet", "dbsnet"),
     "cpnet_exact": ("cpnet",),
@@ -35,16 +33,14 @@ def networks_of(method, parameters):
 
 
 def proposed(problem, preset, weights):
-    """CP-Net's mu (F,) on a problem's disk mesh; the paper's knows gamma = 1e4, 1e5 and 2e5 at
-    alpha = beta = 1."""
+    """CP-Net's mu (F,) on a problem's disk mesh; the paper's needs (1, 1, 1e4), 1e5 or 2e5."""
     return predicted(network("cpnet", preset, weights.gamma).predict, problem, weights)
 
 
 def cpnet_dbsnet(
     problem, preset="best", alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma
 ):
-    """DBS-Net's map for CP-Net's mu, then the landmarks' best disk Möbius map: as it comes, folds
-    and all.
+    """DBS-Net's map for CP-Net's mu, then the landmarks' best Möbius map, without any correction.
 
     Source: paper, section 'Landmark-based Brain Cortical Surface Registration'.
     """
@@ -56,8 +52,7 @@ def cpnet_dbsnet(
 def cpnet_exact(
     problem, preset="best", alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma
 ):
-    """The exact solver's map for CP-Net's mu; a RepairWarning says if rows were switched against
-    folds."""
+    """The exact solver's map for CP-Net's mu; a RepairWarning names switched rows."""
     result = exact_map(problem, proposed(problem, preset, Weights(alpha, beta, gamma)))
     warn_of(result.fallbacks)
     return result.f
@@ -66,8 +61,7 @@ def cpnet_exact(
 def cpnet_steps(
     problem, preset="best", steps=1, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma
 ):
-    """`few_steps` from CP-Net's mu: at most so many Gauss-Newton steps on a polar mesh, then one
-    exact solve."""
+    """`few_steps` from CP-Net's mu: Gauss-Newton steps on a polar mesh, then one exact solve."""
     weights, there = Weights(alpha, beta, gamma), replace(problem, disk=polar(*FINE))
     return few_steps(problem, proposed(there, preset, weights), steps, weights)
 
@@ -75,8 +69,7 @@ def cpnet_steps(
 def guarded(
     problem, alpha=Weights.alpha, beta=Weights.beta, gamma=Weights.gamma, tolerance=TIGHT_TOLERANCE
 ):
-    """`register(method="network")`: the networks' map, their exact twins' where that folds or
-    misses by `tolerance`.
+    """`register(method="network")`: the networks' map, or their exact twins' where it falls short.
 
     A RepairWarning says each step aside.
     """

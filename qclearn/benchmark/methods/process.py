@@ -33,7 +33,7 @@ class Costs(NamedTuple):
 
 
 def measured(command, limit, out=None):
-    """Run a command (list of words) in one thread for at most `limit` seconds: its `Costs`.
+    """Run a command (list) in one thread for at most `limit` seconds: its `Costs`.
 
     ProgramError where it cannot be started, fails, is not done by then, or has not written the
     file `out`. What it leaves running is killed. POSIX alone.

@@ -42,11 +42,11 @@ def program(problem, command="", limit=LIMIT):
     the moving sphere's faces with each vertex where it lies on the control's sphere. No shell;
     limit: seconds. ProgramError, SphereError; ImportError where a sphere cannot be made.
     """
-    words = command_words(command)
+    parts = command_parts(command)
     spheres = sphere_of(problem.sides.moving), sphere_of(problem.sides.control)
-    key = tuple(words), limit, *(sphere.fingerprint for sphere in spheres)
+    key = tuple(parts), limit, *(sphere.fingerprint for sphere in spheres)
     if key not in ANSWERS:
-        ANSWERS[key] = answer_of(words, limit, *spheres)
+        ANSWERS[key] = answer_of(parts, limit, *spheres)
     return ANSWERS[key]
 
 
@@ -60,11 +60,11 @@ def spherical_demons(problem, limit=LIMIT):
     return program(problem, command, limit)
 
 
-def command_words(command):
-    """The words of a command line, each placeholder checked, or ProgramError."""
+def command_parts(command):
+    """A command line split into parts, each placeholder checked, or ProgramError."""
     try:
-        words = shlex.split(command)
-        names = {name for word in words for _, name, _, _ in Formatter().parse(word)} - {None}
+        parts = shlex.split(command)
+        names = {name for part in parts for _, name, _, _ in Formatter().parse(part)} - {None}
     except ValueError as error:
         raise ProgramError(f"{command!r} is no command line: {error}") from None
     unknown = sorted(names - set(FILES))
@@ -72,10 +72,10 @@ def command_words(command):
         fault = f"knows no {{{unknown[0]}}}" if unknown else "does not say where {out} goes"
         allowed = ", ".join(f"{{{name}}}" for name in FILES)
         raise ProgramError(f"{command!r} {fault}: write it with {allowed}")
-    return words
+    return parts
 
 
-def answer_of(words, limit, moving, control):
+def answer_of(parts, limit, moving, control):
     whole, whose = moving.whole, "the sphere that the program wrote"
     with TemporaryDirectory() as folder:
         paths = {name: str(Path(folder, f"{name}.surf.gii")) for name in FILES}
@@ -83,7 +83,7 @@ def answer_of(words, limit, moving, control):
             write_surface(paths[name], sphere.whole)
             ball = Surface(RADIUS * sphere.points, sphere.whole.faces)
             write_surface(paths[f"{name}_sphere"], ball)
-        costs = measured([word.format(**paths) for word in words], limit, paths["out"])
+        costs = measured([part.format(**paths) for part in parts], limit, paths["out"])
         try:
             result = read_surface(paths["out"])
         except ValueError as error:
@@ -118,10 +118,9 @@ def run_task(path):
     from . import METHODS
 
     method, parameters, curves, pairs = pickle.loads(Path(path).read_bytes())
-    sides = [
-        replace(parameterize(one), sphere=sphere and Sphere(one, sphere)) for one, sphere in pairs
-    ]
-    sides = SurfacePair(*sides, check_curves(curves, pairs[0][0], pairs[1][0]), [])
-    METHODS[method](
-        replace(sample_landmarks(align_disks(sides)).problem, sides=sides), **parameters
-    )
+    spheres = [sphere and Sphere(one, sphere) for one, sphere in pairs]
+    moving, control = (one for one, _ in pairs)
+    surfaces = [replace(parameterize(pairs[k][0]), sphere=spheres[k]) for k in range(2)]
+    sides = SurfacePair(*surfaces, check_curves(curves, moving, control), [])
+    problem = replace(sample_landmarks(align_disks(sides)).problem, sides=sides)
+    METHODS[method](problem, **parameters)

@@ -1,5 +1,4 @@
-"""Landmark-constrained quasi-conformal iteration: a smooth coefficient and a map that meets the
-landmarks, in turns."""
+"""Quasi-conformal iteration: a smooth coefficient and a map that meets the landmarks, in turns."""
 
 import numpy as np
 
@@ -20,9 +19,8 @@ def qc_iteration(problem, alpha=1.0, rounds=20):
     Lam, Lui (2014), Landmark and intensity based registration, section 4.
     """
     if not (alpha >= 0 and rounds >= 1):
-        raise ValueError(
-            f"alpha = {alpha}, rounds = {rounds}: give alpha from 0 and at least one round"
-        )
+        advice = "give alpha from 0 and at least one round"
+        raise ValueError(f"alpha = {alpha}, rounds = {rounds}: {advice}")
     solver = LandmarkSolver(problem)
     disk, sigma = solver.disk, FIRST_SIGMA
     nu, laplace, mass = np.zeros(len(disk.faces), complex), disk.laplace, disk.mass
@@ -37,10 +35,6 @@ def qc_iteration(problem, alpha=1.0, rounds=20):
     if left:
         f = solver.solve(nu)
         let_go = len(disk.at(f).flipped)
-        warn_of(
-            [
-                f"quasi-conformal iteration: {left} faces flipped with the landmarks held; let "
-                f"go, {let_go}"
-            ]
-        )
+        message = f"{left} faces flipped with the landmarks held; let go, {let_go}"
+        warn_of([f"quasi-conformal iteration: {message}"])
     return f

@@ -8,21 +8,14 @@ from ...registration.features import FINEST, SCALE
 from .folds import with_folds
 from .spheres import sphere_of
 
-SPANS = (
-    32.0,
-    16.0,
-    8.0,
-    4.0,
-    2.0,
-    1.0,
-)  # degrees, half of the widths of the searches, one after the other
+# Degrees, half of the widths of the searches, one after the other.
+SPANS = 32.0, 16.0, 8.0, 4.0, 2.0, 1.0
 STEPS = 2, 1  # grid points to either side of 0, first and later
 JUDGES = 4000  # vertices that judge a rotation
 
 
 def rotation(problem):
-    """The rotation of the moving sphere whose folds fit the control's best: points (V', 3) on the
-    control's sphere.
+    """The rotation of the moving sphere whose folds fit the control's best: points (V', 3).
 
     Greatest mean over the moving area of depth times depth and curvature times curvature,
     standardised, each moving vertex with the control's nearest: at the scale SCALE from far, at
@@ -37,18 +30,14 @@ def rotation(problem):
     tree, best = cKDTree(control.points), Rotation.identity()
     for span in SPANS:
         here, there = sides.features.at(FINEST if span <= 4 else SCALE)
-        there = np.pad(
-            there, ((0, len(control.points) - len(there)), (0, 0))
-        )  # the wall has no folds
+        # The wall has no folds.
+        there = np.pad(there, ((0, len(control.points) - len(there)), (0, 0)))
         steps = STEPS[span < SPANS[0]]
-        angles = np.stack(
-            np.meshgrid(*[np.arange(-steps, steps + 1) * span / steps] * 3), -1
-        ).reshape(-1, 3)
+        axis = np.arange(-steps, steps + 1) * span / steps
+        angles = np.stack(np.meshgrid(axis, axis, axis), -1).reshape(-1, 3)
         tries = Rotation.from_euler("xyz", angles, degrees=True) * best
-        fits = [
-            areas
-            @ ((here[judges] * there[tree.query(one.apply(points))[1]]) @ sides.features.shares)
-            for one in tries
-        ]
+        nearest = [tree.query(one.apply(points))[1] for one in tries]
+        shares = sides.features.shares
+        fits = [areas @ ((here[judges] * there[near]) @ shares) for near in nearest]
         best = tries[int(np.argmax(fits))]
     return best.apply(moving.points)

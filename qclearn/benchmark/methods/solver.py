@@ -1,5 +1,4 @@
-"""What several methods share: the Beltrami solver with circle and landmarks held, and how they say
-what they did."""
+"""Shared by methods: the Beltrami solver with circle and landmarks held, and repair warnings."""
 
 import warnings
 
@@ -25,17 +24,13 @@ class LandmarkSolver:
         self.disk, self.samples, self.target = problem.disk, problem.samples, problem.target
         self.order = None  # of elimination: minimum degree
         boundary = mobius(self.disk.z[self.disk.loop], *problem.mobius)
-        self.boundary, self.normal = (
-            boundary / abs(boundary),
-            (self.samples.T @ self.samples).tocsc(),
-        )
+        self.boundary = boundary / abs(boundary)
+        self.normal = (self.samples.T @ self.samples).tocsc()
 
     def solve(self, mu, weight=0.0):
-        """The map f (V,) with coefficient mu (F,) and landmarks of this weight; BeltramiError for
-        |mu| >= 1."""
-        dirichlet = Dirichlet(
-            self.disk.stiffness(mu) + weight * self.normal, self.disk.loop, self.order
-        )
+        """The map f (V,) for mu (F,) and this weight of landmarks; BeltramiError for |mu| >= 1."""
+        matrix = self.disk.stiffness(mu) + weight * self.normal
+        dirichlet = Dirichlet(matrix, self.disk.loop, self.order)
         load = weight * (self.samples.T @ self.target)[dirichlet.free]
         f = np.empty(len(self.disk.z), complex)
         f[self.disk.loop] = self.boundary
@@ -48,15 +43,13 @@ class LandmarkSolver:
 
 
 def truncated(mu, largest=LARGEST):
-    """mu with |mu| cut to `largest`; 0 where mu is infinite or undefined (a collapsed face): its
-    direction is lost."""
+    """mu with |mu| cut to `largest`; 0 where mu is infinite or undefined, on collapsed faces."""
     mu = np.where(np.isfinite(mu), mu, 0)
     size = abs(mu)
     return mu * np.divide(largest, size, out=np.ones_like(size), where=size > largest)
 
 
 def warn_of(repairs):
-    """A RepairWarning for each thing a method did beyond its plain formula; the benchmark's rows
-    hold the messages."""
+    """A RepairWarning for each repair of a method; the benchmark's rows hold the messages."""
     for message in repairs:
         warnings.warn(message, RepairWarning, stacklevel=3)

@@ -1,5 +1,4 @@
-"""Surfaces on spheres, for methods that turn or bend a sphere: the whole surface, closed where it
-was cut open."""
+"""Whole surfaces on spheres, closed where they were cut open, for methods on spheres."""
 
 import hashlib
 import sys
@@ -22,7 +21,8 @@ CATSURF = (
     sys.executable,
     "-P",
     str(Path(__file__).with_name("catsurf.py")),
-)  # GPL: a program beside us, never imported
+)  # GPL: a program beside us, never imported.
+CATSURF = sys.executable, "-P", str(Path(__file__).with_name("catsurf.py"))
 LIMIT = 3600.0  # seconds that a program may take
 ROUND = 1.01  # the largest radius by the smallest of what passes for a sphere
 THINNER = 0.8  # of a ring of the patch: its number of points by that of the ring around it
@@ -62,36 +62,31 @@ class Sphere:
 def sphere_of(side):
     """The `Sphere` of a `ParameterizedSurface`, or SphereError."""
     if side.sphere is None:
-        raise SphereError(
-            "this method turns spheres, and the surfaces come without: give each "
-            "`ParameterizedSurface` a `sphere`"
-        )
+        advice = "give each `ParameterizedSurface` a `sphere`"
+        raise SphereError(f"this method turns spheres, and the surfaces come without: {advice}")
     return side.sphere
 
 
 def closed(surface):
-    """The surface with its opening closed by a patch, a closed `Surface`; the open one's vertices
-    come first.
+    """The surface with its opening closed by a patch; the open surface's vertices come first.
 
     The rim lies on the unit circle by its length; rings of ever fewer points fill the disk in
     Delaunay's triangles, and each coordinate is the harmonic function of its values on the rim.
     """
     rim = surface.boundary[::-1]  # around the patch, seen from outside
     steps = norms(np.roll(surface.vertices[rim], -1, axis=0) - surface.vertices[rim])
-    count, radius = len(rim), 1.0
+    count = len(rim)
+    radius = 1.0
     rings = [np.exp(2j * np.pi * np.append(0, np.cumsum(steps[:-1])) / steps.sum())]
     while count > 6:
-        radius, count = radius * (1 - 2 * np.pi / count * np.sqrt(3) / 2), int(THINNER * count)
-        rings.append(
-            max(radius, 0)
-            * np.exp(2j * np.pi * (np.arange(count) + 0.5 * (len(rings) % 2)) / count)
-        )
+        radius *= 1 - 2 * np.pi / count * np.sqrt(3) / 2
+        count = int(THINNER * count)
+        turns = (np.arange(count) + 0.5 * (len(rings) % 2)) / count
+        rings.append(max(radius, 0) * np.exp(2j * np.pi * turns))
     patch = joined(np.append(np.concatenate(rings), 0j))
-    outer = np.arange(len(rim))
-    places = np.stack(
-        [Dirichlet(patch.laplace, outer).solve(column).real for column in surface.vertices[rim].T],
-        1,
-    )
+    harmonic = Dirichlet(patch.laplace, np.arange(len(rim)))
+    columns = [harmonic.solve(column).real for column in surface.vertices[rim].T]
+    places = np.stack(columns, 1)
     numbers = np.concatenate([rim, len(surface.vertices) + np.arange(len(patch.z) - len(rim))])
     vertices = np.concatenate([surface.vertices, places[len(rim) :]])
     return Surface(vertices, np.concatenate([surface.faces, numbers[patch.faces]]))
@@ -108,8 +103,7 @@ def inflated(whole):
 
 
 def facing(whole, points):
-    """Points (V', 3) on a sphere around 0, checked, at radius 1 and turned as the whole surface
-    lies in space."""
+    """Points (V', 3) on a sphere around 0, checked, scaled to radius 1 and turned as the surface."""
     unit = unit_points(points, whole, "the surface's sphere")
     folded = inward(unit[whole.faces])
     if folded:
@@ -123,8 +117,7 @@ def facing(whole, points):
 
 
 def unit_points(points, whole, whose):
-    """Points (V', 3) of the vertices of `whole` at radius 1, or SphereError unless they lie on a
-    sphere, outward."""
+    """Points (V', 3) at radius 1; SphereError unless they are an outward sphere of `whole`."""
     count = len(whole.vertices)
     if points.shape != (count, 3):
         raise SphereError(f"{whose} has {len(points):,} vertices, where its surface has {count:,}")

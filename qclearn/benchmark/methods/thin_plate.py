@@ -9,8 +9,7 @@ from ...plane.mobius import mobius
 
 @threadpool_limits.wrap(limits=1)
 def thin_plate(problem, smoothing=0.0):
-    """The best Möbius map followed by the thin-plate spline that takes its landmarks to their
-    targets, f (V,).
+    """The best Möbius map, then the thin-plate spline from its landmarks to the targets, f (V,).
 
     Minimises `sum_k |f(p_k) - q_k|^2 + smoothing * int |D^2 f|^2` over the plane, up to the
     spline's constant; 0 interpolates. Keeps neither the circle nor orientation. Source: Bookstein
