@@ -266,10 +266,7 @@ def test_register_is_the_library_and_mirror_mirrors(folder, capsys):
 def test_a_suspect_registration_is_written_and_says_so(folder, capsys, options, code):
     (folder / "backwards.json").write_text(json.dumps(backwards()))
     with pytest.raises(SystemExit) as stop:
-        run(
-            *to_register(folder, "--landmarks", folder / "backwards.json"),
-            *options,
-        )
+        run(*to_register(folder, "--landmarks", folder / "backwards.json"), *options)
     output = capsys.readouterr()
     assert stop.value.code == code and everything(folder / "out") == FILES
     report = json.loads((folder / "out" / "report.json").read_text())
@@ -477,13 +474,7 @@ def test_the_network_method_and_its_tolerance_reach_the_pipeline(folder, monkeyp
         ("inf", "the networks' map ended above the best Möbius map"),
         ("5e-3", "landmark error .* above 5.0e-03: .* Gauss-Newton steps"),
     ):
-        run(
-            *to_register(folder),
-            "--method",
-            "network",
-            "--tolerance",
-            tolerance,
-        )
+        run(*to_register(folder), "--method", "network", "--tolerance", tolerance)
         assert json.loads((folder / "out" / "report.json").read_text())["method"] == "network"
         assert re.search(f"fallbacks +{words}", capsys.readouterr().out)
 
@@ -494,13 +485,7 @@ def test_the_network_method_without_torch_is_one_line(folder, monkeypatch, capsy
     ]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "torch", None)
-    line = refused(
-        capsys,
-        folder,
-        *to_register(folder),
-        "--method",
-        "network",
-    )
+    line = refused(capsys, folder, *to_register(folder), "--method", "network")
     assert re.search(r"torch, which is not installed: pip install 'qclearn\[nets\]'", line)
 
 
@@ -686,13 +671,7 @@ def test_a_failure_at_the_end_leaves_nothing(folder, capsys, monkeypatch):
         raise SurfaceError("the disk is full")
 
     monkeypatch.setattr("qclearn.cli.registration.qc.write_surface", fail)
-    line = refused(
-        capsys,
-        folder,
-        *to_register(folder, out="deep/out"),
-        "--gamma",
-        100,
-    )
+    line = refused(capsys, folder, *to_register(folder, out="deep/out"), "--gamma", 100)
     assert "the disk is full" in line
 
 

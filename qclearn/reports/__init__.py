@@ -2,9 +2,6 @@
 
 import lazy_loader as lazy
 
-TABLE = {
-    "group": ["write_group"],
-    "pair": ["write_pair"],
-}
+TABLE = {"group": ["write_group"], "pair": ["write_pair"]}
 
 __getattr__, __dir__, __all__ = lazy.attach(__name__, submod_attrs=TABLE)

@@ -345,7 +345,10 @@ def test_what_is_left_of_the_saving_is_said_as_the_sweep_says_it():
         saving(largest, part) for part in ("passes", "comes", "map", "whole")
     )
     assert (checked, whole) == ("does not hold", "does not hold"), "the README says so"
-    words = f"At {count:,} vertices the saving of the networks' passes alone {passes}, and that of their map as it comes, "
+    words = (
+        f"At {count:,} vertices the saving of the networks' passes alone "
+        f"{passes}, and that of their map as it comes, "
+    )
     words += f"resampled to the mesh, {comes}. Checked and corrected it {checked}, and for the whole chain it {whole}."
     assert words in " ".join((ROOT / "book/errata.md").read_text(encoding="utf-8").split()), (
         f"the sweep says so: {words}"

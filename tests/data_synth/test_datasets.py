@@ -32,10 +32,7 @@ def subjects():
 
 @pytest.fixture(scope="module")
 def datasets(subjects):
-    return {
-        "coefficients": Fields(6, 5, **SMALL),
-        "curves": CurveDataset(6, 5, subjects, size=32),
-    }
+    return {"coefficients": Fields(6, 5, **SMALL), "curves": CurveDataset(6, 5, subjects, size=32)}
 
 
 each = pytest.mark.parametrize("name", ["coefficients", "curves"])

@@ -250,12 +250,7 @@ SOME = list(SURFACES.values())
     [
         (SOME[:1], {}, qc.TemplateError, "1 subjects: .* give at least two"),
         (SOME[0], {}, qc.TemplateError, "give a list of surfaces, or a dict"),
-        (
-            [SOME[0], "lh.pial"],
-            {},
-            qc.TemplateError,
-            "subject 2: 'lh.pial' is no Surface; read",
-        ),
+        ([SOME[0], "lh.pial"], {}, qc.TemplateError, "subject 2: 'lh.pial' is no Surface; read"),
         (
             changed(generation=(2, 3)),
             {},

@@ -102,8 +102,7 @@ def fit_in_steps(asked, on_coarse, on_fine):
     levels = 10.0 ** np.arange(np.log10(min(FIRST_GAMMA, gamma)), np.log10(gamma) - 1e-9)
     state = steps(coarse, state, [*levels, *[gamma] * (on_coarse - len(levels))])
     fine = WholeSteps(
-        Discretization(problem, CoefficientMesh(FINE_MESH, FINE_MESH), own=True),
-        weights,
+        Discretization(problem, CoefficientMesh(FINE_MESH, FINE_MESH), own=True), weights
     )
     nu = COARSE_MESH.sampling(FINE_MESH.z) @ state.nu
     return fine, steps(fine, fine.at(nu, state.mobius), [weights.gamma] * on_fine)

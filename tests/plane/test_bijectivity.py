@@ -11,12 +11,7 @@ from meshes import boundary_loop, random_disk, strip
 from operations import lines_run
 
 from qclearn.plane.beltrami import BeltramiDiskSolver, signed_areas, stiffness
-from qclearn.plane.bijectivity import (
-    check_bijective,
-    check_embedding,
-    mean_value_matrix,
-    repair,
-)
+from qclearn.plane.bijectivity import check_bijective, check_embedding, mean_value_matrix, repair
 from qclearn.plane.checks import BeltramiError
 from qclearn.plane.disk import Disk, integers
 from qclearn.plane.grids import polar_disk

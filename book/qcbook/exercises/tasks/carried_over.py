@@ -65,7 +65,10 @@ def verdict(answer, case):
     if not abs(landed.sum() - areas.sum()) <= 1e-6 * areas.sum():
         return f"{areas.sum():.6g} mm² were sent out, and {landed.sum():.6g} mm² have landed"
     if not abs(landed @ w - areas @ f) <= 1e-6 * areas.sum():
-        return f"no area is lost, but its centre has moved by {abs(landed @ w - areas @ f) / areas.sum():.2g} of a radius"
+        return (
+            "no area is lost, but its centre has moved by "
+            f"{abs(landed @ w - areas @ f) / areas.sum():.2g} of a radius"
+        )
     if not np.allclose(landed, shares.T @ areas):
         return "sum and centre of the areas are right, and single vertices are not"
 
