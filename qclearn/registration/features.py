@@ -193,7 +193,7 @@ class FeaturesAndPlaces(Features):
         self.shares = weights / np.sum(weights)
 
     def at(self, sigma):
-        """Features at scale sigma and places of both sides, standardised: (V, C + 3), (W, C + 3)."""
+        """Standardised features at scale sigma, and places: (V, C + 3) and (W, C + 3)."""
         return tuple(np.hstack(parts) for parts in zip(self.features.at(sigma), self.places))
 
 

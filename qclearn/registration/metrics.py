@@ -200,7 +200,7 @@ def _flattened(corners):
 
 
 def quantile(values, shares, share=0.95):
-    """The value below which `share` of the area lies, of values (F,) with shares of the area (F,)."""
+    """The value of (F,) below which `share` of the area lies; shares (F,): of the area."""
     order = np.argsort(values)
     rank = np.searchsorted(np.cumsum(shares[order]), share)
     return float(values[order[min(rank, len(order) - 1)]])  # rounding may leave the sum below 1
