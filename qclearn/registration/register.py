@@ -116,36 +116,43 @@ def register(
     accept_suspect: bool = False,
 ) -> Registration:
     """Register the moving surface to the control by landmark curves and folds: a Registration,
-    certified bijective.
+    certified bijective. Both must be outward-oriented disks of the same handedness (`mirror` one of
+    them otherwise).
 
-    curves: the landmarks file as read from JSON, `{"curves": [{"name", "moving", "control"}, ...]}`
-    with vertex indices (two on a side are endpoints and that side's curve is detected, unless
-    "detect" is false), or its list. A file that names its "surfaces" by `Surface.fingerprint` is
-    refused for others. features: per-vertex maps that shall lie on each other between the curves:
-    "depth" and "curvature" are computed, a pair of arrays (V,) and (W,) is the user's own, and
-    (pair, weight) counts otherwise than 1; None: landmarks alone, the paper's setting. With
-    features, curves may be empty. hold_out: names of curves (or `"hold_out": true` in the file)
-    that are measured and take no part in the fit. annotations: both sides' names of each vertex's
-    region, a pair (V,) and (W,) of text, also of the whole surfaces that these were cut from; their
-    Dice is measured. alpha, beta, gamma: weights of |mu|, of its gradient and of the landmark
-    mismatch (paper, eq. RegLoss); delta: of the features' mismatch, sum of squared differences of
-    standardised maps over the area, 2 (1 - r) a map; eta: of the areal term mean (log J)^2, J the
-    map's areal scale from surface to surface; 0: only areas in the disks are seen, as in the paper.
-    None: DELTA and ETA with features, BY_DISKS where eta is 0; without features 0. For one person's
-    brain onto a template `**qclearn.registration.INDIVIDUAL` has weights under which areas change
-    less. uncertainty: also a radius in mm at each moving vertex, calibrated where the truth is
-    known (uncertainty.py): `result.uncertainty` and `report["uncertainty"]`; LandmarkError for
-    settings in which it was not measured. accept_suspect: fit landmarks that are wrong, too. By
-    default those that are swapped, reversed, mirrored, exchanged or of another numbering are
-    reported before the fit, and the result is the aligned map (`report["stopped"]`). method:
-    "exact" (shortest paths, Gauss-Newton fit, exact solver) or "network" (LD-Net, CP-Net, DBS-Net;
-    the exact solver replaces a map that folds, and Gauss-Newton steps refine one whose landmark
-    error in the disk exceeds `tolerance`: 5e-3 unless given, inf to take what comes; with features,
-    the fit starts from CP-Net's answer). `report["fallbacks"]` lists what was done,
-    `report["suspect"]` why not to trust the result (see diagnose.py). Both surfaces must be
-    outward-oriented disks of the same handedness (`mirror` one of them otherwise). Errors:
-    SurfaceError, LandmarkError, FeatureError; BijectivityError if no map is bijective at any gamma;
-    ImportError if the networks are asked for and torch is not installed.
+    curves: the landmarks file as read from JSON, or its list of `{"name", "moving", "control"}`
+    with vertex indices. Two indices on a side are endpoints, and that side's curve is detected,
+    unless "detect" is false. A file that names its "surfaces" by `Surface.fingerprint` is refused
+    for others. With features, curves may be empty.
+
+    method: "exact" (shortest paths, Gauss-Newton fit, exact solver) or "network" (LD-Net, CP-Net,
+    DBS-Net). The exact solver replaces a network's map that folds, and Gauss-Newton steps refine
+    one whose landmark error in the disk exceeds `tolerance`: 5e-3 unless given, inf to take what
+    comes. With features, the fit starts from CP-Net's answer.
+
+    alpha, beta, gamma: weights of |mu|, of its gradient and of the landmark mismatch (paper, eq.
+    RegLoss); delta: of the features' mismatch, the sum of squared differences of standardised maps
+    over the area, 2 (1 - r) per map; eta: of the areal term mean (log J)^2, J the map's areal scale
+    from surface to surface. With eta = 0 only areas in the disks count, as in the paper. None:
+    DELTA and ETA with features, BY_DISKS where eta is 0; without features 0. For one person's brain
+    onto a template, `**qclearn.registration.INDIVIDUAL` has weights under which areas change less.
+
+    features: per-vertex maps that the map matches between the curves. "depth" and "curvature" are
+    computed, a pair of arrays (V,) and (W,) is the user's own, and (pair, weight) has a weight
+    other than 1. None: landmarks alone, the paper's setting.
+
+    hold_out: names of curves (or `"hold_out": true` in the file) that are measured and not fitted.
+    annotations: both sides' names of each vertex's region, a pair (V,) and (W,) of text, also of
+    the whole surfaces that these were cut from; their Dice is measured.
+    uncertainty: also a radius in mm at each moving vertex, calibrated where the truth is known
+    (uncertainty.py): `result.uncertainty` and `report["uncertainty"]`.
+    accept_suspect: fit wrong landmarks, too. By default landmarks that are swapped, reversed,
+    mirrored, exchanged or of another numbering are reported before the fit, and the result is the
+    aligned map (`report["stopped"]`).
+
+    `report["fallbacks"]` lists what was done besides, `report["suspect"]` why not to trust the
+    result (diagnose.py). Errors: SurfaceError, LandmarkError (also for an uncertainty at settings
+    in which it was not measured), FeatureError; BijectivityError if no map is bijective at any
+    gamma; ImportError if the networks are asked for and torch is not installed.
     """
     # Everything that can be refused without a computation is refused here.
     tolerance = check_method(method, sliding, tolerance, features)
