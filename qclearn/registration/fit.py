@@ -252,6 +252,7 @@ def exceeds(objective, state, plain):
 def fit_from_mobius(objective, astray, plain, level, watch):
     """The fit by steps from the best Möbius map in place of one that ended above it, or else
     `instead` of that one."""
+    objective.work = 0.0  # the restart may take as much as the fit before it
     begin = objective.at(plain.nu, plain.mobius)
     state, taken = run_level(objective, begin, level, watch)
     steps = astray.steps[0], astray.steps[1] + taken

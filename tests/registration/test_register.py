@@ -237,7 +237,7 @@ def test_impossible_landmarks_leave_an_error_and_a_certified_map():
         {"name": f"{k}", "moving": spoke(2 * k), "control": spoke(2 * k + (5 if k % 2 else -5))}
         for k in range(6)
     ]
-    report = register(bowl(0.6), bowl(0.6), curves).report
+    report = register(bowl(0.6), bowl(0.6), curves, accept_suspect=True).report
     assert report["bijective"] and report["flipped"] == 0 and report["max_abs_mu"] < 1
     assert report["landmark_error"] > 0.05 and any(
         "rows switched" in word for word in report["fallbacks"]
