@@ -250,8 +250,8 @@ def folding_above(monkeypatch):
     """Let the fit report a fold wherever gamma exceeds a limit."""
 
     def limit(largest):
-        def folding(problem, weights, **more):
-            fit = fit_problem(problem, weights, **more)
+        def folding(problem, weights, *rest, **more):
+            fit = fit_problem(problem, weights, *rest, **more)
             return (
                 fit
                 if weights.gamma <= largest
