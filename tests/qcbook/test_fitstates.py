@@ -180,7 +180,7 @@ class StandIn:
 @pytest.fixture
 def network(monkeypatch):
     stand_in = StandIn()
-    monkeypatch.setattr("qcbook.fitstates.load", lambda name: {"cpnet": stand_in}[name])
+    monkeypatch.setattr("qclearn.nets.load", lambda name: {"cpnet": stand_in}[name])
     return stand_in
 
 
@@ -226,7 +226,7 @@ def test_where_the_network_cannot_answer_it_says_why(example, network, monkeypat
     assert "No map: 200 landmarks" in describe(
         fit_state(example, (1.0, 1e-2, 1e4), solver=network_fit)
     )
-    monkeypatch.setattr("qcbook.fitstates.load", missing)
+    monkeypatch.setattr("qclearn.nets.load", missing)
     assert "No map: the networks need torch" in describe(
         fit_state(example, (1.0, 1e-2, 1e4), solver=network_fit)
     )
