@@ -178,7 +178,7 @@ def test_bad_input_is_one_line(tmp_path, capsys):
             ]
         )
     error = capsys.readouterr().err
-    assert stop.value.code == 2 and "choose another folder" in error.splitlines()[-1]
+    assert stop.value.code == 2 and "give another folder" in error.splitlines()[-1]
 
 
 def test_the_weights_of_another_network_are_refused(tmp_path, data):
