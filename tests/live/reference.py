@@ -74,8 +74,10 @@ def request(problem, alpha, beta, gamma):
 
 
 class WholeSteps(GaussNewtonObjective):
-    """The browser solves a step's equations to the last digit; the library stops where it is near
-    enough."""
+    """The browser solves a step's equations to the last digit, and has no bound on its work; the
+    library stops where it is near enough."""
+
+    spent = False
 
     def linearise(self, state, gamma):
         return DirectStep(self, state, gamma)
