@@ -145,7 +145,8 @@ def fundus_cost(surface, H, curvature_weight=CURVATURE_WEIGHT, depth_weight=DEPT
 
 
 def weigh_edges(surface, cost):
-    """Length in space of every edge (E,) of `surface.edges` times the mean cost (V,) over its ends."""
+    """Length in space of every edge (E,) of `surface.edges` times the mean cost (V,) over its
+    ends."""
     first, second = surface.edges.T
     length = np.linalg.norm(surface.vertices[first] - surface.vertices[second], axis=1)
     return length * (cost[first] + cost[second]) / 2

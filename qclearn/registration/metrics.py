@@ -200,7 +200,8 @@ def _flattened(corners):
 
 
 def quantile(values, shares, share=0.95):
-    """The value below which `share` of the area lies, of values (F,) with shares of the area (F,)."""
+    """The value below which `share` of the area lies, of values (F,) with shares of the area
+    (F,)."""
     order = np.argsort(values)
     rank = np.searchsorted(np.cumsum(shares[order]), share)
     return float(values[order[min(rank, len(order) - 1)]])  # rounding may leave the sum below 1

@@ -165,5 +165,6 @@ def meeting(points):
 
 
 def distinct(p, q):
-    """The landmarks of two sides (M,) to keep, (k,) int, so that each point of either counts once."""
+    """The landmarks of two sides (M,) to keep, (k,) int, so that each point of either counts
+    once."""
     return np.flatnonzero(~(meeting(p) | meeting(q)).any(0))

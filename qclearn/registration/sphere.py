@@ -232,8 +232,8 @@ def registered_sphere(maps: dict, sphere: Surface) -> RegisteredSphere:
     coordinates of float32.
 
     maps: the arrays of `read_registration`. The cortex goes by the disk map and the control's
-    triangles. Both walls are mapped into one disk (Tutte), each vertex of the rim at the length along
-    the control's rim where the cortex puts it, and go by the control's triangles there. Faces
+    triangles. Both walls are mapped into one disk (Tutte), each vertex of the rim at the length
+    along the control's rim where the cortex puts it, and go by the control's triangles there. Faces
     follow their vertices, outward; what is then flipped or too small is `untangled`. SurfaceError
     where the registration does not hold both surfaces whole, or the sphere is not the control's;
     UntanglingError.

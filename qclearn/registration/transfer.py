@@ -157,7 +157,8 @@ def _check_shape(name, array, shape, kinds):
 
 
 def _check_mesh(arrays, name, triangles):
-    """SurfaceError unless the faces use all points and lay them into the unit disk without a fold."""
+    """SurfaceError unless the faces use all points and lay them into the unit disk without a
+    fold."""
     z = arrays[name]
     faces = arrays[triangles]
     outside = np.flatnonzero(abs(z) > 1 + 1e-6)
