@@ -319,8 +319,8 @@ class State:
     """nu (N,) and Möbius parameters, and the map that they give.
 
     f (V,): M after the solver's map on the mapped mesh; points (M,): the mapped landmarks;
-    solution: the solver with its factors; switched: how many rows the repair switched;
-    preconditioner: what earlier steps computed of the linearisation, None at first.
+    solution: the solver with its factors; switched: how many rows the repair switched, in so many
+    rounds; preconditioner: what earlier steps computed of the linearisation, None at first.
     """
 
     nu: np.ndarray
@@ -329,6 +329,7 @@ class State:
     points: np.ndarray
     solution: DiskSolver
     switched: int = 0
+    rounds: int = 0
     preconditioner: object = None
 
     @cached_property
@@ -410,8 +411,9 @@ class GaussNewtonObjective:
         """The state with nu (N,) and Möbius parameters (a, theta): one solve."""
         solution = copy(self.coefficient_mesh.solver)
         solution.solve(self.coefficient_mesh.coefficient(nu))
-        self.work += 1
-        return self.state(nu, parameters, solution, mobius(solution.f, *parameters))
+        state = self.state(nu, parameters, solution, mobius(solution.f, *parameters))
+        self.work += 1 + REPAIR_WORK * state.rounds
+        return state
 
     def with_mobius(self, state, parameters):
         """The state with the same nu and other Möbius parameters: no solve."""
@@ -430,11 +432,10 @@ class GaussNewtonObjective:
 
     def state(self, nu, parameters, solution, f):
         """The `State` of a map f (V,), repaired where it folds the problem's own mesh."""
-        switched = ()
+        switched, rounds = (), 0
         if self.discretization.own:
             f, switched, rounds = unfold(solution, f)
-            self.work += REPAIR_WORK * rounds
-        return State(nu, parameters, f, self.samples @ f, solution, len(switched))
+        return State(nu, parameters, f, self.samples @ f, solution, len(switched), rounds)
 
     def solve_prior(self, fields):
         """`W^-1` of complex fields (N, K)."""

@@ -114,8 +114,8 @@ def report_of(pair, landmarks, weights, fit, points, regions=None, against=()):
     overlap = dice(pair, regions, *maps)
     r = {}
     if features:
-        by_map = np.transpose([features.correlation(f) for f in maps]).tolist()
-        r = dict(zip(features.names, by_map))
+        before = features.correlation(landmarks.mobius_map).tolist()
+        r = {name: [one, fit.r[name][1]] for name, one in zip(features.names, before)}
     return {
         **dict.fromkeys(ERRORS),
         **mean_rows(rows),
