@@ -8,6 +8,7 @@ mean |M(f(p)) - q|^2 + delta sum_c a_c sum_k w_k (I_c(x_k) - J_c(M f(x_k)))^2`.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 from jaxtyping import Complex, Integer
@@ -54,7 +55,7 @@ class CertifiedMap:
     fallbacks: tuple
     switched: int
 
-    def with_messages(self, *messages):
+    def with_messages(self, *messages: str) -> Self:
         """The same with more `fallbacks`."""
         return replace(self, fallbacks=(*self.fallbacks, *messages))
 

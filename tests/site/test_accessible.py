@@ -1,4 +1,4 @@
-"""What test_pages.py relies on: axe-core finds the faults that it is asked for."""
+"""What test_site_pages.py relies on: axe-core finds the faults that it is asked for."""
 
 import pytest
 from view import View

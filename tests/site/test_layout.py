@@ -1,4 +1,4 @@
-"""What test_pages.py relies on: layout.js finds each fault, and formulas follow the width of the
+"""What test_site_pages.py relies on: layout.js finds each fault, and formulas follow the width of the
 window."""
 
 import pytest
@@ -74,7 +74,7 @@ def test_formulas_are_broken_anew_when_the_window_changes(window, site_address):
     view.page.close()
 
 
-# test_pages.py comes to a narrow window by a change of size; a telephone opens the page in it.
+# test_site_pages.py comes to a narrow window by a change of size; a telephone opens the page in it.
 @pytest.mark.parametrize("name", ["lbs.html", "freeboundary.html", "reference.html"])
 def test_nothing_is_cut_off_where_a_page_is_opened_in_a_narrow_window(window, site_address, name):
     view = View(window, site_address, name, NARROW)
